@@ -1,0 +1,3 @@
+//! The `nsdc` command line.
+
+fn main() {}
