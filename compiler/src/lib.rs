@@ -1,1 +1,4 @@
 //! Compiler for `.nsd`.
+
+pub mod report;
+pub mod source;

@@ -1,5 +1,8 @@
 //! Concrete syntax of `.nsd` and nothing else: the grammar is `nsd.pest`.
-#![allow(missing_docs, reason = "pest derives one undocumented variant per rule")]
+#![allow(
+    missing_docs,
+    reason = "pest derives one undocumented variant per rule"
+)]
 
 /// The parser pest derives from `nsd.pest`.
 #[derive(pest_derive::Parser)]

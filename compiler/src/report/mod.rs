@@ -1,0 +1,419 @@
+//! What a run leaves behind: the [`Trajectory`], and the forms it is shown in.
+//!
+//! All roads, event by event or through a nonlinear program, end here with the
+//! user's names and physical time; nothing after this knows which one was taken.
+//!
+//! Invariants, checked by [`Trajectory::verify`]:
+//! - `time` does not decrease; an instant stands twice where a state jumps;
+//! - every series has one value of its shape per instant;
+//! - mode intervals follow each other without gap and hold one side per switch;
+//! - pieces follow each other in time and have a row per state entry and switch.
+
+mod dense;
+
+pub use dense::{Dense, Piece};
+
+use crate::source::Span;
+
+/// The result of one experiment.
+#[derive(Clone, Debug, Default)]
+pub struct Trajectory {
+    /// Name of the experiment.
+    pub experiment: String,
+    /// Name of the model.
+    pub model: String,
+    /// Simulation or optimal control.
+    pub kind: Kind,
+    /// How the run ended.
+    pub status: Status,
+    /// Why it did not end as `solved`, in a sentence.
+    pub reason: Option<String>,
+    /// The method and the options it ran with.
+    pub method: Method,
+    /// Instants at which values are reported.
+    pub time: Vec<f64>,
+    /// States, in order of declaration.
+    pub states: Vec<Series>,
+    /// Outputs, in order of declaration.
+    pub outputs: Vec<Series>,
+    /// Controls, in order of declaration.
+    pub controls: Vec<Series>,
+    /// Value of the cost of an `optimize`.
+    pub objective: Option<f64>,
+    /// What happened, in order of time.
+    pub events: Vec<Event>,
+    /// The modes that follow each other.
+    pub modes: Vec<ModeInterval>,
+    /// Surface names of the switches, in the order of [`ModeInterval::sides`].
+    pub switches: Vec<String>,
+    /// The solution between the reported instants.
+    pub dense: Dense,
+    /// Estimate of the global error, relative to the magnitude of each state.
+    pub error_estimate: Option<f64>,
+    /// What it cost.
+    pub stats: Stats,
+    /// What is known about the result.
+    pub certificate: Certificate,
+    /// What the experiment did not need.
+    pub skipped: Vec<String>,
+    /// Warnings of the run.
+    pub warnings: Vec<Warning>,
+}
+
+/// Simulation or optimal control.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Kind {
+    /// `simulate`
+    #[default]
+    Simulate,
+    /// `optimize`
+    Optimize,
+}
+
+impl Kind {
+    /// The word of the language.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Kind::Simulate => "simulate",
+            Kind::Optimize => "optimize",
+        }
+    }
+}
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Status {
+    /// To the end of the horizon, or to a solution.
+    Solved,
+    /// A stationary point of the violation of the constraints.
+    LocallyInfeasible,
+    /// The cost has no lower bound.
+    Unbounded,
+    /// Out of steps, events or iterations.
+    IterationLimit,
+    /// Out of time.
+    TimeLimit,
+    /// Anything else: no or no unique solution, numbers that are not finite.
+    #[default]
+    NumericalFailure,
+}
+
+impl Status {
+    /// All of them.
+    pub const ALL: [Status; 6] = [
+        Status::Solved,
+        Status::LocallyInfeasible,
+        Status::Unbounded,
+        Status::IterationLimit,
+        Status::TimeLimit,
+        Status::NumericalFailure,
+    ];
+
+    /// The word of the language.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Status::Solved => "solved",
+            Status::LocallyInfeasible => "locally_infeasible",
+            Status::Unbounded => "unbounded",
+            Status::IterationLimit => "iteration_limit",
+            Status::TimeLimit => "time_limit",
+            Status::NumericalFailure => "numerical_failure",
+        }
+    }
+}
+
+/// A method with the options it ran with.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Method {
+    /// `event`, `fesd`, ...
+    pub name: String,
+    /// Options by name.
+    pub options: Vec<(String, MethodOption)>,
+}
+
+/// Value of an option of a [`Method`].
+#[derive(Clone, Debug, PartialEq)]
+pub enum MethodOption {
+    /// A number.
+    Number(f64),
+    /// A word.
+    Text(String),
+}
+
+/// A quantity of some shape over time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Series {
+    /// Name in the model.
+    pub name: String,
+    /// Sizes: none for a scalar, one for a vector, two for a matrix.
+    pub shape: Vec<usize>,
+    /// Values, instant by instant, a matrix row by row.
+    pub values: Vec<f64>,
+}
+
+impl Series {
+    /// Number of scalar entries.
+    pub fn n_entries(&self) -> usize {
+        self.shape.iter().product()
+    }
+
+    /// The entries at instant `k`.
+    pub fn at(&self, k: usize) -> &[f64] {
+        let n = self.n_entries();
+        &self.values[k * n..(k + 1) * n]
+    }
+
+    /// `x`, or `x[1]`, `x[2]`, ..., or `A[1,1]`, ... in the order of the values.
+    pub fn entry_names(&self) -> Vec<String> {
+        match self.shape[..] {
+            [] => vec![self.name.clone()],
+            [n] => (1..=n).map(|i| format!("{}[{i}]", self.name)).collect(),
+            [m, n] => (1..=m)
+                .flat_map(|i| (1..=n).map(move |j| (i, j)))
+                .map(|(i, j)| format!("{}[{i},{j}]", self.name))
+                .collect(),
+            _ => (1..=self.n_entries())
+                .map(|i| format!("{}[{i}]", self.name))
+                .collect(),
+        }
+    }
+}
+
+/// Something that happened at an instant.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Event {
+    /// When.
+    pub time: f64,
+    /// What.
+    pub kind: EventKind,
+    /// On which surface, contact or jump.
+    pub surface: String,
+    /// The mode before.
+    pub from: String,
+    /// The mode after.
+    pub to: String,
+    /// Where the surface is written.
+    pub span: Option<Span>,
+}
+
+/// The kinds of [`Event`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum EventKind {
+    /// From one side of a surface to the other.
+    Crossing,
+    /// Onto a surface, to stay on it.
+    EnterSliding,
+    /// Off a surface.
+    LeaveSliding,
+    /// A state jumps.
+    Jump,
+    /// A gap opens.
+    ContactOpen,
+    /// A gap closes.
+    ContactClose,
+    /// A contact stops slipping.
+    Stick,
+    /// A contact starts to slip.
+    Slip,
+    /// A constraint of a projection becomes active.
+    Activate,
+    /// A constraint of a projection becomes inactive.
+    Deactivate,
+    /// A relay switches.
+    Relay,
+    /// A sliding mode ends in a fold.
+    Fold,
+    /// Infinitely many events end in a limit.
+    Zeno,
+    /// Several solutions go on from here and one was chosen.
+    Branch,
+}
+
+impl EventKind {
+    /// All of them.
+    pub const ALL: [EventKind; 14] = [
+        EventKind::Crossing,
+        EventKind::EnterSliding,
+        EventKind::LeaveSliding,
+        EventKind::Jump,
+        EventKind::ContactOpen,
+        EventKind::ContactClose,
+        EventKind::Stick,
+        EventKind::Slip,
+        EventKind::Activate,
+        EventKind::Deactivate,
+        EventKind::Relay,
+        EventKind::Fold,
+        EventKind::Zeno,
+        EventKind::Branch,
+    ];
+
+    /// The word of the language.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            EventKind::Crossing => "crossing",
+            EventKind::EnterSliding => "enter_sliding",
+            EventKind::LeaveSliding => "leave_sliding",
+            EventKind::Jump => "jump",
+            EventKind::ContactOpen => "contact_open",
+            EventKind::ContactClose => "contact_close",
+            EventKind::Stick => "stick",
+            EventKind::Slip => "slip",
+            EventKind::Activate => "activate",
+            EventKind::Deactivate => "deactivate",
+            EventKind::Relay => "relay",
+            EventKind::Fold => "fold",
+            EventKind::Zeno => "zeno",
+            EventKind::Branch => "branch",
+        }
+    }
+}
+
+/// An interval of time without a change of mode.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ModeInterval {
+    /// First instant.
+    pub from: f64,
+    /// Last instant.
+    pub to: f64,
+    /// Regions and sliding surfaces, as printed: `inside, sliding on x[1]`.
+    pub mode: String,
+    /// Names of the regions the state is in; none while it slides between them.
+    pub regions: Vec<String>,
+    /// The side of every switch, in the order of [`Trajectory::switches`].
+    pub sides: Vec<Side>,
+}
+
+/// Where the state is with respect to a surface ψ = 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Side {
+    /// ψ < 0
+    Below,
+    /// On ψ = 0, staying there.
+    Sliding,
+    /// ψ > 0
+    Above,
+}
+
+/// What a run cost. Counts that a method has no use for are zero.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Stats {
+    /// Seconds from the source text to something that can be solved.
+    pub compile_s: f64,
+    /// Seconds of solving.
+    pub solve_s: f64,
+    /// Steps or elements.
+    pub steps: u64,
+    /// Evaluations of the right-hand side.
+    pub rhs_evaluations: u64,
+    /// Newton or interior point iterations.
+    pub newton_iterations: u64,
+    /// Factorizations of a matrix.
+    pub factorizations: u64,
+    /// Values of the homotopy parameter.
+    pub homotopy_steps: u64,
+    /// Largest violation of complementarity.
+    pub complementarity_residual: f64,
+    /// Residual of the first-order conditions.
+    pub kkt_residual: f64,
+}
+
+/// What is known about a result.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Certificate {
+    /// Kind of stationarity of an optimum.
+    pub stationarity: Stationarity,
+    /// Largest violation of any equation or inequality.
+    pub max_violation: f64,
+}
+
+/// Kinds of stationarity of an MPCC, from strong to weak.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Stationarity {
+    /// Strong.
+    S,
+    /// Mordukhovich.
+    M,
+    /// Clarke.
+    C,
+    /// Bouligand.
+    B,
+    /// Not an optimization, or not known.
+    #[default]
+    None,
+}
+
+impl Stationarity {
+    /// The word of the JSON form.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Stationarity::S => "S",
+            Stationarity::M => "M",
+            Stationarity::C => "C",
+            Stationarity::B => "B",
+            Stationarity::None => "none",
+        }
+    }
+}
+
+/// A warning of a run.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Warning {
+    /// Its code, `W0102`.
+    pub code: String,
+    /// The fact.
+    pub message: String,
+    /// Where it comes from.
+    pub span: Option<Span>,
+}
+
+impl Trajectory {
+    /// Instants at which the mode changes, the start excluded.
+    pub fn switch_times(&self) -> Vec<f64> {
+        self.modes.iter().skip(1).map(|mode| mode.from).collect()
+    }
+
+    /// The mode at `time`; at a change of mode, the one that begins there.
+    pub fn mode_at(&self, time: f64) -> Option<&ModeInterval> {
+        let after = self.modes.partition_point(|mode| mode.from <= time);
+        self.modes.get(after.saturating_sub(1))
+    }
+
+    /// Number of scalar states.
+    pub fn n_states(&self) -> usize {
+        self.states.iter().map(Series::n_entries).sum()
+    }
+
+    /// Checks the invariants of the module and names the first that is broken.
+    pub fn verify(&self) -> Result<(), String> {
+        if self.time.windows(2).any(|pair| pair[1] < pair[0]) {
+            return Err("time decreases".into());
+        }
+        for series in self
+            .states
+            .iter()
+            .chain(&self.outputs)
+            .chain(&self.controls)
+        {
+            if series.values.len() != self.time.len() * series.n_entries() {
+                return Err(format!(
+                    "`{}` does not have one value per instant",
+                    series.name
+                ));
+            }
+        }
+        for pair in self.modes.windows(2) {
+            if pair[0].to != pair[1].from {
+                return Err(format!(
+                    "no mode between {} and {}",
+                    pair[0].to, pair[1].from
+                ));
+            }
+        }
+        let n_switches = self.switches.len();
+        if self.modes.iter().any(|mode| mode.sides.len() != n_switches) {
+            return Err("a mode does not have one side per switch".into());
+        }
+        self.dense.verify(self.n_states() + n_switches)
+    }
+}
