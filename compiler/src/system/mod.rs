@@ -1,0 +1,187 @@
+//! Piecewise smooth system of one experiment, with its switches made explicit.
+//!
+//! x' = f(t, x, p, α),  α_i ∈ step(ψ_i(t, x, p, α_c)),  y = g(t, x, p, α)
+//!
+//! where step is 0 for ψ < 0, 1 for ψ > 0, and the interval [0, 1] for ψ = 0
+//! (Filippov's convexification, one factor per switch).
+//! A switch is *continuous* (an NSD1 switch, as `abs` and `max` give) when f does
+//! not depend on α_i while ψ_i = 0; it never slides.
+//!
+//! Invariants, checked by [`System::verify`]:
+//!
+//! - No `step`, `sign`, `abs`, `min` or `max` is left in a rate, an output or a ψ.
+//! - Rates and region weights are multi-affine: affine in every α taken alone.
+//! - ψ_i may contain α_j, but only of earlier switches (j < i) that are
+//!   continuous: ψ is then continuous, and smooth within a mode.
+//! - No two ψ are multiples of each other, and none is constant.
+//! - Rates, outputs and ψ contain only time, parameters, states and α.
+//! - Every α that occurs belongs to exactly one switch, every switch to exactly
+//!   one subsystem; α of different subsystems never multiply each other.
+//! - In every corner of α ∈ {0, 1} that its guards allow, the weights of a
+//!   partition are 0 or 1 and sum to one.
+
+pub mod experiment;
+
+use std::ops::Range;
+
+use crate::expr::{Expr, Exprs};
+use crate::source::Span;
+
+/// x' = f(t, x, p, α), α ∈ step(ψ(t, x, p)).
+#[derive(Clone, Debug)]
+pub struct System<'e> {
+    /// The arena of all expressions.
+    pub exprs: &'e Exprs,
+    /// Name of the model.
+    pub name: String,
+    /// Physical time t, a variable.
+    pub time: Expr<'e>,
+    /// Scalar parameters p with their values in this experiment.
+    pub params: Vec<Param<'e>>,
+    /// Scalar states x with their rates.
+    pub states: Vec<State<'e>>,
+    /// How scalar states make up the states of the model.
+    pub groups: Vec<StateGroup>,
+    /// Switches α_i ∈ step(ψ_i).
+    pub switches: Vec<Switch<'e>>,
+    /// Named regions by partition.
+    pub partitions: Vec<Partition<'e>>,
+    /// What is recorded besides the states.
+    pub outputs: Vec<Output<'e>>,
+    /// Controls as functions of time and state; recorded with the trajectory.
+    pub controls: Vec<Output<'e>>,
+    /// Switches that interact; a partition of all switches, in order of their first member.
+    pub subsystems: Vec<Subsystem>,
+    /// What the model has and this experiment does not need, as the report tells it.
+    pub skipped: Vec<String>,
+}
+
+/// A scalar parameter.
+#[derive(Clone, Debug)]
+pub struct Param<'e> {
+    /// Name with index: `k`, `A[1,2]`.
+    pub name: String,
+    /// Its variable.
+    pub var: Expr<'e>,
+    /// Its value, overrides applied.
+    pub value: f64,
+}
+
+/// A scalar state and its rate.
+#[derive(Clone, Debug)]
+pub struct State<'e> {
+    /// Name with index: `x[1]`.
+    pub name: String,
+    /// Its variable.
+    pub var: Expr<'e>,
+    /// Value at t = 0.
+    pub initial: f64,
+    /// x' = rate(t, x, p, α).
+    pub rate: Expr<'e>,
+    /// The dynamics statement that sets it, else its declaration.
+    pub span: Span,
+}
+
+/// A state of the model: consecutive scalar states, row by row.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StateGroup {
+    /// Name without index.
+    pub name: String,
+    /// Empty for a scalar, `[n]` for a vector, `[m, n]` for a matrix.
+    pub shape: Vec<usize>,
+    /// Its entries in [`System::states`].
+    pub entries: Range<usize>,
+}
+
+/// A switch α ∈ step(ψ).
+#[derive(Clone, Debug)]
+pub struct Switch<'e> {
+    /// Name of the surface ψ = 0 in reports: the user's text of ψ, or the name of the switch.
+    pub name: String,
+    /// The variable α ∈ [0, 1].
+    pub alpha: Expr<'e>,
+    /// The switching function, in the orientation the user wrote first.
+    pub psi: Expr<'e>,
+    /// Whether the dynamics are continuous across the surface.
+    pub continuity: Continuity,
+    /// Names of `switch` statements that read this switch.
+    pub named: Vec<NamedReading>,
+    /// Where ψ stands in the source, in order of appearance.
+    pub spans: Vec<Span>,
+}
+
+/// An entry of a `switch` statement that reads a [`Switch`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NamedReading {
+    /// Name of the statement.
+    pub name: String,
+    /// Flat index from 0, where the statement is a vector or matrix.
+    pub index: Option<usize>,
+    /// True when its switching function is a negative multiple of ψ: above of one is below of the other.
+    pub flipped: bool,
+}
+
+/// Whether f is continuous across a surface, and how that is known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Continuity {
+    /// f jumps across the surface: the switch may slide.
+    Discontinuous,
+    /// Continuous by construction, or the jump has the factor ψ.
+    Certain,
+    /// No jump was found at sampled points of the surface.
+    Sampled,
+}
+
+impl Continuity {
+    /// True when the switch never slides.
+    pub fn is_continuous(self) -> bool {
+        self != Continuity::Discontinuous
+    }
+}
+
+/// Regions that set common states: exactly one holds at a point off the surfaces.
+#[derive(Clone, Debug)]
+pub struct Partition<'e> {
+    /// The regions in order of declaration.
+    pub regions: Vec<Region<'e>>,
+    /// Switches of the guards.
+    pub switches: Vec<usize>,
+    /// Indices of the scalar states it sets.
+    pub states: Vec<usize>,
+}
+
+/// A named region of a [`Partition`].
+#[derive(Clone, Debug)]
+pub struct Region<'e> {
+    /// Name in the model.
+    pub name: String,
+    /// Indicator of the region, multi-affine in α.
+    pub weight: Expr<'e>,
+    /// Its guard as a conjunction: (switch, true for ψ > 0), where it is one.
+    pub literals: Option<Vec<(usize, bool)>>,
+    /// The region statement.
+    pub span: Span,
+}
+
+/// A recorded expression.
+#[derive(Clone, Debug)]
+pub struct Output<'e> {
+    /// Name in the model.
+    pub name: String,
+    /// Empty for a scalar.
+    pub shape: Vec<usize>,
+    /// Its entries, row by row.
+    pub exprs: Vec<Expr<'e>>,
+    /// Its declaration.
+    pub span: Span,
+}
+
+/// Switches that multiply each other in some rate.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Subsystem {
+    /// Indices into [`System::switches`], ascending.
+    pub switches: Vec<usize>,
+    /// The partition whose disjoint conjunctive regions are the only way in which these switches
+    /// enter, where there is one: then Stewart's form needs one indicator per region only.
+    pub regions: Option<usize>,
+}
