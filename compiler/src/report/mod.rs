@@ -9,7 +9,11 @@
 //! - mode intervals follow each other without gap and hold one side per switch;
 //! - pieces follow each other in time and have a row per state entry and switch.
 
+pub mod csv;
 mod dense;
+pub mod json;
+#[cfg(test)]
+mod sample;
 
 pub use dense::{Dense, Piece};
 
@@ -296,7 +300,7 @@ pub enum Side {
 }
 
 /// What a run cost. Counts that a method has no use for are zero.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Stats {
     /// Seconds from the source text to something that can be solved.
     pub compile_s: f64,
