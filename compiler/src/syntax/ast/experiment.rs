@@ -1,0 +1,208 @@
+//! Experiments: `simulate`, `optimize`, their settings and expectations.
+
+use super::{Bind, Domain, Expr, Ident, Path, Row, Setting};
+use crate::source::Span;
+
+/// `simulate NAME of MODEL { ... }` or `optimize ...`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Experiment {
+    /// Which of the two it is.
+    pub kind: ExperimentKind,
+    /// Declared name.
+    pub name: Ident,
+    /// The model.
+    pub model: Path,
+    /// Settings in order of appearance.
+    pub settings: Vec<ExperimentSetting>,
+    /// The whole item.
+    pub span: Span,
+}
+
+/// Simulation or optimal control.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ExperimentKind {
+    /// `simulate`
+    Simulate,
+    /// `optimize`
+    Optimize,
+}
+
+/// A setting of an experiment, with the span of its statement.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExperimentSetting {
+    /// Which setting.
+    pub kind: SettingKind,
+    /// The statement.
+    pub span: Span,
+}
+
+/// The settings of an experiment.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SettingKind {
+    /// `with { omega = 6; }`
+    With(Vec<Bind>),
+    /// `guess { from crossing; u = 0; }`
+    Guess {
+        /// `from` sources.
+        from: Vec<GuessSource>,
+        /// Values.
+        binds: Vec<Bind>,
+    },
+    /// `method fesd { steps = 10; }`
+    Method {
+        /// The method.
+        name: Ident,
+        /// Its options.
+        options: Vec<Setting>,
+    },
+    /// `horizon pi/2;` or `horizon free in [0.1, 10] = 4;`
+    Horizon {
+        /// True after `free`.
+        free: bool,
+        /// Range of a free horizon.
+        range: Option<(Expr, Expr)>,
+        /// Length, or guess of a free one.
+        value: Option<Expr>,
+    },
+    /// `output q, E every 0.01;`
+    Output {
+        /// What is kept.
+        paths: Vec<Path>,
+        /// When.
+        when: OutputWhen,
+    },
+    /// `lower step, timefreezing;`
+    Lower(Vec<Ident>),
+    /// `subject to { rows } at elements;`
+    SubjectTo {
+        /// Constraints.
+        rows: Vec<Row>,
+        /// `nodes`, `elements` or `intervals`.
+        at: Option<Ident>,
+    },
+    /// `final { q = [..]; }`
+    Final(Vec<Row>),
+    /// `initial { x[1] free in [0, 1]; }`
+    Initial {
+        /// Freed states with their ranges.
+        free: Vec<(Path, Option<Domain>)>,
+        /// Constraints.
+        rows: Vec<Row>,
+    },
+    /// `free { k; }`
+    Free(Vec<(Path, Option<Domain>)>),
+    /// `perturb every 0.16 by sphere(1e-4) seed 1;`
+    Perturb {
+        /// Period.
+        every: Expr,
+        /// Distribution.
+        by: Option<Expr>,
+        /// Seed.
+        seed: Option<Expr>,
+    },
+    /// `starts 40 by gauss(0.5) seed 1;`
+    Starts {
+        /// How many.
+        count: Expr,
+        /// Distribution.
+        by: Option<Expr>,
+        /// Seed.
+        seed: Option<Expr>,
+    },
+    /// `tolerance`, `runs`, `intervals`, `elements`, `scheme`, `controls`, `minimize`
+    Value {
+        /// Which setting.
+        name: Ident,
+        /// Its value.
+        value: Expr,
+    },
+    /// `expect ...;`
+    Expect(Expect),
+    /// A statement the parser could not read.
+    Bad,
+}
+
+/// Where a `guess` is taken from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum GuessSource {
+    /// An experiment.
+    Experiment(Path),
+    /// `"file.json"`
+    File(String, Span),
+}
+
+/// When outputs are recorded.
+#[derive(Clone, Debug, PartialEq)]
+pub enum OutputWhen {
+    /// At the method's own points.
+    Method,
+    /// `every dt`
+    Every(Expr),
+    /// `at [..]`
+    At(Expr),
+}
+
+/// What an `expect` of an experiment asserts.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Expect {
+    /// `expect lowering golden;`
+    LoweringGolden,
+    /// `expect mode at 2.0 is inside and sliding(s);`
+    Mode {
+        /// The instant; `end` is a name.
+        at: Expr,
+        /// The mode.
+        mode: Expr,
+    },
+    /// `expect status is locally_infeasible;`
+    Status(Ident),
+    /// `expect warning W0102;`
+    Warning(Ident),
+    /// `expect x at end ~ [1, 0] within 1e-9;`
+    Relation(Box<ExpectRelation>),
+}
+
+/// `LEFT when? REL RIGHT (at T)? (within TOL)?`
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExpectRelation {
+    /// Left side.
+    pub left: Expr,
+    /// When the left side is taken.
+    pub when: ExpectWhen,
+    /// The relation.
+    pub relation: ExpectOp,
+    /// Right side.
+    pub right: Expr,
+    /// When the right side is taken.
+    pub right_at: Option<Expr>,
+    /// Absolute tolerance.
+    pub within: Option<Expr>,
+}
+
+/// When the left side of an `expect` is taken.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ExpectWhen {
+    /// No instant: a value of the whole run.
+    Run,
+    /// `at t`; `end` is a name.
+    At(Expr),
+    /// `always`
+    Always,
+}
+
+/// Relation of an `expect`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ExpectOp {
+    /// `~`
+    Close,
+    /// `=`
+    Equal,
+    /// `<`
+    Less,
+    /// `<=`
+    LessEqual,
+    /// `>`
+    Greater,
+    /// `>=`
+    GreaterEqual,
+}

@@ -1,0 +1,98 @@
+//! Expressions.
+
+use super::{Binder, Ident, Relation};
+use crate::source::Span;
+
+/// An expression.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Expr {
+    /// Which one.
+    pub kind: ExprKind,
+    /// Where it stands.
+    pub span: Span,
+}
+
+/// The expressions.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ExprKind {
+    /// `2.5`
+    Number(f64),
+    /// `"data.csv"`
+    String(String),
+    /// `x`
+    Name(String),
+    /// `b.force`
+    Field(Box<Expr>, Ident),
+    /// `x[2]`, `A[:, 2]`
+    Index(Box<Expr>, Vec<Index>),
+    /// `f(x, fit = cubic)`
+    Call(Box<Expr>, Vec<Arg>),
+    /// `[a, b; c, d]`
+    Matrix(Matrix),
+    /// `[expr for i in 1..n]`
+    Comprehension(Box<Expr>, Vec<Binder>),
+    /// `-x`
+    Negate(Box<Expr>),
+    /// `a + b`
+    Binary(BinaryOp, Box<Expr>, Box<Expr>),
+    /// `-1 < x < 1`
+    Compare(Box<Expr>, Vec<(Relation, Expr)>),
+    /// `not c`
+    Not(Box<Expr>),
+    /// `a and b`
+    And(Box<Expr>, Box<Expr>),
+    /// `a or b`
+    Or(Box<Expr>, Box<Expr>),
+    /// `if c then a else b`
+    If(Box<Expr>, Box<Expr>, Box<Expr>),
+}
+
+/// `[a, b]` is a column, `[a, b; c, d]` a matrix, `[a, b;]` a row.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Matrix {
+    /// Rows between semicolons.
+    pub rows: Vec<Vec<Expr>>,
+    /// True when a semicolon was written.
+    pub semicolons: bool,
+}
+
+/// An index in brackets.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Index {
+    /// `:`
+    All(Span),
+    /// `2`
+    One(Expr),
+    /// `1..3`
+    Range(Expr, Expr),
+}
+
+/// An argument of a call.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Arg {
+    /// `fit = cubic`
+    Named(Ident, Expr),
+    /// `x`, or `x for i in 1..n` in a reduction.
+    Positional(Expr, Vec<Binder>),
+}
+
+/// Binary operators.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BinaryOp {
+    /// `+`
+    Add,
+    /// `-`
+    Sub,
+    /// `*`: matrix product or scaling
+    Mul,
+    /// `/`
+    Div,
+    /// `^`
+    Pow,
+    /// `.*`
+    ElementMul,
+    /// `./`
+    ElementDiv,
+    /// `.^`
+    ElementPow,
+}

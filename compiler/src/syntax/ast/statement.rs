@@ -1,0 +1,395 @@
+//! Statements of models, and the rows and settings inside them.
+
+use super::{Const, Expr, Ident, Path};
+use crate::source::Span;
+
+/// A statement of a model, region or hidden block.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Stmt {
+    /// `const n = 3;`
+    Const(Const),
+    /// `param`, `state`, `control`, `input`, `algebraic`
+    Decl(Decl),
+    /// `let`, `output`, `signal`
+    Named(Named),
+    /// `switch s = sign(psi);`
+    Switch(Switch),
+    /// `part b = disc { ... }`
+    Part(Part),
+    /// `region R where c > 0 { ... }`
+    Region(Region),
+    /// `hidden on s { ... }`
+    Hidden(Hidden),
+    /// `project x onto { ... } metric E;`
+    Project(Project),
+    /// `jump NAME when c <= 0 { v := -e*v; }`
+    Jump(Jump),
+    /// `mechanics q, v { ... }`
+    Mechanics(Mechanics),
+    /// `contact C { ... }`
+    Contact(Contact),
+    /// `for i in 1..n { ... }`
+    For(For),
+    /// `z in argmin ...` or `z in variational ...`
+    Program(Program),
+    /// `0 = expr;`
+    Equation {
+        /// The right side.
+        residual: Expr,
+        /// The statement.
+        span: Span,
+    },
+    /// `0 <= a perp b >= 0;`
+    Complementarity {
+        /// Left member.
+        left: Expr,
+        /// Right member.
+        right: Expr,
+        /// The statement.
+        span: Span,
+    },
+    /// `x' = expr;` or `x' += expr;`
+    Dynamics(Dynamics),
+    /// A statement the parser could not read.
+    Bad(Span),
+}
+
+/// Which declaration a [`Decl`] is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DeclKind {
+    /// `param`
+    Param,
+    /// `state`
+    State,
+    /// `control`
+    Control,
+    /// `input`
+    Input,
+    /// `algebraic`
+    Algebraic,
+}
+
+/// `state x[3] : m in [lo, hi] = expr;`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Decl {
+    /// Which of the five it is.
+    pub kind: DeclKind,
+    /// Declared name.
+    pub name: Ident,
+    /// Sizes in brackets; empty for a scalar.
+    pub shape: Vec<Expr>,
+    /// Unit after the colon.
+    pub unit: Option<Unit>,
+    /// Bounds or finite set.
+    pub domain: Option<Domain>,
+    /// Default or initial value.
+    pub value: Option<Expr>,
+    /// The statement.
+    pub span: Span,
+}
+
+/// `N/m`, kept as written until units are checked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Unit {
+    /// The text.
+    pub text: String,
+    /// Where it stands.
+    pub span: Span,
+}
+
+/// `in [lo, hi]` or `in {a, b, c}`
+#[derive(Clone, Debug, PartialEq)]
+pub enum Domain {
+    /// An interval.
+    Box(Expr, Expr),
+    /// A finite set.
+    Set(Vec<Expr>),
+}
+
+/// Which statement a [`Named`] is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NamedKind {
+    /// `let`
+    Let,
+    /// `output`
+    Output,
+    /// `signal`
+    Signal,
+}
+
+/// `let c = expr;`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Named {
+    /// Which of the three it is.
+    pub kind: NamedKind,
+    /// Declared name.
+    pub name: Ident,
+    /// Unit after the colon.
+    pub unit: Option<Unit>,
+    /// Its expression.
+    pub value: Expr,
+    /// The statement.
+    pub span: Span,
+}
+
+/// How a switch that enters nonlinearly is read on its surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sliding {
+    /// Filippov: the convex combination of the two sides.
+    Linear,
+    /// f(x; s) as written, s in [-1, 1].
+    Nonlinear,
+}
+
+/// `switch s = sign(psi) sliding linear;`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Switch {
+    /// Declared name.
+    pub name: Ident,
+    /// `sign(..)`, `step(..)` or `hysteresis(..)`.
+    pub value: Expr,
+    /// The reading, where declared.
+    pub sliding: Option<Sliding>,
+    /// The statement.
+    pub span: Span,
+}
+
+/// `part b[i in 1..n] = disc { m = 2; }`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Part {
+    /// Declared name.
+    pub name: Ident,
+    /// Index of an array of parts.
+    pub binder: Option<Binder>,
+    /// The model.
+    pub model: Path,
+    /// What is given to it.
+    pub binds: Vec<Bind>,
+    /// The statement.
+    pub span: Span,
+}
+
+/// `m = 2;` in braces: of a part, a `with`, a `guess`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bind {
+    /// What is set.
+    pub target: Path,
+    /// To what.
+    pub value: Expr,
+    /// The line.
+    pub span: Span,
+}
+
+/// `i in 1..n`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Binder {
+    /// The index.
+    pub name: Ident,
+    /// First value.
+    pub first: Expr,
+    /// Last value, included.
+    pub last: Expr,
+}
+
+/// `region R where c > 0 { ... }`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Region {
+    /// Declared name.
+    pub name: Ident,
+    /// When it holds.
+    pub guard: RegionGuard,
+    /// Statements.
+    pub body: Vec<Stmt>,
+    /// The statement.
+    pub span: Span,
+}
+
+/// Where a region holds.
+#[derive(Clone, Debug, PartialEq)]
+pub enum RegionGuard {
+    /// `where guard`
+    Where(Expr),
+    /// `indicator g`: Stewart's form.
+    Indicator(Expr),
+    /// `else`: the rest.
+    Else,
+}
+
+/// `hidden on s { u' += ...; }`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Hidden {
+    /// The switch.
+    pub switch: Path,
+    /// Statements.
+    pub body: Vec<Stmt>,
+    /// The statement.
+    pub span: Span,
+}
+
+/// `project x onto { rows } metric E;`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Project {
+    /// The projected state.
+    pub state: Path,
+    /// The set.
+    pub rows: Vec<Row>,
+    /// `metric E`
+    pub metric: Option<Expr>,
+    /// The statement.
+    pub span: Span,
+}
+
+/// A row of a `{ ... }` of constraints.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Row {
+    /// `for i in 1..n { rows }`
+    For {
+        /// Indices.
+        binders: Vec<Binder>,
+        /// Repeated rows.
+        rows: Vec<Row>,
+        /// The row.
+        span: Span,
+    },
+    /// `a <= b <= c;`
+    Relation {
+        /// First member.
+        first: Expr,
+        /// The others, each with the relation before it.
+        rest: Vec<(Relation, Expr)>,
+        /// The row.
+        span: Span,
+    },
+    /// A row the parser could not read.
+    Bad(Span),
+}
+
+/// Relation of a row or a comparison.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Relation {
+    /// `<`
+    Less,
+    /// `<=`
+    LessEqual,
+    /// `>`
+    Greater,
+    /// `>=`
+    GreaterEqual,
+    /// `=`, in rows only
+    Equal,
+}
+
+/// `jump NAME when guard { v := -e*v; }`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Jump {
+    /// Declared name.
+    pub name: Ident,
+    /// When it happens.
+    pub guard: Expr,
+    /// Resets: target and value before the jump.
+    pub resets: Vec<Bind>,
+    /// The statement.
+    pub span: Span,
+}
+
+/// `mechanics q, v { mass = M; force = f; contact ... }`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mechanics {
+    /// Positions.
+    pub q: Path,
+    /// Velocities.
+    pub v: Path,
+    /// `mass`, `force`, ...
+    pub options: Vec<Setting>,
+    /// Contacts inside the block.
+    pub contacts: Vec<Contact>,
+    /// The statement.
+    pub span: Span,
+}
+
+/// `contact C { gap = c; ... }`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Contact {
+    /// Declared name.
+    pub name: Ident,
+    /// `gap`, `slip`, `restitution`, ...
+    pub options: Vec<Setting>,
+    /// The statement.
+    pub span: Span,
+}
+
+/// `name = expr;` in an options block.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setting {
+    /// Option.
+    pub name: Ident,
+    /// Value.
+    pub value: Expr,
+    /// The line.
+    pub span: Span,
+}
+
+/// `for i in 1..n, j in i+1..n { ... }`
+#[derive(Clone, Debug, PartialEq)]
+pub struct For {
+    /// Indices.
+    pub binders: Vec<Binder>,
+    /// Repeated statements.
+    pub body: Vec<Stmt>,
+    /// The statement.
+    pub span: Span,
+}
+
+/// `z[2] in argmin ...` or `z in variational ...`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Program {
+    /// Declared name.
+    pub name: Ident,
+    /// Sizes in brackets.
+    pub shape: Vec<Expr>,
+    /// What z solves.
+    pub kind: ProgramKind,
+    /// The statement.
+    pub span: Span,
+}
+
+/// What a [`Program`] solves.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ProgramKind {
+    /// `argmin F subject to { rows }`
+    Argmin {
+        /// What is minimized.
+        objective: Expr,
+        /// Constraints.
+        rows: Vec<Row>,
+    },
+    /// `variational K solves F`, K given by rows.
+    VariationalRows {
+        /// The set.
+        rows: Vec<Row>,
+        /// The map.
+        map: Expr,
+    },
+    /// `variational [lo, hi] solves F`
+    VariationalBox {
+        /// Lower end.
+        lower: Expr,
+        /// Upper end.
+        upper: Expr,
+        /// The map.
+        map: Expr,
+    },
+}
+
+/// `x' = expr;` or `x' += expr;`
+#[derive(Clone, Debug, PartialEq)]
+pub struct Dynamics {
+    /// The state or entry.
+    pub target: Path,
+    /// True for `+=`.
+    pub adds: bool,
+    /// The derivative, or the term added to it.
+    pub value: Expr,
+    /// The statement.
+    pub span: Span,
+}
