@@ -14,6 +14,7 @@ mod dense;
 pub mod json;
 #[cfg(test)]
 mod sample;
+pub mod text;
 
 pub use dense::{Dense, Piece};
 

@@ -1,0 +1,339 @@
+//! The short report on the terminal.
+
+use std::fmt::{self, Display, Write};
+
+use super::{MethodOption, Series, Stats, Status, Trajectory};
+
+/// Rows of a table before the rest is only counted.
+const MAX_ROWS: usize = 12;
+/// Entries of a vector before the rest is left out.
+const MAX_ENTRIES: usize = 8;
+
+/// The report, plain text with a line break at the end.
+pub fn write(trajectory: &Trajectory) -> String {
+    let mut text = String::new();
+    // Writing to a string does not fail.
+    let _ = report(trajectory, &mut text);
+    text
+}
+
+fn report(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
+    let Trajectory {
+        experiment, model, ..
+    } = trajectory;
+    let status = trajectory.status.as_str();
+    writeln!(text, "{experiment} of {model}: {status}")?;
+    if let Some(reason) = &trajectory.reason {
+        writeln!(text, "  {reason}")?;
+    }
+    if let Some(objective) = trajectory.objective {
+        writeln!(text, "  objective {}", significant(objective, 12))?;
+    }
+    end(trajectory, text)?;
+    events(trajectory, text)?;
+    modes(trajectory, text)?;
+    origin(trajectory, text)?;
+    for skipped in &trajectory.skipped {
+        writeln!(text, "  skipped {skipped}")?;
+    }
+    for warning in &trajectory.warnings {
+        writeln!(text, "  warning {}: {}", warning.code, warning.message)?;
+    }
+    Ok(())
+}
+
+/// The state at the last instant.
+fn end(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
+    let Some(last) = trajectory.time.len().checked_sub(1) else {
+        return Ok(());
+    };
+    let reached = match trajectory.status {
+        Status::Solved => "at the end",
+        _ => "reached",
+    };
+    let time = significant(trajectory.time[last], 12);
+    writeln!(text, "\n  {reached}, time = {time}")?;
+    let rows = trajectory.states.iter().chain(&trajectory.outputs);
+    let width = rows
+        .clone()
+        .map(|series| chars(&series.name))
+        .max()
+        .unwrap_or(0);
+    for series in rows {
+        writeln!(
+            text,
+            "    {:width$} = {}",
+            series.name,
+            Value {
+                series,
+                instant: last
+            }
+        )?;
+    }
+    Ok(())
+}
+
+fn events(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
+    if trajectory.events.is_empty() {
+        return Ok(());
+    }
+    let rows = trajectory.events.iter().take(MAX_ROWS).map(|event| {
+        [
+            significant(event.time, 12),
+            event.kind.as_str().to_owned(),
+            event.surface.clone(),
+            if event.from == event.to {
+                event.to.clone()
+            } else {
+                format!("{} -> {}", event.from, event.to)
+            },
+        ]
+    });
+    writeln!(text, "\n  {}", counted(trajectory.events.len(), "event"))?;
+    table(text, ["time", "kind", "surface", "mode"], rows.collect())?;
+    rest(text, trajectory.events.len())
+}
+
+fn modes(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
+    let modes = &trajectory.modes;
+    if modes.is_empty() || modes.iter().all(|interval| interval.mode.is_empty()) {
+        return Ok(());
+    }
+    let rows = modes.iter().take(MAX_ROWS).map(|interval| {
+        [
+            significant(interval.from, 6),
+            significant(interval.to, 6),
+            interval.mode.clone(),
+        ]
+    });
+    writeln!(text, "\n  {}", counted(modes.len(), "mode interval"))?;
+    table(text, ["from", "to", "mode"], rows.collect())?;
+    rest(text, modes.len())
+}
+
+/// Where the numbers came from.
+fn origin(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
+    let method = &trajectory.method;
+    write!(text, "\n  method {}", method.name)?;
+    for (name, value) in &method.options {
+        match value {
+            MethodOption::Number(number) => write!(text, ", {name} {}", significant(*number, 6))?,
+            MethodOption::Text(word) => write!(text, ", {name} {word}")?,
+        }
+    }
+    writeln!(text)?;
+    match trajectory.error_estimate {
+        Some(error) => writeln!(
+            text,
+            "  error estimate {error:.1e}, relative, largest over the states"
+        )?,
+        None => writeln!(text, "  error estimate: none with this method")?,
+    }
+    let Stats {
+        steps,
+        rhs_evaluations,
+        newton_iterations,
+        ..
+    } = trajectory.stats;
+    write!(text, "  {}", counted(steps as usize, "step"))?;
+    for (count, what) in [
+        (rhs_evaluations, "evaluation"),
+        (newton_iterations, "Newton iteration"),
+    ] {
+        if count > 0 {
+            write!(text, ", {}", counted(count as usize, what))?;
+        }
+    }
+    let seconds = trajectory.stats.solve_s;
+    writeln!(text, ", {}", duration(seconds))
+}
+
+/// Left-aligned columns under their titles.
+fn table<const N: usize>(
+    text: &mut String,
+    titles: [&str; N],
+    rows: Vec<[String; N]>,
+) -> fmt::Result {
+    let titles = titles.map(str::to_owned);
+    let all = || std::iter::once(&titles).chain(&rows);
+    let widths: [usize; N] =
+        std::array::from_fn(|column| all().map(|row| chars(&row[column])).max().unwrap_or(0));
+    for row in all() {
+        let mut line = String::from("   ");
+        for (cell, &width) in row.iter().zip(&widths) {
+            write!(line, " {cell:width$} ")?;
+        }
+        writeln!(text, "{}", line.trim_end())?;
+    }
+    Ok(())
+}
+
+/// Says how many rows of a table are left out.
+fn rest(text: &mut String, n_rows: usize) -> fmt::Result {
+    match n_rows.checked_sub(MAX_ROWS) {
+        Some(left_out @ 1..) => writeln!(text, "    and {left_out} more"),
+        _ => Ok(()),
+    }
+}
+
+fn chars(text: &str) -> usize {
+    text.chars().count()
+}
+
+/// `1 event`, `2 events`; nothing irregular is counted.
+fn counted(count: usize, noun: &str) -> String {
+    match count {
+        1 => format!("1 {noun}"),
+        _ => format!("{count} {noun}s"),
+    }
+}
+
+/// A duration in the unit that reads best.
+pub fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 1e-3 => format!("{:.0} us", s * 1e6),
+        s if s < 1.0 => format!("{:.1} ms", s * 1e3),
+        s => format!("{s:.2} s"),
+    }
+}
+
+/// The shortest text of a number rounded to so many significant digits.
+pub fn significant(number: f64, digits: usize) -> String {
+    if !number.is_finite() {
+        return format!("{number}");
+    }
+    let rounded: f64 = format!("{number:.*e}", digits.saturating_sub(1))
+        .parse()
+        .unwrap_or(number);
+    match rounded.abs() {
+        0.0 => "0".to_owned(),
+        size if (1e-4..1e9).contains(&size) => format!("{rounded}"),
+        _ => format!("{rounded:e}"),
+    }
+}
+
+/// The value of a series at an instant: a number, a column or rows of a matrix.
+struct Value<'a> {
+    series: &'a Series,
+    instant: usize,
+}
+
+impl Display for Value<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let entries = self.series.at(self.instant);
+        if self.series.shape.is_empty() {
+            return f.write_str(&significant(entries[0], 12));
+        }
+        let n_columns = match self.series.shape[..] {
+            [_, n] => n,
+            _ => usize::MAX,
+        };
+        f.write_str("[")?;
+        for (k, entry) in entries.iter().take(MAX_ENTRIES).enumerate() {
+            let separator = match k {
+                0 => "",
+                k if k % n_columns == 0 => "; ",
+                _ => ", ",
+            };
+            write!(f, "{separator}{}", significant(*entry, 12))?;
+        }
+        if entries.len() > MAX_ENTRIES {
+            write!(f, ", ... {} entries", entries.len())?;
+        }
+        f.write_str("]")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{significant, write};
+    use crate::report::{Status, sample};
+
+    #[test]
+    fn a_run_that_went_well() {
+        insta::assert_snapshot!(write(&sample::oscillator()), @"
+crossing of oscillator: solved
+
+  at the end, time = 1.5
+    x = [-1.6487212707, 0.25]
+    c = 1.7807818284
+
+  1 event
+    time  kind      surface  mode
+    1     crossing  c        inside -> outside
+
+  2 mode intervals
+    from  to   mode
+    0     1    inside
+    1     1.5  outside
+
+  method event, order 16, tolerance 1e-10
+  error estimate 1.0e-11, relative, largest over the states
+  12 steps, 204 evaluations, 1.0 ms
+  warning W0501: a bound was left
+");
+    }
+
+    #[test]
+    fn long_tables_and_vectors_are_cut() {
+        let mut trajectory = sample::oscillator();
+        trajectory.events = vec![trajectory.events[0].clone(); 20];
+        trajectory.modes.clear();
+        trajectory.states[0].shape = vec![12];
+        trajectory.states[0].values = vec![1.0; 36];
+        insta::assert_snapshot!(write(&trajectory), @"
+crossing of oscillator: solved
+
+  at the end, time = 1.5
+    x = [1, 1, 1, 1, 1, 1, 1, 1, ... 12 entries]
+    c = 1.7807818284
+
+  20 events
+    time  kind      surface  mode
+    1     crossing  c        inside -> outside
+    1     crossing  c        inside -> outside
+    1     crossing  c        inside -> outside
+    1     crossing  c        inside -> outside
+    1     crossing  c        inside -> outside
+    1     crossing  c        inside -> outside
+    1     crossing  c        inside -> outside
+    1     crossing  c        inside -> outside
+    1     crossing  c        inside -> outside
+    1     crossing  c        inside -> outside
+    1     crossing  c        inside -> outside
+    1     crossing  c        inside -> outside
+    and 8 more
+
+  method event, order 16, tolerance 1e-10
+  error estimate 1.0e-11, relative, largest over the states
+  12 steps, 204 evaluations, 1.0 ms
+  warning W0501: a bound was left
+");
+    }
+
+    #[test]
+    fn a_run_that_stopped_says_why_and_where() {
+        let mut trajectory = sample::shapes();
+        trajectory.status = Status::IterationLimit;
+        trajectory.reason = Some("10000 events before time = 1".into());
+        insta::assert_snapshot!(write(&trajectory), @"
+turn of body: iteration_limit
+  10000 events before time = 1
+
+  reached, time = 1
+    q = 2.5
+    R = [5, 6; 7, 8]
+
+  method 
+  error estimate: none with this method
+  0 steps, 0 us
+");
+    }
+
+    #[test]
+    fn numbers_are_rounded_to_significant_digits() {
+        let shown = [1.0 / 3.0, 1e-17, 0.1 + 0.2, 123456789.123, 1e300, f64::NAN];
+        let shown = shown.map(|number| significant(number, 12)).join(" ");
+        insta::assert_snapshot!(shown, @"0.333333333333 1e-17 0.3 123456789.123 1e300 NaN");
+    }
+}
