@@ -1,0 +1,184 @@
+//! Walking below expressions: evaluation, substitution and rewriting, all in order of the node numbers.
+
+use rustc_hash::{FxHashMap, FxHashSet};
+
+use super::arena::{Arena, Data, Id};
+use super::{Expr, Var};
+
+impl Arena {
+    /// The nodes below the roots, roots included, children before parents.
+    pub fn below(&self, roots: impl IntoIterator<Item = Id>) -> Vec<Id> {
+        let mut stack: Vec<Id> = roots.into_iter().collect();
+        let mut seen = FxHashSet::default();
+        while let Some(id) = stack.pop() {
+            if seen.insert(id) {
+                self.for_each_child(id, |child| {
+                    if !seen.contains(&child) {
+                        stack.push(child);
+                    }
+                });
+            }
+        }
+        let mut nodes: Vec<Id> = seen.into_iter().collect();
+        nodes.sort_unstable();
+        nodes
+    }
+
+    /// The same node over other children.
+    fn rebuild(&mut self, id: Id, child: impl Fn(Id) -> Id) -> Id {
+        let mut changed = false;
+        self.for_each_child(id, |c| changed |= child(c) != c);
+        if !changed {
+            return id;
+        }
+        match self.data(id) {
+            Data::Constant(_) | Data::Variable(_) => id,
+            Data::Sum {
+                constant,
+                start,
+                len,
+            } => {
+                let terms = self.terms(start, len).iter();
+                let terms: Vec<_> = terms.map(|&(term, c)| (child(term), c)).collect();
+                self.sum(constant, terms)
+            }
+            Data::Product { start, len } => {
+                let factors = self.factors(start, len).iter();
+                let factors: Vec<_> = factors.map(|&(factor, p)| (child(factor), p)).collect();
+                self.product(1.0, factors)
+            }
+            Data::Unary(function, a) => self.apply(function, child(a)),
+            Data::Binary(function, a, b) => self.apply_binary(function, child(a), child(b)),
+        }
+    }
+}
+
+/// Rewrites bottom-up: `f` sees every node below once, over children that are rewritten already.
+///
+/// What `f` returns is not visited again.
+pub fn rewrite<'e>(expr: Expr<'e>, f: &mut impl FnMut(Expr<'e>) -> Expr<'e>) -> Expr<'e> {
+    rewrite_all(&[expr], f)[0]
+}
+
+/// [`rewrite`] for several expressions: a node that they share is seen once.
+pub fn rewrite_all<'e>(
+    roots: &[Expr<'e>],
+    f: &mut impl FnMut(Expr<'e>) -> Expr<'e>,
+) -> Vec<Expr<'e>> {
+    let Some(&first) = roots.first() else {
+        return Vec::new();
+    };
+    let order = first
+        .exprs
+        .arena
+        .borrow()
+        .below(roots.iter().map(|root| root.id));
+    let mut image: FxHashMap<Id, Id> = FxHashMap::default();
+    for id in order {
+        let rebuilt = first
+            .exprs
+            .build(|arena| arena.rebuild(id, |child| image[&child]));
+        image.insert(id, f(rebuilt).id);
+    }
+    roots
+        .iter()
+        .map(|root| root.with(image[&root.id]))
+        .collect()
+}
+
+/// The variables below the expressions, in order of creation.
+pub fn variables_of(roots: &[Expr]) -> Vec<Var> {
+    let Some(first) = roots.first() else {
+        return Vec::new();
+    };
+    let arena = first.exprs.arena.borrow();
+    let below = arena.below(roots.iter().map(|root| root.id)).into_iter();
+    let mut vars: Vec<Var> = below.filter_map(|id| arena.as_variable(id)).collect();
+    vars.sort_unstable();
+    vars
+}
+
+/// Which expression takes the place of which variable.
+#[derive(Clone, Debug, Default)]
+pub struct Substitution<'e> {
+    values: FxHashMap<Var, Expr<'e>>,
+}
+
+impl<'e> Substitution<'e> {
+    /// Replaces nothing.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Replaces `var` by `value`; all variables are replaced at once.
+    pub fn insert(&mut self, var: Var, value: Expr<'e>) {
+        self.values.insert(var, value);
+    }
+
+    /// The replacement of a variable.
+    pub fn get(&self, var: Var) -> Option<Expr<'e>> {
+        self.values.get(&var).copied()
+    }
+
+    /// Whether nothing is replaced.
+    pub fn is_empty(&self) -> bool {
+        self.values.is_empty()
+    }
+}
+
+impl<'e> FromIterator<(Var, Expr<'e>)> for Substitution<'e> {
+    fn from_iter<I: IntoIterator<Item = (Var, Expr<'e>)>>(pairs: I) -> Self {
+        Self {
+            values: pairs.into_iter().collect(),
+        }
+    }
+}
+
+impl<'e> Extend<(Var, Expr<'e>)> for Substitution<'e> {
+    fn extend<I: IntoIterator<Item = (Var, Expr<'e>)>>(&mut self, pairs: I) {
+        self.values.extend(pairs);
+    }
+}
+
+impl<'e> Expr<'e> {
+    /// Replaces variables, all at once, and folds.
+    pub fn substitute(self, substitution: &Substitution<'e>) -> Expr<'e> {
+        rewrite(self, &mut |e| match e.as_variable() {
+            Some(var) => substitution.get(var).unwrap_or(e),
+            None => e,
+        })
+    }
+
+    /// Whether the variable occurs.
+    pub fn depends_on(self, var: Var) -> bool {
+        let arena = self.exprs.arena.borrow();
+        arena.below([self.id]).contains(&arena.variable(var))
+    }
+
+    /// The value. At 0, `sign` is 0 and `step` is 1/2.
+    pub fn eval(self, value: &impl Fn(Var) -> f64) -> f64 {
+        let arena = self.exprs.arena.borrow();
+        let mut values: FxHashMap<Id, f64> = FxHashMap::default();
+        for id in arena.below([self.id]) {
+            let at = |child: Id| values[&child];
+            let result = match arena.data(id) {
+                Data::Constant(number) => number,
+                Data::Variable(var) => value(var),
+                Data::Sum {
+                    constant,
+                    start,
+                    len,
+                } => (arena.terms(start, len).iter())
+                    .fold(constant, |total, &(term, c)| total + c * at(term)),
+                Data::Product { start, len } => (arena.factors(start, len).iter())
+                    .fold(1.0, |total, &(factor, power)| {
+                        total * at(factor).powi(power)
+                    }),
+                Data::Unary(function, a) => function.value(at(a)),
+                Data::Binary(function, a, b) => function.value(at(a), at(b)),
+            };
+            values.insert(id, result);
+        }
+        values[&self.id]
+    }
+}

@@ -1,0 +1,273 @@
+//! The canonical form: constructors that fold as they build.
+//!
+//! - A sum is `constant + Σ coefficient * term`, its terms distinct and in order of their numbers.
+//! - A product is `Π factor ^ power` with integer powers; a numeric factor is the coefficient of a one-term sum.
+//! - A number times a sum is distributed; a product of sums is not expanded.
+//! - `x - x` is 0, `0*x` is 0, `x/x` is 1: the value is kept wherever the original has one.
+//! - Folding never makes an infinity, a NaN or a zero out of nonzero numbers: `1/0` stays as it is written.
+
+use super::arena::{Arena, Data, Id};
+use super::{BinaryFunction, Function};
+
+/// Longer sums and products are opaque to the larger ones around them.
+/// Without a limit, adding term by term would cost quadratic memory.
+const FLATTEN_LIMIT: u32 = 128;
+
+/// `result` if it has neither overflowed nor vanished on the way from `operand`.
+fn as_good(result: f64, operand: f64) -> Option<f64> {
+    (result.is_finite() && (result != 0.0 || operand == 0.0)).then_some(result)
+}
+
+fn multiply(a: f64, b: f64) -> Option<f64> {
+    as_good(a * b, if b == 0.0 { b } else { a })
+}
+
+impl Arena {
+    /// `constant + Σ coefficient * term`, canonical.
+    pub fn sum(&mut self, constant: f64, terms: impl IntoIterator<Item = (Id, f64)>) -> Id {
+        let mut constant = constant;
+        let mut flat = Vec::new();
+        for (id, coefficient) in terms {
+            self.add_term(&mut constant, &mut flat, id, coefficient);
+        }
+        flat.sort_by_key(|&(id, _)| id);
+        flat.dedup_by(|next, kept| {
+            let total = kept.1 + next.1;
+            let same = kept.0 == next.0 && total.is_finite();
+            if same {
+                kept.1 = total;
+            }
+            same
+        });
+        flat.retain(|&(_, coefficient)| coefficient != 0.0);
+        match flat[..] {
+            [] => self.constant(constant),
+            [(id, coefficient)] if constant == 0.0 => self.scale(id, coefficient),
+            _ => self.canonical_sum(constant, &flat),
+        }
+    }
+
+    fn add_term(&self, constant: &mut f64, flat: &mut Vec<(Id, f64)>, id: Id, coefficient: f64) {
+        if coefficient == 0.0 {
+            return;
+        }
+        match self.data(id) {
+            Data::Constant(value) => {
+                let total = multiply(coefficient, value).map(|term| *constant + term);
+                if let Some(total) = total.filter(|total| total.is_finite()) {
+                    *constant = total;
+                    return;
+                }
+            }
+            Data::Sum {
+                constant: inner,
+                start,
+                len,
+            } if len <= FLATTEN_LIMIT => {
+                let total = multiply(coefficient, inner).map(|term| *constant + term);
+                let kept = flat.len();
+                let scaled = self.terms(start, len).iter().map_while(|&(term, c)| {
+                    multiply(coefficient, c).map(|product| (term, product))
+                });
+                flat.extend(scaled);
+                match total {
+                    Some(total) if total.is_finite() && flat.len() - kept == len as usize => {
+                        *constant = total;
+                        return;
+                    }
+                    _ => flat.truncate(kept),
+                }
+            }
+            _ => {}
+        }
+        flat.push((id, coefficient));
+    }
+
+    /// `factor * id`; a sum is distributed over.
+    pub fn scale(&mut self, id: Id, factor: f64) -> Id {
+        if factor == 1.0 {
+            return id;
+        }
+        if factor == 0.0 {
+            return self.constant(0.0);
+        }
+        match self.data(id) {
+            Data::Constant(value) => {
+                if let Some(product) = multiply(factor, value) {
+                    return self.constant(product);
+                }
+            }
+            Data::Sum {
+                constant,
+                start,
+                len,
+            } => {
+                let constant = multiply(factor, constant);
+                let terms: Vec<_> = (self.terms(start, len).iter())
+                    .map_while(|&(term, c)| multiply(factor, c).map(|product| (term, product)))
+                    .collect();
+                if let Some(constant) = constant
+                    && terms.len() == len as usize
+                {
+                    return match terms[..] {
+                        [(term, 1.0)] if constant == 0.0 => term,
+                        _ => self.canonical_sum(constant, &terms),
+                    };
+                }
+            }
+            _ => {}
+        }
+        self.canonical_sum(0.0, &[(id, factor)])
+    }
+
+    /// A sum divided by a number, `None` if a coefficient would overflow or vanish.
+    pub fn divide(&mut self, id: Id, number: f64) -> Option<Id> {
+        let Data::Sum {
+            constant,
+            start,
+            len,
+        } = self.data(id)
+        else {
+            return None;
+        };
+        let divide = |c: f64| as_good(c / number, c);
+        let constant = divide(constant)?;
+        let terms = self.terms(start, len).iter();
+        let terms = terms.map(|&(term, c)| Some((term, divide(c)?)));
+        let terms = terms.collect::<Option<Vec<_>>>()?;
+        Some(match terms[..] {
+            [(term, 1.0)] if constant == 0.0 => term,
+            _ => self.canonical_sum(constant, &terms),
+        })
+    }
+
+    /// `a / b`; numbers divide coefficients, so that `2*x/3` has the number nearest to 2/3.
+    pub fn quotient(&mut self, a: Id, b: Id) -> Id {
+        if let Data::Constant(number) = self.data(b) {
+            if let Some(quotient) = self.divide(a, number) {
+                return quotient;
+            }
+            if let Data::Constant(value) = self.data(a)
+                && let Some(quotient) = as_good(value / number, value)
+            {
+                return self.constant(quotient);
+            }
+        }
+        self.product(1.0, [(a, 1), (b, -1)])
+    }
+
+    /// `coefficient * Π factor ^ power`, canonical.
+    pub fn product(
+        &mut self,
+        coefficient: f64,
+        factors: impl IntoIterator<Item = (Id, i32)>,
+    ) -> Id {
+        let mut coefficient = coefficient;
+        let mut flat = Vec::new();
+        for (id, power) in factors {
+            self.multiply_factor(&mut coefficient, &mut flat, id, power);
+        }
+        if coefficient == 0.0 {
+            return self.constant(0.0);
+        }
+        flat.sort_by_key(|&(id, _)| id);
+        flat.dedup_by(|next, kept| {
+            let total = kept.1.checked_add(next.1).filter(|_| kept.0 == next.0);
+            if let Some(total) = total {
+                kept.1 = total;
+            }
+            total.is_some()
+        });
+        flat.retain(|&(_, power)| power != 0);
+        match flat[..] {
+            [] => self.constant(coefficient),
+            [(id, 1)] => self.scale(id, coefficient),
+            _ => {
+                let product = self.canonical_product(&flat);
+                self.scale(product, coefficient)
+            }
+        }
+    }
+
+    fn multiply_factor(
+        &self,
+        coefficient: &mut f64,
+        flat: &mut Vec<(Id, i32)>,
+        id: Id,
+        power: i32,
+    ) {
+        if power == 0 {
+            return;
+        }
+        // The number in front of a one-term sum joins the coefficient.
+        let whole = id;
+        let (number, id) = match self.data(id) {
+            Data::Constant(value) => (value, None),
+            Data::Sum {
+                constant: 0.0,
+                start,
+                len: 1,
+            } => {
+                let (term, c) = self.terms(start, 1)[0];
+                (c, Some(term))
+            }
+            _ => (1.0, Some(id)),
+        };
+        let folded = fold_power(number, power).and_then(|value| multiply(*coefficient, value));
+        let Some(folded) = folded else {
+            return flat.push((whole, power));
+        };
+        *coefficient = folded;
+        let Some(id) = id else { return };
+        if let Data::Product { start, len } = self.data(id)
+            && len <= FLATTEN_LIMIT
+        {
+            let kept = flat.len();
+            let scaled = (self.factors(start, len).iter())
+                .map_while(|&(factor, p)| p.checked_mul(power).map(|p| (factor, p)));
+            flat.extend(scaled);
+            if flat.len() - kept == len as usize {
+                return;
+            }
+            flat.truncate(kept);
+        }
+        flat.push((id, power));
+    }
+
+    /// `function(a)`, folded if the value is a finite number.
+    pub fn apply(&mut self, function: Function, a: Id) -> Id {
+        if let Data::Constant(value) = self.data(a) {
+            let value = function.value(value);
+            if value.is_finite() {
+                return self.constant(value);
+            }
+        }
+        self.unary(function, a)
+    }
+
+    /// `function(a, b)`, folded if the value is a finite number.
+    pub fn apply_binary(&mut self, function: BinaryFunction, a: Id, b: Id) -> Id {
+        if let (Data::Constant(x), Data::Constant(y)) = (self.data(a), self.data(b)) {
+            let value = function.value(x, y);
+            if value.is_finite() {
+                return self.constant(value);
+            }
+        }
+        match (function, self.data(b)) {
+            (BinaryFunction::Pow, Data::Constant(power)) if is_power(power) => {
+                self.product(1.0, [(a, power as i32)])
+            }
+            (BinaryFunction::Min | BinaryFunction::Max, _) if a == b => a,
+            _ => self.binary(function, a, b),
+        }
+    }
+}
+
+/// Whether `power` is an integer that a product can hold.
+fn is_power(power: f64) -> bool {
+    power.fract() == 0.0 && power.abs() <= f64::from(i32::MAX)
+}
+
+fn fold_power(number: f64, power: i32) -> Option<f64> {
+    as_good(number.powi(power), number)
+}
