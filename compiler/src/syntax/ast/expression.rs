@@ -1,4 +1,6 @@
 //! Expressions.
+//!
+//! Trees are at most [`MAX_DEPTH`](crate::syntax::MAX_DEPTH) deep, so recursion over them is safe.
 
 use super::{Binder, Ident, Relation};
 use crate::source::Span;
@@ -33,16 +35,19 @@ pub enum ExprKind {
     Comprehension(Box<Expr>, Vec<Binder>),
     /// `-x`
     Negate(Box<Expr>),
-    /// `a + b`
+    /// `a ^ b`, `a .^ b`
     Binary(BinaryOp, Box<Expr>, Box<Expr>),
+    /// `a + b - c` or `a * b / c`, applied from left to right: operators of one
+    /// level side by side, so that a long sum is not a deep tree. Never empty.
+    Chain(Box<Expr>, Vec<(BinaryOp, Expr)>),
     /// `-1 < x < 1`
     Compare(Box<Expr>, Vec<(Relation, Expr)>),
     /// `not c`
     Not(Box<Expr>),
-    /// `a and b`
-    And(Box<Expr>, Box<Expr>),
-    /// `a or b`
-    Or(Box<Expr>, Box<Expr>),
+    /// `a and b and c`; at least two
+    And(Vec<Expr>),
+    /// `a or b or c`; at least two
+    Or(Vec<Expr>),
     /// `if c then a else b`
     If(Box<Expr>, Box<Expr>, Box<Expr>),
 }
