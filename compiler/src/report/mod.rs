@@ -12,11 +12,14 @@
 pub mod csv;
 mod dense;
 pub mod json;
+pub mod plot;
+mod refine;
 #[cfg(test)]
 mod sample;
 pub mod text;
 
 pub use dense::{Dense, Piece};
+pub use refine::refine;
 
 use crate::source::Span;
 
