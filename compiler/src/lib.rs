@@ -1,5 +1,6 @@
 //! Compiler for `.nsd`.
 
+pub mod diagnostics;
 pub mod expr;
 pub mod report;
 pub mod source;
