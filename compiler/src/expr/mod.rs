@@ -10,6 +10,7 @@
 //! - an expression holds no source position; side tables do.
 
 mod arena;
+mod compile;
 mod derivative;
 mod function;
 mod operators;
@@ -23,6 +24,7 @@ use std::hash::{Hash, Hasher};
 
 use arena::{Arena, Data, Id};
 
+pub use compile::{CompileError, compile};
 pub use function::{BinaryFunction, Function};
 pub use operators::{dot, sum};
 pub use rewrite::{Substitution, rewrite, rewrite_all, variables_of};

@@ -1,0 +1,450 @@
+//! Taylor arithmetic: the Taylor coefficients of the outputs from those of the inputs, order by order.
+//!
+//! A coefficient is normalised: the row of `x` holds `x_k = x^(k)(t) / k!`. A function `w(u)` that solves a
+//! differential equation gives a recurrence for its coefficients, as `w = exp(u)`, `w' = w u'` gives
+//! `k w_k = Σ_{j=1..k} j u_j w_{k-j}`. These recurrences are classical: Griewank & Walther 2008, chapter 13;
+//! Jorba & Zou 2005. Sums and numeric multiples cost O(1) per order, all else O(k).
+//!
+//! For an ordinary differential equation `x' = f(x)` the coefficient of order `k` of `f` gives the one of order
+//! `k + 1` of `x`, which is the next input.
+
+use super::recurrence::{convolve, convolve_weighted, square};
+use super::{Op, Slot, Tape, UNUSED};
+
+/// The degree in time of a row about which nothing is known.
+const UNBOUNDED: u32 = u32::MAX;
+
+/// The Taylor coefficients of all values of one tape up to a fixed order.
+#[derive(Clone, Debug)]
+pub struct Jet {
+    /// The orders of one row.
+    stride: usize,
+    n_inputs: usize,
+    steps: Vec<Step>,
+    /// The degrees of the inputs as polynomials in time.
+    degrees: Vec<u32>,
+    /// Where the rows of the outputs start.
+    outputs: Vec<usize>,
+    data: Vec<f64>,
+    /// 0, 1, 2, ...
+    weights: Vec<f64>,
+}
+
+/// An operation on rows; `out`, `a` and `b` are where they start.
+#[derive(Clone, Copy, Debug)]
+struct Step {
+    kind: Kind,
+    out: usize,
+    a: usize,
+    b: usize,
+    c: f64,
+    /// The result is a polynomial in time of this degree at most: higher orders stay zero.
+    degree: u32,
+    /// The same for the operand that is convolved with another one.
+    short: u32,
+}
+
+/// [`Op`] without its operands. Rows behind `out` that a recurrence needs are named in brackets.
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    Constant,
+    Neg,
+    Scale,
+    Offset,
+    SubtractFrom,
+    Add,
+    Sub,
+    AddScaled,
+    Mul,
+    Div,
+    Recip,
+    Square,
+    Sqrt,
+    Power,
+    /// [log a, b log a]
+    Pow,
+    Exp,
+    Log,
+    /// [cos a]
+    SinCos,
+    /// [cosh a]
+    SinhCosh,
+    /// [1 + w²]
+    Tan,
+    /// [1 - w²]
+    Tanh,
+    /// [√(1 - a²)]
+    Asin,
+    /// [√(1 - a²)]
+    Acos,
+    /// [1 + a²]
+    Atan,
+    /// [a² + b²]
+    Atan2,
+}
+
+impl Jet {
+    /// Memory for the orders `0..=max_order` of the values of a tape.
+    pub fn new(tape: &Tape, max_order: usize) -> Self {
+        let stride = max_order + 1;
+        let mut row_of: Vec<usize> = (0..tape.n_values).map(|value| value * stride).collect();
+        let mut n_rows = tape.n_inputs;
+        let mut steps = Vec::with_capacity(tape.values.len());
+        for instruction in &tape.values {
+            let kind = Kind::of(instruction.op);
+            let out = n_rows * stride;
+            row_of[instruction.out as usize] = out;
+            if instruction.second != UNUSED {
+                row_of[instruction.second as usize] = out + stride;
+            }
+            n_rows += 1 + kind.n_helpers();
+            let ([a, b], c) = instruction.op.parts();
+            let row = |value: Slot| {
+                if value == UNUSED {
+                    0
+                } else {
+                    row_of[value as usize]
+                }
+            };
+            let (a, b) = (row(a), row(b));
+            steps.push(Step {
+                kind,
+                out,
+                a,
+                b,
+                c,
+                degree: UNBOUNDED,
+                short: UNBOUNDED,
+            });
+        }
+        let mut jet = Self {
+            stride,
+            n_inputs: tape.n_inputs,
+            steps,
+            degrees: vec![UNBOUNDED; tape.n_inputs],
+            outputs: tape
+                .outputs
+                .iter()
+                .map(|&value| row_of[value as usize])
+                .collect(),
+            data: vec![0.0; n_rows * stride],
+            weights: (0..stride).map(|k| k as f64).collect(),
+        };
+        jet.propagate_degrees();
+        jet
+    }
+
+    /// The highest order.
+    pub fn max_order(&self) -> usize {
+        self.stride - 1
+    }
+
+    /// Promises that an input is a polynomial in time of this degree: time itself has degree 1, a parameter 0.
+    ///
+    /// Clears all coefficients.
+    pub fn bound_degree(&mut self, input: usize, degree: usize) {
+        self.degrees[input] = u32::try_from(degree).unwrap_or(UNBOUNDED);
+        self.data.fill(0.0);
+        self.propagate_degrees();
+    }
+
+    /// Sets the coefficient of order `k` of an input.
+    pub fn set_input(&mut self, input: usize, k: usize, value: f64) {
+        assert!(
+            input < self.n_inputs && k < self.stride,
+            "inputs and orders were fixed at the start"
+        );
+        self.data[input * self.stride + k] = value;
+    }
+
+    /// The coefficient of order `k` of an input.
+    pub fn input(&self, input: usize, k: usize) -> f64 {
+        self.input_row(input)[k]
+    }
+
+    /// The coefficients of an input, all orders.
+    pub fn input_row(&self, input: usize) -> &[f64] {
+        assert!(
+            input < self.n_inputs,
+            "the tape has {} inputs",
+            self.n_inputs
+        );
+        &self.data[input * self.stride..][..self.stride]
+    }
+
+    /// The coefficient of order `k` of an output.
+    pub fn output(&self, output: usize, k: usize) -> f64 {
+        self.data[self.outputs[output] + k]
+    }
+
+    /// The coefficients of an output, all orders.
+    pub fn output_row(&self, output: usize) -> &[f64] {
+        &self.data[self.outputs[output]..][..self.stride]
+    }
+
+    /// Computes the coefficients of order `k` from the inputs up to order `k` and everything of lower order.
+    ///
+    /// It may be called again for the same `k` when inputs of that order have changed.
+    pub fn advance(&mut self, k: usize) {
+        assert!(k < self.stride, "the highest order was fixed at the start");
+        if k == 0 {
+            for step in &self.steps {
+                start(step, &mut self.data, self.stride);
+            }
+            return;
+        }
+        for step in &self.steps {
+            if k <= step.degree as usize {
+                advance(step, &mut self.data, &self.weights, k, self.stride);
+            }
+        }
+    }
+
+    fn propagate_degrees(&mut self) {
+        let mut degree_at = vec![UNBOUNDED; self.data.len() / self.stride];
+        degree_at[..self.n_inputs].copy_from_slice(&self.degrees);
+        for step in &mut self.steps {
+            let (a, b) = (
+                degree_at[step.a / self.stride],
+                degree_at[step.b / self.stride],
+            );
+            if let (Kind::Mul, true) = (step.kind, a < b) {
+                std::mem::swap(&mut step.a, &mut step.b);
+            }
+            step.short = match step.kind {
+                Kind::Mul => a.min(b),
+                Kind::Div => b,
+                _ => a,
+            };
+            step.degree = match step.kind {
+                Kind::Constant => 0,
+                Kind::Neg | Kind::Scale | Kind::Offset | Kind::SubtractFrom => a,
+                Kind::Add | Kind::Sub | Kind::AddScaled => a.max(b),
+                Kind::Mul => a.saturating_add(b),
+                Kind::Square => a.saturating_mul(2),
+                Kind::Div if b == 0 => a,
+                Kind::Pow | Kind::Atan2 if a == 0 && b == 0 => 0,
+                Kind::Div | Kind::Pow | Kind::Atan2 => UNBOUNDED,
+                _ if a == 0 => 0,
+                _ => UNBOUNDED,
+            };
+            let first = step.out / self.stride;
+            degree_at[first..=first + step.kind.n_helpers()].fill(step.degree);
+        }
+    }
+}
+
+/// Order 0: the values themselves.
+fn start(step: &Step, data: &mut [f64], stride: usize) {
+    let (done, open) = data.split_at_mut(step.out);
+    let (a, b, c) = (done.get(step.a).copied(), done.get(step.b).copied(), step.c);
+    // Operands that an operation does not have point to row 0, which need not exist for a constant.
+    let (a, b) = (a.unwrap_or(0.0), b.unwrap_or(0.0));
+    let w = &mut open[0];
+    match step.kind {
+        Kind::Constant => *w = c,
+        Kind::Neg => *w = -a,
+        Kind::Scale => *w = c * a,
+        Kind::Offset => *w = c + a,
+        Kind::SubtractFrom => *w = c - a,
+        Kind::Add => *w = a + b,
+        Kind::Sub => *w = a - b,
+        Kind::AddScaled => *w = a + c * b,
+        Kind::Mul => *w = a * b,
+        Kind::Div => *w = a / b,
+        Kind::Recip => *w = 1.0 / a,
+        Kind::Square => *w = a * a,
+        Kind::Sqrt => *w = a.sqrt(),
+        Kind::Power => *w = a.powf(c),
+        Kind::Pow => {
+            *w = a.powf(b);
+            open[stride] = a.ln();
+            open[2 * stride] = b * open[stride];
+        }
+        Kind::Exp => *w = a.exp(),
+        Kind::Log => *w = a.ln(),
+        Kind::SinCos => (open[0], open[stride]) = (a.sin(), a.cos()),
+        Kind::SinhCosh => (open[0], open[stride]) = (a.sinh(), a.cosh()),
+        Kind::Tan => {
+            *w = a.tan();
+            open[stride] = 1.0 + open[0] * open[0];
+        }
+        Kind::Tanh => {
+            *w = a.tanh();
+            open[stride] = (1.0 - open[0]) * (1.0 + open[0]);
+        }
+        Kind::Asin | Kind::Acos => {
+            *w = if let Kind::Asin = step.kind {
+                a.asin()
+            } else {
+                a.acos()
+            };
+            open[stride] = ((1.0 - a) * (1.0 + a)).sqrt();
+        }
+        Kind::Atan => (open[0], open[stride]) = (a.atan(), 1.0 + a * a),
+        Kind::Atan2 => (open[0], open[stride]) = (a.atan2(b), a * a + b * b),
+    }
+}
+
+/// Order `k >= 1`.
+#[inline(always)]
+fn advance(step: &Step, data: &mut [f64], weights: &[f64], k: usize, stride: usize) {
+    let (done, open) = data.split_at_mut(step.out);
+    let (w, helpers) = open.split_at_mut(stride);
+    let (a, b, c) = (step.a, step.b, step.c);
+    let order = k as f64;
+    // A polynomial of degree d has only the coefficients 1..=d besides the first.
+    let d = k.min(step.short as usize);
+    let row = |start: usize| &done[start..=start + k];
+    // Σ j a_j v_{k-j} over j = 1..=k, for a row v that is known below k.
+    let chain = |v: &[f64]| convolve_weighted(&weights[1..=d], &done[a + 1..=a + d], &v[k - d..k]);
+    // Σ j w_j v_{k-j} over j = 1..k.
+    let inner = |w: &[f64], v: &[f64]| convolve_weighted(&weights[1..k], &w[1..k], &v[1..k]);
+    match step.kind {
+        Kind::Constant => {}
+        Kind::Neg => w[k] = -done[a + k],
+        Kind::Scale => w[k] = c * done[a + k],
+        Kind::Offset => w[k] = done[a + k],
+        Kind::SubtractFrom => w[k] = -done[a + k],
+        Kind::Add => w[k] = done[a + k] + done[b + k],
+        Kind::Sub => w[k] = done[a + k] - done[b + k],
+        Kind::AddScaled => w[k] = done[a + k] + c * done[b + k],
+        // w_k = Σ a_j b_{k-j}; b is the shorter one.
+        Kind::Mul => w[k] = convolve(&done[b..=b + d], &row(a)[k - d..]),
+        // w b = a:  w_k = (a_k - Σ_{j=1..k} b_j w_{k-j}) / b_0
+        Kind::Div => {
+            w[k] = (done[a + k] - convolve(&done[b + 1..=b + d], &w[k - d..k])) / done[b];
+        }
+        Kind::Recip => w[k] = -convolve(&done[a + 1..=a + d], &w[k - d..k]) / done[a],
+        Kind::Square => w[k] = square(row(a)),
+        // w² = a
+        Kind::Sqrt => w[k] = (done[a + k] - square(&w[1..k])) / (2.0 * w[0]),
+        // a w' = c w a':  k a_0 w_k = Σ_{j=1..k} (c j - (k - j)) a_j w_{k-j}
+        Kind::Power => {
+            let plain = convolve(&done[a + 1..=a + d], &w[k - d..k]);
+            w[k] = ((c + 1.0) * chain(w) / order - plain) / done[a];
+        }
+        // w = exp(b log a)
+        Kind::Pow => {
+            let (log, exponent) = helpers.split_at_mut(stride);
+            let (base, power) = (row(a), row(b));
+            log[k] = (base[k] - inner(log, base) / order) / base[0];
+            exponent[k] = convolve(power, &log[..=k]);
+            w[k] = convolve_weighted(&weights[1..=k], &exponent[1..=k], &w[..k]) / order;
+        }
+        // w' = w a'
+        Kind::Exp => w[k] = chain(w) / order,
+        // a w' = a'
+        Kind::Log => w[k] = (done[a + k] - inner(w, row(a)) / order) / done[a],
+        // s' = c a',  c' = -s a'
+        Kind::SinCos => {
+            (w[k], helpers[k]) = (chain(helpers) / order, -chain(w) / order);
+        }
+        Kind::SinhCosh => {
+            (w[k], helpers[k]) = (chain(helpers) / order, chain(w) / order);
+        }
+        // w' = q a',  q = 1 ± w²
+        Kind::Tan => {
+            w[k] = chain(helpers) / order;
+            helpers[k] = square(&w[..=k]);
+        }
+        Kind::Tanh => {
+            w[k] = chain(helpers) / order;
+            helpers[k] = -square(&w[..=k]);
+        }
+        // q w' = ± a',  q² = 1 - a²
+        Kind::Asin | Kind::Acos => {
+            let sign = if let Kind::Asin = step.kind {
+                1.0
+            } else {
+                -1.0
+            };
+            helpers[k] = (-square(row(a)) - square(&helpers[1..k])) / (2.0 * helpers[0]);
+            w[k] = (sign * done[a + k] - inner(w, helpers) / order) / helpers[0];
+        }
+        // q w' = a',  q = 1 + a²
+        Kind::Atan => {
+            helpers[k] = square(row(a));
+            w[k] = (done[a + k] - inner(w, helpers) / order) / helpers[0];
+        }
+        // q w' = b a' - a b',  q = a² + b²
+        Kind::Atan2 => {
+            let (y, x) = (row(a), row(b));
+            helpers[k] = square(y) + square(x);
+            let turn = convolve_weighted(&weights[1..=k], &y[1..], &x[..k])
+                - convolve_weighted(&weights[1..=k], &x[1..], &y[..k]);
+            w[k] = (turn - inner(w, helpers)) / order / helpers[0];
+        }
+    }
+}
+
+impl Kind {
+    fn of(op: Op) -> Self {
+        match op {
+            Op::Constant(_) => Self::Constant,
+            Op::Neg(_) => Self::Neg,
+            Op::Scale(..) => Self::Scale,
+            Op::Offset(..) => Self::Offset,
+            Op::SubtractFrom(..) => Self::SubtractFrom,
+            Op::Add(..) => Self::Add,
+            Op::Sub(..) => Self::Sub,
+            Op::AddScaled(..) => Self::AddScaled,
+            Op::Mul(..) => Self::Mul,
+            Op::Div(..) => Self::Div,
+            Op::Recip(_) => Self::Recip,
+            Op::Square(_) => Self::Square,
+            Op::Sqrt(_) => Self::Sqrt,
+            Op::Power(..) => Self::Power,
+            Op::Pow(..) => Self::Pow,
+            Op::Exp(_) => Self::Exp,
+            Op::Log(_) => Self::Log,
+            Op::SinCos(_) => Self::SinCos,
+            Op::SinhCosh(_) => Self::SinhCosh,
+            Op::Tan(_) => Self::Tan,
+            Op::Tanh(_) => Self::Tanh,
+            Op::Asin(_) => Self::Asin,
+            Op::Acos(_) => Self::Acos,
+            Op::Atan(_) => Self::Atan,
+            Op::Atan2(..) => Self::Atan2,
+        }
+    }
+
+    /// How many rows follow the first one.
+    fn n_helpers(self) -> usize {
+        match self {
+            Self::Pow => 2,
+            Self::SinCos | Self::SinhCosh | Self::Tan | Self::Tanh => 1,
+            Self::Asin | Self::Acos | Self::Atan | Self::Atan2 => 1,
+            _ => 0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// x'' = -x from (0, 1) gives the sine series.
+    #[test]
+    fn the_oscillator_gives_the_sine() {
+        let mut builder = Tape::builder(2);
+        let (x, v) = (builder.input(0), builder.input(1));
+        let force = builder.neg(x);
+        let tape = builder.finish(&[v, force]);
+        let mut jet = Jet::new(&tape, 20);
+        jet.set_input(1, 0, 1.0);
+        for k in 0..20 {
+            jet.advance(k);
+            for i in 0..2 {
+                jet.set_input(i, k + 1, jet.output(i, k) / (k + 1) as f64);
+            }
+        }
+        let at = |t: f64| {
+            jet.input_row(0)
+                .iter()
+                .rev()
+                .fold(0.0, |sum, c| sum * t + c)
+        };
+        assert!((at(1.0) - 1f64.sin()).abs() < 1e-15);
+    }
+}

@@ -1,0 +1,278 @@
+//! A tape: straight-line code for one function from numbers to numbers.
+//!
+//! A tape holds its code twice. The *values* form names every intermediate result once; Taylor arithmetic
+//! ([`Jet`]) needs them all. The *registers* form reuses places; plain and vectorised evaluation want few of them.
+//!
+//! Invariants:
+//! - an instruction reads values with smaller numbers than it defines, inputs being the first values;
+//! - no two instructions compute the same, and every instruction is needed by an output;
+//! - a domain error gives NaN or an infinity, never a panic;
+//! - no operation is fused: results do not depend on the processor.
+
+mod allocate;
+mod builder;
+mod jet;
+mod lanes;
+mod recurrence;
+
+use std::fmt;
+
+pub use builder::{TapeBuilder, Value};
+pub use jet::Jet;
+pub use lanes::{Lane, LaneScratch};
+
+/// The number of a value or of a register.
+pub(crate) type Slot = u32;
+
+/// The place of a result that nobody reads.
+const UNUSED: Slot = Slot::MAX;
+
+/// One operation; the operands are values or registers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Op {
+    Constant(f64),
+    Neg(Slot),
+    /// `c * a`.
+    Scale(f64, Slot),
+    /// `c + a`.
+    Offset(f64, Slot),
+    /// `c - a`.
+    SubtractFrom(f64, Slot),
+    Add(Slot, Slot),
+    Sub(Slot, Slot),
+    /// `a + c * b`.
+    AddScaled(Slot, f64, Slot),
+    Mul(Slot, Slot),
+    Div(Slot, Slot),
+    Recip(Slot),
+    Square(Slot),
+    Sqrt(Slot),
+    /// A constant power that is no integer.
+    Power(Slot, f64),
+    /// A variable power of a variable base.
+    Pow(Slot, Slot),
+    Exp(Slot),
+    Log(Slot),
+    /// Two results: sine, cosine.
+    SinCos(Slot),
+    /// Two results: hyperbolic sine, hyperbolic cosine.
+    SinhCosh(Slot),
+    Tan(Slot),
+    Tanh(Slot),
+    Asin(Slot),
+    Acos(Slot),
+    Atan(Slot),
+    /// `atan2(y, x)`.
+    Atan2(Slot, Slot),
+}
+
+/// An operation and the places of its results; only the pairs have a second one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Instruction {
+    op: Op,
+    out: Slot,
+    second: Slot,
+}
+
+/// A compiled function of `n_inputs` numbers with `n_outputs` values.
+#[derive(Clone, Debug)]
+pub struct Tape {
+    n_inputs: usize,
+    n_values: usize,
+    values: Vec<Instruction>,
+    outputs: Vec<Slot>,
+    n_registers: usize,
+    registers: Vec<Instruction>,
+    output_registers: Vec<Slot>,
+}
+
+/// The registers of one scalar evaluation.
+#[derive(Clone, Debug)]
+pub struct Scratch(Vec<f64>);
+
+impl Tape {
+    /// Starts a tape with this many inputs.
+    pub fn builder(n_inputs: usize) -> TapeBuilder {
+        TapeBuilder::new(n_inputs)
+    }
+
+    /// The number of inputs.
+    pub fn n_inputs(&self) -> usize {
+        self.n_inputs
+    }
+
+    /// The number of outputs.
+    pub fn n_outputs(&self) -> usize {
+        self.outputs.len()
+    }
+
+    /// The number of instructions.
+    pub fn len(&self) -> usize {
+        self.values.len()
+    }
+
+    /// Whether there is nothing to compute: every output is an input.
+    pub fn is_empty(&self) -> bool {
+        self.values.is_empty()
+    }
+
+    /// The number of registers that an evaluation needs.
+    pub fn n_registers(&self) -> usize {
+        self.n_registers
+    }
+
+    /// Memory for [`Tape::eval`].
+    pub fn scratch(&self) -> Scratch {
+        Scratch(vec![0.0; self.n_registers])
+    }
+
+    /// Evaluates at one point, without allocation.
+    pub fn eval(&self, inputs: &[f64], outputs: &mut [f64], scratch: &mut Scratch) {
+        self.eval_lanes(inputs, outputs, &mut scratch.0);
+    }
+
+    /// Evaluates at as many points as a lane holds; `registers` has [`Tape::n_registers`] entries.
+    pub fn eval_lanes<L: Lane>(&self, inputs: &[L], outputs: &mut [L], registers: &mut [L]) {
+        assert_eq!(
+            outputs.len(),
+            self.outputs.len(),
+            "one place per output of the tape"
+        );
+        registers[..self.n_inputs].copy_from_slice(inputs);
+        self.run(registers);
+        for (output, &register) in outputs.iter_mut().zip(&self.output_registers) {
+            *output = registers[register as usize];
+        }
+    }
+
+    fn run<L: Lane>(&self, r: &mut [L]) {
+        for &Instruction { op, out, second } in &self.registers {
+            let at = |slot: Slot| r[slot as usize];
+            let result = match op {
+                Op::Constant(c) => L::splat(c),
+                Op::Neg(a) => -at(a),
+                Op::Scale(c, a) => L::splat(c) * at(a),
+                Op::Offset(c, a) => L::splat(c) + at(a),
+                Op::SubtractFrom(c, a) => L::splat(c) - at(a),
+                Op::Add(a, b) => at(a) + at(b),
+                Op::Sub(a, b) => at(a) - at(b),
+                Op::AddScaled(a, c, b) => at(a) + L::splat(c) * at(b),
+                Op::Mul(a, b) => at(a) * at(b),
+                Op::Div(a, b) => at(a) / at(b),
+                Op::Recip(a) => L::splat(1.0) / at(a),
+                Op::Square(a) => at(a) * at(a),
+                Op::Sqrt(a) => at(a).sqrt(),
+                Op::Power(a, c) => at(a).pow(L::splat(c)),
+                Op::Pow(a, b) => at(a).pow(at(b)),
+                Op::Exp(a) => at(a).exp(),
+                Op::Log(a) => at(a).log(),
+                Op::SinCos(a) | Op::SinhCosh(a) => {
+                    let circular = matches!(op, Op::SinCos(_));
+                    let pair = if circular {
+                        at(a).sin_cos()
+                    } else {
+                        at(a).sinh_cosh()
+                    };
+                    if second != UNUSED {
+                        r[second as usize] = pair.1;
+                    }
+                    if out == UNUSED {
+                        continue;
+                    }
+                    pair.0
+                }
+                Op::Tan(a) => at(a).tan(),
+                Op::Tanh(a) => at(a).tanh(),
+                Op::Asin(a) => at(a).asin(),
+                Op::Acos(a) => at(a).acos(),
+                Op::Atan(a) => at(a).atan(),
+                Op::Atan2(y, x) => at(y).atan2(at(x)),
+            };
+            r[out as usize] = result;
+        }
+    }
+}
+
+impl Op {
+    /// The same operation on other operands.
+    fn map(self, f: impl Fn(Slot) -> Slot) -> Self {
+        match self {
+            Self::Constant(c) => Self::Constant(c),
+            Self::Neg(a) => Self::Neg(f(a)),
+            Self::Scale(c, a) => Self::Scale(c, f(a)),
+            Self::Offset(c, a) => Self::Offset(c, f(a)),
+            Self::SubtractFrom(c, a) => Self::SubtractFrom(c, f(a)),
+            Self::Add(a, b) => Self::Add(f(a), f(b)),
+            Self::Sub(a, b) => Self::Sub(f(a), f(b)),
+            Self::AddScaled(a, c, b) => Self::AddScaled(f(a), c, f(b)),
+            Self::Mul(a, b) => Self::Mul(f(a), f(b)),
+            Self::Div(a, b) => Self::Div(f(a), f(b)),
+            Self::Recip(a) => Self::Recip(f(a)),
+            Self::Square(a) => Self::Square(f(a)),
+            Self::Sqrt(a) => Self::Sqrt(f(a)),
+            Self::Power(a, c) => Self::Power(f(a), c),
+            Self::Pow(a, b) => Self::Pow(f(a), f(b)),
+            Self::Exp(a) => Self::Exp(f(a)),
+            Self::Log(a) => Self::Log(f(a)),
+            Self::SinCos(a) => Self::SinCos(f(a)),
+            Self::SinhCosh(a) => Self::SinhCosh(f(a)),
+            Self::Tan(a) => Self::Tan(f(a)),
+            Self::Tanh(a) => Self::Tanh(f(a)),
+            Self::Asin(a) => Self::Asin(f(a)),
+            Self::Acos(a) => Self::Acos(f(a)),
+            Self::Atan(a) => Self::Atan(f(a)),
+            Self::Atan2(y, x) => Self::Atan2(f(y), f(x)),
+        }
+    }
+
+    /// The operands and the number, `UNUSED` and 0 where there is none.
+    fn parts(self) -> ([Slot; 2], f64) {
+        match self {
+            Self::Constant(c) => ([UNUSED, UNUSED], c),
+            Self::Scale(c, a) | Self::Offset(c, a) | Self::SubtractFrom(c, a) => ([a, UNUSED], c),
+            Self::Power(a, c) => ([a, UNUSED], c),
+            Self::AddScaled(a, c, b) => ([a, b], c),
+            Self::Add(a, b)
+            | Self::Sub(a, b)
+            | Self::Mul(a, b)
+            | Self::Div(a, b)
+            | Self::Pow(a, b)
+            | Self::Atan2(a, b) => ([a, b], 0.0),
+            Self::Neg(a)
+            | Self::Recip(a)
+            | Self::Square(a)
+            | Self::Sqrt(a)
+            | Self::Exp(a)
+            | Self::Log(a)
+            | Self::SinCos(a)
+            | Self::SinhCosh(a)
+            | Self::Tan(a)
+            | Self::Tanh(a)
+            | Self::Asin(a)
+            | Self::Acos(a)
+            | Self::Atan(a) => ([a, UNUSED], 0.0),
+        }
+    }
+
+    fn operands(self) -> impl Iterator<Item = Slot> {
+        self.parts().0.into_iter().filter(|&slot| slot != UNUSED)
+    }
+}
+
+/// One instruction per line, in values: `v2 = Add(0, 1)`.
+impl fmt::Display for Tape {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for Instruction { op, out, second } in &self.values {
+            match *second {
+                UNUSED => writeln!(f, "v{out} = {op:?}")?,
+                _ => writeln!(f, "v{out}, v{second} = {op:?}")?,
+            }
+        }
+        let outputs: Vec<String> = self
+            .outputs
+            .iter()
+            .map(|value| format!("v{value}"))
+            .collect();
+        writeln!(f, "return {}", outputs.join(", "))
+    }
+}
