@@ -1,6 +1,8 @@
 //! Compiler for `.nsd`.
 
+pub mod cli;
 pub mod diagnostics;
+pub mod explain;
 pub mod expr;
 pub mod report;
 pub mod source;
