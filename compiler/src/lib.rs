@@ -4,6 +4,7 @@ pub mod cli;
 pub mod diagnostics;
 pub mod explain;
 pub mod expr;
+pub mod model;
 pub mod report;
 pub mod source;
 pub mod syntax;

@@ -1,6 +1,3 @@
 //! Numbers in, numbers out.
 
-pub mod lcp;
-pub mod linalg;
-pub mod simulate;
 pub mod tape;

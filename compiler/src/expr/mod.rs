@@ -25,6 +25,7 @@ use std::hash::{Hash, Hasher};
 use arena::{Arena, Data, Id};
 
 pub use compile::{CompileError, compile};
+pub use derivative::{SparseJacobian, gradient, hessian, jacobian};
 pub use function::{BinaryFunction, Function};
 pub use operators::{dot, sum};
 pub use rewrite::{Substitution, rewrite, rewrite_all, variables_of};

@@ -1,0 +1,172 @@
+//! The arguments of each command.
+
+use std::path::PathBuf;
+
+use clap::{Args as Arguments, Parser, Subcommand, ValueEnum};
+
+/// Compiler for .nsd: nonsmooth dynamical systems as they stand in a paper
+#[derive(Debug, Parser)]
+#[command(name = "nsdc", version, max_term_width = 100)]
+#[command(
+    after_help = "Exit status: 0 all well, 1 the model or the input is wrong, \
+    2 the numerics failed or an expectation was missed, 64 wrong usage."
+)]
+pub struct Args {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Check models and experiments, and print what is wrong with them
+    Check {
+        /// Files to check; `-` is standard input
+        #[arg(required = true, value_name = "FILE")]
+        files: Vec<PathBuf>,
+    },
+    /// Print what the compiler makes of a model
+    Emit(EmitArgs),
+    /// Run experiments and report what came out
+    Run(RunArgs),
+    /// Run every `expect` of files and folders
+    Test(TestArgs),
+    /// Lay files out in the standard way
+    Fmt {
+        /// Files to format; `-` formats standard input to standard output
+        #[arg(required = true, value_name = "FILE")]
+        files: Vec<PathBuf>,
+        /// Change nothing; fail if something would change
+        #[arg(long)]
+        check: bool,
+    },
+    /// Explain a diagnostic by its code, or list all codes
+    Explain {
+        /// The code, such as E0203
+        code: Option<String>,
+    },
+}
+
+/// Arguments of `emit`.
+#[derive(Debug, Arguments)]
+pub struct EmitArgs {
+    /// The file; `-` is standard input
+    pub file: PathBuf,
+    /// The experiment; all of the file without it
+    pub experiment: Option<String>,
+    /// What to print
+    #[arg(long, value_enum)]
+    pub ir: Ir,
+    /// How switches are lowered, instead of what the experiment says
+    #[arg(long, value_enum)]
+    pub lower: Option<Lower>,
+    /// Override a parameter, initial value or input of the experiment
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    pub set: Vec<String>,
+}
+
+/// The forms that `emit` knows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Ir {
+    /// Abstract syntax
+    Ast,
+    /// The model, names resolved and shapes known
+    Model,
+    /// The piecewise smooth system of an experiment, switches explicit
+    System,
+    /// The dynamic complementarity system
+    Dcs,
+    /// The discretized system with switch detection
+    Fesd,
+    /// The mathematical program with complementarity constraints
+    Mpcc,
+    /// An AMPL .nl file
+    Nl,
+    /// The dynamic complementarity system as LaTeX
+    Tex,
+    /// Which switches act on which states, as a Graphviz graph
+    Dot,
+}
+
+/// Lowerings of switches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Lower {
+    /// One multiplier per region
+    Stewart,
+    /// One multiplier per switch
+    Step,
+}
+
+impl Lower {
+    /// The word of the language.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Lower::Stewart => "stewart",
+            Lower::Step => "step",
+        }
+    }
+}
+
+/// Arguments of `run`.
+#[derive(Debug, Arguments)]
+pub struct RunArgs {
+    /// The file; `-` is standard input
+    pub file: PathBuf,
+    /// The experiment; all of the file without it
+    pub experiment: Option<String>,
+    /// Write results as JSON, one object per line; `-` is standard output
+    #[arg(long, value_name = "PATH")]
+    pub json: Option<PathBuf>,
+    /// Write values over time as CSV; `-` is standard output
+    #[arg(long, value_name = "PATH")]
+    pub csv: Option<PathBuf>,
+    /// Draw states, outputs, modes and events as SVG; `-` is standard output
+    #[arg(long, value_name = "PATH.svg")]
+    pub plot: Option<PathBuf>,
+    /// Override a parameter, initial value or input
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    pub set: Vec<String>,
+    /// Use this method instead of the experiment's
+    #[arg(long, value_name = "NAME")]
+    pub method: Option<String>,
+    /// Stop solving an experiment after so many seconds
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    pub time_limit: Option<f64>,
+    /// Say where the time went
+    #[arg(long)]
+    pub time: bool,
+}
+
+/// Arguments of `test`.
+#[derive(Debug, Arguments)]
+pub struct TestArgs {
+    /// Files, and folders with all .nsd files below them
+    #[arg(required = true, value_name = "PATH")]
+    pub paths: Vec<PathBuf>,
+    /// Write goldens instead of comparing with them
+    #[arg(long)]
+    pub accept: bool,
+    /// Stop solving an experiment after so many seconds
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    pub time_limit: Option<f64>,
+}
+
+/// A positive, finite number of seconds.
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(seconds) if f64::is_finite(seconds) && seconds > 0.0 => Ok(seconds),
+        _ => Err("expected a positive number of seconds".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Args;
+
+    #[test]
+    fn the_arguments_are_consistent() {
+        use clap::CommandFactory;
+        Args::command().debug_assert();
+    }
+}

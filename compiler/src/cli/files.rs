@@ -1,0 +1,147 @@
+//! Reading and writing files, with errors that name them.
+
+use std::fs;
+use std::io::{self, Read, Write};
+use std::path::{Path, PathBuf};
+
+use super::Streams;
+
+/// Extension of model files.
+const EXTENSION: &str = "nsd";
+/// Folders below a folder before a walk gives up; a cycle of links would never end.
+const MAX_DEPTH: usize = 64;
+
+/// A file that could not be read or written.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot {action} `{name}`: {reason}")]
+pub struct FileError {
+    action: &'static str,
+    name: String,
+    reason: String,
+}
+
+impl FileError {
+    fn new(action: &'static str, path: &Path, error: &io::Error) -> Self {
+        let reason = match error.kind() {
+            io::ErrorKind::NotFound => "there is no such file or folder".into(),
+            io::ErrorKind::PermissionDenied => "permission denied".into(),
+            io::ErrorKind::IsADirectory => "it is a folder".into(),
+            _ => error.to_string(),
+        };
+        FileError {
+            action,
+            name: path.display().to_string(),
+            reason,
+        }
+    }
+}
+
+/// Whether a path stands for standard input or output.
+pub fn is_standard(path: &Path) -> bool {
+    path.as_os_str() == "-"
+}
+
+/// The name of a file in diagnostics.
+pub fn display_name(path: &Path) -> String {
+    match is_standard(path) {
+        true => "<standard input>".into(),
+        false => path.display().to_string(),
+    }
+}
+
+/// The bytes of a file, or of standard input for `-`; at most one more than `limit` of them.
+pub fn read(path: &Path, limit: usize) -> Result<Vec<u8>, FileError> {
+    let limited = |source: &mut dyn Read| {
+        let mut bytes = Vec::new();
+        source.take(limit as u64 + 1).read_to_end(&mut bytes)?;
+        Ok(bytes)
+    };
+    let result = match is_standard(path) {
+        true => limited(&mut io::stdin().lock()),
+        false => fs::File::open(path).and_then(|mut file| limited(&mut file)),
+    };
+    result.map_err(|error| FileError::new("read", path, &error))
+}
+
+/// The text of a file that may be missing.
+pub fn read_if_present(path: &Path) -> Result<Option<String>, FileError> {
+    match fs::read_to_string(path) {
+        Ok(text) => Ok(Some(text)),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(FileError::new("read", path, &error)),
+    }
+}
+
+/// Replaces a file.
+pub fn write(path: &Path, text: &str) -> Result<(), FileError> {
+    fs::write(path, text).map_err(|error| FileError::new("write", path, &error))
+}
+
+/// Files named one by one, and all model files below folders, in order of their names.
+pub fn find(paths: &[PathBuf]) -> Result<Vec<PathBuf>, FileError> {
+    let mut found = Vec::new();
+    for path in paths {
+        let is_folder = !is_standard(path) && path.is_dir();
+        if !is_folder {
+            found.push(path.clone());
+            continue;
+        }
+        let mut folders = vec![(path.clone(), 0)];
+        let mut files = Vec::new();
+        while let Some((folder, depth)) = folders.pop() {
+            let error = |error: io::Error| FileError::new("read", &folder, &error);
+            for entry in fs::read_dir(&folder).map_err(error)? {
+                let path = entry.map_err(error)?.path();
+                if path.is_dir() {
+                    if depth < MAX_DEPTH {
+                        folders.push((path, depth + 1));
+                    }
+                } else if path
+                    .extension()
+                    .is_some_and(|extension| extension == EXTENSION)
+                {
+                    files.push(path);
+                }
+            }
+        }
+        files.sort();
+        found.append(&mut files);
+    }
+    Ok(found)
+}
+
+/// Where results go: standard output or a file that is written as a whole at the end.
+pub struct Sink {
+    path: PathBuf,
+    text: String,
+}
+
+impl Sink {
+    /// A sink for a path, `-` for standard output.
+    pub fn new(path: &Path) -> Self {
+        Sink {
+            path: path.to_owned(),
+            text: String::new(),
+        }
+    }
+
+    /// Adds text.
+    pub fn push(&mut self, text: &str) {
+        self.text.push_str(text);
+    }
+
+    /// Writes everything; problems with the file are told on the error stream.
+    pub fn finish(self, streams: &mut Streams<'_>) -> io::Result<bool> {
+        if is_standard(&self.path) {
+            streams.out.write_all(self.text.as_bytes())?;
+            return Ok(true);
+        }
+        match write(&self.path, &self.text) {
+            Ok(()) => Ok(true),
+            Err(error) => {
+                writeln!(streams.err, "error: {error}")?;
+                Ok(false)
+            }
+        }
+    }
+}

@@ -1,0 +1,81 @@
+//! The command line: arguments, files and what is printed where.
+//!
+//! Results go to standard output, everything else to standard error. Nothing
+//! but this folder and `main.rs` reads, writes or prints.
+
+mod args;
+mod explain;
+mod files;
+
+use std::ffi::OsString;
+use std::io::{self, Write};
+
+use clap::Parser;
+
+use self::args::{Args, Command};
+
+/// How a command ended; the number is the exit status.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Exit {
+    /// All well.
+    Success = 0,
+    /// The model or the input is wrong.
+    Wrong = 1,
+    /// The numerics failed, or an expectation was missed.
+    Failed = 2,
+    /// Wrong usage of the command line.
+    Usage = 64,
+}
+
+/// Where a command prints.
+pub struct Streams<'a> {
+    /// Results.
+    pub out: &'a mut dyn Write,
+    /// Diagnostics.
+    pub err: &'a mut dyn Write,
+    /// Whether diagnostics are coloured.
+    pub colour: bool,
+    /// Columns of the terminal.
+    pub width: usize,
+}
+
+/// Runs the command line `args`, the name of the program first.
+///
+/// A reader of the output that stops reading is no mistake of ours.
+pub fn run(args: impl IntoIterator<Item = OsString>, streams: &mut Streams<'_>) -> Exit {
+    let result = match Args::try_parse_from(args) {
+        Ok(args) => dispatch(args, streams),
+        Err(error) => usage(&error, streams),
+    };
+    match result.and_then(|exit| streams.out.flush().map(|()| exit)) {
+        Ok(exit) => exit,
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Exit::Success,
+        Err(error) => {
+            let _ = writeln!(streams.err, "error: cannot write the result: {error}");
+            Exit::Wrong
+        }
+    }
+}
+
+fn dispatch(args: Args, streams: &mut Streams<'_>) -> io::Result<Exit> {
+    match args.command {
+        Command::Explain { code } => explain::run(code.as_deref(), streams),
+        _ => Ok(Exit::Usage),
+    }
+}
+
+/// Help is a result; anything else that clap says is a wrong usage.
+fn usage(error: &clap::Error, streams: &mut Streams<'_>) -> io::Result<Exit> {
+    use clap::error::ErrorKind::{DisplayHelp, DisplayVersion};
+    let text = error.render();
+    match error.kind() {
+        DisplayHelp | DisplayVersion => {
+            write!(streams.out, "{text}")?;
+            Ok(Exit::Success)
+        }
+        _ => {
+            write!(streams.err, "{text}")?;
+            Ok(Exit::Usage)
+        }
+    }
+}

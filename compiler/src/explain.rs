@@ -1,0 +1,70 @@
+//! The pages of `nsdc explain`: one for each code of a diagnostic.
+//!
+//! A page is a Markdown file `explain/E0203.md`: the title `# E0203: ...`, some
+//! prose, and two complete files, fenced as `nsd wrong` and `nsd right`.
+
+/// Codes and pages, in the order of the codes.
+pub static PAGES: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/pages.rs"));
+
+/// The page of a code, in upper or lower case.
+pub fn page(code: &str) -> Option<&'static str> {
+    let found = PAGES
+        .iter()
+        .find(|(known, _)| known.eq_ignore_ascii_case(code));
+    found.map(|(_, page)| *page)
+}
+
+/// The title of a page without its code.
+pub fn title(page: &str) -> &str {
+    let first = page.lines().next().unwrap_or_default();
+    first.split_once(": ").map_or(first, |(_, title)| title)
+}
+
+/// The code closest to one that does not exist.
+pub fn closest(code: &str) -> Option<&'static str> {
+    let code = code.to_uppercase();
+    let distance = |known: &str| strsim::damerau_levenshtein(known, &code);
+    let best = PAGES
+        .iter()
+        .map(|(known, _)| *known)
+        .min_by_key(|known| distance(known))?;
+    (distance(best) <= 2).then_some(best)
+}
+
+/// The contents of the fences whose info string is `nsd` and `word`.
+pub fn examples<'p>(page: &'p str, word: &str) -> Vec<&'p str> {
+    let opening = format!("```nsd {word}\n");
+    let fences = page.split(&opening).skip(1);
+    fences.filter_map(|rest| rest.split("```").next()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{PAGES, examples, page, title};
+
+    #[test]
+    fn every_page_has_a_title_and_two_examples() {
+        for (code, page) in PAGES {
+            let heading = format!("# {code}: ");
+            assert!(
+                page.starts_with(&heading),
+                "{code} does not start with its title"
+            );
+            for word in ["wrong", "right"] {
+                assert!(
+                    !examples(page, word).is_empty(),
+                    "{code} has no {word} example"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn parts_of_a_page_are_found() {
+        let text = "# E0000: a title\n\nProse.\n\n```nsd wrong\nmodel a\n```\n```nsd right\nmodel b { }\n```\n";
+        assert_eq!(title(text), "a title");
+        assert_eq!(examples(text, "wrong"), ["model a\n"]);
+        assert_eq!(examples(text, "right"), ["model b { }\n"]);
+        assert!(page("E9999").is_none());
+    }
+}

@@ -1,0 +1,189 @@
+//! Comparisons as switching functions, and small questions about expressions.
+
+use super::lower::Lowering;
+use super::scope::{Reported, Value};
+use super::{ModelError, Shape, Surface, Tensor};
+use crate::expr::{Expr, Function, Node, Var, rewrite, variables_of};
+use crate::syntax::{self, ExprKind, Relation};
+
+/// `0` as written.
+pub(super) fn is_zero_literal(expr: &syntax::Expr) -> bool {
+    matches!(expr.kind, ExprKind::Number(0.0))
+}
+
+/// The name of a variable of some expressions, in backticks.
+pub(super) fn first_variable(entries: &[Expr<'_>]) -> Option<String> {
+    let exprs = entries.first()?.exprs();
+    variables_of(entries)
+        .first()
+        .map(|&var| format!("`{}`", exprs.name(var)))
+}
+
+/// What to do about a value of another shape.
+pub(super) fn shape_help(expected: Shape, found: Shape) -> Option<String> {
+    match (expected, found) {
+        (Shape::Scalar, Shape::Vector(n)) => Some(format!(
+            "declare the size in brackets, as in `x[{n}]`, or take one entry"
+        )),
+        (Shape::Scalar, Shape::Matrix(m, n)) => Some(format!(
+            "declare the size in brackets, as in `A[{m},{n}]`, or take one entry"
+        )),
+        (Shape::Vector(n), Shape::Matrix(1, m)) if n == m => Some("transpose the row".to_owned()),
+        _ => None,
+    }
+}
+
+impl<'e> Lowering<'_, 'e> {
+    /// `a < b < c`
+    pub fn compare(
+        &mut self,
+        first: &syntax::Expr,
+        rest: &[(Relation, syntax::Expr)],
+    ) -> Result<Value<'e>, Reported> {
+        let mut truth: Option<Expr<'e>> = None;
+        let mut left = (first, self.scalar(first, "a side of a comparison"));
+        for (relation, member) in rest {
+            let right = self.scalar(member, "a side of a comparison");
+            let one = self.relation((left.0, left.1?), *relation, (member, right?))?;
+            truth = Some(truth.map_or(one, |truth| truth * one));
+            left = (member, right);
+        }
+        Ok(Value::condition(
+            truth.unwrap_or_else(|| self.constant(1.0)),
+        ))
+    }
+
+    /// `a > b` is `step(a - b)`, `a < b` is `1 - step(a - b)`.
+    fn relation(
+        &mut self,
+        (left, a): (&syntax::Expr, Expr<'e>),
+        relation: Relation,
+        (right, b): (&syntax::Expr, Expr<'e>),
+    ) -> Result<Expr<'e>, Reported> {
+        let above = matches!(relation, Relation::Greater | Relation::GreaterEqual);
+        let difference = a - b;
+        if let Some(value) = difference.as_constant() {
+            let holds = match relation {
+                Relation::Less => value < 0.0,
+                Relation::LessEqual => value <= 0.0,
+                Relation::Greater => value > 0.0,
+                Relation::GreaterEqual => value >= 0.0,
+                Relation::Equal => value == 0.0,
+            };
+            if self.in_guard {
+                let span = left.span.to(right.span);
+                return self.error(ModelError::ConstantComparison { value: holds, span });
+            }
+            return Ok(self.constant(if holds { 1.0 } else { 0.0 }));
+        }
+        // With 0 on the left, the surface is the right side.
+        let (psi, name, above) = if is_zero_literal(left) {
+            (b, self.text(right), !above)
+        } else if is_zero_literal(right) {
+            (a, self.text(left), above)
+        } else {
+            (
+                difference,
+                format!("{} - {}", self.sum_text(left), self.operand_text(right)),
+                above,
+            )
+        };
+        self.surfaces.push(Surface {
+            name,
+            psi,
+            span: left.span.to(right.span),
+        });
+        Ok(if above { psi.step() } else { 1.0 - psi.step() })
+    }
+
+    /// Remembers how the switching functions in the argument of `sign` and the like are written.
+    pub fn record_surfaces(&mut self, arg: &syntax::Expr, value: &Tensor<'e>) {
+        for (position, &psi) in value.data.iter().enumerate() {
+            if psi.as_constant().is_some() {
+                continue;
+            }
+            let name = match (value.shape, &arg.kind) {
+                (Shape::Scalar, _) => self.text(arg),
+                (_, ExprKind::Matrix(matrix))
+                    if !matrix.semicolons
+                        && matrix.rows.iter().flatten().count() == value.data.len() =>
+                {
+                    matrix
+                        .rows
+                        .iter()
+                        .flatten()
+                        .nth(position)
+                        .map(|entry| self.text(entry))
+                        .unwrap_or_default()
+                }
+                (shape, _) => shape.entry_name(&self.atom_text(arg), position),
+            };
+            self.surfaces.push(Surface {
+                name,
+                psi,
+                span: arg.span,
+            });
+        }
+    }
+}
+
+/// True for a condition that holds on no side of the surfaces in it.
+///
+/// It is tried on all sides of up to ten surfaces; with more the answer is no.
+pub(super) fn corners_are_empty(condition: Expr<'_>) -> bool {
+    let exprs = condition.exprs();
+    let mut sides: Vec<(Expr<'_>, Expr<'_>)> = vec![];
+    let of_sides = rewrite(condition, &mut |node| match node.node() {
+        Node::Unary(Function::Step, psi) => {
+            let (scale, surface) = psi.split_scale();
+            let known = sides
+                .iter()
+                .find(|(other, _)| *other == surface)
+                .map(|&(_, side)| side);
+            let side = known.unwrap_or_else(|| {
+                let side = exprs.variable("side");
+                sides.push((surface, side));
+                side
+            });
+            if scale > 0.0 { side } else { 1.0 - side }
+        }
+        _ => node,
+    });
+    let vars: Vec<_> = sides
+        .iter()
+        .filter_map(|(_, side)| side.as_variable())
+        .collect();
+    let others = variables_of(&[of_sides])
+        .iter()
+        .any(|var| !vars.contains(var));
+    if vars.len() > 10 || others {
+        return false;
+    }
+    (0..1_usize << vars.len()).all(|corner| {
+        let value = of_sides.eval(&|var| {
+            let position = vars
+                .iter()
+                .position(|&other| other == var)
+                .unwrap_or_default();
+            ((corner >> position) & 1) as f64
+        });
+        value.abs() < 0.5
+    })
+}
+
+/// True for an expression that is zero wherever its variables are.
+pub(super) fn vanishes(expr: Expr<'_>) -> bool {
+    if expr.is_zero() {
+        return true;
+    }
+    if expr.as_constant().is_some() {
+        return expr.as_constant().is_some_and(|value| value.abs() < 1e-12);
+    }
+    // What the canonical form does not cancel is tried at points without special relations.
+    (1..=5).all(|point| {
+        let at = |var: Var| {
+            0.3 + 0.618 * (point as f64) + 0.7 * ((var.index() * point) as f64 * 1.7).sin()
+        };
+        expr.eval(&at).abs() < 1e-9
+    })
+}

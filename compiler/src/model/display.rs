@@ -1,0 +1,165 @@
+//! A model as text: one declaration or equation per line.
+
+use std::fmt;
+
+use super::{Model, Named, Quantity, Rate, Shape, SwitchKind, Tensor};
+use crate::expr::Expr;
+use crate::syntax::Sliding;
+
+impl fmt::Display for Model<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "model {}", self.name)?;
+        let quantities = [
+            ("param", &self.params),
+            ("state", &self.states),
+            ("control", &self.controls),
+            ("input", &self.inputs),
+        ];
+        for (word, list) in quantities {
+            for quantity in list {
+                write_quantity(f, word, quantity)?;
+            }
+        }
+        for (word, list) in [("signal", &self.signals), ("let", &self.lets)] {
+            write_named(f, word, list)?;
+        }
+        for switch in &self.switches {
+            let function = if switch.kind == SwitchKind::Sign {
+                "sign"
+            } else {
+                "step"
+            };
+            let psi = Tensor {
+                shape: switch.shape,
+                data: switch.psi.clone(),
+            };
+            let sliding = match switch.sliding {
+                Some(Sliding::Linear) => " sliding linear",
+                Some(Sliding::Nonlinear) => " sliding nonlinear",
+                None => "",
+            };
+            writeln!(f, "switch {} = {function}({psi}){sliding}", switch.name)?;
+        }
+        self.write_rates(f, "", &self.dynamics)?;
+        for region in &self.regions {
+            let word = if region.is_else { "else " } else { "" };
+            writeln!(f, "region {} {word}{}", region.name, region.guard)?;
+            self.write_rates(f, "  ", &region.rates)?;
+        }
+        for hidden in &self.hidden {
+            writeln!(f, "hidden on {}", self.switches[hidden.switch].name)?;
+            self.write_rates(f, "  ", &hidden.rates)?;
+        }
+        write_named(f, "output", &self.outputs)
+    }
+}
+
+impl Model<'_> {
+    fn write_rates(
+        &self,
+        f: &mut fmt::Formatter<'_>,
+        indent: &str,
+        rates: &[Rate<'_>],
+    ) -> fmt::Result {
+        for rate in rates {
+            let sign = if rate.adds { "+=" } else { "=" };
+            writeln!(
+                f,
+                "{indent}{}' {sign} {}",
+                self.entry_name(rate.entry),
+                rate.value
+            )?;
+        }
+        Ok(())
+    }
+}
+
+fn write_quantity(f: &mut fmt::Formatter<'_>, word: &str, quantity: &Quantity<'_>) -> fmt::Result {
+    let sizes = quantity
+        .shape
+        .sizes()
+        .iter()
+        .map(usize::to_string)
+        .collect::<Vec<_>>();
+    write!(f, "{word} {}", quantity.name)?;
+    if !sizes.is_empty() {
+        write!(f, "[{}]", sizes.join(","))?;
+    }
+    if let Some((lower, upper)) = &quantity.bounds {
+        write!(f, " in [{}, {}]", uniform(lower), uniform(upper))?;
+    }
+    match &quantity.value {
+        Some(value) => writeln!(f, " = {value}"),
+        None => writeln!(f),
+    }
+}
+
+/// A repeated entry once.
+fn uniform(tensor: &Tensor<'_>) -> String {
+    match tensor.data.split_first() {
+        Some((first, rest)) if rest.iter().all(|other| other == first) => first.to_string(),
+        _ => tensor.to_string(),
+    }
+}
+
+fn write_named(f: &mut fmt::Formatter<'_>, word: &str, list: &[Named<'_>]) -> fmt::Result {
+    list.iter()
+        .try_for_each(|named| writeln!(f, "{word} {} = {}", named.name, named.value))
+}
+
+impl fmt::Display for Tensor<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let list = |entries: &[Expr<'_>]| {
+            entries
+                .iter()
+                .map(Expr::to_string)
+                .collect::<Vec<_>>()
+                .join(", ")
+        };
+        match self.shape {
+            Shape::Scalar => write!(f, "{}", list(&self.data)),
+            Shape::Vector(_) => write!(f, "[{}]", list(&self.data)),
+            Shape::Matrix(1, _) => write!(f, "[{};]", list(&self.data)),
+            Shape::Matrix(_, columns) => {
+                let rows: Vec<String> = self.data.chunks(columns.max(1)).map(list).collect();
+                write!(f, "[{}]", rows.join("; "))
+            }
+        }
+    }
+}
+
+/// Checks the invariants of a model that its types do not.
+pub(super) fn verify(model: &Model<'_>) -> Result<(), String> {
+    let quantities = model
+        .params
+        .iter()
+        .chain(&model.states)
+        .chain(&model.controls)
+        .chain(&model.inputs);
+    let mut seen = rustc_hash::FxHashSet::default();
+    for quantity in quantities {
+        if quantity.vars.len() != quantity.shape.len() {
+            return Err(format!("`{}` has the entries of its shape", quantity.name));
+        }
+        if !quantity
+            .vars
+            .iter()
+            .all(|&var| var.as_variable().is_some() && seen.insert(var))
+        {
+            return Err(format!(
+                "the entries of `{}` are variables of their own",
+                quantity.name
+            ));
+        }
+    }
+    let mut regions = rustc_hash::FxHashSet::default();
+    if !model
+        .partitions
+        .iter()
+        .flat_map(|partition| &partition.regions)
+        .all(|region| regions.insert(*region))
+    {
+        return Err("a region stands in one partition".to_owned());
+    }
+    Ok(())
+}

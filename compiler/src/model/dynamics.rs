@@ -1,0 +1,328 @@
+//! Who sets what: dynamics, regions and hidden terms, entry by entry.
+
+use rustc_hash::FxHashSet;
+
+use super::lower::Lowering;
+use super::names::local_lets;
+use super::scope::{Meaning, Reported};
+use super::{Hidden, Model, ModelError, Rate, Region, TargetKind, target};
+use crate::source::Span;
+use crate::syntax::{self, For, RegionGuard, Stmt};
+
+/// What a walk over the statements of a model has found.
+pub(super) struct Walk<'e> {
+    /// First entry of every state.
+    offsets: Vec<usize>,
+    switches: Vec<super::NamedSwitch<'e>>,
+    /// Indices of the loops around, as in `R[1,2]`.
+    indices: Vec<i64>,
+    pub dynamics: Vec<Rate<'e>>,
+    pub regions: Vec<Region<'e>>,
+    pub hidden: Vec<Hidden<'e>>,
+    /// States with a statement that is wrong: whether they are set is unknown.
+    pub touched: FxHashSet<String>,
+}
+
+/// Where a rate goes.
+enum Sink<'s, 'e> {
+    Outside,
+    Region(&'s mut Vec<Rate<'e>>),
+    Hidden(&'s mut Vec<Rate<'e>>),
+}
+
+impl<'e> Walk<'e> {
+    pub fn new(model: &Model<'e>) -> Self {
+        let offsets = model.states.iter().scan(0, |next, state| {
+            let first = *next;
+            *next += state.vars.len();
+            Some(first)
+        });
+        Walk {
+            offsets: offsets.collect(),
+            switches: model.switches.clone(),
+            indices: vec![],
+            dynamics: vec![],
+            regions: vec![],
+            hidden: vec![],
+            touched: FxHashSet::default(),
+        }
+    }
+
+    /// The statements of a model, or of a loop in it.
+    pub fn block(&mut self, lowering: &mut Lowering<'_, 'e>, body: &[Stmt]) {
+        let _ = self.statements(lowering, body, &mut Sink::Outside);
+    }
+
+    /// All statements are looked at; an error says that at least one was wrong.
+    fn statements(
+        &mut self,
+        lowering: &mut Lowering<'_, 'e>,
+        body: &[Stmt],
+        sink: &mut Sink<'_, 'e>,
+    ) -> Result<(), Reported> {
+        let mut result = Ok(());
+        for stmt in body {
+            let one = match (stmt, &mut *sink) {
+                (Stmt::Dynamics(dynamics), sink) => self.dynamics(lowering, dynamics, sink),
+                (Stmt::For(repeat), sink) => self.repeat(lowering, repeat, sink),
+                (Stmt::Region(region), Sink::Outside) => self.region(lowering, region),
+                (Stmt::Hidden(hidden), Sink::Outside) => self.hidden(lowering, hidden),
+                _ => Ok(()),
+            };
+            result = result.and(one);
+        }
+        result
+    }
+
+    fn repeat(
+        &mut self,
+        lowering: &mut Lowering<'_, 'e>,
+        repeat: &For,
+        sink: &mut Sink<'_, 'e>,
+    ) -> Result<(), Reported> {
+        let lets = local_lets(&repeat.body);
+        let outer = self.indices.len();
+        let result = lowering.for_each(&repeat.binders, repeat.span, &mut |lowering| {
+            let here = repeat
+                .binders
+                .iter()
+                .filter_map(|binder| lowering.index_value(&binder.name.name));
+            self.indices.extend(here);
+            let base = lowering.open_frame(&lets);
+            let result = self.statements(lowering, &repeat.body, sink);
+            lowering.locals.truncate(base);
+            self.indices.truncate(outer);
+            result
+        });
+        if result.is_err() {
+            self.touch(&repeat.body);
+        }
+        result
+    }
+
+    /// Remembers all states that some statements set.
+    fn touch(&mut self, body: &[Stmt]) {
+        for stmt in body {
+            match stmt {
+                Stmt::Dynamics(dynamics) => {
+                    self.touched.insert(dynamics.target.head.name.clone());
+                }
+                Stmt::For(repeat) => self.touch(&repeat.body),
+                Stmt::Region(region) => self.touch(&region.body),
+                _ => {}
+            }
+        }
+    }
+
+    fn dynamics(
+        &mut self,
+        lowering: &mut Lowering<'_, 'e>,
+        dynamics: &syntax::Dynamics,
+        sink: &mut Sink<'_, 'e>,
+    ) -> Result<(), Reported> {
+        let result = self.rates(lowering, dynamics);
+        match (&result, sink) {
+            (Err(Reported), _) => {
+                self.touched.insert(dynamics.target.head.name.clone());
+            }
+            (Ok(rates), Sink::Outside) => self.dynamics.extend(rates),
+            (Ok(rates), Sink::Region(list) | Sink::Hidden(list)) => list.extend(rates),
+        }
+        result.map(|_| ())
+    }
+
+    fn rates(
+        &self,
+        lowering: &mut Lowering<'_, 'e>,
+        dynamics: &syntax::Dynamics,
+    ) -> Result<Vec<Rate<'e>>, Reported> {
+        let path = &dynamics.target;
+        // A wrong target does not hide what is wrong on the right.
+        let target = match lowering.scope.names.get(&path.head.name) {
+            Some(Meaning::Value(..)) | None => target::resolve(lowering, path),
+            Some(Meaning::Word(kind)) => self.not_a_state(lowering, path, kind),
+            Some(Meaning::Family { .. }) => self.not_a_state(lowering, path, "switch"),
+            Some(Meaning::Unusable) => Err(Reported),
+        };
+        let target = match target {
+            Ok(target) => target,
+            Err(Reported) => {
+                let _ = lowering.numbers(&dynamics.value);
+                return Err(Reported);
+            }
+        };
+        let TargetKind::State(state) = target.kind else {
+            return self.not_a_state(lowering, path, target.kind.word());
+        };
+        let what = format!("`{}'`", lowering.path_text(path));
+        let value = lowering.numbers_as(&dynamics.value, target.shape, &what)?;
+        let first = self.offsets[state];
+        let rate = |(&entry, &value): (&usize, &_)| Rate {
+            entry: first + entry,
+            value,
+            adds: dynamics.adds,
+            span: dynamics.span,
+        };
+        Ok(target.entries.iter().zip(&value.data).map(rate).collect())
+    }
+
+    fn not_a_state<T>(
+        &self,
+        lowering: &mut Lowering<'_, 'e>,
+        path: &syntax::Path,
+        kind: &'static str,
+    ) -> Result<T, Reported> {
+        let name = path.head.name.clone();
+        let help = match kind {
+            "param" | "let" | "constant" => Some(format!("declare `state {name} = ..;`")),
+            _ => None,
+        };
+        lowering.error(ModelError::NotAState {
+            name,
+            kind,
+            span: path.span,
+            help,
+        })
+    }
+
+    fn region(
+        &mut self,
+        lowering: &mut Lowering<'_, 'e>,
+        region: &syntax::Region,
+    ) -> Result<(), Reported> {
+        let zero = lowering.constant(0.0);
+        let (guard, guard_span, is_else) = match &region.guard {
+            RegionGuard::Where(guard) => (self.guard(lowering, guard), guard.span, false),
+            // Refused already.
+            RegionGuard::Indicator(guard) => (Err(Reported), guard.span, false),
+            RegionGuard::Else => (Ok(zero), region.name.span, true),
+        };
+        let lets = local_lets(&region.body);
+        let base = lowering.open_frame(&lets);
+        let mut rates = vec![];
+        let body = self.statements(lowering, &region.body, &mut Sink::Region(&mut rates));
+        // A local name that nothing reads may still be wrong.
+        let unread = lets.iter().map(|named| {
+            let name = syntax::Expr {
+                kind: syntax::ExprKind::Name(named.name.name.clone()),
+                span: named.name.span,
+            };
+            lowering.expr(&name).map(|_| ())
+        });
+        let unread = unread
+            .collect::<Vec<_>>()
+            .into_iter()
+            .fold(Ok(()), Result::and);
+        lowering.locals.truncate(base);
+        match (guard, body.and(unread)) {
+            (Ok(guard), Ok(())) => {
+                let name = self.indexed(&region.name.name);
+                self.regions.push(Region {
+                    name,
+                    guard,
+                    is_else,
+                    guard_span,
+                    rates,
+                    span: region.span,
+                });
+                Ok(())
+            }
+            _ => {
+                self.touch(&region.body);
+                Err(Reported)
+            }
+        }
+    }
+
+    fn guard(
+        &self,
+        lowering: &mut Lowering<'_, 'e>,
+        guard: &syntax::Expr,
+    ) -> Result<crate::expr::Expr<'e>, Reported> {
+        lowering.in_guard = true;
+        let truth = lowering.condition(guard);
+        lowering.in_guard = false;
+        let truth = truth?;
+        if let Some(value) = truth.as_constant() {
+            return lowering.error(ModelError::ConstantComparison {
+                value: value > 0.5,
+                span: guard.span,
+            });
+        }
+        Ok(truth)
+    }
+
+    /// `R[1,2]` in loops.
+    fn indexed(&self, name: &str) -> String {
+        let indices = self.indices.iter().map(i64::to_string).collect::<Vec<_>>();
+        if indices.is_empty() {
+            name.to_owned()
+        } else {
+            format!("{name}[{}]", indices.join(","))
+        }
+    }
+
+    fn hidden(
+        &mut self,
+        lowering: &mut Lowering<'_, 'e>,
+        hidden: &syntax::Hidden,
+    ) -> Result<(), Reported> {
+        let target = target::resolve(lowering, &hidden.switch)?;
+        let TargetKind::Switch(switch) = target.kind else {
+            let (name, span) = (lowering.path_text(&hidden.switch), hidden.switch.span);
+            return lowering.error(ModelError::NotASwitch { name, span });
+        };
+        let lets = local_lets(&hidden.body);
+        let base = lowering.open_frame(&lets);
+        let mut rates = vec![];
+        let result = self.statements(lowering, &hidden.body, &mut Sink::Hidden(&mut rates));
+        lowering.locals.truncate(base);
+        result?;
+        for rate in &rates {
+            self.check_hidden(lowering, switch, &target.entries, rate)?;
+        }
+        self.hidden.push(Hidden {
+            switch,
+            rates,
+            span: hidden.span,
+        });
+        Ok(())
+    }
+
+    /// A hidden term adds, and vanishes on both sides of the surface.
+    fn check_hidden(
+        &self,
+        lowering: &mut Lowering<'_, 'e>,
+        switch: usize,
+        entries: &[usize],
+        rate: &Rate<'e>,
+    ) -> Result<(), Reported> {
+        let span: Span = rate.span;
+        if !rate.adds {
+            return lowering.error(ModelError::HiddenSets { span });
+        }
+        let switch = &self.switches[switch];
+        let low = if switch.kind == super::SwitchKind::Sign {
+            -1.0
+        } else {
+            0.0
+        };
+        for at in [low, 1.0] {
+            let mut side = crate::expr::Substitution::default();
+            for var in entries
+                .iter()
+                .filter_map(|&entry| switch.vars[entry].as_variable())
+            {
+                side.insert(var, lowering.constant(at));
+            }
+            if !super::check::vanishes(rate.value.substitute(&side)) {
+                return lowering.error(ModelError::HiddenVisible {
+                    switch: switch.name.clone(),
+                    at,
+                    span,
+                });
+            }
+        }
+        Ok(())
+    }
+}

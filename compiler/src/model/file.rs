@@ -1,0 +1,366 @@
+//! The names of a file: constants, functions and models.
+
+use std::rc::Rc;
+
+use miette::Diagnostic;
+use rustc_hash::FxHashMap;
+
+use super::builtins::{FUNCTIONS, VALUES, did_you_mean, is_builtin};
+use super::lower::Lowering;
+use super::order::{chain, edges, free_names, free_names_under, topological};
+use super::scope::{Meaning, Scope};
+use super::{ModelError, TargetKind};
+use crate::diagnostics::{Diagnostics, position};
+use crate::expr::{Expr, Exprs};
+use crate::source::Span;
+use crate::syntax::{Const, Experiment, File, Function, Ident, Item, Model, Path};
+
+/// Work a model may cost, in entries made and expressions visited.
+const BUDGET: usize = 4_000_000;
+
+/// What the file declares, by name.
+#[derive(Default)]
+pub(super) struct FileNames<'f> {
+    names: FxHashMap<&'f str, (&'static str, Span)>,
+    consts: Vec<&'f Const>,
+    functions: Vec<&'f Function>,
+}
+
+impl FileNames<'_> {
+    /// The kind and place of a declaration.
+    pub fn get(&self, name: &str) -> Option<(&'static str, Span)> {
+        self.names.get(name).copied()
+    }
+}
+
+/// Reports what is wrong with the names of a file, whatever its models need.
+pub fn check_file(file: &File, diags: &mut Diagnostics) {
+    let exprs = Exprs::new();
+    let names = file_names(file, diags);
+    let time = exprs.variable("time");
+    file_scope(&exprs, time, &names, diags);
+    let mut experiments: FxHashMap<&str, Span> = FxHashMap::default();
+    for item in &file.items {
+        if let Item::Experiment(Experiment { name, .. }) = item
+            && let Some(first) = experiments.insert(&name.name, name.span)
+        {
+            once(
+                diags,
+                ModelError::Redeclared {
+                    name: name.name.clone(),
+                    first,
+                    second: name.span,
+                },
+            );
+        }
+    }
+}
+
+/// The model that an experiment is about.
+pub fn find<'f>(file: &'f File, path: &Path, diags: &mut Diagnostics) -> Option<&'f Model> {
+    let models = || {
+        file.items.iter().filter_map(|item| {
+            if let Item::Model(model) = item {
+                Some(model)
+            } else {
+                None
+            }
+        })
+    };
+    let imported = file.items.iter().any(|item| matches!(item, Item::Use(_)));
+    let name = &path.head.name;
+    let found = models().find(|model| path.rest.is_empty() && model.name.name == *name);
+    if found.is_none() {
+        match imported {
+            true => once(
+                diags,
+                ModelError::Imports {
+                    what: "imported models",
+                    span: path.span,
+                },
+            ),
+            false => {
+                let help = did_you_mean(name, models().map(|model| model.name.name.as_str()));
+                once(
+                    diags,
+                    ModelError::UnknownModel {
+                        name: name.clone(),
+                        span: path.span,
+                        help,
+                    },
+                );
+            }
+        }
+    }
+    found
+}
+
+/// Reports a mistake of the file once, though every model of it meets it.
+pub(super) fn once(diags: &mut Diagnostics, error: ModelError) {
+    let same = |other: &crate::diagnostics::AnyDiagnostic| {
+        position(other.as_ref()) == position(&error) && other.to_string() == error.to_string()
+    };
+    if !diags.iter().any(same) {
+        diags.push(error);
+    }
+}
+
+/// Declarations of a file; each name once.
+pub(super) fn file_names<'f>(file: &'f File, diags: &mut Diagnostics) -> FileNames<'f> {
+    let mut names = FileNames::default();
+    for item in &file.items {
+        match item {
+            Item::Const(item) if declare(&mut names, &item.name, "constant", diags) => {
+                names.consts.push(item)
+            }
+            Item::Fn(item) if declare(&mut names, &item.name, "function", diags) => {
+                names.functions.push(item)
+            }
+            Item::Model(item) => {
+                declare(&mut names, &item.name, "model", diags);
+            }
+            _ => {}
+        }
+    }
+    names
+}
+
+fn declare<'f>(
+    names: &mut FileNames<'f>,
+    name: &'f Ident,
+    kind: &'static str,
+    diags: &mut Diagnostics,
+) -> bool {
+    let text = name.name.clone();
+    if is_builtin(&text) {
+        once(
+            diags,
+            ModelError::BuiltIn {
+                name: text,
+                span: name.span,
+            },
+        );
+        return false;
+    }
+    if let Some(&(_, first)) = names.names.get(text.as_str()) {
+        once(
+            diags,
+            ModelError::Redeclared {
+                name: text,
+                first,
+                second: name.span,
+            },
+        );
+        return false;
+    }
+    names.names.insert(&name.name, (kind, name.span));
+    true
+}
+
+/// The scope that all models of a file share: its constants computed, its functions checked.
+pub(super) fn file_scope<'e>(
+    exprs: &'e Exprs,
+    time: Expr<'e>,
+    file: &FileNames<'_>,
+    diags: &mut Diagnostics,
+) -> Scope<'e> {
+    let mut names: FxHashMap<String, Meaning<'e>> = FxHashMap::default();
+    for (&name, &(kind, _)) in &file.names {
+        match kind {
+            "model" => {
+                names.insert(name.to_owned(), Meaning::Word("model"));
+            }
+            "constant" => {
+                names.insert(name.to_owned(), Meaning::Unusable);
+            }
+            _ => {}
+        }
+    }
+    let functions = functions(file, &mut names, diags);
+    let mut scope = Scope {
+        exprs,
+        time,
+        names: names.clone(),
+        of_file: names,
+        functions: Rc::new(functions),
+        budget: BUDGET.into(),
+    };
+    constants(&mut scope, file, diags);
+    scope
+}
+
+/// The functions that can be inlined; the others become unusable names.
+fn functions<'e>(
+    file: &FileNames<'_>,
+    unusable: &mut FxHashMap<String, Meaning<'e>>,
+    diags: &mut Diagnostics,
+) -> FxHashMap<String, Function> {
+    let names: Vec<&str> = file
+        .functions
+        .iter()
+        .map(|function| function.name.name.as_str())
+        .collect();
+    let needs = file.functions.iter().map(|function| called(function));
+    let needs = edges(&names, needs);
+    let (_, cycles) = topological(&needs);
+    let mut bad = vec![false; names.len()];
+    for cycle in cycles {
+        cycle.iter().for_each(|&node| bad[node] = true);
+        let name = names[cycle[0]].to_owned();
+        let span = file.functions[cycle[0]].name.span;
+        once(
+            diags,
+            ModelError::Recursion {
+                name,
+                chain: chain(&cycle, &names),
+                span,
+            },
+        );
+    }
+    for (index, function) in file.functions.iter().enumerate() {
+        bad[index] |= !check_function(file, function, diags);
+    }
+    // What calls an unusable function cannot be used either; callers come after in no order, so repeat.
+    loop {
+        let spread: Vec<usize> = (0..names.len())
+            .filter(|&node| !bad[node] && needs[node].iter().any(|&need| bad[need]))
+            .collect();
+        if spread.is_empty() {
+            break;
+        }
+        spread.iter().for_each(|&node| bad[node] = true);
+    }
+    let mut usable = FxHashMap::default();
+    for (index, function) in file.functions.iter().enumerate() {
+        match bad[index] {
+            true => unusable
+                .insert(names[index].to_owned(), Meaning::Unusable)
+                .map_or((), drop),
+            false => usable
+                .insert(names[index].to_owned(), (*function).clone())
+                .map_or((), drop),
+        }
+    }
+    usable
+}
+
+fn called(function: &Function) -> Vec<String> {
+    let params: Vec<String> = function
+        .params
+        .iter()
+        .map(|param| param.name.clone())
+        .collect();
+    free_names_under(&params, std::iter::once(&function.body))
+}
+
+/// Parameters have names of their own, and the body reads them, constants and functions only.
+fn check_function(file: &FileNames<'_>, function: &Function, diags: &mut Diagnostics) -> bool {
+    let mut fine = true;
+    for (position, param) in function.params.iter().enumerate() {
+        let name = param.name.clone();
+        if is_builtin(&name) {
+            once(
+                diags,
+                ModelError::BuiltIn {
+                    name,
+                    span: param.span,
+                },
+            );
+            fine = false;
+        } else if let Some(first) = function.params[..position]
+            .iter()
+            .find(|other| other.name == name)
+        {
+            once(
+                diags,
+                ModelError::Redeclared {
+                    name,
+                    first: first.span,
+                    second: param.span,
+                },
+            );
+            fine = false;
+        }
+    }
+    for name in called(function) {
+        let known = file.names.contains_key(name.as_str())
+            || VALUES.contains(&name.as_str())
+            || FUNCTIONS.contains(&name.as_str());
+        if !known {
+            let params = function.params.iter().map(|param| param.name.as_str());
+            let all = file
+                .names
+                .keys()
+                .copied()
+                .chain(VALUES)
+                .chain(FUNCTIONS)
+                .chain(params);
+            let help = did_you_mean(&name, all).or_else(|| {
+                Some("a function sees its arguments, constants and functions only".to_owned())
+            });
+            let span = super::order::name_span(&function.body, &name).unwrap_or(function.body.span);
+            once(diags, ModelError::UnknownName { name, span, help });
+            fine = false;
+        }
+    }
+    fine
+}
+
+fn constants<'e>(scope: &mut Scope<'e>, file: &FileNames<'_>, diags: &mut Diagnostics) {
+    let names: Vec<&str> = file
+        .consts
+        .iter()
+        .map(|item| item.name.name.as_str())
+        .collect();
+    let needs = edges(
+        &names,
+        file.consts.iter().map(|item| free_names(&item.value)),
+    );
+    let (order, cycles) = topological(&needs);
+    let mut in_cycle = vec![false; names.len()];
+    for cycle in cycles {
+        cycle.iter().for_each(|&node| in_cycle[node] = true);
+        let what = format!("`{}`", names[cycle[0]]);
+        let span = file.consts[cycle[0]].name.span;
+        once(
+            diags,
+            ModelError::Cycle {
+                what,
+                chain: chain(&cycle, &names),
+                span,
+            },
+        );
+    }
+    for node in order.into_iter().filter(|&node| !in_cycle[node]) {
+        let item = file.consts[node];
+        let mut found = Diagnostics::default();
+        let value = {
+            let mut lowering = Lowering::new(scope, None, &mut found);
+            lowering.expr(&item.value).and_then(|value| {
+                let what = format!("`{}`", item.name.name);
+                lowering.as_constants(&value.tensor, &what, item.value.span)?;
+                Ok(value)
+            })
+        };
+        append_once(diags, found);
+        let meaning = value.map_or(Meaning::Unusable, |value| {
+            Meaning::Value(value, TargetKind::Const)
+        });
+        scope
+            .of_file
+            .insert(item.name.name.clone(), meaning.clone());
+        scope.names.insert(item.name.name.clone(), meaning);
+    }
+}
+
+fn append_once(diags: &mut Diagnostics, found: Diagnostics) {
+    let is_new = |error: &dyn Diagnostic| {
+        let same = |other: &crate::diagnostics::AnyDiagnostic| {
+            position(other.as_ref()) == position(error) && other.to_string() == error.to_string()
+        };
+        !diags.iter().any(same)
+    };
+    if found.iter().all(|error| is_new(error.as_ref())) {
+        diags.append(found);
+    }
+}

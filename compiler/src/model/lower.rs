@@ -1,0 +1,617 @@
+//! Expressions of the syntax tree to values: names looked up, shapes checked, everything scalar.
+
+use std::rc::Rc;
+
+use super::builtins::{FUNCTIONS, VALUES, did_you_mean};
+use super::scope::{Hook, Meaning, Reported, Scope, Value};
+use super::{ModelError, Shape, Surface, Tensor, algebra, calls, check, places, text};
+use crate::diagnostics::Diagnostics;
+use crate::expr::Expr;
+use crate::source::Span;
+use crate::syntax::{self, ExprKind, Index};
+
+/// Levels of expressions inside each other, through functions and local names: what the stack bears.
+const MAX_DEPTH: usize = 400;
+
+/// A name that holds in a part of the model only.
+pub(super) enum Local<'e> {
+    /// A loop index or an argument, with the text that stands for it.
+    Value {
+        name: String,
+        value: Value<'e>,
+        text: String,
+    },
+    /// A `let` in a region or loop; computed when first used.
+    Let {
+        statement: Rc<syntax::Named>,
+        value: Lazy<'e>,
+        frame: usize,
+    },
+}
+
+/// A local `let` before and after its first use.
+#[derive(Clone)]
+pub(super) enum Lazy<'e> {
+    Waiting,
+    Running,
+    Done(Value<'e>),
+    Failed,
+}
+
+/// The state of lowering one expression.
+pub(super) struct Lowering<'a, 'e> {
+    pub scope: &'a Scope<'e>,
+    pub hook: Option<&'a Hook<'a, 'e>>,
+    pub diags: &'a mut Diagnostics,
+    /// Local names, innermost last.
+    pub locals: Vec<Local<'e>>,
+    /// True in the body of a function, which sees the file only.
+    pub in_function: bool,
+    /// True in the guard of a region, where a comparison must not be constant.
+    pub in_guard: bool,
+    /// Switching functions met so far.
+    pub surfaces: Vec<Surface<'e>>,
+    depth: usize,
+}
+
+impl<'a, 'e> Lowering<'a, 'e> {
+    pub fn new(
+        scope: &'a Scope<'e>,
+        hook: Option<&'a Hook<'a, 'e>>,
+        diags: &'a mut Diagnostics,
+    ) -> Self {
+        Lowering {
+            scope,
+            hook,
+            diags,
+            locals: vec![],
+            in_function: false,
+            in_guard: false,
+            surfaces: vec![],
+            depth: 0,
+        }
+    }
+
+    pub fn error<T>(&mut self, error: ModelError) -> Result<T, Reported> {
+        self.diags.push(error);
+        Err(Reported)
+    }
+
+    /// Takes work off the budget of the model.
+    pub fn spend(&mut self, amount: usize, span: Span) -> Result<(), Reported> {
+        let left = self.scope.budget.get();
+        match left.checked_sub(amount) {
+            Some(rest) => {
+                self.scope.budget.set(rest);
+                Ok(())
+            }
+            // Once it is used up, everything fails without further words.
+            None if left == 0 => Err(Reported),
+            None => {
+                self.scope.budget.set(0);
+                self.error(ModelError::TooLarge {
+                    what: "the model".to_owned(),
+                    span,
+                })
+            }
+        }
+    }
+
+    pub fn constant(&self, value: f64) -> Expr<'e> {
+        self.scope.exprs.constant(value)
+    }
+
+    /// The value of an expression that must consist of numbers.
+    pub fn numbers(&mut self, expr: &syntax::Expr) -> Result<Tensor<'e>, Reported> {
+        let value = self.expr(expr)?;
+        match value.is_condition {
+            false => Ok(value.tensor),
+            true => self.error(ModelError::BooleanAsNumber { span: expr.span }),
+        }
+    }
+
+    /// The value of an expression in a given shape.
+    pub fn numbers_as(
+        &mut self,
+        expr: &syntax::Expr,
+        shape: Shape,
+        what: &str,
+    ) -> Result<Tensor<'e>, Reported> {
+        let value = self.numbers(expr)?;
+        match value.conform(shape) {
+            Some(value) => {
+                self.spend(value.data.len(), expr.span)?;
+                Ok(value)
+            }
+            None => self.error(ModelError::WrongShape {
+                what: what.to_owned(),
+                expected: shape.to_string(),
+                found: value.shape.to_string(),
+                span: expr.span,
+                help: check::shape_help(shape, value.shape),
+            }),
+        }
+    }
+
+    /// One number.
+    pub fn scalar(&mut self, expr: &syntax::Expr, what: &str) -> Result<Expr<'e>, Reported> {
+        let value = self.numbers(expr)?;
+        self.only_entry(&value, what, expr.span)
+    }
+
+    pub fn only_entry(
+        &mut self,
+        value: &Tensor<'e>,
+        what: &str,
+        span: Span,
+    ) -> Result<Expr<'e>, Reported> {
+        match value.as_scalar() {
+            Some(only) => Ok(only),
+            None => self.error(ModelError::ScalarExpected {
+                what: what.to_owned(),
+                found: value.shape.to_string(),
+                span,
+                help: None,
+            }),
+        }
+    }
+
+    /// A condition as a number in [0, 1].
+    pub fn condition(&mut self, expr: &syntax::Expr) -> Result<Expr<'e>, Reported> {
+        let value = self.expr(expr)?;
+        if !value.is_condition {
+            let text = self.atom_text(expr);
+            return self.error(ModelError::NumberAsCondition {
+                text,
+                span: expr.span,
+            });
+        }
+        self.only_entry(&value.tensor, "a condition", expr.span)
+    }
+
+    /// An integer known before the run.
+    pub fn integer(&mut self, expr: &syntax::Expr, what: &str) -> Result<i64, Reported> {
+        let value = self.scalar(expr, what)?;
+        let value = self.as_constants(&Tensor::scalar(value), what, expr.span)?[0];
+        // Rounding in `0.1*30` must not matter; 2^52 bounds what a number holds exactly.
+        let rounded = value.round();
+        if (value - rounded).abs() > 1e-9 * rounded.abs().max(1.0) || !(rounded.abs() < 4.5e15) {
+            return self.error(ModelError::NotInteger {
+                what: what.to_owned(),
+                found: value,
+                span: expr.span,
+            });
+        }
+        Ok(rounded as i64)
+    }
+
+    /// A size: an integer from 0, small enough for memory.
+    pub fn size(&mut self, expr: &syntax::Expr, what: &str) -> Result<usize, Reported> {
+        let size = self.integer(expr, what)?;
+        match usize::try_from(size) {
+            Ok(size) => Ok(size),
+            Err(_) => self.error(ModelError::OutOfRange {
+                index: size.to_string(),
+                what: what.to_owned(),
+                valid: "0, 1, 2, ..".to_owned(),
+                span: expr.span,
+            }),
+        }
+    }
+
+    /// The entries of a value that depends on structural constants only.
+    pub fn as_constants(
+        &mut self,
+        value: &Tensor<'e>,
+        what: &str,
+        span: Span,
+    ) -> Result<Vec<f64>, Reported> {
+        match value.constants() {
+            Some(constants) => Ok(constants),
+            None => {
+                let cause = check::first_variable(&value.data).unwrap_or_default();
+                self.error(ModelError::NotConstant {
+                    what: what.to_owned(),
+                    span,
+                    cause,
+                })
+            }
+        }
+    }
+
+    /// The value of any expression.
+    pub fn expr(&mut self, expr: &syntax::Expr) -> Result<Value<'e>, Reported> {
+        if self.depth >= MAX_DEPTH {
+            return self.error(ModelError::TooDeep { span: expr.span });
+        }
+        self.spend(1, expr.span)?;
+        self.depth += 1;
+        let value = self.any(expr);
+        self.depth -= 1;
+        value
+    }
+
+    fn any(&mut self, expr: &syntax::Expr) -> Result<Value<'e>, Reported> {
+        if let Some(hook) = self.hook
+            && matches!(
+                expr.kind,
+                ExprKind::Name(_) | ExprKind::Call(..) | ExprKind::Index(..) | ExprKind::Field(..)
+            )
+            && let Some(tensor) = hook(expr)
+        {
+            return Ok(tensor.into());
+        }
+        match &expr.kind {
+            ExprKind::Number(value) => Ok(Tensor::scalar(self.constant(*value)).into()),
+            ExprKind::String(_) => self.error(ModelError::Text { span: expr.span }),
+            ExprKind::Name(name) => self.name(name, expr.span),
+            ExprKind::Field(base, field) => {
+                let base_text = self.text(base);
+                // A base that is not there at all is the better thing to report.
+                self.expr(base)?;
+                self.error(ModelError::NoField {
+                    name: base_text,
+                    field: field.name.clone(),
+                    span: field.span,
+                })
+            }
+            ExprKind::Index(base, indices) => self.index(base, indices, expr.span),
+            ExprKind::Call(function, args) => calls::call(self, function, args, expr.span),
+            ExprKind::Matrix(matrix) => self.matrix(matrix, expr.span).map(Value::from),
+            ExprKind::Comprehension(body, binders) => {
+                let mut data = vec![];
+                self.for_each(binders, expr.span, &mut |lowering| {
+                    let entry = lowering.scalar(body, "an entry of a comprehension")?;
+                    data.push(entry);
+                    Ok(())
+                })?;
+                Ok(Tensor::vector(data).into())
+            }
+            ExprKind::Negate(inner) => {
+                let value = self.numbers(inner)?;
+                Ok(value.map(|entry| -entry).into())
+            }
+            ExprKind::Binary(op, left, right) => {
+                // Both sides are looked at, so that mistakes in both are reported.
+                let (a, b) = (self.numbers(left), self.numbers(right));
+                algebra::binary(self, *op, (&a?, left.span), (&b?, right.span)).map(Value::from)
+            }
+            ExprKind::Chain(first, rest) => algebra::chain(self, first, rest).map(Value::from),
+            ExprKind::Compare(first, rest) => self.compare(first, rest),
+            ExprKind::Not(inner) => {
+                let inner = self.condition(inner)?;
+                Ok(Value::condition(1.0 - inner))
+            }
+            // and: Π a,  or: 1 - Π (1 - a)
+            ExprKind::And(members) => {
+                let members = self.conditions(members)?;
+                Ok(Value::condition(self.scope.exprs.product(members)))
+            }
+            ExprKind::Or(members) => {
+                let members = self.conditions(members)?;
+                let none = self
+                    .scope
+                    .exprs
+                    .product(members.into_iter().map(|member| 1.0 - member));
+                Ok(Value::condition(1.0 - none))
+            }
+            ExprKind::If(c, a, b) => self.choose(c, a, b),
+        }
+    }
+
+    /// Several conditions; mistakes in all of them are reported.
+    fn conditions(&mut self, members: &[syntax::Expr]) -> Result<Vec<Expr<'e>>, Reported> {
+        let members: Vec<_> = members
+            .iter()
+            .map(|member| self.condition(member))
+            .collect();
+        members.into_iter().collect()
+    }
+
+    fn name(&mut self, name: &str, span: Span) -> Result<Value<'e>, Reported> {
+        if let Some(position) = self.locals.iter().rposition(|local| local.name() == name) {
+            return self.local(position, span);
+        }
+        match name {
+            "pi" => return Ok(Tensor::scalar(self.constant(std::f64::consts::PI)).into()),
+            "inf" => return Ok(Tensor::scalar(self.constant(f64::INFINITY)).into()),
+            "true" => return Ok(Value::condition(self.constant(1.0))),
+            "false" => return Ok(Value::condition(self.constant(0.0))),
+            "time" => return Ok(Tensor::scalar(self.scope.time).into()),
+            _ => {}
+        }
+        let scope = self.scope;
+        let names = if self.in_function {
+            &scope.of_file
+        } else {
+            &scope.names
+        };
+        match names.get(name) {
+            Some(Meaning::Value(value, _)) => Ok(value.clone()),
+            Some(Meaning::Family { binders, members }) => {
+                let indices: Option<Vec<i64>> = binders
+                    .iter()
+                    .map(|binder| self.index_value(binder))
+                    .collect();
+                match indices.and_then(|indices| members.get(&indices)) {
+                    Some((value, _)) => Ok(value.clone()),
+                    None => {
+                        let count = binders.len();
+                        self.error(ModelError::NeedsIndices {
+                            name: name.to_owned(),
+                            count,
+                            span,
+                        })
+                    }
+                }
+            }
+            Some(Meaning::Word(kind)) => self.error(ModelError::NotAValue {
+                name: name.to_owned(),
+                kind,
+                span,
+                help: None,
+            }),
+            Some(Meaning::Unusable) => Err(Reported),
+            None if FUNCTIONS.contains(&name) || scope.functions.contains_key(name) => {
+                let help = Some(format!("call it: `{name}(..)`"));
+                self.error(ModelError::NotAValue {
+                    name: name.to_owned(),
+                    kind: "function",
+                    span,
+                    help,
+                })
+            }
+            None => {
+                let locals = self.locals.iter().map(Local::name);
+                let known = names.keys().map(String::as_str).chain(VALUES).chain(locals);
+                let help = did_you_mean(name, known);
+                self.error(ModelError::UnknownName {
+                    name: name.to_owned(),
+                    span,
+                    help,
+                })
+            }
+        }
+    }
+
+    /// The current value of a loop index.
+    pub fn index_value(&self, binder: &str) -> Option<i64> {
+        self.locals.iter().rev().find_map(|local| match local {
+            Local::Value { name, value, .. } if name == binder => value
+                .tensor
+                .as_scalar()?
+                .as_constant()
+                .map(|value| value as i64),
+            _ => None,
+        })
+    }
+
+    fn local(&mut self, position: usize, span: Span) -> Result<Value<'e>, Reported> {
+        let (statement, frame) = match &self.locals[position] {
+            Local::Value { value, .. } => return Ok(value.clone()),
+            Local::Let {
+                statement,
+                value,
+                frame,
+            } => match value {
+                Lazy::Done(value) => return Ok(value.clone()),
+                Lazy::Failed => return Err(Reported),
+                Lazy::Running => {
+                    let name = statement.name.name.clone();
+                    let chain = format!("{name} -> .. -> {name}");
+                    return self.error(ModelError::Cycle {
+                        what: format!("`{name}`"),
+                        chain,
+                        span,
+                    });
+                }
+                Lazy::Waiting => (Rc::clone(statement), *frame),
+            },
+        };
+        // Its expression sees what stands around the `let`, not around its use.
+        self.set_lazy(position, Lazy::Running);
+        let inner = self.locals.split_off(frame.min(self.locals.len()));
+        let value = self.expr(&statement.value);
+        self.locals.extend(inner);
+        self.set_lazy(
+            position,
+            value
+                .as_ref()
+                .map_or(Lazy::Failed, |value| Lazy::Done(value.clone())),
+        );
+        value
+    }
+
+    fn set_lazy(&mut self, position: usize, lazy: Lazy<'e>) {
+        if let Some(Local::Let { value, .. }) = self.locals.get_mut(position) {
+            *value = lazy;
+        }
+    }
+
+    fn index(
+        &mut self,
+        base: &syntax::Expr,
+        indices: &[Index],
+        span: Span,
+    ) -> Result<Value<'e>, Reported> {
+        if let ExprKind::Name(name) = &base.kind
+            && !self.in_function
+            && let Some(Meaning::Family { binders, members }) = self.scope.names.get(name)
+        {
+            let indices = self.member_indices(name, binders.len(), indices, span)?;
+            return match members.get(&indices) {
+                Some((value, _)) => Ok(value.clone()),
+                None => self.no_member(name, &indices, span),
+            };
+        }
+        let value = self.expr(base)?;
+        let what = format!("`{}`", self.text(base));
+        let places = places::select(self, value.tensor.shape, indices, &what, span)?;
+        let data = places
+            .positions
+            .iter()
+            .map(|&position| value.tensor.data[position])
+            .collect();
+        Ok(Value {
+            tensor: Tensor {
+                shape: places.shape,
+                data,
+            },
+            is_condition: value.is_condition,
+        })
+    }
+
+    /// The indices of one of the things declared in a loop.
+    pub fn member_indices(
+        &mut self,
+        name: &str,
+        count: usize,
+        indices: &[Index],
+        span: Span,
+    ) -> Result<Vec<i64>, Reported> {
+        if indices.len() != count {
+            return self.error(ModelError::NeedsIndices {
+                name: name.to_owned(),
+                count,
+                span,
+            });
+        }
+        let mut values = vec![];
+        for index in indices {
+            match index {
+                Index::One(expr) => values.push(self.integer(expr, "an index")?),
+                _ => {
+                    return self.error(ModelError::NeedsIndices {
+                        name: name.to_owned(),
+                        count,
+                        span,
+                    });
+                }
+            }
+        }
+        Ok(values)
+    }
+
+    pub fn no_member<T>(&mut self, name: &str, indices: &[i64], span: Span) -> Result<T, Reported> {
+        let index = indices
+            .iter()
+            .map(i64::to_string)
+            .collect::<Vec<_>>()
+            .join(",");
+        let valid = "those of its loop".to_owned();
+        self.error(ModelError::OutOfRange {
+            index,
+            what: format!("`{name}`"),
+            valid,
+            span,
+        })
+    }
+
+    /// `if c then a else b`: b + c (a - b), or one of them when c is constant.
+    fn choose(
+        &mut self,
+        condition: &syntax::Expr,
+        a: &syntax::Expr,
+        b: &syntax::Expr,
+    ) -> Result<Value<'e>, Reported> {
+        let c = self.condition(condition)?;
+        if let Some(c) = c.as_constant() {
+            return self.expr(if c > 0.5 { a } else { b });
+        }
+        let (first, second) = (self.expr(a), self.expr(b));
+        let (first, second) = (first?, second?);
+        if first.is_condition != second.is_condition {
+            let span = if first.is_condition { a.span } else { b.span };
+            return self.error(ModelError::BooleanAsNumber { span });
+        }
+        match first.tensor.zip(&second.tensor, |a, b| b + c * (a - b)) {
+            Some(tensor) => {
+                self.spend(tensor.data.len(), condition.span)?;
+                Ok(Value {
+                    tensor,
+                    is_condition: first.is_condition,
+                })
+            }
+            None => self.error(ModelError::Operands {
+                operator: "if".to_owned(),
+                left: first.tensor.shape.to_string(),
+                right: second.tensor.shape.to_string(),
+                left_span: a.span,
+                right_span: b.span,
+                help: Some("both branches must have one shape".to_owned()),
+            }),
+        }
+    }
+
+    /// The text of an expression, with the current indices and arguments in it.
+    pub fn text(&self, expr: &syntax::Expr) -> String {
+        text::text(expr, &|name| self.local_text(name))
+    }
+
+    /// [`Lowering::text`] as a factor.
+    pub fn atom_text(&self, expr: &syntax::Expr) -> String {
+        text::atom(expr, &|name| self.local_text(name))
+    }
+
+    /// [`Lowering::text`] as the first term of a difference.
+    pub fn sum_text(&self, expr: &syntax::Expr) -> String {
+        text::term(expr, &|name| self.local_text(name))
+    }
+
+    /// [`Lowering::text`] as what a difference takes away.
+    pub fn operand_text(&self, expr: &syntax::Expr) -> String {
+        text::operand(expr, &|name| self.local_text(name))
+    }
+
+    /// A path as written, with the current indices in it.
+    pub fn path_text(&self, path: &syntax::Path) -> String {
+        let local = |name: &str| self.local_text(name);
+        path.rest
+            .iter()
+            .fold(path.head.name.clone(), |text, segment| match segment {
+                syntax::Segment::Field(field) => format!("{text}.{}", field.name),
+                syntax::Segment::Index(indices) => {
+                    format!("{text}{}", text::indices(indices, &local))
+                }
+            })
+    }
+
+    fn local_text(&self, name: &str) -> Option<String> {
+        self.locals
+            .iter()
+            .rev()
+            .find(|local| local.name() == name)
+            .and_then(|local| match local {
+                Local::Value { text, .. } => Some(text.clone()),
+                Local::Let { .. } => None,
+            })
+    }
+}
+
+impl Local<'_> {
+    pub fn name(&self) -> &str {
+        match self {
+            Local::Value { name, .. } => name,
+            Local::Let { statement, .. } => &statement.name.name,
+        }
+    }
+}
+
+impl<'e> Value<'e> {
+    /// A condition as a number in [0, 1].
+    pub fn condition(truth: Expr<'e>) -> Self {
+        Value {
+            tensor: Tensor::scalar(truth),
+            is_condition: true,
+        }
+    }
+}
+
+impl<'e> From<Tensor<'e>> for Value<'e> {
+    fn from(tensor: Tensor<'e>) -> Self {
+        Value {
+            tensor,
+            is_condition: false,
+        }
+    }
+}

@@ -1,0 +1,231 @@
+//! Model: the meaning of one `model` of a file, before any experiment.
+//!
+//! ```text
+//! x' = f(t, x, u, w, p) + Σ_R 1_R(t, x) f_R,     y = g(t, x, u, w, p)
+//! ```
+//!
+//! Names are resolved, functions inlined, structural constants folded, loops
+//! unrolled and shapes known; every vector and matrix is a list of scalar
+//! expressions. Switching terms still stand where they were written, as
+//! `sign(ψ)`, `step(ψ)`, `abs`, `min` and `max`. A condition is a number in
+//! [0, 1] made of `step(ψ)`: *and* is a product, *or* is a + b - ab, *not* is 1 - a.
+//!
+//! Invariants
+//! - A tensor has as many entries as its shape says, row by row.
+//! - Variables of params, states, controls, inputs and switches are distinct.
+//! - Defaults and initial values depend on params only, and on each other without a cycle.
+//! - Every state entry is set once: outside regions, or in each region of one partition.
+//! - A region stands in at most one partition; one that only adds stands in none.
+
+mod algebra;
+mod builtins;
+mod calls;
+mod check;
+mod declare;
+mod display;
+mod dynamics;
+mod error;
+mod file;
+mod lower;
+mod names;
+mod order;
+mod partition;
+mod places;
+mod resolve;
+mod scope;
+mod target;
+mod tensor;
+mod text;
+mod unroll;
+mod unsupported;
+
+pub use error::ModelError;
+pub use file::{check_file, find};
+pub use resolve::resolve;
+pub use scope::{Hook, Scope};
+pub use target::{Target, TargetKind};
+pub use tensor::{Shape, Tensor};
+
+use crate::expr::{Expr, Exprs};
+use crate::source::Span;
+pub use crate::syntax::Sliding;
+
+/// A model with its names resolved.
+pub struct Model<'e> {
+    /// Its name.
+    pub name: String,
+    /// The arena of all its expressions.
+    pub exprs: &'e Exprs,
+    /// Physical time.
+    pub time: Expr<'e>,
+    /// Constants that an experiment may override, in order of declaration.
+    pub params: Vec<Quantity<'e>>,
+    /// Differential states.
+    pub states: Vec<Quantity<'e>>,
+    /// Decisions.
+    pub controls: Vec<Quantity<'e>>,
+    /// What the enclosing model or the experiment gives.
+    pub inputs: Vec<Quantity<'e>>,
+    /// Given functions of time.
+    pub signals: Vec<Named<'e>>,
+    /// Named expressions.
+    pub lets: Vec<Named<'e>>,
+    /// Recorded expressions.
+    pub outputs: Vec<Named<'e>>,
+    /// Named switching terms.
+    pub switches: Vec<NamedSwitch<'e>>,
+    /// Dynamics outside regions.
+    pub dynamics: Vec<Rate<'e>>,
+    /// Piecewise dynamics.
+    pub regions: Vec<Region<'e>>,
+    /// Regions that set a common state, with the states they set.
+    pub partitions: Vec<Partition>,
+    /// Terms that vanish off a switch's surface.
+    pub hidden: Vec<Hidden<'e>>,
+    /// Every switching function with the name users know it by.
+    pub surfaces: Vec<Surface<'e>>,
+    /// Params in an order in which their defaults can be evaluated.
+    pub param_order: Vec<usize>,
+    /// Names, for the expressions of an experiment.
+    pub scope: Scope<'e>,
+    /// The `model` item.
+    pub span: Span,
+}
+
+/// A param, state, control or input.
+#[derive(Clone, Debug)]
+pub struct Quantity<'e> {
+    /// Declared name.
+    pub name: String,
+    /// Its shape.
+    pub shape: Shape,
+    /// Its entries, row by row, as variables.
+    pub vars: Vec<Expr<'e>>,
+    /// Default or initial value over params.
+    pub value: Option<Tensor<'e>>,
+    /// Lower and upper bounds, in the quantity's shape.
+    pub bounds: Option<(Tensor<'e>, Tensor<'e>)>,
+    /// The declaration.
+    pub span: Span,
+}
+
+/// A let, output or signal.
+#[derive(Clone, Debug)]
+pub struct Named<'e> {
+    /// Declared name.
+    pub name: String,
+    /// What it stands for.
+    pub value: Tensor<'e>,
+    /// The declaration.
+    pub span: Span,
+}
+
+/// Which values a switch takes off its surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SwitchKind {
+    /// -1 below and 1 above.
+    Sign,
+    /// 0 below and 1 above.
+    Step,
+}
+
+/// `switch s = sign(psi) sliding linear;`, elementwise.
+#[derive(Clone, Debug)]
+pub struct NamedSwitch<'e> {
+    /// Declared name, with the indices of enclosing loops.
+    pub name: String,
+    /// Which values it takes.
+    pub kind: SwitchKind,
+    /// Shape of ψ.
+    pub shape: Shape,
+    /// Switching functions.
+    pub psi: Vec<Expr<'e>>,
+    /// Variables that stand for the values of the entries in other expressions.
+    pub vars: Vec<Expr<'e>>,
+    /// The reading on the surface, where declared.
+    pub sliding: Option<Sliding>,
+    /// The declaration.
+    pub span: Span,
+}
+
+/// A right-hand side of one state entry.
+#[derive(Clone, Copy, Debug)]
+pub struct Rate<'e> {
+    /// Index into [`Model::state_vars`].
+    pub entry: usize,
+    /// The derivative, or the term added to it.
+    pub value: Expr<'e>,
+    /// True for `+=`.
+    pub adds: bool,
+    /// The statement.
+    pub span: Span,
+}
+
+/// `region R where guard { ... }`
+#[derive(Clone, Debug)]
+pub struct Region<'e> {
+    /// Declared name, with the indices of enclosing loops.
+    pub name: String,
+    /// 1 inside, 0 outside; for `else`, 1 minus the others of its partition.
+    pub guard: Expr<'e>,
+    /// True for `region R else`.
+    pub is_else: bool,
+    /// Where the guard stands.
+    pub guard_span: Span,
+    /// Right-hand sides that hold inside.
+    pub rates: Vec<Rate<'e>>,
+    /// The statement.
+    pub span: Span,
+}
+
+/// Regions of which exactly one holds.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Partition {
+    /// Indices into [`Model::regions`]; the `else` region last.
+    pub regions: Vec<usize>,
+    /// State entries each of them sets.
+    pub entries: Vec<usize>,
+}
+
+/// `hidden on s { u' += ...; }`
+#[derive(Clone, Debug)]
+pub struct Hidden<'e> {
+    /// Index into [`Model::switches`].
+    pub switch: usize,
+    /// The terms; all add.
+    pub rates: Vec<Rate<'e>>,
+    /// The statement.
+    pub span: Span,
+}
+
+/// A switching function as the user wrote it.
+#[derive(Clone, Debug)]
+pub struct Surface<'e> {
+    /// `c`, `x[1] - 2`: the side of the comparison that is not zero, or the difference of both.
+    pub name: String,
+    /// Its value: positive above the surface.
+    pub psi: Expr<'e>,
+    /// Where it stands.
+    pub span: Span,
+}
+
+impl<'e> Model<'e> {
+    /// All state entries, in the order that [`Rate::entry`] counts.
+    pub fn state_vars(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
+        self.states
+            .iter()
+            .flat_map(|state| state.vars.iter().copied())
+    }
+
+    /// The name of a state entry: `x[2]`.
+    pub fn entry_name(&self, entry: usize) -> String {
+        let mut first = 0;
+        for state in &self.states {
+            if entry < first + state.vars.len() {
+                return state.shape.entry_name(&state.name, entry - first);
+            }
+            first += state.vars.len();
+        }
+        format!("#{entry}")
+    }
+}

@@ -1,0 +1,121 @@
+//! Names and what they mean, for the model itself and for the expressions of its experiments.
+
+use std::cell::Cell;
+use std::collections::BTreeMap;
+use std::rc::Rc;
+
+use rustc_hash::FxHashMap;
+
+use super::builtins::{FUNCTIONS, VALUES};
+use super::lower::Lowering;
+use super::{Target, TargetKind, Tensor, target};
+use crate::diagnostics::Diagnostics;
+use crate::expr::{Expr, Exprs};
+use crate::syntax;
+
+/// Gives meaning to names and calls that only an experiment knows, as `objective` or `events(..)`.
+pub type Hook<'h, 'e> = dyn Fn(&syntax::Expr) -> Option<Tensor<'e>> + 'h;
+
+/// Marks a mistake that is already among the diagnostics.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Reported;
+
+/// A value: numbers, or the truth of a condition as a number in [0, 1].
+#[derive(Clone, Debug)]
+pub(super) struct Value<'e> {
+    pub tensor: Tensor<'e>,
+    pub is_condition: bool,
+}
+
+/// What a name stands for.
+#[derive(Clone, Debug)]
+pub(super) enum Meaning<'e> {
+    /// A value, and what declared it.
+    Value(Value<'e>, TargetKind),
+    /// Switches declared in a loop, by the values of the loop's indices.
+    Family {
+        binders: Vec<String>,
+        members: BTreeMap<Vec<i64>, (Value<'e>, TargetKind)>,
+    },
+    /// A word for something that is not a value: a region, a model.
+    Word(&'static str),
+    /// Declared, but wrong or not supported; already reported.
+    Unusable,
+}
+
+/// The names of a model and its file.
+#[derive(Clone, Debug)]
+pub struct Scope<'e> {
+    pub(super) exprs: &'e Exprs,
+    pub(super) time: Expr<'e>,
+    pub(super) names: FxHashMap<String, Meaning<'e>>,
+    pub(super) functions: Rc<FxHashMap<String, syntax::Function>>,
+    /// Names of the file: all that the bodies of functions see.
+    pub(super) of_file: FxHashMap<String, Meaning<'e>>,
+    /// Work left, in entries made and expressions visited.
+    pub(super) budget: Cell<usize>,
+}
+
+impl<'e> Scope<'e> {
+    /// The value of an expression over the model; `hook` is asked first about names and calls.
+    pub fn expr(
+        &self,
+        expr: &syntax::Expr,
+        hook: Option<&Hook<'_, 'e>>,
+        diags: &mut Diagnostics,
+    ) -> Option<Tensor<'e>> {
+        Lowering::new(self, hook, diags).numbers(expr).ok()
+    }
+
+    /// The value of an expression, in a shape: itself or a repeated scalar.
+    ///
+    /// `what` names the thing that gets it, as in "initial value of `x`".
+    pub fn expr_as(
+        &self,
+        expr: &syntax::Expr,
+        shape: super::Shape,
+        what: &str,
+        hook: Option<&Hook<'_, 'e>>,
+        diags: &mut Diagnostics,
+    ) -> Option<Tensor<'e>> {
+        Lowering::new(self, hook, diags)
+            .numbers_as(expr, shape, what)
+            .ok()
+    }
+
+    /// A condition as a number in [0, 1].
+    pub fn condition(
+        &self,
+        expr: &syntax::Expr,
+        hook: Option<&Hook<'_, 'e>>,
+        diags: &mut Diagnostics,
+    ) -> Option<Expr<'e>> {
+        Lowering::new(self, hook, diags).condition(expr).ok()
+    }
+
+    /// The entries of an expression without variables: structural constants and numbers only.
+    pub fn constants(
+        &self,
+        expr: &syntax::Expr,
+        what: &str,
+        diags: &mut Diagnostics,
+    ) -> Option<Vec<f64>> {
+        let mut lowering = Lowering::new(self, None, diags);
+        let value = lowering.numbers(expr).ok()?;
+        lowering.as_constants(&value, what, expr.span).ok()
+    }
+
+    /// What a path names: `x`, `x[2]`, `k`, `s.sliding`.
+    pub fn target(&self, path: &syntax::Path, diags: &mut Diagnostics) -> Option<Target> {
+        target::resolve(&mut Lowering::new(self, None, diags), path).ok()
+    }
+
+    /// Every name that can be read, for suggestions and completion.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.names
+            .keys()
+            .map(String::as_str)
+            .chain(VALUES)
+            .chain(FUNCTIONS)
+    }
+}

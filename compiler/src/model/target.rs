@@ -1,0 +1,141 @@
+//! Paths on the left of `=`: which entries of what they name.
+
+use super::builtins::did_you_mean;
+use super::lower::Lowering;
+use super::scope::{Meaning, Reported};
+use super::{ModelError, Shape, places};
+use crate::syntax::{Path, Segment};
+
+/// What a path names.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Target {
+    /// What it is.
+    pub kind: TargetKind,
+    /// Positions of the named entries in it.
+    pub entries: Vec<usize>,
+    /// Their shape.
+    pub shape: Shape,
+}
+
+/// A declaration, by its index in the list of the model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TargetKind {
+    /// A structural constant.
+    Const,
+    /// [`super::Model::params`]
+    Param(usize),
+    /// [`super::Model::states`]
+    State(usize),
+    /// [`super::Model::controls`]
+    Control(usize),
+    /// [`super::Model::inputs`]
+    Input(usize),
+    /// [`super::Model::signals`]
+    Signal(usize),
+    /// [`super::Model::lets`]
+    Let(usize),
+    /// [`super::Model::outputs`]
+    Output(usize),
+    /// [`super::Model::switches`]
+    Switch(usize),
+    /// `s.sliding` of a switch.
+    Sliding(usize),
+}
+
+impl TargetKind {
+    /// The word of the language for it.
+    pub fn word(self) -> &'static str {
+        match self {
+            TargetKind::Const => "constant",
+            TargetKind::Param(_) => "param",
+            TargetKind::State(_) => "state",
+            TargetKind::Control(_) => "control",
+            TargetKind::Input(_) => "input",
+            TargetKind::Signal(_) => "signal",
+            TargetKind::Let(_) => "let",
+            TargetKind::Output(_) => "output",
+            TargetKind::Switch(_) | TargetKind::Sliding(_) => "switch",
+        }
+    }
+}
+
+/// The declaration and the entries that a path names.
+pub(super) fn resolve(lowering: &mut Lowering<'_, '_>, path: &Path) -> Result<Target, Reported> {
+    let name = &path.head.name;
+    let mut rest = &path.rest[..];
+    let (kind, shape) = match lowering.scope.names.get(name) {
+        Some(Meaning::Value(value, kind)) => (*kind, value.tensor.shape),
+        Some(Meaning::Family { binders, .. }) => {
+            let (count, members) = (binders.len(), lowering.scope.names.get(name));
+            let Some(Segment::Index(indices)) = rest.first() else {
+                return lowering.error(ModelError::NeedsIndices {
+                    name: name.clone(),
+                    count,
+                    span: path.span,
+                });
+            };
+            rest = &rest[1..];
+            let indices = lowering.member_indices(name, count, indices, path.span)?;
+            match members {
+                Some(Meaning::Family { members, .. }) => match members.get(&indices) {
+                    Some((value, kind)) => (*kind, value.tensor.shape),
+                    None => return lowering.no_member(name, &indices, path.span),
+                },
+                _ => return Err(Reported),
+            }
+        }
+        Some(Meaning::Word(kind)) => {
+            return lowering.error(ModelError::NotAValue {
+                name: name.clone(),
+                kind,
+                span: path.head.span,
+                help: None,
+            });
+        }
+        Some(Meaning::Unusable) => return Err(Reported),
+        None => {
+            let help = did_you_mean(name, lowering.scope.names.keys().map(String::as_str));
+            return lowering.error(ModelError::UnknownName {
+                name: name.clone(),
+                span: path.head.span,
+                help,
+            });
+        }
+    };
+    let mut target = Target {
+        kind,
+        entries: (0..shape.len()).collect(),
+        shape,
+    };
+    for segment in rest {
+        match segment {
+            Segment::Field(field) => match (target.kind, field.name.as_str()) {
+                (TargetKind::Switch(index), "sliding") => target.kind = TargetKind::Sliding(index),
+                _ => {
+                    let (name, field) = (name.clone(), field.clone());
+                    return lowering.error(ModelError::NoField {
+                        name,
+                        field: field.name,
+                        span: field.span,
+                    });
+                }
+            },
+            Segment::Index(indices) => {
+                let places = places::select(
+                    lowering,
+                    target.shape,
+                    indices,
+                    &format!("`{name}`"),
+                    path.span,
+                )?;
+                target.entries = places
+                    .positions
+                    .iter()
+                    .map(|&position| target.entries[position])
+                    .collect();
+                target.shape = places.shape;
+            }
+        }
+    }
+    Ok(target)
+}
