@@ -419,32 +419,3 @@ impl Kind {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// x'' = -x from (0, 1) gives the sine series.
-    #[test]
-    fn the_oscillator_gives_the_sine() {
-        let mut builder = Tape::builder(2);
-        let (x, v) = (builder.input(0), builder.input(1));
-        let force = builder.neg(x);
-        let tape = builder.finish(&[v, force]);
-        let mut jet = Jet::new(&tape, 20);
-        jet.set_input(1, 0, 1.0);
-        for k in 0..20 {
-            jet.advance(k);
-            for i in 0..2 {
-                jet.set_input(i, k + 1, jet.output(i, k) / (k + 1) as f64);
-            }
-        }
-        let at = |t: f64| {
-            jet.input_row(0)
-                .iter()
-                .rev()
-                .fold(0.0, |sum, c| sum * t + c)
-        };
-        assert!((at(1.0) - 1f64.sin()).abs() < 1e-15);
-    }
-}
