@@ -1,0 +1,222 @@
+//! Linear complementarity problems: find z with w = Mz + q, 0 ≤ z ⟂ w ≥ 0.
+//!
+//! Lemke's complementary pivoting with a covering vector d > 0 (Cottle, Pang &
+//! Stone 1992, algorithm 4.4.5): w = Mz + q + d z₀ starts on the ray of large
+//! z₀ and pivots along complementary bases until z₀ leaves. Ties in the ratio
+//! test are broken lexicographically, so the path never cycles.
+
+/// Why no solution was found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LcpError {
+    /// The path ended on a ray: none exists, or M is of no class Lemke covers.
+    Ray,
+    /// The pivot limit was reached.
+    PivotLimit,
+}
+
+/// Solves the LCP (`m`, `q`) with covering vector `cover`, returning z.
+///
+/// `m` is row major, `q.len()` square; every entry of `cover` is positive.
+pub fn lemke(m: &[f64], q: &[f64], cover: &[f64]) -> Result<Vec<f64>, LcpError> {
+    let n = q.len();
+    if q.iter().all(|&entry| entry >= 0.0) {
+        return Ok(vec![0.0; n]);
+    }
+    let mut tableau = Tableau::new(m, q, cover);
+    let mut row = tableau.first_row(cover);
+    let mut entering = tableau.pivot(row, tableau.z0());
+    for _ in 0..50 * (n + 1) {
+        row = tableau.ratio_test(entering).ok_or(LcpError::Ray)?;
+        let leaving = tableau.pivot(row, entering);
+        if leaving == tableau.z0() {
+            return Ok(tableau.solution());
+        }
+        entering = tableau.complement(leaving);
+    }
+    Err(LcpError::PivotLimit)
+}
+
+/// Rows are basic variables; columns are w (n), z (n), z₀ and the right side.
+struct Tableau {
+    n: usize,
+    width: usize,
+    rows: Vec<f64>,
+    basis: Vec<usize>,
+}
+
+impl Tableau {
+    /// w - Mz - d z₀ = q with w basic.
+    fn new(m: &[f64], q: &[f64], cover: &[f64]) -> Self {
+        let n = q.len();
+        let width = 2 * n + 2;
+        let mut rows = vec![0.0; n * width];
+        for i in 0..n {
+            let row = &mut rows[i * width..(i + 1) * width];
+            row[i] = 1.0;
+            for j in 0..n {
+                row[n + j] = -m[i * n + j];
+            }
+            row[2 * n] = -cover[i];
+            row[2 * n + 1] = q[i];
+        }
+        Tableau {
+            n,
+            width,
+            rows,
+            basis: (0..n).collect(),
+        }
+    }
+
+    fn z0(&self) -> usize {
+        2 * self.n
+    }
+
+    fn complement(&self, variable: usize) -> usize {
+        if variable < self.n {
+            variable + self.n
+        } else {
+            variable - self.n
+        }
+    }
+
+    fn at(&self, row: usize, column: usize) -> f64 {
+        self.rows[row * self.width + column]
+    }
+
+    /// The row that stays feasible longest as z₀ falls: max -q_i/d_i.
+    fn first_row(&self, cover: &[f64]) -> usize {
+        let ratio = |row: usize| -self.at(row, self.width - 1) / cover[row];
+        (0..self.n)
+            .max_by(|&a, &b| ratio(a).total_cmp(&ratio(b)).then(b.cmp(&a)))
+            .unwrap_or(0)
+    }
+
+    /// The row that blocks `entering` first; among equals z₀, then the lexicographic least.
+    fn ratio_test(&self, entering: usize) -> Option<usize> {
+        let scale = (0..self.n).fold(0.0_f64, |s, row| s.max(self.at(row, entering).abs()));
+        let eligible = |&row: &usize| self.at(row, entering) > 1e-12 * scale.max(1e-300);
+        (0..self.n).filter(eligible).reduce(|best, row| {
+            let (best_ratio, ratio) = (
+                self.ratio(best, entering, self.width - 1),
+                self.ratio(row, entering, self.width - 1),
+            );
+            if (ratio - best_ratio).abs() > 1e-13 * (1.0 + ratio.abs()) {
+                return if ratio < best_ratio { row } else { best };
+            }
+            if self.basis[best] == self.z0() || self.basis[row] == self.z0() {
+                return if self.basis[best] == self.z0() {
+                    best
+                } else {
+                    row
+                };
+            }
+            let order = (0..self.n)
+                .map(|column| {
+                    self.ratio(row, entering, column)
+                        .total_cmp(&self.ratio(best, entering, column))
+                })
+                .find(|order| order.is_ne());
+            if order.is_some_and(|order| order.is_lt()) {
+                row
+            } else {
+                best
+            }
+        })
+    }
+
+    fn ratio(&self, row: usize, entering: usize, column: usize) -> f64 {
+        self.at(row, column) / self.at(row, entering)
+    }
+
+    /// Makes `entering` basic in `row`; returns what left, or its complement's partner at the start.
+    fn pivot(&mut self, row: usize, entering: usize) -> usize {
+        let width = self.width;
+        let inverse = 1.0 / self.at(row, entering);
+        for value in &mut self.rows[row * width..(row + 1) * width] {
+            *value *= inverse;
+        }
+        let pivot_row = self.rows[row * width..(row + 1) * width].to_vec();
+        for other in (0..self.n).filter(|&other| other != row) {
+            let factor = self.at(other, entering);
+            if factor != 0.0 {
+                for (value, pivot) in self.rows[other * width..(other + 1) * width]
+                    .iter_mut()
+                    .zip(&pivot_row)
+                {
+                    *value -= factor * pivot;
+                }
+            }
+        }
+        let left = std::mem::replace(&mut self.basis[row], entering);
+        if entering == self.z0() {
+            self.complement(left)
+        } else {
+            left
+        }
+    }
+
+    fn solution(&self) -> Vec<f64> {
+        let mut z = vec![0.0; self.n];
+        for (row, &variable) in self.basis.iter().enumerate() {
+            if (self.n..2 * self.n).contains(&variable) {
+                z[variable - self.n] = self.at(row, self.width - 1).max(0.0);
+            }
+        }
+        z
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn residual(m: &[f64], q: &[f64], z: &[f64]) -> f64 {
+        let n = q.len();
+        (0..n)
+            .map(|i| {
+                let w = q[i] + (0..n).map(|j| m[i * n + j] * z[j]).sum::<f64>();
+                z[i].min(w).abs()
+            })
+            .fold(0.0, f64::max)
+    }
+
+    /// The LCP of math "next mode, switches": z = (α, p), w = (n, 1 - α).
+    fn box_lcp(a: &[f64], b: &[f64]) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
+        let n = b.len();
+        let size = 2 * n;
+        let (mut m, mut q, mut cover) = (vec![0.0; size * size], vec![1.0; size], vec![1.0; size]);
+        for i in 0..n {
+            for j in 0..n {
+                m[i * size + j] = -a[i * n + j];
+                cover[i] += a[i * n + j].abs();
+            }
+            m[i * size + n + i] = 1.0;
+            m[(n + i) * size + i] = -1.0;
+            q[i] = -b[i];
+        }
+        (m, q, cover)
+    }
+
+    proptest! {
+        #[test]
+        fn box_problems_always_have_a_solution(a in prop::collection::vec(-1.0..1.0_f64, 25), b in prop::collection::vec(-1.0..1.0_f64, 5)) {
+            let (m, q, cover) = box_lcp(&a, &b);
+            let z = lemke(&m, &q, &cover).unwrap();
+            prop_assert!(residual(&m, &q, &z) < 1e-9);
+        }
+    }
+
+    #[test]
+    fn one_surface_crosses_and_slides() {
+        let (m, q, cover) = box_lcp(&[-2.0], &[3.0]);
+        assert_eq!(lemke(&m, &q, &cover).unwrap(), [1.0, 1.0]);
+        let (m, q, cover) = box_lcp(&[-2.0], &[1.0]);
+        assert_eq!(lemke(&m, &q, &cover).unwrap(), [0.5, 0.0]);
+    }
+
+    #[test]
+    fn an_infeasible_problem_ends_on_a_ray() {
+        assert_eq!(lemke(&[0.0], &[-1.0], &[1.0]), Err(LcpError::Ray));
+    }
+}

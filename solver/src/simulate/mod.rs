@@ -1,0 +1,474 @@
+//! Event-driven simulation of switched systems
+//!
+//! x' = f(t, x, α),   α_i ∈ step(ψ_i(t, x)),   f multi-affine in α.
+//!
+//! A mode fixes every switch to one side of its surface or to sliding on it.
+//! Inside a mode the system is smooth and is expanded in a Taylor series, which
+//! is at once the step, its dense output of the same order, and the series of
+//! every switching function. Each turn of the loop is one such step, cut at the
+//! first event inside it; the next mode follows from the rates on all surfaces
+//! that meet there.
+
+mod mode;
+mod roots;
+mod select;
+mod series;
+mod step;
+#[cfg(test)]
+mod tests;
+
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+use rustc_hash::FxHashMap;
+
+use crate::tape::Tape;
+use mode::Mode;
+use roots::RootFinder;
+pub use select::Candidate;
+
+/// Where a switch stands relative to its surface ψ = 0.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
+pub enum Side {
+    /// ψ < 0, α = 0.
+    Minus,
+    /// ψ = 0 and stays so; α is what keeps it there.
+    Slide,
+    /// ψ > 0, α = 1.
+    Plus,
+}
+
+impl Side {
+    /// -1, 0 or 1.
+    pub fn sign(self) -> f64 {
+        match self {
+            Side::Minus => -1.0,
+            Side::Slide => 0.0,
+            Side::Plus => 1.0,
+        }
+    }
+
+    fn of(value: f64) -> Side {
+        if value < 0.0 { Side::Minus } else { Side::Plus }
+    }
+}
+
+/// A system with switches, as the simulator sees it.
+pub trait SwitchedSystem {
+    /// Length of x.
+    fn n_states(&self) -> usize;
+    /// Length of ψ and α.
+    fn n_switches(&self) -> usize;
+    /// True when f is continuous across the surface, so that it never slides.
+    fn is_continuous(&self, switch: usize) -> bool;
+    /// True when the rate φ of switch `rate` may depend on α of switch `alpha`.
+    fn couples(&self, rate: usize, alpha: usize) -> bool;
+    /// The functions of a mode: α is 0 at `Minus`, 1 at `Plus` and an input at `Slide`.
+    fn compile(&self, sides: &[Side]) -> ModeFunctions;
+}
+
+/// The smooth functions of one mode. K are its sliding switches, in order.
+#[derive(Clone, Debug)]
+pub struct ModeFunctions {
+    /// (t, x, α_K) to f (n), the rates φ_K (k) and ψ of all switches.
+    pub field: Tape,
+    /// (t, x, α_K) to ∂φ_K/∂α_K (k × k), ∂ψ_K/∂x (k × n) and ∂ψ_K/∂t (k), row major.
+    pub sliding: Tape,
+}
+
+/// What the user may choose.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// Aim for the global error, relative to the largest magnitude of each state; in (0, 1).
+    pub tolerance: f64,
+    /// Order of the Taylor series, from 4 to 40; chosen from the tolerance when absent.
+    pub order: Option<usize>,
+    /// Largest number of steps.
+    pub max_steps: usize,
+    /// Largest number of events.
+    pub max_events: usize,
+    /// Wall time after which the run stops.
+    pub time_limit: Option<Duration>,
+    /// Sides to take at a non-unique point, for the switches that meet there, in order.
+    pub branch: Vec<Side>,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Settings {
+            tolerance: 1e-8,
+            order: None,
+            max_steps: 10_000_000,
+            max_events: 1_000_000,
+            time_limit: None,
+            branch: Vec::new(),
+        }
+    }
+}
+
+impl Settings {
+    /// Local tolerance of a step: a hundredth of the global aim, which the growth of
+    /// errors along well-conditioned runs does not use up.
+    fn local_tolerance(&self) -> f64 {
+        (0.01 * self.tolerance).max(1e-18)
+    }
+
+    /// Order that costs least for a tolerance: -½ ln ε + 1 (Jorba & Zou 2005, section 3.2),
+    /// and three more because a step has costs of its own (chosen by trial).
+    fn series_order(&self) -> usize {
+        let optimal = (-0.5 * self.local_tolerance().ln()).ceil() as usize + 4;
+        self.order.unwrap_or(optimal).clamp(4, 40)
+    }
+}
+
+/// How a run ended.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Status {
+    /// The end of the horizon was reached.
+    Solved,
+    /// The observer asked to stop.
+    Stopped,
+    /// `max_steps` was reached.
+    StepLimit,
+    /// `max_events` was reached.
+    EventLimit,
+    /// `time_limit` was reached.
+    TimeLimit,
+    /// Events follow each other without time passing.
+    Accumulation,
+    /// More than one solution continues from here.
+    NonUnique(Vec<Candidate>),
+    /// No choice of sides is consistent with its own rates.
+    NoSolution {
+        /// The switches that meet here.
+        switches: Vec<usize>,
+    },
+    /// A rate does not depend on its own switch, so sliding is not defined by first derivatives.
+    HigherDegree {
+        /// The switches that meet here.
+        switches: Vec<usize>,
+    },
+    /// While sliding, the equations for α became singular.
+    SingularSliding {
+        /// The sliding switches.
+        switches: Vec<usize>,
+    },
+    /// The state was found on the wrong side of a surface.
+    MissedSwitch {
+        /// The switch.
+        switch: usize,
+    },
+    /// The vector field is not finite, or no step is small enough.
+    NotFinite,
+}
+
+/// A change of mode.
+#[derive(Clone, Debug)]
+pub struct Event<'a> {
+    /// When.
+    pub time: f64,
+    /// Where; states do not jump.
+    pub x: &'a [f64],
+    /// Mode before.
+    pub from: &'a [Side],
+    /// Mode after.
+    pub to: &'a [Side],
+}
+
+/// One accepted step with its dense output.
+pub struct Segment<'a> {
+    /// Start.
+    pub start: f64,
+    /// Length.
+    pub length: f64,
+    /// The mode.
+    pub sides: &'a [Side],
+    /// State at the end, with the drift off sliding surfaces projected away.
+    pub end: &'a [f64],
+    mode: &'a Mode,
+}
+
+impl Segment<'_> {
+    /// The state `tau` after the start.
+    pub fn state(&self, tau: f64, x: &mut [f64]) {
+        self.mode.state(tau, x);
+    }
+
+    /// Order of the series.
+    pub fn order(&self) -> usize {
+        self.mode.order()
+    }
+
+    /// Taylor coefficients of a state around the start, constant term first.
+    pub fn state_series(&self, state: usize) -> &[f64] {
+        self.mode.x_series(state)
+    }
+
+    /// Taylor coefficients of α of a sliding switch; none where α is constant.
+    pub fn alpha_series(&self, switch: usize) -> Option<&[f64]> {
+        let place = self.mode.sliding.binary_search(&switch).ok()?;
+        Some(self.mode.alpha_series(place))
+    }
+
+    /// α of every switch `tau` after the start.
+    pub fn alpha(&self, tau: f64, alpha: &mut [f64]) {
+        self.mode.alpha(tau, alpha);
+    }
+}
+
+/// Sees a run while it happens.
+pub trait Observer {
+    /// A step was accepted. Breaking ends the run.
+    fn segment(&mut self, segment: &Segment) -> ControlFlow<()>;
+    /// The mode changed.
+    fn event(&mut self, event: &Event);
+}
+
+/// Counts of a run.
+#[derive(Clone, Copy, Default, Debug, PartialEq, Eq)]
+pub struct Stats {
+    /// Accepted steps.
+    pub steps: usize,
+    /// Steps cut because their series did not satisfy the equation.
+    pub rejected: usize,
+    /// Evaluations of f, a series of order p counting p.
+    pub rhs_evaluations: usize,
+    /// Changes of mode.
+    pub events: usize,
+    /// Modes compiled in this run.
+    pub modes_compiled: usize,
+}
+
+/// The end of a run.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// Why it ended.
+    pub status: Status,
+    /// When.
+    pub time: f64,
+    /// Where.
+    pub x: Vec<f64>,
+    /// The last mode.
+    pub sides: Vec<Side>,
+    /// α of the last mode.
+    pub alpha: Vec<f64>,
+    /// Largest |ψ| seen on a sliding surface, relative to the size of its terms.
+    pub drift: f64,
+    /// Largest ‖x' - f‖ h at the end of a step, relative to the tolerance's scale.
+    pub defect: f64,
+    /// Counts.
+    pub stats: Stats,
+}
+
+/// Runs a system, keeping the modes it has compiled from one run to the next.
+pub struct Simulator<'s, S> {
+    system: &'s S,
+    settings: Settings,
+    order: usize,
+    modes: Vec<Mode>,
+    index: FxHashMap<Box<[Side]>, usize>,
+    roots: RootFinder,
+}
+
+/// What changes from step to step.
+struct State {
+    t: f64,
+    x: Vec<f64>,
+    sides: Box<[Side]>,
+    alpha: Vec<f64>,
+    /// Largest |x_i| so far.
+    scale: Vec<f64>,
+    /// Switches whose ψ or α starts a step at the value that would be an event.
+    armed: Vec<bool>,
+    /// Below this |ψ| is rounding.
+    band: Vec<f64>,
+    /// Length of the last step that no event cut.
+    last_step: f64,
+    stats: Stats,
+    stalled: usize,
+    next: Vec<f64>,
+    next_alpha: Vec<f64>,
+}
+
+/// Events in a row without progress in time that count as an accumulation.
+const MAX_STALLED: usize = 100;
+
+impl<'s, S: SwitchedSystem> Simulator<'s, S> {
+    /// A simulator without any mode compiled yet.
+    pub fn new(system: &'s S, settings: Settings) -> Self {
+        let order = settings.series_order();
+        Simulator {
+            system,
+            order,
+            settings,
+            modes: Vec::new(),
+            index: FxHashMap::default(),
+            roots: RootFinder::new(order),
+        }
+    }
+
+    /// The settings in force.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Order of the Taylor series.
+    pub fn order(&self) -> usize {
+        self.order
+    }
+
+    /// Integrates from `x0` at `t0` to `t1`.
+    pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut impl Observer) -> Outcome {
+        let started = self
+            .settings
+            .time_limit
+            .map(|limit| (Instant::now(), limit));
+        let compiled = self.modes.len();
+        let mut state = State::new(t0, x0, self.system.n_switches());
+        let (mut drift, mut defect) = (0.0, 0.0);
+        let status = match self.start(&mut state, t1 - t0) {
+            Err(status) => status,
+            Ok(()) => loop {
+                if state.t >= t1 {
+                    break Status::Solved;
+                }
+                if let Some(status) = self.limit(&state, started) {
+                    break status;
+                }
+
+                // Expand the solution in the current mode and cut the series at its first event.
+                let mode = self.mode(&state.sides);
+                let step = match self.step(mode, &mut state, t1) {
+                    Ok(step) => step,
+                    Err(status) => break status,
+                };
+                defect = f64::max(defect, step.defect);
+
+                // Advance, projecting the drift off the sliding surfaces.
+                let start = state.t;
+                state.t = if step.reaches_end {
+                    t1
+                } else {
+                    start + step.length
+                };
+                drift = f64::max(
+                    drift,
+                    self.modes[mode].project(state.t, &mut state.x, &mut state.alpha, &state.scale),
+                );
+                state.record_scale();
+                state.stats.steps += 1;
+                let segment = Segment {
+                    start,
+                    length: step.length,
+                    sides: &state.sides,
+                    end: &state.x,
+                    mode: &self.modes[mode],
+                };
+                if step.length > 0.0 && observer.segment(&segment).is_break() {
+                    break Status::Stopped;
+                }
+
+                // At an event, the rates on all surfaces that meet decide the next mode.
+                state.disarm(self.modes[mode].psi());
+                if step.triggers.is_empty() {
+                    continue;
+                }
+                state.count_event(step.length, t1 - t0);
+                if state.stalled > MAX_STALLED {
+                    break Status::Accumulation;
+                }
+                let from = state.sides.clone();
+                if let Err(status) = self.select(&mut state, &step.triggers, t1) {
+                    break status;
+                }
+                if from != state.sides {
+                    state.stats.events += 1;
+                    observer.event(&Event {
+                        time: state.t,
+                        x: &state.x,
+                        from: &from,
+                        to: &state.sides,
+                    });
+                }
+            },
+        };
+        state.stats.modes_compiled = self.modes.len() - compiled;
+        Outcome {
+            status,
+            time: state.t,
+            x: state.x,
+            sides: state.sides.into_vec(),
+            alpha: state.alpha,
+            drift,
+            defect,
+            stats: state.stats,
+        }
+    }
+
+    fn limit(&self, state: &State, started: Option<(Instant, Duration)>) -> Option<Status> {
+        if state.stats.steps >= self.settings.max_steps {
+            return Some(Status::StepLimit);
+        }
+        if state.stats.events >= self.settings.max_events {
+            return Some(Status::EventLimit);
+        }
+        // A look at the clock costs as much as a small step.
+        let late = started.is_some_and(|(start, limit)| {
+            state.stats.steps.is_multiple_of(16) && start.elapsed() > limit
+        });
+        late.then_some(Status::TimeLimit)
+    }
+
+    /// The index of the mode, compiled at its first use.
+    fn mode(&mut self, sides: &[Side]) -> usize {
+        if let Some(&index) = self.index.get(sides) {
+            return index;
+        }
+        let functions = self.system.compile(sides);
+        self.modes.push(Mode::new(
+            sides,
+            functions,
+            self.system.n_states(),
+            self.order,
+        ));
+        self.index.insert(sides.into(), self.modes.len() - 1);
+        self.modes.len() - 1
+    }
+}
+
+impl State {
+    fn new(t: f64, x: &[f64], n_switches: usize) -> Self {
+        State {
+            t,
+            x: x.to_vec(),
+            sides: vec![Side::Plus; n_switches].into(),
+            alpha: vec![1.0; n_switches],
+            scale: x.iter().map(|v| v.abs()).collect(),
+            armed: vec![false; n_switches],
+            band: vec![0.0; n_switches],
+            last_step: 0.0,
+            stats: Stats::default(),
+            stalled: 0,
+            next: x.to_vec(),
+            next_alpha: vec![0.0; n_switches],
+        }
+    }
+
+    fn record_scale(&mut self) {
+        for (scale, x) in self.scale.iter_mut().zip(&self.x) {
+            *scale = scale.max(x.abs());
+        }
+    }
+
+    /// A surface left tangentially is watched again once it is outside its band.
+    fn disarm(&mut self, psi: &[f64]) {
+        for ((armed, &band), psi) in self.armed.iter_mut().zip(&self.band).zip(psi) {
+            *armed &= psi.abs() <= band;
+        }
+    }
+
+    fn count_event(&mut self, length: f64, horizon: f64) {
+        let progress = length > 1e-14 * horizon;
+        self.stalled = if progress { 0 } else { self.stalled + 1 };
+    }
+}

@@ -1,0 +1,277 @@
+//! First root of a polynomial in (0, h].
+//!
+//! The polynomial is written in Bernstein form on the interval: coefficients of
+//! one sign prove that it has no root, one change of sign that it has exactly
+//! one (Descartes' rule; Farouki 2012, section 5.4). Halving the interval by de
+//! Casteljau's algorithm ends in one of the two, or in an interval as narrow as
+//! rounding, which holds a double root.
+
+use super::series;
+
+/// A root, and whether the polynomial changes its sign there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Root {
+    /// Where it is, in (0, h].
+    pub tau: f64,
+    /// False at a double root, where the polynomial only touches zero.
+    pub crosses: bool,
+}
+
+/// Memory and binomial tables for polynomials up to a degree.
+pub(crate) struct RootFinder {
+    degree: usize,
+    /// `ratio[j][k]` = C(j, k) / C(degree, k), by degree and j.
+    ratios: Vec<Vec<f64>>,
+    stack: Vec<Interval>,
+}
+
+struct Interval {
+    start: f64,
+    width: f64,
+    bernstein: Vec<f64>,
+}
+
+/// Intervals below this fraction of the step hold a double root.
+const NARROWEST: f64 = 1e-11;
+
+impl RootFinder {
+    /// Tables for polynomials of degree up to `degree`.
+    pub(crate) fn new(degree: usize) -> Self {
+        RootFinder {
+            degree,
+            ratios: (0..=degree).map(ratios).collect(),
+            stack: Vec::new(),
+        }
+    }
+
+    /// The least root in (0, h] of Σ `coefficients[k]` τᵏ, whose value at 0 counts as non-zero.
+    pub(crate) fn first(&mut self, coefficients: &[f64], h: f64) -> Option<Root> {
+        let degree = coefficients.len() - 1;
+        debug_assert!(degree <= self.degree, "the tables reach to the degree");
+        if stays_away(coefficients, h) {
+            return None;
+        }
+        let ratios = &self.ratios[degree];
+        let mut scaled = Vec::with_capacity(degree + 1);
+        let mut power = 1.0;
+        for &c in coefficients {
+            scaled.push(c * power);
+            power *= h;
+        }
+        let bernstein = (0..=degree)
+            .map(|j| {
+                (0..=j)
+                    .map(|k| ratios[j * (degree + 1) + k] * scaled[k])
+                    .sum()
+            })
+            .collect();
+        self.stack.clear();
+        self.stack.push(Interval {
+            start: 0.0,
+            width: 1.0,
+            bernstein,
+        });
+        while let Some(mut interval) = self.stack.pop() {
+            match sign_changes(&interval.bernstein) {
+                0 => {}
+                1 => {
+                    let s = refine(&scaled, interval.start, interval.start + interval.width);
+                    let (s, crosses) = match touching(&scaled, s) {
+                        Some(extremum) => (extremum, false),
+                        None => (s, true),
+                    };
+                    return Some(Root {
+                        tau: h * s,
+                        crosses,
+                    });
+                }
+                _ if interval.width < NARROWEST => {
+                    return Some(Root {
+                        tau: h * (interval.start + 0.5 * interval.width),
+                        crosses: false,
+                    });
+                }
+                _ => {
+                    let right = split(&mut interval);
+                    self.stack.push(right);
+                    self.stack.push(interval);
+                }
+            }
+        }
+        None
+    }
+}
+
+/// True when |c₀| outweighs all other terms on the interval.
+fn stays_away(coefficients: &[f64], h: f64) -> bool {
+    let rest = coefficients[1..]
+        .iter()
+        .rev()
+        .fold(0.0, |sum, c| (sum + c.abs()) * h);
+    coefficients[0].abs() > rest
+}
+
+fn ratios(degree: usize) -> Vec<f64> {
+    let binomial =
+        |n: usize, k: usize| (0..k).fold(1.0, |c, i| c * (n - i) as f64 / (i + 1) as f64);
+    let mut table = vec![0.0; (degree + 1) * (degree + 1)];
+    for j in 0..=degree {
+        for k in 0..=j {
+            table[j * (degree + 1) + k] = binomial(j, k) / binomial(degree, k);
+        }
+    }
+    table
+}
+
+/// Changes of sign among the coefficients; a zero at the right end is a root of its own.
+fn sign_changes(bernstein: &[f64]) -> usize {
+    let mut changes = 0;
+    let mut sign = 0.0;
+    for &b in bernstein {
+        if b != 0.0 {
+            if sign * b < 0.0 {
+                changes += 1;
+            }
+            sign = b.signum();
+        }
+    }
+    changes + usize::from(bernstein.last() == Some(&0.0))
+}
+
+/// Halves the interval in place and returns its right half.
+fn split(interval: &mut Interval) -> Interval {
+    let left = &mut interval.bernstein;
+    let n = left.len();
+    let mut right = left.clone();
+    for level in 1..n {
+        // After `level` rounds, left[j] for j < level is final and right[n - 1 - level] is next.
+        for j in (level..n).rev() {
+            left[j] = 0.5 * (left[j - 1] + left[j]);
+        }
+        right[n - 1 - level] = left[n - 1];
+    }
+    interval.width *= 0.5;
+    Interval {
+        start: interval.start + interval.width,
+        width: interval.width,
+        bernstein: right,
+    }
+}
+
+/// A root whose slope is below this fraction of the coefficients has a neighbour so close that
+/// the dip between them is rounding.
+const FLAT: f64 = 1e-7;
+
+/// The extremum next to the root `s`, where the two cannot be told apart.
+fn touching(scaled: &[f64], s: f64) -> Option<f64> {
+    let scale = scaled.iter().fold(0.0_f64, |m, c| m.max(c.abs()));
+    if series::slope(scaled, s).abs() > FLAT * scale {
+        return None;
+    }
+    let derivative: Vec<f64> = scaled
+        .iter()
+        .enumerate()
+        .skip(1)
+        .map(|(k, c)| k as f64 * c)
+        .collect();
+    let mut extremum = s;
+    for _ in 0..20 {
+        let step = series::value(&derivative, extremum) / series::slope(&derivative, extremum);
+        if !step.is_finite() {
+            break;
+        }
+        extremum -= step;
+        if step.abs() <= 1e-15 {
+            break;
+        }
+    }
+    let near = (extremum - s).abs() <= 1e-3 && (0.0..=1.0).contains(&extremum);
+    Some(if near { extremum } else { s })
+}
+
+/// The one root in [lo, hi] by Newton's method, safeguarded by bisection.
+fn refine(scaled: &[f64], mut lo: f64, mut hi: f64) -> f64 {
+    let rising = series::value(scaled, hi) >= series::value(scaled, lo);
+    let mut s = 0.5 * (lo + hi);
+    for _ in 0..100 {
+        let v = series::value(scaled, s);
+        if v == 0.0 {
+            return s;
+        }
+        if (v > 0.0) == rising {
+            hi = s;
+        } else {
+            lo = s;
+        }
+        let newton = s - v / series::slope(scaled, s);
+        let next = if newton > lo && newton < hi {
+            newton
+        } else {
+            0.5 * (lo + hi)
+        };
+        if (next - s).abs() <= f64::EPSILON * s.abs().max(f64::MIN_POSITIVE) {
+            return next;
+        }
+        s = next;
+    }
+    s
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn from_roots(roots: &[f64]) -> Vec<f64> {
+        roots.iter().fold(vec![1.0], |poly, root| {
+            let mut next = vec![0.0; poly.len() + 1];
+            for (k, c) in poly.iter().enumerate() {
+                next[k] -= root * c;
+                next[k + 1] += c;
+            }
+            next
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn finds_the_least_of_separated_roots(first in 0.05..0.45_f64, gap in 0.05..0.5_f64, outside in 1.2..3.0_f64) {
+            let root = RootFinder::new(8).first(&from_roots(&[first + gap, outside, first, -outside, -1.5]), 1.0).unwrap();
+            prop_assert!(root.crosses);
+            prop_assert!((root.tau - first).abs() < 1e-12);
+        }
+
+        #[test]
+        fn reports_no_root_where_there_is_none(roots in prop::collection::vec(1.01..3.0_f64, 1..8)) {
+            prop_assert_eq!(RootFinder::new(8).first(&from_roots(&roots), 1.0), None);
+        }
+    }
+
+    #[test]
+    fn a_pair_of_close_roots_is_not_missed() {
+        let root = RootFinder::new(4)
+            .first(&from_roots(&[0.5, 0.500_001]), 1.0)
+            .unwrap();
+        assert!(root.crosses);
+        assert!((root.tau - 0.5).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_double_root_is_marked() {
+        let root = RootFinder::new(4).first(&[0.25, -1.0, 1.0], 1.0).unwrap();
+        assert_eq!(
+            root,
+            Root {
+                tau: root.tau,
+                crosses: false
+            }
+        );
+        assert!((root.tau - 0.5).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_right_end_belongs_to_the_interval() {
+        assert!(RootFinder::new(4).first(&[-2.0, 1.0], 2.0).is_some());
+        assert!(RootFinder::new(4).first(&[-2.0, 1.0], 1.99).is_none());
+    }
+}

@@ -1,0 +1,63 @@
+//! Signs and sizes of truncated Taylor series.
+
+/// Σ c[k] τᵏ.
+pub(crate) fn value(c: &[f64], tau: f64) -> f64 {
+    c.iter().rev().fold(0.0, |sum, c| sum * tau + c)
+}
+
+/// Derivative of Σ c[k] τᵏ.
+pub(crate) fn slope(c: &[f64], tau: f64) -> f64 {
+    c.iter()
+        .enumerate()
+        .skip(1)
+        .rev()
+        .fold(0.0, |sum, (k, c)| sum * tau + k as f64 * c)
+}
+
+/// Largest |c[k]| hᵏ from k = `from`.
+pub(crate) fn magnitude(c: &[f64], h: f64, from: usize) -> f64 {
+    let mut power = h.powi(from as i32);
+    let mut largest = 0.0_f64;
+    for c in &c[from..] {
+        largest = largest.max(c.abs() * power);
+        power *= h;
+    }
+    largest
+}
+
+/// Terms below this fraction of the largest count as zero: far above rounding, and
+/// what they would move within the step is below every tolerance.
+const NEGLIGIBLE: f64 = 1e-10;
+
+/// The first k ≥ 1 whose term on [0, h] is not negligible; none if all are within `band`.
+pub(crate) fn leading(c: &[f64], h: f64, band: f64) -> Option<usize> {
+    let largest = magnitude(c, h, 1);
+    if largest <= band || !largest.is_finite() {
+        return None;
+    }
+    let mut power = 1.0;
+    (1..c.len()).find(|&k| {
+        power *= h;
+        c[k].abs() * power > NEGLIGIBLE * largest
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rounding_in_front_is_passed_over() {
+        assert_eq!(leading(&[1e-17, 1e-16, -2.0, 1.0], 0.1, 0.0), Some(2));
+        assert_eq!(leading(&[0.0, 1e-16, 1e-15], 0.1, 1e-12), None);
+    }
+
+    #[test]
+    fn value_and_slope() {
+        let c = [1.0, 2.0, 3.0];
+        assert_eq!(
+            (value(&c, 2.0), slope(&c, 2.0), magnitude(&c, 2.0, 1)),
+            (17.0, 14.0, 12.0)
+        );
+    }
+}

@@ -1,0 +1,281 @@
+//! One step: expand, bound, cut at the first event, and check.
+
+use super::mode::Mode;
+use super::roots::Root;
+use super::{Side, Simulator, State, Status, SwitchedSystem, series};
+
+/// An accepted step. `State::x` holds its end.
+pub(super) struct Step {
+    pub length: f64,
+    pub reaches_end: bool,
+    /// Switches whose surface is reached, or whose sliding ends, at the end of the step.
+    pub triggers: Vec<usize>,
+    /// ‖x' - f‖ h at the end, relative to the magnitude of the states.
+    pub defect: f64,
+}
+
+/// What is watched for a root: ψ off the surface, α and 1 - α on it.
+#[derive(Clone, Copy)]
+enum Watch {
+    Surface(usize),
+    /// Switch, its place among the sliding ones, and the bound 0 or 1.
+    Bound(usize, usize, f64),
+}
+
+impl Watch {
+    fn switch(self) -> usize {
+        match self {
+            Watch::Surface(i) | Watch::Bound(i, ..) => i,
+        }
+    }
+}
+
+/// Halvings of a step before it counts as impossible.
+const MAX_HALVINGS: usize = 60;
+
+/// Steps grow at most by this factor, which bounds the search for their size.
+const MAX_GROWTH: f64 = 10.0;
+
+impl<S: SwitchedSystem> Simulator<'_, S> {
+    /// Takes the longest step that the tolerance and the next event allow.
+    pub(super) fn step(
+        &mut self,
+        index: usize,
+        state: &mut State,
+        t1: f64,
+    ) -> Result<Step, Status> {
+        let (order, tolerance) = (self.order, self.settings.local_tolerance());
+        let remaining = t1 - state.t;
+        let mode = &mut self.modes[index];
+        if mode
+            .expand(state.t, &state.x, &mut state.alpha, order)
+            .is_err()
+        {
+            return Err(Status::SingularSliding {
+                switches: mode.sliding.clone(),
+            });
+        }
+        state.stats.rhs_evaluations += order;
+        let longest = if state.last_step > 0.0 {
+            remaining.min(MAX_GROWTH * state.last_step)
+        } else {
+            remaining
+        };
+        let mut h = mode.step_size(tolerance, &state.scale, longest);
+        for _ in 0..MAX_HALVINGS {
+            let mode = &mut self.modes[index];
+            let event = first_event(&mut self.roots, mode, state, h);
+            let length = event.as_ref().map_or(h, |(root, _)| root.tau);
+            let defect = mode.defect(state, length);
+            // The last term of the series, differentiated, is what the defect shows of the error.
+            let allowed = 10.0 * (order as f64) * tolerance.max(4.0 * f64::EPSILON);
+            let unseen = event.is_none() && mode.on_wrong_side(state);
+            if defect.is_nan() || defect > allowed || unseen {
+                state.stats.rejected += 1;
+                h *= 0.5;
+                continue;
+            }
+            let (length, triggers) = match event {
+                Some((root, watch)) => {
+                    mode.verify_start(root.tau, watch, h)?;
+                    // A double root of ψ is no better known from ψ than from its series.
+                    let tau = if root.crosses {
+                        mode.polish(state, root.tau, watch, h)?
+                    } else {
+                        root.tau
+                    };
+                    (tau, mode.simultaneous(state, tau, h, watch.switch()))
+                }
+                None => (h, Vec::new()),
+            };
+            mode.state(length, &mut state.next);
+            std::mem::swap(&mut state.x, &mut state.next);
+            mode.alpha(length, &mut state.alpha);
+            if triggers.is_empty() {
+                state.last_step = h;
+            }
+            return Ok(Step {
+                length,
+                reaches_end: triggers.is_empty() && h >= remaining,
+                triggers,
+                defect,
+            });
+        }
+        Err(Status::NotFinite)
+    }
+}
+
+/// The least root of everything watched in (0, h].
+fn first_event(
+    roots: &mut super::RootFinder,
+    mode: &Mode,
+    state: &State,
+    h: f64,
+) -> Option<(Root, Watch)> {
+    let mut first: Option<(Root, Watch)> = None;
+    let mut bound = Vec::new();
+    let mut sliding = 0;
+    for (i, &side) in mode.sides.iter().enumerate() {
+        let reach = first.map_or(h, |(root, _)| root.tau);
+        if side == Side::Slide {
+            for limit in [0.0, 1.0] {
+                bound.clear();
+                bound.extend_from_slice(mode.alpha_series(sliding));
+                bound[0] -= limit;
+                let inside = if limit == 0.0 { 1.0 } else { -1.0 };
+                let starts_there = bound[0].abs() <= super::select::TIE;
+                if let Some(root) = first_root(
+                    roots,
+                    &bound,
+                    reach,
+                    inside,
+                    starts_there.then_some(super::select::TIE),
+                ) {
+                    first = Some((root, Watch::Bound(i, sliding, limit)));
+                }
+            }
+            sliding += 1;
+        } else {
+            let band = state.armed[i].then_some(state.band[i]);
+            if let Some(root) = first_root(roots, mode.psi_series(i), reach, side.sign(), band) {
+                first = Some((root, Watch::Surface(i)));
+            }
+        }
+    }
+    first
+}
+
+/// The least root of a series that should have sign `side`. One that starts at zero, within
+/// `band`, is divided by its leading power first; one that starts on the wrong side has its
+/// root at once.
+fn first_root(
+    roots: &mut super::RootFinder,
+    c: &[f64],
+    h: f64,
+    side: f64,
+    band: Option<f64>,
+) -> Option<Root> {
+    let c = match band {
+        Some(band) => &c[series::leading(c, h, band)?..],
+        None => c,
+    };
+    if c[0] * side <= 0.0 {
+        return Some(Root {
+            tau: 0.0,
+            crosses: true,
+        });
+    }
+    roots.first(c, h)
+}
+
+impl Mode {
+    /// ‖x' - f‖ τ at the end of the step, relative to the magnitude of each state.
+    fn defect(&mut self, state: &mut State, tau: f64) -> f64 {
+        self.state(tau, &mut state.next);
+        self.alpha(tau, &mut state.next_alpha);
+        self.eval(state.t + tau, &state.next, &state.next_alpha);
+        let mut worst = 0.0_f64;
+        for (i, f) in self.f().iter().enumerate() {
+            let c = self.x_series(i);
+            let scale = state.scale[i].max(series::magnitude(c, tau, 0));
+            let defect = (series::slope(c, tau) - f).abs() * tau;
+            if defect > 0.0 || defect.is_nan() {
+                // NaN must not be lost to `max`.
+                worst = if worst >= defect / scale {
+                    worst
+                } else {
+                    defect / scale
+                };
+            }
+        }
+        worst
+    }
+
+    /// True when the last evaluation, at the end of the step, has left a surface behind that the
+    /// series did not see.
+    fn on_wrong_side(&self, state: &State) -> bool {
+        let wrong = |i: usize| self.psi()[i] * self.sides[i].sign() < -state.band[i];
+        (0..self.sides.len()).any(|i| !state.armed[i] && wrong(i))
+    }
+
+    /// A root at the very start is rounding, or a switch that was missed.
+    fn verify_start(&self, tau: f64, watch: Watch, h: f64) -> Result<(), Status> {
+        if let (Watch::Surface(switch), 0.0) = (watch, tau) {
+            let c = self.psi_series(switch);
+            if c[0].abs() > 1e-9 * series::magnitude(c, h, 0) {
+                return Err(Status::MissedSwitch { switch });
+            }
+        }
+        Ok(())
+    }
+
+    /// Moves a root of the series to the root of the function itself, by Newton's method on
+    /// the length of the step.
+    fn polish(
+        &mut self,
+        state: &mut State,
+        mut tau: f64,
+        watch: Watch,
+        h: f64,
+    ) -> Result<f64, Status> {
+        for _ in 0..4 {
+            self.state(tau, &mut state.next);
+            self.alpha(tau, &mut state.next_alpha);
+            let (value, slope) = match watch {
+                Watch::Surface(i) => {
+                    self.eval(state.t + tau, &state.next, &state.next_alpha);
+                    (self.psi()[i], series::slope(self.psi_series(i), tau))
+                }
+                Watch::Bound(i, j, limit) => {
+                    let singular = self
+                        .solve_alpha(state.t + tau, &state.next, &mut state.next_alpha)
+                        .is_err();
+                    if singular {
+                        return Err(Status::SingularSliding {
+                            switches: self.sliding.clone(),
+                        });
+                    }
+                    (
+                        state.next_alpha[i] - limit,
+                        series::slope(self.alpha_series(j), tau),
+                    )
+                }
+            };
+            let next = tau - value / slope;
+            // A root that the function and its series do not share is a tangency: keep the series'.
+            if !next.is_finite() || next < 0.0 || (next - tau).abs() > 1e-3 * h {
+                break;
+            }
+            let moved = (next - tau).abs();
+            tau = next.min(h);
+            if moved <= f64::EPSILON * (state.t.abs() + tau) {
+                break;
+            }
+        }
+        Ok(tau)
+    }
+
+    /// `trigger` and every other switch whose own event is not told apart from it.
+    fn simultaneous(&self, state: &State, tau: f64, h: f64, trigger: usize) -> Vec<usize> {
+        let mut sliding = 0;
+        let mut triggers = Vec::new();
+        for (i, &side) in self.sides.iter().enumerate() {
+            let reached = if side == Side::Slide {
+                let alpha = series::value(self.alpha_series(sliding), tau);
+                sliding += 1;
+                alpha.min(1.0 - alpha).abs() <= TOGETHER
+            } else {
+                let c = self.psi_series(i);
+                !state.armed[i]
+                    && series::value(c, tau).abs() <= TOGETHER * series::magnitude(c, h, 0)
+            };
+            if reached || i == trigger {
+                triggers.push(i);
+            }
+        }
+        triggers
+    }
+}
+
+/// Events closer than this, relative to the size of ψ in the step, are one.
+const TOGETHER: f64 = 1e-12;

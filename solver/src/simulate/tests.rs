@@ -1,0 +1,278 @@
+//! Systems with surfaces on the coordinate planes: x' = c + d t + Lx + Bα, ψ_i = x_i.
+
+use std::ops::ControlFlow;
+
+use super::{
+    Event, ModeFunctions, Observer, Outcome, Segment, Settings, Side, Simulator, Status,
+    SwitchedSystem,
+};
+use crate::tape::Tape;
+
+#[derive(Default)]
+struct Planes {
+    n: usize,
+    m: usize,
+    c: Vec<f64>,
+    d: Vec<f64>,
+    l: Vec<f64>,
+    b: Vec<f64>,
+}
+
+impl Planes {
+    /// x' = c + Bα with as many surfaces as states.
+    fn relays(c: &[f64], b: &[f64]) -> Self {
+        let n = c.len();
+        Planes {
+            n,
+            m: n,
+            c: c.to_vec(),
+            d: vec![0.0; n],
+            l: vec![0.0; n * n],
+            b: b.to_vec(),
+        }
+    }
+
+    fn run(&self, t1: f64, x0: &[f64], settings: Settings) -> (Outcome, Vec<f64>) {
+        let mut times = Times::default();
+        let outcome = Simulator::new(self, settings).run(0.0, t1, x0, &mut times);
+        (outcome, times.0)
+    }
+}
+
+impl SwitchedSystem for Planes {
+    fn n_states(&self) -> usize {
+        self.n
+    }
+
+    fn n_switches(&self) -> usize {
+        self.m
+    }
+
+    fn is_continuous(&self, _: usize) -> bool {
+        false
+    }
+
+    fn couples(&self, rate: usize, alpha: usize) -> bool {
+        self.b[rate * self.m + alpha] != 0.0
+    }
+
+    fn compile(&self, sides: &[Side]) -> ModeFunctions {
+        let sliding: Vec<usize> = (0..self.m).filter(|&i| sides[i] == Side::Slide).collect();
+        let mut tape = Tape::builder(1 + self.n + sliding.len());
+        let rate = |tape: &mut crate::tape::TapeBuilder, row: usize| {
+            let mut sum = tape.constant(self.c[row]);
+            sum = tape.add_scaled(sum, self.d[row], tape.input(0));
+            for k in 0..self.n {
+                sum = tape.add_scaled(sum, self.l[row * self.n + k], tape.input(1 + k));
+            }
+            for (i, side) in sides.iter().enumerate() {
+                let b = self.b[row * self.m + i];
+                sum = match sliding.binary_search(&i) {
+                    Ok(j) => tape.add_scaled(sum, b, tape.input(1 + self.n + j)),
+                    Err(_) => tape.offset(if *side == Side::Plus { b } else { 0.0 }, sum),
+                };
+            }
+            sum
+        };
+        let mut outputs: Vec<_> = (0..self.n).map(|row| rate(&mut tape, row)).collect();
+        outputs.extend(sliding.iter().map(|&i| outputs[i]).collect::<Vec<_>>());
+        outputs.extend((0..self.m).map(|i| tape.input(1 + i)));
+        let field = tape.finish(&outputs);
+
+        let mut tape = Tape::builder(1 + self.n + sliding.len());
+        let mut numbers: Vec<f64> = Vec::new();
+        numbers.extend(
+            sliding
+                .iter()
+                .flat_map(|&i| sliding.iter().map(move |&j| self.b[i * self.m + j])),
+        );
+        numbers.extend(
+            sliding
+                .iter()
+                .flat_map(|&i| (0..self.n).map(move |k| f64::from(i == k))),
+        );
+        numbers.extend(sliding.iter().map(|_| 0.0));
+        let outputs: Vec<_> = numbers
+            .into_iter()
+            .map(|number| tape.constant(number))
+            .collect();
+        ModeFunctions {
+            field,
+            sliding: tape.finish(&outputs),
+        }
+    }
+}
+
+#[derive(Default)]
+struct Times(Vec<f64>);
+
+impl Observer for Times {
+    fn segment(&mut self, _: &Segment) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+
+    fn event(&mut self, event: &Event) {
+        self.0.push(event.time);
+    }
+}
+
+fn assert_close(found: &[f64], exact: &[f64], tolerance: f64) {
+    assert_eq!(found.len(), exact.len(), "{found:?} and {exact:?}");
+    for (found, exact) in found.iter().zip(exact) {
+        assert!((found - exact).abs() <= tolerance, "{found} is not {exact}");
+    }
+}
+
+#[test]
+fn crosses_where_both_sides_agree() {
+    // x' = 3 below, 1 above.
+    let (outcome, times) = Planes::relays(&[3.0], &[-2.0]).run(1.0, &[-1.0], Settings::default());
+    assert_eq!(
+        (outcome.status, outcome.sides),
+        (Status::Solved, vec![Side::Plus])
+    );
+    assert_close(&times, &[1.0 / 3.0], 1e-15);
+    assert_close(&outcome.x, &[2.0 / 3.0], 1e-15);
+}
+
+#[test]
+fn slides_and_leaves_where_alpha_reaches_its_bound() {
+    // x' = 1 + t - 2α from 0: slides with α = (1 + t)/2 until t = 1, then x = (t - 1)²/2.
+    let system = Planes {
+        d: vec![1.0],
+        ..Planes::relays(&[1.0], &[-2.0])
+    };
+    let (outcome, times) = system.run(2.0, &[0.0], Settings::default());
+    assert_eq!(
+        (outcome.status, outcome.sides),
+        (Status::Solved, vec![Side::Plus])
+    );
+    assert_close(&times, &[1.0], 1e-14);
+    assert_close(&outcome.x, &[0.5], 1e-14);
+}
+
+#[test]
+fn names_all_solutions_of_a_repelling_surface_and_takes_the_one_asked_for() {
+    let system = Planes::relays(&[-1.0], &[2.0]);
+    let (outcome, _) = system.run(1.0, &[0.0], Settings::default());
+    let Status::NonUnique(candidates) = outcome.status else {
+        panic!("{:?}", outcome.status)
+    };
+    assert_eq!(candidates.len(), 3);
+    for (side, end) in [(Side::Plus, 1.0), (Side::Minus, -1.0), (Side::Slide, 0.0)] {
+        let (outcome, _) = system.run(
+            1.0,
+            &[0.0],
+            Settings {
+                branch: vec![side],
+                ..Settings::default()
+            },
+        );
+        assert_eq!(outcome.status, Status::Solved);
+        assert_close(&outcome.x, &[end], 1e-14);
+    }
+}
+
+/// x₂ = 1 - t, x₁' = -2 x₂ for x₁ > 0: x₁ = (1 - t)² touches zero at t = 1 and turns back. Below,
+/// x₁' is larger by `push`.
+fn graze(push: f64) -> Planes {
+    Planes {
+        n: 2,
+        m: 1,
+        c: vec![push, -1.0],
+        d: vec![0.0; 2],
+        l: vec![0.0, -2.0, 0.0, 0.0],
+        b: vec![-push, 0.0],
+    }
+}
+
+#[test]
+fn a_graze_stays_on_its_side() {
+    let (outcome, times) = graze(0.25).run(2.0, &[1.0, 1.0], Settings::default());
+    assert_eq!(outcome.status, Status::Solved);
+    assert_close(&times, &[], 0.0);
+    assert_close(&outcome.x, &[1.0, -1.0], 1e-12);
+}
+
+#[test]
+fn a_graze_of_a_surface_that_could_be_left_is_not_unique() {
+    let (outcome, _) = graze(-0.25).run(2.0, &[1.0, 1.0], Settings::default());
+    let Status::NonUnique(candidates) = outcome.status else {
+        panic!("{:?}", outcome.status)
+    };
+    assert_eq!(candidates, [[(0, Side::Plus)], [(0, Side::Minus)]]);
+}
+
+#[test]
+fn arrives_at_eight_surfaces_at_once() {
+    // x_i' = 1 - 2α_i + 0.2 (α_{i+1} - α_{i-1}) from -0.5 each: all reach zero together and slide.
+    let m = 8;
+    let mut b = vec![0.0; m * m];
+    for i in 0..m {
+        b[i * m + i] = -2.0;
+        if i + 1 < m {
+            b[i * m + i + 1] = 0.2;
+            b[(i + 1) * m + i] = -0.2;
+        }
+    }
+    let (outcome, times) =
+        Planes::relays(&vec![1.0; m], &b).run(1.0, &vec![-0.5; m], Settings::default());
+    assert_eq!(
+        (outcome.status, outcome.sides),
+        (Status::Solved, vec![Side::Slide; m])
+    );
+    assert_close(&times, &[0.5], 1e-14);
+    assert_close(&outcome.x, &vec![0.0; m], 1e-14);
+}
+
+#[test]
+fn the_spiral_comes_to_rest() {
+    // Filippov's spiral circles the origin infinitely often and rests there from t = 1/2 on.
+    let system = Planes::relays(&[-1.0, 3.0], &[-2.0, 4.0, -4.0, -2.0]);
+    let (outcome, _) = system.run(1.0, &[0.0, 1.0], Settings::default());
+    assert_eq!(
+        (outcome.status, outcome.sides),
+        (Status::Solved, vec![Side::Slide; 2])
+    );
+    assert_close(&outcome.x, &[0.0, 0.0], 1e-12);
+}
+
+#[test]
+fn a_relay_on_position_is_refused_with_its_surface() {
+    // x₁' = x₂, x₂' = 1 - 2α with ψ = x₁: α shows only in the second derivative.
+    let system = Planes {
+        n: 2,
+        m: 1,
+        c: vec![0.0, 1.0],
+        d: vec![0.0; 2],
+        l: vec![0.0, 1.0, 0.0, 0.0],
+        b: vec![0.0, -2.0],
+    };
+    let (outcome, _) = system.run(1.0, &[0.0, 0.0], Settings::default());
+    assert_eq!(outcome.status, Status::HigherDegree { switches: vec![0] });
+}
+
+#[test]
+fn limits_end_in_a_status() {
+    let system = Planes::relays(&[3.0], &[-2.0]);
+    let (outcome, _) = system.run(
+        1.0,
+        &[-1.0],
+        Settings {
+            max_steps: 1,
+            ..Settings::default()
+        },
+    );
+    assert_eq!(outcome.status, Status::StepLimit);
+    let (outcome, _) = system.run(
+        1.0,
+        &[-1.0],
+        Settings {
+            max_events: 0,
+            ..Settings::default()
+        },
+    );
+    assert_eq!(outcome.status, Status::EventLimit);
+    let (outcome, _) = Planes::relays(&[f64::NAN], &[0.0]).run(1.0, &[1.0], Settings::default());
+    assert_eq!(outcome.status, Status::NotFinite);
+}
