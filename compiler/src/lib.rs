@@ -1,6 +1,7 @@
 //! Compiler for `.nsd`.
 
 pub mod cli;
+pub mod dcs;
 pub mod diagnostics;
 pub mod explain;
 pub mod expr;
@@ -8,3 +9,4 @@ pub mod model;
 pub mod report;
 pub mod source;
 pub mod syntax;
+pub mod system;

@@ -1,0 +1,94 @@
+//! Choice of the formulation of switches.
+//!
+//! Stewart's where it is small: one switch per subsystem, or disjoint regions of the user's; else step, which stays
+//! regular where several surfaces slide at once and Stewart's θ is not unique.
+
+use crate::system::System;
+use crate::system::experiment::Lowering;
+
+use super::{Dcs, DcsError, Formulation, heaviside, stewart};
+
+/// A formulation and why it was taken.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Choice {
+    /// The formulation.
+    pub formulation: Formulation,
+    /// The reason, as a reader of the printed form sees it.
+    pub reason: String,
+}
+
+/// Lowers in the formulation that the experiment asks for, else in the one of [`choose`]; the reason is printed.
+pub fn lower<'e>(system: &System<'e>, lowerings: &[Lowering]) -> Result<Dcs<'e>, DcsError> {
+    let asked = lowerings.first().map(|lowering| Choice {
+        formulation: match lowering {
+            Lowering::Stewart => Formulation::Stewart,
+            Lowering::Step => Formulation::Step,
+        },
+        reason: "asked for by the experiment".to_owned(),
+    });
+    let Choice {
+        formulation,
+        reason,
+    } = asked.unwrap_or_else(|| choose(system));
+    let mut dcs = lower_as(system, formulation)?;
+    dcs.reason = Some(reason);
+    Ok(dcs)
+}
+
+/// Lowers in the given formulation.
+pub fn lower_as<'e>(system: &System<'e>, formulation: Formulation) -> Result<Dcs<'e>, DcsError> {
+    let dcs = match formulation {
+        Formulation::Stewart => stewart::lower(system)?,
+        Formulation::Step => heaviside::lower(system),
+    };
+    debug_assert_eq!(
+        dcs.verify(),
+        Ok(()),
+        "a lowering keeps the invariants of `Dcs`"
+    );
+    Ok(dcs)
+}
+
+/// Stewart's formulation for single switches and disjoint named regions, else step.
+pub fn choose(system: &System) -> Choice {
+    let choice = |formulation, reason: &str| Choice {
+        formulation,
+        reason: reason.to_owned(),
+    };
+    if system.switches.is_empty() {
+        return choice(Formulation::Stewart, "the system has no switch");
+    }
+    let single = system.subsystems.iter().all(|s| s.switches.len() == 1);
+    let interacting = system
+        .subsystems
+        .iter()
+        .find(|s| s.switches.len() > 1 && s.regions.is_none());
+    match interacting {
+        _ if single => choice(Formulation::Stewart, "no two switches multiply each other"),
+        None if stewart::fits(system) => {
+            choice(Formulation::Stewart, "regions are disjoint and named")
+        }
+        None => choice(
+            Formulation::Step,
+            "the named regions leave too many signs open for one multiplier per region",
+        ),
+        Some(subsystem) => {
+            let names = subsystem
+                .switches
+                .iter()
+                .map(|&k| format!("`{}`", system.switches[k].name));
+            let names: Vec<String> = names.take(3).collect();
+            let more = subsystem.switches.len() - names.len();
+            let more = if more > 0 {
+                format!(" and {more} more")
+            } else {
+                String::new()
+            };
+            let names = names.join(", ");
+            choice(
+                Formulation::Step,
+                &format!("{names}{more} multiply each other"),
+            )
+        }
+    }
+}

@@ -1,0 +1,25 @@
+//! Mistakes that only a lowering can see.
+
+use miette::Diagnostic;
+use thiserror::Error;
+
+use crate::source::Span;
+
+/// Why a system cannot be stated in the formulation that was asked for.
+#[derive(Clone, Debug, Error, Diagnostic)]
+pub enum DcsError {
+    /// Stewart's reformulation needs one multiplier per region, and switches that multiply each other have 2^n of
+    /// them. The step reformulation needs three variables per switch and one per product.
+    #[error("{count} switches multiply each other, too many for `stewart`")]
+    #[diagnostic(
+        code(E0421),
+        help("write `lower step;`, which has one variable per product")
+    )]
+    TooManyRegions {
+        /// The number of switches that multiply each other.
+        count: usize,
+        /// The first of them.
+        #[label("one of the {count} switches")]
+        span: Span,
+    },
+}

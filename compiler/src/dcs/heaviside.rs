@@ -1,0 +1,100 @@
+//! The step (Heaviside) reformulation: System -> Dcs.
+//!
+//! α_i ∈ argmin -ψ_i α over [0, 1] is α_i ∈ step(ψ_i); the KKT conditions of all these programs replace the switches:
+//!
+//! x' = f(t, x, α),   0 = ψ - λᵖ + λⁿ,   0 <= λⁿ ⟂ α >= 0,   0 <= λᵖ ⟂ 1 - α >= 0
+//!
+//! so that λᵖ = max(ψ, 0) and λⁿ = max(-ψ, 0) are continuous. The weight of a region is a product of α and 1 - α over
+//! the signs that its guard fixes; products become variables β, see [`lift`](super::lift).
+//!
+//! Acary, de Jong & Brogliato 2014; Nurkanović et al. 2024. The set of rates is the multi-affine one of Dieci & Lopez
+//! 2011: it is Filippov's for one surface and for switches that only add up, else a subset.
+
+use crate::expr::{Expr, Substitution};
+use crate::system::System;
+
+use super::lift::Lift;
+use super::pointwise::Sides;
+use super::{Algebraic, Cause, Dcs, Formulation, Origin, labels};
+
+/// Declares α, λᵖ and λⁿ per switch, and one β per product of α.
+pub fn lower<'e>(system: &System<'e>) -> Dcs<'e> {
+    let mut dcs = Dcs::frame(system, Formulation::Step);
+    let labels = labels::of(system);
+    let start = Sides::at_start(system);
+    let mut guesses = solution(&start).into_iter();
+    let mut guess = || guesses.next().unwrap_or(0.0);
+
+    let [alpha, lambda_p, lambda_n, beta] =
+        ["alpha", "lambda_p", "lambda_n", "beta"].map(|word| labels::prefix(system, word));
+    let mut alphas = Vec::with_capacity(labels.len());
+    let mut multipliers = Vec::with_capacity(labels.len());
+    for label in &labels {
+        alphas.push(dcs.algebraic(&format!("{alpha}[{label}]"), guess()));
+        let lambda_p = dcs.algebraic(&format!("{lambda_p}[{label}]"), guess());
+        let lambda_n = dcs.algebraic(&format!("{lambda_n}[{label}]"), guess());
+        multipliers.push((lambda_p, lambda_n));
+    }
+
+    // Rates and ψ, affine in α and β.
+    let rename: Substitution = (system.switches.iter().zip(&alphas))
+        .filter_map(|(switch, &alpha)| Some((switch.alpha.as_variable()?, alpha)))
+        .collect();
+    let rates = system.states.iter().map(|state| state.rate);
+    let psi = system.switches.iter().map(|switch| switch.psi);
+    let rows: Vec<Expr> = rates.chain(psi).map(|e| e.substitute(&rename)).collect();
+    let mut lift = Lift::new(system.exprs, alphas.clone(), labels, beta);
+    let mut rates = lift.lift(&rows);
+    let psi = rates.split_off(system.states.len());
+    dcs.rates = rates;
+
+    for (k, ((psi, &alpha), (lambda_p, lambda_n))) in
+        psi.into_iter().zip(&alphas).zip(multipliers).enumerate()
+    {
+        let origin = origin(system, k, Cause::Switch(k));
+        dcs.equation(psi - lambda_p + lambda_n, origin);
+        dcs.pair(lambda_n, alpha, origin);
+        dcs.pair(lambda_p, 1.0 - alpha, origin);
+    }
+    for product in lift.products {
+        let (left, right) = product.factors;
+        let subsystem = system
+            .subsystems
+            .iter()
+            .position(|s| s.switches.contains(&product.switch));
+        let cause = Cause::Product(subsystem.unwrap_or(0));
+        dcs.equation(
+            product.beta - left * right,
+            origin(system, product.switch, cause),
+        );
+        let value = (left * right).eval(&|var| {
+            let known = dcs
+                .algebraics
+                .iter()
+                .find(|z| z.var.as_variable() == Some(var));
+            known.map_or(f64::NAN, |z| z.guess)
+        });
+        dcs.algebraics.push(Algebraic {
+            var: product.beta,
+            guess: if value.is_finite() { value } else { 0.0 },
+        });
+    }
+    dcs.alphas = alphas;
+    dcs
+}
+
+/// α, λᵖ and λⁿ of every switch, in the order in which [`lower`] declares them.
+pub(super) fn solution(sides: &Sides) -> Vec<f64> {
+    let triples = sides.alpha.iter().zip(&sides.psi);
+    let triples = triples.map(|(&alpha, &psi)| [alpha, psi.max(0.0), (-psi).max(0.0)]);
+    triples.flatten().collect()
+}
+
+fn origin(system: &System, switch: usize, cause: Cause) -> Origin {
+    let switch = &system.switches[switch];
+    Origin {
+        cause,
+        continuous: switch.continuity.is_continuous(),
+        span: switch.spans.first().copied().unwrap_or_default(),
+    }
+}

@@ -1,0 +1,241 @@
+//! Dynamic complementarity system (DCS): the last form in continuous time.
+//!
+//! x' = f(t, x, z, p),   0 = g(t, x, z, p),   0 <= a ⟂ b >= 0
+//!
+//! The switches of a [`System`](crate::system::System) are gone: multipliers and complementarity say the same.
+//! How they are stated is the [`Formulation`]; what follows sees rates, equations and pairs only.
+//!
+//! Invariants, checked by [`Dcs::verify`]:
+//!
+//! - Every rate, equation and pair has an [`Origin`], and there is one rate per state.
+//! - Every variable that occurs is the time, a parameter, a state or an algebraic variable, and is declared once.
+//! - The members of a pair are algebraic variables, or 1 minus one.
+//! - The system is square: as many equations and pairs as algebraic variables.
+//! - No `step`, `sign`, `abs`, `min` or `max` is left.
+//! - Guesses are finite, and α of a switch is an expression in algebraic variables alone.
+
+pub mod auto;
+pub mod dot;
+mod error;
+pub mod golden;
+pub mod heaviside;
+mod labels;
+mod lift;
+pub mod pointwise;
+pub mod stewart;
+pub mod tex;
+mod verify;
+
+#[cfg(test)]
+mod fixtures;
+#[cfg(test)]
+mod tests;
+
+use std::fmt;
+
+pub use error::DcsError;
+
+use crate::expr::{Expr, Exprs};
+use crate::source::Span;
+use crate::system::{Param, System};
+
+/// x' = f(t, x, z, p), 0 = g(t, x, z, p), 0 <= a ⟂ b >= 0.
+#[derive(Clone, Debug)]
+pub struct Dcs<'e> {
+    /// The arena of all expressions.
+    pub exprs: &'e Exprs,
+    /// Name of the model.
+    pub name: String,
+    /// How switches are stated.
+    pub formulation: Formulation,
+    /// Why this formulation, where somebody chose; the first line of the printed form.
+    pub reason: Option<String>,
+    /// Physical time t, a variable.
+    pub time: Expr<'e>,
+    /// Scalar parameters p with their values.
+    pub params: Vec<Param<'e>>,
+    /// Scalar states x.
+    pub states: Vec<State<'e>>,
+    /// f: the rate of every state.
+    pub rates: Vec<Expr<'e>>,
+    /// Algebraic variables z.
+    pub algebraics: Vec<Algebraic<'e>>,
+    /// g: what is zero.
+    pub equations: Vec<Expr<'e>>,
+    /// Complementary pairs.
+    pub pairs: Vec<Pair<'e>>,
+    /// The way back: α of every switch of the system, in z.
+    pub alphas: Vec<Expr<'e>>,
+    /// Where rates, equations and pairs come from.
+    pub origins: Origins,
+}
+
+/// The reformulation of switches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Formulation {
+    /// Stewart's: a linear program over the regions.
+    Stewart,
+    /// The step (Heaviside) reformulation: a linear program over the switches.
+    Step,
+}
+
+/// A scalar differential state.
+#[derive(Clone, Copy, Debug)]
+pub struct State<'e> {
+    /// Its variable.
+    pub var: Expr<'e>,
+    /// Value at t = 0.
+    pub initial: f64,
+}
+
+/// An algebraic variable.
+#[derive(Clone, Copy, Debug)]
+pub struct Algebraic<'e> {
+    /// Its variable.
+    pub var: Expr<'e>,
+    /// Its value at the initial point; where that is on a surface, every side has the same share.
+    pub guess: f64,
+}
+
+/// 0 <= `left` ⟂ `right` >= 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Pair<'e> {
+    /// The first member.
+    pub left: Expr<'e>,
+    /// The second member.
+    pub right: Expr<'e>,
+}
+
+/// Origins of all rows.
+#[derive(Clone, Debug, Default)]
+pub struct Origins {
+    /// Of [`Dcs::rates`].
+    pub rates: Vec<Origin>,
+    /// Of [`Dcs::equations`].
+    pub equations: Vec<Origin>,
+    /// Of [`Dcs::pairs`].
+    pub pairs: Vec<Origin>,
+}
+
+/// Where a row comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Origin {
+    /// What it states.
+    pub cause: Cause,
+    /// Whether it belongs to switches across which the dynamics are continuous, so that it never slides.
+    pub continuous: bool,
+    /// The position in the source.
+    pub span: Span,
+}
+
+/// What a row states; indices are those of the [`System`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cause {
+    /// The rate of a state.
+    State(usize),
+    /// A switch.
+    Switch(usize),
+    /// A region of a partition.
+    Region {
+        /// The partition.
+        partition: usize,
+        /// The region in it.
+        region: usize,
+    },
+    /// A combination of the switches of a subsystem, or the subsystem as a whole.
+    Subsystem(usize),
+    /// A product of switches of a subsystem.
+    Product(usize),
+}
+
+impl Formulation {
+    /// The word of the language: `stewart` or `step`.
+    pub fn word(self) -> &'static str {
+        match self {
+            Formulation::Stewart => "stewart",
+            Formulation::Step => "step",
+        }
+    }
+}
+
+impl fmt::Display for Formulation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.word())
+    }
+}
+
+impl<'e> Dcs<'e> {
+    /// The smooth frame of a system: nothing switches yet, and there are no rates.
+    fn frame(system: &System<'e>, formulation: Formulation) -> Self {
+        let state = |state: &crate::system::State<'e>| State {
+            var: state.var,
+            initial: state.initial,
+        };
+        let origin = |(i, state): (usize, &crate::system::State<'e>)| Origin {
+            cause: Cause::State(i),
+            continuous: false,
+            span: state.span,
+        };
+        Dcs {
+            exprs: system.exprs,
+            name: system.name.clone(),
+            formulation,
+            reason: None,
+            time: system.time,
+            params: system.params.clone(),
+            states: system.states.iter().map(state).collect(),
+            rates: Vec::new(),
+            algebraics: Vec::new(),
+            equations: Vec::new(),
+            pairs: Vec::new(),
+            alphas: Vec::new(),
+            origins: Origins {
+                rates: system.states.iter().enumerate().map(origin).collect(),
+                ..Origins::default()
+            },
+        }
+    }
+
+    fn algebraic(&mut self, name: &str, guess: f64) -> Expr<'e> {
+        let var = self.exprs.variable(name);
+        self.algebraics.push(Algebraic {
+            var,
+            guess: if guess.is_finite() { guess } else { 0.0 },
+        });
+        var
+    }
+
+    fn equation(&mut self, row: Expr<'e>, origin: Origin) {
+        self.equations.push(row);
+        self.origins.equations.push(origin);
+    }
+
+    fn pair(&mut self, left: Expr<'e>, right: Expr<'e>, origin: Origin) {
+        self.pairs.push(Pair { left, right });
+        self.origins.pairs.push(origin);
+    }
+}
+
+/// One equation per line: rates, equations, pairs.
+impl fmt::Display for Dcs<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(reason) = &self.reason {
+            writeln!(f, "// {}: {reason}", self.formulation)?;
+        }
+        for (state, rate) in self.states.iter().zip(&self.rates) {
+            writeln!(f, "der({}) = {rate}", state.var)?;
+        }
+        for row in &self.equations {
+            writeln!(f, "0 = {row}")?;
+        }
+        for (pair, origin) in self.pairs.iter().zip(&self.origins.pairs) {
+            let mark = if origin.continuous {
+                "  // continuous"
+            } else {
+                ""
+            };
+            writeln!(f, "0 <= {} perp {} >= 0{mark}", pair.left, pair.right)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,114 @@
+//! The algebraic variables at one point.
+//!
+//! Off all surfaces a DCS determines z: the linear programs that it states have one solution there. On a surface this
+//! takes the middle: α = 1/2. It gives guesses, and the tests their reference.
+
+use rustc_hash::FxHashMap;
+
+use crate::expr::{Expr, Var};
+use crate::system::System;
+
+use super::{Dcs, Formulation, heaviside, stewart};
+
+/// Values of the switching functions and of α at a point.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Sides {
+    /// ψ(t, x, p, α).
+    pub psi: Vec<f64>,
+    /// α = step(ψ), 1/2 on the surface.
+    pub alpha: Vec<f64>,
+}
+
+impl Sides {
+    /// `value` gives time, parameters and states.
+    pub fn at(system: &System, value: &impl Fn(Var) -> f64) -> Self {
+        let mut known = FxHashMap::default();
+        let mut sides = Sides {
+            psi: Vec::new(),
+            alpha: Vec::new(),
+        };
+        // ψ contains α of earlier switches only.
+        for switch in &system.switches {
+            let psi = eval(switch.psi, &known, value);
+            let alpha = if psi > 0.0 {
+                1.0
+            } else if psi < 0.0 {
+                0.0
+            } else {
+                0.5
+            };
+            if let Some(var) = switch.alpha.as_variable() {
+                known.insert(var, alpha);
+            }
+            sides.psi.push(psi);
+            sides.alpha.push(alpha);
+        }
+        sides
+    }
+
+    /// At t = 0, with the system's parameters and initial values.
+    pub fn at_start(system: &System) -> Self {
+        let params = system.params.iter().map(|param| (param.var, param.value));
+        let states = system.states.iter().map(|state| (state.var, state.initial));
+        let start: FxHashMap<Var, f64> = params
+            .chain(states)
+            .chain([(system.time, 0.0)])
+            .filter_map(|(var, value)| Some((var.as_variable()?, value)))
+            .collect();
+        Sides::at(system, &|var| start.get(&var).copied().unwrap_or(f64::NAN))
+    }
+}
+
+/// The solution of a [`Dcs`] at one point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pointwise {
+    /// Values of [`Dcs::algebraics`].
+    pub algebraics: Vec<f64>,
+    /// x'.
+    pub rates: Vec<f64>,
+    /// The largest |g|, |min(a, b)| over equations and pairs.
+    pub residual: f64,
+}
+
+/// Solves `dcs`, a lowering of `system`, where `value` gives time, parameters and states.
+pub fn solve_pointwise<'e>(
+    system: &System<'e>,
+    dcs: &Dcs<'e>,
+    value: &impl Fn(Var) -> f64,
+) -> Pointwise {
+    let sides = Sides::at(system, value);
+    let mut known: FxHashMap<Var, f64> = FxHashMap::default();
+    let mut declared = dcs.algebraics.iter().filter_map(|z| z.var.as_variable());
+    let direct = match dcs.formulation {
+        Formulation::Stewart => stewart::solution(system, &sides),
+        Formulation::Step => heaviside::solution(&sides),
+    };
+    known.extend(declared.by_ref().take(direct.len()).zip(direct));
+    // What is left are products, defined in order by the last equations: 0 = β - product.
+    let products: Vec<Var> = declared.collect();
+    let definitions = &dcs.equations[dcs.equations.len() - products.len()..];
+    for (&beta, &row) in products.iter().zip(definitions) {
+        known.insert(beta, 0.0);
+        let product = -eval(row, &known, value);
+        known.insert(beta, product);
+    }
+
+    let at = |expr: Expr<'e>| eval(expr, &known, value);
+    let equations = dcs.equations.iter().map(|&row| at(row).abs());
+    let pairs = dcs.pairs.iter();
+    let pairs = pairs.map(|pair| at(pair.left).min(at(pair.right)).abs());
+    Pointwise {
+        algebraics: dcs.algebraics.iter().map(|z| at(z.var)).collect(),
+        rates: dcs.rates.iter().map(|&rate| at(rate)).collect(),
+        residual: equations.chain(pairs).fold(0.0, larger),
+    }
+}
+
+/// The larger number; unlike `f64::max`, it keeps what is no number.
+fn larger(a: f64, b: f64) -> f64 {
+    if b > a || b.is_nan() { b } else { a }
+}
+
+fn eval(expr: Expr, known: &FxHashMap<Var, f64>, value: &impl Fn(Var) -> f64) -> f64 {
+    expr.eval(&|var| known.get(&var).copied().unwrap_or_else(|| value(var)))
+}

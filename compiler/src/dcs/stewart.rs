@@ -1,0 +1,420 @@
+//! Stewart's reformulation: System -> Dcs.
+//!
+//! A row of signs S_r names a region {ψ : S_rk ψ_k > 0 for all k} of a subsystem s. Its indicator g_r = -Σ_k S_rk ψ_k
+//! is the smallest one in that region, so θ solves a linear program in every point, and its KKT conditions replace it:
+//!
+//! x' = f_0 + Σ_s F_s θ_s,   0 = g_s - λ_s - μ_s e,   0 = 1 - eᵀθ_s,   0 <= θ_s ⟂ λ_s >= 0
+//!
+//! The columns of F_s are the rates with α at the corner of {0, 1}^n that the row names. Subsystems do not multiply
+//! each other, so their regions add up instead of multiplying. Where all regions of a subsystem are the user's, only
+//! their rows are kept; a guard that leaves a sign open has a row for both, because -Sψ with an open sign prefers
+//! the wrong region. A row that two regions share cannot be reached, since guards do not overlap, and is left out.
+//!
+//! Stewart 1990; Nurkanović & Diehl 2022.
+
+use std::collections::{HashMap, HashSet};
+
+use crate::expr::{Expr, Exprs, Substitution, Var, variables_of};
+use crate::source::Span;
+use crate::system::{Subsystem, System};
+
+use super::labels::{self, signed};
+use super::pointwise::Sides;
+use super::{Cause, Dcs, DcsError, Formulation, Origin};
+
+/// No subsystem has more regions.
+pub const MAX_REGIONS: usize = 1 << 10;
+
+/// A region of a subsystem with the sign of every switch.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Row {
+    /// The user's region, as an index of the partition.
+    region: Option<usize>,
+    /// True for ψ > 0, by position in [`Subsystem::switches`].
+    signs: Vec<bool>,
+}
+
+/// θ of a subsystem with its rows.
+struct Simplex<'e> {
+    /// α of the subsystem's switches, as the system has them.
+    alphas: Vec<Var>,
+    rows: Vec<Row>,
+    theta: Vec<Expr<'e>>,
+}
+
+/// Declares one θ and one λ per region, and one μ per subsystem.
+pub fn lower<'e>(system: &System<'e>) -> Result<Dcs<'e>, DcsError> {
+    let mut dcs = Dcs::frame(system, Formulation::Stewart);
+    let labels = labels::of(system);
+    let mut guesses = solution(system, &Sides::at_start(system)).into_iter();
+    let mut guess = || guesses.next().unwrap_or(0.0);
+    let mut taken = HashSet::new();
+    let [theta, lambda, mu] = ["theta", "lambda", "mu"].map(|word| labels::prefix(system, word));
+
+    let mut simplices = Vec::with_capacity(system.subsystems.len());
+    let mut multipliers = Vec::with_capacity(system.subsystems.len());
+    for (s, subsystem) in system.subsystems.iter().enumerate() {
+        check_size(system, subsystem)?;
+        let rows = rows(system, subsystem);
+        let names: Vec<String> = (rows.iter())
+            .map(|row| row_name(system, subsystem, &rows, row, &labels))
+            .map(|name| labels::unique(name, &mut taken))
+            .collect();
+        let mut declare = |prefix: &str| -> Vec<Expr<'e>> {
+            let names = names.iter();
+            names
+                .map(|name| dcs.algebraic(&format!("{prefix}[{name}]"), guess()))
+                .collect()
+        };
+        let (theta, lambda) = (declare(&theta), declare(&lambda));
+        let alone = system.subsystems.len() == 1;
+        let mu = if alone {
+            mu.clone()
+        } else {
+            format!("{mu}[{}]", s + 1)
+        };
+        multipliers.push((lambda, dcs.algebraic(&mu, guess())));
+        let alphas = (subsystem.switches.iter())
+            .filter_map(|&k| system.switches[k].alpha.as_variable())
+            .collect();
+        simplices.push(Simplex {
+            alphas,
+            rows,
+            theta,
+        });
+    }
+
+    // α_k = Σ θ_r over the rows with ψ_k > 0.
+    let marginals: Substitution = simplices.iter().flat_map(Simplex::marginals).collect();
+    dcs.alphas = (system.switches.iter())
+        .map(|switch| switch.alpha.substitute(&marginals))
+        .collect();
+    dcs.rates = (system.states.iter())
+        .map(|state| combine(system.exprs, state.rate, &simplices))
+        .collect();
+
+    for (s, (simplex, (lambda, mu))) in simplices.iter().zip(&multipliers).enumerate() {
+        let subsystem = &system.subsystems[s];
+        let psi: Vec<Expr> = (subsystem.switches.iter())
+            .map(|&k| system.switches[k].psi.substitute(&marginals))
+            .collect();
+        for (row, &lambda) in simplex.rows.iter().zip(lambda) {
+            let g = -dcs
+                .exprs
+                .sum((psi.iter().zip(&row.signs)).map(|(&psi, &plus)| sign(plus) * psi));
+            dcs.equation(g - lambda - *mu, origin(system, s, row));
+        }
+        let whole = subsystem_origin(system, s);
+        dcs.equation(1.0 - dcs.exprs.sum(simplex.theta.iter().copied()), whole);
+        for ((row, &theta), &lambda) in simplex.rows.iter().zip(&simplex.theta).zip(lambda) {
+            dcs.pair(theta, lambda, origin(system, s, row));
+        }
+    }
+    Ok(dcs)
+}
+
+/// Whether no subsystem has too many regions.
+pub(super) fn fits(system: &System) -> bool {
+    system
+        .subsystems
+        .iter()
+        .all(|subsystem| check_size(system, subsystem).is_ok())
+}
+
+/// θ, λ and μ in the order in which [`lower`] declares them: θ_r = Π α or 1-α, μ = min g, λ = g - μ.
+pub(super) fn solution(system: &System, sides: &Sides) -> Vec<f64> {
+    let mut values = Vec::new();
+    for subsystem in &system.subsystems {
+        if check_size(system, subsystem).is_err() {
+            continue;
+        }
+        let rows = rows(system, subsystem);
+        let switches = || subsystem.switches.iter();
+        let theta = rows.iter().map(|row| -> f64 {
+            let weight = |(&k, &plus): (&usize, &bool)| {
+                if plus {
+                    sides.alpha[k]
+                } else {
+                    1.0 - sides.alpha[k]
+                }
+            };
+            switches().zip(&row.signs).map(weight).product()
+        });
+        let theta: Vec<f64> = theta.collect();
+        let g = rows.iter().map(|row| -> f64 {
+            -switches()
+                .zip(&row.signs)
+                .map(|(&k, &plus)| sign(plus) * sides.psi[k])
+                .sum::<f64>()
+        });
+        let g: Vec<f64> = g.collect();
+        let mu = g.iter().copied().fold(f64::INFINITY, f64::min);
+        values.extend(theta);
+        values.extend(g.iter().map(|g| g - mu));
+        values.push(mu);
+    }
+    values
+}
+
+/// Σ_r rate(corner r) θ_r where one subsystem drives the row, else f_0 + Σ_s Σ_r (rate(corner r) - f_0) θ_sr.
+fn combine<'e>(exprs: &'e Exprs, rate: Expr<'e>, simplices: &[Simplex<'e>]) -> Expr<'e> {
+    let present: HashSet<Var> = variables_of(&[rate]).into_iter().collect();
+    let drives =
+        |simplex: &&Simplex<'e>| simplex.alphas.iter().any(|alpha| present.contains(alpha));
+    let drivers: Vec<&Simplex<'e>> = simplices.iter().filter(drives).collect();
+    match drivers.as_slice() {
+        [] => rate,
+        [simplex] => {
+            let columns = simplex
+                .rows
+                .iter()
+                .map(|row| rate.substitute(&simplex.corner(exprs, row)));
+            simplex.weigh(columns.collect())
+        }
+        _ => {
+            // f_0 is the rate where every α has one value: 0 for `step` and guards, 1/2 where `sign` vanishes.
+            let [low, middle] = [0.0, 0.5].map(|base| expand(exprs, rate, &drivers, base));
+            let better =
+                (!middle.0.is_zero(), n_nodes(middle.1)) < (!low.0.is_zero(), n_nodes(low.1));
+            if better { middle.1 } else { low.1 }
+        }
+    }
+}
+
+/// f_0 and the row, for f_0 taken where every α has the value `base`.
+fn expand<'e>(
+    exprs: &'e Exprs,
+    rate: Expr<'e>,
+    drivers: &[&Simplex<'e>],
+    base: f64,
+) -> (Expr<'e>, Expr<'e>) {
+    let alphas = drivers.iter().flat_map(|simplex| &simplex.alphas);
+    let centre: Substitution = alphas.map(|&alpha| (alpha, exprs.constant(base))).collect();
+    let f_0 = rate.substitute(&centre);
+    let shares = drivers.iter().map(|simplex| {
+        let partials: Vec<Expr> = simplex
+            .alphas
+            .iter()
+            .map(|&alpha| rate.diff(alpha))
+            .collect();
+        // Moving one α after the other from the base to the corner: the rate is affine in each.
+        let column = |row: &Row| {
+            let mut point = centre.clone();
+            let moves = simplex.alphas.iter().zip(&partials).zip(&row.signs);
+            exprs.sum(moves.map(|((&alpha, partial), &plus)| {
+                let corner = f64::from(plus);
+                let change = (corner - base) * partial.substitute(&point);
+                point.insert(alpha, exprs.constant(corner));
+                change
+            }))
+        };
+        simplex.weigh(simplex.rows.iter().map(column).collect())
+    });
+    let shares: Vec<Expr> = shares.collect();
+    (f_0, f_0 + exprs.sum(shares))
+}
+
+fn n_nodes(expr: Expr) -> usize {
+    let mut count = 0;
+    crate::expr::rewrite(expr, &mut |e| {
+        count += 1;
+        e
+    });
+    count
+}
+
+impl<'e> Simplex<'e> {
+    /// α at the corner of a row.
+    fn corner(&self, exprs: &'e Exprs, row: &Row) -> Substitution<'e> {
+        let signs = self.alphas.iter().zip(&row.signs);
+        signs
+            .map(|(&alpha, &plus)| (alpha, exprs.constant(f64::from(plus))))
+            .collect()
+    }
+
+    /// Σ_r column_r θ_r; rows with a common column share a term, and θ adds up to one.
+    fn weigh(&self, columns: Vec<Expr<'e>>) -> Expr<'e> {
+        let exprs = columns[0].exprs();
+        let mut order: Vec<Expr<'e>> = Vec::new();
+        let mut shares: HashMap<Expr<'e>, Vec<Expr<'e>>> = HashMap::new();
+        for (&column, &theta) in columns.iter().zip(&self.theta) {
+            let share = shares.entry(column).or_default();
+            if share.is_empty() {
+                order.push(column);
+            }
+            share.push(theta);
+        }
+        if let [column] = order.as_slice() {
+            return *column;
+        }
+        let terms = order
+            .iter()
+            .map(|column| *column * exprs.sum(shares[column].iter().copied()));
+        exprs.sum(terms)
+    }
+
+    fn marginals(&self) -> impl Iterator<Item = (Var, Expr<'e>)> {
+        let exprs = self.theta[0].exprs();
+        self.alphas.iter().enumerate().map(move |(k, &alpha)| {
+            let rows = self
+                .rows
+                .iter()
+                .zip(&self.theta)
+                .filter(|(row, _)| row.signs[k]);
+            (alpha, exprs.sum(rows.map(|(_, &theta)| theta)))
+        })
+    }
+}
+
+fn check_size(system: &System, subsystem: &Subsystem) -> Result<(), DcsError> {
+    let n = subsystem.switches.len();
+    let open = |partition: usize| -> usize {
+        let regions = &system.partitions[partition].regions;
+        let literals = regions.iter().filter_map(|region| region.literals.as_ref());
+        literals
+            .map(|literals| power_of_two(n.saturating_sub(literals.len())))
+            .fold(0, usize::saturating_add)
+    };
+    if subsystem.regions.map_or_else(|| power_of_two(n), open) <= MAX_REGIONS {
+        return Ok(());
+    }
+    let spans = subsystem
+        .switches
+        .iter()
+        .find_map(|&k| system.switches[k].spans.first());
+    Err(DcsError::TooManyRegions {
+        count: n,
+        span: spans.copied().unwrap_or_default(),
+    })
+}
+
+fn power_of_two(n: usize) -> usize {
+    u32::try_from(n)
+        .ok()
+        .and_then(|n| 1usize.checked_shl(n))
+        .unwrap_or(usize::MAX)
+}
+
+/// The sign rows of a subsystem: of the user's regions, or all of them, the last switch changing fastest.
+fn rows(system: &System, subsystem: &Subsystem) -> Vec<Row> {
+    let n = subsystem.switches.len();
+    let open = vec![None; n];
+    let named = subsystem
+        .regions
+        .and_then(|partition| named_rows(system, subsystem, partition));
+    named.unwrap_or_else(|| {
+        let all = completions(&open).into_iter();
+        all.map(|signs| Row {
+            region: None,
+            signs,
+        })
+        .collect()
+    })
+}
+
+fn named_rows(system: &System, subsystem: &Subsystem, partition: usize) -> Option<Vec<Row>> {
+    let mut rows = Vec::new();
+    let mut times: HashMap<Vec<bool>, usize> = HashMap::new();
+    for (region, what) in system.partitions[partition].regions.iter().enumerate() {
+        let mut pattern = vec![None; subsystem.switches.len()];
+        for &(switch, plus) in what.literals.as_ref()? {
+            let place = subsystem.switches.iter().position(|&k| k == switch)?;
+            pattern[place] = Some(plus);
+        }
+        for signs in completions(&pattern) {
+            *times.entry(signs.clone()).or_default() += 1;
+            rows.push(Row {
+                region: Some(region),
+                signs,
+            });
+        }
+    }
+    rows.retain(|row| times[&row.signs] == 1);
+    (!rows.is_empty()).then_some(rows)
+}
+
+/// All ways to fill the open signs, minus before plus.
+fn completions(pattern: &[Option<bool>]) -> Vec<Vec<bool>> {
+    let mut rows = vec![Vec::with_capacity(pattern.len())];
+    for sign in pattern {
+        let choices: &[bool] = match sign {
+            Some(true) => &[true],
+            Some(false) => &[false],
+            None => &[false, true],
+        };
+        let longer = rows.iter().flat_map(|row| {
+            choices
+                .iter()
+                .map(move |&choice| row.iter().copied().chain([choice]).collect())
+        });
+        rows = longer.collect();
+    }
+    rows
+}
+
+/// `inside`, `x[1]-,x[2]+`, or `one,x[2]+` where region `one` leaves the sign of x[2] open.
+fn row_name(
+    system: &System,
+    subsystem: &Subsystem,
+    rows: &[Row],
+    row: &Row,
+    labels: &[String],
+) -> String {
+    let siblings: Vec<&Row> = rows
+        .iter()
+        .filter(|other| other.region == row.region)
+        .collect();
+    let varies = |place: usize| {
+        siblings
+            .iter()
+            .any(|other| other.signs[place] != row.signs[place])
+    };
+    let signs = subsystem.switches.iter().zip(&row.signs).enumerate();
+    let signs = signs
+        .filter(|&(place, _)| row.region.is_none() || varies(place))
+        .map(|(_, (&k, &plus))| signed(&labels[k], plus));
+    let region = (subsystem.regions.zip(row.region))
+        .map(|(partition, region)| system.partitions[partition].regions[region].name.clone());
+    region
+        .into_iter()
+        .chain(signs)
+        .collect::<Vec<_>>()
+        .join(",")
+}
+
+fn sign(plus: bool) -> f64 {
+    if plus { 1.0 } else { -1.0 }
+}
+
+fn subsystem_origin(system: &System, s: usize) -> Origin {
+    let switches = || {
+        system.subsystems[s]
+            .switches
+            .iter()
+            .map(|&k| &system.switches[k])
+    };
+    let span = switches().flat_map(|switch| &switch.spans).next();
+    Origin {
+        cause: Cause::Subsystem(s),
+        continuous: switches().all(|switch| switch.continuity.is_continuous()),
+        span: span.copied().unwrap_or_else(Span::default),
+    }
+}
+
+/// A row belongs to the user's region, to its switch where there is only one, else to the subsystem.
+fn origin(system: &System, s: usize, row: &Row) -> Origin {
+    let whole = subsystem_origin(system, s);
+    let subsystem = &system.subsystems[s];
+    match (subsystem.regions, row.region, subsystem.switches.as_slice()) {
+        (Some(partition), Some(region), _) => Origin {
+            cause: Cause::Region { partition, region },
+            span: system.partitions[partition].regions[region].span,
+            ..whole
+        },
+        (_, _, &[switch]) => Origin {
+            cause: Cause::Switch(switch),
+            ..whole
+        },
+        _ => whole,
+    }
+}

@@ -1,0 +1,359 @@
+//! Printed forms of small systems, and both lowerings against the original.
+
+use insta::assert_snapshot;
+use proptest::prelude::*;
+
+use super::fixtures::{self, Fixture};
+use super::pointwise::{Sides, solve_pointwise};
+use super::{DcsError, Formulation, auto, dot, tex};
+use crate::expr::Exprs;
+
+fn lowered(make: fn(&Exprs) -> Fixture<'_>, formulation: Formulation) -> String {
+    let exprs = Exprs::new();
+    let dcs = auto::lower_as(&make(&exprs).system, formulation).expect("the system is small");
+    dcs.verify().expect("a lowering keeps the invariants");
+    dcs.to_string()
+}
+
+#[test]
+fn relay() {
+    assert_snapshot!(lowered(fixtures::relay, Formulation::Stewart), @"
+    der(x) = 3*theta[x-] + theta[x+]
+    0 = x - lambda[x-] - mu
+    0 = -x - lambda[x+] - mu
+    0 = 1 - theta[x-] - theta[x+]
+    0 <= theta[x-] perp lambda[x-] >= 0
+    0 <= theta[x+] perp lambda[x+] >= 0
+    ");
+    assert_snapshot!(lowered(fixtures::relay, Formulation::Step), @"
+    der(x) = 3 - 2*alpha[x]
+    0 = x - lambda_p[x] + lambda_n[x]
+    0 <= lambda_n[x] perp alpha[x] >= 0
+    0 <= lambda_p[x] perp 1 - alpha[x] >= 0
+    ");
+}
+
+#[test]
+fn two_relays() {
+    assert_snapshot!(lowered(fixtures::two_relays, Formulation::Stewart), @"
+    der(x[1]) = theta[x[1]-] - theta[x[1]+] - 2*theta[x[2]-] + 2*theta[x[2]+]
+    der(x[2]) = 2*theta[x[1]-] - 2*theta[x[1]+] + theta[x[2]-] - theta[x[2]+]
+    0 = x[1] - lambda[x[1]-] - mu[1]
+    0 = -x[1] - lambda[x[1]+] - mu[1]
+    0 = 1 - theta[x[1]-] - theta[x[1]+]
+    0 = x[2] - lambda[x[2]-] - mu[2]
+    0 = -x[2] - lambda[x[2]+] - mu[2]
+    0 = 1 - theta[x[2]-] - theta[x[2]+]
+    0 <= theta[x[1]-] perp lambda[x[1]-] >= 0
+    0 <= theta[x[1]+] perp lambda[x[1]+] >= 0
+    0 <= theta[x[2]-] perp lambda[x[2]-] >= 0
+    0 <= theta[x[2]+] perp lambda[x[2]+] >= 0
+    ");
+    assert_snapshot!(lowered(fixtures::two_relays, Formulation::Step), @"
+    der(x[1]) = -2*alpha[x[1]] + 4*alpha[x[2]] - 1
+    der(x[2]) = 3 - 4*alpha[x[1]] - 2*alpha[x[2]]
+    0 = x[1] - lambda_p[x[1]] + lambda_n[x[1]]
+    0 = x[2] - lambda_p[x[2]] + lambda_n[x[2]]
+    0 <= lambda_n[x[1]] perp alpha[x[1]] >= 0
+    0 <= lambda_p[x[1]] perp 1 - alpha[x[1]] >= 0
+    0 <= lambda_n[x[2]] perp alpha[x[2]] >= 0
+    0 <= lambda_p[x[2]] perp 1 - alpha[x[2]] >= 0
+    ");
+}
+
+#[test]
+fn product_of_signs() {
+    assert_snapshot!(lowered(fixtures::product_of_signs, Formulation::Stewart), @"
+    der(x[1]) = 1.5*theta[x[1]-,x[2]-] + 1.5*theta[x[1]-,x[2]+] - 0.5*theta[x[1]+,x[2]-] - 0.5*theta[x[1]+,x[2]+]
+    der(x[2]) = theta[x[1]-,x[2]-] - theta[x[1]-,x[2]+] + theta[x[1]+,x[2]-] - theta[x[1]+,x[2]+]
+    der(x[3]) = theta[x[1]-,x[2]-] - theta[x[1]-,x[2]+] - theta[x[1]+,x[2]-] + theta[x[1]+,x[2]+]
+    0 = x[1] + x[2] - lambda[x[1]-,x[2]-] - mu
+    0 = x[1] - x[2] - lambda[x[1]-,x[2]+] - mu
+    0 = -x[1] + x[2] - lambda[x[1]+,x[2]-] - mu
+    0 = -x[1] - x[2] - lambda[x[1]+,x[2]+] - mu
+    0 = 1 - theta[x[1]-,x[2]-] - theta[x[1]-,x[2]+] - theta[x[1]+,x[2]-] - theta[x[1]+,x[2]+]
+    0 <= theta[x[1]-,x[2]-] perp lambda[x[1]-,x[2]-] >= 0
+    0 <= theta[x[1]-,x[2]+] perp lambda[x[1]-,x[2]+] >= 0
+    0 <= theta[x[1]+,x[2]-] perp lambda[x[1]+,x[2]-] >= 0
+    0 <= theta[x[1]+,x[2]+] perp lambda[x[1]+,x[2]+] >= 0
+    ");
+    assert_snapshot!(lowered(fixtures::product_of_signs, Formulation::Step), @"
+    der(x[1]) = 1.5 - 2*alpha[x[1]]
+    der(x[2]) = 1 - 2*alpha[x[2]]
+    der(x[3]) = 1 - 2*alpha[x[1]] - 2*alpha[x[2]] + 4*beta[x[1],x[2]]
+    0 = x[1] - lambda_p[x[1]] + lambda_n[x[1]]
+    0 = x[2] - lambda_p[x[2]] + lambda_n[x[2]]
+    0 = -alpha[x[1]]*alpha[x[2]] + beta[x[1],x[2]]
+    0 <= lambda_n[x[1]] perp alpha[x[1]] >= 0
+    0 <= lambda_p[x[1]] perp 1 - alpha[x[1]] >= 0
+    0 <= lambda_n[x[2]] perp alpha[x[2]] >= 0
+    0 <= lambda_p[x[2]] perp 1 - alpha[x[2]] >= 0
+    ");
+}
+
+#[test]
+fn open_sign() {
+    assert_snapshot!(lowered(fixtures::open_sign, Formulation::Stewart), @"
+    der(x) = -x*theta[below] + y*(theta[right,(y - x^2)-] + theta[right,(y - x^2)+]) + 2*theta[above]
+    der(y) = 1
+    0 = -x^2 - x + y - lambda[right,(y - x^2)-] - mu
+    0 = x^2 - x - y - lambda[right,(y - x^2)+] - mu
+    0 = x^2 + x - y - lambda[above] - mu
+    0 = -x^2 + x + y - lambda[below] - mu
+    0 = 1 - theta[right,(y - x^2)-] - theta[right,(y - x^2)+] - theta[above] - theta[below]
+    0 <= theta[right,(y - x^2)-] perp lambda[right,(y - x^2)-] >= 0
+    0 <= theta[right,(y - x^2)+] perp lambda[right,(y - x^2)+] >= 0
+    0 <= theta[above] perp lambda[above] >= 0
+    0 <= theta[below] perp lambda[below] >= 0
+    ");
+    assert_snapshot!(lowered(fixtures::open_sign, Formulation::Step), @"
+    der(x) = -x*(1 - alpha[x] - alpha[y - x^2] + beta[x,(y - x^2)]) + y*alpha[x] + 2*alpha[y - x^2] - 2*beta[x,(y - x^2)]
+    der(y) = 1
+    0 = x - lambda_p[x] + lambda_n[x]
+    0 = -x^2 + y - lambda_p[y - x^2] + lambda_n[y - x^2]
+    0 = -alpha[x]*alpha[y - x^2] + beta[x,(y - x^2)]
+    0 <= lambda_n[x] perp alpha[x] >= 0
+    0 <= lambda_p[x] perp 1 - alpha[x] >= 0
+    0 <= lambda_n[y - x^2] perp alpha[y - x^2] >= 0
+    0 <= lambda_p[y - x^2] perp 1 - alpha[y - x^2] >= 0
+    ");
+}
+
+#[test]
+fn kinks() {
+    assert_snapshot!(lowered(fixtures::kinks, Formulation::Stewart), @"
+    der(x) = (x + 1)*theta[x+] + theta[x-]
+    der(y) = (x - y)*theta[(x - y)+] - x + 2*y*theta[y+] - y
+    0 = x - lambda[x-] - mu[1]
+    0 = -x - lambda[x+] - mu[1]
+    0 = 1 - theta[x-] - theta[x+]
+    0 = y - lambda[y-] - mu[2]
+    0 = -y - lambda[y+] - mu[2]
+    0 = 1 - theta[y-] - theta[y+]
+    0 = x - y - lambda[(x - y)-] - mu[3]
+    0 = -x + y - lambda[(x - y)+] - mu[3]
+    0 = 1 - theta[(x - y)-] - theta[(x - y)+]
+    0 <= theta[x-] perp lambda[x-] >= 0  // continuous
+    0 <= theta[x+] perp lambda[x+] >= 0  // continuous
+    0 <= theta[y-] perp lambda[y-] >= 0  // continuous
+    0 <= theta[y+] perp lambda[y+] >= 0  // continuous
+    0 <= theta[(x - y)-] perp lambda[(x - y)-] >= 0  // continuous
+    0 <= theta[(x - y)+] perp lambda[(x - y)+] >= 0  // continuous
+    ");
+    assert_snapshot!(lowered(fixtures::kinks, Formulation::Step), @"
+    der(x) = x*alpha[x] + 1
+    der(y) = -(-x + y)*alpha[x - y] - x + y*(2*alpha[y] - 1)
+    0 = x - lambda_p[x] + lambda_n[x]
+    0 = y - lambda_p[y] + lambda_n[y]
+    0 = x - y - lambda_p[x - y] + lambda_n[x - y]
+    0 <= lambda_n[x] perp alpha[x] >= 0  // continuous
+    0 <= lambda_p[x] perp 1 - alpha[x] >= 0  // continuous
+    0 <= lambda_n[y] perp alpha[y] >= 0  // continuous
+    0 <= lambda_p[y] perp 1 - alpha[y] >= 0  // continuous
+    0 <= lambda_n[x - y] perp alpha[x - y] >= 0  // continuous
+    0 <= lambda_p[x - y] perp 1 - alpha[x - y] >= 0  // continuous
+    ");
+}
+
+#[test]
+fn product_of_many() {
+    assert_snapshot!(lowered(fixtures::many, Formulation::Step), @"
+    der(x) = beta[5]
+    der(y) = -x*(alpha[s[1]] - beta[s[1],s[2]]) + alpha[abs(x) - y]
+    0 = x - lambda_p[x] + lambda_n[x]
+    0 = x*(2*alpha[x] - 1) - y - lambda_p[abs(x) - y] + lambda_n[abs(x) - y]
+    0 = sin(x) - y - lambda_p[s[1]] + lambda_n[s[1]]
+    0 = sin(2*x) - y - lambda_p[s[2]] + lambda_n[s[2]]
+    0 = sin(3*x) - y - lambda_p[s[3]] + lambda_n[s[3]]
+    0 = sin(4*x) - y - lambda_p[s[4]] + lambda_n[s[4]]
+    0 = sin(5*x) - y - lambda_p[s[5]] + lambda_n[s[5]]
+    0 = -(2*alpha[abs(x) - y] - 1)*(2*alpha[s[1]] - 1) + beta[1]
+    0 = -(2*alpha[s[2]] - 1)*beta[1] + beta[2]
+    0 = -(2*alpha[s[3]] - 1)*beta[2] + beta[3]
+    0 = -(2*alpha[s[4]] - 1)*beta[3] + beta[4]
+    0 = -(2*alpha[s[5]] - 1)*beta[4] + beta[5]
+    0 = -alpha[s[1]]*alpha[s[2]] + beta[s[1],s[2]]
+    0 <= lambda_n[x] perp alpha[x] >= 0  // continuous
+    0 <= lambda_p[x] perp 1 - alpha[x] >= 0  // continuous
+    0 <= lambda_n[abs(x) - y] perp alpha[abs(x) - y] >= 0
+    0 <= lambda_p[abs(x) - y] perp 1 - alpha[abs(x) - y] >= 0
+    0 <= lambda_n[s[1]] perp alpha[s[1]] >= 0
+    0 <= lambda_p[s[1]] perp 1 - alpha[s[1]] >= 0
+    0 <= lambda_n[s[2]] perp alpha[s[2]] >= 0
+    0 <= lambda_p[s[2]] perp 1 - alpha[s[2]] >= 0
+    0 <= lambda_n[s[3]] perp alpha[s[3]] >= 0
+    0 <= lambda_p[s[3]] perp 1 - alpha[s[3]] >= 0
+    0 <= lambda_n[s[4]] perp alpha[s[4]] >= 0
+    0 <= lambda_p[s[4]] perp 1 - alpha[s[4]] >= 0
+    0 <= lambda_n[s[5]] perp alpha[s[5]] >= 0
+    0 <= lambda_p[s[5]] perp 1 - alpha[s[5]] >= 0
+    ");
+}
+
+#[test]
+fn auto_says_why() {
+    let reason = |make: fn(&Exprs) -> Fixture<'_>| {
+        let exprs = Exprs::new();
+        let dcs = auto::lower(&make(&exprs).system, &[]).expect("the system is small");
+        dcs.to_string()
+            .lines()
+            .next()
+            .unwrap_or_default()
+            .to_owned()
+    };
+    assert_snapshot!(reason(fixtures::relay), @"// stewart: no two switches multiply each other");
+    assert_snapshot!(reason(fixtures::two_relays), @"// stewart: no two switches multiply each other");
+    assert_snapshot!(reason(fixtures::product_of_signs), @"// step: `x[1]`, `x[2]` multiply each other");
+    assert_snapshot!(reason(fixtures::open_sign), @"// stewart: regions are disjoint and named");
+}
+
+#[test]
+fn as_latex() {
+    let latex = |make: fn(&Exprs) -> Fixture<'_>, formulation| {
+        let exprs = Exprs::new();
+        tex::tex(&auto::lower_as(&make(&exprs).system, formulation).expect("the system is small"))
+    };
+    assert_snapshot!(latex(fixtures::open_sign, Formulation::Stewart), @r"
+    \begin{align*}
+    \dot{x} &= 2 \, \theta_{\mathrm{above}} + y \, \left(\theta_{\mathrm{right}, \text{(y - x\textasciicircum{}2)-}} + \theta_{\mathrm{right}, \text{(y - x\textasciicircum{}2)+}}\right) - x \, \theta_{\mathrm{below}} \\
+    \dot{y} &= 1 \\
+    0 &= -x + y - x^{2} - \lambda_{\mathrm{right}, \text{(y - x\textasciicircum{}2)-}} - \mu \\
+    0 &= -x - y + x^{2} - \lambda_{\mathrm{right}, \text{(y - x\textasciicircum{}2)+}} - \mu \\
+    0 &= x - y + x^{2} - \lambda_{\mathrm{above}} - \mu \\
+    0 &= x + y - x^{2} - \lambda_{\mathrm{below}} - \mu \\
+    0 &= 1 - \theta_{\mathrm{right}, \text{(y - x\textasciicircum{}2)-}} - \theta_{\mathrm{right}, \text{(y - x\textasciicircum{}2)+}} - \theta_{\mathrm{above}} - \theta_{\mathrm{below}} \\
+    0 &\le \theta_{\mathrm{right}, \text{(y - x\textasciicircum{}2)-}} \perp \lambda_{\mathrm{right}, \text{(y - x\textasciicircum{}2)-}} \ge 0 \\
+    0 &\le \theta_{\mathrm{right}, \text{(y - x\textasciicircum{}2)+}} \perp \lambda_{\mathrm{right}, \text{(y - x\textasciicircum{}2)+}} \ge 0 \\
+    0 &\le \theta_{\mathrm{above}} \perp \lambda_{\mathrm{above}} \ge 0 \\
+    0 &\le \theta_{\mathrm{below}} \perp \lambda_{\mathrm{below}} \ge 0
+    \end{align*}
+    ");
+    assert_snapshot!(latex(fixtures::product_of_signs, Formulation::Step), @r"
+    \begin{align*}
+    \dot{x_{1}} &= 1.5 - 2 \, \alpha_{x_{1}} \\
+    \dot{x_{2}} &= 1 - 2 \, \alpha_{x_{2}} \\
+    \dot{x_{3}} &= -2 \, \alpha_{x_{1}} - 2 \, \alpha_{x_{2}} + 4 \, \beta_{x_{1}, x_{2}} + 1 \\
+    0 &= x_{1} - \lambda_{p, x_{1}} + \lambda_{n, x_{1}} \\
+    0 &= x_{2} - \lambda_{p, x_{2}} + \lambda_{n, x_{2}} \\
+    0 &= \beta_{x_{1}, x_{2}} - \alpha_{x_{1}} \, \alpha_{x_{2}} \\
+    0 &\le \lambda_{n, x_{1}} \perp \alpha_{x_{1}} \ge 0 \\
+    0 &\le \lambda_{p, x_{1}} \perp 1 - \alpha_{x_{1}} \ge 0 \\
+    0 &\le \lambda_{n, x_{2}} \perp \alpha_{x_{2}} \ge 0 \\
+    0 &\le \lambda_{p, x_{2}} \perp 1 - \alpha_{x_{2}} \ge 0
+    \end{align*}
+    ");
+}
+
+#[test]
+fn as_graph() {
+    let exprs = Exprs::new();
+    assert_snapshot!(dot::dot(&fixtures::open_sign(&exprs).system), @r#"
+    digraph {
+        0 [label = "x"]
+        1 [label = "y"]
+        2 [label = "x", shape = diamond]
+        3 [label = "y - x^2", shape = diamond]
+        0 -> 0
+        1 -> 0
+        2 -> 0
+        3 -> 0
+        0 -> 2
+        0 -> 3
+        1 -> 3
+    }
+    "#);
+}
+
+#[test]
+fn stewart_refuses_too_many_regions() {
+    let exprs = Exprs::new();
+    let mut b = fixtures::Builder::new(&exprs, &["x"]);
+    let alphas: Vec<_> = (0..11)
+        .map(|i| b.switch(&format!("s{i}"), b.states[0] - f64::from(i)))
+        .collect();
+    let switches: Vec<usize> = (0..11).collect();
+    let rate = exprs.product(alphas);
+    let fixture = b.finish(&[rate], &[(&switches, None)]);
+    let refused = auto::lower_as(&fixture.system, Formulation::Stewart);
+    assert!(matches!(
+        refused,
+        Err(DcsError::TooManyRegions { count: 11, .. })
+    ));
+    assert_eq!(auto::choose(&fixture.system).formulation, Formulation::Step);
+}
+
+#[test]
+fn an_open_sign_is_not_given_to_the_wrong_region() {
+    // At ψ = (1, 5) the rows (+, *), (-, +), (-, -) of -Sψ would choose the second region.
+    let exprs = Exprs::new();
+    let fixture = fixtures::open_sign(&exprs);
+    let dcs = auto::lower_as(&fixture.system, Formulation::Stewart).expect("the system is small");
+    let point = [1.0, 6.0];
+    let vars: Vec<_> = fixture
+        .system
+        .states
+        .iter()
+        .map(|state| state.var.as_variable())
+        .collect();
+    let value = |var| {
+        vars.iter()
+            .position(|&v| v == Some(var))
+            .map_or(0.0, |i| point[i])
+    };
+    let solution = solve_pointwise(&fixture.system, &dcs, &value);
+    assert_eq!(solution.rates[0], 6.0);
+    assert_eq!(solution.residual, 0.0);
+}
+
+/// Stewart's form, the step form and the original give one x' off all surfaces.
+fn check_two_roads(make: fn(&Exprs) -> Fixture<'_>, point: &[f64]) -> Result<(), TestCaseError> {
+    let exprs = Exprs::new();
+    let Fixture { system, original } = make(&exprs);
+    let vars: Vec<_> = system
+        .states
+        .iter()
+        .map(|state| state.var.as_variable())
+        .collect();
+    let value = |var| {
+        vars.iter()
+            .position(|&v| v == Some(var))
+            .map_or(0.0, |i| point[i])
+    };
+    prop_assume!(
+        Sides::at(&system, &value)
+            .psi
+            .iter()
+            .all(|psi| psi.abs() > 1e-9)
+    );
+    for formulation in [Formulation::Stewart, Formulation::Step] {
+        let dcs = auto::lower_as(&system, formulation).expect("the system is small");
+        prop_assert_eq!(dcs.verify(), Ok(()));
+        let solution = solve_pointwise(&system, &dcs, &value);
+        prop_assert!(
+            solution.residual <= 1e-13,
+            "{formulation}: residual {}",
+            solution.residual
+        );
+        for (rate, original) in solution.rates.iter().zip(&original) {
+            let expected = original.eval(&value);
+            let error = (rate - expected).abs();
+            prop_assert!(
+                error <= 1e-13 * (1.0 + expected.abs()),
+                "{formulation}: {rate}, not {expected}"
+            );
+        }
+    }
+    Ok(())
+}
+
+proptest! {
+    #[test]
+    fn both_lowerings_give_the_rates_of_the_original(point in prop::collection::vec(-3.0..3.0f64, 3)) {
+        check_two_roads(fixtures::relay, &point)?;
+        check_two_roads(fixtures::two_relays, &point)?;
+        check_two_roads(fixtures::product_of_signs, &point)?;
+        check_two_roads(fixtures::open_sign, &point)?;
+        check_two_roads(fixtures::kinks, &point)?;
+        check_two_roads(fixtures::many, &point)?;
+    }
+}

@@ -1,0 +1,125 @@
+//! The invariants of a [`Dcs`].
+
+use std::collections::HashSet;
+
+use crate::expr::{Expr, Node, Var, rewrite_all, variables_of};
+
+use super::Dcs;
+
+impl<'e> Dcs<'e> {
+    /// Checks the invariants in the documentation of [`super`]; the error says which one is broken.
+    pub fn verify(&self) -> Result<(), String> {
+        self.verify_counts()?;
+        self.verify_variables()?;
+        self.verify_pairs()?;
+        self.verify_smooth()?;
+        self.verify_algebraics()
+    }
+
+    fn verify_counts(&self) -> Result<(), String> {
+        let counts = [
+            ("rates and states", self.rates.len(), self.states.len()),
+            (
+                "rates and origins",
+                self.rates.len(),
+                self.origins.rates.len(),
+            ),
+            (
+                "equations and origins",
+                self.equations.len(),
+                self.origins.equations.len(),
+            ),
+            (
+                "pairs and origins",
+                self.pairs.len(),
+                self.origins.pairs.len(),
+            ),
+            (
+                "rows and algebraic variables",
+                self.equations.len() + self.pairs.len(),
+                self.algebraics.len(),
+            ),
+        ];
+        match counts.iter().find(|(_, left, right)| left != right) {
+            Some((what, left, right)) => Err(format!("{what} differ in number: {left}, {right}")),
+            None => Ok(()),
+        }
+    }
+
+    fn verify_variables(&self) -> Result<(), String> {
+        let params = self.params.iter().map(|param| param.var);
+        let states = self.states.iter().map(|state| state.var);
+        let algebraics = self.algebraics.iter().map(|algebraic| algebraic.var);
+        let mut declared: HashSet<Var> = HashSet::new();
+        for var in [self.time]
+            .into_iter()
+            .chain(params)
+            .chain(states)
+            .chain(algebraics)
+        {
+            let Some(name) = var.as_variable() else {
+                return Err(format!("`{var}` is declared and no variable"));
+            };
+            if !declared.insert(name) {
+                return Err(format!("`{var}` is declared twice"));
+            }
+        }
+        let occurring = variables_of(&self.rows()).into_iter();
+        match occurring.into_iter().find(|var| !declared.contains(var)) {
+            Some(var) => Err(format!("`{}` is not declared", self.exprs.name(var))),
+            None => Ok(()),
+        }
+    }
+
+    fn verify_pairs(&self) -> Result<(), String> {
+        let algebraic = self.algebraic_variables();
+        let is_algebraic = |e: Expr| e.as_variable().is_some_and(|var| algebraic.contains(&var));
+        let mut members = self.pairs.iter().flat_map(|pair| [pair.left, pair.right]);
+        match members.find(|&member| !is_algebraic(member) && !is_algebraic(1.0 - member)) {
+            Some(member) => Err(format!("`{member}` stands in a pair")),
+            None => Ok(()),
+        }
+    }
+
+    fn verify_smooth(&self) -> Result<(), String> {
+        let mut nonsmooth = None;
+        rewrite_all(&self.rows(), &mut |e| {
+            let kink = match e.node() {
+                Node::Unary(function, _) => function.is_nonsmooth(),
+                Node::Binary(function, ..) => function.is_nonsmooth(),
+                _ => false,
+            };
+            if kink {
+                nonsmooth.get_or_insert(e);
+            }
+            e
+        });
+        nonsmooth.map_or(Ok(()), |e| Err(format!("`{e}` is not smooth")))
+    }
+
+    fn verify_algebraics(&self) -> Result<(), String> {
+        if let Some(z) = self.algebraics.iter().find(|z| !z.guess.is_finite()) {
+            return Err(format!("the guess of `{}` is {}", z.var, z.guess));
+        }
+        let algebraic = self.algebraic_variables();
+        match variables_of(&self.alphas)
+            .into_iter()
+            .find(|var| !algebraic.contains(var))
+        {
+            Some(var) => Err(format!("a switch reads `{}`", self.exprs.name(var))),
+            None => Ok(()),
+        }
+    }
+
+    /// Everything in which a variable may occur.
+    fn rows(&self) -> Vec<Expr<'e>> {
+        let members = self.pairs.iter().flat_map(|pair| [pair.left, pair.right]);
+        let rows = self.rates.iter().chain(&self.equations).copied();
+        rows.chain(members).collect()
+    }
+
+    fn algebraic_variables(&self) -> HashSet<Var> {
+        let vars = self.algebraics.iter().map(|algebraic| algebraic.var);
+        vars.filter_map(Expr::as_variable).collect()
+    }
+}
