@@ -209,10 +209,14 @@ mod tests {
 
     #[test]
     fn one_surface_crosses_and_slides() {
-        let (m, q, cover) = box_lcp(&[-2.0], &[3.0]);
-        assert_eq!(lemke(&m, &q, &cover).unwrap(), [1.0, 1.0]);
-        let (m, q, cover) = box_lcp(&[-2.0], &[1.0]);
-        assert_eq!(lemke(&m, &q, &cover).unwrap(), [0.5, 0.0]);
+        for (b, exact) in [(3.0, [1.0, 1.0]), (1.0, [0.5, 0.0]), (-1.0, [0.0, 0.0])] {
+            let (m, q, cover) = box_lcp(&[-2.0], &[b]);
+            let z = lemke(&m, &q, &cover).unwrap();
+            assert!(
+                z.iter().zip(exact).all(|(z, e)| (z - e).abs() < 1e-15),
+                "{z:?}"
+            );
+        }
     }
 
     #[test]

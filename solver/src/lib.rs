@@ -1,4 +1,4 @@
-//! Numbers in, numbers out.
+#![doc = include_str!("../README.md")]
 
 pub mod lcp;
 pub mod linalg;
