@@ -2,7 +2,7 @@
 
 use super::lower::Lowering;
 use super::scope::Reported;
-use super::{ModelError, Shape, Tensor};
+use super::{ModelError, Shape, Tensor, Unsupported};
 use crate::expr::Expr;
 use crate::source::Span;
 use crate::syntax::{self, BinaryOp};
@@ -282,7 +282,7 @@ pub(super) fn solve<'e>(
     } else {
         MAX_SYMBOLIC
     } {
-        return lowering.error(ModelError::LargeInverse { size: n, span });
+        return lowering.error(Unsupported::LargeInverse { size: n, span });
     }
     lowering.spend(n.pow(3).saturating_add(n * n * right_sides), span)?;
     let inverse = match numbers {

@@ -1,18 +1,18 @@
 //! Calls: functions of the file are inlined, built-in ones become expressions.
 
-use super::builtins::{FUNCTIONS, did_you_mean};
 use super::lower::{Local, Lowering};
+use super::reserved::{FUNCTIONS, did_you_mean};
 use super::scope::{Reported, Value};
-use super::{ModelError, Shape, Tensor, algebra, check};
-use crate::expr::{BinaryFunction, Expr, Function};
+use super::{ModelError, Tensor, builtins};
+use crate::expr::Expr;
 use crate::source::Span;
 use crate::syntax::{self, Arg, Binder, ExprKind};
 
 /// A call with positional arguments.
-struct Call<'c> {
-    name: &'c str,
-    args: Vec<&'c syntax::Expr>,
-    span: Span,
+pub(super) struct Call<'c> {
+    pub name: &'c str,
+    pub args: Vec<&'c syntax::Expr>,
+    pub span: Span,
 }
 
 /// The value of a call.
@@ -79,11 +79,11 @@ pub(super) fn call<'e>(
     }
     match scope.functions.get(name) {
         Some(function) => inline(lowering, function, &call),
-        None => builtin(lowering, &call).map(Value::from),
+        None => builtins::builtin(lowering, &call).map(Value::from),
     }
 }
 
-fn wrong<T>(
+pub(super) fn wrong<T>(
     lowering: &mut Lowering,
     call: &Call,
     expected: &str,
@@ -97,7 +97,7 @@ fn wrong<T>(
     })
 }
 
-fn arguments(count: usize) -> String {
+pub(super) fn arguments(count: usize) -> String {
     match count {
         0 => "no arguments".to_owned(),
         1 => "1 argument".to_owned(),
@@ -195,320 +195,14 @@ fn reduction<'e>(
 }
 
 /// Several numbers to one; there is at least one unless they are summed.
-fn reduce<'e>(lowering: &Lowering<'_, 'e>, name: &str, entries: &[Expr<'e>]) -> Expr<'e> {
+pub(super) fn reduce<'e>(
+    lowering: &Lowering<'_, 'e>,
+    name: &str,
+    entries: &[Expr<'e>],
+) -> Expr<'e> {
     match (name, entries.split_first()) {
         ("min", Some((&first, rest))) => rest.iter().fold(first, |a, &b| a.min(b)),
         ("max", Some((&first, rest))) => rest.iter().fold(first, |a, &b| a.max(b)),
         _ => lowering.scope.exprs.sum(entries.iter().copied()),
     }
-}
-
-fn elementary(name: &str) -> Option<Function> {
-    Some(match name {
-        "sin" => Function::Sin,
-        "cos" => Function::Cos,
-        "tan" => Function::Tan,
-        "asin" => Function::Asin,
-        "acos" => Function::Acos,
-        "atan" => Function::Atan,
-        "sinh" => Function::Sinh,
-        "cosh" => Function::Cosh,
-        "tanh" => Function::Tanh,
-        "exp" => Function::Exp,
-        "log" => Function::Log,
-        "sqrt" => Function::Sqrt,
-        "sign" => Function::Sign,
-        "step" => Function::Step,
-        "abs" => Function::Abs,
-        _ => return None,
-    })
-}
-
-/// Least and greatest number of arguments.
-fn arity(name: &str) -> (usize, usize) {
-    match name {
-        "min" | "max" => (1, usize::MAX),
-        "sat" => (1, 3),
-        "deadzone" | "zeros" | "ones" => (1, 2),
-        "atan2" | "dot" | "cross" | "solve" | "grad" | "jacobian" => (2, 2),
-        _ => (1, 1),
-    }
-}
-
-fn builtin<'e>(lowering: &mut Lowering<'_, 'e>, call: &Call) -> Result<Tensor<'e>, Reported> {
-    let (least, most) = arity(call.name);
-    let count = call.args.len();
-    if count < least || count > most || (call.name == "sat" && count == 2) {
-        let expected = match call.name {
-            "sat" => "1 or 3 arguments".to_owned(),
-            "min" | "max" => "at least 1 argument".to_owned(),
-            _ if least < most => format!("{least} or {most} arguments"),
-            _ => arguments(least),
-        };
-        return wrong(lowering, call, &expected, &arguments(count));
-    }
-    if call.name == "table" {
-        return lowering.error(ModelError::Tables { span: call.span });
-    }
-    if matches!(call.name, "eye" | "zeros" | "ones") {
-        return filled(lowering, call);
-    }
-    let mut values = vec![];
-    for arg in &call.args {
-        values.push(lowering.numbers(arg)?);
-    }
-    let first = values[0].clone();
-    lowering.spend(first.data.len(), call.span)?;
-    if let Some(function) = elementary(call.name) {
-        if function.is_nonsmooth() {
-            lowering.record_surfaces(call.args[0], &first);
-        }
-        return Ok(first.map(|entry| entry.apply(function)));
-    }
-    match call.name {
-        "min" | "max" if values.len() == 1 => match first.data.is_empty() {
-            true => lowering.error(ModelError::EmptyReduction {
-                function: call.name.to_owned(),
-                span: call.span,
-            }),
-            false => Ok(Tensor::scalar(reduce(lowering, call.name, &first.data))),
-        },
-        "min" | "max" => {
-            for (position, arg) in call.args.iter().enumerate() {
-                // `max(0, x)` switches where x does.
-                if values.len() == 2 && check::is_zero_literal(arg) {
-                    lowering.record_surfaces(call.args[1 - position], &values[1 - position]);
-                }
-            }
-            let function = if call.name == "min" {
-                BinaryFunction::Min
-            } else {
-                BinaryFunction::Max
-            };
-            fold(lowering, call, &values, function)
-        }
-        "atan2" => fold(lowering, call, &values, BinaryFunction::Atan2),
-        "sat" => {
-            let (lo, hi) = match values.get(1..) {
-                Some([lo, hi]) => (lo.clone(), hi.clone()),
-                _ => (
-                    Tensor::scalar(lowering.constant(-1.0)),
-                    Tensor::scalar(lowering.constant(1.0)),
-                ),
-            };
-            let above = fold(lowering, call, &[first, lo], BinaryFunction::Max)?;
-            fold(lowering, call, &[above, hi], BinaryFunction::Min)
-        }
-        "deadzone" => {
-            let width = values
-                .get(1)
-                .cloned()
-                .unwrap_or_else(|| Tensor::scalar(lowering.constant(1.0)));
-            let above = fold(
-                lowering,
-                call,
-                &[first.clone(), width.map(|w| -w)],
-                BinaryFunction::Max,
-            )?;
-            let clipped = fold(lowering, call, &[above, width], BinaryFunction::Min)?;
-            match first.zip(&clipped, |x, c| x - c) {
-                Some(value) => Ok(value),
-                None => Err(Reported),
-            }
-        }
-        "sum" => Ok(Tensor::scalar(
-            lowering.scope.exprs.sum(first.data.iter().copied()),
-        )),
-        "len" => {
-            let count = match first.shape {
-                Shape::Matrix(rows, columns) if rows > 1 => {
-                    let what = "the argument of `len`".to_owned();
-                    return lowering.error(ModelError::WrongShape {
-                        what,
-                        expected: "a vector".to_owned(),
-                        found: format!("a {rows} by {columns} matrix"),
-                        span: call.args[0].span,
-                        help: None,
-                    });
-                }
-                shape => shape.len(),
-            };
-            Ok(Tensor::scalar(lowering.constant(count as f64)))
-        }
-        "transpose" => Ok(first.transpose()),
-        "norm" => {
-            if let Shape::Matrix(rows, columns) = first.shape
-                && rows > 1
-            {
-                return wrong(
-                    lowering,
-                    call,
-                    "a vector",
-                    &format!("a {rows} by {columns} matrix"),
-                );
-            }
-            if first.shape == Shape::Scalar {
-                lowering.record_surfaces(call.args[0], &first);
-                return Ok(first.map(Expr::abs));
-            }
-            let squares = first.data.iter().map(|entry| entry.powi(2));
-            Ok(Tensor::scalar(lowering.scope.exprs.sum(squares).sqrt()))
-        }
-        "dot" => match vectors(&first, &values[1]) {
-            true => Ok(Tensor::scalar(
-                lowering.scope.exprs.dot(&first.data, &values[1].data),
-            )),
-            false => mismatch(lowering, call, &first, &values[1]),
-        },
-        "cross" => match vectors(&first, &values[1]) && first.data.len() == 3 {
-            true => {
-                let (a, b) = (&first.data, &values[1].data);
-                let entry = |i: usize, j: usize| a[i] * b[j] - a[j] * b[i];
-                Ok(Tensor::vector(vec![entry(1, 2), entry(2, 0), entry(0, 1)]))
-            }
-            false => mismatch(lowering, call, &first, &values[1]),
-        },
-        "diag" => diagonal(lowering, &first, call.span),
-        "inv" => algebra::inverse(lowering, &first, call.span),
-        "solve" => algebra::solve(lowering, &first, &values[1], call.span),
-        "grad" | "jacobian" => derivative(lowering, call, &first, &values[1]),
-        _ => {
-            let (name, span) = (call.name.to_owned(), call.span);
-            lowering.error(ModelError::UnknownFunction {
-                name,
-                span,
-                help: None,
-            })
-        }
-    }
-}
-
-/// True for two vectors (columns or rows) of one length.
-fn vectors(a: &Tensor, b: &Tensor) -> bool {
-    let is_vector = |shape: Shape| matches!(shape, Shape::Vector(_) | Shape::Matrix(1, _));
-    is_vector(a.shape) && is_vector(b.shape) && a.data.len() == b.data.len()
-}
-
-fn mismatch<T>(
-    lowering: &mut Lowering,
-    call: &Call,
-    a: &Tensor,
-    b: &Tensor,
-) -> Result<T, Reported> {
-    lowering.error(ModelError::Operands {
-        operator: call.name.to_owned(),
-        left: a.shape.to_string(),
-        right: b.shape.to_string(),
-        left_span: call.args.first().map_or(call.span, |arg| arg.span),
-        right_span: call.args.get(1).map_or(call.span, |arg| arg.span),
-        help: match call.name {
-            "dot" => Some("`dot` takes two vectors of one length".to_owned()),
-            "cross" => Some("`cross` takes two vectors of 3".to_owned()),
-            _ => None,
-        },
-    })
-}
-
-/// `f(f(a, b), c)`, entry by entry.
-fn fold<'e>(
-    lowering: &mut Lowering<'_, 'e>,
-    call: &Call,
-    values: &[Tensor<'e>],
-    function: BinaryFunction,
-) -> Result<Tensor<'e>, Reported> {
-    let mut result = values[0].clone();
-    for value in &values[1..] {
-        result = match result.zip(value, |a, b| a.apply_binary(function, b)) {
-            Some(next) => next,
-            None => return mismatch(lowering, call, &result, value),
-        };
-        lowering.spend(result.data.len(), call.span)?;
-    }
-    Ok(result)
-}
-
-/// `eye(n)`, `zeros(n)`, `zeros(m, n)`, `ones`.
-fn filled<'e>(lowering: &mut Lowering<'_, 'e>, call: &Call) -> Result<Tensor<'e>, Reported> {
-    let mut sizes = vec![];
-    for arg in &call.args {
-        sizes.push(lowering.size(arg, "a size")?);
-    }
-    let shape = match sizes[..] {
-        [n] if call.name == "eye" => Shape::matrix(n, n),
-        [n] => Shape::Vector(n),
-        [m, n] => Shape::matrix(m, n),
-        _ => Shape::Scalar,
-    };
-    lowering.spend(shape.len(), call.span)?;
-    let (zero, one) = (lowering.constant(0.0), lowering.constant(1.0));
-    let columns = shape.size().1;
-    let entry = |position: usize| match call.name {
-        "zeros" => zero,
-        "ones" => one,
-        _ if position / columns == position % columns => one,
-        _ => zero,
-    };
-    Ok(Tensor {
-        shape,
-        data: (0..shape.len()).map(entry).collect(),
-    })
-}
-
-/// The diagonal matrix of a vector, or the diagonal of a matrix.
-fn diagonal<'e>(
-    lowering: &mut Lowering<'_, 'e>,
-    value: &Tensor<'e>,
-    span: Span,
-) -> Result<Tensor<'e>, Reported> {
-    match value.shape {
-        Shape::Matrix(rows, columns) if rows > 1 => Ok(Tensor::vector(
-            (0..rows.min(columns)).map(|i| value.at(i, i)).collect(),
-        )),
-        _ => {
-            let n = value.data.len();
-            lowering.spend(n.saturating_mul(n), span)?;
-            let zero = lowering.constant(0.0);
-            let data = (0..n * n).map(|k| {
-                if k / n == k % n {
-                    value.data[k / n]
-                } else {
-                    zero
-                }
-            });
-            Ok(Tensor::matrix(n, n, data.collect()))
-        }
-    }
-}
-
-/// `grad(expr, x)` has the shape of x; `jacobian(expr, x)` has a row per entry of expr.
-fn derivative<'e>(
-    lowering: &mut Lowering<'_, 'e>,
-    call: &Call,
-    value: &Tensor<'e>,
-    by: &Tensor<'e>,
-) -> Result<Tensor<'e>, Reported> {
-    let Some(vars) = by
-        .data
-        .iter()
-        .map(|entry| entry.as_variable())
-        .collect::<Option<Vec<_>>>()
-    else {
-        let (function, span) = (call.name.to_owned(), call.args[1].span);
-        return lowering.error(ModelError::DifferentiateBy { function, span });
-    };
-    lowering.spend(value.data.len().saturating_mul(vars.len()), call.span)?;
-    if call.name == "grad" {
-        let scalar = lowering.only_entry(value, "the function of `grad`", call.args[0].span)?;
-        let data = vars.iter().map(|&var| scalar.diff(var)).collect();
-        return Ok(Tensor {
-            shape: by.shape,
-            data,
-        });
-    }
-    let row = |entry: &Expr<'e>| vars.iter().map(|&var| entry.diff(var)).collect::<Vec<_>>();
-    let data = value.data.iter().flat_map(row).collect();
-    Ok(Tensor {
-        shape: Shape::Matrix(value.data.len(), vars.len()),
-        data,
-    })
 }

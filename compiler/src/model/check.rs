@@ -2,7 +2,7 @@
 
 use super::lower::Lowering;
 use super::scope::{Reported, Value};
-use super::{ModelError, Shape, Surface, Tensor};
+use super::{DynamicsError, Shape, Surface, Tensor};
 use crate::expr::{Expr, Function, Node, Var, rewrite, variables_of};
 use crate::syntax::{self, ExprKind, Relation};
 
@@ -72,7 +72,7 @@ impl<'e> Lowering<'_, 'e> {
             };
             if self.in_guard {
                 let span = left.span.to(right.span);
-                return self.error(ModelError::ConstantComparison { value: holds, span });
+                return self.error(DynamicsError::ConstantComparison { value: holds, span });
             }
             return Ok(self.constant(if holds { 1.0 } else { 0.0 }));
         }

@@ -6,7 +6,10 @@ use super::lower::{Lazy, Local, Lowering};
 use super::names::{Declared, Frame, Item};
 use super::resolve::{given, switch_argument};
 use super::scope::{Meaning, Reported, Scope, Value};
-use super::{Model, ModelError, Named, NamedSwitch, Quantity, Shape, TargetKind, Tensor, order};
+use super::{
+    DynamicsError, Model, ModelError, Named, NamedSwitch, Quantity, Shape, TargetKind, Tensor,
+    Unsupported, order,
+};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Var, variables_of};
 use crate::source::Span;
@@ -137,7 +140,7 @@ impl<'d, 'e> Declaring<'d, 'e> {
     fn unit(&mut self, unit: &syntax::Unit) {
         // Once per model is enough.
         if !self.diags.codes().iter().any(|code| code == "W0901") {
-            self.diags.push(ModelError::Units { span: unit.span });
+            self.diags.push(Unsupported::Units { span: unit.span });
         }
     }
 
@@ -179,7 +182,7 @@ impl<'d, 'e> Declaring<'d, 'e> {
         frames: &[Frame<'_>],
     ) -> Result<Meaning<'e>, Reported> {
         let Some((kind, arg)) = switch_argument(&switch.value) else {
-            self.diags.push(ModelError::SwitchForm {
+            self.diags.push(DynamicsError::SwitchForm {
                 span: switch.value.span,
             });
             return Err(Reported);
@@ -190,7 +193,7 @@ impl<'d, 'e> Declaring<'d, 'e> {
                 let psi = lowering.numbers(arg)?;
                 if let Some(value) = psi.data.iter().find_map(|entry| entry.as_constant()) {
                     let value = value > 0.0;
-                    return lowering.error(ModelError::ConstantComparison {
+                    return lowering.error(DynamicsError::ConstantComparison {
                         value,
                         span: arg.span,
                     });

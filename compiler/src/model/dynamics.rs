@@ -5,7 +5,7 @@ use rustc_hash::FxHashSet;
 use super::lower::Lowering;
 use super::names::local_lets;
 use super::scope::{Meaning, Reported};
-use super::{Hidden, Model, ModelError, Rate, Region, TargetKind, target};
+use super::{DynamicsError, Hidden, Model, Rate, Region, TargetKind, target};
 use crate::source::Span;
 use crate::syntax::{self, For, RegionGuard, Stmt};
 
@@ -177,7 +177,7 @@ impl<'e> Walk<'e> {
             "param" | "let" | "constant" => Some(format!("declare `state {name} = ..;`")),
             _ => None,
         };
-        lowering.error(ModelError::NotAState {
+        lowering.error(DynamicsError::NotAState {
             name,
             kind,
             span: path.span,
@@ -244,7 +244,7 @@ impl<'e> Walk<'e> {
         lowering.in_guard = false;
         let truth = truth?;
         if let Some(value) = truth.as_constant() {
-            return lowering.error(ModelError::ConstantComparison {
+            return lowering.error(DynamicsError::ConstantComparison {
                 value: value > 0.5,
                 span: guard.span,
             });
@@ -270,7 +270,7 @@ impl<'e> Walk<'e> {
         let target = target::resolve(lowering, &hidden.switch)?;
         let TargetKind::Switch(switch) = target.kind else {
             let (name, span) = (lowering.path_text(&hidden.switch), hidden.switch.span);
-            return lowering.error(ModelError::NotASwitch { name, span });
+            return lowering.error(DynamicsError::NotASwitch { name, span });
         };
         let lets = local_lets(&hidden.body);
         let base = lowering.open_frame(&lets);
@@ -299,7 +299,7 @@ impl<'e> Walk<'e> {
     ) -> Result<(), Reported> {
         let span: Span = rate.span;
         if !rate.adds {
-            return lowering.error(ModelError::HiddenSets { span });
+            return lowering.error(DynamicsError::HiddenSets { span });
         }
         let switch = &self.switches[switch];
         let low = if switch.kind == super::SwitchKind::Sign {
@@ -316,7 +316,7 @@ impl<'e> Walk<'e> {
                 side.insert(var, lowering.constant(at));
             }
             if !super::check::vanishes(rate.value.substitute(&side)) {
-                return lowering.error(ModelError::HiddenVisible {
+                return lowering.error(DynamicsError::HiddenVisible {
                     switch: switch.name.clone(),
                     at,
                     span,

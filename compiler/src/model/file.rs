@@ -5,11 +5,11 @@ use std::rc::Rc;
 use miette::Diagnostic;
 use rustc_hash::FxHashMap;
 
-use super::builtins::{FUNCTIONS, VALUES, did_you_mean, is_builtin};
 use super::lower::Lowering;
 use super::order::{chain, edges, free_names, free_names_under, topological};
+use super::reserved::{FUNCTIONS, VALUES, did_you_mean, is_builtin};
 use super::scope::{Meaning, Scope};
-use super::{ModelError, TargetKind};
+use super::{ModelError, TargetKind, Unsupported};
 use crate::diagnostics::{Diagnostics, position};
 use crate::expr::{Expr, Exprs};
 use crate::source::Span;
@@ -74,7 +74,7 @@ pub fn find<'f>(file: &'f File, path: &Path, diags: &mut Diagnostics) -> Option<
         match imported {
             true => once(
                 diags,
-                ModelError::Imports {
+                Unsupported::Imports {
                     what: "imported models",
                     span: path.span,
                 },
@@ -96,7 +96,7 @@ pub fn find<'f>(file: &'f File, path: &Path, diags: &mut Diagnostics) -> Option<
 }
 
 /// Reports a mistake of the file once, though every model of it meets it.
-pub(super) fn once(diags: &mut Diagnostics, error: ModelError) {
+pub(super) fn once(diags: &mut Diagnostics, error: impl Diagnostic + Send + Sync + 'static) {
     let same = |other: &crate::diagnostics::AnyDiagnostic| {
         position(other.as_ref()) == position(&error) && other.to_string() == error.to_string()
     };

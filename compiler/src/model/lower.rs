@@ -2,13 +2,14 @@
 
 use std::rc::Rc;
 
-use super::builtins::{FUNCTIONS, VALUES, did_you_mean};
-use super::scope::{Hook, Meaning, Reported, Scope, Value};
-use super::{ModelError, Shape, Surface, Tensor, algebra, calls, check, places, text};
+use miette::Diagnostic;
+
+use super::scope::{Hook, Reported, Scope, Value};
+use super::{ModelError, Shape, Surface, Tensor, algebra, calls, check};
 use crate::diagnostics::Diagnostics;
 use crate::expr::Expr;
 use crate::source::Span;
-use crate::syntax::{self, ExprKind, Index};
+use crate::syntax::{self, ExprKind};
 
 /// Levels of expressions inside each other, through functions and local names: what the stack bears.
 const MAX_DEPTH: usize = 400;
@@ -72,7 +73,10 @@ impl<'a, 'e> Lowering<'a, 'e> {
         }
     }
 
-    pub fn error<T>(&mut self, error: ModelError) -> Result<T, Reported> {
+    pub fn error<T>(
+        &mut self,
+        error: impl Diagnostic + Send + Sync + 'static,
+    ) -> Result<T, Reported> {
         self.diags.push(error);
         Err(Reported)
     }
@@ -308,205 +312,6 @@ impl<'a, 'e> Lowering<'a, 'e> {
         members.into_iter().collect()
     }
 
-    fn name(&mut self, name: &str, span: Span) -> Result<Value<'e>, Reported> {
-        if let Some(position) = self.locals.iter().rposition(|local| local.name() == name) {
-            return self.local(position, span);
-        }
-        match name {
-            "pi" => return Ok(Tensor::scalar(self.constant(std::f64::consts::PI)).into()),
-            "inf" => return Ok(Tensor::scalar(self.constant(f64::INFINITY)).into()),
-            "true" => return Ok(Value::condition(self.constant(1.0))),
-            "false" => return Ok(Value::condition(self.constant(0.0))),
-            "time" => return Ok(Tensor::scalar(self.scope.time).into()),
-            _ => {}
-        }
-        let scope = self.scope;
-        let names = if self.in_function {
-            &scope.of_file
-        } else {
-            &scope.names
-        };
-        match names.get(name) {
-            Some(Meaning::Value(value, _)) => Ok(value.clone()),
-            Some(Meaning::Family { binders, members }) => {
-                let indices: Option<Vec<i64>> = binders
-                    .iter()
-                    .map(|binder| self.index_value(binder))
-                    .collect();
-                match indices.and_then(|indices| members.get(&indices)) {
-                    Some((value, _)) => Ok(value.clone()),
-                    None => {
-                        let count = binders.len();
-                        self.error(ModelError::NeedsIndices {
-                            name: name.to_owned(),
-                            count,
-                            span,
-                        })
-                    }
-                }
-            }
-            Some(Meaning::Word(kind)) => self.error(ModelError::NotAValue {
-                name: name.to_owned(),
-                kind,
-                span,
-                help: None,
-            }),
-            Some(Meaning::Unusable) => Err(Reported),
-            None if FUNCTIONS.contains(&name) || scope.functions.contains_key(name) => {
-                let help = Some(format!("call it: `{name}(..)`"));
-                self.error(ModelError::NotAValue {
-                    name: name.to_owned(),
-                    kind: "function",
-                    span,
-                    help,
-                })
-            }
-            None => {
-                let locals = self.locals.iter().map(Local::name);
-                let known = names.keys().map(String::as_str).chain(VALUES).chain(locals);
-                let help = did_you_mean(name, known);
-                self.error(ModelError::UnknownName {
-                    name: name.to_owned(),
-                    span,
-                    help,
-                })
-            }
-        }
-    }
-
-    /// The current value of a loop index.
-    pub fn index_value(&self, binder: &str) -> Option<i64> {
-        self.locals.iter().rev().find_map(|local| match local {
-            Local::Value { name, value, .. } if name == binder => value
-                .tensor
-                .as_scalar()?
-                .as_constant()
-                .map(|value| value as i64),
-            _ => None,
-        })
-    }
-
-    fn local(&mut self, position: usize, span: Span) -> Result<Value<'e>, Reported> {
-        let (statement, frame) = match &self.locals[position] {
-            Local::Value { value, .. } => return Ok(value.clone()),
-            Local::Let {
-                statement,
-                value,
-                frame,
-            } => match value {
-                Lazy::Done(value) => return Ok(value.clone()),
-                Lazy::Failed => return Err(Reported),
-                Lazy::Running => {
-                    let name = statement.name.name.clone();
-                    let chain = format!("{name} -> .. -> {name}");
-                    return self.error(ModelError::Cycle {
-                        what: format!("`{name}`"),
-                        chain,
-                        span,
-                    });
-                }
-                Lazy::Waiting => (Rc::clone(statement), *frame),
-            },
-        };
-        // Its expression sees what stands around the `let`, not around its use.
-        self.set_lazy(position, Lazy::Running);
-        let inner = self.locals.split_off(frame.min(self.locals.len()));
-        let value = self.expr(&statement.value);
-        self.locals.extend(inner);
-        self.set_lazy(
-            position,
-            value
-                .as_ref()
-                .map_or(Lazy::Failed, |value| Lazy::Done(value.clone())),
-        );
-        value
-    }
-
-    fn set_lazy(&mut self, position: usize, lazy: Lazy<'e>) {
-        if let Some(Local::Let { value, .. }) = self.locals.get_mut(position) {
-            *value = lazy;
-        }
-    }
-
-    fn index(
-        &mut self,
-        base: &syntax::Expr,
-        indices: &[Index],
-        span: Span,
-    ) -> Result<Value<'e>, Reported> {
-        if let ExprKind::Name(name) = &base.kind
-            && !self.in_function
-            && let Some(Meaning::Family { binders, members }) = self.scope.names.get(name)
-        {
-            let indices = self.member_indices(name, binders.len(), indices, span)?;
-            return match members.get(&indices) {
-                Some((value, _)) => Ok(value.clone()),
-                None => self.no_member(name, &indices, span),
-            };
-        }
-        let value = self.expr(base)?;
-        let what = format!("`{}`", self.text(base));
-        let places = places::select(self, value.tensor.shape, indices, &what, span)?;
-        let data = places
-            .positions
-            .iter()
-            .map(|&position| value.tensor.data[position])
-            .collect();
-        Ok(Value {
-            tensor: Tensor {
-                shape: places.shape,
-                data,
-            },
-            is_condition: value.is_condition,
-        })
-    }
-
-    /// The indices of one of the things declared in a loop.
-    pub fn member_indices(
-        &mut self,
-        name: &str,
-        count: usize,
-        indices: &[Index],
-        span: Span,
-    ) -> Result<Vec<i64>, Reported> {
-        if indices.len() != count {
-            return self.error(ModelError::NeedsIndices {
-                name: name.to_owned(),
-                count,
-                span,
-            });
-        }
-        let mut values = vec![];
-        for index in indices {
-            match index {
-                Index::One(expr) => values.push(self.integer(expr, "an index")?),
-                _ => {
-                    return self.error(ModelError::NeedsIndices {
-                        name: name.to_owned(),
-                        count,
-                        span,
-                    });
-                }
-            }
-        }
-        Ok(values)
-    }
-
-    pub fn no_member<T>(&mut self, name: &str, indices: &[i64], span: Span) -> Result<T, Reported> {
-        let index = indices
-            .iter()
-            .map(i64::to_string)
-            .collect::<Vec<_>>()
-            .join(",");
-        let valid = "those of its loop".to_owned();
-        self.error(ModelError::OutOfRange {
-            index,
-            what: format!("`{name}`"),
-            valid,
-            span,
-        })
-    }
-
     /// `if c then a else b`: b + c (a - b), or one of them when c is constant.
     fn choose(
         &mut self,
@@ -541,50 +346,6 @@ impl<'a, 'e> Lowering<'a, 'e> {
                 help: Some("both branches must have one shape".to_owned()),
             }),
         }
-    }
-
-    /// The text of an expression, with the current indices and arguments in it.
-    pub fn text(&self, expr: &syntax::Expr) -> String {
-        text::text(expr, &|name| self.local_text(name))
-    }
-
-    /// [`Lowering::text`] as a factor.
-    pub fn atom_text(&self, expr: &syntax::Expr) -> String {
-        text::atom(expr, &|name| self.local_text(name))
-    }
-
-    /// [`Lowering::text`] as the first term of a difference.
-    pub fn sum_text(&self, expr: &syntax::Expr) -> String {
-        text::term(expr, &|name| self.local_text(name))
-    }
-
-    /// [`Lowering::text`] as what a difference takes away.
-    pub fn operand_text(&self, expr: &syntax::Expr) -> String {
-        text::operand(expr, &|name| self.local_text(name))
-    }
-
-    /// A path as written, with the current indices in it.
-    pub fn path_text(&self, path: &syntax::Path) -> String {
-        let local = |name: &str| self.local_text(name);
-        path.rest
-            .iter()
-            .fold(path.head.name.clone(), |text, segment| match segment {
-                syntax::Segment::Field(field) => format!("{text}.{}", field.name),
-                syntax::Segment::Index(indices) => {
-                    format!("{text}{}", text::indices(indices, &local))
-                }
-            })
-    }
-
-    fn local_text(&self, name: &str) -> Option<String> {
-        self.locals
-            .iter()
-            .rev()
-            .find(|local| local.name() == name)
-            .and_then(|local| match local {
-                Local::Value { text, .. } => Some(text.clone()),
-                Local::Let { .. } => None,
-            })
     }
 }
 

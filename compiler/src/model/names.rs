@@ -4,8 +4,8 @@ use std::rc::Rc;
 
 use rustc_hash::FxHashMap;
 
-use super::builtins::is_builtin;
 use super::file::FileNames;
+use super::reserved::is_builtin;
 use super::{ModelError, unsupported};
 use crate::diagnostics::Diagnostics;
 use crate::source::Span;

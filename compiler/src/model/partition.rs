@@ -3,7 +3,7 @@
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::check::corners_are_empty;
-use super::{Model, ModelError, Partition};
+use super::{DynamicsError, Model, Partition};
 use crate::diagnostics::Diagnostics;
 use crate::source::Span;
 
@@ -29,7 +29,7 @@ pub(super) fn partition(
             .min();
         if let Some((&entry, &second)) = twice {
             let entry_name = model.entry_name(entry);
-            diags.push(ModelError::SetTwice {
+            diags.push(DynamicsError::SetTwice {
                 entry: entry_name,
                 first: outside[&entry],
                 second,
@@ -39,7 +39,7 @@ pub(super) fn partition(
     model.partitions = components(&inside, model);
     for (index, region) in model.regions.iter().enumerate() {
         if region.is_else && inside[index].is_empty() {
-            diags.push(ModelError::ElseAlone {
+            diags.push(DynamicsError::ElseAlone {
                 region: region.name.clone(),
                 span: region.span,
             });
@@ -58,7 +58,7 @@ pub(super) fn partition(
 fn thin_guards(model: &Model<'_>, diags: &mut Diagnostics) {
     for region in model.regions.iter().filter(|region| !region.is_else) {
         if corners_are_empty(region.guard) {
-            diags.push(ModelError::ThinGuard {
+            diags.push(DynamicsError::ThinGuard {
                 span: region.guard_span,
             });
         }
@@ -94,7 +94,7 @@ fn once(
     for (entry, span) in rates {
         if let Some(&first) = set.get(&entry) {
             if reported.insert((first, span)) {
-                diags.push(ModelError::SetTwice {
+                diags.push(DynamicsError::SetTwice {
                     entry: model.entry_name(entry),
                     first,
                     second: span,
@@ -170,11 +170,11 @@ fn check(
             .copied()
             .unwrap_or(region(only).span);
         diags.push(match region(only).is_else {
-            true => ModelError::ElseAlone {
+            true => DynamicsError::ElseAlone {
                 region: name,
                 span: region(only).span,
             },
-            false => ModelError::LoneRegion {
+            false => DynamicsError::LoneRegion {
                 region: name,
                 entry: model.entry_name(entry),
                 span,
@@ -190,7 +190,7 @@ fn check(
         .collect();
     if let [first, second, ..] = rests[..] {
         let entry = model.entry_name(partition.entries[0]);
-        diags.push(ModelError::TwoElse {
+        diags.push(DynamicsError::TwoElse {
             entry,
             first: region(first).span,
             second: region(second).span,
@@ -208,7 +208,7 @@ fn check(
         let Some((other, first)) = other else {
             continue;
         };
-        diags.push(ModelError::RegionMisses {
+        diags.push(DynamicsError::RegionMisses {
             region: region(index).name.clone(),
             entry: model.entry_name(entry),
             first,
@@ -253,7 +253,7 @@ fn missing(
             } else {
                 state.shape.entry_name(&name, position)
             };
-            diags.push(ModelError::NoDynamics {
+            diags.push(DynamicsError::NoDynamics {
                 name,
                 entry,
                 span: state.span,

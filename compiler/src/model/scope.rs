@@ -6,8 +6,8 @@ use std::rc::Rc;
 
 use rustc_hash::FxHashMap;
 
-use super::builtins::{FUNCTIONS, VALUES};
 use super::lower::Lowering;
+use super::reserved::{FUNCTIONS, VALUES};
 use super::{Target, TargetKind, Tensor, target};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Exprs};

@@ -1,7 +1,7 @@
 //! Paths on the left of `=`: which entries of what they name.
 
-use super::builtins::did_you_mean;
 use super::lower::Lowering;
+use super::reserved::did_you_mean;
 use super::scope::{Meaning, Reported};
 use super::{ModelError, Shape, places};
 use crate::syntax::{Path, Segment};

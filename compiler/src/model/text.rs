@@ -1,6 +1,7 @@
 //! Expressions back to text, with loop indices and arguments put in: the names of surfaces.
 
-use crate::syntax::{Arg, BinaryOp, Binder, Expr, ExprKind, Index, Relation};
+use super::lower::{Local, Lowering};
+use crate::syntax::{Arg, BinaryOp, Binder, Expr, ExprKind, Index, Path, Relation, Segment};
 
 /// Binding strength, loosest first.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -38,12 +39,58 @@ pub(super) fn operand(expr: &Expr, local: &dyn Fn(&str) -> Option<String>) -> St
 }
 
 /// `[1,2..3,:]`
-pub(super) fn indices(indices: &[Index], local: &dyn Fn(&str) -> Option<String>) -> String {
+pub(super) fn brackets(indices: &[Index], local: &dyn Fn(&str) -> Option<String>) -> String {
     let indices: Vec<String> = indices
         .iter()
         .map(|index| index_text(index, local))
         .collect();
     format!("[{}]", indices.join(","))
+}
+
+impl Lowering<'_, '_> {
+    /// The text of an expression, with the current indices and arguments in it.
+    pub fn text(&self, expr: &Expr) -> String {
+        text(expr, &|name| self.local_text(name))
+    }
+
+    /// [`Lowering::text`] as a factor.
+    pub fn atom_text(&self, expr: &Expr) -> String {
+        atom(expr, &|name| self.local_text(name))
+    }
+
+    /// [`Lowering::text`] as the first term of a difference.
+    pub fn sum_text(&self, expr: &Expr) -> String {
+        term(expr, &|name| self.local_text(name))
+    }
+
+    /// [`Lowering::text`] as what a difference takes away.
+    pub fn operand_text(&self, expr: &Expr) -> String {
+        operand(expr, &|name| self.local_text(name))
+    }
+
+    /// A path as written, with the current indices in it.
+    pub fn path_text(&self, path: &Path) -> String {
+        let local = |name: &str| self.local_text(name);
+        path.rest
+            .iter()
+            .fold(path.head.name.clone(), |text, segment| match segment {
+                Segment::Field(field) => format!("{text}.{}", field.name),
+                Segment::Index(indices) => {
+                    format!("{text}{}", brackets(indices, &local))
+                }
+            })
+    }
+
+    fn local_text(&self, name: &str) -> Option<String> {
+        self.locals
+            .iter()
+            .rev()
+            .find(|local| local.name() == name)
+            .and_then(|local| match local {
+                Local::Value { text, .. } => Some(text.clone()),
+                Local::Let { .. } => None,
+            })
+    }
 }
 
 fn write(expr: &Expr, at_least: Level, local: &dyn Fn(&str) -> Option<String>) -> String {
@@ -75,11 +122,7 @@ fn plain(expr: &Expr, local: &dyn Fn(&str) -> Option<String>) -> (String, Level)
             Level::Atom,
         ),
         ExprKind::Index(base, indices) => (
-            format!(
-                "{}{}",
-                sub(base, Level::Atom),
-                self::indices(indices, local)
-            ),
+            format!("{}{}", sub(base, Level::Atom), brackets(indices, local)),
             Level::Atom,
         ),
         ExprKind::Call(function, args) => {

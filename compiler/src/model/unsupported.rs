@@ -1,8 +1,137 @@
 //! What the language has and this version does not lower yet: one error per construct.
 
-use super::ModelError;
+use miette::Diagnostic;
+use thiserror::Error;
+
 use crate::diagnostics::Diagnostics;
+use crate::source::Span;
 use crate::syntax::{DeclKind, Domain, Expr, ExprKind, NamedKind, RegionGuard, Stmt};
+
+/// A construct of the language that cannot be lowered yet (E09).
+#[derive(Clone, Debug, Diagnostic, Error)]
+#[allow(
+    missing_docs,
+    reason = "fields are the words of the message; labels say the rest"
+)]
+pub enum Unsupported {
+    /// Imports.
+    #[error("{what} are not supported yet")]
+    #[diagnostic(code(E0901))]
+    Imports {
+        what: &'static str,
+        #[label("not supported yet")]
+        span: Span,
+    },
+
+    /// Parts.
+    #[error("parts are not supported yet")]
+    #[diagnostic(code(E0902), help("write the statements of the part into the model"))]
+    Parts {
+        #[label("a part")]
+        span: Span,
+    },
+
+    /// Mechanics and contacts.
+    #[error("mechanics and contacts are not supported yet")]
+    #[diagnostic(
+        code(E0903),
+        help("write `v' = ..;` and a switch for the contact force")
+    )]
+    Mechanics {
+        #[label("mechanics")]
+        span: Span,
+    },
+
+    /// Jumps.
+    #[error("state jumps are not supported yet")]
+    #[diagnostic(code(E0904))]
+    Jumps {
+        #[label("a jump")]
+        span: Span,
+    },
+
+    /// Projected dynamics.
+    #[error("projected dynamics are not supported yet")]
+    #[diagnostic(code(E0905))]
+    Projections {
+        #[label("a projection")]
+        span: Span,
+    },
+
+    /// Algebraic states, equations and complementarity.
+    #[error("algebraic states and complementarity are not supported yet")]
+    #[diagnostic(
+        code(E0906),
+        help("solve for the algebraic state where that is possible")
+    )]
+    Algebraic {
+        #[label("algebraic")]
+        span: Span,
+    },
+
+    /// Convex programs and variational inequalities.
+    #[error("convex programs and variational inequalities are not supported yet")]
+    #[diagnostic(
+        code(E0907),
+        help("projections onto boxes can be written with `min` and `max`")
+    )]
+    Programs {
+        #[label("a program")]
+        span: Span,
+    },
+
+    /// Relays with memory.
+    #[error("hysteresis is not supported yet")]
+    #[diagnostic(code(E0908))]
+    Hysteresis {
+        #[label("a relay with memory")]
+        span: Span,
+    },
+
+    /// Signals from data.
+    #[error("signals from tables are not supported yet")]
+    #[diagnostic(code(E0909), help("write the signal as an expression in `time`"))]
+    Tables {
+        #[label("a table")]
+        span: Span,
+    },
+
+    /// Stewart's indicators.
+    #[error("regions with indicators are not supported yet")]
+    #[diagnostic(
+        code(E0910),
+        help("write the guard with `where`: `g1 < g2 and g1 < g3`")
+    )]
+    Indicators {
+        #[label("an indicator")]
+        span: Span,
+    },
+
+    /// Controls from a finite set.
+    #[error("controls from a finite set are not supported yet")]
+    #[diagnostic(code(E0911))]
+    FiniteSets {
+        #[label("a finite set")]
+        span: Span,
+    },
+
+    /// Large symbolic inverses.
+    #[error("the inverse of a {size} by {size} matrix is not supported yet")]
+    #[diagnostic(code(E0912), help("symbolic matrices can be inverted up to 4 by 4"))]
+    LargeInverse {
+        size: usize,
+        #[label("{size} by {size}")]
+        span: Span,
+    },
+
+    /// Units.
+    #[error("units are not checked yet")]
+    #[diagnostic(code(W0901), severity(Warning))]
+    Units {
+        #[label("taken as a comment")]
+        span: Span,
+    },
+}
 
 /// Reports a statement that cannot be lowered.
 pub(super) fn check(stmt: &Stmt, diags: &mut Diagnostics) {
@@ -16,36 +145,36 @@ pub(super) fn is_refused(stmt: &Stmt) -> bool {
     !matches!(stmt, Stmt::Region(_)) && refusal(stmt).is_some()
 }
 
-fn refusal(stmt: &Stmt) -> Option<ModelError> {
+fn refusal(stmt: &Stmt) -> Option<Unsupported> {
     Some(match stmt {
-        Stmt::Part(part) => ModelError::Parts { span: part.span },
-        Stmt::Mechanics(mechanics) => ModelError::Mechanics {
+        Stmt::Part(part) => Unsupported::Parts { span: part.span },
+        Stmt::Mechanics(mechanics) => Unsupported::Mechanics {
             span: mechanics.span,
         },
-        Stmt::Contact(contact) => ModelError::Mechanics { span: contact.span },
-        Stmt::Jump(jump) => ModelError::Jumps { span: jump.span },
-        Stmt::Project(project) => ModelError::Projections { span: project.span },
-        Stmt::Program(program) => ModelError::Programs { span: program.span },
+        Stmt::Contact(contact) => Unsupported::Mechanics { span: contact.span },
+        Stmt::Jump(jump) => Unsupported::Jumps { span: jump.span },
+        Stmt::Project(project) => Unsupported::Projections { span: project.span },
+        Stmt::Program(program) => Unsupported::Programs { span: program.span },
         Stmt::Equation { span, .. } | Stmt::Complementarity { span, .. } => {
-            ModelError::Algebraic { span: *span }
+            Unsupported::Algebraic { span: *span }
         }
         Stmt::Decl(decl) if decl.kind == DeclKind::Algebraic => {
-            ModelError::Algebraic { span: decl.span }
+            Unsupported::Algebraic { span: decl.span }
         }
         Stmt::Decl(decl) => match &decl.domain {
-            Some(Domain::Set(_)) => ModelError::FiniteSets { span: decl.span },
+            Some(Domain::Set(_)) => Unsupported::FiniteSets { span: decl.span },
             _ => return None,
         },
-        Stmt::Switch(switch) if calls(&switch.value, "hysteresis") => ModelError::Hysteresis {
+        Stmt::Switch(switch) if calls(&switch.value, "hysteresis") => Unsupported::Hysteresis {
             span: switch.value.span,
         },
         Stmt::Named(named) if named.kind == NamedKind::Signal && calls(&named.value, "table") => {
-            ModelError::Tables {
+            Unsupported::Tables {
                 span: named.value.span,
             }
         }
         Stmt::Region(region) => match &region.guard {
-            RegionGuard::Indicator(indicator) => ModelError::Indicators {
+            RegionGuard::Indicator(indicator) => Unsupported::Indicators {
                 span: indicator.span,
             },
             _ => return None,

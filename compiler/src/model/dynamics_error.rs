@@ -1,0 +1,151 @@
+//! What can be wrong with dynamics, regions and switches (E03).
+
+use miette::Diagnostic;
+use thiserror::Error;
+
+use crate::source::Span;
+
+/// A mistake in who sets what, and where.
+#[derive(Clone, Debug, Diagnostic, Error)]
+#[allow(
+    missing_docs,
+    reason = "fields are the words of the message; labels say the rest"
+)]
+pub enum DynamicsError {
+    /// A state without dynamics.
+    #[error("state `{name}` has no dynamics")]
+    #[diagnostic(
+        code(E0301),
+        help("add `{entry}' = ..;`, or `{entry}' = 0;` if it is constant")
+    )]
+    NoDynamics {
+        name: String,
+        entry: String,
+        #[label("`{entry}` is never set")]
+        span: Span,
+    },
+
+    /// A state set twice.
+    #[error("the dynamics of `{entry}` are set twice")]
+    #[diagnostic(code(E0302), help("use `+=` to add a term"))]
+    SetTwice {
+        entry: String,
+        #[label("set here")]
+        first: Span,
+        #[label(primary, "and again here")]
+        second: Span,
+    },
+
+    /// Dynamics of something that is not a state.
+    #[error("`{name}` is a {kind}, not a state")]
+    #[diagnostic(code(E0303))]
+    NotAState {
+        name: String,
+        kind: &'static str,
+        #[label("has no dynamics")]
+        span: Span,
+        #[help]
+        help: Option<String>,
+    },
+
+    /// A region of a partition that leaves out a state the others set.
+    #[error("region `{region}` does not set `{entry}`")]
+    #[diagnostic(code(E0304), help("add `{entry}' = ..;` to region `{region}`"))]
+    RegionMisses {
+        region: String,
+        entry: String,
+        #[label("set here, in region `{other}`")]
+        first: Span,
+        #[label(primary, "not set here")]
+        second: Span,
+        other: String,
+    },
+
+    /// An `else` without other regions.
+    #[error("region `{region}` is the rest of nothing")]
+    #[diagnostic(
+        code(E0305),
+        help("an `else` region sets the states that other regions set")
+    )]
+    ElseAlone {
+        region: String,
+        #[label("no other region sets these states")]
+        span: Span,
+    },
+
+    /// Two `else` regions of one partition.
+    #[error("two `else` regions set `{entry}`")]
+    #[diagnostic(code(E0306), help("give one of them a guard"))]
+    TwoElse {
+        entry: String,
+        #[label("the rest")]
+        first: Span,
+        #[label(primary, "the rest again")]
+        second: Span,
+    },
+
+    /// A region with one partner only in name: nothing covers the rest.
+    #[error("nothing sets `{entry}` outside region `{region}`")]
+    #[diagnostic(code(E0307), help("add the other regions, or one with `else`"))]
+    LoneRegion {
+        region: String,
+        entry: String,
+        #[label("set here only")]
+        span: Span,
+    },
+
+    /// A comparison that never changes.
+    #[error("this comparison is always {value}")]
+    #[diagnostic(code(E0308), help("a guard must depend on the state or on time"))]
+    ConstantComparison {
+        value: bool,
+        #[label("constant")]
+        span: Span,
+    },
+
+    /// A guard that holds nowhere, or on a surface only.
+    #[error("this guard holds on a thin set at most")]
+    #[diagnostic(
+        code(E0309),
+        help("`<` and `<=` are the same; a surface belongs to no region")
+    )]
+    ThinGuard {
+        #[label("needs both sides of one surface at once")]
+        span: Span,
+    },
+
+    /// `hidden` that sets.
+    #[error("hidden terms add to the dynamics")]
+    #[diagnostic(code(E0310), help("write `+=`"))]
+    HiddenSets {
+        #[label("sets")]
+        span: Span,
+    },
+
+    /// A hidden term that is not hidden.
+    #[error("this hidden term does not vanish at `{switch}` = {at}")]
+    #[diagnostic(code(E0311), help("multiply it by `1 - {switch}^2`"))]
+    HiddenVisible {
+        switch: String,
+        at: f64,
+        #[label("is not zero there")]
+        span: Span,
+    },
+
+    /// `hidden on` something else.
+    #[error("`{name}` is not a named switch")]
+    #[diagnostic(code(E0312), help("declare `switch s = sign(..);`"))]
+    NotASwitch {
+        name: String,
+        #[label("needs a switch")]
+        span: Span,
+    },
+
+    /// A `switch` that is none.
+    #[error("a switch is `sign(..)`, `step(..)` or `hysteresis(..)`")]
+    #[diagnostic(code(E0313), help("use `let` for other expressions"))]
+    SwitchForm {
+        #[label("something else")]
+        span: Span,
+    },
+}

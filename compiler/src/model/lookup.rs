@@ -1,0 +1,211 @@
+//! Names in expressions: local ones first, then built-in values, then the model's.
+
+use std::rc::Rc;
+
+use super::lower::{Lazy, Local, Lowering};
+use super::reserved::{FUNCTIONS, VALUES, did_you_mean};
+use super::scope::{Meaning, Reported, Value};
+use super::{ModelError, Tensor, places};
+use crate::source::Span;
+use crate::syntax::{self, ExprKind, Index};
+
+impl<'e> Lowering<'_, 'e> {
+    pub fn name(&mut self, name: &str, span: Span) -> Result<Value<'e>, Reported> {
+        if let Some(position) = self.locals.iter().rposition(|local| local.name() == name) {
+            return self.local(position, span);
+        }
+        match name {
+            "pi" => return Ok(Tensor::scalar(self.constant(std::f64::consts::PI)).into()),
+            "inf" => return Ok(Tensor::scalar(self.constant(f64::INFINITY)).into()),
+            "true" => return Ok(Value::condition(self.constant(1.0))),
+            "false" => return Ok(Value::condition(self.constant(0.0))),
+            "time" => return Ok(Tensor::scalar(self.scope.time).into()),
+            _ => {}
+        }
+        let scope = self.scope;
+        let names = if self.in_function {
+            &scope.of_file
+        } else {
+            &scope.names
+        };
+        match names.get(name) {
+            Some(Meaning::Value(value, _)) => Ok(value.clone()),
+            Some(Meaning::Family { binders, members }) => {
+                let indices: Option<Vec<i64>> = binders
+                    .iter()
+                    .map(|binder| self.index_value(binder))
+                    .collect();
+                match indices.and_then(|indices| members.get(&indices)) {
+                    Some((value, _)) => Ok(value.clone()),
+                    None => {
+                        let count = binders.len();
+                        self.error(ModelError::NeedsIndices {
+                            name: name.to_owned(),
+                            count,
+                            span,
+                        })
+                    }
+                }
+            }
+            Some(Meaning::Word(kind)) => self.error(ModelError::NotAValue {
+                name: name.to_owned(),
+                kind,
+                span,
+                help: None,
+            }),
+            Some(Meaning::Unusable) => Err(Reported),
+            None if FUNCTIONS.contains(&name) || scope.functions.contains_key(name) => {
+                let help = Some(format!("call it: `{name}(..)`"));
+                self.error(ModelError::NotAValue {
+                    name: name.to_owned(),
+                    kind: "function",
+                    span,
+                    help,
+                })
+            }
+            None => {
+                let locals = self.locals.iter().map(Local::name);
+                let known = names.keys().map(String::as_str).chain(VALUES).chain(locals);
+                let help = did_you_mean(name, known);
+                self.error(ModelError::UnknownName {
+                    name: name.to_owned(),
+                    span,
+                    help,
+                })
+            }
+        }
+    }
+
+    /// The current value of a loop index.
+    pub fn index_value(&self, binder: &str) -> Option<i64> {
+        self.locals.iter().rev().find_map(|local| match local {
+            Local::Value { name, value, .. } if name == binder => value
+                .tensor
+                .as_scalar()?
+                .as_constant()
+                .map(|value| value as i64),
+            _ => None,
+        })
+    }
+
+    fn local(&mut self, position: usize, span: Span) -> Result<Value<'e>, Reported> {
+        let (statement, frame) = match &self.locals[position] {
+            Local::Value { value, .. } => return Ok(value.clone()),
+            Local::Let {
+                statement,
+                value,
+                frame,
+            } => match value {
+                Lazy::Done(value) => return Ok(value.clone()),
+                Lazy::Failed => return Err(Reported),
+                Lazy::Running => {
+                    let name = statement.name.name.clone();
+                    let chain = format!("{name} -> .. -> {name}");
+                    return self.error(ModelError::Cycle {
+                        what: format!("`{name}`"),
+                        chain,
+                        span,
+                    });
+                }
+                Lazy::Waiting => (Rc::clone(statement), *frame),
+            },
+        };
+        // Its expression sees what stands around the `let`, not around its use.
+        self.set_lazy(position, Lazy::Running);
+        let inner = self.locals.split_off(frame.min(self.locals.len()));
+        let value = self.expr(&statement.value);
+        self.locals.extend(inner);
+        self.set_lazy(
+            position,
+            value
+                .as_ref()
+                .map_or(Lazy::Failed, |value| Lazy::Done(value.clone())),
+        );
+        value
+    }
+
+    fn set_lazy(&mut self, position: usize, lazy: Lazy<'e>) {
+        if let Some(Local::Let { value, .. }) = self.locals.get_mut(position) {
+            *value = lazy;
+        }
+    }
+
+    pub fn index(
+        &mut self,
+        base: &syntax::Expr,
+        indices: &[Index],
+        span: Span,
+    ) -> Result<Value<'e>, Reported> {
+        if let ExprKind::Name(name) = &base.kind
+            && !self.in_function
+            && let Some(Meaning::Family { binders, members }) = self.scope.names.get(name)
+        {
+            let indices = self.member_indices(name, binders.len(), indices, span)?;
+            return match members.get(&indices) {
+                Some((value, _)) => Ok(value.clone()),
+                None => self.no_member(name, &indices, span),
+            };
+        }
+        let value = self.expr(base)?;
+        let what = format!("`{}`", self.text(base));
+        let places = places::select(self, value.tensor.shape, indices, &what, span)?;
+        let data = places
+            .positions
+            .iter()
+            .map(|&position| value.tensor.data[position])
+            .collect();
+        Ok(Value {
+            tensor: Tensor {
+                shape: places.shape,
+                data,
+            },
+            is_condition: value.is_condition,
+        })
+    }
+
+    /// The indices of one of the things declared in a loop.
+    pub fn member_indices(
+        &mut self,
+        name: &str,
+        count: usize,
+        indices: &[Index],
+        span: Span,
+    ) -> Result<Vec<i64>, Reported> {
+        if indices.len() != count {
+            return self.error(ModelError::NeedsIndices {
+                name: name.to_owned(),
+                count,
+                span,
+            });
+        }
+        let mut values = vec![];
+        for index in indices {
+            match index {
+                Index::One(expr) => values.push(self.integer(expr, "an index")?),
+                _ => {
+                    return self.error(ModelError::NeedsIndices {
+                        name: name.to_owned(),
+                        count,
+                        span,
+                    });
+                }
+            }
+        }
+        Ok(values)
+    }
+
+    pub fn no_member<T>(&mut self, name: &str, indices: &[i64], span: Span) -> Result<T, Reported> {
+        let index = indices
+            .iter()
+            .map(i64::to_string)
+            .collect::<Vec<_>>()
+            .join(",");
+        let valid = "those of its loop".to_owned();
+        self.error(ModelError::OutOfRange {
+            index,
+            what: format!("`{name}`"),
+            valid,
+            span,
+        })
+    }
+}
