@@ -17,6 +17,8 @@ mod operators;
 mod print;
 mod rewrite;
 mod simplify;
+#[cfg(test)]
+mod tests;
 
 use std::cell::RefCell;
 use std::fmt;

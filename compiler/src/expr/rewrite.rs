@@ -65,6 +65,14 @@ pub fn rewrite_all<'e>(
     roots: &[Expr<'e>],
     f: &mut impl FnMut(Expr<'e>) -> Expr<'e>,
 ) -> Vec<Expr<'e>> {
+    transform(roots, &mut |_, rebuilt| f(rebuilt))
+}
+
+/// Rewrites bottom-up by a function of a node and of that node over rewritten children.
+fn transform<'e>(
+    roots: &[Expr<'e>],
+    f: &mut impl FnMut(Expr<'e>, Expr<'e>) -> Expr<'e>,
+) -> Vec<Expr<'e>> {
     let Some(&first) = roots.first() else {
         return Vec::new();
     };
@@ -78,7 +86,7 @@ pub fn rewrite_all<'e>(
         let rebuilt = first
             .exprs
             .build(|arena| arena.rebuild(id, |child| image[&child]));
-        image.insert(id, f(rebuilt).id);
+        image.insert(id, f(first.with(id), rebuilt).id);
     }
     roots
         .iter()
@@ -120,6 +128,15 @@ impl<'e> Substitution<'e> {
         self.values.get(&var).copied()
     }
 
+    /// [`Expr::substitute`] for several expressions: what they share is rewritten once.
+    pub fn apply(&self, roots: &[Expr<'e>]) -> Vec<Expr<'e>> {
+        // Only nodes that were variables before: `-x` may have become one.
+        transform(roots, &mut |node, rebuilt| {
+            let value = node.as_variable().and_then(|var| self.get(var));
+            value.unwrap_or(rebuilt)
+        })
+    }
+
     /// Whether nothing is replaced.
     pub fn is_empty(&self) -> bool {
         self.values.is_empty()
@@ -143,10 +160,7 @@ impl<'e> Extend<(Var, Expr<'e>)> for Substitution<'e> {
 impl<'e> Expr<'e> {
     /// Replaces variables, all at once, and folds.
     pub fn substitute(self, substitution: &Substitution<'e>) -> Expr<'e> {
-        rewrite(self, &mut |e| match e.as_variable() {
-            Some(var) => substitution.get(var).unwrap_or(e),
-            None => e,
-        })
+        substitution.apply(&[self])[0]
     }
 
     /// Whether the variable occurs.
