@@ -118,6 +118,7 @@ impl<'e> Builder<'e> {
                 controls: Vec::new(),
                 subsystems: subsystems.collect(),
                 skipped: Vec::new(),
+                readings: Default::default(),
             },
         }
     }

@@ -20,9 +20,28 @@
 //! - In every corner of α ∈ {0, 1} that its guards allow, the weights of a
 //!   partition are 0 or 1 and sum to one.
 
+mod affine;
+mod continuity;
+mod display;
+mod error;
 pub mod experiment;
+mod interaction;
+mod lower;
+mod read;
+mod reading;
+mod regions;
+mod sample;
+mod surface;
+mod switches;
+mod values;
+mod verify;
 
 use std::ops::Range;
+
+pub use error::SystemError;
+pub use experiment::ExperimentError;
+pub use lower::lower;
+pub use read::Readings;
 
 use crate::expr::{Expr, Exprs};
 use crate::source::Span;
@@ -54,6 +73,8 @@ pub struct System<'e> {
     pub subsystems: Vec<Subsystem>,
     /// What the model has and this experiment does not need, as the report tells it.
     pub skipped: Vec<String>,
+    /// What other expressions of the model mean here.
+    pub readings: Readings<'e>,
 }
 
 /// A scalar parameter.
@@ -181,7 +202,8 @@ pub struct Output<'e> {
 pub struct Subsystem {
     /// Indices into [`System::switches`], ascending.
     pub switches: Vec<usize>,
-    /// The partition whose disjoint conjunctive regions are the only way in which these switches
-    /// enter, where there is one: then Stewart's form needs one indicator per region only.
+    /// The partition whose regions are all that these switches decide, where there is one: its regions
+    /// are disjoint conjunctions that cover every corner, and the rates depend on α through them only.
+    /// A region that says nothing about a switch covers several corners; -Sψ holds for full conjunctions.
     pub regions: Option<usize>,
 }

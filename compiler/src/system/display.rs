@@ -1,0 +1,76 @@
+//! The printed form: one equation per line, with the names of the model.
+
+use std::fmt;
+
+use super::{Continuity, System};
+
+impl fmt::Display for System<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "system {}", self.name)?;
+        for param in &self.params {
+            writeln!(f, "param {} = {}", param.name, param.value)?;
+        }
+        for state in &self.states {
+            writeln!(f, "state {} = {}", state.name, state.initial)?;
+        }
+        for state in &self.states {
+            writeln!(f, "der({}) = {}", state.name, state.rate)?;
+        }
+        for switch in &self.switches {
+            let kind = match switch.continuity {
+                Continuity::Discontinuous => "discontinuous",
+                Continuity::Certain => "continuous",
+                Continuity::Sampled => "continuous at sampled points",
+            };
+            writeln!(
+                f,
+                "{} in step({})  // {}, {kind}",
+                switch.alpha, switch.psi, switch.name
+            )?;
+            for reading in &switch.named {
+                let sign = if reading.flipped { "-" } else { "" };
+                let index = reading
+                    .index
+                    .map(|k| format!("[{}]", k + 1))
+                    .unwrap_or_default();
+                writeln!(f, "  read by {}{index} as {sign}psi", reading.name)?;
+            }
+        }
+        for partition in &self.partitions {
+            let states: Vec<&str> = partition
+                .states
+                .iter()
+                .map(|&s| self.states[s].name.as_str())
+                .collect();
+            writeln!(f, "partition of {}", states.join(", "))?;
+            for region in &partition.regions {
+                writeln!(f, "  {}: {}", region.name, region.weight)?;
+            }
+        }
+        for (word, list) in [("output", &self.outputs), ("control", &self.controls)] {
+            for output in list {
+                let entries: Vec<String> = output.exprs.iter().map(|e| e.to_string()).collect();
+                match output.shape[..] {
+                    [] => writeln!(f, "{word} {} = {}", output.name, entries.join(", "))?,
+                    _ => writeln!(f, "{word} {} = [{}]", output.name, entries.join(", "))?,
+                }
+            }
+        }
+        for subsystem in &self.subsystems {
+            let alphas: Vec<String> = subsystem
+                .switches
+                .iter()
+                .map(|&k| self.switches[k].alpha.to_string())
+                .collect();
+            let regions = subsystem
+                .regions
+                .map(|_| "  // disjoint regions")
+                .unwrap_or_default();
+            writeln!(f, "subsystem {}{regions}", alphas.join(", "))?;
+        }
+        for skipped in &self.skipped {
+            writeln!(f, "skipped {skipped}")?;
+        }
+        Ok(())
+    }
+}

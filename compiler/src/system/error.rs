@@ -1,0 +1,122 @@
+//! What can be wrong with switches (E04), and with partitions of regions (E032).
+
+use miette::Diagnostic;
+use thiserror::Error;
+
+use crate::source::Span;
+
+/// A mistake that shows when the switches of a model are made explicit.
+#[derive(Clone, Debug, Diagnostic, Error)]
+#[allow(
+    missing_docs,
+    reason = "fields are the words of the message; labels say the rest"
+)]
+pub enum SystemError {
+    /// Two regions of one partition that hold at the same point.
+    #[error("regions `{first}` and `{second}` overlap at {witness}")]
+    #[diagnostic(
+        code(E0321),
+        help("make the guards exclude each other, or write one as `else`")
+    )]
+    Overlap {
+        first: String,
+        second: String,
+        witness: String,
+        #[label("`{first}` holds there")]
+        first_span: Span,
+        #[label(primary, "`{second}` holds there too")]
+        second_span: Span,
+    },
+
+    /// A point that no region of a partition covers.
+    #[error("no region sets `{states}` at {witness}")]
+    #[diagnostic(code(E0322), help("add a region for it, or make the last one `else`"))]
+    Gap {
+        states: String,
+        witness: String,
+        #[label("the last region of this partition")]
+        span: Span,
+    },
+
+    /// A switch that enters the dynamics nonlinearly, without a reading on its surface.
+    #[error("`{name}` enters nonlinearly and has no reading on its surface")]
+    #[diagnostic(
+        code(E0401),
+        help(
+            "choose a reading: `{linear}` for Filippov's (values between those of the two sides), `{nonlinear}` for the expression as written (hidden dynamics)"
+        )
+    )]
+    NonlinearSwitch {
+        name: String,
+        linear: String,
+        nonlinear: String,
+        #[label(primary, "this switching term")]
+        switch: Span,
+        #[label("enters nonlinearly here")]
+        entry: Span,
+    },
+
+    /// A nonlinear condition: no named switch can carry the reading.
+    #[error("the condition on `{name}` enters nonlinearly")]
+    #[diagnostic(
+        code(E0402),
+        help(
+            "choose between whole terms: `if c then exp(a) else exp(b)` instead of `exp(if c then a else b)`"
+        )
+    )]
+    NonlinearCondition {
+        name: String,
+        #[label(primary, "this condition")]
+        condition: Span,
+        #[label("enters nonlinearly here")]
+        entry: Span,
+    },
+
+    /// A switching function without a state or time.
+    #[error("the switching function `{name}` is constant")]
+    #[diagnostic(code(E0403), help("it must depend on a state or on time"))]
+    ConstantSwitch {
+        name: String,
+        #[label("always {value}")]
+        span: Span,
+        value: f64,
+    },
+
+    /// A switching function that touches zero without crossing it, or crosses it with zero slope.
+    #[error("`{name}` = 0 is no surface that `{name}` crosses")]
+    #[diagnostic(code(E0404))]
+    NoSurface {
+        name: String,
+        #[label("{why}")]
+        span: Span,
+        why: String,
+        #[help]
+        help: Option<String>,
+    },
+
+    /// A switching function that itself jumps.
+    #[error("the switching function `{outer}` jumps with `{inner}`")]
+    #[diagnostic(
+        code(E0405),
+        help("a switching function must be continuous; write the cases as regions")
+    )]
+    DiscontinuousSurface {
+        outer: String,
+        inner: String,
+        #[label(primary, "jumps")]
+        outer_span: Span,
+        #[label("when this switches")]
+        inner_span: Span,
+    },
+
+    /// Nonlinear sliding.
+    #[error("nonlinear sliding is not supported yet")]
+    #[diagnostic(
+        code(E0920),
+        help("`sliding linear` is Filippov's reading, without hidden terms")
+    )]
+    NonlinearSliding {
+        #[label("`sliding nonlinear`")]
+        span: Span,
+    },
+}

@@ -1,0 +1,159 @@
+//! What can be wrong with the settings of an experiment (E05), and what is not supported yet.
+
+use miette::Diagnostic;
+use thiserror::Error;
+
+use crate::source::Span;
+
+/// A mistake in an experiment.
+#[derive(Clone, Debug, Diagnostic, Error)]
+#[allow(
+    missing_docs,
+    reason = "fields are the words of the message; labels say the rest"
+)]
+pub enum ExperimentError {
+    /// A state without an initial value, an input or parameter without a value.
+    #[error("{kind} `{name}` has no value")]
+    #[diagnostic(
+        code(E0501),
+        help("give one in its declaration or in `with {{ {name} = ..; }}`")
+    )]
+    NoValue {
+        kind: &'static str,
+        name: String,
+        #[label("declared without a value")]
+        span: Span,
+        #[label("not given here")]
+        experiment: Span,
+    },
+
+    /// A value that must be known before the run, but is not.
+    #[error("{what} must be a number")]
+    #[diagnostic(code(E0502), help("it may depend on parameters and constants only"))]
+    NotANumber {
+        what: String,
+        cause: String,
+        #[label("depends on `{cause}`")]
+        span: Span,
+    },
+
+    /// Controls or inputs that are given by each other.
+    #[error("`{name}` is given by itself")]
+    #[diagnostic(code(E0503), help("give it in terms of states, parameters and `time`"))]
+    SignalCycle {
+        name: String,
+        #[label("needed to compute itself")]
+        span: Span,
+    },
+
+    /// A number out of its range.
+    #[error("{what} must be {expected}, not {found}")]
+    #[diagnostic(code(E0504))]
+    OutOfRange {
+        what: String,
+        expected: String,
+        found: String,
+        #[label("must be {expected}")]
+        span: Span,
+    },
+
+    /// An experiment without an end.
+    #[error("experiment `{name}` has no horizon")]
+    #[diagnostic(code(E0505), help("add `horizon 1;` with the end time"))]
+    NoHorizon {
+        name: String,
+        #[label("runs for how long?")]
+        span: Span,
+    },
+
+    /// One setting or value twice.
+    #[error("{what} is given twice")]
+    #[diagnostic(code(E0506), help("remove one of them"))]
+    Twice {
+        what: String,
+        #[label("given here")]
+        first: Span,
+        #[label(primary, "and again here")]
+        second: Span,
+    },
+
+    /// A `with` of something that the model computes.
+    #[error("`{name}` is a {kind} and cannot be given")]
+    #[diagnostic(
+        code(E0507),
+        help("`with` gives parameters, initial values, inputs, controls and `s.sliding`")
+    )]
+    NotGiven {
+        name: String,
+        kind: &'static str,
+        #[label("computed by the model")]
+        span: Span,
+    },
+
+    /// A word that is none of the choices.
+    #[error("unknown {what} `{found}`")]
+    #[diagnostic(code(E0508))]
+    UnknownChoice {
+        what: String,
+        found: String,
+        #[label("expected {choices}")]
+        span: Span,
+        choices: String,
+        #[help]
+        help: Option<String>,
+    },
+
+    /// A setting of the other kind of experiment.
+    #[error("`{setting}` is no setting of a simulation")]
+    #[diagnostic(code(E0509), help("it belongs to `optimize`"))]
+    NotForSimulate {
+        setting: String,
+        #[label("needs an `optimize` experiment")]
+        span: Span,
+    },
+
+    /// An `output` of something that has no trajectory.
+    #[error("`{name}` is a {kind} and has no trajectory")]
+    #[diagnostic(code(E0510), help("record states, outputs or controls"))]
+    NoTrajectory {
+        name: String,
+        kind: &'static str,
+        #[label("does not change in time")]
+        span: Span,
+    },
+
+    /// Methods other than the event-driven one.
+    #[error("method `{name}` is not supported yet")]
+    #[diagnostic(code(E0921), help("use `method event`, which is the default"))]
+    Method {
+        name: String,
+        #[label("not supported yet")]
+        span: Span,
+    },
+
+    /// Optimal control.
+    #[error("`optimize` is not supported yet")]
+    #[diagnostic(code(E0922))]
+    Optimize {
+        #[label("an optimal control problem")]
+        span: Span,
+    },
+
+    /// Perturbations and repeated runs.
+    #[error("`{setting}` is not supported yet")]
+    #[diagnostic(code(E0923))]
+    Repetition {
+        setting: String,
+        #[label("not supported yet")]
+        span: Span,
+    },
+
+    /// Lowerings of jumps and contacts.
+    #[error("lowering `{name}` is not supported yet")]
+    #[diagnostic(code(E0924), help("`stewart` and `step` lower switches"))]
+    Lowering {
+        name: String,
+        #[label("not supported yet")]
+        span: Span,
+    },
+}

@@ -1,0 +1,171 @@
+//! Methods, their options, and lowerings.
+
+use super::{ExperimentError, Reader, unknown_choice};
+use crate::syntax::{self, ExprKind, Ident, Setting};
+
+/// A simulation method.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Method {
+    /// The compiler chooses.
+    Auto,
+    /// Switch-detecting active-set integration.
+    Event(EventOptions),
+}
+
+/// Options of `method event`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct EventOptions {
+    /// Order of the Taylor method; chosen from the tolerance otherwise.
+    pub order: Option<usize>,
+    /// Sides to take where the solution is not unique, in order of declaration of the switches;
+    /// one entry holds for all.
+    pub branch: Vec<Branch>,
+    /// Largest number of events.
+    pub max_events: Option<usize>,
+}
+
+/// A branch at a point where the solution is not unique.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Branch {
+    /// Leave to ψ < 0.
+    Minus,
+    /// Stay on ψ = 0.
+    Slide,
+    /// Leave to ψ > 0.
+    Plus,
+}
+
+/// A lowering of switches that an experiment may ask for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lowering {
+    /// Stewart's reformulation.
+    Stewart,
+    /// The step (Heaviside) reformulation.
+    Step,
+}
+
+const METHODS: [&str; 6] = [
+    "auto",
+    "event",
+    "fesd",
+    "timestepping",
+    "smoothing",
+    "adaptive",
+];
+const OPTIONS: [&str; 3] = ["order", "branch", "max_events"];
+const BRANCHES: [&str; 3] = ["plus", "minus", "slide"];
+const LOWERINGS: [&str; 4] = ["stewart", "step", "timefreezing", "impact"];
+
+/// Highest order of the Taylor method that a user may ask for.
+const HIGHEST_ORDER: f64 = 60.0;
+const MOST_EVENTS: f64 = 1e9;
+
+/// `method NAME { options }`
+pub(super) fn method(
+    reader: &mut Reader<'_, '_>,
+    name: &Ident,
+    options: &[Setting],
+) -> Option<Method> {
+    match name.name.as_str() {
+        "auto" => {
+            for option in options {
+                reader.error(ExperimentError::UnknownChoice {
+                    what: "option".into(),
+                    found: option.name.name.clone(),
+                    span: option.name.span,
+                    choices: "no option of `auto`".into(),
+                    help: Some("name the method whose option it is".into()),
+                });
+            }
+            Some(Method::Auto)
+        }
+        "event" => Some(Method::Event(event_options(reader, options))),
+        known if METHODS.contains(&known) => {
+            reader.error(ExperimentError::Method {
+                name: known.to_owned(),
+                span: name.span,
+            });
+            None
+        }
+        _ => {
+            reader.error(unknown_choice("method", name, &METHODS));
+            None
+        }
+    }
+}
+
+fn event_options(reader: &mut Reader<'_, '_>, options: &[Setting]) -> EventOptions {
+    let mut event = EventOptions::default();
+    for (k, option) in options.iter().enumerate() {
+        if let Some(first) = options[..k]
+            .iter()
+            .find(|first| first.name.name == option.name.name)
+        {
+            let what = format!("option `{}`", option.name.name);
+            reader.error(ExperimentError::Twice {
+                what,
+                first: first.span,
+                second: option.span,
+            });
+        }
+        match option.name.name.as_str() {
+            "order" => event.order = reader.count("the order", &option.value, HIGHEST_ORDER),
+            "max_events" => {
+                event.max_events = reader.count("`max_events`", &option.value, MOST_EVENTS)
+            }
+            "branch" => event.branch = branches(reader, &option.value),
+            _ => reader.error(unknown_choice("option", &option.name, &OPTIONS)),
+        }
+    }
+    event
+}
+
+/// `plus` or `[plus, slide]`
+fn branches(reader: &mut Reader<'_, '_>, value: &syntax::Expr) -> Vec<Branch> {
+    let words: Vec<&syntax::Expr> = match &value.kind {
+        ExprKind::Matrix(matrix) => matrix.rows.iter().flatten().collect(),
+        _ => vec![value],
+    };
+    let branch = |word: &syntax::Expr| {
+        let name = match &word.kind {
+            ExprKind::Name(name) => name.clone(),
+            _ => "..".to_owned(),
+        };
+        match name.as_str() {
+            "plus" => Some(Branch::Plus),
+            "minus" => Some(Branch::Minus),
+            "slide" => Some(Branch::Slide),
+            _ => {
+                reader.error(unknown_choice(
+                    "branch",
+                    &Ident {
+                        name,
+                        span: word.span,
+                    },
+                    &BRANCHES,
+                ));
+                None
+            }
+        }
+    };
+    words.into_iter().filter_map(branch).collect()
+}
+
+/// A name after `lower`.
+pub(super) fn lowering(reader: &mut Reader<'_, '_>, name: &Ident) -> Option<Lowering> {
+    match name.name.as_str() {
+        "stewart" => Some(Lowering::Stewart),
+        "step" => Some(Lowering::Step),
+        known if LOWERINGS.contains(&known) => {
+            reader.error(ExperimentError::Lowering {
+                name: known.to_owned(),
+                span: name.span,
+            });
+            None
+        }
+        _ => {
+            reader.error(unknown_choice("lowering", name, &LOWERINGS));
+            None
+        }
+    }
+}

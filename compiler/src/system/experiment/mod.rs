@@ -1,0 +1,390 @@
+//! Settings of a `simulate` experiment, evaluated.
+//!
+//! The values of `with` are given to the model first; every other setting is a number in terms of
+//! its parameters. What is asserted (`expect`) stays as it was written.
+
+mod error;
+mod method;
+mod with;
+
+use rustc_hash::FxHashMap;
+
+use super::values::{self, Values};
+use crate::diagnostics::Diagnostics;
+use crate::expr::{Expr, Var};
+use crate::model::{Model, TargetKind};
+use crate::source::Span;
+use crate::syntax::{self, Bind, Expect, ExperimentKind, OutputWhen, SettingKind, Sliding};
+
+pub use error::ExperimentError;
+pub use method::{Branch, EventOptions, Lowering, Method};
+
+/// What a `simulate` experiment asks for.
+#[derive(Clone, Debug)]
+pub struct Settings<'e> {
+    /// Name of the experiment.
+    pub name: String,
+    /// Name of the model.
+    pub model: String,
+    /// End time; the run starts at 0.
+    pub horizon: f64,
+    /// Aim for the global error of every reported state, relative to its largest magnitude.
+    pub tolerance: f64,
+    /// The method with its options.
+    pub method: Method,
+    /// Lowerings asked for by name; empty for the default.
+    pub lowerings: Vec<Lowering>,
+    /// What to keep; `None` for all states and outputs.
+    pub outputs: Option<Vec<Kept>>,
+    /// When outputs are recorded.
+    pub sampling: Sampling,
+    /// Assertions, in order, with the span of each statement.
+    pub expects: Vec<(Expect, Span)>,
+    /// The experiment.
+    pub span: Span,
+    /// Parameters, initial values, controls and inputs.
+    pub(super) values: Values<'e>,
+    /// Readings of named switches, by index into the model's list.
+    pub(super) sliding: FxHashMap<usize, Sliding>,
+}
+
+/// A quantity that `output` names.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Kept {
+    /// `q`, `x[2]`
+    pub name: String,
+    /// What it is.
+    pub kind: TargetKind,
+    /// Which of its entries.
+    pub entries: Vec<usize>,
+    /// Their shape; empty for a scalar.
+    pub shape: Vec<usize>,
+    /// The path.
+    pub span: Span,
+}
+
+/// When outputs are recorded.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Sampling {
+    /// At the method's own points.
+    Method,
+    /// At multiples of the period, and at the end.
+    Every(f64),
+    /// At these instants, ascending.
+    At(Vec<f64>),
+}
+
+const DEFAULT_TOLERANCE: f64 = 1e-8;
+/// More instants than this are a mistake.
+const MOST_INSTANTS: f64 = 1e8;
+
+/// What `with` gives to the model.
+#[derive(Debug, Default)]
+pub(super) struct Given<'e> {
+    /// Values by variable, with the line that gives each.
+    pub values: FxHashMap<Var, (Expr<'e>, Span)>,
+    /// Readings of named switches.
+    pub sliding: FxHashMap<usize, Sliding>,
+    /// The experiment.
+    pub span: Span,
+}
+
+/// The settings of an experiment of `model`; `None` after an error.
+///
+/// `overrides` come from outside the file and replace what `with` says.
+pub fn evaluate<'e>(
+    model: &Model<'e>,
+    experiment: &syntax::Experiment,
+    overrides: &[Bind],
+    diags: &mut Diagnostics,
+) -> Option<Settings<'e>> {
+    if experiment.kind == ExperimentKind::Optimize {
+        diags.push(ExperimentError::Optimize {
+            span: experiment.name.span,
+        });
+        return None;
+    }
+    // `None` where something was reported.
+    let given = with::given(model, experiment, overrides, diags);
+    let values = values::evaluate(model, given.as_ref()?, diags)?;
+    let mut reader = Reader {
+        model,
+        values: &values,
+        diags,
+        seen: FxHashMap::default(),
+        failed: false,
+    };
+
+    let (mut horizon, mut tolerance, mut method) = (None, DEFAULT_TOLERANCE, Method::Auto);
+    let (mut lowerings, mut outputs, mut sampling, mut expects) =
+        (vec![], None, Sampling::Method, vec![]);
+    for setting in &experiment.settings {
+        let span = setting.span;
+        match &setting.kind {
+            SettingKind::With(_) | SettingKind::Bad => {}
+            SettingKind::Expect(expect) => expects.push((expect.clone(), span)),
+            SettingKind::Horizon { free: true, .. } => {
+                reader.not_for_simulate("horizon free", span)
+            }
+            SettingKind::Horizon { value, .. } => {
+                reader.once("`horizon`", span);
+                horizon = value
+                    .as_ref()
+                    .map(|value| (reader.positive("the horizon", value), value.span));
+            }
+            SettingKind::Value { name, value } if name.name == "tolerance" => {
+                reader.once("`tolerance`", span);
+                if let Some(number) =
+                    reader.within("the tolerance", value, "between 0 and 1", |x| {
+                        0.0 < x && x < 1.0
+                    })
+                {
+                    tolerance = number;
+                }
+            }
+            SettingKind::Value { name, .. } if name.name == "runs" => {
+                reader.repetition("runs", span)
+            }
+            SettingKind::Perturb { .. } => reader.repetition("perturb", span),
+            SettingKind::Value { name, .. } => reader.not_for_simulate(&name.name, span),
+            SettingKind::Method { name, options } => {
+                reader.once("`method`", span);
+                if let Some(chosen) = method::method(&mut reader, name, options) {
+                    method = chosen;
+                }
+            }
+            SettingKind::Lower(names) => lowerings.extend(
+                names
+                    .iter()
+                    .filter_map(|name| method::lowering(&mut reader, name)),
+            ),
+            SettingKind::Output { paths, when } => {
+                reader.once("`output`", span);
+                if !paths.is_empty() {
+                    outputs = Some(paths.iter().filter_map(|path| reader.kept(path)).collect());
+                }
+                sampling = reader
+                    .sampling(when, horizon.and_then(|(end, _)| end))
+                    .unwrap_or(Sampling::Method);
+            }
+            SettingKind::Guess { .. } => reader.not_for_simulate("guess", span),
+            SettingKind::SubjectTo { .. } => reader.not_for_simulate("subject to", span),
+            SettingKind::Final(_) => reader.not_for_simulate("final", span),
+            SettingKind::Initial { .. } => reader.not_for_simulate("initial", span),
+            SettingKind::Free(_) => reader.not_for_simulate("free", span),
+            SettingKind::Starts { .. } => reader.not_for_simulate("starts", span),
+        }
+    }
+    if horizon.is_none() {
+        reader.error(ExperimentError::NoHorizon {
+            name: experiment.name.name.clone(),
+            span: experiment.name.span,
+        });
+    }
+    let failed = reader.failed;
+    let (horizon, _) = horizon?;
+    let settings = Settings {
+        name: experiment.name.name.clone(),
+        model: model.name.clone(),
+        horizon: horizon?,
+        tolerance,
+        method,
+        lowerings,
+        outputs,
+        sampling,
+        expects,
+        span: experiment.span,
+        values,
+        sliding: given?.sliding,
+    };
+    (!failed).then_some(settings)
+}
+
+/// Reads settings as numbers and choices.
+struct Reader<'r, 'e> {
+    model: &'r Model<'e>,
+    values: &'r Values<'e>,
+    diags: &'r mut Diagnostics,
+    /// Where settings that may stand once were seen.
+    seen: FxHashMap<&'static str, Span>,
+    failed: bool,
+}
+
+impl<'e> Reader<'_, 'e> {
+    fn error(&mut self, error: ExperimentError) {
+        self.failed = true;
+        self.diags.push(error);
+    }
+
+    fn not_for_simulate(&mut self, setting: &str, span: Span) {
+        self.error(ExperimentError::NotForSimulate {
+            setting: setting.to_owned(),
+            span,
+        });
+    }
+
+    fn repetition(&mut self, setting: &str, span: Span) {
+        self.error(ExperimentError::Repetition {
+            setting: setting.to_owned(),
+            span,
+        });
+    }
+
+    fn once(&mut self, what: &'static str, second: Span) {
+        if let Some(first) = self.seen.insert(what, second) {
+            self.error(ExperimentError::Twice {
+                what: what.to_owned(),
+                first,
+                second,
+            });
+        }
+    }
+
+    /// The entries as numbers, parameters at their values.
+    fn numbers(&mut self, what: &str, value: &syntax::Expr) -> Option<Vec<f64>> {
+        let Some(tensor) = self.model.scope.expr(value, None, self.diags) else {
+            self.failed = true;
+            return None;
+        };
+        match self.values.numbers_of(self.model, &tensor.data) {
+            Ok(numbers) => Some(numbers),
+            Err(cause) => {
+                self.error(ExperimentError::NotANumber {
+                    what: what.to_owned(),
+                    cause,
+                    span: value.span,
+                });
+                None
+            }
+        }
+    }
+
+    fn within(
+        &mut self,
+        what: &str,
+        value: &syntax::Expr,
+        expected: &str,
+        fits: impl Fn(f64) -> bool,
+    ) -> Option<f64> {
+        let numbers = self.numbers(what, value)?;
+        match numbers[..] {
+            [number] if fits(number) => Some(number),
+            _ => {
+                let found = numbers
+                    .iter()
+                    .map(f64::to_string)
+                    .collect::<Vec<_>>()
+                    .join(", ");
+                let found = if numbers.len() == 1 {
+                    found
+                } else {
+                    format!("[{found}]")
+                };
+                let (what, expected) = (what.to_owned(), expected.to_owned());
+                self.error(ExperimentError::OutOfRange {
+                    what,
+                    expected,
+                    found,
+                    span: value.span,
+                });
+                None
+            }
+        }
+    }
+
+    fn positive(&mut self, what: &str, value: &syntax::Expr) -> Option<f64> {
+        self.within(what, value, "a positive number", |x| {
+            x > 0.0 && x.is_finite()
+        })
+    }
+
+    fn count(&mut self, what: &str, value: &syntax::Expr, most: f64) -> Option<usize> {
+        let expected = format!("a whole number from 1 to {most}");
+        let number = self.within(what, value, &expected, |x| {
+            (1.0..=most).contains(&x) && x.fract() == 0.0
+        })?;
+        Some(number as usize)
+    }
+
+    fn sampling(&mut self, when: &OutputWhen, horizon: Option<f64>) -> Option<Sampling> {
+        match when {
+            OutputWhen::Method => Some(Sampling::Method),
+            OutputWhen::Every(period) => {
+                let fits = |x: f64| x > 0.0 && horizon.is_none_or(|end| end / x <= MOST_INSTANTS);
+                let period = self.within("the period", period, "positive, and not tiny", fits)?;
+                Some(Sampling::Every(period))
+            }
+            OutputWhen::At(instants) => {
+                let mut times = self.numbers("the instants", instants)?;
+                if let Some(bad) = times
+                    .iter()
+                    .find(|time| !(**time >= 0.0 && horizon.is_none_or(|end| **time <= end)))
+                {
+                    let (what, found) = ("every instant".to_owned(), bad.to_string());
+                    let expected = "between 0 and the horizon".to_owned();
+                    self.error(ExperimentError::OutOfRange {
+                        what,
+                        expected,
+                        found,
+                        span: instants.span,
+                    });
+                    return None;
+                }
+                times.sort_by(f64::total_cmp);
+                Some(Sampling::At(times))
+            }
+        }
+    }
+
+    fn kept(&mut self, path: &syntax::Path) -> Option<Kept> {
+        let Some(target) = self.model.scope.target(path, self.diags) else {
+            self.failed = true;
+            return None;
+        };
+        let has_trajectory = match target.kind {
+            TargetKind::State(_)
+            | TargetKind::Control(_)
+            | TargetKind::Input(_)
+            | TargetKind::Signal(_) => true,
+            TargetKind::Let(_) | TargetKind::Output(_) | TargetKind::Switch(_) => true,
+            TargetKind::Const | TargetKind::Param(_) | TargetKind::Sliding(_) => false,
+        };
+        let name = with::path_text(self.model, path, &target);
+        if !has_trajectory {
+            let kind = target.kind.word();
+            self.error(ExperimentError::NoTrajectory {
+                name,
+                kind,
+                span: path.span,
+            });
+            return None;
+        }
+        let shape = target.shape.sizes();
+        Some(Kept {
+            name,
+            kind: target.kind,
+            entries: target.entries,
+            shape,
+            span: path.span,
+        })
+    }
+}
+
+/// `one of `a`, `b`, or did-you-mean help for a word that is none of the choices.
+fn unknown_choice(what: &str, word: &syntax::Ident, choices: &[&str]) -> ExperimentError {
+    let best = choices.iter().max_by(|a, b| {
+        strsim::jaro_winkler(&word.name, a).total_cmp(&strsim::jaro_winkler(&word.name, b))
+    });
+    let close = best.filter(|best| strsim::jaro_winkler(&word.name, best) > 0.75);
+    ExperimentError::UnknownChoice {
+        what: what.to_owned(),
+        found: word.name.clone(),
+        span: word.span,
+        choices: choices
+            .iter()
+            .map(|choice| format!("`{choice}`"))
+            .collect::<Vec<_>>()
+            .join(", "),
+        help: close.map(|close| format!("did you mean `{close}`?")),
+    }
+}

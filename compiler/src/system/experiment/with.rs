@@ -1,0 +1,148 @@
+//! `with { omega = 6; x = [0, 1]; u = sin(time); s.sliding = linear; }`
+
+use super::{ExperimentError, Given, unknown_choice};
+use crate::diagnostics::Diagnostics;
+use crate::model::{Model, Quantity, Target, TargetKind};
+use crate::source::Span;
+use crate::syntax::{self, Bind, ExprKind, Ident, Path, SettingKind, Sliding};
+
+/// Everything that `with` and `overrides` give; `None` after an error.
+pub(super) fn given<'e>(
+    model: &Model<'e>,
+    experiment: &syntax::Experiment,
+    overrides: &[Bind],
+    diags: &mut Diagnostics,
+) -> Option<Given<'e>> {
+    let mut given = Given {
+        span: experiment.span,
+        ..Given::default()
+    };
+    let mut complete = true;
+    let binds = experiment
+        .settings
+        .iter()
+        .filter_map(|setting| match &setting.kind {
+            SettingKind::With(binds) => Some(binds),
+            _ => None,
+        });
+    for bind in binds.flatten() {
+        complete &= give(model, bind, false, &mut given, diags).is_some();
+    }
+    for bind in overrides {
+        complete &= give(model, bind, true, &mut given, diags).is_some();
+    }
+    complete.then_some(given)
+}
+
+fn give<'e>(
+    model: &Model<'e>,
+    bind: &Bind,
+    replaces: bool,
+    given: &mut Given<'e>,
+    diags: &mut Diagnostics,
+) -> Option<()> {
+    let target = model.scope.target(&bind.target, diags)?;
+    let quantity: &Quantity<'e> = match target.kind {
+        TargetKind::Param(k) => &model.params[k],
+        TargetKind::State(k) => &model.states[k],
+        TargetKind::Control(k) => &model.controls[k],
+        TargetKind::Input(k) => &model.inputs[k],
+        TargetKind::Sliding(k) => {
+            given.sliding.insert(k, sliding(&bind.value, diags)?);
+            return Some(());
+        }
+        // Structural constants were given to the model itself.
+        TargetKind::Const => return Some(()),
+        TargetKind::Signal(_)
+        | TargetKind::Let(_)
+        | TargetKind::Output(_)
+        | TargetKind::Switch(_) => {
+            let name = path_text(model, &bind.target, &target);
+            diags.push(ExperimentError::NotGiven {
+                name,
+                kind: target.kind.word(),
+                span: bind.target.span,
+            });
+            return None;
+        }
+    };
+    let name = path_text(model, &bind.target, &target);
+    let what = format!("{} `{name}`", target.kind.word());
+    let value = model
+        .scope
+        .expr_as(&bind.value, target.shape, &what, None, diags)?;
+    let vars = target
+        .entries
+        .iter()
+        .filter_map(|&k| quantity.vars.get(k)?.as_variable());
+    let mut first: Option<Span> = None;
+    for (var, entry) in vars.zip(value.data) {
+        let before = given.values.insert(var, (entry, bind.span));
+        first = first.or(before.map(|(_, span)| span));
+    }
+    match first {
+        Some(first) if !replaces => {
+            diags.push(ExperimentError::Twice {
+                what,
+                first,
+                second: bind.span,
+            });
+            None
+        }
+        _ => Some(()),
+    }
+}
+
+fn sliding(value: &syntax::Expr, diags: &mut Diagnostics) -> Option<Sliding> {
+    let name = match &value.kind {
+        ExprKind::Name(name) => name.clone(),
+        _ => "..".to_owned(),
+    };
+    match name.as_str() {
+        "linear" => Some(Sliding::Linear),
+        "nonlinear" => Some(Sliding::Nonlinear),
+        _ => {
+            diags.push(unknown_choice(
+                "reading",
+                &Ident {
+                    name,
+                    span: value.span,
+                },
+                &["linear", "nonlinear"],
+            ));
+            None
+        }
+    }
+}
+
+/// The name of what a path means: `q`, `x[2]`, `x[1..3]`.
+pub(super) fn path_text(model: &Model<'_>, path: &Path, target: &Target) -> String {
+    let list = |quantities: &[Quantity<'_>], k: usize| {
+        quantities.get(k).map(|q| (q.name.clone(), q.shape))
+    };
+    let named = |named: &[crate::model::Named<'_>], k: usize| {
+        named.get(k).map(|n| (n.name.clone(), n.value.shape))
+    };
+    let whole = match target.kind {
+        TargetKind::Param(k) => list(&model.params, k),
+        TargetKind::State(k) => list(&model.states, k),
+        TargetKind::Control(k) => list(&model.controls, k),
+        TargetKind::Input(k) => list(&model.inputs, k),
+        TargetKind::Signal(k) => named(&model.signals, k),
+        TargetKind::Let(k) => named(&model.lets, k),
+        TargetKind::Output(k) => named(&model.outputs, k),
+        TargetKind::Switch(k) | TargetKind::Sliding(k) => {
+            model.switches.get(k).map(|s| (s.name.clone(), s.shape))
+        }
+        TargetKind::Const => None,
+    };
+    let Some((name, shape)) = whole else {
+        return path.head.name.clone();
+    };
+    match target.entries[..] {
+        _ if target.entries.len() == shape.len() => name,
+        [entry] => shape.entry_name(&name, entry),
+        [first, .., last] if shape.rank() == 1 => format!("{name}[{}..{}]", first + 1, last + 1),
+        _ => format!("{name}[..]"),
+    }
+}

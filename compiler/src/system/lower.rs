@@ -1,0 +1,556 @@
+//! Model with its nonsmooth terms -> system with explicit switches.
+//!
+//! x' = f(t, x, p; sign(ψ), max(..), ..) + Σ_R 1_R f_R   becomes   x' = f(t, x, p, α), α_i ∈ step(ψ_i)
+//!
+//! 1. Parameters get numbers; controls and inputs become functions of time and state.
+//! 2. Nonsmooth terms become switch variables ([`super::switches`]).
+//! 3. Every expression of the user must be affine in each of its switches, or a reading is asked for.
+//! 4. f = Σ w_R(α) f_R is reduced to multi-affine form (α^k -> α); inside a region whose guard is a
+//!    conjunction, its switches have the values that the guard implies.
+//! 5. Continuous switches are recognised, interacting ones grouped, unused ones dropped.
+
+use rustc_hash::{FxHashMap, FxHashSet};
+
+use super::continuity::classify;
+use super::experiment::Settings;
+use super::interaction::{positions, subsystems};
+use super::reading::check_reading;
+use super::sample::Sampler;
+use super::surface::Form;
+use super::switches::{Entry, Switches};
+use super::values::Values;
+use super::{
+    Continuity, NamedReading, Output, Param, Partition, Region, State, StateGroup, Switch, System,
+    SystemError, regions,
+};
+use crate::diagnostics::Diagnostics;
+use crate::expr::{Expr, Substitution, Var, variables_of};
+use crate::model::{Model, Named, Quantity, Rate, Sliding, SwitchKind};
+use crate::source::Span;
+
+/// The system of a model under the settings of an experiment; `None` after an error.
+pub fn lower<'e>(
+    model: &Model<'e>,
+    settings: &Settings<'e>,
+    diags: &mut Diagnostics,
+) -> Option<System<'e>> {
+    let errors_before = diags.len();
+    let mut lowering = Lowering::new(model, settings);
+    lowering.declare_surfaces();
+    lowering.read_named_switches();
+
+    let rates = lowering.rates(diags);
+    let outputs: Vec<Output<'e>> = model
+        .outputs
+        .iter()
+        .map(|output| lowering.output(output))
+        .collect();
+    let controls: Vec<Output<'e>> = model
+        .controls
+        .iter()
+        .map(|control| lowering.control(control))
+        .collect();
+    let weights: Vec<Expr<'e>> = model
+        .regions
+        .iter()
+        .map(|region| lowering.weight(region.guard, region.guard_span))
+        .collect();
+    lowering.report_refused(diags);
+    if diags.len() > errors_before && diags.has_errors() {
+        return None;
+    }
+    let system = lowering.assemble(rates, outputs, controls, weights, diags);
+    (!diags.has_errors()).then_some(system)
+}
+
+struct Lowering<'m, 'e> {
+    model: &'m Model<'e>,
+    settings: &'m Settings<'e>,
+    values: &'m Values<'e>,
+    switches: Switches<'e>,
+    /// Values of named switches.
+    named: Substitution<'e>,
+    /// ψ to the user's text and span.
+    texts: FxHashMap<Expr<'e>, (String, Span)>,
+}
+
+impl<'m, 'e> Lowering<'m, 'e> {
+    fn new(model: &'m Model<'e>, settings: &'m Settings<'e>) -> Self {
+        let values = &settings.values;
+        let params = model
+            .params
+            .iter()
+            .flat_map(|param| &param.vars)
+            .filter_map(|var| var.as_variable());
+        let numbers = params.map(|var| (var, values.numbers[&var])).collect();
+        let switches = Switches::new(model.exprs, numbers);
+        Lowering {
+            model,
+            settings,
+            values,
+            switches,
+            named: Substitution::new(),
+            texts: FxHashMap::default(),
+        }
+    }
+
+    /// An expression of the model in entry variables.
+    fn replace(&mut self, e: Expr<'e>, span: Span) -> Expr<'e> {
+        let e = e.substitute(&self.values.signals).substitute(&self.named);
+        self.switches.replace(e, span)
+    }
+
+    /// Makes the switches in the order, orientation and words of the source.
+    fn declare_surfaces(&mut self) {
+        for surface in &self.model.surfaces {
+            let psi = self.replace(surface.psi, surface.span);
+            let psi = self.switches.merged(psi);
+            self.texts
+                .entry(psi)
+                .or_insert((surface.name.clone(), surface.span));
+            self.switches.declare(psi, &surface.name, surface.span);
+        }
+    }
+
+    /// Gives every named switch its value.
+    fn read_named_switches(&mut self) {
+        for (s, switch) in self.model.switches.iter().enumerate() {
+            let entry = match self.sliding(s) {
+                Some(Sliding::Linear) => Entry::Linear,
+                Some(Sliding::Nonlinear) | None => Entry::Term,
+            };
+            for (k, (&psi, var)) in switch.psi.iter().zip(&switch.vars).enumerate() {
+                let psi = self.replace(psi, switch.span);
+                let above = self.switches.enter(psi, entry);
+                let value = match switch.kind {
+                    SwitchKind::Step => above,
+                    SwitchKind::Sign => 2.0 * above - 1.0,
+                };
+                if let Some(var) = var.as_variable() {
+                    self.named.insert(var, value);
+                }
+                let index = (switch.psi.len() > 1).then_some(k);
+                let name = switch.shape.entry_name(&switch.name, k);
+                self.switches
+                    .name(psi, &name, switch.span, |flipped| NamedReading {
+                        name: switch.name.clone(),
+                        index,
+                        flipped,
+                    });
+            }
+        }
+    }
+
+    fn sliding(&self, switch: usize) -> Option<Sliding> {
+        let declared = self.model.switches[switch].sliding;
+        self.settings.sliding.get(&switch).copied().or(declared)
+    }
+
+    /// x' by state entry, in α.
+    fn rates(&mut self, diags: &mut Diagnostics) -> Vec<Expr<'e>> {
+        let model = self.model;
+        let zero = model.exprs.constant(0.0);
+        let mut rates = vec![Vec::new(); model.state_vars().count()];
+        let mut add = |rate: &Rate<'e>, value: Expr<'e>| {
+            if let Some(terms) = rates.get_mut(rate.entry) {
+                terms.push(value);
+            }
+        };
+        for rate in &model.dynamics {
+            let value = self.replace(rate.value, rate.span);
+            self.check(value, rate.span, diags);
+            add(rate, value);
+        }
+        for region in &model.regions {
+            let guard = self.replace(region.guard, region.guard_span);
+            let weight = self.switches.merged(guard);
+            let implied = self.implied(weight);
+            for rate in &region.rates {
+                let value = self.replace(rate.value, rate.span).substitute(&implied);
+                self.check(value, rate.span, diags);
+                add(rate, weight * self.switches.merged(value));
+            }
+        }
+        for hidden in &model.hidden {
+            if self.sliding(hidden.switch) == Some(Sliding::Nonlinear) {
+                diags.push(SystemError::NonlinearSliding { span: hidden.span });
+            }
+        }
+        rates
+            .into_iter()
+            .map(|terms| {
+                self.switches
+                    .merged(terms.into_iter().fold(zero, |sum, term| sum + term))
+            })
+            .collect()
+    }
+
+    /// What a guard says about the switches inside it, as values of their variables.
+    fn implied(&self, weight: Expr<'e>) -> Substitution<'e> {
+        let alphas: Vec<Var> = self
+            .switches
+            .list
+            .iter()
+            .map(|switch| switch.alpha)
+            .collect();
+        let literals = regions::conjunction(weight, &alphas).unwrap_or_default();
+        let number = |on: bool| self.model.exprs.constant(f64::from(on));
+        literals
+            .into_iter()
+            .flat_map(|(k, on)| {
+                self.switches
+                    .variables_of_switch(k)
+                    .map(move |var| (var, number(on)))
+            })
+            .collect()
+    }
+
+    fn weight(&mut self, guard: Expr<'e>, span: Span) -> Expr<'e> {
+        let guard = self.replace(guard, span);
+        self.switches.merged(guard)
+    }
+
+    fn check(&self, value: Expr<'e>, span: Span, diags: &mut Diagnostics) {
+        let (sampler, sliding) = (|| self.sampler(), |s| self.sliding(s));
+        for error in check_reading(&self.switches, value, span, sampler, self.model, sliding) {
+            diags.push(error);
+        }
+    }
+
+    fn sampler(&self) -> Sampler<'e> {
+        let list = self
+            .switches
+            .list
+            .iter()
+            .map(|switch| (switch.alpha, switch.psi))
+            .collect();
+        self.sampler_of(list)
+    }
+
+    fn sampler_of(&self, switches: Vec<(Var, Expr<'e>)>) -> Sampler<'e> {
+        let fixed = self
+            .values
+            .numbers
+            .iter()
+            .map(|(&var, &value)| (var, value));
+        let states = self
+            .model
+            .state_vars()
+            .filter_map(Expr::as_variable)
+            .collect();
+        let time = self.model.time.as_variable().expect("time is a variable");
+        Sampler::new(fixed, states, time, self.settings.horizon, switches)
+    }
+
+    fn output(&mut self, output: &Named<'e>) -> Output<'e> {
+        let exprs = output.value.data.iter().map(|&e| {
+            let e = self.replace(e, output.span);
+            self.switches.merged(e)
+        });
+        Output {
+            name: output.name.clone(),
+            shape: output.value.shape.sizes(),
+            exprs: exprs.collect(),
+            span: output.span,
+        }
+    }
+
+    fn control(&mut self, control: &Quantity<'e>) -> Output<'e> {
+        let exprs = control.vars.iter().map(|&e| {
+            let e = self.replace(e, control.span);
+            self.switches.merged(e)
+        });
+        Output {
+            name: control.name.clone(),
+            shape: control.shape.sizes(),
+            exprs: exprs.collect(),
+            span: control.span,
+        }
+    }
+
+    /// Says what is wrong with switching functions that are none.
+    fn report_refused(&self, diags: &mut Diagnostics) {
+        for refused in &self.switches.refused {
+            let text = self.texts.get(&refused.psi).cloned();
+            let (name, span) = text.unwrap_or_else(|| (refused.psi.to_string(), refused.span));
+            diags.push(match refused.form {
+                Form::Constant(value) | Form::Parameter(value) => {
+                    SystemError::ConstantSwitch { name, span, value }
+                }
+                Form::Definite(sign) => {
+                    let side = if sign > 0.0 { "negative" } else { "positive" };
+                    SystemError::NoSurface {
+                        name,
+                        span,
+                        why: format!("is never {side}"),
+                        help: None,
+                    }
+                }
+                Form::OddPower(base) => {
+                    let help = Some(format!("write `{base}`, which has the same sign"));
+                    SystemError::NoSurface {
+                        name,
+                        span,
+                        why: "crosses zero with slope zero".into(),
+                        help,
+                    }
+                }
+                Form::Regular => continue,
+            });
+        }
+    }
+
+    /// Keeps the switches that matter, and finishes their description.
+    fn assemble(
+        self,
+        rates: Vec<Expr<'e>>,
+        outputs: Vec<Output<'e>>,
+        controls: Vec<Output<'e>>,
+        weights: Vec<Expr<'e>>,
+        diags: &mut Diagnostics,
+    ) -> System<'e> {
+        let model = self.model;
+        let recorded = outputs
+            .iter()
+            .chain(&controls)
+            .flat_map(|output| output.exprs.iter().copied());
+        let roots: Vec<Expr<'e>> = rates
+            .iter()
+            .chain(&weights)
+            .copied()
+            .chain(recorded)
+            .collect();
+        let (kept, dropped) = self.used(&roots);
+        let mut switches: Vec<Switch<'e>> = kept.iter().map(|&k| self.finished(k)).collect();
+        for (k, switch) in switches.iter().enumerate() {
+            if let Some(var) = switch.alpha.as_variable() {
+                model.exprs.rename(var, &format!("alpha[{}]", k + 1));
+            }
+        }
+        let alphas: Vec<Var> = kept.iter().map(|&k| self.switches.list[k].alpha).collect();
+        let sampler = self.sampler_of(
+            switches
+                .iter()
+                .zip(&alphas)
+                .map(|(switch, &alpha)| (alpha, switch.psi))
+                .collect(),
+        );
+
+        // The functions each α enters: rates and the ψ of other switches.
+        let functions: Vec<Expr<'e>> = rates
+            .iter()
+            .copied()
+            .chain(switches.iter().map(|switch| switch.psi))
+            .collect();
+        let mut entered: Vec<Vec<Expr<'e>>> = vec![Vec::new(); alphas.len()];
+        for &f in &functions {
+            for k in positions(f, &alphas) {
+                entered[k].push(f);
+            }
+        }
+        for (k, switch) in switches.iter_mut().enumerate() {
+            let is_kink = self.switches.is_kink(kept[k]);
+            switch.continuity = classify(&entered[k], (alphas[k], switch.psi), is_kink, &sampler);
+        }
+        for outer in &switches {
+            for inner in positions(outer.psi, &alphas)
+                .into_iter()
+                .map(|k| &switches[k])
+            {
+                if inner.continuity == Continuity::Discontinuous {
+                    diags.push(SystemError::DiscontinuousSurface {
+                        outer: outer.name.clone(),
+                        inner: inner.name.clone(),
+                        outer_span: outer.spans.first().copied().unwrap_or(model.span),
+                        inner_span: inner.spans.first().copied().unwrap_or(model.span),
+                    });
+                }
+            }
+        }
+
+        let states = self.states(&rates);
+        let partitions = self.partitions(&weights, &alphas);
+        for partition in &partitions {
+            if let Some(error) = regions::check(partition, &states, &switches, &sampler) {
+                diags.push(error);
+            }
+        }
+        let mut subsystems = subsystems(&rates, &alphas);
+        for subsystem in &mut subsystems {
+            subsystem.regions = regions::regions_of(subsystem, &partitions, &rates, &alphas);
+        }
+        let skipped = dropped
+            .into_iter()
+            .map(|k| format!("switch `{}`", self.switches.list[k].name))
+            .collect();
+        let (params, groups) = (self.params(), self.groups());
+        let named = model.switches.iter().flat_map(|switch| {
+            switch
+                .vars
+                .iter()
+                .zip(&switch.psi)
+                .filter_map(|(var, &psi)| {
+                    let direct = match switch.kind {
+                        SwitchKind::Sign => psi.sign(),
+                        SwitchKind::Step => psi.step(),
+                    };
+                    let var = var.as_variable()?;
+                    Some((var, self.named.get(var)?, direct))
+                })
+        });
+        let readings = self
+            .switches
+            .readings(&kept, self.values.signals.clone(), named);
+        System {
+            exprs: model.exprs,
+            name: model.name.clone(),
+            time: model.time,
+            params,
+            states,
+            groups,
+            switches,
+            partitions,
+            outputs,
+            controls,
+            subsystems,
+            skipped,
+            readings,
+        }
+    }
+
+    /// The switches that the expressions reach, also through ψ, in the order of the source with
+    /// inner ones first; and the others.
+    fn used(&self, roots: &[Expr<'e>]) -> (Vec<usize>, Vec<usize>) {
+        let list = &self.switches.list;
+        let number: FxHashMap<Var, usize> = list
+            .iter()
+            .enumerate()
+            .map(|(k, switch)| (switch.alpha, k))
+            .collect();
+        let inside = |e: &[Expr<'e>]| {
+            variables_of(e)
+                .into_iter()
+                .filter_map(|var| number.get(&var).copied())
+                .collect::<Vec<_>>()
+        };
+        let mut reached: FxHashSet<usize> = FxHashSet::default();
+        let mut stack = inside(roots);
+        while let Some(k) = stack.pop() {
+            if reached.insert(k) {
+                stack.extend(inside(&[list[k].psi]));
+            }
+        }
+        // Creation order has inner switches first already.
+        let (kept, dropped): (Vec<usize>, Vec<usize>) =
+            (0..list.len()).partition(|k| reached.contains(k));
+        (kept, dropped)
+    }
+
+    fn finished(&self, k: usize) -> Switch<'e> {
+        let collected = &self.switches.list[k];
+        Switch {
+            name: collected.name.clone(),
+            alpha: self.model.exprs.expr(collected.alpha),
+            psi: collected.psi,
+            continuity: Continuity::Discontinuous,
+            named: collected.named.clone(),
+            spans: collected.spans.clone(),
+        }
+    }
+
+    fn params(&self) -> Vec<Param<'e>> {
+        let entries = self.model.params.iter().flat_map(|param| {
+            param
+                .vars
+                .iter()
+                .enumerate()
+                .map(move |(k, &var)| (param.shape.entry_name(&param.name, k), var))
+        });
+        let value = |var: Expr<'e>| {
+            var.as_variable()
+                .and_then(|var| self.values.numbers.get(&var).copied())
+        };
+        entries
+            .map(|(name, var)| Param {
+                name,
+                var,
+                value: value(var).unwrap_or(f64::NAN),
+            })
+            .collect()
+    }
+
+    fn states(&self, rates: &[Expr<'e>]) -> Vec<State<'e>> {
+        let model = self.model;
+        let statements = model
+            .dynamics
+            .iter()
+            .chain(model.regions.iter().flat_map(|region| &region.rates));
+        let mut set_at: FxHashMap<usize, Span> = FxHashMap::default();
+        for rate in statements.filter(|rate| !rate.adds) {
+            set_at.entry(rate.entry).or_insert(rate.span);
+        }
+        let entries = model.states.iter().flat_map(|state| {
+            state
+                .vars
+                .iter()
+                .enumerate()
+                .map(move |(k, &var)| (state.shape.entry_name(&state.name, k), var, state.span))
+        });
+        entries
+            .zip(rates)
+            .enumerate()
+            .map(|(entry, ((name, var, declared), &rate))| {
+                let initial = var
+                    .as_variable()
+                    .and_then(|var| self.values.numbers.get(&var).copied())
+                    .unwrap_or(f64::NAN);
+                State {
+                    name,
+                    var,
+                    initial,
+                    rate,
+                    span: set_at.get(&entry).copied().unwrap_or(declared),
+                }
+            })
+            .collect()
+    }
+
+    fn groups(&self) -> Vec<StateGroup> {
+        let mut first = 0;
+        let group = |state: &Quantity<'e>| {
+            let entries = first..first + state.vars.len();
+            first = entries.end;
+            StateGroup {
+                name: state.name.clone(),
+                shape: state.shape.sizes(),
+                entries,
+            }
+        };
+        self.model.states.iter().map(group).collect()
+    }
+
+    fn partitions(&self, weights: &[Expr<'e>], alphas: &[Var]) -> Vec<Partition<'e>> {
+        let partitions = self.model.partitions.iter().map(|partition| {
+            let regions: Vec<Region<'e>> = (partition.regions.iter())
+                .map(|&r| Region {
+                    name: self.model.regions[r].name.clone(),
+                    weight: weights[r],
+                    literals: regions::conjunction(weights[r], alphas),
+                    span: self.model.regions[r].span,
+                })
+                .collect();
+            let mut switches: Vec<usize> = regions
+                .iter()
+                .flat_map(|region| positions(region.weight, alphas))
+                .collect();
+            switches.sort_unstable();
+            switches.dedup();
+            Partition {
+                regions,
+                switches,
+                states: partition.entries.clone(),
+            }
+        });
+        partitions.collect()
+    }
+}

@@ -1,0 +1,153 @@
+//! Guards of regions as weights in α: conjunctions, overlaps, gaps.
+
+use super::affine::at;
+use super::interaction::positions;
+use super::sample::Sampler;
+use super::{Partition, State, Subsystem, Switch, SystemError};
+use crate::expr::{Expr, Var};
+
+/// More switches than this in one guard are not enumerated.
+const MOST_ENUMERATED: usize = 12;
+
+/// The weight as a conjunction: which switches must be on which side, when it is one.
+///
+/// 1 where the guard holds, among the corners of its α: a conjunction is a face of the cube.
+pub(super) fn conjunction(weight: Expr<'_>, alphas: &[Var]) -> Option<Vec<(usize, bool)>> {
+    let inside = positions(weight, alphas);
+    if inside.len() > MOST_ENUMERATED {
+        return None;
+    }
+    let corner_value = |corner: usize| {
+        weight.eval(&|var| {
+            let place = inside.iter().position(|&k| alphas[k] == var);
+            place.map_or(f64::NAN, |place| f64::from((corner >> place & 1) as u8))
+        })
+    };
+    let corners: Vec<usize> = (0..1usize << inside.len())
+        .filter(|&corner| corner_value(corner) > 0.5)
+        .collect();
+    let all_on = corners
+        .iter()
+        .fold(usize::MAX, |mask, corner| mask & corner);
+    let all_off = corners.iter().fold(0, |mask, corner| mask | corner);
+    let literals: Vec<(usize, bool)> = (inside.iter().enumerate())
+        .filter_map(|(place, &k)| {
+            let on = all_on >> place & 1 == 1;
+            let off = all_off >> place & 1 == 0;
+            (on != off).then_some((k, on))
+        })
+        .collect();
+    (corners.len() == 1 << (inside.len() - literals.len())).then_some(literals)
+}
+
+/// Reports points at which no region of the partition holds, or two do.
+pub(super) fn check<'e>(
+    partition: &Partition<'e>,
+    states: &[State<'e>],
+    switches: &[Switch<'e>],
+    sampler: &Sampler<'e>,
+) -> Option<SystemError> {
+    let psi: Vec<Expr<'e>> = partition
+        .switches
+        .iter()
+        .map(|&k| switches[k].psi)
+        .collect();
+    let exprs = partition.regions.first()?.weight.exprs();
+    let name = |var| exprs.name(var);
+    for point in sampler.points_around(&psi) {
+        let holding: Vec<usize> = (0..partition.regions.len())
+            .filter(|&r| point.eval(partition.regions[r].weight) > 0.5)
+            .collect();
+        match holding[..] {
+            [_] => {}
+            [] => {
+                let set = partition
+                    .states
+                    .iter()
+                    .map(|&s| states[s].name.as_str())
+                    .collect::<Vec<_>>();
+                return Some(SystemError::Gap {
+                    states: set.join(", "),
+                    witness: sampler.witness(&point, &psi, name),
+                    span: partition.regions.last()?.span,
+                });
+            }
+            [first, second, ..] => {
+                let (first, second) = (&partition.regions[first], &partition.regions[second]);
+                return Some(SystemError::Overlap {
+                    first: first.name.clone(),
+                    second: second.name.clone(),
+                    witness: sampler.witness(&point, &psi, name),
+                    first_span: first.span,
+                    second_span: second.span,
+                });
+            }
+        }
+    }
+    None
+}
+
+/// The partition whose regions are all there is to a subsystem: disjoint conjunctions that cover
+/// every corner, with rates that depend on the subsystem's α through the region only.
+pub(super) fn regions_of(
+    subsystem: &Subsystem,
+    partitions: &[Partition<'_>],
+    rates: &[Expr<'_>],
+    alphas: &[Var],
+) -> Option<usize> {
+    let own = |k: &usize| subsystem.switches.contains(k);
+    (0..partitions.len()).find(|&p| {
+        let partition = &partitions[p];
+        let mut covered = 0.0;
+        let fits = partition.regions.iter().all(|region| {
+            let Some(literals) = &region.literals else {
+                return false;
+            };
+            covered += 0.5f64.powi(literals.len() as i32);
+            rates.iter().all(|&rate| {
+                let inside = literals
+                    .iter()
+                    .fold(rate, |f, &(k, on)| at(f, alphas[k], f64::from(on)));
+                !positions(inside, alphas).iter().any(own)
+            })
+        });
+        let disjoint = partition.regions.iter().enumerate().all(|(r, a)| {
+            partition.regions[..r].iter().all(|b| {
+                let (a, b) = (a.literals.iter().flatten(), b.literals.iter().flatten());
+                a.clone()
+                    .any(|&(k, on)| b.clone().any(|&other| other == (k, !on)))
+            })
+        });
+        !partition.switches.is_empty()
+            && partition.switches.iter().all(own)
+            && fits
+            && disjoint
+            && covered == 1.0
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::conjunction;
+    use crate::expr::{Expr, Exprs, Var};
+
+    #[test]
+    fn conjunctions_are_faces_of_the_cube() {
+        let exprs = Exprs::new();
+        let a = exprs.variables("a", 3);
+        let vars: Vec<Var> = a.iter().map(|a| a.as_variable().unwrap()).collect();
+        let of = |weight: Expr<'_>| conjunction(weight, &vars);
+        assert_eq!(of(a[1]), Some(vec![(1, true)]));
+        assert_eq!(of(a[0] * (1.0 - a[2])), Some(vec![(0, true), (2, false)]));
+        assert_eq!(of(1.0 - a[0] * (1.0 - a[2])), None);
+        // or: the complement of a conjunction
+        assert_eq!(of(a[0] + a[1] - a[0] * a[1]), None);
+        assert_eq!(
+            of(1.0 - (a[0] + a[1] - a[0] * a[1])),
+            Some(vec![(0, false), (1, false)])
+        );
+        // a0 a1 + a0 (1 - a1) is a0
+        assert_eq!(of(a[0] * a[1] + a[0] * (1.0 - a[1])), Some(vec![(0, true)]));
+        assert_eq!(of(exprs.constant(1.0)), Some(vec![]));
+    }
+}

@@ -1,0 +1,223 @@
+//! Deterministic points of the state space, and points on a surface near them.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use rustc_hash::FxHashMap;
+
+use crate::expr::{Expr, Var, variables_of};
+
+/// Values of all variables, and how the switches follow from the others.
+pub(super) struct Sampler<'e> {
+    /// Values by number of the variable: parameters and initial states at their values.
+    base: Vec<f64>,
+    states: Vec<Var>,
+    time: Var,
+    horizon: f64,
+    /// (α, ψ), inner ones first.
+    switches: Vec<(Var, Expr<'e>)>,
+    gradients: RefCell<FxHashMap<Expr<'e>, Gradient<'e>>>,
+}
+
+/// The entries of ∇ψ that are not zero.
+type Gradient<'e> = Rc<Vec<(Var, Expr<'e>)>>;
+
+/// Values by number of the variable.
+#[derive(Clone)]
+pub(super) struct Point(Vec<f64>);
+
+impl Point {
+    /// The value of an expression.
+    pub fn eval(&self, e: Expr<'_>) -> f64 {
+        e.eval(&|var| self.get(var))
+    }
+
+    /// The value of a variable.
+    pub fn get(&self, var: Var) -> f64 {
+        self.0.get(var.index()).copied().unwrap_or(f64::NAN)
+    }
+
+    /// Sets a variable.
+    pub fn set(&mut self, var: Var, value: f64) {
+        if var.index() >= self.0.len() {
+            self.0.resize(var.index() + 1, f64::NAN);
+        }
+        self.0[var.index()] = value;
+    }
+}
+
+impl<'e> Sampler<'e> {
+    /// Samples around the initial point; `fixed` gives parameters and initial values.
+    pub fn new(
+        fixed: impl IntoIterator<Item = (Var, f64)>,
+        states: Vec<Var>,
+        time: Var,
+        horizon: f64,
+        switches: Vec<(Var, Expr<'e>)>,
+    ) -> Self {
+        let mut base = Point(Vec::new());
+        base.set(time, 0.0);
+        for (var, value) in fixed {
+            base.set(var, value);
+        }
+        Sampler {
+            base: base.0,
+            states,
+            time,
+            horizon,
+            switches,
+            gradients: RefCell::default(),
+        }
+    }
+
+    /// `count` points at distances from 1e-3 to 10 times the initial state's size, the initial point first.
+    pub fn points(&self, count: usize) -> impl Iterator<Item = Point> + '_ {
+        const SCALES: [f64; 5] = [1.0, 0.1, 10.0, 1e-2, 1e-3];
+        let size = self
+            .states
+            .iter()
+            .map(|&x| self.base[x.index()].abs())
+            .fold(1.0, f64::max);
+        let mut random = Random(0x9e37_79b9_7f4a_7c15);
+        (0..count).map(move |k| {
+            let mut point = Point(self.base.clone());
+            if k > 0 {
+                let scale = size * SCALES[k % SCALES.len()];
+                for &x in &self.states {
+                    point.set(x, point.get(x) + scale * random.symmetric());
+                }
+                point.set(self.time, self.horizon * random.symmetric().abs());
+            }
+            self.settle(&mut point);
+            point
+        })
+    }
+
+    /// Sets every α to the side of its ψ.
+    pub fn settle(&self, point: &mut Point) {
+        for &(alpha, psi) in &self.switches {
+            let side = if point.eval(psi) > 0.0 { 1.0 } else { 0.0 };
+            point.set(alpha, side);
+        }
+    }
+
+    /// Follows Newton's method along ∇ψ to ψ = 0, in the states, or in time where ψ has no states.
+    pub fn to_surface(&self, psi: Expr<'e>, start: &Point) -> Option<Point> {
+        const MOST_STEPS: usize = 40;
+        let gradient = self.gradient(psi);
+        let mut point = start.clone();
+        let mut last = f64::INFINITY;
+        for _ in 0..MOST_STEPS {
+            let value = point.eval(psi);
+            // At rounding, the value stops getting smaller.
+            if value == 0.0 || (value.abs() >= last && last < 1e-12 * (1.0 + start.eval(psi).abs()))
+            {
+                return Some(point);
+            }
+            last = value.abs();
+            let g: Vec<f64> = gradient.iter().map(|&(_, g)| point.eval(g)).collect();
+            let squared: f64 = g.iter().map(|g| g * g).sum();
+            if !(value.is_finite() && squared.is_finite() && squared > 0.0) {
+                return None;
+            }
+            for (&(x, _), g) in gradient.iter().zip(g) {
+                point.set(x, point.get(x) - value * g / squared);
+            }
+            self.settle(&mut point);
+        }
+        (last < 1e-12 * (1.0 + start.eval(psi).abs())).then_some(point)
+    }
+
+    /// Points at all distances from the initial point, then points on both sides of each surface, from near to far.
+    pub fn points_around<'a>(&'a self, psi: &'a [Expr<'e>]) -> impl Iterator<Item = Point> + 'a {
+        const N_POINTS: usize = 200;
+        const N_STARTS: usize = 8;
+        let beside = psi.iter().flat_map(move |&psi| {
+            let on_surface = self
+                .points(N_STARTS)
+                .filter_map(move |start| self.to_surface(psi, &start));
+            on_surface.flat_map(move |point| self.beside(psi, &point))
+        });
+        self.points(N_POINTS).chain(beside)
+    }
+
+    /// Points off the surface along ±∇ψ.
+    fn beside(&self, psi: Expr<'e>, on: &Point) -> Vec<Point> {
+        const OFFSETS: [f64; 6] = [1e-4, -1e-4, 1e-2, -1e-2, 0.3, -0.3];
+        let gradient = self.gradient(psi);
+        let slope: Vec<f64> = gradient.iter().map(|&(_, g)| on.eval(g)).collect();
+        let length = slope.iter().map(|g| g * g).sum::<f64>().sqrt();
+        if !(length.is_finite() && length > 0.0) {
+            return Vec::new();
+        }
+        let moved = OFFSETS.map(|offset| {
+            let mut point = on.clone();
+            for (&(x, _), g) in gradient.iter().zip(&slope) {
+                point.set(x, point.get(x) + offset * g / length);
+            }
+            self.settle(&mut point);
+            point
+        });
+        moved.into()
+    }
+
+    /// ∇ψ in the states, or in time where ψ has no states.
+    fn gradient(&self, psi: Expr<'e>) -> Gradient<'e> {
+        if let Some(known) = self.gradients.borrow().get(&psi) {
+            return Rc::clone(known);
+        }
+        let below = variables_of(&[psi]);
+        let slope = |var: &Var| (*var, psi.diff(*var));
+        let mut entries: Vec<_> = below
+            .iter()
+            .filter(|var| self.states.contains(var))
+            .map(slope)
+            .collect();
+        if entries.is_empty() {
+            entries = below
+                .iter()
+                .filter(|var| **var == self.time)
+                .map(slope)
+                .collect();
+        }
+        let gradient = Rc::new(entries);
+        self.gradients
+            .borrow_mut()
+            .insert(psi, Rc::clone(&gradient));
+        gradient
+    }
+
+    /// The values that decide the given functions, for a witness in a message.
+    pub fn witness(&self, point: &Point, psi: &[Expr<'e>], name: impl Fn(Var) -> String) -> String {
+        let below = variables_of(psi);
+        let vars = self
+            .states
+            .iter()
+            .copied()
+            .chain([self.time])
+            .filter(|var| below.contains(var));
+        let values = vars.map(|x| format!("{} = {}", name(x), short(point.get(x))));
+        values.collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// Three significant digits.
+fn short(value: f64) -> String {
+    let rounded: f64 = format!("{value:.2e}").parse().unwrap_or(value);
+    format!("{rounded}")
+}
+
+/// SplitMix64 (Steele, Lea & Flood 2014).
+pub(super) struct Random(pub u64);
+
+impl Random {
+    /// Uniform in [-1, 1).
+    pub fn symmetric(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^= z >> 31;
+        (z >> 11) as f64 * (2.0 / (1u64 << 53) as f64) - 1.0
+    }
+}

@@ -1,0 +1,105 @@
+//! When two switching functions have the same surface, and when one has none.
+
+use rustc_hash::FxHashMap;
+
+use crate::expr::{Expr, Function, Node, Var, variables_of};
+
+/// What the zero set of ψ looks like, where its form shows it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Form<'e> {
+    /// A number.
+    Constant(f64),
+    /// A number once parameters are given.
+    Parameter(f64),
+    /// Never on the other side of zero than this sign: `x^2 + y^2`, `exp(x)`.
+    Definite(f64),
+    /// An odd power: a surface, but one that ψ crosses with zero slope.
+    OddPower(Expr<'e>),
+    /// Nothing that speaks against a surface.
+    Regular,
+}
+
+/// The form of ψ for given parameters.
+pub(super) fn form<'e>(psi: Expr<'e>, params: &FxHashMap<Var, f64>) -> Form<'e> {
+    if let Some(value) = psi.as_constant() {
+        return Form::Constant(value);
+    }
+    if let Some(value) = parameter(psi, params) {
+        return Form::Parameter(value);
+    }
+    if let Some(sign) = definite(psi, params) {
+        return Form::Definite(sign);
+    }
+    match canonical(psi, params).1.node() {
+        Node::Product(factors) => match factors[..] {
+            [(base, power)] if power % 2 != 0 && power > 1 => Form::OddPower(base),
+            _ => Form::Regular,
+        },
+        _ => Form::Regular,
+    }
+}
+
+/// `(c, e)`: ψ = c e, equal e for functions that are multiples of each other by numbers or parameters.
+pub(super) fn canonical<'e>(psi: Expr<'e>, params: &FxHashMap<Var, f64>) -> (f64, Expr<'e>) {
+    let (scale, normal) = psi.split_scale();
+    let Node::Product(factors) = normal.node() else {
+        return (scale, normal);
+    };
+    let mut number = 1.0;
+    let kept: Vec<Expr<'e>> = (factors.into_iter())
+        .filter_map(|(factor, power)| match parameter(factor, params) {
+            Some(value) if value.powi(power).is_normal() => {
+                number *= value.powi(power);
+                None
+            }
+            _ => Some(factor.powi(power)),
+        })
+        .collect();
+    if number == 1.0 || !f64::is_normal(number) {
+        return (scale, normal);
+    }
+    let (inner, normal) = psi.exprs().product(kept).split_scale();
+    (scale * number * inner, normal)
+}
+
+/// The value of an expression in parameters only.
+fn parameter(e: Expr<'_>, params: &FxHashMap<Var, f64>) -> Option<f64> {
+    let vars = variables_of(&[e]);
+    let known = vars.iter().all(|var| params.contains_key(var));
+    known.then(|| e.eval(&|var| params.get(&var).copied().unwrap_or(f64::NAN)))
+}
+
+/// The sign that e has wherever it is not zero, where its form shows it.
+fn definite(e: Expr<'_>, params: &FxHashMap<Var, f64>) -> Option<f64> {
+    // Deeper nesting is not worth a look; it also bounds the recursion.
+    definite_below(e, params, 6)
+}
+
+fn definite_below(e: Expr<'_>, params: &FxHashMap<Var, f64>, depth: usize) -> Option<f64> {
+    let depth = depth.checked_sub(1)?;
+    if let Some(value) = parameter(e, params) {
+        return (value != 0.0).then_some(value.signum());
+    }
+    match e.node() {
+        Node::Sum { constant, terms } => {
+            let signs = terms
+                .into_iter()
+                .map(|(c, term)| Some(c.signum() * definite_below(term, params, depth)?));
+            let constant = (constant != 0.0).then_some(Some(constant.signum()));
+            let mut signs = signs.chain(constant);
+            let first = signs.next()??;
+            signs.all(|sign| sign == Some(first)).then_some(first)
+        }
+        Node::Product(factors) => factors.into_iter().try_fold(1.0, |sign, (factor, power)| {
+            if power % 2 == 0 {
+                Some(sign)
+            } else {
+                Some(sign * definite_below(factor, params, depth)?)
+            }
+        }),
+        Node::Unary(Function::Exp | Function::Cosh | Function::Sqrt | Function::Abs, _) => {
+            Some(1.0)
+        }
+        _ => None,
+    }
+}

@@ -1,0 +1,401 @@
+//! Nonsmooth terms become switch variables, bottom-up.
+//!
+//! step(ψ) -> α,  sign(ψ) -> 2α - 1,  abs(y) -> (2α - 1) y with ψ = y,
+//! max(a, b) -> α a + (1 - α) b with ψ = a - b,  min(a, b) -> (1 - α) a + α b.
+//!
+//! Switching functions that are multiples of each other share one switch; α becomes 1 - α where
+//! the multiple is negative. ψ of an outer term holds α of inner ones, as in `max(abs(x), y)`.
+//!
+//! How a switch enters decides how powers of it are read (see [`Entry`]), so until that is settled
+//! each kind of entry has a variable of its own, merged into α afterwards.
+
+use rustc_hash::{FxHashMap, FxHashSet};
+
+use super::NamedReading;
+use super::affine::{at, multi_affine};
+use super::read::Readings;
+use super::surface::{self, Form};
+use crate::expr::{
+    BinaryFunction, Expr, Exprs, Function, Node, Substitution, Var, rewrite, variables_of,
+};
+use crate::source::Span;
+
+/// How a switching term stands in an expression.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Entry {
+    /// A comparison or `step`: it chooses between values, so powers of it mean nothing.
+    Condition,
+    /// `sign`, or a named switch without a reading.
+    Term,
+    /// A named switch that is read linearly.
+    Linear,
+    /// `abs`, `min` or `max`.
+    Kink,
+}
+
+/// A switch while it is collected.
+pub(super) struct Collected<'e> {
+    /// The user's text of ψ or the name of the switch statement.
+    pub name: String,
+    pub alpha: Var,
+    pub psi: Expr<'e>,
+    pub spans: Vec<Span>,
+    pub named: Vec<NamedReading>,
+    /// Scale of ψ over its canonical form.
+    scale: f64,
+    /// Variables of its entries.
+    entries: Vec<(Entry, Var)>,
+}
+
+/// A ψ that cannot be a switching function.
+pub(super) struct Refused<'e> {
+    pub psi: Expr<'e>,
+    pub form: Form<'e>,
+    /// The term around it.
+    pub span: Span,
+}
+
+/// All switches of a model.
+pub(super) struct Switches<'e> {
+    pub list: Vec<Collected<'e>>,
+    /// What was refused, each ψ once.
+    pub refused: Vec<Refused<'e>>,
+    exprs: &'e Exprs,
+    /// Values of parameters.
+    params: FxHashMap<Var, f64>,
+    /// Canonical ψ to its switch.
+    index: FxHashMap<Expr<'e>, usize>,
+    /// Every entry variable to its α.
+    merge: Substitution<'e>,
+    /// [`Entry::Term`] variables to their α.
+    strict: Substitution<'e>,
+    here: Span,
+}
+
+impl<'e> Switches<'e> {
+    /// No switches yet; `params` are the values that decide the sign of constant factors.
+    pub fn new(exprs: &'e Exprs, params: FxHashMap<Var, f64>) -> Self {
+        Switches {
+            list: Vec::new(),
+            refused: Vec::new(),
+            exprs,
+            params,
+            index: FxHashMap::default(),
+            merge: Substitution::new(),
+            strict: Substitution::new(),
+            here: Span::default(),
+        }
+    }
+
+    /// Replaces the nonsmooth terms of an expression that stands at `span` by entry variables.
+    pub fn replace(&mut self, e: Expr<'e>, span: Span) -> Expr<'e> {
+        self.here = span;
+        rewrite(e, &mut |node| self.replace_node(node))
+    }
+
+    fn replace_node(&mut self, e: Expr<'e>) -> Expr<'e> {
+        match e.node() {
+            Node::Unary(Function::Step, psi) => self.enter(psi, Entry::Condition),
+            Node::Unary(Function::Sign, psi) => 2.0 * self.enter(psi, Entry::Term) - 1.0,
+            Node::Unary(Function::Abs, y) => (2.0 * self.enter(y, Entry::Kink) - 1.0) * y,
+            Node::Binary(BinaryFunction::Max, a, b) => {
+                let above = self.enter(a - b, Entry::Kink);
+                above * a + (1.0 - above) * b
+            }
+            Node::Binary(BinaryFunction::Min, a, b) => {
+                let above = self.enter(a - b, Entry::Kink);
+                (1.0 - above) * a + above * b
+            }
+            _ => e,
+        }
+    }
+
+    /// The value of step(ψ): an entry variable, one minus it, or a number.
+    pub fn enter(&mut self, psi: Expr<'e>, entry: Entry) -> Expr<'e> {
+        let psi = self.merged(psi);
+        let mut form = surface::form(psi, &self.params);
+        if let (Form::Regular, Some(sign)) = (form, self.absolute_value(psi)) {
+            form = Form::Definite(sign);
+        }
+        let psi = match (form, entry) {
+            (Form::Regular, _) => psi,
+            // On a constant or definite ψ, both branches of a kink agree wherever ψ = 0.
+            (Form::Constant(value) | Form::Definite(value), Entry::Kink) => {
+                return self.exprs.constant(if value >= 0.0 { 1.0 } else { 0.0 });
+            }
+            (Form::OddPower(base), Entry::Kink) => base,
+            (Form::Parameter(value), _) if value != 0.0 || entry == Entry::Kink => {
+                return self.exprs.constant(if value >= 0.0 { 1.0 } else { 0.0 });
+            }
+            (form, _) => {
+                if self.refused.iter().all(|refused| refused.psi != psi) {
+                    self.refused.push(Refused {
+                        psi,
+                        form,
+                        span: self.here,
+                    });
+                }
+                return self.exprs.constant(1.0);
+            }
+        };
+        let (k, flipped) = self.switch(psi);
+        let tau = self.entry_variable(k, entry);
+        if flipped { 1.0 - tau } else { tau }
+    }
+
+    /// The sign of a ψ that is a multiple of |ψ_k| for some switch k.
+    fn absolute_value(&self, psi: Expr<'e>) -> Option<f64> {
+        self.alphas_of(psi).into_iter().find_map(|alpha| {
+            let inner = self.list.iter().find(|switch| switch.alpha == alpha)?;
+            let (_, key) = surface::canonical(inner.psi, &self.params);
+            let sign_at = |side: f64| {
+                let (scale, at_side) = surface::canonical(at(psi, alpha, side), &self.params);
+                (at_side == key).then_some((scale * inner.scale).signum())
+            };
+            let (above, below) = (sign_at(1.0)?, sign_at(0.0)?);
+            (above == -below).then_some(above)
+        })
+    }
+
+    /// The switch of ψ, and whether ψ is a negative multiple of its switching function.
+    fn switch(&mut self, psi: Expr<'e>) -> (usize, bool) {
+        let (scale, key) = surface::canonical(psi, &self.params);
+        let k = *self.index.entry(key).or_insert(self.list.len());
+        if k == self.list.len() {
+            let name = psi.to_string();
+            let alpha = self
+                .exprs
+                .variable("alpha")
+                .as_variable()
+                .expect("a fresh variable is one");
+            let (spans, named, entries) = (vec![], vec![], vec![]);
+            self.list.push(Collected {
+                name,
+                alpha,
+                psi,
+                spans,
+                named,
+                scale,
+                entries,
+            });
+        }
+        (k, scale * self.list[k].scale < 0.0)
+    }
+
+    /// Makes the switch of a ψ that the user wrote as `name` at `span`.
+    pub fn declare(&mut self, psi: Expr<'e>, name: &str, span: Span) {
+        if surface::form(psi, &self.params) != Form::Regular {
+            return;
+        }
+        let (k, flipped) = self.switch(psi);
+        let switch = &mut self.list[k];
+        if switch.spans.is_empty() && !flipped {
+            switch.name = name.to_owned();
+        }
+        switch.spans.push(span);
+    }
+
+    /// Gives the switch of ψ the name of a `switch` statement.
+    pub fn name(
+        &mut self,
+        psi: Expr<'e>,
+        name: &str,
+        span: Span,
+        reading: impl FnOnce(bool) -> NamedReading,
+    ) {
+        if let Some((k, flipped)) = self.find(psi) {
+            let switch = &mut self.list[k];
+            if switch.named.is_empty() && !flipped {
+                switch.name = name.to_owned();
+            }
+            if switch.spans.is_empty() {
+                switch.spans.push(span);
+            }
+            switch.named.push(reading(flipped));
+        }
+    }
+
+    /// How expressions of the model are read once only the switches `kept` are left.
+    pub fn readings(
+        &self,
+        kept: &[usize],
+        signals: Substitution<'e>,
+        named: impl IntoIterator<Item = (Var, Expr<'e>, Expr<'e>)>,
+    ) -> Readings<'e> {
+        let alphas: FxHashSet<Var> = kept.iter().map(|&k| self.list[k].alpha).collect();
+        let is_kept = |e: Expr<'e>| self.alphas_of(e).iter().all(|alpha| alphas.contains(alpha));
+        let named = named.into_iter().map(|(var, value, direct)| {
+            let value = self.merged(value);
+            (
+                var,
+                if is_kept(value) {
+                    value
+                } else {
+                    direct.substitute(&signals)
+                },
+            )
+        });
+        let index = self.index.iter().filter_map(|(&key, k)| {
+            let place = kept.iter().position(|kept| kept == k)?;
+            Some((key, (place, self.list[*k].scale)))
+        });
+        let alphas = kept.iter().map(|&k| self.exprs.expr(self.list[k].alpha));
+        Readings {
+            named: named.collect(),
+            signals,
+            index: index.collect(),
+            alphas: alphas.collect(),
+            params: self.params.clone(),
+        }
+    }
+
+    /// The switch that belongs to ψ, if there is one: its number, and whether ψ is flipped.
+    pub fn find(&self, psi: Expr<'e>) -> Option<(usize, bool)> {
+        let (scale, key) = surface::canonical(self.merged(psi), &self.params);
+        let k = *self.index.get(&key)?;
+        Some((k, scale * self.list[k].scale < 0.0))
+    }
+
+    fn entry_variable(&mut self, k: usize, entry: Entry) -> Expr<'e> {
+        if let Some(&(_, var)) = self.list[k].entries.iter().find(|known| known.0 == entry) {
+            return self.exprs.expr(var);
+        }
+        let tau = self.exprs.variable("tau");
+        let var = tau.as_variable().expect("a fresh variable is one");
+        let alpha = self.exprs.expr(self.list[k].alpha);
+        self.list[k].entries.push((entry, var));
+        self.merge.insert(var, alpha);
+        if entry == Entry::Term {
+            self.strict.insert(var, alpha);
+        }
+        tau
+    }
+
+    /// The expression in α, multi-affine.
+    pub fn merged(&self, e: Expr<'e>) -> Expr<'e> {
+        let e = e.substitute(&self.merge);
+        multi_affine(e, &self.alphas_of(e))
+    }
+
+    /// The expression in α where powers of a switch have no agreed meaning, in entry variables elsewhere.
+    pub fn strict(&self, e: Expr<'e>) -> Expr<'e> {
+        e.substitute(&self.strict)
+    }
+
+    /// The variable of the conditions on a switch.
+    pub fn condition(&self, k: usize) -> Option<Var> {
+        let entries = &self.list[k].entries;
+        entries
+            .iter()
+            .find(|known| known.0 == Entry::Condition)
+            .map(|known| known.1)
+    }
+
+    /// The entry variables of a switch and its α.
+    pub fn variables_of_switch(&self, k: usize) -> impl Iterator<Item = Var> + '_ {
+        self.list[k]
+            .entries
+            .iter()
+            .map(|known| known.1)
+            .chain([self.list[k].alpha])
+    }
+
+    /// The α that occur in an expression.
+    pub fn alphas_of(&self, e: Expr<'e>) -> Vec<Var> {
+        let known: Vec<Var> = self.list.iter().map(|switch| switch.alpha).collect();
+        let mut vars = variables_of(&[e]);
+        vars.retain(|var| known.binary_search(var).is_ok());
+        vars
+    }
+
+    /// Whether the dynamics are continuous by construction: the switch enters through kinks only.
+    pub fn is_kink(&self, k: usize) -> bool {
+        self.list[k]
+            .entries
+            .iter()
+            .all(|known| known.0 == Entry::Kink)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Entry, Switches};
+    use crate::expr::{Expr, Exprs};
+    use crate::source::Span;
+    use insta::assert_snapshot;
+    use rustc_hash::FxHashMap;
+
+    /// The expression in α, then every ψ.
+    fn replaced<'e>(exprs: &'e Exprs, e: Expr<'e>) -> String {
+        let mut switches = Switches::new(exprs, FxHashMap::default());
+        let e = switches.replace(e, Span::default());
+        let e = switches.merged(e);
+        for (k, switch) in switches.list.iter().enumerate() {
+            exprs.rename(switch.alpha, &format!("a{}", k + 1));
+        }
+        let psi: Vec<String> = switches
+            .list
+            .iter()
+            .map(|switch| switch.psi.to_string())
+            .collect();
+        let refused = switches
+            .refused
+            .iter()
+            .map(|refused| format!(" refused {}", refused.psi));
+        format!("{e} | {}{}", psi.join(", "), refused.collect::<String>())
+    }
+
+    #[test]
+    fn each_nonsmooth_term() {
+        let exprs = Exprs::new();
+        let [x, y] = ["x", "y"].map(|name| exprs.variable(name));
+        assert_snapshot!(replaced(&exprs, x.step()), @"a1 | x");
+        assert_snapshot!(replaced(&exprs, 2.0 - x.sign()), @"3 - 2*a1 | x");
+        assert_snapshot!(replaced(&exprs, x.abs()), @"x*(2*a1 - 1) | x");
+        assert_snapshot!(replaced(&exprs, x.max(y)), @"x*a1 + y*(1 - a1) | x - y");
+        assert_snapshot!(replaced(&exprs, x.min(y)), @"x*(1 - a1) + y*a1 | x - y");
+    }
+
+    #[test]
+    fn multiples_share_a_switch() {
+        let exprs = Exprs::new();
+        let [x, y] = ["x", "y"].map(|name| exprs.variable(name));
+        assert_snapshot!(replaced(&exprs, x.sign() + y * (-2.0 * x).sign()), @"y*(1 - 2*a1) + 2*a1 - 1 | x");
+        assert_snapshot!(replaced(&exprs, (x - y).abs() + (y - x).abs()), @"(x - y)*(2*a1 - 1) + (-x + y)*(1 - 2*a1) | x - y");
+        assert_snapshot!(replaced(&exprs, (x * y).sign() + (-3.0 * x * y).step()), @"a1 | x*y");
+    }
+
+    #[test]
+    fn inner_switches_stand_in_outer_surfaces() {
+        let exprs = Exprs::new();
+        let [x, y, z] = ["x", "y", "z"].map(|name| exprs.variable(name));
+        assert_snapshot!(replaced(&exprs, x.max(y.min(z))), @"x*a2 + (y*(1 - a1) + z*a1)*(1 - a2) | y - z, x - y*(1 - a1) - z*a1");
+        assert_snapshot!(replaced(&exprs, (x.abs() - 1.0).sign()), @"2*a2 - 1 | x, x*(2*a1 - 1) - 1");
+    }
+
+    #[test]
+    fn what_is_no_surface_is_refused() {
+        let exprs = Exprs::new();
+        let [x, y] = ["x", "y"].map(|name| exprs.variable(name));
+        assert_snapshot!(replaced(&exprs, x.powi(2).sign()), @"1 |  refused x^2");
+        assert_snapshot!(replaced(&exprs, (x * x + y * y).step()), @"1 |  refused x^2 + y^2");
+        assert_snapshot!(replaced(&exprs, x.powi(3).sign()), @"1 |  refused x^3");
+        assert_snapshot!(replaced(&exprs, x.abs().sign()), @"1 | x refused x*(2*a1 - 1)");
+        // A kink has no such trouble: its branches agree.
+        assert_snapshot!(replaced(&exprs, x.powi(2).abs()), @"x^2 |");
+        assert_snapshot!(replaced(&exprs, x.abs().max(exprs.constant(0.0))), @"x*(2*a1 - 1) | x");
+    }
+
+    #[test]
+    fn parameters_decide_the_sign_of_factors() {
+        let exprs = Exprs::new();
+        let [x, k] = ["x", "k"].map(|name| exprs.variable(name));
+        let params = FxHashMap::from_iter([(k.as_variable().unwrap(), -3.0)]);
+        let mut switches = Switches::new(&exprs, params);
+        let first = switches.enter(x, Entry::Condition);
+        let second = switches.enter(k * x, Entry::Condition);
+        assert_eq!(switches.list.len(), 1);
+        assert_eq!(second, 1.0 - first);
+        assert_eq!(switches.enter(k, Entry::Condition), exprs.constant(0.0));
+    }
+}

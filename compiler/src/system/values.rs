@@ -1,0 +1,182 @@
+//! Numbers of one experiment: parameters, initial values, controls and inputs.
+
+use rustc_hash::{FxHashMap, FxHashSet};
+
+use super::ExperimentError;
+use super::experiment::Given;
+use crate::diagnostics::Diagnostics;
+use crate::expr::{Expr, Substitution, Var, variables_of};
+use crate::model::{Model, Quantity};
+use crate::source::Span;
+
+/// What an experiment fixes.
+#[derive(Clone, Debug)]
+pub(super) struct Values<'e> {
+    /// Parameters and initial states, by variable.
+    pub numbers: FxHashMap<Var, f64>,
+    /// Controls and inputs as functions of time, states and parameters.
+    pub signals: Substitution<'e>,
+}
+
+impl Values<'_> {
+    /// Expressions in parameters as numbers; else the name of what is no parameter.
+    pub fn numbers_of(&self, model: &Model<'_>, exprs: &[Expr<'_>]) -> Result<Vec<f64>, String> {
+        let params: FxHashSet<Var> = model
+            .params
+            .iter()
+            .flat_map(|p| &p.vars)
+            .filter_map(|var| var.as_variable())
+            .collect();
+        match variables_of(exprs)
+            .into_iter()
+            .find(|var| !params.contains(var))
+        {
+            Some(other) => Err(model.exprs.name(other)),
+            None => Ok(exprs
+                .iter()
+                .map(|e| e.eval(&|var| self.numbers[&var]))
+                .collect()),
+        }
+    }
+}
+
+/// Evaluates the values of the model with those the experiment gives; `None` after an error.
+pub(super) fn evaluate<'e>(
+    model: &Model<'e>,
+    given: &Given<'e>,
+    diags: &mut Diagnostics,
+) -> Option<Values<'e>> {
+    let numbers = numbers(model, given, diags);
+    let signals = signals(model, given, diags);
+    Some(Values {
+        numbers: numbers?,
+        signals: signals?,
+    })
+}
+
+/// Every parameter and initial value, each once those it depends on are known.
+fn numbers<'e>(
+    model: &Model<'e>,
+    given: &Given<'e>,
+    diags: &mut Diagnostics,
+) -> Option<FxHashMap<Var, f64>> {
+    let mut open: Vec<(Var, Expr<'e>, String, Span)> = Vec::new();
+    let mut complete = true;
+    for (kind, quantity) in
+        (model.params.iter().map(|p| ("param", p))).chain(model.states.iter().map(|s| ("state", s)))
+    {
+        match definitions(quantity, given) {
+            Some(entries) => open.extend(entries),
+            None => {
+                complete = false;
+                let name = quantity.name.clone();
+                diags.push(ExperimentError::NoValue {
+                    kind,
+                    name,
+                    span: quantity.span,
+                    experiment: given.span,
+                });
+            }
+        }
+    }
+    let mut numbers: FxHashMap<Var, f64> = FxHashMap::default();
+    loop {
+        let before = open.len();
+        open.retain(|&(var, value, ..)| {
+            let ready = variables_of(&[value])
+                .iter()
+                .all(|var| numbers.contains_key(var));
+            if ready {
+                numbers.insert(var, value.eval(&|var| numbers[&var]));
+            }
+            !ready
+        });
+        if open.is_empty() || open.len() == before {
+            break;
+        }
+    }
+    for (var, value, name, span) in open {
+        // What waits for a missing value is no mistake of its own.
+        if complete {
+            let unknown = variables_of(&[value])
+                .into_iter()
+                .find(|below| !numbers.contains_key(below) && *below != var);
+            let cause = unknown.map_or(name.clone(), |unknown| model.exprs.name(unknown));
+            diags.push(ExperimentError::NotANumber {
+                what: format!("the value of `{name}`"),
+                cause,
+                span,
+            });
+        }
+        complete = false;
+    }
+    complete.then_some(numbers)
+}
+
+/// Controls and inputs, each expressed without the others.
+fn signals<'e>(
+    model: &Model<'e>,
+    given: &Given<'e>,
+    diags: &mut Diagnostics,
+) -> Option<Substitution<'e>> {
+    let mut open: Vec<(Var, Expr<'e>, String, Span)> = Vec::new();
+    let mut complete = true;
+    for (kind, quantity) in (model.controls.iter().map(|c| ("control", c)))
+        .chain(model.inputs.iter().map(|i| ("input", i)))
+    {
+        match definitions(quantity, given) {
+            Some(entries) => open.extend(entries),
+            None => {
+                complete = false;
+                let name = quantity.name.clone();
+                diags.push(ExperimentError::NoValue {
+                    kind,
+                    name,
+                    span: quantity.span,
+                    experiment: given.span,
+                });
+            }
+        }
+    }
+    // A chain of n definitions is resolved after n rounds; what is left then is a cycle.
+    for _ in 0..=open.len() {
+        let all: Substitution<'e> = open.iter().map(|&(var, value, ..)| (var, value)).collect();
+        let mut changed = false;
+        for (_, value, ..) in &mut open {
+            let resolved = value.substitute(&all);
+            changed |= resolved != *value;
+            *value = resolved;
+        }
+        if !changed {
+            return complete.then(|| open.iter().map(|&(var, value, ..)| (var, value)).collect());
+        }
+    }
+    if let Some((.., name, span)) = open
+        .into_iter()
+        .find(|(var, value, ..)| value.depends_on(*var))
+    {
+        diags.push(ExperimentError::SignalCycle { name, span });
+    }
+    None
+}
+
+/// The entries of a quantity with their values; `None` when some entry has none.
+fn definitions<'e>(
+    quantity: &Quantity<'e>,
+    given: &Given<'e>,
+) -> Option<Vec<(Var, Expr<'e>, String, Span)>> {
+    let entries = quantity.vars.iter().enumerate().map(|(k, var)| {
+        let var = var.as_variable()?;
+        let name = quantity.shape.entry_name(&quantity.name, k);
+        match given.values.get(&var) {
+            Some(&(value, span)) => Some((var, value, name, span)),
+            None => Some((
+                var,
+                *quantity.value.as_ref()?.data.get(k)?,
+                name,
+                quantity.span,
+            )),
+        }
+    });
+    entries.collect()
+}

@@ -1,0 +1,122 @@
+//! Checks the invariants of a [`System`].
+
+use rustc_hash::FxHashSet;
+
+use super::affine::is_affine;
+use super::interaction::positions;
+use super::{Output, System};
+use crate::expr::{Expr, Node, Var, rewrite, variables_of};
+
+impl<'e> System<'e> {
+    /// Names the first invariant that does not hold.
+    pub fn verify(&self) -> Result<(), String> {
+        let alphas = self.alphas();
+        let recorded = self
+            .outputs
+            .iter()
+            .chain(&self.controls)
+            .flat_map(|output: &Output<'e>| &output.exprs);
+        let rates = self
+            .states
+            .iter()
+            .map(|state| (state.name.as_str(), state.rate));
+        let weights = self
+            .partitions
+            .iter()
+            .flat_map(|p| &p.regions)
+            .map(|r| (r.name.as_str(), r.weight));
+        let multi_affine: Vec<(&str, Expr<'e>)> = rates.chain(weights).collect();
+        let psi = self.switches.iter().map(|switch| switch.psi);
+        let all: Vec<Expr<'e>> = multi_affine
+            .iter()
+            .map(|named| named.1)
+            .chain(recorded.copied())
+            .chain(psi)
+            .collect();
+
+        if all.iter().any(|&e| has_nonsmooth_node(e)) {
+            return Err("a nonsmooth term is left".into());
+        }
+        let known: FxHashSet<Var> = (self.params.iter().map(|param| param.var))
+            .chain(self.states.iter().map(|state| state.var))
+            .chain([self.time])
+            .filter_map(Expr::as_variable)
+            .chain(alphas.iter().copied())
+            .collect();
+        if let Some(var) = variables_of(&all)
+            .into_iter()
+            .find(|var| !known.contains(var))
+        {
+            return Err(format!(
+                "`{}` is no time, parameter, state or α",
+                self.exprs.name(var)
+            ));
+        }
+        for (name, e) in multi_affine {
+            for k in positions(e, &alphas) {
+                // The canonical form may hide that a second derivative is zero; corners and the middle decide.
+                if !is_affine(e, alphas[k]) {
+                    return Err(format!(
+                        "`{name}` is not affine in {}",
+                        self.switches[k].alpha
+                    ));
+                }
+            }
+        }
+        for (i, switch) in self.switches.iter().enumerate() {
+            for j in positions(switch.psi, &alphas) {
+                if j >= i {
+                    return Err(format!(
+                        "ψ of `{}` holds the α of a later switch",
+                        switch.name
+                    ));
+                }
+                if !self.switches[j].continuity.is_continuous() {
+                    return Err(format!("ψ of `{}` holds a discontinuous α", switch.name));
+                }
+            }
+            if switch.psi.as_constant().is_some() {
+                return Err(format!("ψ of `{}` is constant", switch.name));
+            }
+        }
+        let surfaces: FxHashSet<Expr<'e>> = self
+            .switches
+            .iter()
+            .map(|s| s.psi.split_scale().1)
+            .collect();
+        if surfaces.len() < self.switches.len() {
+            return Err("two switches share a surface".into());
+        }
+        let mut members: Vec<usize> = self
+            .subsystems
+            .iter()
+            .flat_map(|s| s.switches.iter().copied())
+            .collect();
+        members.sort_unstable();
+        if members != (0..self.switches.len()).collect::<Vec<_>>() {
+            return Err("the subsystems are no partition of the switches".into());
+        }
+        Ok(())
+    }
+
+    /// The variables α_i.
+    pub fn alphas(&self) -> Vec<Var> {
+        self.switches
+            .iter()
+            .filter_map(|switch| switch.alpha.as_variable())
+            .collect()
+    }
+}
+
+fn has_nonsmooth_node(e: Expr<'_>) -> bool {
+    let mut found = false;
+    rewrite(e, &mut |node| {
+        found |= match node.node() {
+            Node::Unary(function, _) => function.is_nonsmooth(),
+            Node::Binary(function, ..) => function.is_nonsmooth(),
+            _ => false,
+        };
+        node
+    });
+    found
+}
