@@ -76,12 +76,21 @@ pub fn solve_pointwise<'e>(
     dcs: &Dcs<'e>,
     value: &impl Fn(Var) -> f64,
 ) -> Pointwise {
-    let sides = Sides::at(system, value);
+    solve_with(system, dcs, &Sides::at(system, value), value)
+}
+
+/// The same for given α, which need not be those of the point.
+pub(super) fn solve_with<'e>(
+    system: &System<'e>,
+    dcs: &Dcs<'e>,
+    sides: &Sides,
+    value: &impl Fn(Var) -> f64,
+) -> Pointwise {
     let mut known: FxHashMap<Var, f64> = FxHashMap::default();
     let mut declared = dcs.algebraics.iter().filter_map(|z| z.var.as_variable());
     let direct = match dcs.formulation {
-        Formulation::Stewart => stewart::solution(system, &sides),
-        Formulation::Step => heaviside::solution(&sides),
+        Formulation::Stewart => stewart::solution(system, sides),
+        Formulation::Step => heaviside::solution(sides),
     };
     known.extend(declared.by_ref().take(direct.len()).zip(direct));
     // What is left are products, defined in order by the last equations: 0 = β - product.

@@ -4,7 +4,7 @@ use insta::assert_snapshot;
 use proptest::prelude::*;
 
 use super::fixtures::{self, Fixture};
-use super::pointwise::{Sides, solve_pointwise};
+use super::pointwise::{Sides, solve_pointwise, solve_with};
 use super::{DcsError, Formulation, auto, dot, tex};
 use crate::expr::Exprs;
 
@@ -215,12 +215,12 @@ fn as_latex() {
     };
     assert_snapshot!(latex(fixtures::open_sign, Formulation::Stewart), @r"
     \begin{align*}
-    \dot{x} &= 2 \, \theta_{\mathrm{above}} + y \, \left(\theta_{\mathrm{right}, \text{(y - x\textasciicircum{}2)-}} + \theta_{\mathrm{right}, \text{(y - x\textasciicircum{}2)+}}\right) - x \, \theta_{\mathrm{below}} \\
+    \dot{x} &= -x \, \theta_{\mathrm{below}} + y \, \left(\theta_{\mathrm{right}, \text{(y - x\textasciicircum{}2)-}} + \theta_{\mathrm{right}, \text{(y - x\textasciicircum{}2)+}}\right) + 2 \, \theta_{\mathrm{above}} \\
     \dot{y} &= 1 \\
-    0 &= -x + y - x^{2} - \lambda_{\mathrm{right}, \text{(y - x\textasciicircum{}2)-}} - \mu \\
-    0 &= -x - y + x^{2} - \lambda_{\mathrm{right}, \text{(y - x\textasciicircum{}2)+}} - \mu \\
-    0 &= x - y + x^{2} - \lambda_{\mathrm{above}} - \mu \\
-    0 &= x + y - x^{2} - \lambda_{\mathrm{below}} - \mu \\
+    0 &= -x^{2} - x + y - \lambda_{\mathrm{right}, \text{(y - x\textasciicircum{}2)-}} - \mu \\
+    0 &= x^{2} - x - y - \lambda_{\mathrm{right}, \text{(y - x\textasciicircum{}2)+}} - \mu \\
+    0 &= x^{2} + x - y - \lambda_{\mathrm{above}} - \mu \\
+    0 &= -x^{2} + x + y - \lambda_{\mathrm{below}} - \mu \\
     0 &= 1 - \theta_{\mathrm{right}, \text{(y - x\textasciicircum{}2)-}} - \theta_{\mathrm{right}, \text{(y - x\textasciicircum{}2)+}} - \theta_{\mathrm{above}} - \theta_{\mathrm{below}} \\
     0 &\le \theta_{\mathrm{right}, \text{(y - x\textasciicircum{}2)-}} \perp \lambda_{\mathrm{right}, \text{(y - x\textasciicircum{}2)-}} \ge 0 \\
     0 &\le \theta_{\mathrm{right}, \text{(y - x\textasciicircum{}2)+}} \perp \lambda_{\mathrm{right}, \text{(y - x\textasciicircum{}2)+}} \ge 0 \\
@@ -230,12 +230,12 @@ fn as_latex() {
     ");
     assert_snapshot!(latex(fixtures::product_of_signs, Formulation::Step), @r"
     \begin{align*}
-    \dot{x_{1}} &= 1.5 - 2 \, \alpha_{x_{1}} \\
-    \dot{x_{2}} &= 1 - 2 \, \alpha_{x_{2}} \\
-    \dot{x_{3}} &= -2 \, \alpha_{x_{1}} - 2 \, \alpha_{x_{2}} + 4 \, \beta_{x_{1}, x_{2}} + 1 \\
+    \dot{x}_{1} &= 1.5 - 2 \, \alpha_{x_{1}} \\
+    \dot{x}_{2} &= 1 - 2 \, \alpha_{x_{2}} \\
+    \dot{x}_{3} &= 1 - 2 \, \alpha_{x_{1}} - 2 \, \alpha_{x_{2}} + 4 \, \beta_{x_{1}, x_{2}} \\
     0 &= x_{1} - \lambda_{p, x_{1}} + \lambda_{n, x_{1}} \\
     0 &= x_{2} - \lambda_{p, x_{2}} + \lambda_{n, x_{2}} \\
-    0 &= \beta_{x_{1}, x_{2}} - \alpha_{x_{1}} \, \alpha_{x_{2}} \\
+    0 &= -\alpha_{x_{1}} \, \alpha_{x_{2}} + \beta_{x_{1}, x_{2}} \\
     0 &\le \lambda_{n, x_{1}} \perp \alpha_{x_{1}} \ge 0 \\
     0 &\le \lambda_{p, x_{1}} \perp 1 - \alpha_{x_{1}} \ge 0 \\
     0 &\le \lambda_{n, x_{2}} \perp \alpha_{x_{2}} \ge 0 \\
@@ -306,54 +306,144 @@ fn an_open_sign_is_not_given_to_the_wrong_region() {
 }
 
 /// Stewart's form, the step form and the original give one x' off all surfaces.
-fn check_two_roads(make: fn(&Exprs) -> Fixture<'_>, point: &[f64]) -> Result<(), TestCaseError> {
-    let exprs = Exprs::new();
-    let Fixture { system, original } = make(&exprs);
-    let vars: Vec<_> = system
-        .states
-        .iter()
-        .map(|state| state.var.as_variable())
-        .collect();
-    let value = |var| {
-        vars.iter()
-            .position(|&v| v == Some(var))
-            .map_or(0.0, |i| point[i])
-    };
-    prop_assume!(
-        Sides::at(&system, &value)
-            .psi
-            .iter()
-            .all(|psi| psi.abs() > 1e-9)
-    );
+fn check_two_roads(fixture: &Fixture, point: &[f64]) -> Result<(), TestCaseError> {
+    let Fixture { system, original } = fixture;
+    let states = system.states.iter();
+    let vars: Vec<_> = states.map(|state| state.var.as_variable()).collect();
+    let place = |var| vars.iter().position(|&v| v == Some(var));
+    let value = |var| place(var).map_or(0.0, |i| point[i]);
+    let psi = Sides::at(system, &value).psi;
+    prop_assume!(psi.iter().all(|psi| psi.abs() > 1e-9));
     for formulation in [Formulation::Stewart, Formulation::Step] {
-        let dcs = auto::lower_as(&system, formulation).expect("the system is small");
+        let dcs = auto::lower_as(system, formulation).expect("the system is small");
         prop_assert_eq!(dcs.verify(), Ok(()));
-        let solution = solve_pointwise(&system, &dcs, &value);
-        prop_assert!(
-            solution.residual <= 1e-13,
-            "{formulation}: residual {}",
-            solution.residual
-        );
-        for (rate, original) in solution.rates.iter().zip(&original) {
+        let solution = solve_pointwise(system, &dcs, &value);
+        let residual = solution.residual;
+        prop_assert!(residual <= 1e-13, "{formulation}: residual {residual}");
+        for (rate, original) in solution.rates.iter().zip(original) {
             let expected = original.eval(&value);
-            let error = (rate - expected).abs();
-            prop_assert!(
-                error <= 1e-13 * (1.0 + expected.abs()),
-                "{formulation}: {rate}, not {expected}"
-            );
+            let close = (rate - expected).abs() <= 1e-13 * (1.0 + expected.abs());
+            prop_assert!(close, "{formulation}: {rate}, not {expected}, in\n{dcs}");
         }
     }
     Ok(())
 }
 
+/// On surfaces too: with θ = Π α, both forms are the multi-affine rates of the system.
+fn check_between_corners(
+    fixture: &Fixture,
+    point: &[f64],
+    alpha: &[f64],
+) -> Result<(), TestCaseError> {
+    let system = &fixture.system;
+    let states = system.states.iter().zip(point);
+    let states = states.map(|(state, &value)| (state.var.as_variable(), value));
+    let switches = system.switches.iter().zip(alpha);
+    let switches = switches.map(|(switch, &value)| (switch.alpha.as_variable(), value));
+    let known: Vec<_> = states.chain(switches).collect();
+    let value = |var| {
+        known
+            .iter()
+            .find(|known| known.0 == Some(var))
+            .map_or(0.0, |known| known.1)
+    };
+    let sides = Sides {
+        psi: vec![0.0; alpha.len()],
+        alpha: alpha.to_vec(),
+    };
+    for formulation in [Formulation::Stewart, Formulation::Step] {
+        let dcs = auto::lower_as(system, formulation).expect("the system is small");
+        let rates = solve_with(system, &dcs, &sides, &value).rates;
+        for (rate, state) in rates.iter().zip(&system.states) {
+            let expected = state.rate.eval(&value);
+            let close = (rate - expected).abs() <= 1e-12 * (1.0 + expected.abs());
+            prop_assert!(close, "{formulation}: {rate}, not {expected}, in\n{dcs}");
+        }
+    }
+    Ok(())
+}
+
+/// A term `coefficient * Π factor`: for every switch no factor, α, 1 - α or 2α - 1.
+type Term = (f64, Vec<u8>);
+
+fn term(n: usize) -> impl Strategy<Value = Term> {
+    let factors = prop::collection::vec(prop_oneof![3 => Just(0u8), 3 => 1..4u8], n);
+    (-2.0..2.0f64, factors)
+}
+
+/// Switches on random lines, and rates that are random sums of products of them.
+fn random<'e>(exprs: &'e Exprs, lines: &[(f64, f64, f64)], rates: &[Vec<Term>]) -> Fixture<'e> {
+    let mut b = fixtures::Builder::new(exprs, &["x", "y"]);
+    let (x, y) = (b.states[0], b.states[1]);
+    let alphas = lines.iter().enumerate().map(|(k, &(p, q, r))| {
+        let psi = p * x + q * y + r;
+        b.switch(&format!("s{k}"), psi)
+    });
+    let alphas: Vec<_> = alphas.collect();
+    let factor = |k: usize, kind: u8| match kind {
+        1 => alphas[k],
+        2 => 1.0 - alphas[k],
+        _ => 2.0 * alphas[k] - 1.0,
+    };
+    let mut subsystem: Vec<usize> = (0..lines.len()).collect();
+    let rate = |terms: &Vec<Term>| {
+        let terms = terms.iter().enumerate().map(|(i, (coefficient, kinds))| {
+            let present = || (0..kinds.len()).filter(|&k| kinds[k] > 0);
+            if let Some(first) = present().next() {
+                let root = subsystem[first];
+                let merged: Vec<usize> = present().map(|k| subsystem[k]).collect();
+                for s in &mut subsystem {
+                    *s = if merged.contains(s) { root } else { *s };
+                }
+            }
+            let smooth = if i % 2 == 0 {
+                x * y
+            } else {
+                exprs.constant(1.0)
+            };
+            let product = exprs.product(present().map(|k| factor(k, kinds[k])));
+            *coefficient * smooth * product
+        });
+        let terms: Vec<_> = terms.collect();
+        exprs.sum(terms)
+    };
+    let rates: Vec<_> = rates.iter().map(rate).collect();
+    let members =
+        |s: usize| -> Vec<usize> { (0..lines.len()).filter(|&k| subsystem[k] == s).collect() };
+    let members: Vec<_> = (0..lines.len())
+        .map(members)
+        .filter(|m| !m.is_empty())
+        .collect();
+    let subsystems: Vec<_> = members.iter().map(|m| (m.as_slice(), None)).collect();
+    b.finish(&rates, &subsystems)
+}
+
 proptest! {
     #[test]
     fn both_lowerings_give_the_rates_of_the_original(point in prop::collection::vec(-3.0..3.0f64, 3)) {
-        check_two_roads(fixtures::relay, &point)?;
-        check_two_roads(fixtures::two_relays, &point)?;
-        check_two_roads(fixtures::product_of_signs, &point)?;
-        check_two_roads(fixtures::open_sign, &point)?;
-        check_two_roads(fixtures::kinks, &point)?;
-        check_two_roads(fixtures::many, &point)?;
+        let all: [fn(&Exprs) -> Fixture<'_>; 6] = [
+            fixtures::relay,
+            fixtures::two_relays,
+            fixtures::product_of_signs,
+            fixtures::open_sign,
+            fixtures::kinks,
+            fixtures::many,
+        ];
+        for make in all {
+            check_two_roads(&make(&Exprs::new()), &point)?;
+        }
+    }
+
+    #[test]
+    fn both_lowerings_give_the_rates_of_random_products(
+        point in prop::collection::vec(-3.0..3.0f64, 2),
+        lines in prop::collection::vec((-1.0..1.0f64, -1.0..1.0f64, -1.0..1.0f64), 6),
+        rates in prop::collection::vec(prop::collection::vec(term(6), 1..5), 2),
+        alpha in prop::collection::vec(0.0..1.0f64, 6),
+    ) {
+        let exprs = Exprs::new();
+        let fixture = random(&exprs, &lines, &rates);
+        check_two_roads(&fixture, &point)?;
+        check_between_corners(&fixture, &point, &alpha)?;
     }
 }

@@ -1,7 +1,6 @@
 //! A DCS as LaTeX: one `align*` environment of amsmath.
 
 use std::collections::HashMap;
-use std::fmt::Write;
 
 use crate::expr::{BinaryFunction, Expr, Function, Node, rewrite};
 
@@ -21,11 +20,7 @@ const LETTERS: &str = "αβγδεζηθικλμνξπρστυφχψω";
 pub fn tex(dcs: &Dcs) -> String {
     let mut lines = Vec::new();
     for (state, &rate) in dcs.states.iter().zip(&dcs.rates) {
-        lines.push(format!(
-            "\\dot{{{}}} &= {}",
-            formula(state.var),
-            formula(rate)
-        ));
+        lines.push(format!("{} &= {}", derivative(state.var), formula(rate)));
     }
     for &row in &dcs.equations {
         lines.push(format!("0 &= {}", formula(row)));
@@ -91,7 +86,7 @@ pub fn formula(expr: Expr) -> String {
 }
 
 fn piece(expr: Expr, pieces: &HashMap<Expr, Piece>) -> Piece {
-    match expr.node() {
+    match expr.printed_node() {
         Node::Constant(value) => Piece {
             text: number(value),
             binding: if value < 0.0 {
@@ -161,7 +156,7 @@ fn sum(constant: f64, terms: &[(f64, Expr)], pieces: &HashMap<Expr, Piece>) -> P
         text.push_str(sign);
         text.push_str(term);
     };
-    let number_first = constant > 0.0 && terms.iter().all(|&(coefficient, _)| coefficient < 0.0);
+    let number_first = constant > 0.0 && terms.first().is_some_and(|first| first.0 < 0.0);
     if number_first {
         append(false, &number(constant));
     }
@@ -180,7 +175,7 @@ fn sum(constant: f64, terms: &[(f64, Expr)], pieces: &HashMap<Expr, Piece>) -> P
 }
 
 fn scaled(coefficient: f64, term: Expr, pieces: &HashMap<Expr, Piece>) -> Piece {
-    match term.node() {
+    match term.printed_node() {
         _ if coefficient == 1.0 => pieces[&term].clone(),
         Node::Product(factors) => product(coefficient, &factors, pieces),
         _ => product(coefficient, &[(term, 1)], pieces),
@@ -238,6 +233,12 @@ fn number(value: f64) -> String {
 
 /// `theta[x[1]-]` is `\theta_{x_{1}-}`, `v_max` is `v_{\mathrm{max}}`.
 fn name(text: &str) -> String {
+    let (symbol, subscript) = name_parts(text);
+    symbol + &subscript
+}
+
+/// The symbol and its subscript, which may be empty.
+fn name_parts(text: &str) -> (String, String) {
     let (head, index) = match text.split_once('[') {
         Some((head, rest)) => (head, rest.strip_suffix(']')),
         None => (text, None),
@@ -246,17 +247,21 @@ fn name(text: &str) -> String {
         Some((symbol, below)) if !symbol.is_empty() && !below.is_empty() => (symbol, Some(below)),
         _ => (head, None),
     };
-    let below = below.map(word);
-    let index = index.map(|index| {
-        let parts: Vec<String> = split_top(index).into_iter().map(index_part).collect();
-        parts.join(", ")
-    });
-    let subscripts: Vec<String> = below.into_iter().chain(index).collect();
-    let mut result = word(symbol);
-    if !subscripts.is_empty() {
-        let _ = write!(result, "_{{{}}}", subscripts.join(", "));
-    }
-    result
+    let below = below.map(word).into_iter();
+    let index = index.into_iter().flat_map(split_top).map(index_part);
+    let subscripts: Vec<String> = below.chain(index).collect();
+    let subscript = match subscripts.as_slice() {
+        [] => String::new(),
+        _ => format!("_{{{}}}", subscripts.join(", ")),
+    };
+    (word(symbol), subscript)
+}
+
+/// The derivative of a state by time.
+fn derivative(state: Expr) -> String {
+    let name = state.as_variable().map(|var| state.exprs().name(var));
+    let (symbol, subscript) = name_parts(&name.unwrap_or_default());
+    format!("\\dot{{{symbol}}}{subscript}")
 }
 
 /// A number, a name with or without a sign, else text.
@@ -329,4 +334,51 @@ fn escape(text: &str) -> String {
         }
     }
     escaped
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_become_symbols_with_subscripts() {
+        let names = [
+            ("x", "x"),
+            ("x[1]", "x_{1}"),
+            ("A[1,2]", "A_{1, 2}"),
+            ("omega", "\\omega"),
+            ("\u{3b8}", "\\theta"),
+            ("speed", "\\mathrm{speed}"),
+            ("v_max[2]", "v_{\\mathrm{max}, 2}"),
+            ("a.floor.s", "\\mathrm{a.floor.s}"),
+            ("theta[x[1]+,x[2]-]", "\\theta_{x_{1}+, x_{2}-}"),
+            ("theta[(50% of_it)+]", "\\theta_{\\text{(50\\% of\\_it)+}}"),
+        ];
+        for (text, expected) in names {
+            assert_eq!(name(text), expected);
+        }
+    }
+
+    #[test]
+    fn formulas_keep_their_parentheses() {
+        let exprs = crate::expr::Exprs::new();
+        let [x, k, m] = ["x", "k", "m"].map(|name| exprs.variable(name));
+        let cases = [
+            (k / m * x, "\\frac{x \\, k}{m}"),
+            ((x + 1.0) * k, "\\left(x + 1\\right) \\, k"),
+            ((x + 1.0).powi(2), "\\left(x + 1\\right)^{2}"),
+            (x.powi(2).sqrt(), "\\sqrt{x^{2}}"),
+            (-(x * k), "-x \\, k"),
+            (1e-20 * x, "10^{-20} \\, x"),
+            (
+                (2.0 * x).sin() - k.asin(),
+                "\\sin\\left(2 \\, x\\right) - \\arcsin\\left(k\\right)",
+            ),
+            (x.powf(k), "x^{k}"),
+            ((x / k).powf(m), "\\left(\\frac{x}{k}\\right)^{m}"),
+        ];
+        for (expr, expected) in cases {
+            assert_eq!(formula(expr), expected);
+        }
+    }
 }

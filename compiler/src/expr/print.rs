@@ -9,7 +9,7 @@ use std::fmt::{self, Display, Formatter, Write};
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::arena::{Arena, Data, Id};
-use super::{BinaryFunction, Expr};
+use super::{BinaryFunction, Expr, Node};
 
 /// An expression with fewer operations than this, shared ones counted again, is printed in one piece.
 const ONE_PIECE: u64 = 2000;
@@ -50,6 +50,22 @@ impl Display for Expr<'_> {
             printer.body(f, part, Binding::Sum)?;
         }
         Ok(())
+    }
+}
+
+impl<'e> Expr<'e> {
+    /// One level of structure, with terms and factors in the order of the printed text.
+    pub fn printed_node(self) -> Node<'e> {
+        let mut node = self.node();
+        let arena = self.exprs.arena.borrow();
+        match &mut node {
+            Node::Sum { terms, .. } => terms.sort_by_key(|(_, term)| term_key(&arena, term.id)),
+            Node::Product(factors) => {
+                factors.sort_by_key(|(factor, _)| factor_key(&arena, factor.id));
+            }
+            _ => {}
+        }
+        node
     }
 }
 
