@@ -14,16 +14,16 @@
 //! - No `step`, `sign`, `abs`, `min` or `max` is left.
 //! - Guesses are finite, and α of a switch is an expression in algebraic variables alone.
 
-pub mod auto;
-pub mod dot;
+mod auto;
+mod dot;
 mod error;
-pub mod golden;
+mod golden;
 pub mod heaviside;
 mod labels;
 mod lift;
-pub mod pointwise;
+mod pointwise;
 pub mod stewart;
-pub mod tex;
+mod tex;
 mod verify;
 
 #[cfg(test)]
@@ -33,7 +33,12 @@ mod tests;
 
 use std::fmt;
 
+pub use auto::{Choice, choose, lower, lower_as};
+pub use dot::{Vertex, dot, graph};
 pub use error::DcsError;
+pub use golden::{Golden, golden};
+pub use pointwise::{Pointwise, solve_pointwise};
+pub use tex::{formula, tex};
 
 use crate::expr::{Expr, Exprs};
 use crate::source::Span;

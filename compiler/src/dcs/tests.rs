@@ -5,12 +5,12 @@ use proptest::prelude::*;
 
 use super::fixtures::{self, Fixture};
 use super::pointwise::{Sides, solve_pointwise, solve_with};
-use super::{DcsError, Formulation, auto, dot, tex};
+use super::{DcsError, Formulation, choose, dot, lower, lower_as, tex};
 use crate::expr::Exprs;
 
 fn lowered(make: fn(&Exprs) -> Fixture<'_>, formulation: Formulation) -> String {
     let exprs = Exprs::new();
-    let dcs = auto::lower_as(&make(&exprs).system, formulation).expect("the system is small");
+    let dcs = lower_as(&make(&exprs).system, formulation).expect("the system is small");
     dcs.verify().expect("a lowering keeps the invariants");
     dcs.to_string()
 }
@@ -194,7 +194,7 @@ fn product_of_many() {
 fn auto_says_why() {
     let reason = |make: fn(&Exprs) -> Fixture<'_>| {
         let exprs = Exprs::new();
-        let dcs = auto::lower(&make(&exprs).system, &[]).expect("the system is small");
+        let dcs = lower(&make(&exprs).system, &[]).expect("the system is small");
         dcs.to_string()
             .lines()
             .next()
@@ -211,7 +211,7 @@ fn auto_says_why() {
 fn as_latex() {
     let latex = |make: fn(&Exprs) -> Fixture<'_>, formulation| {
         let exprs = Exprs::new();
-        tex::tex(&auto::lower_as(&make(&exprs).system, formulation).expect("the system is small"))
+        tex(&lower_as(&make(&exprs).system, formulation).expect("the system is small"))
     };
     assert_snapshot!(latex(fixtures::open_sign, Formulation::Stewart), @r"
     \begin{align*}
@@ -247,7 +247,7 @@ fn as_latex() {
 #[test]
 fn as_graph() {
     let exprs = Exprs::new();
-    assert_snapshot!(dot::dot(&fixtures::open_sign(&exprs).system), @r#"
+    assert_snapshot!(dot(&fixtures::open_sign(&exprs).system), @r#"
     digraph {
         0 [label = "x"]
         1 [label = "y"]
@@ -274,12 +274,12 @@ fn stewart_refuses_too_many_regions() {
     let switches: Vec<usize> = (0..11).collect();
     let rate = exprs.product(alphas);
     let fixture = b.finish(&[rate], &[(&switches, None)]);
-    let refused = auto::lower_as(&fixture.system, Formulation::Stewart);
+    let refused = lower_as(&fixture.system, Formulation::Stewart);
     assert!(matches!(
         refused,
         Err(DcsError::TooManyRegions { count: 11, .. })
     ));
-    assert_eq!(auto::choose(&fixture.system).formulation, Formulation::Step);
+    assert_eq!(choose(&fixture.system).formulation, Formulation::Step);
 }
 
 #[test]
@@ -287,7 +287,7 @@ fn an_open_sign_is_not_given_to_the_wrong_region() {
     // At ψ = (1, 5) the rows (+, *), (-, +), (-, -) of -Sψ would choose the second region.
     let exprs = Exprs::new();
     let fixture = fixtures::open_sign(&exprs);
-    let dcs = auto::lower_as(&fixture.system, Formulation::Stewart).expect("the system is small");
+    let dcs = lower_as(&fixture.system, Formulation::Stewart).expect("the system is small");
     let point = [1.0, 6.0];
     let vars: Vec<_> = fixture
         .system
@@ -315,7 +315,7 @@ fn check_two_roads(fixture: &Fixture, point: &[f64]) -> Result<(), TestCaseError
     let psi = Sides::at(system, &value).psi;
     prop_assume!(psi.iter().all(|psi| psi.abs() > 1e-9));
     for formulation in [Formulation::Stewart, Formulation::Step] {
-        let dcs = auto::lower_as(system, formulation).expect("the system is small");
+        let dcs = lower_as(system, formulation).expect("the system is small");
         prop_assert_eq!(dcs.verify(), Ok(()));
         let solution = solve_pointwise(system, &dcs, &value);
         let residual = solution.residual;
@@ -352,7 +352,7 @@ fn check_between_corners(
         alpha: alpha.to_vec(),
     };
     for formulation in [Formulation::Stewart, Formulation::Step] {
-        let dcs = auto::lower_as(system, formulation).expect("the system is small");
+        let dcs = lower_as(system, formulation).expect("the system is small");
         let rates = solve_with(system, &dcs, &sides, &value).rates;
         for (rate, state) in rates.iter().zip(&system.states) {
             let expected = state.rate.eval(&value);
