@@ -2,10 +2,12 @@
 
 use rustc_hash::FxHashSet;
 
+use super::check;
 use super::lower::Lowering;
 use super::names::local_lets;
 use super::scope::{Meaning, Reported};
 use super::{DynamicsError, Hidden, Model, Rate, Region, TargetKind, target};
+use crate::expr::{Expr, Substitution};
 use crate::source::Span;
 use crate::syntax::{self, For, RegionGuard, Stmt};
 
@@ -238,7 +240,7 @@ impl<'e> Walk<'e> {
         &self,
         lowering: &mut Lowering<'_, 'e>,
         guard: &syntax::Expr,
-    ) -> Result<crate::expr::Expr<'e>, Reported> {
+    ) -> Result<Expr<'e>, Reported> {
         lowering.in_guard = true;
         let truth = lowering.condition(guard);
         lowering.in_guard = false;
@@ -307,20 +309,26 @@ impl<'e> Walk<'e> {
         } else {
             0.0
         };
-        for at in [low, 1.0] {
-            let mut side = crate::expr::Substitution::default();
-            for var in entries
-                .iter()
-                .filter_map(|&entry| switch.vars[entry].as_variable())
-            {
-                side.insert(var, lowering.constant(at));
+        // Entries of a vector may be on different sides: corners in the order of counting.
+        let vars: Vec<_> = entries
+            .iter()
+            .filter_map(|&entry| switch.vars[entry].as_variable())
+            .collect();
+        for corner in 0..1_u32 << vars.len().min(6) {
+            let at = |position: usize| {
+                if (corner >> (position % 6)) & 1 == 1 {
+                    1.0
+                } else {
+                    low
+                }
+            };
+            let mut side = Substitution::new();
+            for (position, &var) in vars.iter().enumerate() {
+                side.insert(var, lowering.constant(at(position)));
             }
-            if !super::check::vanishes(rate.value.substitute(&side)) {
-                return lowering.error(DynamicsError::HiddenVisible {
-                    switch: switch.name.clone(),
-                    at,
-                    span,
-                });
+            if !check::vanishes(rate.value.substitute(&side)) {
+                let (switch, at) = (switch.name.clone(), at(0));
+                return lowering.error(DynamicsError::HiddenVisible { switch, at, span });
             }
         }
         Ok(())
