@@ -7,6 +7,7 @@ pub mod explain;
 pub mod expr;
 pub mod model;
 pub mod report;
+pub mod simulate;
 pub mod source;
 pub mod syntax;
 pub mod system;

@@ -1,0 +1,270 @@
+//! The event road: a system is integrated mode by mode, and becomes a trajectory.
+//!
+//! Every run is made twice, the second time a hundred times more accurately: the
+//! difference is the estimate of the global error, and a different sequence of
+//! modes is reported instead of being trusted.
+
+mod modes;
+mod record;
+mod switched;
+
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+use nsd_solver::simulate as solver;
+use solver::{Observer, Outcome, Segment, Simulator};
+
+use crate::report::{Certificate, Kind, Method, MethodOption, Stats, Status, Trajectory, Warning};
+use crate::system::System;
+use crate::system::experiment::{self, Branch, EventOptions, Settings};
+use modes::ModeNames;
+use record::Recorder;
+pub use switched::Switched;
+
+/// What a caller needs of a run besides the experiment's own settings.
+#[derive(Clone, Copy, Debug)]
+pub struct Request {
+    /// Keep the solution between the reported instants.
+    pub dense: bool,
+    /// Estimate the global error by a second, more accurate run.
+    pub estimate: bool,
+    /// Wall time after which the run stops.
+    pub time_limit: Option<Duration>,
+}
+
+impl Default for Request {
+    fn default() -> Self {
+        Request { dense: true, estimate: true, time_limit: None }
+    }
+}
+
+/// How much more accurate the second run is.
+const REFINEMENT: f64 = 1e-2;
+
+/// Runs with a tolerance that the estimate has shown to be too loose.
+const MAX_ATTEMPTS: usize = 3;
+
+/// Integrates the system over the horizon of the experiment.
+pub fn run(system: &System, settings: &Settings, request: &Request) -> Trajectory {
+    let started = Instant::now();
+    let switched = Switched::new(system);
+    let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
+    let mut tolerance: f64 = settings.tolerance;
+    let mut attempt = 1;
+    let (simulator, outcome, recorder, estimate) = loop {
+        let solver_settings = solver_settings(&settings.method, tolerance, request.time_limit);
+        let mut simulator = Simulator::new(&switched, solver_settings);
+        let mut recorder = Recorder::new(system, settings, request.dense);
+        let outcome = simulator.run(0.0, settings.horizon, &x0, &mut recorder);
+        let estimate = request.estimate.then(|| {
+            let finer = solver_settings_of(&simulator, tolerance * REFINEMENT);
+            Estimate::of(&switched, finer, settings.horizon, &x0, &recorder, &outcome)
+        });
+        let missed = estimate.as_ref().is_some_and(|e| e.error > settings.tolerance && e.same_modes);
+        if missed && attempt < MAX_ATTEMPTS && tolerance > 1e-15 {
+            let error = estimate.as_ref().map_or(tolerance, |e| e.error);
+            tolerance *= (0.1 * settings.tolerance / error).max(1e-4);
+            attempt += 1;
+            continue;
+        }
+        break (simulator, outcome, recorder, estimate);
+    };
+    let order = simulator.order();
+    drop(simulator);
+    let mut trajectory = assemble(system, settings, &outcome, recorder);
+    trajectory.method = Method {
+        name: "event".into(),
+        options: vec![
+            ("order".into(), MethodOption::Number(order as f64)),
+            ("tolerance".into(), MethodOption::Number(settings.tolerance)),
+        ],
+    };
+    if let Some(estimate) = estimate {
+        judge(&mut trajectory, &estimate, settings);
+    }
+    trajectory.stats.solve_s = started.elapsed().as_secs_f64();
+    trajectory
+}
+
+fn solver_settings(method: &experiment::Method, tolerance: f64, time_limit: Option<Duration>) -> solver::Settings {
+    let defaults = solver::Settings { tolerance, time_limit, ..Default::default() };
+    let experiment::Method::Event(EventOptions { order, branch, max_events }) = method else {
+        return defaults;
+    };
+    let side = |branch: &Branch| match branch {
+        Branch::Minus => solver::Side::Minus,
+        Branch::Slide => solver::Side::Slide,
+        Branch::Plus => solver::Side::Plus,
+    };
+    solver::Settings {
+        order: *order,
+        branch: branch.iter().map(side).collect(),
+        max_events: max_events.unwrap_or(defaults.max_events),
+        ..defaults
+    }
+}
+
+fn solver_settings_of(simulator: &Simulator<Switched>, tolerance: f64) -> solver::Settings {
+    solver::Settings { tolerance, ..simulator.settings().clone() }
+}
+
+/// What a more accurate run says about a run.
+struct Estimate {
+    /// Largest difference of a state, relative to its largest magnitude.
+    error: f64,
+    /// Whether both went through the same modes.
+    same_modes: bool,
+}
+
+impl Estimate {
+    fn of(system: &Switched, finer: solver::Settings, horizon: f64, x0: &[f64], run: &Recorder, outcome: &Outcome) -> Self {
+        let mut comparison = Comparison::new(run, x0);
+        let fine = Simulator::new(system, finer).run(0.0, horizon, x0, &mut comparison);
+        let scale = |i: usize| comparison.scale[i].max(outcome.x[i].abs());
+        let relative = |(i, difference): (usize, &f64)| if *difference > 0.0 { difference / scale(i) } else { 0.0 };
+        let error = comparison.difference.iter().enumerate().map(relative).fold(0.0, f64::max);
+        // Below rounding the two runs agree by chance.
+        let rounding = f64::EPSILON * (outcome.stats.steps as f64).sqrt();
+        Estimate {
+            error: error.max(rounding),
+            same_modes: comparison.modes == run.n_modes() && fine.status == outcome.status,
+        }
+    }
+}
+
+/// Compares a second run with the recorded points of the first.
+struct Comparison<'r> {
+    points: &'r [f64],
+    states: &'r [f64],
+    n: usize,
+    next: usize,
+    modes: usize,
+    x: Vec<f64>,
+    difference: Vec<f64>,
+    scale: Vec<f64>,
+}
+
+impl<'r> Comparison<'r> {
+    fn new(run: &'r Recorder, x0: &[f64]) -> Self {
+        let n = x0.len();
+        Comparison {
+            points: run.times(),
+            states: run.states(),
+            n,
+            next: 0,
+            modes: 1,
+            x: vec![0.0; n],
+            difference: vec![0.0; n],
+            scale: x0.iter().map(|x| x.abs()).collect(),
+        }
+    }
+}
+
+impl Observer for Comparison<'_> {
+    fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
+        let end = segment.start + segment.length;
+        while let Some(&t) = self.points.get(self.next).filter(|t| **t <= end) {
+            segment.state(t - segment.start, &mut self.x);
+            let recorded = &self.states[self.next * self.n..(self.next + 1) * self.n];
+            for (i, (&x, &other)) in self.x.iter().zip(recorded).enumerate() {
+                self.scale[i] = self.scale[i].max(x.abs());
+                self.difference[i] = self.difference[i].max((x - other).abs());
+            }
+            self.next += 1;
+        }
+        ControlFlow::Continue(())
+    }
+
+    fn event(&mut self, _: &solver::Event) {
+        self.modes += 1;
+    }
+}
+
+/// Names everything and evaluates the outputs.
+fn assemble(system: &System, settings: &Settings, outcome: &Outcome, recorder: Recorder) -> Trajectory {
+    let names = ModeNames::new(system);
+    let (status, reason) = describe(system, &names, outcome);
+    let mut trajectory = Trajectory {
+        experiment: settings.name.clone(),
+        model: system.name.clone(),
+        kind: Kind::Simulate,
+        status,
+        reason,
+        switches: system.switches.iter().map(|switch| switch.name.clone()).collect(),
+        stats: Stats {
+            steps: outcome.stats.steps as u64,
+            rhs_evaluations: outcome.stats.rhs_evaluations as u64,
+            ..Stats::default()
+        },
+        certificate: Certificate { max_violation: outcome.drift.max(outcome.defect), ..Certificate::default() },
+        skipped: system.skipped.clone(),
+        ..Trajectory::default()
+    };
+    recorder.fill(system, settings, &names, outcome, &mut trajectory);
+    trajectory
+}
+
+/// The language's status, and a sentence where it is not `solved`.
+fn describe(system: &System, names: &ModeNames, outcome: &Outcome) -> (Status, Option<String>) {
+    let surfaces = |switches: &[usize]| {
+        let quoted: Vec<String> = switches.iter().map(|&i| format!("`{}`", system.switches[i].name)).collect();
+        quoted.join(", ")
+    };
+    let t = outcome.time;
+    let (status, reason) = match &outcome.status {
+        solver::Status::Solved => return (Status::Solved, None),
+        solver::Status::Stopped => (Status::IterationLimit, "the run was stopped".to_owned()),
+        solver::Status::StepLimit => (Status::IterationLimit, "the limit of steps was reached".to_owned()),
+        solver::Status::EventLimit => (Status::IterationLimit, "the limit `max_events` was reached".to_owned()),
+        solver::Status::TimeLimit => (Status::TimeLimit, "the time limit was reached".to_owned()),
+        solver::Status::Accumulation => (
+            Status::IterationLimit,
+            "events follow each other without time passing (Zeno); this is not carried through yet".to_owned(),
+        ),
+        solver::Status::NonUnique(candidates) => {
+            let branches: Vec<String> = candidates.iter().map(|candidate| names.branch(candidate)).collect();
+            let reason = format!(
+                "{} solutions go on from here: {}; choose one with `method event {{ branch = ...; }}`",
+                branches.len(),
+                branches.join(" | ")
+            );
+            (Status::NumericalFailure, reason)
+        }
+        solver::Status::NoSolution { switches } => {
+            (Status::NumericalFailure, format!("no mode goes on from the surfaces of {}", surfaces(switches)))
+        }
+        solver::Status::HigherDegree { switches } => (
+            Status::NumericalFailure,
+            format!(
+                "sliding on {} needs more than first derivatives (relative degree above 1), which is not supported yet",
+                surfaces(switches)
+            ),
+        ),
+        solver::Status::SingularSliding { switches } => {
+            (Status::NumericalFailure, format!("the sliding mode on {} became singular", surfaces(switches)))
+        }
+        solver::Status::MissedSwitch { switch } => (
+            Status::NumericalFailure,
+            format!("a switch of {} was missed: the state is on the wrong side", surfaces(&[*switch])),
+        ),
+        solver::Status::NotFinite => (
+            Status::NumericalFailure,
+            "the right-hand side or its derivatives are not finite here, or no step is small enough".to_owned(),
+        ),
+    };
+    (status, Some(format!("at t = {t}: {reason}")))
+}
+
+/// Adds what the second run found.
+fn judge(trajectory: &mut Trajectory, estimate: &Estimate, settings: &Settings) {
+    trajectory.error_estimate = Some(estimate.error);
+    let mut warn = |code: &str, message: String| {
+        let span = Some(settings.span);
+        trajectory.warnings.push(Warning { code: code.into(), message, span });
+    };
+    if !estimate.same_modes {
+        warn("W0501", "a more accurate run goes through other modes; the result may depend on the tolerance".into());
+    } else if estimate.error > settings.tolerance.max(1e-13) {
+        warn("W0502", format!("the estimated error {:.1e} is above the tolerance", estimate.error));
+    }
+}

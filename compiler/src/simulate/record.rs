@@ -1,0 +1,217 @@
+//! Records a run: points, pieces of the dense output, events and modes.
+
+use std::ops::ControlFlow;
+
+use nsd_solver::simulate::{Event, Observer, Outcome, Segment, Side};
+
+use super::modes::{self, ModeNames};
+use crate::expr;
+use crate::report::{self, ModeInterval, Piece, Series, Trajectory};
+use crate::system::System;
+use crate::system::experiment::{Sampling, Settings};
+
+/// Observes a run and keeps what the experiment asks for.
+pub(super) struct Recorder {
+    n: usize,
+    sampling: Sampling,
+    horizon: f64,
+    /// Instants sampled so far, of `Every` and `At`.
+    sampled: usize,
+    times: Vec<f64>,
+    states: Vec<f64>,
+    alphas: Vec<f64>,
+    pieces: Option<Vec<Piece>>,
+    changes: Vec<(f64, Box<[Side]>, Box<[Side]>)>,
+    x: Vec<f64>,
+    alpha: Vec<f64>,
+}
+
+impl Recorder {
+    pub(super) fn new(system: &System, settings: &Settings, dense: bool) -> Self {
+        let (n, m) = (system.states.len(), system.switches.len());
+        Recorder {
+            n,
+            sampling: settings.sampling.clone(),
+            horizon: settings.horizon,
+            sampled: 0,
+            times: Vec::new(),
+            states: Vec::new(),
+            alphas: Vec::new(),
+            pieces: dense.then(Vec::new),
+            changes: Vec::new(),
+            x: vec![0.0; n],
+            alpha: vec![0.0; m],
+        }
+    }
+
+    pub(super) fn times(&self) -> &[f64] {
+        &self.times
+    }
+
+    pub(super) fn states(&self) -> &[f64] {
+        &self.states
+    }
+
+    pub(super) fn n_modes(&self) -> usize {
+        self.changes.len() + 1
+    }
+
+    /// The next instant to sample, which may lie beyond the horizon.
+    fn next_sample(&self) -> Option<f64> {
+        match &self.sampling {
+            Sampling::Method => None,
+            Sampling::Every(period) => Some(self.sampled as f64 * period),
+            Sampling::At(instants) => instants.get(self.sampled).copied(),
+        }
+    }
+
+    fn push(&mut self, t: f64) {
+        self.times.push(t);
+        self.states.extend_from_slice(&self.x);
+        self.alphas.extend_from_slice(&self.alpha);
+    }
+
+    /// Names the recorded run.
+    pub(super) fn fill(
+        mut self,
+        system: &System,
+        settings: &Settings,
+        names: &ModeNames,
+        outcome: &Outcome,
+        trajectory: &mut Trajectory,
+    ) {
+        if self.times.last() != Some(&outcome.time) || self.times.is_empty() {
+            self.x.copy_from_slice(&outcome.x);
+            self.alpha.copy_from_slice(&outcome.alpha);
+            self.push(outcome.time);
+        }
+        let wanted = |name: &str| wanted(settings, name);
+        for group in system.groups.iter().filter(|group| wanted(&group.name)) {
+            let rows = self.states.chunks(self.n.max(1));
+            let values = rows.flat_map(|row| row[group.entries.clone()].iter().copied()).collect();
+            trajectory.states.push(Series { name: group.name.clone(), shape: group.shape.clone(), values });
+        }
+        for output in system.outputs.iter().filter(|output| wanted(&output.name)) {
+            trajectory.outputs.push(self.evaluate(system, output));
+        }
+        for control in &system.controls {
+            trajectory.controls.push(self.evaluate(system, control));
+        }
+        self.name_modes(system, names, outcome, trajectory);
+        trajectory.dense.pieces = self.pieces.unwrap_or_default();
+        trajectory.time = self.times;
+    }
+
+    /// Evaluates an output at all points, in lanes.
+    fn evaluate(&self, system: &System, output: &crate::system::Output) -> Series {
+        let variable = |e: &expr::Expr| e.as_variable().expect("a declared quantity is a variable");
+        let mut numbers = expr::Substitution::new();
+        for param in &system.params {
+            numbers.insert(variable(&param.var), system.exprs.constant(param.value));
+        }
+        let mut inputs = vec![variable(&system.time)];
+        inputs.extend(system.states.iter().map(|state| variable(&state.var)));
+        inputs.extend(system.switches.iter().map(|switch| variable(&switch.alpha)));
+        let exprs: Vec<_> = output.exprs.iter().map(|e| e.substitute(&numbers)).collect();
+        let tape = expr::compile(&inputs, &exprs).expect("a verified output is smooth in time, states and α");
+
+        // Structure of arrays: one row per input, one column per point.
+        let (points, n, m) = (self.times.len(), self.n, self.alpha.len());
+        let mut table = self.times.clone();
+        table.extend((0..n).flat_map(|i| (0..points).map(move |k| self.states[k * n + i])));
+        table.extend((0..m).flat_map(|i| (0..points).map(move |k| self.alphas[k * m + i])));
+        let mut columns = vec![0.0; exprs.len() * points];
+        tape.eval_many(&table, &mut columns, points, &mut tape.lane_scratch());
+        let values = (0..points).flat_map(|k| (0..exprs.len()).map(move |o| (o, k)));
+        Series {
+            name: output.name.clone(),
+            shape: output.shape.clone(),
+            values: values.map(|(o, k)| columns[o * points + k]).collect(),
+        }
+    }
+
+    fn name_modes(&self, system: &System, names: &ModeNames, outcome: &Outcome, trajectory: &mut Trajectory) {
+        let first = self.changes.first().map_or(&outcome.sides[..], |(_, from, _)| from);
+        let interval = |from: f64, to: f64, sides: &[Side]| ModeInterval {
+            from,
+            to,
+            mode: names.mode(sides),
+            regions: names.regions(sides),
+            sides: modes::sides(sides),
+        };
+        let ends = self.changes.iter().map(|(time, ..)| *time).chain([outcome.time]);
+        let starts = [0.0].into_iter().chain(self.changes.iter().map(|(time, ..)| *time));
+        let sides = [first].into_iter().chain(self.changes.iter().map(|(.., to)| &to[..]));
+        trajectory.modes = starts.zip(ends).zip(sides).map(|((from, to), sides)| interval(from, to, sides)).collect();
+        for (time, from, to) in &self.changes {
+            let (mode_from, mode_to) = (names.mode(from), names.mode(to));
+            for (i, switch) in system.switches.iter().enumerate() {
+                if let Some(kind) = modes::kind(from[i], to[i]) {
+                    trajectory.events.push(report::Event {
+                        time: *time,
+                        kind,
+                        surface: switch.name.clone(),
+                        from: mode_from.clone(),
+                        to: mode_to.clone(),
+                        span: switch.spans.first().copied(),
+                    });
+                }
+            }
+        }
+    }
+}
+
+/// True when the experiment keeps the quantity.
+fn wanted(settings: &Settings, name: &str) -> bool {
+    let base = |kept: &str| kept.split('[').next().is_some_and(|base| base == name) || kept == name;
+    settings.outputs.as_ref().is_none_or(|kept| kept.iter().any(|(kept, _)| base(kept)))
+}
+
+impl Observer for Recorder {
+    fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
+        let end = segment.start + segment.length;
+        if let Some(pieces) = &mut self.pieces {
+            pieces.push(piece(segment, end));
+        }
+        if self.sampling == Sampling::Method {
+            if self.times.is_empty() {
+                segment.state(0.0, &mut self.x);
+                segment.alpha(0.0, &mut self.alpha);
+                self.push(segment.start);
+            }
+            self.x.copy_from_slice(segment.end);
+            segment.alpha(segment.length, &mut self.alpha);
+            self.push(end);
+        }
+        while let Some(t) = self.next_sample().filter(|t| *t <= end && *t <= self.horizon) {
+            segment.state(t - segment.start, &mut self.x);
+            segment.alpha(t - segment.start, &mut self.alpha);
+            self.push(t);
+            self.sampled += 1;
+        }
+        ControlFlow::Continue(())
+    }
+
+    fn event(&mut self, event: &Event) {
+        self.changes.push((event.time, event.from.into(), event.to.into()));
+    }
+}
+
+/// The segment's polynomials: states, then α of every switch.
+fn piece(segment: &Segment, end: f64) -> Piece {
+    let n_coefficients = segment.order() + 1;
+    let mut coefficients = Vec::new();
+    for i in 0..segment.end.len() {
+        coefficients.extend_from_slice(segment.state_series(i));
+    }
+    for i in 0..segment.sides.len() {
+        match segment.alpha_series(i) {
+            Some(series) => coefficients.extend_from_slice(series),
+            None => {
+                coefficients.push(0.5 + 0.5 * segment.sides[i].sign());
+                coefficients.resize(coefficients.len() + n_coefficients - 1, 0.0);
+            }
+        }
+    }
+    Piece { from: segment.start, to: end, n_coefficients, coefficients }
+}
