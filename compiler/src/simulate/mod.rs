@@ -34,7 +34,11 @@ pub struct Request {
 
 impl Default for Request {
     fn default() -> Self {
-        Request { dense: true, estimate: true, time_limit: None }
+        Request {
+            dense: true,
+            estimate: true,
+            time_limit: None,
+        }
     }
 }
 
@@ -60,7 +64,9 @@ pub fn run(system: &System, settings: &Settings, request: &Request) -> Trajector
             let finer = solver_settings_of(&simulator, tolerance * REFINEMENT);
             Estimate::of(&switched, finer, settings.horizon, &x0, &recorder, &outcome)
         });
-        let missed = estimate.as_ref().is_some_and(|e| e.error > settings.tolerance && e.same_modes);
+        let missed = estimate
+            .as_ref()
+            .is_some_and(|e| e.error > settings.tolerance && e.same_modes);
         if missed && attempt < MAX_ATTEMPTS && tolerance > 1e-15 {
             let error = estimate.as_ref().map_or(tolerance, |e| e.error);
             tolerance *= (0.1 * settings.tolerance / error).max(1e-4);
@@ -86,9 +92,22 @@ pub fn run(system: &System, settings: &Settings, request: &Request) -> Trajector
     trajectory
 }
 
-fn solver_settings(method: &experiment::Method, tolerance: f64, time_limit: Option<Duration>) -> solver::Settings {
-    let defaults = solver::Settings { tolerance, time_limit, ..Default::default() };
-    let experiment::Method::Event(EventOptions { order, branch, max_events }) = method else {
+fn solver_settings(
+    method: &experiment::Method,
+    tolerance: f64,
+    time_limit: Option<Duration>,
+) -> solver::Settings {
+    let defaults = solver::Settings {
+        tolerance,
+        time_limit,
+        ..Default::default()
+    };
+    let experiment::Method::Event(EventOptions {
+        order,
+        branch,
+        max_events,
+    }) = method
+    else {
         return defaults;
     };
     let side = |branch: &Branch| match branch {
@@ -105,7 +124,10 @@ fn solver_settings(method: &experiment::Method, tolerance: f64, time_limit: Opti
 }
 
 fn solver_settings_of(simulator: &Simulator<Switched>, tolerance: f64) -> solver::Settings {
-    solver::Settings { tolerance, ..simulator.settings().clone() }
+    solver::Settings {
+        tolerance,
+        ..simulator.settings().clone()
+    }
 }
 
 /// What a more accurate run says about a run.
@@ -117,12 +139,30 @@ struct Estimate {
 }
 
 impl Estimate {
-    fn of(system: &Switched, finer: solver::Settings, horizon: f64, x0: &[f64], run: &Recorder, outcome: &Outcome) -> Self {
+    fn of(
+        system: &Switched,
+        finer: solver::Settings,
+        horizon: f64,
+        x0: &[f64],
+        run: &Recorder,
+        outcome: &Outcome,
+    ) -> Self {
         let mut comparison = Comparison::new(run, x0);
         let fine = Simulator::new(system, finer).run(0.0, horizon, x0, &mut comparison);
         let scale = |i: usize| comparison.scale[i].max(outcome.x[i].abs());
-        let relative = |(i, difference): (usize, &f64)| if *difference > 0.0 { difference / scale(i) } else { 0.0 };
-        let error = comparison.difference.iter().enumerate().map(relative).fold(0.0, f64::max);
+        let relative = |(i, difference): (usize, &f64)| {
+            if *difference > 0.0 {
+                difference / scale(i)
+            } else {
+                0.0
+            }
+        };
+        let error = comparison
+            .difference
+            .iter()
+            .enumerate()
+            .map(relative)
+            .fold(0.0, f64::max);
         // Below rounding the two runs agree by chance.
         let rounding = f64::EPSILON * (outcome.stats.steps as f64).sqrt();
         Estimate {
@@ -181,7 +221,12 @@ impl Observer for Comparison<'_> {
 }
 
 /// Names everything and evaluates the outputs.
-fn assemble(system: &System, settings: &Settings, outcome: &Outcome, recorder: Recorder) -> Trajectory {
+fn assemble(
+    system: &System,
+    settings: &Settings,
+    outcome: &Outcome,
+    recorder: Recorder,
+) -> Trajectory {
     let names = ModeNames::new(system);
     let (status, reason) = describe(system, &names, outcome);
     let mut trajectory = Trajectory {
@@ -190,13 +235,20 @@ fn assemble(system: &System, settings: &Settings, outcome: &Outcome, recorder: R
         kind: Kind::Simulate,
         status,
         reason,
-        switches: system.switches.iter().map(|switch| switch.name.clone()).collect(),
+        switches: system
+            .switches
+            .iter()
+            .map(|switch| switch.name.clone())
+            .collect(),
         stats: Stats {
             steps: outcome.stats.steps as u64,
             rhs_evaluations: outcome.stats.rhs_evaluations as u64,
             ..Stats::default()
         },
-        certificate: Certificate { max_violation: outcome.drift.max(outcome.defect), ..Certificate::default() },
+        certificate: Certificate {
+            max_violation: outcome.drift.max(outcome.defect),
+            ..Certificate::default()
+        },
         skipped: system.skipped.clone(),
         ..Trajectory::default()
     };
@@ -207,7 +259,10 @@ fn assemble(system: &System, settings: &Settings, outcome: &Outcome, recorder: R
 /// The language's status, and a sentence where it is not `solved`.
 fn describe(system: &System, names: &ModeNames, outcome: &Outcome) -> (Status, Option<String>) {
     let surfaces = |switches: &[usize]| {
-        let quoted: Vec<String> = switches.iter().map(|&i| format!("`{}`", system.switches[i].name)).collect();
+        let quoted: Vec<String> = switches
+            .iter()
+            .map(|&i| format!("`{}`", system.switches[i].name))
+            .collect();
         quoted.join(", ")
     };
     let t = outcome.time;
@@ -260,11 +315,25 @@ fn judge(trajectory: &mut Trajectory, estimate: &Estimate, settings: &Settings) 
     trajectory.error_estimate = Some(estimate.error);
     let mut warn = |code: &str, message: String| {
         let span = Some(settings.span);
-        trajectory.warnings.push(Warning { code: code.into(), message, span });
+        trajectory.warnings.push(Warning {
+            code: code.into(),
+            message,
+            span,
+        });
     };
     if !estimate.same_modes {
-        warn("W0501", "a more accurate run goes through other modes; the result may depend on the tolerance".into());
+        warn(
+            "W0501",
+            "a more accurate run goes through other modes; the result may depend on the tolerance"
+                .into(),
+        );
     } else if estimate.error > settings.tolerance.max(1e-13) {
-        warn("W0502", format!("the estimated error {:.1e} is above the tolerance", estimate.error));
+        warn(
+            "W0502",
+            format!(
+                "the estimated error {:.1e} is above the tolerance",
+                estimate.error
+            ),
+        );
     }
 }

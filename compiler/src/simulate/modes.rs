@@ -15,18 +15,37 @@ pub(super) struct ModeNames<'s, 'e> {
 
 impl<'s, 'e> ModeNames<'s, 'e> {
     pub(super) fn new(system: &'s System<'e>) -> Self {
-        let shown = |i: &usize| system.partitions.iter().any(|partition| partition.switches.contains(i));
-        ModeNames { system, loose: (0..system.switches.len()).filter(|i| !shown(i)).collect() }
+        let shown = |i: &usize| {
+            system
+                .partitions
+                .iter()
+                .any(|partition| partition.switches.contains(i))
+        };
+        ModeNames {
+            system,
+            loose: (0..system.switches.len()).filter(|i| !shown(i)).collect(),
+        }
     }
 
     /// Regions the state is in: those whose weight is 1.
     pub(super) fn regions(&self, sides: &[Side]) -> Vec<String> {
         let value = |var: Var| {
-            let at = self.system.switches.iter().position(|switch| switch.alpha.as_variable() == Some(var));
+            let at = self
+                .system
+                .switches
+                .iter()
+                .position(|switch| switch.alpha.as_variable() == Some(var));
             at.map_or(0.5, |i| 0.5 + 0.5 * sides[i].sign())
         };
-        let regions = self.system.partitions.iter().flat_map(|partition| &partition.regions);
-        regions.filter(|region| region.weight.eval(&value) == 1.0).map(|region| region.name.clone()).collect()
+        let regions = self
+            .system
+            .partitions
+            .iter()
+            .flat_map(|partition| &partition.regions);
+        regions
+            .filter(|region| region.weight.eval(&value) == 1.0)
+            .map(|region| region.name.clone())
+            .collect()
     }
 
     /// `inside, sliding(x[1])`: regions, then what each remaining switch does.
@@ -37,12 +56,19 @@ impl<'s, 'e> ModeNames<'s, 'e> {
                 words.push(self.word(i, *side));
             }
         }
-        if words.is_empty() { "smooth".to_owned() } else { words.join(", ") }
+        if words.is_empty() {
+            "smooth".to_owned()
+        } else {
+            words.join(", ")
+        }
     }
 
     /// One way to go on from a point: `sliding(x), above(y)`.
     pub(super) fn branch(&self, candidate: &[(usize, Side)]) -> String {
-        let words: Vec<String> = candidate.iter().map(|&(i, side)| self.word(i, side)).collect();
+        let words: Vec<String> = candidate
+            .iter()
+            .map(|&(i, side)| self.word(i, side))
+            .collect();
         words.join(", ")
     }
 

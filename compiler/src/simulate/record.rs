@@ -8,7 +8,7 @@ use super::modes::{self, ModeNames};
 use crate::expr;
 use crate::report::{self, ModeInterval, Piece, Series, Trajectory};
 use crate::system::System;
-use crate::system::experiment::{Sampling, Settings};
+use crate::system::experiment::{Kept, Sampling, Settings};
 
 /// Observes a run and keeps what the experiment asks for.
 pub(super) struct Recorder {
@@ -85,17 +85,31 @@ impl Recorder {
             self.alpha.copy_from_slice(&outcome.alpha);
             self.push(outcome.time);
         }
-        let wanted = |name: &str| wanted(settings, name);
-        for group in system.groups.iter().filter(|group| wanted(&group.name)) {
+        for group in &system.groups {
             let rows = self.states.chunks(self.n.max(1));
-            let values = rows.flat_map(|row| row[group.entries.clone()].iter().copied()).collect();
-            trajectory.states.push(Series { name: group.name.clone(), shape: group.shape.clone(), values });
+            let values = rows
+                .flat_map(|row| row[group.entries.clone()].iter().copied())
+                .collect();
+            let series = Series {
+                name: group.name.clone(),
+                shape: group.shape.clone(),
+                values,
+            };
+            keep(settings, series, &mut trajectory.states);
         }
-        for output in system.outputs.iter().filter(|output| wanted(&output.name)) {
-            trajectory.outputs.push(self.evaluate(system, output));
+        for output in &system.outputs {
+            keep(
+                settings,
+                self.evaluate(system, output),
+                &mut trajectory.outputs,
+            );
         }
         for control in &system.controls {
-            trajectory.controls.push(self.evaluate(system, control));
+            keep(
+                settings,
+                self.evaluate(system, control),
+                &mut trajectory.controls,
+            );
         }
         self.name_modes(system, names, outcome, trajectory);
         trajectory.dense.pieces = self.pieces.unwrap_or_default();
@@ -112,8 +126,13 @@ impl Recorder {
         let mut inputs = vec![variable(&system.time)];
         inputs.extend(system.states.iter().map(|state| variable(&state.var)));
         inputs.extend(system.switches.iter().map(|switch| variable(&switch.alpha)));
-        let exprs: Vec<_> = output.exprs.iter().map(|e| e.substitute(&numbers)).collect();
-        let tape = expr::compile(&inputs, &exprs).expect("a verified output is smooth in time, states and α");
+        let exprs: Vec<_> = output
+            .exprs
+            .iter()
+            .map(|e| e.substitute(&numbers))
+            .collect();
+        let tape = expr::compile(&inputs, &exprs)
+            .expect("a verified output is smooth in time, states and α");
 
         // Structure of arrays: one row per input, one column per point.
         let (points, n, m) = (self.times.len(), self.n, self.alpha.len());
@@ -130,8 +149,17 @@ impl Recorder {
         }
     }
 
-    fn name_modes(&self, system: &System, names: &ModeNames, outcome: &Outcome, trajectory: &mut Trajectory) {
-        let first = self.changes.first().map_or(&outcome.sides[..], |(_, from, _)| from);
+    fn name_modes(
+        &self,
+        system: &System,
+        names: &ModeNames,
+        outcome: &Outcome,
+        trajectory: &mut Trajectory,
+    ) {
+        let first = self
+            .changes
+            .first()
+            .map_or(&outcome.sides[..], |(_, from, _)| from);
         let interval = |from: f64, to: f64, sides: &[Side]| ModeInterval {
             from,
             to,
@@ -139,10 +167,22 @@ impl Recorder {
             regions: names.regions(sides),
             sides: modes::sides(sides),
         };
-        let ends = self.changes.iter().map(|(time, ..)| *time).chain([outcome.time]);
-        let starts = [0.0].into_iter().chain(self.changes.iter().map(|(time, ..)| *time));
-        let sides = [first].into_iter().chain(self.changes.iter().map(|(.., to)| &to[..]));
-        trajectory.modes = starts.zip(ends).zip(sides).map(|((from, to), sides)| interval(from, to, sides)).collect();
+        let ends = self
+            .changes
+            .iter()
+            .map(|(time, ..)| *time)
+            .chain([outcome.time]);
+        let starts = [0.0]
+            .into_iter()
+            .chain(self.changes.iter().map(|(time, ..)| *time));
+        let sides = [first]
+            .into_iter()
+            .chain(self.changes.iter().map(|(.., to)| &to[..]));
+        trajectory.modes = starts
+            .zip(ends)
+            .zip(sides)
+            .map(|((from, to), sides)| interval(from, to, sides))
+            .collect();
         for (time, from, to) in &self.changes {
             let (mode_from, mode_to) = (names.mode(from), names.mode(to));
             for (i, switch) in system.switches.iter().enumerate() {
@@ -161,10 +201,24 @@ impl Recorder {
     }
 }
 
-/// True when the experiment keeps the quantity.
-fn wanted(settings: &Settings, name: &str) -> bool {
-    let base = |kept: &str| kept.split('[').next().is_some_and(|base| base == name) || kept == name;
-    settings.outputs.as_ref().is_none_or(|kept| kept.iter().any(|(kept, _)| base(kept)))
+/// Appends what the experiment keeps of a series: all of it without an `output` setting.
+fn keep(settings: &Settings, series: Series, to: &mut Vec<Series>) {
+    let Some(kept) = &settings.outputs else {
+        to.push(series);
+        return;
+    };
+    let of_series = |kept: &&Kept| kept.name.split('[').next() == Some(&series.name);
+    for kept in kept.iter().filter(of_series) {
+        let rows = series.values.chunks(series.n_entries().max(1));
+        let values = rows
+            .flat_map(|row| kept.entries.iter().map(|&entry| row[entry]))
+            .collect();
+        to.push(Series {
+            name: kept.name.clone(),
+            shape: kept.shape.clone(),
+            values,
+        });
+    }
 }
 
 impl Observer for Recorder {
@@ -183,7 +237,10 @@ impl Observer for Recorder {
             segment.alpha(segment.length, &mut self.alpha);
             self.push(end);
         }
-        while let Some(t) = self.next_sample().filter(|t| *t <= end && *t <= self.horizon) {
+        while let Some(t) = self
+            .next_sample()
+            .filter(|t| *t <= end && *t <= self.horizon)
+        {
             segment.state(t - segment.start, &mut self.x);
             segment.alpha(t - segment.start, &mut self.alpha);
             self.push(t);
@@ -193,7 +250,8 @@ impl Observer for Recorder {
     }
 
     fn event(&mut self, event: &Event) {
-        self.changes.push((event.time, event.from.into(), event.to.into()));
+        self.changes
+            .push((event.time, event.from.into(), event.to.into()));
     }
 }
 
@@ -213,5 +271,10 @@ fn piece(segment: &Segment, end: f64) -> Piece {
             }
         }
     }
-    Piece { from: segment.start, to: end, n_coefficients, coefficients }
+    Piece {
+        from: segment.start,
+        to: end,
+        n_coefficients,
+        coefficients,
+    }
 }

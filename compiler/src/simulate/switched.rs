@@ -37,20 +37,46 @@ impl<'e> Switched<'e> {
             numbers.insert(variable(param.var), exprs.constant(param.value));
         }
         let time = variable(system.time);
-        let states: Vec<Var> = system.states.iter().map(|state| variable(state.var)).collect();
-        let alphas: Vec<Var> = system.switches.iter().map(|switch| variable(switch.alpha)).collect();
-        let rates: Vec<_> = system.states.iter().map(|state| state.rate.substitute(&numbers)).collect();
-        let switching: Vec<_> = system.switches.iter().map(|switch| switch.psi.substitute(&numbers)).collect();
-        let place: FxHashMap<Var, usize> = states.iter().enumerate().map(|(i, &var)| (var, i)).collect();
+        let states: Vec<Var> = system
+            .states
+            .iter()
+            .map(|state| variable(state.var))
+            .collect();
+        let alphas: Vec<Var> = system
+            .switches
+            .iter()
+            .map(|switch| variable(switch.alpha))
+            .collect();
+        let rates: Vec<_> = system
+            .states
+            .iter()
+            .map(|state| state.rate.substitute(&numbers))
+            .collect();
+        let switching: Vec<_> = system
+            .switches
+            .iter()
+            .map(|switch| switch.psi.substitute(&numbers))
+            .collect();
+        let place: FxHashMap<Var, usize> = states
+            .iter()
+            .enumerate()
+            .map(|(i, &var)| (var, i))
+            .collect();
         let gradient = |psi: &Expr<'e>| {
-            let occurring = expr::variables_of(&[*psi]).into_iter().filter_map(|var| Some((*place.get(&var)?, var)));
+            let occurring = expr::variables_of(&[*psi])
+                .into_iter()
+                .filter_map(|var| Some((*place.get(&var)?, var)));
             occurring.map(|(i, var)| (i, psi.diff(var))).collect()
         };
         let gradients: Vec<Vec<_>> = switching.iter().map(gradient).collect();
         Switched {
             couplings: couplings(&rates, &gradients, &alphas),
             time_gradients: switching.iter().map(|psi| psi.diff(time)).collect(),
-            continuous: system.switches.iter().map(|switch| switch.continuity.is_continuous()).collect(),
+            continuous: system
+                .switches
+                .iter()
+                .map(|switch| switch.continuity.is_continuous())
+                .collect(),
             exprs,
             time,
             states,
@@ -62,18 +88,36 @@ impl<'e> Switched<'e> {
     }
 
     fn tape(&self, inputs: &[Var], outputs: &[Expr<'e>]) -> Tape {
-        expr::compile(inputs, outputs).expect("a verified system holds smooth functions of time, states and α only")
+        expr::compile(inputs, outputs)
+            .expect("a verified system holds smooth functions of time, states and α only")
     }
 }
 
 /// Which α each rate φ_i = Σ ∂ψ_i/∂x_k f_k may contain.
-fn couplings<'e>(rates: &[Expr<'e>], gradients: &[Vec<(usize, Expr<'e>)>], alphas: &[Var]) -> Vec<Vec<usize>> {
-    let place: FxHashMap<Var, usize> = alphas.iter().enumerate().map(|(i, &var)| (var, i)).collect();
-    let alphas_of = |e: Expr<'e>| expr::variables_of(&[e]).into_iter().filter_map(|var| place.get(&var).copied());
-    let in_rate: Vec<Vec<usize>> = rates.iter().map(|rate| alphas_of(*rate).collect()).collect();
+fn couplings<'e>(
+    rates: &[Expr<'e>],
+    gradients: &[Vec<(usize, Expr<'e>)>],
+    alphas: &[Var],
+) -> Vec<Vec<usize>> {
+    let place: FxHashMap<Var, usize> = alphas
+        .iter()
+        .enumerate()
+        .map(|(i, &var)| (var, i))
+        .collect();
+    let alphas_of = |e: Expr<'e>| {
+        expr::variables_of(&[e])
+            .into_iter()
+            .filter_map(|var| place.get(&var).copied())
+    };
+    let in_rate: Vec<Vec<usize>> = rates
+        .iter()
+        .map(|rate| alphas_of(*rate).collect())
+        .collect();
     let of_switch = |gradient: &Vec<(usize, Expr<'e>)>| {
-        let mut found: Vec<usize> =
-            gradient.iter().flat_map(|(k, entry)| in_rate[*k].iter().copied().chain(alphas_of(*entry))).collect();
+        let mut found: Vec<usize> = gradient
+            .iter()
+            .flat_map(|(k, entry)| in_rate[*k].iter().copied().chain(alphas_of(*entry)))
+            .collect();
         found.sort_unstable();
         found.dedup();
         found
@@ -82,7 +126,8 @@ fn couplings<'e>(rates: &[Expr<'e>], gradients: &[Vec<(usize, Expr<'e>)>], alpha
 }
 
 fn variable(expr: Expr) -> Var {
-    expr.as_variable().expect("a declared quantity is a variable")
+    expr.as_variable()
+        .expect("a declared quantity is a variable")
 }
 
 impl SwitchedSystem for Switched<'_> {
@@ -117,8 +162,16 @@ impl SwitchedSystem for Switched<'_> {
                 }
             }
         }
-        let rates: Vec<_> = self.rates.iter().map(|rate| rate.substitute(&fixed)).collect();
-        let switching: Vec<_> = self.switching.iter().map(|psi| psi.substitute(&fixed)).collect();
+        let rates: Vec<_> = self
+            .rates
+            .iter()
+            .map(|rate| rate.substitute(&fixed))
+            .collect();
+        let switching: Vec<_> = self
+            .switching
+            .iter()
+            .map(|psi| psi.substitute(&fixed))
+            .collect();
 
         // φ = ∂ψ/∂x f + ∂ψ/∂t
         let mut phi = Vec::with_capacity(sliding.len());
@@ -135,9 +188,19 @@ impl SwitchedSystem for Switched<'_> {
             phi.push(rate);
             time_gradients.push(by_time);
         }
-        let pairs = phi.iter().flat_map(|rate| sliding.iter().map(|&i| rate.diff(self.alphas[i])));
-        let linear: Vec<_> = pairs.collect::<Vec<_>>().into_iter().chain(gradients).chain(time_gradients).collect();
+        let pairs = phi
+            .iter()
+            .flat_map(|rate| sliding.iter().map(|&i| rate.diff(self.alphas[i])));
+        let linear: Vec<_> = pairs
+            .collect::<Vec<_>>()
+            .into_iter()
+            .chain(gradients)
+            .chain(time_gradients)
+            .collect();
         let field: Vec<_> = rates.into_iter().chain(phi).chain(switching).collect();
-        ModeFunctions { field: self.tape(&inputs, &field), sliding: self.tape(&inputs, &linear) }
+        ModeFunctions {
+            field: self.tape(&inputs, &field),
+            sliding: self.tape(&inputs, &linear),
+        }
     }
 }
