@@ -21,6 +21,7 @@
 //!   partition are 0 or 1 and sum to one.
 
 mod affine;
+mod assemble;
 mod continuity;
 mod display;
 mod error;
@@ -33,6 +34,8 @@ mod regions;
 mod sample;
 mod surface;
 mod switches;
+#[cfg(test)]
+mod switches_tests;
 mod values;
 mod verify;
 

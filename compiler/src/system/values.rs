@@ -110,7 +110,39 @@ fn numbers<'e>(
         }
         complete = false;
     }
+    complete &= in_range(model, given, &numbers, diags);
     complete.then_some(numbers)
+}
+
+/// Whether every parameter is within the range it was declared with.
+fn in_range<'e>(
+    model: &Model<'e>,
+    given: &Given<'e>,
+    numbers: &FxHashMap<Var, f64>,
+    diags: &mut Diagnostics,
+) -> bool {
+    let mut fine = true;
+    let number = |e: Expr<'e>| e.eval(&|var| numbers.get(&var).copied().unwrap_or(f64::NAN));
+    for param in &model.params {
+        let Some((lower, upper)) = &param.bounds else {
+            continue;
+        };
+        for (k, &var) in param.vars.iter().enumerate() {
+            let (value, low, high) = (number(var), number(lower.data[k]), number(upper.data[k]));
+            // What could not be computed is reported elsewhere.
+            if value < low || value > high {
+                let given_at = var.as_variable().and_then(|var| given.values.get(&var));
+                diags.push(ExperimentError::OutOfRange {
+                    what: format!("param `{}`", param.shape.entry_name(&param.name, k)),
+                    expected: format!("in [{low}, {high}]"),
+                    found: value.to_string(),
+                    span: given_at.map_or(param.span, |&(_, span)| span),
+                });
+                fine = false;
+            }
+        }
+    }
+    fine
 }
 
 /// Controls and inputs, each expressed without the others.

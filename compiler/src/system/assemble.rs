@@ -1,0 +1,271 @@
+//! Finishes a system: keeps what is used, classifies the switches, checks the partitions.
+
+use rustc_hash::{FxHashMap, FxHashSet};
+
+use super::continuity::classify;
+use super::interaction::{positions, subsystems};
+use super::lower::Lowering;
+use super::{
+    Continuity, Output, Param, Partition, Region, State, StateGroup, Switch, System, SystemError,
+    regions,
+};
+use crate::diagnostics::Diagnostics;
+use crate::expr::{Expr, Var, variables_of};
+use crate::model::{Quantity, SwitchKind};
+use crate::source::Span;
+
+impl<'e> Lowering<'_, 'e> {
+    /// Keeps the switches that matter, and finishes their description.
+    pub(super) fn assemble(
+        self,
+        rates: Vec<Expr<'e>>,
+        outputs: Vec<Output<'e>>,
+        controls: Vec<Output<'e>>,
+        weights: Vec<Expr<'e>>,
+        diags: &mut Diagnostics,
+    ) -> System<'e> {
+        let model = self.model;
+        let recorded = outputs
+            .iter()
+            .chain(&controls)
+            .flat_map(|output| output.exprs.iter().copied());
+        let roots: Vec<Expr<'e>> = rates
+            .iter()
+            .chain(&weights)
+            .copied()
+            .chain(recorded)
+            .collect();
+        let (kept, dropped) = self.used(&roots);
+        let mut switches: Vec<Switch<'e>> = kept.iter().map(|&k| self.finished(k)).collect();
+        for (k, switch) in switches.iter().enumerate() {
+            if let Some(var) = switch.alpha.as_variable() {
+                model.exprs.rename(var, &format!("alpha[{}]", k + 1));
+            }
+        }
+        let alphas: Vec<Var> = kept.iter().map(|&k| self.switches.list[k].alpha).collect();
+        let sampler = self.sampler_of(
+            switches
+                .iter()
+                .zip(&alphas)
+                .map(|(switch, &alpha)| (alpha, switch.psi))
+                .collect(),
+        );
+
+        // The functions each α enters: rates and the ψ of other switches.
+        let functions: Vec<Expr<'e>> = rates
+            .iter()
+            .copied()
+            .chain(switches.iter().map(|switch| switch.psi))
+            .collect();
+        let mut entered: Vec<Vec<Expr<'e>>> = vec![Vec::new(); alphas.len()];
+        for &f in &functions {
+            for k in positions(f, &alphas) {
+                entered[k].push(f);
+            }
+        }
+        for (k, switch) in switches.iter_mut().enumerate() {
+            let is_kink = self.switches.is_kink(kept[k]);
+            switch.continuity = classify(&entered[k], (alphas[k], switch.psi), is_kink, &sampler);
+        }
+        for outer in &switches {
+            for inner in positions(outer.psi, &alphas)
+                .into_iter()
+                .map(|k| &switches[k])
+            {
+                if inner.continuity == Continuity::Discontinuous {
+                    diags.push(SystemError::DiscontinuousSurface {
+                        outer: outer.name.clone(),
+                        inner: inner.name.clone(),
+                        outer_span: outer.spans.first().copied().unwrap_or(model.span),
+                        inner_span: inner.spans.first().copied().unwrap_or(model.span),
+                    });
+                }
+            }
+        }
+
+        let states = self.states(&rates);
+        let partitions = self.partitions(&weights, &alphas);
+        for partition in &partitions {
+            if let Some(error) = regions::check(partition, &states, &switches, &sampler) {
+                diags.push(error);
+            }
+        }
+        let mut subsystems = subsystems(&rates, &alphas);
+        for subsystem in &mut subsystems {
+            subsystem.regions = regions::regions_of(subsystem, &partitions, &rates, &alphas);
+        }
+        let skipped = dropped
+            .into_iter()
+            .map(|k| format!("switch `{}`", self.switches.list[k].name))
+            .collect();
+        let (params, groups) = (self.params(), self.groups());
+        let named = model.switches.iter().flat_map(|switch| {
+            switch
+                .vars
+                .iter()
+                .zip(&switch.psi)
+                .filter_map(|(var, &psi)| {
+                    let direct = match switch.kind {
+                        SwitchKind::Sign => psi.sign(),
+                        SwitchKind::Step => psi.step(),
+                    };
+                    let var = var.as_variable()?;
+                    Some((var, self.named.get(var)?, direct))
+                })
+        });
+        let readings = self
+            .switches
+            .readings(&kept, self.values.signals.clone(), named);
+        System {
+            exprs: model.exprs,
+            name: model.name.clone(),
+            time: model.time,
+            params,
+            states,
+            groups,
+            switches,
+            partitions,
+            outputs,
+            controls,
+            subsystems,
+            skipped,
+            readings,
+        }
+    }
+
+    /// The switches that the expressions reach, also through ψ, in the order of the source with
+    /// inner ones first; and the others.
+    fn used(&self, roots: &[Expr<'e>]) -> (Vec<usize>, Vec<usize>) {
+        let list = &self.switches.list;
+        let number: FxHashMap<Var, usize> = list
+            .iter()
+            .enumerate()
+            .map(|(k, switch)| (switch.alpha, k))
+            .collect();
+        let inside = |e: &[Expr<'e>]| {
+            variables_of(e)
+                .into_iter()
+                .filter_map(|var| number.get(&var).copied())
+                .collect::<Vec<_>>()
+        };
+        let mut reached: FxHashSet<usize> = FxHashSet::default();
+        let mut stack = inside(roots);
+        while let Some(k) = stack.pop() {
+            if reached.insert(k) {
+                stack.extend(inside(&[list[k].psi]));
+            }
+        }
+        // Creation order has inner switches first already.
+        let (kept, dropped): (Vec<usize>, Vec<usize>) =
+            (0..list.len()).partition(|k| reached.contains(k));
+        (kept, dropped)
+    }
+
+    fn finished(&self, k: usize) -> Switch<'e> {
+        let collected = &self.switches.list[k];
+        Switch {
+            name: collected.name.clone(),
+            alpha: self.model.exprs.expr(collected.alpha),
+            psi: collected.psi,
+            continuity: Continuity::Discontinuous,
+            named: collected.named.clone(),
+            spans: collected.spans.clone(),
+        }
+    }
+
+    fn params(&self) -> Vec<Param<'e>> {
+        let entries = self.model.params.iter().flat_map(|param| {
+            param
+                .vars
+                .iter()
+                .enumerate()
+                .map(move |(k, &var)| (param.shape.entry_name(&param.name, k), var))
+        });
+        let value = |var: Expr<'e>| {
+            var.as_variable()
+                .and_then(|var| self.values.numbers.get(&var).copied())
+        };
+        entries
+            .map(|(name, var)| Param {
+                name,
+                var,
+                value: value(var).unwrap_or(f64::NAN),
+            })
+            .collect()
+    }
+
+    fn states(&self, rates: &[Expr<'e>]) -> Vec<State<'e>> {
+        let model = self.model;
+        let statements = model
+            .dynamics
+            .iter()
+            .chain(model.regions.iter().flat_map(|region| &region.rates));
+        let mut set_at: FxHashMap<usize, Span> = FxHashMap::default();
+        for rate in statements.filter(|rate| !rate.adds) {
+            set_at.entry(rate.entry).or_insert(rate.span);
+        }
+        let entries = model.states.iter().flat_map(|state| {
+            state
+                .vars
+                .iter()
+                .enumerate()
+                .map(move |(k, &var)| (state.shape.entry_name(&state.name, k), var, state.span))
+        });
+        entries
+            .zip(rates)
+            .enumerate()
+            .map(|(entry, ((name, var, declared), &rate))| {
+                let initial = var
+                    .as_variable()
+                    .and_then(|var| self.values.numbers.get(&var).copied())
+                    .unwrap_or(f64::NAN);
+                State {
+                    name,
+                    var,
+                    initial,
+                    rate,
+                    span: set_at.get(&entry).copied().unwrap_or(declared),
+                }
+            })
+            .collect()
+    }
+
+    fn groups(&self) -> Vec<StateGroup> {
+        let mut first = 0;
+        let group = |state: &Quantity<'e>| {
+            let entries = first..first + state.vars.len();
+            first = entries.end;
+            StateGroup {
+                name: state.name.clone(),
+                shape: state.shape.sizes(),
+                entries,
+            }
+        };
+        self.model.states.iter().map(group).collect()
+    }
+
+    fn partitions(&self, weights: &[Expr<'e>], alphas: &[Var]) -> Vec<Partition<'e>> {
+        let partitions = self.model.partitions.iter().map(|partition| {
+            let regions: Vec<Region<'e>> = (partition.regions.iter())
+                .map(|&r| Region {
+                    name: self.model.regions[r].name.clone(),
+                    weight: weights[r],
+                    literals: regions::conjunction(weights[r], alphas),
+                    span: self.model.regions[r].span,
+                })
+                .collect();
+            let mut switches: Vec<usize> = regions
+                .iter()
+                .flat_map(|region| positions(region.weight, alphas))
+                .collect();
+            switches.sort_unstable();
+            switches.dedup();
+            Partition {
+                regions,
+                switches,
+                states: partition.entries.clone(),
+            }
+        });
+        partitions.collect()
+    }
+}
