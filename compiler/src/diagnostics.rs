@@ -33,6 +33,16 @@ impl Diagnostics {
         self.list.extend(other.list);
     }
 
+    /// Drops those that another list has already: same code, place and message.
+    pub fn remove_known(&mut self, known: &Diagnostics) {
+        let key = |diagnostic: &AnyDiagnostic| {
+            let code = diagnostic.code().map(|code| code.to_string());
+            (code, position(diagnostic.as_ref()), diagnostic.to_string())
+        };
+        self.list
+            .retain(|diagnostic| !known.list.iter().any(|known| key(known) == key(diagnostic)));
+    }
+
     /// All of them, by position in the source, those without one last.
     pub fn iter(&self) -> impl Iterator<Item = &AnyDiagnostic> {
         let mut sorted: Vec<&AnyDiagnostic> = self.list.iter().collect();

@@ -48,8 +48,9 @@ impl Dense {
         Some(piece.at(time))
     }
 
-    pub(super) fn verify(&self, n_rows: usize) -> Result<(), String> {
-        if self.pieces.iter().any(|piece| piece.n_rows() != n_rows) {
+    pub(super) fn verify(&self, n_switches: usize) -> Result<(), String> {
+        let n_rows = self.pieces.first().map_or(n_switches, Piece::n_rows);
+        if n_rows < n_switches || self.pieces.iter().any(|piece| piece.n_rows() != n_rows) {
             return Err("a piece does not have a row per state and switch".into());
         }
         if self.pieces.windows(2).any(|pair| pair[1].from < pair[0].to) {
@@ -77,7 +78,8 @@ mod tests {
                 piece(1.0, 2.0, &[1.0, -1.0, 1.0, 0.0]),
             ],
         };
-        assert_eq!(dense.verify(2), Ok(()));
+        assert_eq!(dense.verify(1), Ok(()));
+        assert!(dense.verify(3).is_err());
         assert_eq!(dense.at(0.5), Some(vec![0.5, 0.0]));
         assert_eq!(dense.at(1.0), Some(vec![1.0, 1.0]));
         assert_eq!(dense.at(2.0), Some(vec![0.0, 1.0]));

@@ -7,10 +7,11 @@
 //! - `time` does not decrease; an instant stands twice where a state jumps;
 //! - every series has one value of its shape per instant;
 //! - mode intervals follow each other without gap and hold one side per switch;
-//! - pieces follow each other in time and have a row per state entry and switch.
+//! - pieces follow each other in time and have one number of rows, switches among them.
 
 pub mod csv;
 mod dense;
+pub mod expect;
 pub mod json;
 pub mod plot;
 mod refine;
@@ -387,7 +388,36 @@ impl Trajectory {
         self.modes.get(after.saturating_sub(1))
     }
 
-    /// Number of scalar states.
+    /// Every state entry of the system, then every α, at `time`; `None` where the run has no values.
+    ///
+    /// Between points of a method without pieces it is interpolated, without α.
+    pub fn row_at(&self, time: f64) -> Option<Vec<f64>> {
+        let (first, last) = (*self.time.first()?, *self.time.last()?);
+        if let Some(end) = self.dense.pieces.last().map(|piece| piece.to) {
+            return (time <= end).then(|| self.dense.at(time)).flatten();
+        }
+        if !(first..=last).contains(&time) {
+            return None;
+        }
+        let after = self
+            .time
+            .partition_point(|&t| t <= time)
+            .min(self.time.len() - 1);
+        let before = after.saturating_sub(1);
+        let length = self.time[after] - self.time[before];
+        let share = if length > 0.0 {
+            (time - self.time[before]) / length
+        } else {
+            1.0
+        };
+        let between = |series: &Series| {
+            let pairs = series.at(before).iter().zip(series.at(after));
+            pairs.map(|(a, b)| a + share * (b - a)).collect::<Vec<_>>()
+        };
+        Some(self.states.iter().flat_map(between).collect())
+    }
+
+    /// Number of scalar states that are reported.
     pub fn n_states(&self) -> usize {
         self.states.iter().map(Series::n_entries).sum()
     }
@@ -422,6 +452,6 @@ impl Trajectory {
         if self.modes.iter().any(|mode| mode.sides.len() != n_switches) {
             return Err("a mode does not have one side per switch".into());
         }
-        self.dense.verify(self.n_states() + n_switches)
+        self.dense.verify(n_switches)
     }
 }

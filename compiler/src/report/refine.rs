@@ -4,12 +4,12 @@ use super::{Series, Trajectory};
 
 /// The trajectory at about `n` instants, both ends of every piece among them.
 ///
-/// `others` gives the outputs and then the controls, entry by entry, from an
-/// instant and the values of a piece there. Without pieces nothing changes.
+/// `values` gives all reported states, outputs and controls, entry by entry, from
+/// an instant and the rows of a piece there. Without pieces nothing changes.
 pub fn refine(
     trajectory: &Trajectory,
     n: usize,
-    others: &dyn Fn(f64, &[f64]) -> Vec<f64>,
+    values: &dyn Fn(f64, &[f64]) -> Vec<f64>,
 ) -> Trajectory {
     let mut fine = trajectory.clone();
     let (Some(first), Some(last)) = (
@@ -28,18 +28,18 @@ pub fn refine(
         .collect();
     all.iter_mut().for_each(|series| series.values.clear());
 
-    let n_states = trajectory.n_states();
     for piece in &trajectory.dense.pieces {
         let n_steps = ((piece.to - piece.from) / span * n as f64).ceil().max(1.0);
         for k in 0..=n_steps as usize {
             let time = piece.from + (piece.to - piece.from) * (k as f64 / n_steps);
             let row = piece.at(time);
-            let others = others(time, &row);
-            let mut entries = row[..n_states].iter().chain(&others);
+            let values = values(time, &row);
+            let mut entries = values.into_iter();
             fine.time.push(time);
             for series in &mut all {
-                let entries = entries.by_ref().take(series.n_entries());
-                series.values.extend(entries.copied());
+                series
+                    .values
+                    .extend(entries.by_ref().take(series.n_entries()));
             }
         }
     }
@@ -65,7 +65,7 @@ mod tests {
         trajectory.dense = Dense {
             pieces: vec![piece(0.0, 0.5, [1.0, 2.0]), piece(0.5, 1.0, [5.0, 0.0])],
         };
-        let fine = refine(&trajectory, 4, &|time, row| vec![row[0] - time]);
+        let fine = refine(&trajectory, 4, &|time, row| vec![row[0], row[0] - time]);
         assert_eq!(fine.verify(), Ok(()));
         assert_eq!(fine.time, [0.0, 0.25, 0.5, 0.5, 0.75, 1.0]);
         assert_eq!(fine.states[0].values, [1.0, 1.5, 2.0, 5.0, 5.0, 5.0]);

@@ -1,0 +1,122 @@
+//! What can be wrong with an expectation.
+
+use miette::Diagnostic;
+use thiserror::Error;
+
+use crate::source::Span;
+
+/// What can be wrong with an expectation.
+#[derive(Clone, Debug, Error, Diagnostic)]
+#[allow(
+    missing_docs,
+    reason = "fields are the words of the message; labels say the rest"
+)]
+pub enum ExpectError {
+    /// Numbers that a run computes agree up to a tolerance only.
+    #[error("`~` without a tolerance")]
+    #[diagnostic(code(E0601), help("add an absolute tolerance, as in `within 1e-9`"))]
+    NoTolerance {
+        #[label("how close is close?")]
+        span: Span,
+    },
+    /// `=` is exact and inequalities have their slack in their bound.
+    #[error("`within` belongs to `~`")]
+    #[diagnostic(code(E0602), help("write `~`, or leave the tolerance out"))]
+    UnusedTolerance {
+        #[label("this relation is exact")]
+        span: Span,
+    },
+    /// Both sides of a relation have one shape, or one of them is a scalar.
+    #[error("the sides have different shapes")]
+    #[diagnostic(code(E0603))]
+    Shapes {
+        left_shape: String,
+        right_shape: String,
+        #[label("{left_shape}")]
+        left: Span,
+        #[label("{right_shape}")]
+        right: Span,
+    },
+    /// A state has a value at an instant, not in a run.
+    #[error("`{name}` changes over time, and no instant is given")]
+    #[diagnostic(code(E0604), help("say when: `at end`, `at 0.5` or `always`"))]
+    NoInstant {
+        name: String,
+        #[label("depends on `{name}`")]
+        span: Span,
+    },
+    /// There are no values before the start and after the end.
+    #[error("the instant {instant} is not in the run")]
+    #[diagnostic(code(E0605), help("the run goes from 0 to {horizon}"))]
+    OutsideRun {
+        instant: String,
+        horizon: String,
+        #[label("this is {instant}")]
+        span: Span,
+    },
+    /// An instant is a number that is known before the run.
+    #[error("an instant must not change over time")]
+    #[diagnostic(code(E0606), help("use numbers, constants and params"))]
+    NotAnInstant {
+        #[label("not one number")]
+        span: Span,
+    },
+    /// The kinds of events have fixed names.
+    #[error("there are no events of kind `{name}`")]
+    #[diagnostic(code(E0607))]
+    UnknownEvent {
+        name: String,
+        #[label("not a kind of event")]
+        span: Span,
+        #[help]
+        help: String,
+    },
+    /// Events and modes are asked for by a surface of the model.
+    #[error("`{name}` is not a switching surface of this experiment")]
+    #[diagnostic(code(E0608))]
+    UnknownSurface {
+        name: String,
+        #[label("no switch has this switching function")]
+        span: Span,
+        #[help]
+        help: String,
+    },
+    /// A mode is described by regions and by what switches do.
+    #[error("`{text}` does not describe a mode")]
+    #[diagnostic(code(E0609))]
+    NotAMode {
+        text: String,
+        #[label("not a mode")]
+        span: Span,
+        #[help]
+        help: String,
+    },
+    /// The ways a run can end have fixed names.
+    #[error("there is no status `{name}`")]
+    #[diagnostic(
+        code(E0610),
+        help(
+            "one of `solved`, `locally_infeasible`, `unbounded`, `iteration_limit`, `time_limit`, `numerical_failure`"
+        )
+    )]
+    UnknownStatus {
+        name: String,
+        #[label("not a status")]
+        span: Span,
+    },
+    /// `events` takes the kind of the events and, where there are several, their surface.
+    #[error("`events` takes a kind and a surface")]
+    #[diagnostic(code(E0611), help("write `events(crossing)` or `events(crossing, x)`"))]
+    EventArguments {
+        #[label("wrong arguments")]
+        span: Span,
+    },
+    /// The order of convergence needs runs with several step sizes.
+    #[error("`expect {what}` is not yet supported")]
+    #[diagnostic(code(E0960))]
+    Unsupported {
+        what: String,
+        #[label("not yet supported")]
+        span: Span,
+    },
+}

@@ -1,0 +1,229 @@
+//! Expectations: what an experiment asserts of its own run.
+//!
+//! [`check`] finds the mistakes that can be found without a run; [`evaluate`]
+//! compares with one. Both read names as the model does, with the words that
+//! only a run gives a meaning to: `switches`, `events(..)`, `end`.
+
+mod error;
+mod mode;
+mod relation;
+mod values;
+
+pub use error::ExpectError;
+
+use self::values::Run;
+use super::{Status, Trajectory};
+use crate::diagnostics::Diagnostics;
+use crate::model::Model;
+use crate::source::{SourceMap, Span};
+use crate::syntax::{Expect, Expr, ExprKind};
+use crate::system::System;
+
+/// What expectations are about.
+pub struct Subject<'s, 'e> {
+    /// The model.
+    pub model: &'s Model<'e>,
+    /// Its system under the experiment.
+    pub system: &'s System<'e>,
+    /// End of the run.
+    pub horizon: f64,
+    /// Where the texts are.
+    pub sources: &'s SourceMap,
+}
+
+/// An expectation after a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Check {
+    /// As written, without `expect`.
+    pub text: String,
+    /// The statement.
+    pub span: Span,
+    /// Whether it holds.
+    pub verdict: Verdict,
+}
+
+/// Whether an expectation holds.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Verdict {
+    /// It does.
+    Passed,
+    /// It does not.
+    Failed {
+        /// What should be.
+        expected: String,
+        /// What is.
+        got: String,
+    },
+    /// It cannot be said yet.
+    Unsupported {
+        /// Code of the diagnostic that says so.
+        code: String,
+    },
+}
+
+/// What a run gave besides its trajectory.
+#[derive(Default)]
+pub struct Findings {
+    /// Codes of all warnings.
+    pub warnings: Vec<String>,
+    /// The printed lowering and its golden file, where there is one.
+    pub lowering: Option<(String, Option<String>)>,
+}
+
+/// Finds the mistakes in expectations that need no run to be seen.
+pub fn check(subject: &Subject<'_, '_>, expects: &[(Expect, Span)], diags: &mut Diagnostics) {
+    for (expect, span) in expects {
+        match expect {
+            Expect::LoweringGolden | Expect::Warning(_) => {}
+            Expect::Status(status) => {
+                if !Status::ALL
+                    .iter()
+                    .any(|known| known.as_str() == status.name)
+                {
+                    diags.push(ExpectError::UnknownStatus {
+                        name: status.name.clone(),
+                        span: status.span,
+                    });
+                }
+            }
+            Expect::Mode { at, mode } => {
+                relation::instant(subject, at, diags);
+                mode::check(subject, mode, diags);
+            }
+            Expect::Relation(relation) => {
+                relation::resolve(subject, relation, *span, &Run::Unknown, diags);
+            }
+        }
+    }
+}
+
+/// Compares all expectations with a run.
+pub fn evaluate(
+    subject: &Subject<'_, '_>,
+    expects: &[(Expect, Span)],
+    trajectory: &Trajectory,
+    findings: &Findings,
+) -> Vec<Check> {
+    let one = |(expect, span): &(Expect, Span)| Check {
+        text: text(subject.sources, *span),
+        span: *span,
+        verdict: verdict(subject, expect, *span, trajectory, findings),
+    };
+    let mut checks: Vec<Check> = expects.iter().map(one).collect();
+    // A run that failed fails the test, unless that is what it is expected to do.
+    let asks_for_status = expects
+        .iter()
+        .any(|(expect, _)| matches!(expect, Expect::Status(_)));
+    if trajectory.status != Status::Solved && !asks_for_status {
+        checks.push(Check {
+            text: "the run ends well".into(),
+            span: Span::default(),
+            verdict: Verdict::Failed {
+                expected: Status::Solved.as_str().into(),
+                got: status_text(trajectory),
+            },
+        });
+    }
+    checks
+}
+
+fn verdict(
+    subject: &Subject<'_, '_>,
+    expect: &Expect,
+    span: Span,
+    trajectory: &Trajectory,
+    findings: &Findings,
+) -> Verdict {
+    let failed = |expected: String, got: String| Verdict::Failed { expected, got };
+    match expect {
+        Expect::LoweringGolden => match &findings.lowering {
+            None => failed("a golden file".into(), "no lowered form".into()),
+            Some((_, None)) => failed(
+                "a golden file".into(),
+                "none; `nsdc test --accept` writes it".into(),
+            ),
+            Some((now, Some(golden))) => match first_difference(golden, now) {
+                None => Verdict::Passed,
+                Some((line, golden, now)) => failed(
+                    format!("line {line} of the golden file, {}", quoted(golden)),
+                    quoted(now),
+                ),
+            },
+        },
+        Expect::Status(status) if status.name == trajectory.status.as_str() => Verdict::Passed,
+        Expect::Status(status) => failed(status.name.clone(), status_text(trajectory)),
+        Expect::Warning(code) if findings.warnings.contains(&code.name) => Verdict::Passed,
+        Expect::Warning(code) => {
+            let got = match findings.warnings.is_empty() {
+                true => "no warning".into(),
+                false => findings.warnings.join(", "),
+            };
+            failed(code.name.clone(), got)
+        }
+        Expect::Mode { at, mode } => mode::evaluate(subject, at, mode, trajectory),
+        Expect::Relation(relation) => relation::evaluate(subject, relation, span, trajectory),
+    }
+}
+
+fn status_text(trajectory: &Trajectory) -> String {
+    let status = trajectory.status.as_str();
+    match &trajectory.reason {
+        Some(reason) => format!("{status}: {reason}"),
+        None => status.into(),
+    }
+}
+
+/// The first line in which two texts differ, from 1, with both versions of it; ends of lines may
+/// be those of any system.
+fn first_difference<'t>(
+    a: &'t str,
+    b: &'t str,
+) -> Option<(usize, Option<&'t str>, Option<&'t str>)> {
+    let (mut a, mut b) = (a.trim_end().lines(), b.trim_end().lines());
+    for line in 1.. {
+        match (a.next(), b.next()) {
+            (None, None) => return None,
+            (x, y) if x == y => {}
+            (x, y) => return Some((line, x, y)),
+        }
+    }
+    None
+}
+
+fn quoted(line: Option<&str>) -> String {
+    match line {
+        Some(line) => format!("`{line}`"),
+        None => "the end".into(),
+    }
+}
+
+/// A statement on one line, without `expect` and semicolon.
+fn text(sources: &SourceMap, span: Span) -> String {
+    let words: Vec<&str> = sources.text(span).split_whitespace().collect();
+    let line = words.join(" ");
+    let line = line.strip_prefix("expect ").unwrap_or(&line);
+    line.trim_end_matches([';', ' ']).to_owned()
+}
+
+/// The name that an expression is, if it is one.
+fn as_name(expr: &Expr) -> Option<&str> {
+    match &expr.kind {
+        ExprKind::Name(name) => Some(name),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::first_difference;
+
+    #[test]
+    fn the_first_different_line_is_found() {
+        assert_eq!(first_difference("a\r\nb\r\n", "a\nb"), None);
+        assert_eq!(
+            first_difference("a\nb", "a\nc"),
+            Some((2, Some("b"), Some("c")))
+        );
+        assert_eq!(first_difference("a", "a\nc"), Some((2, None, Some("c"))));
+    }
+}

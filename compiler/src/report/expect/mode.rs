@@ -1,0 +1,209 @@
+//! `expect mode at t is inside and sliding(s);`
+
+use super::error::ExpectError;
+use super::values::{Run, Words};
+use super::{Subject, Verdict, as_name, relation};
+use crate::diagnostics::Diagnostics;
+use crate::expr::Expr;
+use crate::report::text::significant;
+use crate::report::{ModeInterval, Side, Trajectory};
+use crate::syntax::{self, Arg, ExprKind};
+
+/// What relays, contacts and projections do.
+const NOT_YET: [&str; 7] = ["on", "off", "open", "closed", "stick", "slip", "active"];
+
+/// Finds the mistakes in the description of a mode.
+pub fn check(subject: &Subject<'_, '_>, mode: &syntax::Expr, diags: &mut Diagnostics) {
+    let regions = all_regions(subject);
+    let anywhere = ModeInterval {
+        from: 0.0,
+        to: subject.horizon,
+        mode: String::new(),
+        regions,
+        sides: vec![Side::Sliding; subject.system.switches.len()],
+    };
+    if let Err(error) = holds(subject, mode, &anywhere) {
+        diags.push(error);
+    }
+}
+
+/// Compares the mode at an instant of a run.
+pub fn evaluate(
+    subject: &Subject<'_, '_>,
+    at: &syntax::Expr,
+    mode: &syntax::Expr,
+    trajectory: &Trajectory,
+) -> Verdict {
+    let failed = |got: String| Verdict::Failed {
+        expected: subject.sources.text(mode.span).to_owned(),
+        got,
+    };
+    let mut diags = Diagnostics::new();
+    let Some(instant) = relation::instant(subject, at, &mut diags) else {
+        return relation::verdict_of(&diags);
+    };
+    let reached = trajectory.modes.last().map_or(0.0, |last| last.to);
+    if instant > reached {
+        return failed(format!("the run ended at {}", significant(reached, 12)));
+    }
+    let Some(interval) = trajectory.mode_at(instant) else {
+        return failed("no mode".into());
+    };
+    match holds(subject, mode, interval) {
+        Ok(true) => Verdict::Passed,
+        Ok(false) => failed(interval.mode.clone()),
+        Err(error) => {
+            diags.push(error);
+            relation::verdict_of(&diags)
+        }
+    }
+}
+
+/// Whether the description fits the mode; every part of it is looked at, so that all mistakes are found.
+fn holds(
+    subject: &Subject<'_, '_>,
+    mode: &syntax::Expr,
+    interval: &ModeInterval,
+) -> Result<bool, ExpectError> {
+    match &mode.kind {
+        ExprKind::And(parts) => parts
+            .iter()
+            .try_fold(true, |all, part| Ok(holds(subject, part, interval)? && all)),
+        ExprKind::Or(parts) => {
+            parts.iter().try_fold(
+                false,
+                |any, part| Ok(holds(subject, part, interval)? || any),
+            )
+        }
+        ExprKind::Not(part) => Ok(!holds(subject, part, interval)?),
+        ExprKind::Call(word, args) => {
+            let word = as_name(word).unwrap_or_default();
+            if NOT_YET.contains(&word) {
+                let what = format!("mode is {word}(..)");
+                return Err(ExpectError::Unsupported {
+                    what,
+                    span: mode.span,
+                });
+            }
+            let wanted = match word {
+                "sliding" => Side::Sliding,
+                "above" => Side::Above,
+                "below" => Side::Below,
+                _ => return Err(not_a_mode(subject, mode)),
+            };
+            let mut all = !args.is_empty();
+            for arg in args {
+                let Arg::Positional(surface, binders) = arg else {
+                    return Err(not_a_mode(subject, mode));
+                };
+                if !binders.is_empty() {
+                    return Err(not_a_mode(subject, mode));
+                }
+                for (switch, flipped) in switches_of(subject, surface)? {
+                    let side = interval.sides.get(switch).copied().unwrap_or(Side::Sliding);
+                    let side = if flipped { opposite(side) } else { side };
+                    all &= side == wanted;
+                }
+            }
+            match args.is_empty() {
+                true => Err(not_a_mode(subject, mode)),
+                false => Ok(all),
+            }
+        }
+        // A region, `inside` or `pair[1,2]`.
+        _ => {
+            let name: String = subject.sources.text(mode.span).split_whitespace().collect();
+            match all_regions(subject).contains(&name) {
+                true => Ok(interval.regions.contains(&name)),
+                false => Err(not_a_mode(subject, mode)),
+            }
+        }
+    }
+}
+
+/// The switches that a name or a switching function means, and whether each is flipped.
+pub fn switches_of(
+    subject: &Subject<'_, '_>,
+    surface: &syntax::Expr,
+) -> Result<Vec<(usize, bool)>, ExpectError> {
+    let unknown = || ExpectError::UnknownSurface {
+        name: subject.sources.text(surface.span).to_owned(),
+        span: surface.span,
+        help: surfaces(subject),
+    };
+    let mut diags = Diagnostics::new();
+    let value = Words::new(subject, &Run::Unknown)
+        .value(surface, &mut diags)
+        .ok_or_else(unknown)?;
+    let switches = value.data.iter().map(|&entry| {
+        let psi = psi_of_named(subject, entry).unwrap_or(entry);
+        subject.system.switch_of(psi).ok_or_else(unknown)
+    });
+    switches.collect()
+}
+
+/// The switching function of an entry of a named switch.
+fn psi_of_named<'e>(subject: &Subject<'_, 'e>, entry: Expr<'e>) -> Option<Expr<'e>> {
+    let mut named = subject
+        .model
+        .switches
+        .iter()
+        .flat_map(|switch| switch.vars.iter().zip(&switch.psi));
+    named.find(|(var, _)| **var == entry).map(|(_, psi)| *psi)
+}
+
+fn opposite(side: Side) -> Side {
+    match side {
+        Side::Below => Side::Above,
+        Side::Sliding => Side::Sliding,
+        Side::Above => Side::Below,
+    }
+}
+
+fn all_regions(subject: &Subject<'_, '_>) -> Vec<String> {
+    subject
+        .model
+        .regions
+        .iter()
+        .map(|region| region.name.clone())
+        .collect()
+}
+
+fn not_a_mode(subject: &Subject<'_, '_>, mode: &syntax::Expr) -> ExpectError {
+    let mut known: Vec<String> = all_regions(subject)
+        .iter()
+        .map(|name| format!("`{name}`"))
+        .collect();
+    known.extend([
+        "`sliding(..)`".into(),
+        "`above(..)`".into(),
+        "`below(..)`".into(),
+    ]);
+    ExpectError::NotAMode {
+        text: subject.sources.text(mode.span).to_owned(),
+        span: mode.span,
+        help: format!("combine {} with `and`, `or`, `not`", list(&known)),
+    }
+}
+
+fn surfaces(subject: &Subject<'_, '_>) -> String {
+    let names: Vec<String> = subject
+        .system
+        .switches
+        .iter()
+        .map(|switch| format!("`{}`", switch.name))
+        .collect();
+    match names.is_empty() {
+        true => "the experiment has no switches".into(),
+        false => format!("the surfaces are {}", list(&names)),
+    }
+}
+
+/// The first few of many.
+fn list(names: &[String]) -> String {
+    const MAX: usize = 8;
+    match names.len() {
+        n if n > MAX => format!("{}, ...", names[..MAX].join(", ")),
+        _ => names.join(", "),
+    }
+}

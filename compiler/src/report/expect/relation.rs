@@ -1,0 +1,324 @@
+//! `expect x at end ~ [1, 0] within 1e-9;`
+
+use super::error::ExpectError;
+use super::values::{Point, Run, Words};
+use super::{Subject, Verdict};
+use crate::diagnostics::Diagnostics;
+use crate::expr::Expr;
+use crate::model::{Shape, Tensor};
+use crate::report::Trajectory;
+use crate::report::text::significant;
+use crate::source::Span;
+use crate::syntax::{self, ExpectOp, ExpectRelation, ExpectWhen};
+
+/// A relation in the terms of the system.
+pub struct Sides<'e> {
+    left: Tensor<'e>,
+    right: Tensor<'e>,
+    left_when: When,
+    right_when: When,
+    within: f64,
+}
+
+/// When a side is evaluated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum When {
+    /// Once; it does not change over time.
+    Run,
+    /// At an instant.
+    At(f64),
+    /// At all reported instants.
+    Always,
+}
+
+/// Resolves both sides, their instants and the tolerance.
+pub fn resolve<'e>(
+    subject: &Subject<'_, 'e>,
+    relation: &ExpectRelation,
+    span: Span,
+    run: &Run<'_>,
+    diags: &mut Diagnostics,
+) -> Option<Sides<'e>> {
+    let words = Words::new(subject, run);
+    let left_when = match &relation.when {
+        ExpectWhen::Run => Some(When::Run),
+        ExpectWhen::At(at) => instant(subject, at, diags).map(When::At),
+        ExpectWhen::Always => Some(When::Always),
+    };
+    // Without an instant of its own, the right side is taken together with the left one.
+    let right_when = match &relation.right_at {
+        Some(at) => instant(subject, at, diags).map(When::At),
+        None => left_when,
+    };
+    let left = side(subject, &words, &relation.left, left_when, diags);
+    let right = side(subject, &words, &relation.right, right_when, diags);
+    let within = within(subject, relation, span, diags);
+
+    let (left, right) = (left?, right?);
+    let conforms =
+        left.shape == right.shape || left.shape == Shape::Scalar || right.shape == Shape::Scalar;
+    if !conforms && !words.has_unknown_length.get() {
+        diags.push(ExpectError::Shapes {
+            left_shape: left.shape.to_string(),
+            right_shape: right.shape.to_string(),
+            left: relation.left.span,
+            right: relation.right.span,
+        });
+        return None;
+    }
+    Some(Sides {
+        left,
+        right,
+        left_when: left_when?,
+        right_when: right_when?,
+        within: within?,
+    })
+}
+
+fn side<'e>(
+    subject: &Subject<'_, 'e>,
+    words: &Words<'_, '_, 'e>,
+    expr: &syntax::Expr,
+    when: Option<When>,
+    diags: &mut Diagnostics,
+) -> Option<Tensor<'e>> {
+    let value = words
+        .value(expr, diags)?
+        .map(|entry| subject.system.read(entry));
+    if when == Some(When::Run)
+        && let Some(var) = Point::of_params(subject).unknown(&value.data)
+    {
+        let name = subject.model.exprs.name(var);
+        diags.push(ExpectError::NoInstant {
+            name,
+            span: expr.span,
+        });
+        return None;
+    }
+    Some(value)
+}
+
+fn within(
+    subject: &Subject<'_, '_>,
+    relation: &ExpectRelation,
+    span: Span,
+    diags: &mut Diagnostics,
+) -> Option<f64> {
+    match (relation.relation, &relation.within) {
+        (ExpectOp::Close, None) => {
+            diags.push(ExpectError::NoTolerance { span });
+            None
+        }
+        (ExpectOp::Close, Some(within)) => number(subject, within, diags),
+        (_, Some(within)) => {
+            diags.push(ExpectError::UnusedTolerance { span: within.span });
+            None
+        }
+        (_, None) => Some(0.0),
+    }
+}
+
+/// The instant that follows `at`.
+pub fn instant(
+    subject: &Subject<'_, '_>,
+    at: &syntax::Expr,
+    diags: &mut Diagnostics,
+) -> Option<f64> {
+    let instant = number(subject, at, diags)?;
+    if !(0.0..=subject.horizon).contains(&instant) {
+        diags.push(ExpectError::OutsideRun {
+            instant: significant(instant, 12),
+            horizon: significant(subject.horizon, 12),
+            span: at.span,
+        });
+        return None;
+    }
+    Some(instant)
+}
+
+/// A number that is known before the run.
+fn number(subject: &Subject<'_, '_>, expr: &syntax::Expr, diags: &mut Diagnostics) -> Option<f64> {
+    let value = Words::new(subject, &Run::Unknown).value(expr, diags)?;
+    let params = Point::of_params(subject);
+    match value.as_scalar() {
+        Some(entry) if params.unknown(&[entry]).is_none() => Some(params.eval(entry)),
+        _ => {
+            diags.push(ExpectError::NotAnInstant { span: expr.span });
+            None
+        }
+    }
+}
+
+/// Compares both sides in a run.
+pub fn evaluate(
+    subject: &Subject<'_, '_>,
+    relation: &ExpectRelation,
+    span: Span,
+    trajectory: &Trajectory,
+) -> Verdict {
+    let mut diags = Diagnostics::new();
+    let Some(sides) = resolve(subject, relation, span, &Run::Known(trajectory), &mut diags) else {
+        return verdict_of(&diags);
+    };
+    let instants: &[f64] = match (sides.left_when, sides.right_when) {
+        (When::Always, _) | (_, When::Always) => &trajectory.time,
+        _ => &[f64::NAN],
+    };
+    let mut worst: Option<Miss> = None;
+    for &time in instants {
+        let left = match values(subject, trajectory, &sides.left, sides.left_when, time) {
+            Ok(values) => values,
+            Err(reason) => {
+                return Verdict::Failed {
+                    expected: expected(relation, &[], sides.within),
+                    got: reason,
+                };
+            }
+        };
+        let right = match values(subject, trajectory, &sides.right, sides.right_when, time) {
+            Ok(values) => values,
+            Err(reason) => {
+                return Verdict::Failed {
+                    expected: expected(relation, &[], sides.within),
+                    got: reason,
+                };
+            }
+        };
+        let miss = misses(relation.relation, &left, &right, sides.within);
+        let is_worse = |old: &Miss| miss.as_ref().is_some_and(|(_, by)| *by > old.by);
+        if let Some((entry, by)) = miss
+            && worst.as_ref().is_none_or(is_worse)
+        {
+            worst = Some(Miss {
+                time,
+                entry,
+                by,
+                left,
+                right,
+            });
+        }
+    }
+    match worst {
+        None => Verdict::Passed,
+        Some(miss) => Verdict::Failed {
+            expected: expected(relation, &miss.right, sides.within),
+            got: miss.describe(),
+        },
+    }
+}
+
+/// A relation that does not hold.
+struct Miss {
+    /// Not a number where the relation is about one instant.
+    time: f64,
+    /// The entry that misses most.
+    entry: usize,
+    by: f64,
+    left: Vec<f64>,
+    right: Vec<f64>,
+}
+
+impl Miss {
+    fn describe(&self) -> String {
+        let mut text = show(&self.left);
+        if self.left.len().max(self.right.len()) > 1 {
+            text += &format!(", off by {:.2e} in entry {}", self.by, self.entry + 1);
+        } else if self.by.is_finite() && self.by > 0.0 {
+            text += &format!(", off by {:.2e}", self.by);
+        }
+        if self.time.is_finite() {
+            text += &format!(" at time = {}", significant(self.time, 12));
+        }
+        text
+    }
+}
+
+/// The entries of a side, or why it has none.
+fn values(
+    subject: &Subject<'_, '_>,
+    trajectory: &Trajectory,
+    side: &Tensor<'_>,
+    when: When,
+    time: f64,
+) -> Result<Vec<f64>, String> {
+    let point = match when {
+        When::Run => Some(Point::of_params(subject)),
+        When::At(instant) => Point::at(subject, trajectory, instant),
+        When::Always => Point::at(subject, trajectory, time),
+    };
+    let reached = trajectory.time.last().copied().unwrap_or(0.0);
+    let point = point.ok_or_else(|| format!("the run ended at {}", significant(reached, 12)))?;
+    Ok(side
+        .data
+        .iter()
+        .map(|&entry: &Expr<'_>| point.eval(entry))
+        .collect())
+}
+
+/// The entry that misses the relation most, and by how much; lists of different length always miss.
+fn misses(relation: ExpectOp, left: &[f64], right: &[f64], within: f64) -> Option<(usize, f64)> {
+    let n = match (left.len(), right.len()) {
+        (a, b) if a == b => a,
+        (1, b) => b,
+        (a, 1) => a,
+        (a, b) => return Some((a.min(b), f64::INFINITY)),
+    };
+    let entry = |side: &[f64], k: usize| side[if side.len() == 1 { 0 } else { k }];
+    let missed = (0..n).filter_map(|k| {
+        let (a, b) = (entry(left, k), entry(right, k));
+        let holds = match relation {
+            ExpectOp::Close => (a - b).abs() <= within,
+            ExpectOp::Equal => a == b,
+            ExpectOp::Less => a < b,
+            ExpectOp::LessEqual => a <= b,
+            ExpectOp::Greater => a > b,
+            ExpectOp::GreaterEqual => a >= b,
+        };
+        let by = (a - b).abs();
+        (!holds).then_some((k, if by.is_nan() { f64::INFINITY } else { by }))
+    });
+    missed.max_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+/// What the right side asks for.
+fn expected(relation: &ExpectRelation, right: &[f64], within: f64) -> String {
+    let right = show(right);
+    match relation.relation {
+        ExpectOp::Close => format!("{right} within {within:e}"),
+        ExpectOp::Equal => right,
+        ExpectOp::Less => format!("< {right}"),
+        ExpectOp::LessEqual => format!("<= {right}"),
+        ExpectOp::Greater => format!("> {right}"),
+        ExpectOp::GreaterEqual => format!(">= {right}"),
+    }
+}
+
+fn show(values: &[f64]) -> String {
+    const MAX: usize = 6;
+    let shown: Vec<String> = values
+        .iter()
+        .take(MAX)
+        .map(|&value| significant(value, 14))
+        .collect();
+    match values {
+        [_] => shown.join(""),
+        _ if values.len() > MAX => format!("[{}, ... {} entries]", shown.join(", "), values.len()),
+        _ => format!("[{}]", shown.join(", ")),
+    }
+}
+
+/// The verdict on an expectation that does not resolve in a run.
+pub fn verdict_of(diags: &Diagnostics) -> Verdict {
+    let codes = diags.codes();
+    if let Some(code) = codes.iter().find(|code| code.starts_with("E09")) {
+        return Verdict::Unsupported { code: code.clone() };
+    }
+    let got = match diags.errors().next() {
+        Some(error) => error.to_string(),
+        None => "nothing".into(),
+    };
+    Verdict::Failed {
+        expected: "a value".into(),
+        got,
+    }
+}

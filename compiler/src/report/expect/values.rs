@@ -1,0 +1,215 @@
+//! Values that only a run has: times of switches and events, the state at an instant.
+
+use std::cell::{Cell, RefCell};
+
+use rustc_hash::FxHashMap;
+
+use super::error::ExpectError;
+use super::{Subject, as_name, mode};
+use crate::diagnostics::Diagnostics;
+use crate::expr::{Expr, Var};
+use crate::model::Tensor;
+use crate::report::{EventKind, Trajectory};
+use crate::syntax::{self, Arg, ExprKind};
+
+/// A run, or none yet.
+pub enum Run<'r> {
+    /// Mistakes are looked for before the run.
+    Unknown,
+    /// It has been made.
+    Known(&'r Trajectory),
+}
+
+/// Entries that a list has as long as the run is unknown, so that any index is good.
+const MANY: usize = 10_000;
+
+/// Meanings of the words that belong to a run.
+pub struct Words<'w, 's, 'e> {
+    subject: &'w Subject<'s, 'e>,
+    run: &'w Run<'w>,
+    errors: RefCell<Vec<ExpectError>>,
+    /// Whether a list of unknown length has been asked for.
+    pub has_unknown_length: Cell<bool>,
+    /// Whether some word is a value of the whole run.
+    unsupported: RefCell<Option<(String, crate::source::Span)>>,
+}
+
+impl<'w, 's, 'e> Words<'w, 's, 'e> {
+    /// The words of a run.
+    pub fn new(subject: &'w Subject<'s, 'e>, run: &'w Run<'w>) -> Self {
+        Words {
+            subject,
+            run,
+            errors: RefCell::default(),
+            has_unknown_length: Cell::new(false),
+            unsupported: RefCell::default(),
+        }
+    }
+
+    /// The value of an expression in the model and the run.
+    pub fn value(&self, expr: &syntax::Expr, diags: &mut Diagnostics) -> Option<Tensor<'e>> {
+        let value = self
+            .subject
+            .model
+            .scope
+            .expr(expr, Some(&|e| self.meaning(e)), diags);
+        let mut errors = self.errors.take();
+        if let Some((what, span)) = self.unsupported.take() {
+            errors.push(ExpectError::Unsupported { what, span });
+        }
+        let has_errors = !errors.is_empty();
+        errors.into_iter().for_each(|error| diags.push(error));
+        value.filter(|_| !has_errors)
+    }
+
+    /// What a name or call means, where it belongs to the run.
+    fn meaning(&self, expr: &syntax::Expr) -> Option<Tensor<'e>> {
+        match &expr.kind {
+            ExprKind::Name(name) if name == "switches" => Some(self.list(Trajectory::switch_times)),
+            ExprKind::Name(name) if name == "end" => Some(self.number(self.subject.horizon)),
+            ExprKind::Name(name) if name == "order" || name == "objective" => {
+                if self.subject.model.scope.names().any(|known| known == name) {
+                    return None;
+                }
+                *self.unsupported.borrow_mut() = Some((name.clone(), expr.span));
+                Some(self.number(f64::NAN))
+            }
+            ExprKind::Call(function, args) if as_name(function) == Some("events") => {
+                Some(match self.events(args, expr) {
+                    Ok(list) => list,
+                    Err(error) => {
+                        self.errors.borrow_mut().push(error);
+                        self.list(|_| Vec::new())
+                    }
+                })
+            }
+            _ => None,
+        }
+    }
+
+    /// `events(kind)` or `events(kind, surface)`: the times.
+    fn events(&self, args: &[Arg], call: &syntax::Expr) -> Result<Tensor<'e>, ExpectError> {
+        let wrong = || ExpectError::EventArguments { span: call.span };
+        let mut plain = Vec::new();
+        for arg in args {
+            match arg {
+                Arg::Positional(expr, binders) if binders.is_empty() => plain.push(expr),
+                _ => return Err(wrong()),
+            }
+        }
+        let (kind, surface) = match plain[..] {
+            [kind] => (kind, None),
+            [kind, surface] => (kind, Some(surface)),
+            _ => return Err(wrong()),
+        };
+        let kind = self.kind(kind)?;
+        let Some(surface) = surface else {
+            return Ok(self.list(|run| times(run, |event| event.kind == kind)));
+        };
+        let switches = mode::switches_of(self.subject, surface)?;
+        let names: Vec<&str> = switches
+            .iter()
+            .map(|&(k, _)| self.subject.system.switches[k].name.as_str())
+            .collect();
+        Ok(self.list(|run| {
+            times(run, |event| {
+                event.kind == kind && names.contains(&event.surface.as_str())
+            })
+        }))
+    }
+
+    fn kind(&self, expr: &syntax::Expr) -> Result<EventKind, ExpectError> {
+        let text = as_name(expr).unwrap_or_default();
+        let known = EventKind::ALL
+            .into_iter()
+            .find(|kind| kind.as_str() == text);
+        known.ok_or_else(|| ExpectError::UnknownEvent {
+            name: self.subject.sources.text(expr.span).to_owned(),
+            span: expr.span,
+            help: format!(
+                "one of {}",
+                EventKind::ALL
+                    .map(|kind| format!("`{}`", kind.as_str()))
+                    .join(", ")
+            ),
+        })
+    }
+
+    fn list(&self, of: impl Fn(&Trajectory) -> Vec<f64>) -> Tensor<'e> {
+        let numbers = match self.run {
+            Run::Unknown => {
+                self.has_unknown_length.set(true);
+                vec![0.0; MANY]
+            }
+            Run::Known(trajectory) => of(trajectory),
+        };
+        Tensor::vector(
+            numbers
+                .into_iter()
+                .map(|number| self.constant(number))
+                .collect(),
+        )
+    }
+
+    fn number(&self, number: f64) -> Tensor<'e> {
+        Tensor::scalar(self.constant(number))
+    }
+
+    fn constant(&self, number: f64) -> Expr<'e> {
+        self.subject.model.exprs.constant(number)
+    }
+}
+
+fn times(run: &Trajectory, is_wanted: impl Fn(&crate::report::Event) -> bool) -> Vec<f64> {
+    run.events
+        .iter()
+        .filter(|event| is_wanted(event))
+        .map(|event| event.time)
+        .collect()
+}
+
+/// Numbers of all variables of a system at an instant.
+pub struct Point {
+    numbers: FxHashMap<Var, f64>,
+}
+
+impl Point {
+    /// Parameters only.
+    pub fn of_params(subject: &Subject<'_, '_>) -> Self {
+        let params = subject.system.params.iter();
+        let numbers = params.filter_map(|param| Some((param.var.as_variable()?, param.value)));
+        Point {
+            numbers: numbers.collect(),
+        }
+    }
+
+    /// Everything at an instant of a run; `None` where the run has no values.
+    pub fn at(subject: &Subject<'_, '_>, trajectory: &Trajectory, time: f64) -> Option<Self> {
+        let mut point = Point::of_params(subject);
+        let system = subject.system;
+        let variables = system
+            .states
+            .iter()
+            .map(|state| state.var)
+            .chain(system.switches.iter().map(|switch| switch.alpha));
+        let row = trajectory.row_at(time)?;
+        let entries = variables.zip(row).chain([(system.time, time)]);
+        point
+            .numbers
+            .extend(entries.filter_map(|(var, value)| Some((var.as_variable()?, value))));
+        Some(point)
+    }
+
+    /// The value of an expression of the system; not a number where a variable has none.
+    pub fn eval(&self, expr: Expr<'_>) -> f64 {
+        expr.eval(&|var| self.numbers.get(&var).copied().unwrap_or(f64::NAN))
+    }
+
+    /// A variable of the expressions that has no value here.
+    pub fn unknown(&self, exprs: &[Expr<'_>]) -> Option<Var> {
+        let variables = crate::expr::variables_of(exprs);
+        variables
+            .into_iter()
+            .find(|var| !self.numbers.contains_key(var))
+    }
+}
