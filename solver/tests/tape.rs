@@ -89,8 +89,8 @@ proptest! {
         tape.eval_lanes(&inputs, &mut outputs, &mut zeros(tape.n_registers()));
 
         let mut one = vec![0.0; tape.n_outputs()];
-        for lane in 0..4 {
-            tape.eval(&[points[0][lane], points[1][lane]], &mut one, &mut tape.scratch());
+        for (lane, (&x, &y)) in points[0].iter().zip(&points[1]).enumerate() {
+            tape.eval(&[x, y], &mut one, &mut tape.scratch());
             for (value, wide) in one.iter().zip(&outputs) {
                 prop_assert_eq!(bits(*value), bits(wide.to_array()[lane]));
             }

@@ -13,6 +13,7 @@ mod arena;
 mod compile;
 mod derivative;
 mod function;
+mod layout;
 mod operators;
 mod print;
 mod rewrite;
@@ -226,7 +227,7 @@ impl<'e> Expr<'e> {
             Node::Constant(value) => (value, one),
             Node::Sum { .. } => {
                 let mut arena = self.exprs.arena.borrow_mut();
-                let scale = print::leading_coefficient(&arena, self.id);
+                let scale = layout::leading_coefficient(&arena, self.id);
                 match arena.divide(self.id, scale) {
                     Some(normal) => (scale, self.with(normal)),
                     None => (1.0, self),

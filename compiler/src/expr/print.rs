@@ -6,26 +6,11 @@
 
 use std::fmt::{self, Display, Formatter, Write};
 
-use rustc_hash::{FxHashMap, FxHashSet};
+use rustc_hash::FxHashMap;
 
 use super::arena::{Arena, Data, Id};
-use super::{BinaryFunction, Expr, Node};
-
-/// An expression with fewer operations than this, shared ones counted again, is printed in one piece.
-const ONE_PIECE: u64 = 2000;
-/// In pieces, a shared part or a part of a deep chain gets a name from this size on.
-const NAMED: u64 = 40;
-/// No piece is nested more deeply.
-const DEPTH: u32 = 60;
-
-/// How tightly the printed text holds together.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Binding {
-    Sum,
-    Product,
-    Power,
-    Atom,
-}
+use super::layout::{Binding, Fraction, Term, binding, fraction, in_order, parts_to_name};
+use super::{BinaryFunction, Expr};
 
 struct Printer<'a> {
     arena: &'a Arena,
@@ -37,12 +22,11 @@ impl Display for Expr<'_> {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let arena = self.exprs.arena.borrow();
         let parts = parts_to_name(&arena, self.id);
-        let mut printer = Printer {
-            arena: &arena,
-            names: FxHashMap::default(),
-        };
         let names = parts.iter().enumerate().map(|(i, &part)| (part, i + 1));
-        printer.names = names.collect();
+        let printer = Printer {
+            arena: &arena,
+            names: names.collect(),
+        };
         printer.print(f, self.id, Binding::Sum)?;
         for (i, &part) in parts.iter().enumerate() {
             let separator = if i == 0 { " where " } else { ", " };
@@ -51,90 +35,6 @@ impl Display for Expr<'_> {
         }
         Ok(())
     }
-}
-
-impl<'e> Expr<'e> {
-    /// One level of structure, with terms and factors in the order of the printed text.
-    pub fn printed_node(self) -> Node<'e> {
-        let mut node = self.node();
-        let arena = self.exprs.arena.borrow();
-        match &mut node {
-            Node::Sum { terms, .. } => terms.sort_by_key(|(_, term)| term_key(&arena, term.id)),
-            Node::Product(factors) => {
-                factors.sort_by_key(|(factor, _)| factor_key(&arena, factor.id));
-            }
-            _ => {}
-        }
-        node
-    }
-}
-
-/// The coefficient of the first printed term of a sum.
-pub(super) fn leading_coefficient(arena: &Arena, id: Id) -> f64 {
-    match arena.data(id) {
-        Data::Sum { start, len, .. } => {
-            let terms = arena.terms(start, len);
-            let first = terms.iter().min_by_key(|&&(term, _)| term_key(arena, term));
-            first.map_or(1.0, |&(_, coefficient)| coefficient)
-        }
-        _ => 1.0,
-    }
-}
-
-/// First variable, then falling degree, then what was written first.
-fn term_key(arena: &Arena, term: Id) -> (u32, i32, Id) {
-    let rank = arena.rank(term);
-    (rank.first_variable, rank.degree.saturating_neg(), term)
-}
-
-/// Parameters and states before functions and sums of the same variable.
-fn factor_key(arena: &Arena, factor: Id) -> (u32, u8, Id) {
-    let kind = match arena.data(factor) {
-        Data::Constant(_) | Data::Variable(_) => 0,
-        Data::Unary(..) | Data::Binary(..) => 1,
-        Data::Sum { .. } | Data::Product { .. } => 2,
-    };
-    (arena.rank(factor).first_variable, kind, factor)
-}
-
-/// The parts that do not fit in one piece, later ones first.
-fn parts_to_name(arena: &Arena, root: Id) -> Vec<Id> {
-    let order = arena.below([root]);
-    let mut size: FxHashMap<Id, (u64, u32)> = FxHashMap::default();
-    let mut uses: FxHashMap<Id, u32> = FxHashMap::default();
-    let measure = |id: Id, named: &FxHashSet<Id>, size: &mut FxHashMap<Id, (u64, u32)>| {
-        let (mut total, mut depth) = (1u64, 1u32);
-        arena.for_each_child(id, |child| {
-            let (child_size, child_depth) = if named.contains(&child) {
-                (1, 1)
-            } else {
-                size[&child]
-            };
-            total = total.saturating_add(child_size);
-            depth = depth.max(child_depth.saturating_add(1));
-        });
-        size.insert(id, (total, depth));
-        (total, depth)
-    };
-    let mut named = FxHashSet::default();
-    let mut whole = (1, 1);
-    for &id in &order {
-        whole = measure(id, &named, &mut size);
-        arena.for_each_child(id, |child| *uses.entry(child).or_default() += 1);
-    }
-    if whole.0 <= ONE_PIECE && whole.1 <= DEPTH {
-        return Vec::new();
-    }
-    for &id in order.iter().filter(|&&id| id != root) {
-        let (total, depth) = measure(id, &named, &mut size);
-        let shared = uses[&id] > 1;
-        if depth >= DEPTH || (shared && total >= NAMED) {
-            named.insert(id);
-        }
-    }
-    let mut parts: Vec<Id> = named.into_iter().collect();
-    parts.sort_unstable_by_key(|&id| std::cmp::Reverse(id));
-    parts
 }
 
 impl Printer<'_> {
@@ -146,7 +46,7 @@ impl Printer<'_> {
     }
 
     fn body(&self, f: &mut impl Write, id: Id, outer: Binding) -> fmt::Result {
-        let parentheses = self.binding(id) < outer;
+        let parentheses = binding(self.arena, id) < outer;
         if parentheses {
             f.write_char('(')?;
         }
@@ -187,42 +87,21 @@ impl Printer<'_> {
         Ok(())
     }
 
-    fn binding(&self, id: Id) -> Binding {
-        match self.arena.data(id) {
-            Data::Constant(value) if value.is_sign_negative() => Binding::Sum,
-            Data::Constant(_) | Data::Variable(_) | Data::Unary(..) => Binding::Atom,
-            Data::Sum {
-                constant: 0.0,
-                start,
-                len: 1,
-            } if self.arena.terms(start, 1)[0].1 > 0.0 => Binding::Product,
-            Data::Sum { .. } => Binding::Sum,
-            Data::Product { start, len: 1 } if self.arena.factors(start, 1)[0].1 > 0 => {
-                Binding::Power
-            }
-            Data::Product { .. } => Binding::Product,
-            Data::Binary(BinaryFunction::Pow, ..) => Binding::Power,
-            Data::Binary(..) => Binding::Atom,
-        }
-    }
-
     fn sum(&self, f: &mut impl Write, constant: f64, terms: &[(Id, f64)]) -> fmt::Result {
-        let mut terms = terms.to_vec();
-        terms.sort_by_key(|&(term, _)| term_key(self.arena, term));
-        let number_first = constant > 0.0 && terms[0].1 < 0.0;
-        let mut first = true;
-        if number_first {
-            write_number(f, constant)?;
-            first = false;
-        }
-        for (term, coefficient) in terms {
-            write_sign(f, coefficient < 0.0, first)?;
-            first = false;
-            self.term(f, coefficient.abs(), term)?;
-        }
-        if constant != 0.0 && !number_first {
-            write_sign(f, constant < 0.0, first)?;
-            write_number(f, constant.abs())?;
+        for (i, piece) in in_order(self.arena, constant, terms)
+            .into_iter()
+            .enumerate()
+        {
+            let Term {
+                negative,
+                coefficient,
+                term,
+            } = piece;
+            f.write_str(sign(negative, i == 0))?;
+            match term {
+                Some(term) => self.term(f, coefficient, term)?,
+                None => write_number(f, coefficient)?,
+            }
         }
         Ok(())
     }
@@ -238,85 +117,66 @@ impl Printer<'_> {
         }
     }
 
-    /// A positive number times powers.
     fn product(&self, f: &mut impl Write, coefficient: f64, factors: &[(Id, i32)]) -> fmt::Result {
-        let mut factors = factors.to_vec();
-        factors.sort_by_key(|&(factor, _)| factor_key(self.arena, factor));
-        let (above, below): (Vec<_>, Vec<_>) =
-            factors.into_iter().partition(|&(_, power)| power > 0);
-        let (numerator, denominator) = as_fraction(coefficient);
-        let mut separate = false;
-        if numerator != 1.0 || above.is_empty() {
-            write_number(f, numerator)?;
-            separate = true;
+        let Fraction {
+            numerator,
+            above,
+            denominator,
+            below,
+        } = fraction(self.arena, coefficient, factors);
+        self.factors(f, numerator, &above)?;
+        match below.len() + usize::from(denominator != 1.0) {
+            0 => Ok(()),
+            1 => {
+                f.write_char('/')?;
+                self.factors(f, denominator, &below)
+            }
+            _ => {
+                f.write_str("/(")?;
+                self.factors(f, denominator, &below)?;
+                f.write_char(')')
+            }
         }
-        for (factor, power) in above {
-            if separate {
+    }
+
+    fn factors(&self, f: &mut impl Write, number: f64, powers: &[(Id, u32)]) -> fmt::Result {
+        let has_number = number != 1.0 || powers.is_empty();
+        if has_number {
+            write_number(f, number)?;
+        }
+        for (i, &(base, power)) in powers.iter().enumerate() {
+            if has_number || i > 0 {
                 f.write_char('*')?;
             }
-            separate = true;
-            self.power(f, factor, power.unsigned_abs())?;
-        }
-        let n_below = below.len() + usize::from(denominator != 1.0);
-        if n_below > 0 {
-            f.write_str(if n_below > 1 { "/(" } else { "/" })?;
-            separate = denominator != 1.0;
-            if separate {
-                write_number(f, denominator)?;
-            }
-            for (factor, power) in below {
-                if separate {
-                    f.write_char('*')?;
-                }
-                separate = true;
-                self.power(f, factor, power.unsigned_abs())?;
-            }
-            if n_below > 1 {
-                f.write_char(')')?;
+            if power == 1 {
+                self.print(f, base, Binding::Power)?;
+            } else {
+                self.print(f, base, Binding::Atom)?;
+                write!(f, "^{power}")?;
             }
         }
         Ok(())
     }
-
-    fn power(&self, f: &mut impl Write, base: Id, power: u32) -> fmt::Result {
-        if power == 1 {
-            return self.print(f, base, Binding::Power);
-        }
-        self.print(f, base, Binding::Atom)?;
-        write!(f, "^{power}")
-    }
 }
 
-fn write_sign(f: &mut impl Write, negative: bool, first: bool) -> fmt::Result {
-    f.write_str(match (negative, first) {
+/// What stands in front of a term.
+fn sign(negative: bool, first: bool) -> &'static str {
+    match (negative, first) {
         (false, true) => "",
         (true, true) => "-",
         (false, false) => " + ",
         (true, false) => " - ",
-    })
+    }
 }
 
 /// The shortest text that reads back as the same number.
-pub(super) fn write_number(f: &mut impl Write, value: f64) -> fmt::Result {
+fn write_number(f: &mut impl Write, value: f64) -> fmt::Result {
     let magnitude = value.abs();
     if magnitude != 0.0 && magnitude.is_finite() && !(1e-4..1e16).contains(&magnitude) {
         write!(f, "{value:e}")
     } else {
         write!(f, "{value}")
     }
-}
-
-/// A positive coefficient as a quotient of small integers, if its decimals are long and that is the same number.
-fn as_fraction(value: f64) -> (f64, f64) {
-    let whole = (value, 1.0);
-    if !(1e-4..1e4).contains(&value) || value.to_string().len() < 12 {
-        return whole;
-    }
-    let quotient = |q: u16| ((value * f64::from(q)).round(), f64::from(q));
-    (2..1000)
-        .map(quotient)
-        .find(|(p, q)| p / q == value)
-        .unwrap_or(whole)
 }
 
 #[cfg(test)]

@@ -271,3 +271,66 @@ fn is_power(power: f64) -> bool {
 fn fold_power(number: f64, power: i32) -> Option<f64> {
     as_good(number.powi(power), number)
 }
+
+#[cfg(test)]
+mod tests {
+    use insta::assert_snapshot;
+
+    use super::super::{Expr, Exprs};
+
+    #[test]
+    fn sums_and_products_fold() {
+        let e = Exprs::new();
+        let (x, y) = (e.variable("x"), e.variable("y"));
+        assert!((x - x).is_zero());
+        assert!((0.0 * x).is_zero());
+        assert!((x / x).is_one());
+        assert_eq!(x + y - 2.0 * x, y - x);
+        assert_eq!(x * y * x, y * x.powi(2));
+        assert_eq!((x * y).powi(-2) * y, 1.0 / (x * x * y));
+        assert_eq!(3.0 * (x + 2.0), 3.0 * x + 6.0);
+        assert_eq!((2.0 * x) * (3.0 * y), 6.0 * (x * y));
+        assert_eq!(x.powf(e.constant(2.0)), x * x);
+        assert_eq!(e.constant(-0.0), e.constant(0.0));
+    }
+
+    #[test]
+    fn products_of_sums_stay() {
+        let e = Exprs::new();
+        let (x, y) = (e.variable("x"), e.variable("y"));
+        assert_snapshot!((x + 1.0) * (y - 1.0) * (x + 1.0), @"(x + 1)^2*(y - 1)");
+        assert_snapshot!(x.sqrt().powi(2) - x.exp().log(), @"sqrt(x)^2 - log(exp(x))");
+        assert_snapshot!(x.powf(e.constant(0.5)).powi(2), @"(x^0.5)^2");
+    }
+
+    #[test]
+    fn folding_makes_no_infinity_and_no_nan() {
+        let e = Exprs::new();
+        let x = e.variable("x");
+        let constant = |value| e.constant(value);
+        assert_snapshot!(1.0 / constant(0.0), @"1/0");
+        assert_snapshot!(x / 0.0, @"x/0");
+        assert_snapshot!(constant(0.0).log() + constant(2.0).asin(), @"log(0) + asin(2)");
+        assert_snapshot!(constant(1e200) * constant(1e200), @"1e200*1e200");
+        assert_snapshot!(constant(1e308) + constant(1e308), @"1e308 + 1e308");
+        assert_snapshot!((1e200 * x) * (1e200 * x), @"1e200*x*(1e200*x)");
+        assert_snapshot!((1e-200 * x).powi(2), @"(1e-200*x)^2");
+        assert_snapshot!(1e200 * (1e200 * x + 1.0), @"1e200*(1e200*x + 1)");
+    }
+
+    #[test]
+    fn equal_and_opposite_switching_functions_have_one_normal_form() {
+        let e = Exprs::new();
+        let (x, y) = (e.variable("x"), e.variable("y"));
+        let split = |expr: Expr| {
+            let (scale, normal) = expr.split_scale();
+            format!("{scale} * ({normal})")
+        };
+        assert_snapshot!(split(2.0 - x), @"-1 * (x - 2)");
+        assert_snapshot!(split(3.0 * x - 6.0), @"3 * (x - 2)");
+        assert_snapshot!(split((1.0 - x) * (2.0 * y - 4.0)), @"-2 * ((x - 1)*(y - 2))");
+        assert_snapshot!(split(-x.sin()), @"-1 * (sin(x))");
+        assert_snapshot!(split(e.constant(-2.0)), @"-2 * (1)");
+        assert_snapshot!(split(e.constant(0.0)), @"1 * (0)");
+    }
+}
