@@ -6,7 +6,7 @@
 use crate::system::System;
 use crate::system::experiment::Lowering;
 
-use super::{Dcs, DcsError, Formulation, heaviside, stewart};
+use super::{Dcs, DcsError, Formulation, heaviside, signs, stewart};
 
 /// A formulation and why it was taken.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -65,7 +65,7 @@ pub fn choose(system: &System) -> Choice {
         .find(|s| s.switches.len() > 1 && s.regions.is_none());
     match interacting {
         _ if single => choice(Formulation::Stewart, "no two switches multiply each other"),
-        None if stewart::fits(system) => {
+        None if signs::fits(system) => {
             choice(Formulation::Stewart, "regions are disjoint and named")
         }
         None => choice(

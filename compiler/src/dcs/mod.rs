@@ -22,6 +22,7 @@ pub mod heaviside;
 mod labels;
 mod lift;
 mod pointwise;
+mod signs;
 pub mod stewart;
 mod tex;
 mod verify;
@@ -38,7 +39,7 @@ pub use dot::{Vertex, dot, graph};
 pub use error::DcsError;
 pub use golden::{Golden, golden};
 pub use pointwise::{Pointwise, solve_pointwise};
-pub use tex::{formula, tex};
+pub use tex::tex;
 
 use crate::expr::{Expr, Exprs};
 use crate::source::Span;

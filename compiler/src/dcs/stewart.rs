@@ -6,9 +6,9 @@
 //! x' = f_0 + Σ_s F_s θ_s,   0 = g_s - λ_s - μ_s e,   0 = 1 - eᵀθ_s,   0 <= θ_s ⟂ λ_s >= 0
 //!
 //! The columns of F_s are the rates with α at the corner of {0, 1}^n that the row names. Subsystems do not multiply
-//! each other, so their regions add up instead of multiplying. Where all regions of a subsystem are the user's, only
-//! their rows are kept; a guard that leaves a sign open has a row for both, because -Sψ with an open sign prefers
-//! the wrong region. A row that two regions share cannot be reached, since guards do not overlap, and is left out.
+//! each other, so their regions add up instead of multiplying. Where the regions of a subsystem are the user's, their
+//! names stay; a guard that leaves a sign open has a row for both, because -Sψ with an open sign prefers the wrong
+//! region.
 //!
 //! Stewart 1990; Nurkanović & Diehl 2022.
 
@@ -16,23 +16,12 @@ use std::collections::{HashMap, HashSet};
 
 use crate::expr::{Expr, Exprs, Substitution, Var, variables_of};
 use crate::source::Span;
-use crate::system::{Subsystem, System};
+use crate::system::System;
 
-use super::labels::{self, signed};
+use super::labels;
 use super::pointwise::Sides;
+use super::signs::{Row, check_size, row_name, rows, sign};
 use super::{Cause, Dcs, DcsError, Formulation, Origin};
-
-/// No subsystem has more regions.
-pub const MAX_REGIONS: usize = 1 << 10;
-
-/// A region of a subsystem with the sign of every switch.
-#[derive(Clone, Debug, PartialEq, Eq)]
-struct Row {
-    /// The user's region, as an index of the partition.
-    region: Option<usize>,
-    /// True for ψ > 0, by position in [`Subsystem::switches`].
-    signs: Vec<bool>,
-}
 
 /// θ of a subsystem with its rows.
 struct Simplex<'e> {
@@ -111,14 +100,6 @@ pub fn lower<'e>(system: &System<'e>) -> Result<Dcs<'e>, DcsError> {
         }
     }
     Ok(dcs)
-}
-
-/// Whether no subsystem has too many regions.
-pub(super) fn fits(system: &System) -> bool {
-    system
-        .subsystems
-        .iter()
-        .all(|subsystem| check_size(system, subsystem).is_ok())
 }
 
 /// θ, λ and μ in the order in which [`lower`] declares them: θ_r = Π α or 1-α, μ = min g, λ = g - μ.
@@ -264,126 +245,6 @@ impl<'e> Simplex<'e> {
             (alpha, exprs.sum(rows.map(|(_, &theta)| theta)))
         })
     }
-}
-
-fn check_size(system: &System, subsystem: &Subsystem) -> Result<(), DcsError> {
-    let n = subsystem.switches.len();
-    let open = |partition: usize| -> usize {
-        let regions = &system.partitions[partition].regions;
-        let literals = regions.iter().filter_map(|region| region.literals.as_ref());
-        literals
-            .map(|literals| power_of_two(n.saturating_sub(literals.len())))
-            .fold(0, usize::saturating_add)
-    };
-    if subsystem.regions.map_or_else(|| power_of_two(n), open) <= MAX_REGIONS {
-        return Ok(());
-    }
-    let spans = subsystem
-        .switches
-        .iter()
-        .find_map(|&k| system.switches[k].spans.first());
-    Err(DcsError::TooManyRegions {
-        count: n,
-        span: spans.copied().unwrap_or_default(),
-    })
-}
-
-fn power_of_two(n: usize) -> usize {
-    u32::try_from(n)
-        .ok()
-        .and_then(|n| 1usize.checked_shl(n))
-        .unwrap_or(usize::MAX)
-}
-
-/// The sign rows of a subsystem: of the user's regions, or all of them, the last switch changing fastest.
-fn rows(system: &System, subsystem: &Subsystem) -> Vec<Row> {
-    let n = subsystem.switches.len();
-    let open = vec![None; n];
-    let named = subsystem
-        .regions
-        .and_then(|partition| named_rows(system, subsystem, partition));
-    named.unwrap_or_else(|| {
-        let all = completions(&open).into_iter();
-        all.map(|signs| Row {
-            region: None,
-            signs,
-        })
-        .collect()
-    })
-}
-
-fn named_rows(system: &System, subsystem: &Subsystem, partition: usize) -> Option<Vec<Row>> {
-    let mut rows = Vec::new();
-    let mut times: HashMap<Vec<bool>, usize> = HashMap::new();
-    for (region, what) in system.partitions[partition].regions.iter().enumerate() {
-        let mut pattern = vec![None; subsystem.switches.len()];
-        for &(switch, plus) in what.literals.as_ref()? {
-            let place = subsystem.switches.iter().position(|&k| k == switch)?;
-            pattern[place] = Some(plus);
-        }
-        for signs in completions(&pattern) {
-            *times.entry(signs.clone()).or_default() += 1;
-            rows.push(Row {
-                region: Some(region),
-                signs,
-            });
-        }
-    }
-    rows.retain(|row| times[&row.signs] == 1);
-    (!rows.is_empty()).then_some(rows)
-}
-
-/// All ways to fill the open signs, minus before plus.
-fn completions(pattern: &[Option<bool>]) -> Vec<Vec<bool>> {
-    let mut rows = vec![Vec::with_capacity(pattern.len())];
-    for sign in pattern {
-        let choices: &[bool] = match sign {
-            Some(true) => &[true],
-            Some(false) => &[false],
-            None => &[false, true],
-        };
-        let longer = rows.iter().flat_map(|row| {
-            choices
-                .iter()
-                .map(move |&choice| row.iter().copied().chain([choice]).collect())
-        });
-        rows = longer.collect();
-    }
-    rows
-}
-
-/// `inside`, `x[1]-,x[2]+`, or `one,x[2]+` where region `one` leaves the sign of x[2] open.
-fn row_name(
-    system: &System,
-    subsystem: &Subsystem,
-    rows: &[Row],
-    row: &Row,
-    labels: &[String],
-) -> String {
-    let siblings: Vec<&Row> = rows
-        .iter()
-        .filter(|other| other.region == row.region)
-        .collect();
-    let varies = |place: usize| {
-        siblings
-            .iter()
-            .any(|other| other.signs[place] != row.signs[place])
-    };
-    let signs = subsystem.switches.iter().zip(&row.signs).enumerate();
-    let signs = signs
-        .filter(|&(place, _)| row.region.is_none() || varies(place))
-        .map(|(_, (&k, &plus))| signed(&labels[k], plus));
-    let region = (subsystem.regions.zip(row.region))
-        .map(|(partition, region)| system.partitions[partition].regions[region].name.clone());
-    region
-        .into_iter()
-        .chain(signs)
-        .collect::<Vec<_>>()
-        .join(",")
-}
-
-fn sign(plus: bool) -> f64 {
-    if plus { 1.0 } else { -1.0 }
 }
 
 fn subsystem_origin(system: &System, s: usize) -> Origin {

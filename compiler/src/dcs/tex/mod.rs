@@ -1,47 +1,47 @@
 //! A DCS as LaTeX: one `align*` environment of amsmath.
 
+mod names;
+
 use std::collections::HashMap;
 
 use crate::expr::{BinaryFunction, Expr, Function, Node, rewrite};
 
-use super::{Dcs, labels};
+use super::Dcs;
+use names::{name, name_parts, number};
 
-/// Greek letters with a command, as users write them in words.
-const GREEK: [&str; 23] = [
-    "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa",
-    "lambda", "mu", "nu", "xi", "pi", "rho", "sigma", "tau", "upsilon", "phi", "chi", "psi",
-    "omega",
-];
-
-/// The letters of [`GREEK`].
-const LETTERS: &str = "αβγδεζηθικλμνξπρστυφχψω";
+/// A formula with a longer text gets a symbol, and the symbol an equation of its own.
+const LONGEST: usize = 4000;
 
 /// The equations of a DCS, ready to be included where amsmath is loaded.
 pub fn tex(dcs: &Dcs) -> String {
+    let mut writer = Writer::default();
     let mut lines = Vec::new();
     for (state, &rate) in dcs.states.iter().zip(&dcs.rates) {
-        lines.push(format!("{} &= {}", derivative(state.var), formula(rate)));
-    }
-    for &row in &dcs.equations {
-        lines.push(format!("0 &= {}", formula(row)));
-    }
-    for pair in &dcs.pairs {
         lines.push(format!(
-            "0 &\\le {} \\perp {} \\ge 0",
-            formula(pair.left),
-            formula(pair.right)
+            "{} &= {}",
+            derivative(state.var),
+            writer.formula(rate)
         ));
     }
-    let mut text = String::new();
-    if let Some(reason) = &dcs.reason {
-        // A comment ends with its line.
-        text = format!(
-            "% {}: {}\n",
-            dcs.formulation,
-            reason.replace(['\n', '\r'], " ")
-        );
+    for &row in &dcs.equations {
+        lines.push(format!("0 &= {}", writer.formula(row)));
     }
-    text + "\\begin{align*}\n" + &lines.join(" \\\\\n") + "\n\\end{align*}\n"
+    for pair in &dcs.pairs {
+        let (left, right) = (writer.formula(pair.left), writer.formula(pair.right));
+        lines.push(format!("0 &\\le {left} \\perp {right} \\ge 0"));
+    }
+    lines.extend(writer.definitions);
+
+    // A comment ends with its line.
+    let comment = dcs.reason.as_ref().map(|reason| {
+        let reason = reason.replace(['\n', '\r'], " ");
+        format!("% {}: {reason}\n", dcs.formulation)
+    });
+    let lines = lines.join(" \\\\\n");
+    format!(
+        "{}\\begin{{align*}}\n{lines}\n\\end{{align*}}\n",
+        comment.unwrap_or_default()
+    )
 }
 
 /// How tightly a formula holds together.
@@ -70,19 +70,41 @@ impl Piece {
     }
 }
 
-/// An expression in math mode.
-pub fn formula(expr: Expr) -> String {
-    // Bottom-up, so that deep expressions do not recurse.
-    let mut pieces: HashMap<Expr, Piece> = HashMap::new();
-    rewrite(expr, &mut |e| {
-        let piece = piece(e, &pieces);
-        pieces.insert(e, piece);
-        e
-    });
-    pieces
-        .remove(&expr)
-        .map(|piece| piece.text)
-        .unwrap_or_default()
+/// Formulas that share what is too long to repeat.
+#[derive(Default)]
+struct Writer<'e> {
+    pieces: HashMap<Expr<'e>, Piece>,
+    /// `w_{1} &= ..`, in order.
+    definitions: Vec<String>,
+}
+
+impl<'e> Writer<'e> {
+    /// An expression in math mode.
+    fn formula(&mut self, expr: Expr<'e>) -> String {
+        // Bottom-up, so that deep expressions do not recurse.
+        rewrite(expr, &mut |e| {
+            if !self.pieces.contains_key(&e) {
+                let piece = piece(e, &self.pieces);
+                let piece = if e == expr || piece.text.len() <= LONGEST {
+                    piece
+                } else {
+                    self.define(piece)
+                };
+                self.pieces.insert(e, piece);
+            }
+            e
+        });
+        self.pieces[&expr].text.clone()
+    }
+
+    fn define(&mut self, piece: Piece) -> Piece {
+        let symbol = format!("w_{{{}}}", self.definitions.len() + 1);
+        self.definitions.push(format!("{symbol} &= {}", piece.text));
+        Piece {
+            text: symbol,
+            binding: Binding::Atom,
+        }
+    }
 }
 
 fn piece(expr: Expr, pieces: &HashMap<Expr, Piece>) -> Piece {
@@ -209,54 +231,6 @@ fn product(coefficient: f64, factors: &[(Expr, i32)], pieces: &HashMap<Expr, Pie
     }
 }
 
-/// `1.5`, `10^{-20}`, `3 \cdot 10^{20}`.
-fn number(value: f64) -> String {
-    let magnitude = value.abs();
-    if !value.is_finite() {
-        let sign = if value < 0.0 { "-" } else { "" };
-        return if value.is_nan() {
-            "\\mathrm{NaN}".to_owned()
-        } else {
-            format!("{sign}\\infty")
-        };
-    }
-    if magnitude == 0.0 || (1e-4..1e16).contains(&magnitude) {
-        return value.to_string();
-    }
-    let text = format!("{value:e}");
-    match text.split_once('e') {
-        Some(("1", exponent)) => format!("10^{{{exponent}}}"),
-        Some((mantissa, exponent)) => format!("{mantissa} \\cdot 10^{{{exponent}}}"),
-        None => text,
-    }
-}
-
-/// `theta[x[1]-]` is `\theta_{x_{1}-}`, `v_max` is `v_{\mathrm{max}}`.
-fn name(text: &str) -> String {
-    let (symbol, subscript) = name_parts(text);
-    symbol + &subscript
-}
-
-/// The symbol and its subscript, which may be empty.
-fn name_parts(text: &str) -> (String, String) {
-    let (head, index) = match text.split_once('[') {
-        Some((head, rest)) => (head, rest.strip_suffix(']')),
-        None => (text, None),
-    };
-    let (symbol, below) = match head.split_once('_') {
-        Some((symbol, below)) if !symbol.is_empty() && !below.is_empty() => (symbol, Some(below)),
-        _ => (head, None),
-    };
-    let below = below.map(word).into_iter();
-    let index = index.into_iter().flat_map(split_top).map(index_part);
-    let subscripts: Vec<String> = below.chain(index).collect();
-    let subscript = match subscripts.as_slice() {
-        [] => String::new(),
-        _ => format!("_{{{}}}", subscripts.join(", ")),
-    };
-    (word(symbol), subscript)
-}
-
 /// The derivative of a state by time.
 fn derivative(state: Expr) -> String {
     let name = state.as_variable().map(|var| state.exprs().name(var));
@@ -264,100 +238,9 @@ fn derivative(state: Expr) -> String {
     format!("\\dot{{{symbol}}}{subscript}")
 }
 
-/// A number, a name with or without a sign, else text.
-fn index_part(part: &str) -> String {
-    let part = part.trim();
-    let (body, sign) = match part.strip_suffix(['+', '-']) {
-        Some(body) => (body, &part[body.len()..]),
-        None => (part, ""),
-    };
-    if !body.is_empty() && body.chars().all(|c| c.is_ascii_digit()) {
-        return part.to_owned();
-    }
-    // An index of an index is as deep as names go.
-    if labels::is_path(body) && body.matches('[').count() <= 1 && !body.contains('#') {
-        return name(body) + sign;
-    }
-    format!("\\text{{{}}}", escape(part))
-}
-
-/// Parts between commas outside brackets and parentheses.
-fn split_top(text: &str) -> Vec<&str> {
-    let (mut parts, mut depth, mut start) = (Vec::new(), 0i32, 0);
-    for (at, c) in text.char_indices() {
-        match c {
-            '[' | '(' => depth += 1,
-            ']' | ')' => depth -= 1,
-            ',' if depth == 0 => {
-                parts.push(&text[start..at]);
-                start = at + 1;
-            }
-            _ => {}
-        }
-    }
-    parts.push(&text[start..]);
-    parts
-}
-
-fn word(text: &str) -> String {
-    let mut chars = text.chars();
-    match (chars.next(), chars.next()) {
-        (Some(c), None) if c.is_ascii_alphanumeric() => return text.to_owned(),
-        (Some(c), None) => {
-            if let Some(i) = LETTERS.chars().position(|letter| letter == c) {
-                return format!("\\{}", GREEK[i]);
-            }
-        }
-        _ => {}
-    }
-    if GREEK.contains(&text) {
-        return format!("\\{text}");
-    }
-    if text.chars().all(|c| c.is_ascii_digit()) {
-        return text.to_owned();
-    }
-    format!("\\mathrm{{{}}}", escape(text))
-}
-
-fn escape(text: &str) -> String {
-    let mut escaped = String::new();
-    for c in text.chars() {
-        match c {
-            '_' | '&' | '%' | '#' | '{' | '}' | '$' => {
-                escaped.push('\\');
-                escaped.push(c);
-            }
-            '^' => escaped.push_str("\\textasciicircum{}"),
-            '~' => escaped.push_str("\\textasciitilde{}"),
-            '\\' => escaped.push_str("\\textbackslash{}"),
-            _ => escaped.push(c),
-        }
-    }
-    escaped
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn names_become_symbols_with_subscripts() {
-        let names = [
-            ("x", "x"),
-            ("x[1]", "x_{1}"),
-            ("A[1,2]", "A_{1, 2}"),
-            ("omega", "\\omega"),
-            ("\u{3b8}", "\\theta"),
-            ("speed", "\\mathrm{speed}"),
-            ("v_max[2]", "v_{\\mathrm{max}, 2}"),
-            ("a.floor.s", "\\mathrm{a.floor.s}"),
-            ("theta[x[1]+,x[2]-]", "\\theta_{x_{1}+, x_{2}-}"),
-            ("theta[(50% of_it)+]", "\\theta_{\\text{(50\\% of\\_it)+}}"),
-        ];
-        for (text, expected) in names {
-            assert_eq!(name(text), expected);
-        }
-    }
 
     #[test]
     fn formulas_keep_their_parentheses() {
@@ -378,7 +261,17 @@ mod tests {
             ((x / k).powf(m), "\\left(\\frac{x}{k}\\right)^{m}"),
         ];
         for (expr, expected) in cases {
-            assert_eq!(formula(expr), expected);
+            assert_eq!(Writer::default().formula(expr), expected);
         }
+    }
+
+    #[test]
+    fn shared_parts_are_not_repeated_for_ever() {
+        let exprs = crate::expr::Exprs::new();
+        let x = exprs.variable("x");
+        let deep = (0..100).fold(x, |e, _| (e * (e + x)).sin());
+        let mut writer = Writer::default();
+        let length = writer.formula(deep).len();
+        assert!(length < 4 * LONGEST && !writer.definitions.is_empty());
     }
 }
