@@ -203,10 +203,10 @@ pub enum SyntaxError {
         span: Span,
     },
 
-    /// `&&`, `||`, `!`
+    /// `&&`, `**`, `≤`: symbols of other languages and of papers.
     #[error("`{symbol}` is written `{word}`")]
     #[diagnostic(code(E0015), help("write `{word}` instead of `{symbol}`"))]
-    LogicalSymbol {
+    ForeignSymbol {
         /// As written.
         symbol: String,
         /// As it should be.

@@ -1,13 +1,60 @@
-//! Text to abstract syntax.
+//! Text -> abstract syntax.
+//!
+//! - [`scan`](self::scan) reports what is wrong with characters and brackets and repairs it;
+//! - the grammar cuts the repaired text into statements, wrong ones included;
+//! - [`build`](self::build) makes the [`ast::File`] and says what is wrong with the wrong ones.
+//!
+//! No text makes the parser panic, and its time and memory grow with the length of the text.
 
 pub mod ast;
+mod brackets;
+mod build;
 mod error;
+mod lexer;
+mod scan;
 
 pub use ast::*;
 pub use error::SyntaxError;
+
+use crate::diagnostics::Diagnostics;
+use crate::source::SourceFile;
 
 /// Deepest nesting of brackets, blocks and operators that is accepted.
 pub const MAX_DEPTH: usize = 128;
 
 /// Largest file that is accepted, in bytes.
 pub const MAX_BYTES: usize = 4 << 20;
+
+/// More errors than this are not shown for one file.
+pub const MAX_ERRORS: usize = 100;
+
+/// Reads a file. Wrong statements are reported and stand as `Bad` in the result.
+pub fn parse(file: &SourceFile, diagnostics: &mut Diagnostics) -> File {
+    let scan = match scan::scan(file) {
+        Ok(scan) => scan,
+        Err(error) => {
+            diagnostics.push(error);
+            let span = file.span();
+            return File {
+                items: Vec::new(),
+                span,
+            };
+        }
+    };
+    let (ast, wrong_statements) = build::build(file, &scan);
+    let mut errors = scan.errors;
+    errors.extend(wrong_statements);
+    if ast.items.is_empty() && errors.is_empty() {
+        errors.push(SyntaxError::EmptyFile { span: file.span() });
+    }
+    if errors.len() > MAX_ERRORS {
+        errors.truncate(MAX_ERRORS);
+        errors.push(SyntaxError::TooManyErrors {
+            span: file.span().after(),
+        });
+    }
+    for error in errors {
+        diagnostics.push(error);
+    }
+    ast
+}

@@ -1,0 +1,407 @@
+//! Wrong statements: what is wrong with them, in plain words.
+//!
+//! The grammar only says where a wrong statement starts and ends. Its text is
+//! parsed again with the one rule its first word calls for; where that fails,
+//! and what the rule would have taken there, makes the message. After a missing
+//! semicolon the next statement is tried, so that one error hides no other.
+
+use std::ops::Range;
+
+use nsd_grammar::{NsdParser, Rule, spelling};
+use pest::Parser;
+use pest::error::{ErrorVariant, InputLocation};
+use pest::iterators::Pair;
+
+use super::{Builder, words};
+use crate::syntax::SyntaxError;
+use crate::syntax::lexer::{Lexer, Token, TokenKind};
+
+/// Which list a wrong member stands in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// Items of a file.
+    File,
+    /// Statements of a model, a region, ...
+    Model,
+    /// Settings of an experiment.
+    Experiment,
+    /// Constraints.
+    Rows,
+    /// Constraints and freed states of `initial`.
+    Initial,
+    /// `name = expr;` of a part or a `with`.
+    Binds,
+    /// `name := expr;` of a jump.
+    Resets,
+    /// Options of a method or a contact.
+    Options,
+    /// Options and contacts of `mechanics`.
+    Mechanics,
+    /// Sources and values of a `guess`.
+    Guess,
+    /// Parameters of `free`.
+    Free,
+}
+
+/// Where the parser got stuck and what it would have taken there.
+struct Failure {
+    at: usize,
+    expected: Vec<Rule>,
+}
+
+impl Failure {
+    fn expects(&self, rule: Rule) -> bool {
+        self.expected.contains(&rule)
+    }
+
+    /// An operand has just been read.
+    fn after_operand(&self) -> bool {
+        self.expects(Rule::infix)
+    }
+
+    /// An operand is missing.
+    fn wants_operand(&self) -> bool {
+        let starts = [
+            Rule::expr,
+            Rule::arith,
+            Rule::number,
+            Rule::group,
+            Rule::span,
+        ];
+        starts.iter().any(|start| self.expects(*start))
+    }
+}
+
+type Build<'f, 'b> = &'f mut dyn FnMut(&mut Builder<'b>, Pair<Rule>);
+
+impl<'b> Builder<'b> {
+    /// Diagnoses the wrong text in `range`, and builds what can be read of it.
+    pub(super) fn recover(&mut self, place: Place, range: Range<usize>, build: Build<'_, 'b>) {
+        let scan = self.scan;
+        let text = &scan.text[..range.end];
+        let mut at = range.start;
+        loop {
+            let Some(first) = significant(text, at).next() else {
+                return;
+            };
+            at = first.start;
+            let rule = match self.rule_for(place, text, &first) {
+                Ok(rule) => rule,
+                Err(error) => {
+                    // What the scan has already refused needs no second message.
+                    if !self.wrong_within(first.start..range.end) {
+                        self.report(error);
+                    }
+                    return;
+                }
+            };
+            let failure = match self.attempt(rule, &text[at..], at, build) {
+                Ok(end) => {
+                    at = end;
+                    continue;
+                }
+                Err(failure) => failure,
+            };
+            let explained = self.wrong_within(at..failure.at + 1);
+            let error = self.explain(place, &failure, text);
+            let semicolon = matches!(error, SyntaxError::MissingSemicolon { .. });
+            if !explained {
+                self.report(error);
+            }
+            if !semicolon {
+                return;
+            }
+            // Read the statement as if it had its semicolon, and go on behind it.
+            let end = last_significant(text, at, failure.at).map_or(at, |token| token.end());
+            let completed = format!("{};", &text[at..end]);
+            let _ = self.attempt(rule, &completed, at, build);
+            at = failure.at;
+        }
+    }
+
+    /// Parses `text`, which starts at offset `at`, as one `rule` and builds it;
+    /// returns where it ends.
+    fn attempt(
+        &mut self,
+        rule: Rule,
+        text: &str,
+        at: usize,
+        build: Build<'_, 'b>,
+    ) -> Result<usize, Failure> {
+        match NsdParser::parse(rule, text) {
+            Ok(mut pairs) => {
+                let pair = pairs.next().expect("grammar: a member is one pair");
+                let end = at + pair.as_span().end();
+                let outer = std::mem::replace(&mut self.base, at);
+                build(self, pair);
+                self.base = outer;
+                Ok(end)
+            }
+            Err(error) => {
+                let offset = match error.location {
+                    InputLocation::Pos(offset) | InputLocation::Span((offset, _)) => offset,
+                };
+                let expected = match error.variant {
+                    ErrorVariant::ParsingError { positives, .. } => positives,
+                    ErrorVariant::CustomError { .. } => Vec::new(),
+                };
+                Err(Failure {
+                    at: at + offset,
+                    expected,
+                })
+            }
+        }
+    }
+
+    /// The rule that a member of a list should follow, by how it starts.
+    fn rule_for(&self, place: Place, text: &str, first: &Token) -> Result<Rule, SyntaxError> {
+        let mut next = significant(text, first.end());
+        let second = next.next();
+        let second_text = second.map_or("", |token| token.text);
+        let keyword = words::starts(place)
+            .iter()
+            .find(|(start, _)| *start == first.text);
+        // Keywords are names where nothing follows that the keyword would take.
+        let as_name = matches!(second_text, "'" | "=" | "+=" | ":=" | "." | "in");
+        if let Some((_, rule)) = keyword.filter(|_| !as_name) {
+            return Ok(*rule);
+        }
+        let is_name = first.kind == TokenKind::Word && !words::RESERVED.contains(&first.text);
+        match place {
+            Place::Model if first.text == "0" => Ok(match second_text {
+                "<=" => Rule::complementarity,
+                _ => Rule::equation,
+            }),
+            Place::Model if is_name => self.rule_for_name(text, first),
+            Place::Rows | Place::Initial => Ok(Rule::relation),
+            Place::Binds | Place::Guess if is_name => Ok(Rule::bind),
+            Place::Resets if is_name => Ok(Rule::reset),
+            Place::Options | Place::Mechanics if is_name => Ok(Rule::option),
+            Place::Free if is_name => Ok(Rule::free_path),
+            _ => Err(self.unknown(place, first, second)),
+        }
+    }
+
+    /// A statement that starts with a name: dynamics, a program, or a mistake.
+    fn rule_for_name(&self, text: &str, first: &Token) -> Result<Rule, SyntaxError> {
+        // What stands behind the name and its indices and fields.
+        let mut depth = 0;
+        let mut after_field = true;
+        let mut end = first.end();
+        let mut behind = None;
+        for token in significant(text, first.end()) {
+            match token.text {
+                "[" | "(" => depth += 1,
+                "]" | ")" if depth > 0 => depth -= 1,
+                "." if depth == 0 => {}
+                ";" | "{" | "}" if depth == 0 => {
+                    behind = Some(token);
+                    break;
+                }
+                _ if depth > 0 => {}
+                _ if after_field
+                    && token.kind == TokenKind::Word
+                    && text[end..token.start].trim() == "." => {}
+                _ => {
+                    behind = Some(token);
+                    break;
+                }
+            }
+            after_field = depth == 0;
+            end = token.end();
+        }
+        let operator = behind.map_or("", |token| token.text);
+        let called = text[first.start..end].contains('(');
+        match operator {
+            "'" => Ok(Rule::dynamics),
+            "in" => Ok(Rule::program),
+            "=" | "+=" if !called => Err(SyntaxError::AssignmentWithoutPrime {
+                name: text[first.start..end].trim().to_owned(),
+                operator: operator.to_owned(),
+                span: self.position(first.start..behind.map_or(end, |token| token.end())),
+            }),
+            _ => Err(self.unknown(Place::Model, first, significant(text, first.end()).next())),
+        }
+    }
+
+    /// No member of the list starts like this.
+    fn unknown(&self, place: Place, first: &Token, second: Option<Token>) -> SyntaxError {
+        let span = self.position(first.start..first.end());
+        let word = shown(first);
+        if first.kind == TokenKind::Word {
+            if let Some((here, there)) = words::belongs(first.text, place) {
+                return SyntaxError::Misplaced {
+                    word: first.text.to_owned(),
+                    place: here.to_owned(),
+                    belongs: there.to_owned(),
+                    span,
+                };
+            }
+        }
+        let help = if let Some(meant) = words::suggestion(first.text, place) {
+            format!("did you mean `{meant}`?")
+        } else if first.text == "der" && second.is_some_and(|second| second.text == "(") {
+            "write a derivative as `x' = ...;`".to_owned()
+        } else if matches!(first.text, "if" | "else") {
+            "cases of the dynamics are written `region NAME where ... { ... }`".to_owned()
+        } else if first.text == ";" {
+            "remove it".to_owned()
+        } else {
+            let starts: Vec<String> = words::starts(place)
+                .iter()
+                .map(|(start, _)| format!("`{start}`"))
+                .collect();
+            match starts.is_empty() {
+                true => "start with a name".to_owned(),
+                false => format!("one of {} starts one", starts.join(", ")),
+            }
+        };
+        SyntaxError::UnknownStatement {
+            place: words::member(place).to_owned(),
+            word,
+            help,
+            span,
+        }
+    }
+
+    /// Turns a failure of the parser into a message.
+    fn explain(&self, place: Place, failure: &Failure, text: &str) -> SyntaxError {
+        let found = significant(text, failure.at).next();
+        let span = match found {
+            Some(token) => self.position(token.start..token.end()),
+            None => self.position(failure.at..failure.at),
+        };
+        let found_text = found.map_or("", |token| token.text);
+        let before = last_significant(text, 0, failure.at);
+        let only_name = failure.expects(Rule::name) && !failure.wants_operand();
+        if found_text == "'" && failure.after_operand() {
+            return SyntaxError::PrimeInExpression { span };
+        }
+        if only_name && words::RESERVED.contains(&found_text) {
+            let word = found_text.to_owned();
+            return SyntaxError::ReservedName { word, span };
+        }
+        let new_line = before.is_none_or(|before| text[before.end()..failure.at].contains('\n'));
+        let ends = found.is_none()
+            || found_text == "}"
+            || new_line && !failure.wants_operand()
+            || found.is_some_and(|found| self.starts_member(place, text, &found));
+        if failure.expects(Rule::semicolon) && ends {
+            let what = if failure.after_operand() {
+                "expression"
+            } else {
+                "statement"
+            };
+            let end = before.map_or(failure.at, |before| before.end());
+            return SyntaxError::MissingSemicolon {
+                what: what.to_owned(),
+                span: self.position(end..end),
+            };
+        }
+        let expected = expected(failure);
+        SyntaxError::Expected {
+            help: help(failure, found_text, before.map_or("", |before| before.text)),
+            found: found.map_or("the end of the statement".to_owned(), |found| shown(&found)),
+            expected,
+            span,
+        }
+    }
+
+    /// True where a whole member of the list starts at a token.
+    fn starts_member(&self, place: Place, text: &str, first: &Token) -> bool {
+        let rule = self.rule_for(place, text, first);
+        rule.is_ok_and(|rule| NsdParser::parse(rule, &text[first.start..]).is_ok())
+    }
+}
+
+/// Tokens from an offset on, without blanks and comments.
+fn significant(text: &str, at: usize) -> impl Iterator<Item = Token<'_>> {
+    Lexer::at(text, at).filter(|token| !token.is_blank())
+}
+
+/// The last token between two offsets that is not blank; both are starts of tokens.
+fn last_significant(text: &str, from: usize, to: usize) -> Option<Token<'_>> {
+    significant(&text[..to], from).last()
+}
+
+fn shown(token: &Token) -> String {
+    match token.kind {
+        TokenKind::String => "a string".to_owned(),
+        _ if token.text.chars().count() > 24 => {
+            let start: String = token.text.chars().take(20).collect();
+            format!("`{start}…`")
+        }
+        _ => format!("`{}`", token.text),
+    }
+}
+
+/// What could stand where the parser failed, as "a, b or c".
+fn expected(failure: &Failure) -> String {
+    let operators = [Rule::infix, Rule::comparator, Rule::op_and, Rule::op_or];
+    let mut list: Vec<String> = Vec::new();
+    let mut push = |text: String| {
+        if !list.contains(&text) {
+            list.push(text);
+        }
+    };
+    if failure.wants_operand() {
+        push("an expression".to_owned());
+    }
+    for rule in &failure.expected {
+        let operand = matches!(
+            rule,
+            Rule::number
+                | Rule::string
+                | Rule::name
+                | Rule::matrix
+                | Rule::group
+                | Rule::negative
+                | Rule::op_not
+        );
+        let attached = matches!(rule, Rule::call | Rule::index | Rule::field);
+        if operators.contains(rule) {
+            continue;
+        }
+        if failure.after_operand() && attached || failure.wants_operand() && operand {
+            continue;
+        }
+        if matches!(rule, Rule::close_paren | Rule::close_bracket) && failure.after_operand() {
+            push("`,`".to_owned());
+        }
+        match spelling(*rule) {
+            Some("if") if failure.wants_operand() => {}
+            Some(word) => push(format!("`{word}`")),
+            None => push(words::describe(*rule).to_owned()),
+        }
+    }
+    if failure.after_operand() {
+        push("an operator".to_owned());
+    }
+    match list.split_last() {
+        None => "something else".to_owned(),
+        Some((last, [])) => last.clone(),
+        Some((last, rest)) => format!("{} or {last}", rest.join(", ")),
+    }
+}
+
+/// One action that may repair the statement.
+fn help(failure: &Failure, found: &str, before: &str) -> Option<String> {
+    let wanted = failure.expected.iter().filter_map(|rule| spelling(*rule));
+    if let Some(meant) = words::nearest(found, wanted.filter(|word| word.len() > 2)) {
+        return Some(format!("did you mean `{meant}`?"));
+    }
+    let help = match found {
+        "if" => "put the `if` in parentheses",
+        "=" if failure.expects(Rule::comparator) => "compare with `<`, `<=`, `>` or `>=`",
+        ":=" if failure.expects(Rule::equals) => "write `=`; `:=` stands only in a `jump`",
+        "=" if failure.expects(Rule::becomes) => "write `:=`; a jump sets the value after it",
+        _ if failure.expects(Rule::kw_else) && failure.after_operand() => {
+            "every `if` has a `then` and an `else`"
+        }
+        _ if failure.expects(Rule::within) && before == "within" => {
+            "give the tolerance after `within`"
+        }
+        _ => return None,
+    };
+    Some(help.to_owned())
+}

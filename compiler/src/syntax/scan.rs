@@ -1,0 +1,339 @@
+//! Text -> text the grammar can rely on, reporting what is wrong below the
+//! level of statements.
+//!
+//! One pass over the tokens refuses files the parser must not see (not text,
+//! too large, nested too deeply) and reports stray characters, numbers, strings,
+//! foreign operators and brackets. Each is replaced, byte for byte, by something
+//! harmless, so that the rest of the file is still checked and no position
+//! moves; only closing braces that are missing at the end are added behind it.
+//!
+//! Afterwards brackets are balanced and nesting is bounded by [`MAX_DEPTH`].
+
+use std::borrow::Cow;
+use std::ops::Range;
+
+use super::brackets::Brackets;
+use super::lexer::{Lexer, Token, TokenKind};
+use super::{MAX_BYTES, MAX_DEPTH, MAX_ERRORS, SyntaxError};
+use crate::source::{SourceFile, Span};
+
+/// The scanned text, with what was wrong in it.
+pub struct Scan<'t> {
+    /// Repaired text.
+    pub text: Cow<'t, str>,
+    /// Errors in the order in which they were found.
+    pub errors: Vec<SyntaxError>,
+    /// Places of the errors, by position.
+    pub wrong: Vec<Range<usize>>,
+}
+
+/// Checks a file; nothing where there is no use in parsing it.
+pub fn scan(file: &SourceFile) -> Result<Scan<'_>, SyntaxError> {
+    let text = file.text.as_str();
+    let at = |range: Range<usize>| Span::new(file.start + range.start..file.start + range.end);
+    if let Some(offset) = file.invalid {
+        return Err(SyntaxError::NotUtf8 {
+            offset,
+            span: at(offset..offset + char::REPLACEMENT_CHARACTER.len_utf8()),
+        });
+    }
+    if text.len() > MAX_BYTES {
+        let boundary = (0..=MAX_BYTES).rev().find(|&at| text.is_char_boundary(at));
+        let limit = boundary.unwrap_or_default();
+        return Err(SyntaxError::TooLarge {
+            bytes: text.len(),
+            limit: MAX_BYTES,
+            span: at(limit..limit),
+        });
+    }
+
+    let mut repair = Repair::new(text, file.start);
+    let mut brackets = Brackets::default();
+    let mut tokens = Lexer::new(text).peekable();
+    while let Some(token) = tokens.next() {
+        repair.token(&token, tokens.peek());
+        if !brackets.token(&token, &mut repair) {
+            return Err(SyntaxError::TooDeep {
+                limit: MAX_DEPTH,
+                span: at(token.start..token.end()),
+            });
+        }
+    }
+    brackets.finish(&mut repair);
+    Ok(repair.finish())
+}
+
+/// The text under repair.
+pub struct Repair<'t> {
+    text: &'t str,
+    base: usize,
+    bytes: Option<Vec<u8>>,
+    errors: Vec<SyntaxError>,
+    wrong: Vec<Range<usize>>,
+    last_word: &'t str,
+}
+
+impl<'t> Repair<'t> {
+    fn new(text: &'t str, base: usize) -> Self {
+        Repair {
+            text,
+            base,
+            bytes: None,
+            errors: Vec::new(),
+            wrong: Vec::new(),
+            last_word: "x",
+        }
+    }
+
+    /// The span of a range of the text.
+    pub fn span(&self, range: Range<usize>) -> Span {
+        Span::new(self.base + range.start..self.base + range.end)
+    }
+
+    /// Reports an error at `range` and puts `instead` there, filled up with blanks.
+    pub fn replace(&mut self, range: Range<usize>, instead: &str, error: SyntaxError) {
+        self.patch(range.clone(), instead);
+        self.report(range, error);
+    }
+
+    fn report(&mut self, range: Range<usize>, error: SyntaxError) {
+        self.wrong.push(range);
+        // One more than is shown tells that there are more.
+        if self.errors.len() <= MAX_ERRORS {
+            self.errors.push(error);
+        }
+    }
+
+    /// Puts `instead` over whole characters, filled up with blanks.
+    pub fn patch(&mut self, range: Range<usize>, instead: &str) {
+        debug_assert!(
+            instead.len() <= range.len(),
+            "a repair must not move what follows"
+        );
+        let bytes = self
+            .bytes
+            .get_or_insert_with(|| self.text.as_bytes().to_vec());
+        let (head, tail) = bytes[range].split_at_mut(instead.len());
+        head.copy_from_slice(instead.as_bytes());
+        tail.fill(b' ');
+    }
+
+    /// Adds text behind the file.
+    pub fn append(&mut self, more: &str) {
+        let bytes = self
+            .bytes
+            .get_or_insert_with(|| self.text.as_bytes().to_vec());
+        bytes.extend_from_slice(more.as_bytes());
+    }
+
+    fn finish(mut self) -> Scan<'t> {
+        self.wrong.sort_by_key(|range| range.start);
+        let text = match self.bytes {
+            None => Cow::Borrowed(self.text),
+            Some(bytes) => match String::from_utf8(bytes) {
+                Ok(text) => Cow::Owned(text),
+                Err(error) => unreachable!("repairs replace whole characters: {error}"),
+            },
+        };
+        Scan {
+            text,
+            errors: self.errors,
+            wrong: self.wrong,
+        }
+    }
+
+    /// Checks one token by itself.
+    fn token(&mut self, token: &Token<'t>, next: Option<&Token>) {
+        let range = token.start..token.end();
+        let span = self.span(range.clone());
+        match token.kind {
+            TokenKind::Blank if !token.text.bytes().all(|byte| b" \t\r\n".contains(&byte)) => {
+                self.patch(range, "")
+            }
+            TokenKind::BlockComment => self.replace(range, "", SyntaxError::BlockComment { span }),
+            TokenKind::OpenString => {
+                let empty = if range.len() > 1 { "\"\"" } else { "0" };
+                self.replace(range, empty, SyntaxError::UnterminatedString { span });
+            }
+            TokenKind::BadNumber => self.replace(range, "0", malformed(token.text, span)),
+            TokenKind::Number if token.text.parse().is_ok_and(f64::is_infinite) => {
+                let error = SyntaxError::MalformedNumber {
+                    text: token.text.to_owned(),
+                    help: "write `inf` for infinity".to_owned(),
+                    span,
+                    problem: "larger than any floating point number".to_owned(),
+                };
+                self.replace(range, "0", error);
+            }
+            TokenKind::Word => self.last_word = token.text,
+            TokenKind::Stray => self.stray(token, span),
+            TokenKind::Symbol => self.symbol(token, next, span),
+            _ => {}
+        }
+    }
+
+    fn symbol(&mut self, token: &Token, next: Option<&Token>, span: Span) {
+        let range = token.start..token.end();
+        let (word, instead) = match token.text {
+            "''" => {
+                let name = self.last_word.to_owned();
+                return self.replace(range, "'", SyntaxError::SecondDerivative { name, span });
+            }
+            "==" | "!=" | "~=" | "<>" => {
+                let help = match token.text {
+                    "==" => "write `=` in a declaration or a constraint, `<` or `>` in a guard",
+                    _ => "write `<` or `>`; `not` reverses a comparison",
+                };
+                let error = SyntaxError::NoEquality {
+                    operator: token.text.to_owned(),
+                    help: help.to_owned(),
+                    span,
+                };
+                return self.replace(range, "<=", error);
+            }
+            "&&" | "&" => ("and", "+"),
+            "||" | "|" => ("or", "+"),
+            "!" if next.is_some_and(|next| next.text == "=") => ("not", " "),
+            "!" => ("not", "-"),
+            "**" => ("^", "^"),
+            "=<" => ("<=", "<="),
+            "=>" => (">=", ">="),
+            "->" => ("=", "="),
+            _ => return,
+        };
+        let error = SyntaxError::ForeignSymbol {
+            symbol: token.text.to_owned(),
+            word: word.to_owned(),
+            span,
+        };
+        self.replace(range, instead, error);
+    }
+
+    fn stray(&mut self, token: &Token, span: Span) {
+        let range = token.start..token.end();
+        let known = FOREIGN
+            .iter()
+            .find(|(symbols, _)| symbols.contains(token.text));
+        if let Some((_, word)) = known {
+            let error = SyntaxError::ForeignSymbol {
+                symbol: token.text.to_owned(),
+                word: (*word).to_owned(),
+                span,
+            };
+            let instead = match *word {
+                "or" | "and" => "+",
+                "not" => "-",
+                "perp" => "<=",
+                // A lone quote would open a string.
+                "\"" => "",
+                word => word,
+            };
+            return self.replace(range, instead, error);
+        }
+        // Of a run of stray characters, only the first is worth a message.
+        let goes_on = self
+            .wrong
+            .last()
+            .is_some_and(|last| last.end == token.start)
+            && matches!(self.errors.last(), Some(SyntaxError::StrayCharacter { .. }));
+        if goes_on {
+            self.patch(range.clone(), "");
+            if let Some(last) = self.wrong.last_mut() {
+                last.end = range.end;
+            }
+            return;
+        }
+        let character = token
+            .text
+            .chars()
+            .next()
+            .unwrap_or(char::REPLACEMENT_CHARACTER);
+        let error = SyntaxError::StrayCharacter {
+            character: match character.is_control() {
+                true => format!("U+{:04X}", u32::from(character)),
+                false => format!("`{character}`"),
+            },
+            help: stray_help(character).map(str::to_owned),
+            span,
+        };
+        self.replace(range, "", error);
+    }
+}
+
+/// Symbols of papers and keyboards, with what is written instead.
+const FOREIGN: [(&str, &str); 13] = [
+    ("−–—", "-"),
+    ("×·⋅∗", "*"),
+    ("÷∕", "/"),
+    ("≤⩽", "<="),
+    ("≥⩾", ">="),
+    ("′’‘", "'"),
+    ("“”„", "\""),
+    ("∧", "and"),
+    ("∨", "or"),
+    ("¬", "not"),
+    ("⟂⊥", "perp"),
+    ("≈", "~"),
+    ("≔", ":="),
+];
+
+fn stray_help(character: char) -> Option<&'static str> {
+    Some(match character {
+        '#' | '%' => "a comment starts with `//`",
+        '²' => "write a power as `^2`",
+        '³' => "write a power as `^3`",
+        '√' => "write `sqrt(...)`",
+        '∞' => "write `inf`",
+        '∈' => "write `in`",
+        '\\' => "write the operator or the function by its name",
+        '\0' => "the file does not seem to be text",
+        _ => return None,
+    })
+}
+
+/// Says what is wrong with a number and how to write it.
+fn malformed(text: &str, span: Span) -> SyntaxError {
+    let (problem, help) = if let Some(fraction) = text.strip_prefix('.') {
+        let help = format!("write `0.{fraction}`");
+        ("a digit is missing before the point", help)
+    } else if let Some(whole) = text.strip_suffix('.') {
+        (
+            "a digit is missing after the point",
+            format!("write `{whole}.0` or `{whole}`"),
+        )
+    } else if text.matches('.').count() > 1 {
+        (
+            "more than one point",
+            "write the number with one point".to_owned(),
+        )
+    } else if text.ends_with(['e', 'E']) {
+        (
+            "the exponent has no digits",
+            "write it as in `1e-3`".to_owned(),
+        )
+    } else {
+        let end = text
+            .find(|c: char| !c.is_ascii_digit() && c != '.')
+            .unwrap_or(0);
+        match text[..end].strip_suffix('.') {
+            Some(whole) => {
+                let help = format!(
+                    "write `{whole}.0{}` or `{whole}*{}`",
+                    &text[end..],
+                    &text[end..]
+                );
+                ("a digit is missing after the point", help)
+            }
+            None => {
+                let help = format!("write `{}*{}` for a product", &text[..end], &text[end..]);
+                ("a number runs into a name", help)
+            }
+        }
+    };
+    SyntaxError::MalformedNumber {
+        text: text.to_owned(),
+        help,
+        span,
+        problem: problem.to_owned(),
+    }
+}
