@@ -202,6 +202,8 @@ impl<'e> Expr<'e> {
     /// `(c, e)` with `self = c * e`, such that equal, opposite and proportional expressions have the same `e`.
     ///
     /// The leading term of `e` has the coefficient 1; in a product this holds for every factor that is a sum.
+    /// A coefficient of `e` within rounding of a short decimal number is that number, so that rounding does not
+    /// separate what is equal on paper.
     pub fn split_scale(self) -> (f64, Expr<'e>) {
         let one_level = self.split_leading();
         let Node::Product(factors) = one_level.1.node() else {
@@ -228,7 +230,7 @@ impl<'e> Expr<'e> {
             Node::Sum { .. } => {
                 let mut arena = self.exprs.arena.borrow_mut();
                 let scale = layout::leading_coefficient(&arena, self.id);
-                match arena.divide(self.id, scale) {
+                match arena.divide_to_decimals(self.id, scale) {
                     Some(normal) => (scale, self.with(normal)),
                     None => (1.0, self),
                 }

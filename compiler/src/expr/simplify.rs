@@ -18,6 +18,17 @@ fn as_good(result: f64, operand: f64) -> Option<f64> {
     (result.is_finite() && (result != 0.0 || operand == 0.0)).then_some(result)
 }
 
+/// A number of at most 12 digits that differs by no more than rounding, else the value itself.
+fn nearby_decimal(value: f64) -> f64 {
+    let short = format!("{value:.11e}").parse().unwrap_or(value);
+    let near: f64 = value - short;
+    if near.abs() <= 2.0 * f64::EPSILON * value.abs() {
+        short
+    } else {
+        value
+    }
+}
+
 fn multiply(a: f64, b: f64) -> Option<f64> {
     as_good(a * b, if b == 0.0 { b } else { a })
 }
@@ -122,6 +133,16 @@ impl Arena {
 
     /// A sum divided by a number, `None` if a coefficient would overflow or vanish.
     pub fn divide(&mut self, id: Id, number: f64) -> Option<Id> {
+        self.map_coefficients(id, |c| as_good(c / number, c))
+    }
+
+    /// [`Self::divide`], where a quotient within rounding of a short decimal number is that number: `3*x - 3*0.1`
+    /// by 3 is `x - 0.1`, although `3*0.1/3` is not the number nearest to 0.1.
+    pub fn divide_to_decimals(&mut self, id: Id, number: f64) -> Option<Id> {
+        self.map_coefficients(id, |c| as_good(nearby_decimal(c / number), c))
+    }
+
+    fn map_coefficients(&mut self, id: Id, f: impl Fn(f64) -> Option<f64>) -> Option<Id> {
         let Data::Sum {
             constant,
             start,
@@ -130,10 +151,9 @@ impl Arena {
         else {
             return None;
         };
-        let divide = |c: f64| as_good(c / number, c);
-        let constant = divide(constant)?;
+        let constant = f(constant)?;
         let terms = self.terms(start, len).iter();
-        let terms = terms.map(|&(term, c)| Some((term, divide(c)?)));
+        let terms = terms.map(|&(term, c)| Some((term, f(c)?)));
         let terms = terms.collect::<Option<Vec<_>>>()?;
         Some(match terms[..] {
             [(term, 1.0)] if constant == 0.0 => term,
@@ -329,6 +349,10 @@ mod tests {
         assert_snapshot!(split(2.0 - x), @"-1 * (x - 2)");
         assert_snapshot!(split(3.0 * x - 6.0), @"3 * (x - 2)");
         assert_snapshot!(split((1.0 - x) * (2.0 * y - 4.0)), @"-2 * ((x - 1)*(y - 2))");
+        assert_eq!(
+            (0.7 * (x - 0.1 * y) + 0.21).split_scale().1,
+            x - 0.1 * y + 0.3
+        );
         assert_snapshot!(split(-x.sin()), @"-1 * (sin(x))");
         assert_snapshot!(split(e.constant(-2.0)), @"-2 * (1)");
         assert_snapshot!(split(e.constant(0.0)), @"1 * (0)");

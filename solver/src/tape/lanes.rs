@@ -1,6 +1,7 @@
 //! Evaluation at several points at once.
 //!
-//! Arithmetic is exact to the bit of the scalar evaluation; so are the functions, which go through the scalar ones.
+//! Every lane has the bits of the scalar evaluation. The functions go through the scalar ones for that reason: the
+//! vector functions of `wide` fuse operations where the processor can, and lose all digits of a sine far from zero.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
