@@ -106,7 +106,7 @@ fn points() -> impl Strategy<Value = [f64; N]> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(1000))]
+    #![proptest_config(ProptestConfig::with_cases(300))]
 
     #[test]
     fn simplification_keeps_the_value(program in programs(), point in points()) {
