@@ -104,25 +104,15 @@ pub(super) fn builtin<'e>(
                     Tensor::scalar(lowering.constant(1.0)),
                 ),
             };
-            let above = fold(lowering, call, &[first, lo], BinaryFunction::Max)?;
-            fold(lowering, call, &[above, hi], BinaryFunction::Min)
+            clip(lowering, call, first, lo, hi)
         }
         "deadzone" => {
             let width = values
                 .get(1)
                 .cloned()
                 .unwrap_or_else(|| Tensor::scalar(lowering.constant(1.0)));
-            let above = fold(
-                lowering,
-                call,
-                &[first.clone(), width.map(|w| -w)],
-                BinaryFunction::Max,
-            )?;
-            let clipped = fold(lowering, call, &[above, width], BinaryFunction::Min)?;
-            match first.zip(&clipped, |x, c| x - c) {
-                Some(value) => Ok(value),
-                None => Err(Reported),
-            }
+            let clipped = clip(lowering, call, first.clone(), width.map(|w| -w), width)?;
+            first.zip(&clipped, |x, c| x - c).ok_or(Reported)
         }
         "sum" => Ok(Tensor::scalar(
             lowering.scope.exprs.sum(first.data.iter().copied()),
@@ -217,6 +207,34 @@ fn mismatch<T>(
     })
 }
 
+/// x kept between two bounds, as lo + max(x - lo, 0) - max(x - hi, 0): two kinks side by side
+/// instead of one inside the other.
+fn clip<'e>(
+    lowering: &mut Lowering<'_, 'e>,
+    call: &Call<'_>,
+    x: Tensor<'e>,
+    lo: Tensor<'e>,
+    hi: Tensor<'e>,
+) -> Result<Tensor<'e>, Reported> {
+    let zero = lowering.constant(0.0);
+    let is_infinite = |bound: Expr<'e>| bound.as_constant().is_some_and(f64::is_infinite);
+    let raised = fold_with(lowering, call, &[x.clone(), lo], |x, lo| {
+        if is_infinite(lo) {
+            x
+        } else {
+            lo + (x - lo).max(zero)
+        }
+    })?;
+    let excess = fold_with(lowering, call, &[x, hi], |x, hi| {
+        if is_infinite(hi) {
+            zero
+        } else {
+            (x - hi).max(zero)
+        }
+    })?;
+    fold_with(lowering, call, &[raised, excess], |a, b| a - b)
+}
+
 /// `f(f(a, b), c)`, entry by entry.
 fn fold<'e>(
     lowering: &mut Lowering<'_, 'e>,
@@ -224,9 +242,18 @@ fn fold<'e>(
     values: &[Tensor<'e>],
     function: BinaryFunction,
 ) -> Result<Tensor<'e>, Reported> {
+    fold_with(lowering, call, values, |a, b| a.apply_binary(function, b))
+}
+
+fn fold_with<'e>(
+    lowering: &mut Lowering<'_, 'e>,
+    call: &Call,
+    values: &[Tensor<'e>],
+    f: impl Fn(Expr<'e>, Expr<'e>) -> Expr<'e>,
+) -> Result<Tensor<'e>, Reported> {
     let mut result = values[0].clone();
     for value in &values[1..] {
-        result = match result.zip(value, |a, b| a.apply_binary(function, b)) {
+        result = match result.zip(value, &f) {
             Some(next) => next,
             None => return mismatch(lowering, call, &result, value),
         };

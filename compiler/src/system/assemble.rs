@@ -36,12 +36,13 @@ impl<'e> Lowering<'_, 'e> {
             .chain(recorded)
             .collect();
         let (kept, dropped) = self.used(&roots);
-        let mut switches: Vec<Switch<'e>> = kept.iter().map(|&k| self.finished(k)).collect();
-        for (k, switch) in switches.iter().enumerate() {
-            if let Some(var) = switch.alpha.as_variable() {
-                model.exprs.rename(var, &format!("alpha[{}]", k + 1));
-            }
+        for (place, &k) in kept.iter().enumerate() {
+            model.exprs.rename(
+                self.switches.list[k].alpha,
+                &format!("alpha[{}]", place + 1),
+            );
         }
+        let mut switches: Vec<Switch<'e>> = kept.iter().map(|&k| self.finished(k)).collect();
         let alphas: Vec<Var> = kept.iter().map(|&k| self.switches.list[k].alpha).collect();
         let sampler = self.sampler_of(
             switches
@@ -85,8 +86,13 @@ impl<'e> Lowering<'_, 'e> {
 
         let states = self.states(&rates);
         let partitions = self.partitions(&weights, &alphas);
-        for partition in &partitions {
-            if let Some(error) = regions::check(partition, &states, &switches, &sampler) {
+        for (partition, numbers) in partitions.iter().zip(&model.partitions) {
+            let guards: Vec<Span> = numbers
+                .regions
+                .iter()
+                .map(|&r| model.regions[r].guard_span)
+                .collect();
+            if let Some(error) = regions::check(partition, &states, &switches, &guards, &sampler) {
                 diags.push(error);
             }
         }
@@ -96,7 +102,7 @@ impl<'e> Lowering<'_, 'e> {
         }
         let skipped = dropped
             .into_iter()
-            .map(|k| format!("switch `{}`", self.switches.list[k].name))
+            .map(|k| format!("switch `{}`", self.finished(k).name))
             .collect();
         let (params, groups) = (self.params(), self.groups());
         let named = model.switches.iter().flat_map(|switch| {
@@ -164,7 +170,8 @@ impl<'e> Lowering<'_, 'e> {
     fn finished(&self, k: usize) -> Switch<'e> {
         let collected = &self.switches.list[k];
         Switch {
-            name: collected.name.clone(),
+            // Without words of the user, the text of ψ.
+            name: (collected.name.clone()).unwrap_or_else(|| collected.psi.to_string()),
             alpha: self.model.exprs.expr(collected.alpha),
             psi: collected.psi,
             continuity: Continuity::Discontinuous,

@@ -36,6 +36,8 @@ mod surface;
 mod switches;
 #[cfg(test)]
 mod switches_tests;
+#[cfg(test)]
+mod tests;
 mod values;
 mod verify;
 

@@ -31,6 +31,12 @@ pub(super) fn check_reading<'e>(
     let strict = switches.strict(value);
     for k in (0..switches.list.len()).filter(|&k| occurs(k)) {
         let switch = &switches.list[k];
+        let name = || {
+            switch
+                .name
+                .clone()
+                .unwrap_or_else(|| switch.psi.to_string())
+        };
         let reads = |value: Expr<'e>, var: Var| {
             is_hidden_term_zero(value, var, switch.psi, switches, &sampler())
         };
@@ -70,9 +76,9 @@ pub(super) fn check_reading<'e>(
                     }
                 }
                 None => {
-                    let write = |word| format!("switch s = sign({}) sliding {word};", switch.name);
+                    let write = |word| format!("switch s = sign({}) sliding {word};", name());
                     SystemError::NonlinearSwitch {
-                        name: format!("sign({})", switch.name),
+                        name: format!("sign({})", name()),
                         linear: write("linear"),
                         nonlinear: write("nonlinear"),
                         switch: span,
@@ -89,7 +95,7 @@ pub(super) fn check_reading<'e>(
         {
             let span = switch.spans.first().copied().unwrap_or(entry);
             errors.push(SystemError::NonlinearCondition {
-                name: switch.name.clone(),
+                name: name(),
                 condition: span,
                 entry,
             });

@@ -2,9 +2,10 @@
 
 use super::affine::at;
 use super::interaction::positions;
-use super::sample::Sampler;
+use super::sample::{Point, Sampler};
 use super::{Partition, State, Subsystem, Switch, SystemError};
 use crate::expr::{Expr, Var};
+use crate::source::Span;
 
 /// More switches than this in one guard are not enumerated.
 const MOST_ENUMERATED: usize = 12;
@@ -45,6 +46,7 @@ pub(super) fn check<'e>(
     partition: &Partition<'e>,
     states: &[State<'e>],
     switches: &[Switch<'e>],
+    guards: &[Span],
     sampler: &Sampler<'e>,
 ) -> Option<SystemError> {
     let psi: Vec<Expr<'e>> = partition
@@ -54,7 +56,9 @@ pub(super) fn check<'e>(
         .collect();
     let exprs = partition.regions.first()?.weight.exprs();
     let name = |var| exprs.name(var);
-    for point in sampler.points_around(&psi) {
+    // On a surface, no guard has a say.
+    let is_off = |point: &Point| psi.iter().all(|&psi| point.eval(psi).abs() > 1e-9);
+    for point in sampler.points_around(&psi).filter(is_off) {
         let holding: Vec<usize> = (0..partition.regions.len())
             .filter(|&r| point.eval(partition.regions[r].weight) > 0.5)
             .collect();
@@ -73,13 +77,14 @@ pub(super) fn check<'e>(
                 });
             }
             [first, second, ..] => {
+                let (first_span, second_span) = (guards[first], guards[second]);
                 let (first, second) = (&partition.regions[first], &partition.regions[second]);
                 return Some(SystemError::Overlap {
                     first: first.name.clone(),
                     second: second.name.clone(),
                     witness: sampler.witness(&point, &psi, name),
-                    first_span: first.span,
-                    second_span: second.span,
+                    first_span,
+                    second_span,
                 });
             }
         }

@@ -2,7 +2,7 @@
 
 use rustc_hash::FxHashMap;
 
-use crate::expr::{Expr, Function, Node, Var, variables_of};
+use crate::expr::{Expr, Function, Node, Substitution, Var, variables_of};
 
 /// What the zero set of ψ looks like, where its form shows it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,11 +62,16 @@ pub(super) fn canonical<'e>(psi: Expr<'e>, params: &FxHashMap<Var, f64>) -> (f64
     (scale * number * inner, normal)
 }
 
-/// The value of an expression in parameters only.
+/// The value of an expression that is a number once parameters are given.
 fn parameter(e: Expr<'_>, params: &FxHashMap<Var, f64>) -> Option<f64> {
     let vars = variables_of(&[e]);
-    let known = vars.iter().all(|var| params.contains_key(var));
-    known.then(|| e.eval(&|var| params.get(&var).copied().unwrap_or(f64::NAN)))
+    let numbers: Substitution<'_> = (vars.into_iter())
+        .filter_map(|var| Some((var, e.exprs().constant(*params.get(&var)?))))
+        .collect();
+    if numbers.is_empty() {
+        return e.as_constant();
+    }
+    e.substitute(&numbers).as_constant()
 }
 
 /// The sign that e has wherever it is not zero, where its form shows it.

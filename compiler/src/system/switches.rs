@@ -36,7 +36,7 @@ pub(super) enum Entry {
 /// A switch while it is collected.
 pub(super) struct Collected<'e> {
     /// The user's text of ψ or the name of the switch statement.
-    pub name: String,
+    pub name: Option<String>,
     pub alpha: Var,
     pub psi: Expr<'e>,
     pub spans: Vec<Span>,
@@ -162,7 +162,6 @@ impl<'e> Switches<'e> {
         let (scale, key) = surface::canonical(psi, &self.params);
         let k = *self.index.entry(key).or_insert(self.list.len());
         if k == self.list.len() {
-            let name = psi.to_string();
             let alpha = self
                 .exprs
                 .variable("alpha")
@@ -170,7 +169,7 @@ impl<'e> Switches<'e> {
                 .expect("a fresh variable is one");
             let (spans, named, entries) = (vec![], vec![], vec![]);
             self.list.push(Collected {
-                name,
+                name: None,
                 alpha,
                 psi,
                 spans,
@@ -190,7 +189,7 @@ impl<'e> Switches<'e> {
         let (k, flipped) = self.switch(psi);
         let switch = &mut self.list[k];
         if switch.spans.is_empty() && !flipped {
-            switch.name = name.to_owned();
+            switch.name = Some(name.to_owned());
         }
         switch.spans.push(span);
     }
@@ -206,7 +205,7 @@ impl<'e> Switches<'e> {
         if let Some((k, flipped)) = self.find(psi) {
             let switch = &mut self.list[k];
             if switch.named.is_empty() && !flipped {
-                switch.name = name.to_owned();
+                switch.name = Some(name.to_owned());
             }
             if switch.spans.is_empty() {
                 switch.spans.push(span);

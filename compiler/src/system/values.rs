@@ -179,7 +179,11 @@ fn signals<'e>(
             changed |= resolved != *value;
             *value = resolved;
         }
-        if !changed {
+        if !changed
+            && open
+                .iter()
+                .all(|&(_, value, ..)| open.iter().all(|&(var, ..)| !value.depends_on(var)))
+        {
             return complete.then(|| open.iter().map(|&(var, value, ..)| (var, value)).collect());
         }
     }
