@@ -32,15 +32,6 @@ pub enum Command {
     Run(RunArgs),
     /// Run every `expect` of files and folders
     Test(TestArgs),
-    /// Lay files out in the standard way
-    Fmt {
-        /// Files to format; `-` formats standard input to standard output
-        #[arg(required = true, value_name = "FILE")]
-        files: Vec<PathBuf>,
-        /// Change nothing; fail if something would change
-        #[arg(long)]
-        check: bool,
-    },
     /// Explain a diagnostic by its code, or list all codes
     Explain {
         /// The code, such as E0203

@@ -1,7 +1,7 @@
 //! Reading and writing files, with errors that name them.
 
 use std::fs;
-use std::io::{self, Read, Write};
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use super::Streams;
@@ -122,6 +122,14 @@ impl Sink {
         Sink {
             path: path.to_owned(),
             text: String::new(),
+        }
+    }
+
+    /// A sink with its whole text.
+    pub fn with(path: &Path, text: String) -> Self {
+        Sink {
+            path: path.to_owned(),
+            text,
         }
     }
 

@@ -4,8 +4,14 @@
 //! but this folder and `main.rs` reads, writes or prints.
 
 mod args;
+mod check;
+mod emit;
 mod explain;
+mod figure;
 mod files;
+mod project;
+mod run;
+mod test;
 
 use std::ffi::OsString;
 use std::io::{self, Write};
@@ -59,8 +65,11 @@ pub fn run(args: impl IntoIterator<Item = OsString>, streams: &mut Streams<'_>) 
 
 fn dispatch(args: Args, streams: &mut Streams<'_>) -> io::Result<Exit> {
     match args.command {
+        Command::Check { files } => check::run(&files, streams),
+        Command::Emit(args) => emit::run(&args, streams),
+        Command::Run(args) => run::run(&args, streams),
+        Command::Test(args) => test::run(&args, streams),
         Command::Explain { code } => explain::run(code.as_deref(), streams),
-        _ => Ok(Exit::Usage),
     }
 }
 

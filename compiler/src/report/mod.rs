@@ -13,6 +13,7 @@ pub mod csv;
 mod dense;
 pub mod expect;
 pub mod json;
+mod modes;
 pub mod plot;
 mod refine;
 #[cfg(test)]

@@ -6,6 +6,8 @@ use super::{MethodOption, Series, Stats, Status, Trajectory};
 
 /// Rows of a table before the rest is only counted.
 const MAX_ROWS: usize = 12;
+/// Characters of a mode before its switches are counted instead of named.
+const MAX_MODE: usize = 60;
 /// Entries of a vector before the rest is left out.
 const MAX_ENTRIES: usize = 8;
 
@@ -82,11 +84,7 @@ fn events(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
             significant(event.time, 12),
             event.kind.as_str().to_owned(),
             event.surface.clone(),
-            if event.from == event.to {
-                event.to.clone()
-            } else {
-                format!("{} -> {}", event.from, event.to)
-            },
+            trajectory.change(event, MAX_MODE),
         ]
     });
     writeln!(text, "\n  {}", counted(trajectory.events.len(), "event"))?;
@@ -103,7 +101,7 @@ fn modes(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
         [
             significant(interval.from, 6),
             significant(interval.to, 6),
-            interval.mode.clone(),
+            trajectory.short_mode(interval, MAX_MODE),
         ]
     });
     writeln!(text, "\n  {}", counted(modes.len(), "mode interval"))?;

@@ -115,14 +115,17 @@ pub fn evaluate(
         .iter()
         .any(|(expect, _)| matches!(expect, Expect::Status(_)));
     if trajectory.status != Status::Solved && !asks_for_status {
-        checks.push(Check {
-            text: "the run ends well".into(),
-            span: Span::default(),
-            verdict: Verdict::Failed {
-                expected: Status::Solved.as_str().into(),
-                got: status_text(trajectory),
+        checks.insert(
+            0,
+            Check {
+                text: "the run ends well".into(),
+                span: Span::default(),
+                verdict: Verdict::Failed {
+                    expected: Status::Solved.as_str().into(),
+                    got: status_text(trajectory),
+                },
             },
-        });
+        );
     }
     checks
 }

@@ -57,7 +57,7 @@ pub fn resolve<'e>(
     let (left, right) = (left?, right?);
     let conforms =
         left.shape == right.shape || left.shape == Shape::Scalar || right.shape == Shape::Scalar;
-    if !conforms && !words.has_unknown_length.get() {
+    if !conforms && !words.has_list.get() {
         diags.push(ExpectError::Shapes {
             left_shape: left.shape.to_string(),
             right_shape: right.shape.to_string(),
@@ -166,22 +166,13 @@ pub fn evaluate(
     };
     let mut worst: Option<Miss> = None;
     for &time in instants {
-        let left = match values(subject, trajectory, &sides.left, sides.left_when, time) {
-            Ok(values) => values,
-            Err(reason) => {
-                return Verdict::Failed {
-                    expected: expected(relation, &[], sides.within),
-                    got: reason,
-                };
-            }
-        };
-        let right = match values(subject, trajectory, &sides.right, sides.right_when, time) {
-            Ok(values) => values,
-            Err(reason) => {
-                return Verdict::Failed {
-                    expected: expected(relation, &[], sides.within),
-                    got: reason,
-                };
+        let left = values(subject, trajectory, &sides.left, sides.left_when, time);
+        let right = values(subject, trajectory, &sides.right, sides.right_when, time);
+        let (left, right) = match (left, right) {
+            (Ok(left), Ok(right)) => (left, right),
+            (Err(got), _) | (_, Err(got)) => {
+                let expected = subject.sources.text(relation.right.span).to_owned();
+                return Verdict::Failed { expected, got };
             }
         };
         let miss = misses(relation.relation, &left, &right, sides.within);
@@ -221,7 +212,9 @@ struct Miss {
 impl Miss {
     fn describe(&self) -> String {
         let mut text = show(&self.left);
-        if self.left.len().max(self.right.len()) > 1 {
+        if self.left.len() != self.right.len() && self.left.len() != 1 && self.right.len() != 1 {
+            text += &format!(", {} entries for {}", self.left.len(), self.right.len());
+        } else if self.left.len().max(self.right.len()) > 1 {
             text += &format!(", off by {:.2e} in entry {}", self.by, self.entry + 1);
         } else if self.by.is_finite() && self.by > 0.0 {
             text += &format!(", off by {:.2e}", self.by);

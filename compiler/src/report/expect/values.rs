@@ -28,8 +28,8 @@ pub struct Words<'w, 's, 'e> {
     subject: &'w Subject<'s, 'e>,
     run: &'w Run<'w>,
     errors: RefCell<Vec<ExpectError>>,
-    /// Whether a list of unknown length has been asked for.
-    pub has_unknown_length: Cell<bool>,
+    /// Whether a list was asked for, whose length only a run knows.
+    pub has_list: Cell<bool>,
     /// Whether some word is a value of the whole run.
     unsupported: RefCell<Option<(String, crate::source::Span)>>,
 }
@@ -41,7 +41,7 @@ impl<'w, 's, 'e> Words<'w, 's, 'e> {
             subject,
             run,
             errors: RefCell::default(),
-            has_unknown_length: Cell::new(false),
+            has_list: Cell::new(false),
             unsupported: RefCell::default(),
         }
     }
@@ -136,11 +136,9 @@ impl<'w, 's, 'e> Words<'w, 's, 'e> {
     }
 
     fn list(&self, of: impl Fn(&Trajectory) -> Vec<f64>) -> Tensor<'e> {
+        self.has_list.set(true);
         let numbers = match self.run {
-            Run::Unknown => {
-                self.has_unknown_length.set(true);
-                vec![0.0; MANY]
-            }
+            Run::Unknown => vec![0.0; MANY],
             Run::Known(trajectory) => of(trajectory),
         };
         Tensor::vector(

@@ -147,7 +147,14 @@ impl Legend {
     pub fn new(trajectory: &Trajectory, bands: &Bands) -> Self {
         let mut entries: Vec<(Entry, String)> = Vec::new();
         for (name, color) in &bands.named {
-            entries.push((Entry::Band(*color), shortened(name)));
+            let interval = trajectory
+                .modes
+                .iter()
+                .find(|interval| interval.mode == *name);
+            let name = interval.map_or(String::new(), |interval| {
+                trajectory.short_mode(interval, MAX_NAME)
+            });
+            entries.push((Entry::Band(*color), shortened(&name)));
         }
         match bands.n_others {
             0 => {}

@@ -16,23 +16,19 @@ const N_TICKS: usize = 5;
 const MAX_RATIO: f64 = 3.0;
 
 /// The phase plane of two states.
-pub struct Plane<'a> {
+pub struct Plane {
     names: [String; 2],
     columns: [Vec<f64>; 2],
     axes: [Axis; 2],
-    surfaces: &'a [Surface<'a>],
+    /// Lines of each switching curve.
+    curves: Vec<Vec<Vec<Point>>>,
     legend: Legend,
     size: (f64, f64),
 }
 
-impl<'a> Plane<'a> {
+impl Plane {
     /// The plane of the two states of `trajectory`, so wide and high.
-    pub fn new(
-        trajectory: &Trajectory,
-        surfaces: &'a [Surface<'a>],
-        width: f64,
-        height: f64,
-    ) -> Self {
+    pub fn new(trajectory: &Trajectory, surfaces: &[Surface<'_>], width: f64, height: f64) -> Self {
         let entries: Vec<(String, Vec<f64>)> = trajectory
             .states
             .iter()
@@ -50,15 +46,19 @@ impl<'a> Plane<'a> {
         if trajectory.states.len() == 1 {
             one_scale(&mut axes, (width, height));
         }
-        let surfaces = &surfaces[..surfaces.len().min(DASHES.len())];
-        let names = surfaces.iter().map(|surface| surface.name.clone());
-        let curves: Vec<_> = names.zip(DASHES).collect();
+        let [x_range, y_range] = [&axes[0], &axes[1]].map(|axis| (axis.lo, axis.hi));
+        let curves = surfaces.iter().filter_map(|surface| {
+            let lines = zero_set(&surface.psi, x_range, y_range);
+            (!lines.is_empty()).then_some((&surface.name, lines))
+        });
+        let (names, curves): (Vec<_>, Vec<_>) = curves.take(DASHES.len()).unzip();
+        let names: Vec<_> = names.into_iter().cloned().zip(DASHES).collect();
         Plane {
             names: [x_name, y_name],
             columns: [x, y],
             axes,
-            surfaces,
-            legend: Legend::of_phase_plane(&curves),
+            curves,
+            legend: Legend::of_phase_plane(&names),
             size: (width, height),
         }
     }
@@ -94,9 +94,9 @@ impl<'a> Plane<'a> {
         let (x, y) = (x.placed(start, start + self.size.0), y.placed(bottom, top));
         let at = |p: Point| (x.at(p.0), y.at(p.1));
 
-        for (surface, dash) in self.surfaces.iter().zip(DASHES) {
-            for line in zero_set(&surface.psi, (x.lo, x.hi), (y.lo, y.hi)) {
-                let line: Vec<_> = line.into_iter().map(at).collect();
+        for (lines, dash) in self.curves.iter().zip(DASHES) {
+            for line in lines {
+                let line: Vec<_> = line.iter().copied().map(at).collect();
                 canvas.dashed(&line, dash, CURVE);
             }
         }

@@ -1,0 +1,162 @@
+//! `nsdc emit`
+
+use super::args::{EmitArgs, Ir};
+use super::project::{self, Project};
+use super::{Exit, Streams, io};
+use crate::clock::Clock;
+use crate::diagnostics::Diagnostics;
+use crate::expr::Exprs;
+use crate::syntax::{Experiment, Item};
+use crate::{compile, dcs, model};
+
+/// Prints a form of the models or experiments of a file.
+pub fn run(args: &EmitArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
+    let mut project = match Project::load(&args.file) {
+        Ok(project) => project,
+        Err(error) => {
+            writeln!(streams.err, "error: {error}")?;
+            return Ok(Exit::Wrong);
+        }
+    };
+    let overrides = project.overrides(&args.set);
+    let (Some(overrides), false) = (overrides, project.diags.has_errors()) else {
+        project::print(&project.diags, &project.sources, streams)?;
+        return Ok(Exit::Wrong);
+    };
+    match args.ir {
+        Ir::Ast => {
+            let items: Vec<&Item> = match &args.experiment {
+                None => project.file.items.iter().collect(),
+                Some(name) => {
+                    let is_it =
+                        |item: &&Item| matches!(item, Item::Experiment(e) if e.name.name == *name);
+                    project.file.items.iter().filter(is_it).collect()
+                }
+            };
+            if !items.is_empty() || args.experiment.is_none() {
+                for item in items {
+                    writeln!(streams.out, "{item:#?}")?;
+                }
+                return Ok(Exit::Success);
+            }
+        }
+        Ir::Model if args.experiment.is_none() => return models(&project, streams),
+        Ir::Fesd | Ir::Mpcc | Ir::Nl => {
+            writeln!(streams.err, "error: this form is not yet supported (E0950)")?;
+            writeln!(
+                streams.err,
+                "  help: `--ir dcs` prints the last form before discretization"
+            )?;
+            return Ok(Exit::Wrong);
+        }
+        _ => {}
+    }
+
+    // A file of models alone is shown as if each was run with its defaults.
+    let has_experiments = project.experiments().next().is_some();
+    let selected = match has_experiments || args.experiment.is_some() {
+        true => project.select(args.experiment.as_deref()),
+        false => Ok(defaults(&mut project)),
+    };
+    let mut experiments = match selected {
+        Ok(experiments) => experiments,
+        Err(message) => {
+            writeln!(streams.err, "error: {message}")?;
+            return Ok(Exit::Wrong);
+        }
+    };
+    if let Some(lower) = args.lower {
+        let words = format!("lower {}", lower.as_str());
+        for experiment in &mut experiments {
+            // The words are fixed and parse.
+            let _ = project.replace_setting(experiment, "--lower", &words);
+        }
+    }
+
+    let mut exit = Exit::Success;
+    let several = experiments.len() > 1;
+    for experiment in &experiments {
+        let exprs = Exprs::new();
+        let mut diags = Diagnostics::new();
+        let mut clock = Clock::default();
+        let compiled = compile(
+            &exprs,
+            &project.file,
+            experiment,
+            &overrides,
+            &mut clock,
+            &mut diags,
+        );
+        let text = compiled.and_then(|compiled| {
+            let dcs = |diags: &mut Diagnostics| {
+                let result = dcs::lower(&compiled.system, &compiled.settings.lowerings);
+                result.map_err(|error| diags.push(error)).ok()
+            };
+            match args.ir {
+                Ir::Model => Some(compiled.model.to_string()),
+                Ir::System => Some(compiled.system.to_string()),
+                Ir::Dcs => dcs(&mut diags).map(|dcs| dcs.to_string()),
+                Ir::Tex => dcs(&mut diags).map(|form| dcs::tex(&form)),
+                Ir::Dot => Some(dcs::dot(&compiled.system)),
+                Ir::Ast | Ir::Fesd | Ir::Mpcc | Ir::Nl => None,
+            }
+        });
+        project::print(&diags, &project.sources, streams)?;
+        match text {
+            Some(text) => {
+                if several {
+                    writeln!(streams.out, "// {}", experiment.name.name)?;
+                }
+                writeln!(streams.out, "{}", text.trim_end())?;
+                if several {
+                    writeln!(streams.out)?;
+                }
+            }
+            None => exit = Exit::Wrong,
+        }
+    }
+    Ok(exit)
+}
+
+/// Prints all models of the file, as they are before any experiment.
+fn models(project: &Project, streams: &mut Streams<'_>) -> io::Result<Exit> {
+    let mut diags = Diagnostics::new();
+    for item in &project.file.items {
+        let Item::Model(definition) = item else {
+            continue;
+        };
+        let exprs = Exprs::new();
+        let mut found = Diagnostics::new();
+        let model = model::resolve(
+            &exprs,
+            &project.file,
+            &definition.name.name,
+            &[],
+            &mut found,
+        );
+        if let Some(model) = model {
+            writeln!(streams.out, "{}\n", model.to_string().trim_end())?;
+        }
+        found.remove_known(&diags);
+        diags.append(found);
+    }
+    project::print(&diags, &project.sources, streams)?;
+    Ok(if diags.has_errors() {
+        Exit::Wrong
+    } else {
+        Exit::Success
+    })
+}
+
+/// An experiment without settings for every model.
+fn defaults(project: &mut Project) -> Vec<Experiment> {
+    let names = project.file.items.iter().filter_map(|item| match item {
+        Item::Model(model) => Some(model.name.name.clone()),
+        _ => None,
+    });
+    let names: Vec<String> = names.collect();
+    names
+        .iter()
+        .filter_map(|name| project.default_experiment(name))
+        .collect()
+}

@@ -1,0 +1,88 @@
+//! The figure of a run: fine curves, and switching curves in the phase plane.
+
+use std::collections::HashMap;
+
+use crate::Compiled;
+use crate::expr::{Expr, Var, variables_of};
+use crate::report::plot::{self, Surface};
+use crate::report::{Trajectory, refine};
+
+/// Instants of a curve that looks smooth.
+const N_POINTS: usize = 1200;
+
+/// The SVG text.
+pub fn draw(compiled: &Compiled<'_>, trajectory: &Trajectory) -> String {
+    let system = &compiled.system;
+    let params: HashMap<Var, f64> = system
+        .params
+        .iter()
+        .filter_map(|param| Some((param.var.as_variable()?, param.value)))
+        .collect();
+
+    // The row of every variable: states, then α.
+    let state_vars: Vec<Expr<'_>> = system.states.iter().map(|state| state.var).collect();
+    let alphas = system.switches.iter().map(|switch| switch.alpha);
+    let rows = state_vars.iter().copied().chain(alphas).enumerate();
+    let rows: HashMap<Var, usize> = rows
+        .filter_map(|(row, var)| Some((var.as_variable()?, row)))
+        .collect();
+    let time = system.time.as_variable();
+
+    let reported = |name: &str| {
+        let group = system.groups.iter().find(|group| group.name == name);
+        let state = group.map(|group| state_vars[group.entries.clone()].to_vec());
+        let mut others = system.outputs.iter().chain(&system.controls);
+        state.or_else(|| {
+            others
+                .find(|output| output.name == name)
+                .map(|output| output.exprs.clone())
+        })
+    };
+    let series = trajectory
+        .states
+        .iter()
+        .chain(&trajectory.outputs)
+        .chain(&trajectory.controls);
+    let exprs: Vec<Expr<'_>> = series
+        .flat_map(|series| reported(&series.name).unwrap_or_default())
+        .collect();
+    let fine = refine(trajectory, N_POINTS, &|t, row| {
+        let number = |var: Var| match rows.get(&var) {
+            Some(&place) => row[place],
+            None if Some(var) == time => t,
+            None => params.get(&var).copied().unwrap_or(f64::NAN),
+        };
+        exprs.iter().map(|expr| expr.eval(&number)).collect()
+    });
+
+    plot::write(&fine, &surfaces(compiled, &params))
+}
+
+/// The switching functions of two states alone.
+fn surfaces<'c>(compiled: &'c Compiled<'_>, params: &'c HashMap<Var, f64>) -> Vec<Surface<'c>> {
+    let system = &compiled.system;
+    let [x, y] = &system.states[..] else {
+        return Vec::new();
+    };
+    let (Some(x), Some(y)) = (x.var.as_variable(), y.var.as_variable()) else {
+        return Vec::new();
+    };
+    let is_known = |var: &Var| *var == x || *var == y || params.contains_key(var);
+    let fixed = system
+        .switches
+        .iter()
+        .filter(move |switch| variables_of(&[switch.psi]).iter().all(is_known));
+    fixed
+        .map(|switch| Surface {
+            name: switch.name.clone(),
+            psi: Box::new(move |u, v| {
+                let number = |var: Var| match var {
+                    var if var == x => u,
+                    var if var == y => v,
+                    var => params.get(&var).copied().unwrap_or(f64::NAN),
+                };
+                switch.psi.eval(&number)
+            }),
+        })
+        .collect()
+}

@@ -1,0 +1,186 @@
+//! A file that has been read and parsed, and its experiments.
+
+use std::path::{Path, PathBuf};
+
+use super::files::{self, FileError};
+use super::{Streams, io};
+use crate::clock::Clock;
+use crate::diagnostics::{self, Diagnostics, is_error};
+use crate::model;
+use crate::source::SourceMap;
+use crate::syntax::{self, Bind, Experiment, ExperimentSetting, File, Item, SettingKind};
+
+/// A file that has been read and parsed.
+pub struct Project {
+    /// Where it came from.
+    pub path: PathBuf,
+    /// All texts.
+    pub sources: SourceMap,
+    /// Its syntax.
+    pub file: File,
+    /// What is wrong with the file as a whole.
+    pub diags: Diagnostics,
+    /// Time spent so far.
+    pub clock: Clock,
+}
+
+impl Project {
+    /// Reads and parses a file.
+    pub fn load(path: &Path) -> Result<Project, FileError> {
+        let mut clock = Clock::default();
+        let mut sources = SourceMap::new();
+        let mut diags = Diagnostics::new();
+        let bytes = clock.time("read", || files::read(path, syntax::MAX_BYTES))?;
+        let source = sources.add_bytes(files::display_name(path), bytes);
+        let file = clock.time("parse", || syntax::parse(&source, &mut diags));
+        if !diags.has_errors() {
+            clock.time("model", || model::check_file(&file, &mut diags));
+        }
+        Ok(Project {
+            path: path.to_owned(),
+            sources,
+            file,
+            diags,
+            clock,
+        })
+    }
+
+    /// All experiments, in order.
+    pub fn experiments(&self) -> impl Iterator<Item = &Experiment> {
+        self.file.items.iter().filter_map(|item| match item {
+            Item::Experiment(experiment) => Some(experiment),
+            _ => None,
+        })
+    }
+
+    /// The experiment of that name, or all of them; what is wrong where there are none.
+    pub fn select(&self, name: Option<&str>) -> Result<Vec<Experiment>, String> {
+        let all: Vec<&Experiment> = self.experiments().collect();
+        let shown = files::display_name(&self.path);
+        let Some(name) = name else {
+            return match all.is_empty() {
+                true => Err(format!(
+                    "`{shown}` has no experiment\n  help: add `simulate NAME of MODEL {{ horizon 1; }}`"
+                )),
+                false => Ok(all.into_iter().cloned().collect()),
+            };
+        };
+        if let Some(found) = all.iter().find(|experiment| experiment.name.name == name) {
+            return Ok(vec![(*found).clone()]);
+        }
+        let names: Vec<&str> = all
+            .iter()
+            .map(|experiment| experiment.name.name.as_str())
+            .collect();
+        let distance = |known: &&&str| strsim::damerau_levenshtein(known, name);
+        let close = names
+            .iter()
+            .min_by_key(distance)
+            .filter(|known| distance(known) <= 1 + name.len() / 3);
+        let help = match close {
+            Some(known) => format!("did you mean `{known}`?"),
+            None if names.is_empty() => "the file has none".into(),
+            None => format!(
+                "the file has {}",
+                names
+                    .iter()
+                    .map(|name| format!("`{name}`"))
+                    .collect::<Vec<_>>()
+                    .join(", ")
+            ),
+        };
+        Err(format!(
+            "there is no experiment `{name}` in `{shown}`\n  help: {help}"
+        ))
+    }
+
+    /// An experiment of a model without settings of its own.
+    pub fn default_experiment(&mut self, model: &str) -> Option<Experiment> {
+        let text = format!("simulate {model} of {model} {{ horizon 1; }}");
+        let source = self.sources.add("<default experiment>", text);
+        let file = syntax::parse(&source, &mut self.diags);
+        file.items.into_iter().find_map(|item| match item {
+            Item::Experiment(experiment) => Some(experiment),
+            _ => None,
+        })
+    }
+
+    /// Values given on the command line as `name=value`.
+    pub fn overrides(&mut self, sets: &[String]) -> Option<Vec<Bind>> {
+        let mut overrides = Vec::new();
+        for set in sets {
+            let text = format!("simulate x of x {{ with {{ {set}; }} }}");
+            let settings = self.parse_settings("--set", &text)?;
+            for setting in settings {
+                match setting.kind {
+                    SettingKind::With(binds) => overrides.extend(binds),
+                    _ => return None,
+                }
+            }
+        }
+        Some(overrides)
+    }
+
+    /// Replaces the settings of an experiment that `words`, such as `method event`, gives anew.
+    pub fn replace_setting(
+        &mut self,
+        experiment: &mut Experiment,
+        option: &str,
+        words: &str,
+    ) -> Option<()> {
+        let text = format!("simulate x of x {{ {words}; }}");
+        let new = self.parse_settings(option, &text)?;
+        let same = |old: &ExperimentSetting| {
+            let kind = std::mem::discriminant(&old.kind);
+            new.iter()
+                .any(|new| std::mem::discriminant(&new.kind) == kind)
+        };
+        experiment.settings.retain(|old| !same(old));
+        experiment.settings.extend(new);
+        Some(())
+    }
+
+    /// The settings in the text of an experiment that was made up from an option of the command line.
+    fn parse_settings(&mut self, option: &str, text: &str) -> Option<Vec<ExperimentSetting>> {
+        let source = self.sources.add(format!("<{option}>"), text);
+        let mut diags = Diagnostics::new();
+        let file = syntax::parse(&source, &mut diags);
+        let has_errors = diags.has_errors();
+        self.diags.append(diags);
+        let experiments = file.items.into_iter().filter_map(|item| match item {
+            Item::Experiment(experiment) => Some(experiment.settings),
+            _ => None,
+        });
+        (!has_errors).then(|| experiments.flatten().collect())
+    }
+}
+
+/// Prints diagnostics.
+pub fn print(
+    diags: &Diagnostics,
+    sources: &SourceMap,
+    streams: &mut Streams<'_>,
+) -> io::Result<()> {
+    let text = diagnostics::render(diags, sources, streams.colour, streams.width);
+    streams.err.write_all(text.as_bytes())
+}
+
+/// Codes of the errors.
+pub fn error_codes(diags: &Diagnostics) -> Vec<String> {
+    codes(diags, true)
+}
+
+/// Codes of the warnings.
+pub fn warning_codes(diags: &Diagnostics) -> Vec<String> {
+    codes(diags, false)
+}
+
+fn codes(diags: &Diagnostics, of_errors: bool) -> Vec<String> {
+    let wanted = diags
+        .iter()
+        .filter(|diagnostic| is_error(diagnostic.as_ref()) == of_errors);
+    wanted
+        .filter_map(|diagnostic| diagnostic.code())
+        .map(|code| code.to_string())
+        .collect()
+}

@@ -1,0 +1,259 @@
+//! `nsdc run`
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use super::args::RunArgs;
+use super::files::{Sink, is_standard};
+use super::project::{self, Project};
+use super::{Exit, Streams, figure, io};
+use crate::clock::Clock;
+use crate::compile;
+use crate::diagnostics::Diagnostics;
+use crate::expr::Exprs;
+use crate::report::{Status, Trajectory, Warning, csv, json, text};
+use crate::simulate::{self, Request};
+use crate::syntax::{Bind, Experiment};
+
+/// Runs experiments and reports what came out.
+pub fn run(args: &RunArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
+    if let Some(message) = misuse(args) {
+        writeln!(streams.err, "error: {message}")?;
+        return Ok(Exit::Usage);
+    }
+    let mut project = match Project::load(&args.file) {
+        Ok(project) => project,
+        Err(error) => {
+            writeln!(streams.err, "error: {error}")?;
+            return Ok(Exit::Wrong);
+        }
+    };
+    let overrides = project.overrides(&args.set);
+    let (Some(overrides), false) = (overrides, project.diags.has_errors()) else {
+        project::print(&project.diags, &project.sources, streams)?;
+        return Ok(Exit::Wrong);
+    };
+    let mut experiments = match project.select(args.experiment.as_deref()) {
+        Ok(experiments) => experiments,
+        Err(message) => {
+            writeln!(streams.err, "error: {message}")?;
+            return Ok(Exit::Wrong);
+        }
+    };
+    if let Some(method) = &args.method {
+        let words = format!("method {method}");
+        for experiment in &mut experiments {
+            if project
+                .replace_setting(experiment, "--method", &words)
+                .is_none()
+            {
+                project::print(&project.diags, &project.sources, streams)?;
+                return Ok(Exit::Wrong);
+            }
+        }
+    }
+
+    let mut exit = Exit::Success;
+    let mut outputs = Outputs::new(args, experiments.len() > 1);
+    let mut clock = project.clock.clone();
+    let mut said = Diagnostics::new();
+    for experiment in &experiments {
+        let mut own = Clock::default();
+        let result = one(
+            &project, experiment, &overrides, args, &mut own, &mut said, streams,
+        )?;
+        clock.add(&own);
+        let Some((trajectory, plot)) = result else {
+            exit = exit.max(Exit::Wrong);
+            continue;
+        };
+        if trajectory.status != Status::Solved {
+            exit = exit.max(Exit::Failed);
+        }
+        clock.time("report", || outputs.push(&trajectory, plot.as_deref()));
+    }
+    if !outputs.finish(streams)? {
+        exit = exit.max(Exit::Wrong);
+    }
+    if args.time {
+        times(&clock, streams)?;
+    }
+    Ok(exit)
+}
+
+/// What is wrong with a combination of arguments.
+fn misuse(args: &RunArgs) -> Option<String> {
+    let targets = [&args.json, &args.csv, &args.plot];
+    let to_standard = targets
+        .iter()
+        .filter(|target| target.as_deref().is_some_and(is_standard))
+        .count();
+    if to_standard > 1 {
+        return Some("only one of `--json`, `--csv`, `--plot` can write to standard output".into());
+    }
+    let plot = args.plot.as_deref().filter(|plot| !is_standard(plot))?;
+    let is_svg = plot
+        .extension()
+        .is_some_and(|extension| extension.eq_ignore_ascii_case("svg"));
+    (!is_svg).then(|| format!("plots are SVG: `{}` must end in `.svg`", plot.display()))
+}
+
+/// Compiles and runs one experiment, with its figure where one is asked for; `None` after an error.
+fn one(
+    project: &Project,
+    experiment: &Experiment,
+    overrides: &[Bind],
+    args: &RunArgs,
+    clock: &mut Clock,
+    said: &mut Diagnostics,
+    streams: &mut Streams<'_>,
+) -> io::Result<Option<(Trajectory, Option<String>)>> {
+    let exprs = Exprs::new();
+    let mut diags = Diagnostics::new();
+    let compiled = compile(
+        &exprs,
+        &project.file,
+        experiment,
+        overrides,
+        clock,
+        &mut diags,
+    );
+    let warnings: Vec<Warning> = diags
+        .warnings()
+        .map(|warning| warning_of(warning.as_ref()))
+        .collect();
+    // Experiments of one model meet the same mistakes.
+    let failed = diags.has_errors();
+    diags.remove_known(said);
+    project::print(&diags, &project.sources, streams)?;
+    said.append(diags);
+    let Some(compiled) = compiled.filter(|_| !failed) else {
+        return Ok(None);
+    };
+    let request = Request {
+        dense: args.plot.is_some(),
+        estimate: true,
+        time_limit: args.time_limit.map(Duration::from_secs_f64),
+    };
+    let mut trajectory = clock.time("solve", || {
+        simulate::run(&compiled.system, &compiled.settings, &request)
+    });
+    let solving = ["read", "solve", "report"];
+    let before = project.clock.phases().chain(clock.phases());
+    trajectory.stats.compile_s = before
+        .filter(|(phase, _)| !solving.contains(phase))
+        .map(|(_, seconds)| seconds)
+        .sum();
+    trajectory.warnings.splice(0..0, warnings);
+    let plot = args
+        .plot
+        .is_some()
+        .then(|| clock.time("report", || figure::draw(&compiled, &trajectory)));
+    Ok(Some((trajectory, plot)))
+}
+
+/// A diagnostic as it stands in a report.
+pub fn warning_of(diagnostic: &dyn miette::Diagnostic) -> Warning {
+    Warning {
+        code: diagnostic
+            .code()
+            .map(|code| code.to_string())
+            .unwrap_or_default(),
+        message: diagnostic.to_string(),
+        span: None,
+    }
+}
+
+/// Where the results of a run go.
+struct Outputs {
+    report: String,
+    /// Whether the short report is printed: not where results take its place.
+    reports: bool,
+    json: Option<Sink>,
+    csv: Option<PathBuf>,
+    plot: Option<PathBuf>,
+    /// Files of one experiment each.
+    sinks: Vec<Sink>,
+    several: bool,
+}
+
+impl Outputs {
+    fn new(args: &RunArgs, several: bool) -> Self {
+        let targets = [&args.json, &args.csv, &args.plot];
+        Outputs {
+            report: String::new(),
+            reports: !targets
+                .iter()
+                .any(|target| target.as_deref().is_some_and(is_standard)),
+            json: args.json.as_deref().map(Sink::new),
+            csv: args.csv.clone(),
+            plot: args.plot.clone(),
+            sinks: Vec::new(),
+            several,
+        }
+    }
+
+    fn push(&mut self, trajectory: &Trajectory, plot: Option<&str>) {
+        if self.reports {
+            if !self.report.is_empty() {
+                self.report.push('\n');
+            }
+            self.report.push_str(&text::write(trajectory));
+        }
+        if let Some(json) = &mut self.json {
+            json.push(&json::write(trajectory));
+            json.push("\n");
+        }
+        if let Some(path) = &self.csv {
+            let sink = Sink::with(&self.path(path, trajectory), csv::write(trajectory));
+            self.sinks.push(sink);
+        }
+        if let (Some(path), Some(plot)) = (&self.plot, plot) {
+            let sink = Sink::with(&self.path(path, trajectory), plot.to_owned());
+            self.sinks.push(sink);
+        }
+    }
+
+    /// The file of one experiment of several: `figure.svg` becomes `figure-crossing.svg`.
+    fn path(&self, path: &Path, trajectory: &Trajectory) -> PathBuf {
+        if !self.several || is_standard(path) {
+            return path.to_owned();
+        }
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        let name = format!("{stem}-{}", trajectory.experiment);
+        match path.extension() {
+            Some(extension) => {
+                path.with_file_name(format!("{name}.{}", extension.to_string_lossy()))
+            }
+            None => path.with_file_name(name),
+        }
+    }
+
+    fn finish(self, streams: &mut Streams<'_>) -> io::Result<bool> {
+        streams.out.write_all(self.report.as_bytes())?;
+        let mut all_written = true;
+        for sink in self.json.into_iter().chain(self.sinks) {
+            all_written &= sink.finish(streams)?;
+        }
+        Ok(all_written)
+    }
+}
+
+/// Where the time went.
+fn times(clock: &Clock, streams: &mut Streams<'_>) -> io::Result<()> {
+    writeln!(streams.err, "time")?;
+    for (phase, seconds) in clock.phases() {
+        let share = 100.0 * seconds / clock.total();
+        writeln!(
+            streams.err,
+            "  {phase:8} {:>10}  {share:5.1} %",
+            text::duration(seconds)
+        )?;
+    }
+    writeln!(
+        streams.err,
+        "  {:8} {:>10}",
+        "total",
+        text::duration(clock.total())
+    )
+}

@@ -1,0 +1,291 @@
+//! `nsdc test`
+
+use std::path::Path;
+use std::time::Duration;
+
+use super::args::TestArgs;
+use super::project::{self, Project};
+use super::{Exit, Streams, check, files, io};
+use crate::clock::Clock;
+use crate::diagnostics::Diagnostics;
+use crate::expr::Exprs;
+use crate::report::expect::{self, Check, Findings, Subject, Verdict};
+use crate::simulate::{self, Request};
+use crate::source::SourceMap;
+use crate::syntax::{Expect, ExpectDiagnostic, Experiment, Item};
+use crate::{Compiled, compile, dcs};
+
+/// What is counted.
+#[derive(Default)]
+struct Count {
+    passed: usize,
+    failed: usize,
+    unsupported: usize,
+    exit: Option<Exit>,
+}
+
+/// How a test ended.
+enum Outcome {
+    Passed,
+    /// With what is shown below its line.
+    Failed(Vec<String>, Exit),
+    Unsupported(String),
+}
+
+/// Runs every expectation of files and folders.
+pub fn run(args: &TestArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
+    let mut count = Count::default();
+    let paths = match files::find(&args.paths) {
+        Ok(paths) => paths,
+        Err(error) => {
+            writeln!(streams.err, "error: {error}")?;
+            return Ok(Exit::Wrong);
+        }
+    };
+    for path in &paths {
+        file(path, args, &mut count, streams)?;
+    }
+    let Count {
+        passed,
+        failed,
+        unsupported,
+        exit,
+    } = count;
+    writeln!(
+        streams.out,
+        "\n{passed} passed, {failed} failed, {unsupported} not yet supported"
+    )?;
+    Ok(exit.unwrap_or(Exit::Success))
+}
+
+impl Count {
+    /// Counts a test and prints its line.
+    fn record(
+        &mut self,
+        name: &str,
+        outcome: Outcome,
+        streams: &mut Streams<'_>,
+    ) -> io::Result<()> {
+        match outcome {
+            Outcome::Passed => {
+                self.passed += 1;
+                writeln!(streams.out, "ok      {name}")?;
+            }
+            Outcome::Failed(details, exit) => {
+                self.failed += 1;
+                self.exit = self.exit.max(Some(exit));
+                writeln!(streams.out, "FAILED  {name}")?;
+                for detail in details {
+                    writeln!(streams.out, "          {detail}")?;
+                }
+            }
+            Outcome::Unsupported(code) => {
+                self.unsupported += 1;
+                writeln!(streams.out, "--      {name}: not yet supported ({code})")?;
+            }
+        }
+        // A long run shows where it is.
+        streams.out.flush()
+    }
+}
+
+fn file(
+    path: &Path,
+    args: &TestArgs,
+    count: &mut Count,
+    streams: &mut Streams<'_>,
+) -> io::Result<()> {
+    let name = files::display_name(path);
+    let mut project = match Project::load(path) {
+        Ok(project) => project,
+        Err(error) => {
+            let outcome = Outcome::Failed(vec![error.to_string()], Exit::Wrong);
+            return count.record(&name, outcome, streams);
+        }
+    };
+    let expected = project.file.items.iter().filter_map(|item| match item {
+        Item::ExpectDiagnostic(expected) => Some(expected.clone()),
+        _ => None,
+    });
+    let expected: Vec<ExpectDiagnostic> = expected.collect();
+    let experiments: Vec<Experiment> = project.experiments().cloned().collect();
+    if !expected.is_empty() {
+        let diags = check::all(&mut project);
+        for expect in &expected {
+            let outcome = diagnostic(expect, &diags);
+            let name = format!(
+                "{name}: expect {} {}",
+                expect.severity.name, expect.code.name
+            );
+            count.record(&name, outcome, streams)?;
+        }
+        if expected
+            .iter()
+            .any(|expect| expect.severity.name == "error")
+        {
+            return Ok(());
+        }
+    } else if project.diags.has_errors() || experiments.is_empty() {
+        let diags = check::all(&mut project);
+        let outcome = compilation(&diags, &project.sources, streams)?;
+        return count.record(&name, outcome, streams);
+    }
+    for experiment in &experiments {
+        let outcome = one(&project, experiment, args, streams)?;
+        count.record(
+            &format!("{name}: {}", experiment.name.name),
+            outcome,
+            streams,
+        )?;
+    }
+    Ok(())
+}
+
+/// `expect error E0203;`
+fn diagnostic(expect: &ExpectDiagnostic, diags: &Diagnostics) -> Outcome {
+    let (codes, what) = match expect.severity.name.as_str() {
+        "error" => (project::error_codes(diags), "errors"),
+        _ => (project::warning_codes(diags), "warnings"),
+    };
+    if codes.contains(&expect.code.name) {
+        return Outcome::Passed;
+    }
+    let got = match codes.is_empty() {
+        true => format!("no {what}"),
+        false => codes.join(", "),
+    };
+    Outcome::Failed(
+        vec![format!("expected {}, got {got}", expect.code.name)],
+        Exit::Failed,
+    )
+}
+
+/// What it means that something did not compile, or did.
+fn compilation(
+    diags: &Diagnostics,
+    sources: &SourceMap,
+    streams: &mut Streams<'_>,
+) -> io::Result<Outcome> {
+    let codes = project::error_codes(diags);
+    if codes.is_empty() {
+        return Ok(Outcome::Passed);
+    }
+    // Where everything that stops it is still to come, it is not wrong.
+    if codes.iter().all(|code| code.starts_with("E09")) {
+        return Ok(Outcome::Unsupported(codes[0].clone()));
+    }
+    project::print(diags, sources, streams)?;
+    Ok(Outcome::Failed(
+        vec![format!("does not compile: {}", codes.join(", "))],
+        Exit::Wrong,
+    ))
+}
+
+/// Runs one experiment and compares it with its expectations.
+fn one(
+    project: &Project,
+    experiment: &Experiment,
+    args: &TestArgs,
+    streams: &mut Streams<'_>,
+) -> io::Result<Outcome> {
+    let exprs = Exprs::new();
+    let mut diags = Diagnostics::new();
+    let mut clock = Clock::default();
+    let compiled = compile(
+        &exprs,
+        &project.file,
+        experiment,
+        &[],
+        &mut clock,
+        &mut diags,
+    );
+    let Some(compiled) = compiled.filter(|_| !diags.has_errors()) else {
+        return compilation(&diags, &project.sources, streams);
+    };
+    let subject = Subject {
+        model: &compiled.model,
+        system: &compiled.system,
+        horizon: compiled.settings.horizon,
+        sources: &project.sources,
+    };
+    let expects = &compiled.settings.expects;
+    let mut mistakes = Diagnostics::new();
+    expect::check(&subject, expects, &mut mistakes);
+    let is_wrong = project::error_codes(&mistakes)
+        .iter()
+        .any(|code| !code.starts_with("E09"));
+    if is_wrong {
+        return compilation(&mistakes, &project.sources, streams);
+    }
+
+    let lowering = match lowering(project, &compiled, args) {
+        Ok(lowering) => lowering,
+        Err(error) => return Ok(Outcome::Failed(vec![error], Exit::Wrong)),
+    };
+    let time_limit = args.time_limit.map(Duration::from_secs_f64);
+    let request = Request {
+        dense: true,
+        estimate: true,
+        time_limit,
+    };
+    let trajectory = simulate::run(&compiled.system, &compiled.settings, &request);
+    let mut warnings = project::warning_codes(&diags);
+    warnings.extend(
+        trajectory
+            .warnings
+            .iter()
+            .map(|warning| warning.code.clone()),
+    );
+    let checks = expect::evaluate(
+        &subject,
+        expects,
+        &trajectory,
+        &Findings { warnings, lowering },
+    );
+    Ok(outcome(&checks))
+}
+
+fn outcome(checks: &[Check]) -> Outcome {
+    let mut details = Vec::new();
+    let mut unsupported = None;
+    for check in checks {
+        match &check.verdict {
+            Verdict::Passed => {}
+            Verdict::Failed { expected, got } => {
+                details.push(format!("expect {}", check.text));
+                details.push(format!("  expected {expected}"));
+                details.push(format!("  got      {got}"));
+            }
+            Verdict::Unsupported { code } => unsupported = unsupported.or(Some(code.clone())),
+        }
+    }
+    match (details.is_empty(), unsupported) {
+        (false, _) => Outcome::Failed(details, Exit::Failed),
+        (true, Some(code)) => Outcome::Unsupported(code),
+        (true, None) => Outcome::Passed,
+    }
+}
+
+/// The lowered form with its golden file, where one is asked for.
+fn lowering(
+    project: &Project,
+    compiled: &Compiled<'_>,
+    args: &TestArgs,
+) -> Result<Option<(String, Option<String>)>, String> {
+    let settings = &compiled.settings;
+    let is_asked_for = settings
+        .expects
+        .iter()
+        .any(|(expect, _)| matches!(expect, Expect::LoweringGolden));
+    if !is_asked_for {
+        return Ok(None);
+    }
+    let form =
+        dcs::lower(&compiled.system, &settings.lowerings).map_err(|error| error.to_string())?;
+    let golden = dcs::golden(&project.path, &settings.name, &form);
+    if args.accept {
+        files::write(&golden.path, &golden.text).map_err(|error| error.to_string())?;
+    }
+    let content = files::read_if_present(&golden.path).map_err(|error| error.to_string())?;
+    Ok(Some((golden.text, content)))
+}
