@@ -10,7 +10,7 @@
 //! Acary, de Jong & Brogliato 2014; Nurkanović et al. 2024. The set of rates is the multi-affine one of Dieci & Lopez
 //! 2011: it is Filippov's for one surface and for switches that only add up, else a subset.
 
-use crate::expr::{Expr, Substitution};
+use crate::expr::{Expr, Substitution, variables_of};
 use crate::system::System;
 
 use super::lift::Lift;
@@ -36,11 +36,14 @@ pub fn lower<'e>(system: &System<'e>) -> Dcs<'e> {
         multipliers.push((lambda_p, lambda_n));
     }
 
-    // Rates and ψ, affine in α and β.
+    // Rates and ψ, affine in α and β. A rate that all regions share does not switch.
     let rename: Substitution = (system.switches.iter().zip(&alphas))
         .filter_map(|(switch, &alpha)| Some((switch.alpha.as_variable()?, alpha)))
         .collect();
-    let rates = system.states.iter().map(|state| state.rate);
+    let rates = system
+        .states
+        .iter()
+        .map(|state| without_idle(system, state.rate));
     let psi = system.switches.iter().map(|switch| switch.psi);
     let rows: Vec<Expr> = rates.chain(psi).map(|e| e.substitute(&rename)).collect();
     let mut lift = Lift::new(system.exprs, alphas.clone(), labels, beta);
@@ -81,6 +84,18 @@ pub fn lower<'e>(system: &System<'e>) -> Dcs<'e> {
     }
     dcs.alphas = alphas;
     dcs
+}
+
+/// The rate without those α that do not change it: x α + x (1 - α) is x.
+fn without_idle<'e>(system: &System<'e>, rate: Expr<'e>) -> Expr<'e> {
+    let present = variables_of(&[rate]);
+    let alphas = system
+        .switches
+        .iter()
+        .filter_map(|switch| switch.alpha.as_variable());
+    let idle = alphas.filter(|alpha| present.contains(alpha) && rate.diff(*alpha).is_zero());
+    let zero = system.exprs.constant(0.0);
+    rate.substitute(&idle.map(|alpha| (alpha, zero)).collect())
 }
 
 /// α, λᵖ and λⁿ of every switch, in the order in which [`lower`] declares them.

@@ -2,17 +2,18 @@
 
 use std::collections::HashSet;
 
+use crate::expr::variables_of;
 use crate::system::{Switch, System};
 
 /// No label made of a formula is longer.
 const LONGEST: usize = 24;
 
-/// A label for every switch: the name of the surface or of the `switch` statement, a short formula, else `psi3`,
-/// counted from 1.
+/// A label for every switch: the name of the `switch` statement, the state that ψ is, the name of the surface, a
+/// short formula, else `psi3`, counted from 1.
 pub(super) fn of(system: &System) -> Vec<String> {
     let mut taken = HashSet::new();
     let labels = system.switches.iter().enumerate().map(|(i, switch)| {
-        let label = candidate(switch).unwrap_or_else(|| format!("psi{}", i + 1));
+        let label = candidate(system, switch).unwrap_or_else(|| format!("psi{}", i + 1));
         unique(label, &mut taken)
     });
     labels.collect()
@@ -29,8 +30,11 @@ pub(super) fn unique(label: String, taken: &mut HashSet<String>) -> String {
     free
 }
 
-fn candidate(switch: &Switch) -> Option<String> {
+fn candidate(system: &System, switch: &Switch) -> Option<String> {
     let name = switch.name.trim();
+    if switch.named.is_empty() && switch.psi.as_variable().is_some() {
+        return Some(switch.psi.to_string());
+    }
     if is_path(name) {
         return Some(name.to_owned());
     }
@@ -39,7 +43,21 @@ fn candidate(switch: &Switch) -> Option<String> {
         return Some(reading.name.clone() + &index.unwrap_or_default());
     }
     let fits = !name.is_empty() && name.chars().count() <= LONGEST && !name.contains('\n');
-    fits.then(|| name.to_owned())
+    (fits && !shows_alpha(system, switch)).then(|| name.to_owned())
+}
+
+/// Whether the name is no text of the user but a printed ψ, which mentions the α of other switches.
+fn shows_alpha(system: &System, switch: &Switch) -> bool {
+    let is_alpha = |var| {
+        system
+            .switches
+            .iter()
+            .any(|other| other.alpha.as_variable() == Some(var))
+    };
+    let nested = variables_of(&[switch.psi]).into_iter().any(is_alpha);
+    let in_word = |c: char| c.is_alphanumeric() || c == '_';
+    let mut words = switch.name.split(|c| !in_word(c));
+    nested && words.any(|word| word == "alpha")
 }
 
 /// Names, fields and indices only: `a.floor.s`, `x[1]`, `A[1,2]`.
@@ -73,4 +91,28 @@ pub(super) fn prefix(system: &System, word: &str) -> String {
         ""
     };
     format!("{word}{underscore}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dcs::fixtures::Builder;
+    use crate::expr::Exprs;
+
+    #[test]
+    fn labels_are_short_and_distinct() {
+        let exprs = Exprs::new();
+        let mut b = Builder::new(&exprs, &["mu", "x"]);
+        let (mu, x) = (b.states[0], b.states[1]);
+        let a = b.kink("anything", x);
+        b.switch("s", x - mu);
+        b.switch("s", x + mu);
+        b.switch("x*alpha - 1", x * a - 1.0);
+        b.switch("a formula that is too long to read", x * mu);
+        b.switch("mu - 1", mu - 1.0);
+        let system = b.finish(&[mu, x], &[]).system;
+        assert_eq!(of(&system), ["x", "s", "s#2", "psi4", "psi5", "mu - 1"]);
+        assert_eq!(prefix(&system, "mu"), "mu_");
+        assert_eq!(prefix(&system, "theta"), "theta");
+    }
 }

@@ -1,0 +1,142 @@
+//! Every model of `examples/` in both lowerings: their printed forms, and that they are the same system.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use nsdc::dcs::{Dcs, Formulation, lower_as, solve_pointwise};
+use nsdc::diagnostics::{self, Diagnostics};
+use nsdc::expr::{Exprs, Var};
+use nsdc::source::SourceMap;
+use nsdc::syntax::{Experiment, Item};
+use nsdc::system::System;
+
+const FORMULATIONS: [Formulation; 2] = [Formulation::Stewart, Formulation::Step];
+
+/// Calls `check` with every example model, in order: the file stem, and the system of a plain experiment.
+fn for_each_example(mut check: impl FnMut(&str, &System)) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples");
+    let entries = fs::read_dir(&folder).expect("the examples are there");
+    let mut paths: Vec<PathBuf> = entries
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .collect();
+    paths.retain(|path| path.extension().is_some_and(|extension| extension == "nsd"));
+    paths.sort();
+    assert!(!paths.is_empty(), "no example in {}", folder.display());
+    for path in paths {
+        let text = fs::read_to_string(&path).expect("an example is text");
+        let stem = path
+            .file_stem()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned();
+        for_each_model(&stem, &text, &mut check);
+    }
+}
+
+fn for_each_model(stem: &str, text: &str, check: &mut impl FnMut(&str, &System)) {
+    let models = {
+        let mut sources = SourceMap::new();
+        let file = nsdc::syntax::parse(&sources.add(stem, text), &mut Diagnostics::new());
+        let models = file.items.into_iter().filter_map(|item| match item {
+            Item::Model(model) => Some(model.name.name),
+            _ => None,
+        });
+        models.collect::<Vec<String>>()
+    };
+    for model in models {
+        let name = format!("golden_{model}");
+        let with_experiment = format!("{text}\nsimulate {name} of {model} {{ horizon 1; }}\n");
+        let mut sources = SourceMap::new();
+        let mut found = Diagnostics::new();
+        let file = nsdc::syntax::parse(&sources.add(stem, with_experiment), &mut found);
+        let is_it = |item: &&Item| matches!(item, Item::Experiment(experiment) if experiment.name.name == name);
+        let experiment: Option<&Experiment> =
+            file.items.iter().find(is_it).and_then(|item| match item {
+                Item::Experiment(experiment) => Some(experiment),
+                _ => None,
+            });
+        let exprs = Exprs::new();
+        let compiled = experiment.and_then(|experiment| {
+            nsdc::compile(
+                &exprs,
+                &file,
+                experiment,
+                &[],
+                &mut Default::default(),
+                &mut found,
+            )
+        });
+        let Some(compiled) = compiled else {
+            panic!("{}", diagnostics::render(&found, &sources, false, 100));
+        };
+        check(stem, &compiled.system);
+    }
+}
+
+fn lower<'e>(system: &System<'e>, formulation: Formulation) -> Dcs<'e> {
+    let dcs = lower_as(system, formulation).expect("the examples are small");
+    dcs.verify()
+        .expect("a lowering keeps the invariants of `Dcs`");
+    dcs
+}
+
+#[test]
+fn printed_forms() {
+    for_each_example(|stem, system| {
+        for formulation in FORMULATIONS {
+            let name = format!("{stem}.{}.{formulation}", system.name);
+            insta::assert_snapshot!(name, lower(system, formulation));
+        }
+    });
+}
+
+/// Numbers between -1 and 1 that look random and are always the same.
+fn scatter(seed: usize) -> f64 {
+    (12.9898 * (seed as f64 + 1.0))
+        .sin()
+        .mul_add(43_758.545, 0.0)
+        .fract()
+}
+
+#[test]
+fn both_lowerings_give_the_same_rates() {
+    for_each_example(|stem, system| {
+        let [stewart, step] = FORMULATIONS.map(|formulation| lower(system, formulation));
+        for point in 0..50 {
+            let params = system.params.iter().map(|param| (param.var, param.value));
+            let states = system.states.iter().enumerate();
+            let states =
+                states.map(|(i, state)| (state.var, state.initial + 2.0 * scatter(97 * point + i)));
+            let time = (system.time, scatter(31 * point).abs());
+            let values: Vec<(Option<Var>, f64)> = params
+                .chain(states)
+                .chain([time])
+                .map(|(var, value)| (var.as_variable(), value))
+                .collect();
+            let value = |var| {
+                let known = values.iter().find(|known| known.0 == Some(var));
+                known.map_or(f64::NAN, |known| known.1)
+            };
+            let [a, b] = [&stewart, &step].map(|dcs| solve_pointwise(system, dcs, &value));
+            let scale = 1.0
+                + a.algebraics
+                    .iter()
+                    .chain(&b.algebraics)
+                    .fold(0.0f64, |m, z| m.max(z.abs()));
+            assert!(
+                a.residual <= 1e-13 * scale,
+                "{stem}: Stewart's form leaves {}",
+                a.residual
+            );
+            assert!(
+                b.residual <= 1e-13 * scale,
+                "{stem}: the step form leaves {}",
+                b.residual
+            );
+            for ((a, b), state) in a.rates.iter().zip(&b.rates).zip(&system.states) {
+                let close = (a - b).abs() <= 1e-12 * (1.0 + a.abs());
+                assert!(close, "{stem}: der({}) is {a} and {b}", state.name);
+            }
+        }
+    });
+}
