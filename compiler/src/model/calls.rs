@@ -1,8 +1,9 @@
 //! Calls: functions of the file are inlined, built-in ones become expressions.
 
+use super::check::plural;
 use super::lower::{Local, Lowering};
 use super::reserved::{FUNCTIONS, did_you_mean};
-use super::scope::{Reported, Value};
+use super::scope::{Meaning, Reported, Value};
 use super::{ModelError, Tensor, builtins};
 use crate::expr::Expr;
 use crate::source::Span;
@@ -31,6 +32,14 @@ pub(super) fn call<'e>(
         });
     };
     let scope = lowering.scope;
+    let names = if lowering.in_function {
+        &scope.of_file
+    } else {
+        &scope.names
+    };
+    if matches!(names.get(name), Some(Meaning::Unusable)) {
+        return Err(Reported);
+    }
     let is_local = lowering.locals.iter().any(|local| local.name() == name);
     let is_value = is_local || (!lowering.in_function && scope.names.contains_key(name));
     let is_function = scope.functions.contains_key(name) || FUNCTIONS.contains(&name.as_str());
@@ -100,8 +109,7 @@ pub(super) fn wrong<T>(
 pub(super) fn arguments(count: usize) -> String {
     match count {
         0 => "no arguments".to_owned(),
-        1 => "1 argument".to_owned(),
-        n => format!("{n} arguments"),
+        n => plural(n, "argument", "arguments"),
     }
 }
 

@@ -6,6 +6,11 @@ use super::{DynamicsError, Shape, Surface, Tensor};
 use crate::expr::{Expr, Function, Node, Var, rewrite, variables_of};
 use crate::syntax::{self, ExprKind, Relation};
 
+/// `1 row`, `2 rows`
+pub(super) fn plural(count: usize, one: &str, many: &str) -> String {
+    format!("{count} {}", if count == 1 { one } else { many })
+}
+
 /// `0` as written.
 pub(super) fn is_zero_literal(expr: &syntax::Expr) -> bool {
     matches!(expr.kind, ExprKind::Number(0.0))
@@ -76,17 +81,11 @@ impl<'e> Lowering<'_, 'e> {
             }
             return Ok(self.constant(if holds { 1.0 } else { 0.0 }));
         }
-        // With 0 on the left, the surface is the right side.
-        let (psi, name, above) = if is_zero_literal(left) {
-            (b, self.text(right), !above)
-        } else if is_zero_literal(right) {
-            (a, self.text(left), above)
+        // A constant stands behind the minus: the surface of `1 < x` is `x - 1`.
+        let ((psi, name), above) = if a.as_constant().is_some() {
+            (self.difference((right, b), (left, a)), !above)
         } else {
-            (
-                difference,
-                format!("{} - {}", self.sum_text(left), self.operand_text(right)),
-                above,
-            )
+            (self.difference((left, a), (right, b)), above)
         };
         self.surfaces.push(Surface {
             name,
@@ -94,6 +93,20 @@ impl<'e> Lowering<'_, 'e> {
             span: left.span.to(right.span),
         });
         Ok(if above { psi.step() } else { 1.0 - psi.step() })
+    }
+
+    /// The switching function that compares two values, and its name.
+    fn difference(
+        &self,
+        (left, a): (&syntax::Expr, Expr<'e>),
+        (right, b): (&syntax::Expr, Expr<'e>),
+    ) -> (Expr<'e>, String) {
+        let text = match b.as_constant() {
+            _ if is_zero_literal(right) => self.text(left),
+            Some(value) if value < 0.0 => format!("{} + {}", self.sum_text(left), -value),
+            _ => format!("{} - {}", self.sum_text(left), self.operand_text(right)),
+        };
+        (a - b, text)
     }
 
     /// Remembers how the switching functions in the argument of `sign` and the like are written.

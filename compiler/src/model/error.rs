@@ -133,11 +133,11 @@ pub enum ModelError {
     },
 
     /// Something declared in a loop, used without its indices.
-    #[error("`{name}` is declared in a loop and needs {count} indices")]
-    #[diagnostic(code(E0112), help("write `{name}[..]` with the loop's indices"))]
+    #[error("`{name}` is declared in a loop and needs its indices")]
+    #[diagnostic(code(E0112), help("write {count} in brackets: `{name}[..]`"))]
     NeedsIndices {
         name: String,
-        count: usize,
+        count: String,
         #[label("which one")]
         span: Span,
     },
@@ -204,7 +204,7 @@ pub enum ModelError {
         index: String,
         what: String,
         valid: String,
-        #[label("must be in {valid}")]
+        #[label("out of range")]
         span: Span,
     },
 
@@ -263,9 +263,9 @@ pub enum ModelError {
     #[error("the rows of this matrix do not fit")]
     #[diagnostic(code(E0211), help("every row must have the same number of columns"))]
     Ragged {
-        expected: usize,
-        found: usize,
-        #[label("{found} columns, the first row has {expected}")]
+        expected: String,
+        found: String,
+        #[label("{found}, the first row has {expected}")]
         span: Span,
     },
 
@@ -276,9 +276,9 @@ pub enum ModelError {
         help("blocks side by side must have the same number of rows")
     )]
     BlockHeight {
-        expected: usize,
-        found: usize,
-        #[label("{found} rows, the first block has {expected}")]
+        expected: String,
+        found: String,
+        #[label("{found}, the first block has {expected}")]
         span: Span,
     },
 

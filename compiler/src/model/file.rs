@@ -183,7 +183,7 @@ pub(super) fn file_scope<'e>(
         names: names.clone(),
         of_file: names,
         functions: Rc::new(functions),
-        budget: BUDGET.into(),
+        budget: Some(BUDGET).into(),
     };
     constants(&mut scope, file, diags);
     scope

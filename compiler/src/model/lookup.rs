@@ -1,11 +1,13 @@
 //! Names in expressions: local ones first, then built-in values, then the model's.
 
+use std::collections::BTreeMap;
 use std::rc::Rc;
 
+use super::check::plural;
 use super::lower::{Lazy, Local, Lowering};
 use super::reserved::{FUNCTIONS, VALUES, did_you_mean};
 use super::scope::{Meaning, Reported, Value};
-use super::{ModelError, Tensor, places};
+use super::{ModelError, TargetKind, Tensor, places};
 use crate::source::Span;
 use crate::syntax::{self, ExprKind, Index};
 
@@ -39,11 +41,7 @@ impl<'e> Lowering<'_, 'e> {
                     Some((value, _)) => Ok(value.clone()),
                     None => {
                         let count = binders.len();
-                        self.error(ModelError::NeedsIndices {
-                            name: name.to_owned(),
-                            count,
-                            span,
-                        })
+                        self.needs_indices(name, count, span)
                     }
                 }
             }
@@ -143,7 +141,7 @@ impl<'e> Lowering<'_, 'e> {
             let indices = self.member_indices(name, binders.len(), indices, span)?;
             return match members.get(&indices) {
                 Some((value, _)) => Ok(value.clone()),
-                None => self.no_member(name, &indices, span),
+                None => self.no_member(name, &indices, members, span),
             };
         }
         let value = self.expr(base)?;
@@ -172,38 +170,57 @@ impl<'e> Lowering<'_, 'e> {
         span: Span,
     ) -> Result<Vec<i64>, Reported> {
         if indices.len() != count {
-            return self.error(ModelError::NeedsIndices {
-                name: name.to_owned(),
-                count,
-                span,
-            });
+            return self.needs_indices(name, count, span);
         }
         let mut values = vec![];
         for index in indices {
             match index {
                 Index::One(expr) => values.push(self.integer(expr, "an index")?),
                 _ => {
-                    return self.error(ModelError::NeedsIndices {
-                        name: name.to_owned(),
-                        count,
-                        span,
-                    });
+                    return self.needs_indices(name, count, span);
                 }
             }
         }
         Ok(values)
     }
 
-    pub fn no_member<T>(&mut self, name: &str, indices: &[i64], span: Span) -> Result<T, Reported> {
-        let index = indices
-            .iter()
-            .map(i64::to_string)
-            .collect::<Vec<_>>()
-            .join(",");
-        let valid = "those of its loop".to_owned();
+    pub fn needs_indices<T>(
+        &mut self,
+        name: &str,
+        count: usize,
+        span: Span,
+    ) -> Result<T, Reported> {
+        let count = plural(count, "index", "indices");
+        let name = name.to_owned();
+        self.error(ModelError::NeedsIndices { name, count, span })
+    }
+
+    /// Reports indices that the loop of a name does not reach.
+    pub fn no_member<T>(
+        &mut self,
+        name: &str,
+        indices: &[i64],
+        members: &BTreeMap<Vec<i64>, (Value<'e>, TargetKind)>,
+        span: Span,
+    ) -> Result<T, Reported> {
+        let list = |indices: &[i64]| {
+            indices
+                .iter()
+                .map(i64::to_string)
+                .collect::<Vec<_>>()
+                .join(",")
+        };
+        let valid = match (members.keys().next(), members.keys().next_back()) {
+            (Some(first), Some(last)) if first.len() == 1 => {
+                format!("{}..{}", list(first), list(last))
+            }
+            (Some(first), Some(last)) => format!("from {} to {}", list(first), list(last)),
+            _ => "none: its loop is empty".to_owned(),
+        };
+        let what = format!("`{name}`");
         self.error(ModelError::OutOfRange {
-            index,
-            what: format!("`{name}`"),
+            index: list(indices),
+            what,
             valid,
             span,
         })

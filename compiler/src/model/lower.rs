@@ -83,20 +83,17 @@ impl<'a, 'e> Lowering<'a, 'e> {
 
     /// Takes work off the budget of the model.
     pub fn spend(&mut self, amount: usize, span: Span) -> Result<(), Reported> {
-        let left = self.scope.budget.get();
-        match left.checked_sub(amount) {
-            Some(rest) => {
-                self.scope.budget.set(rest);
-                Ok(())
-            }
-            // Once it is used up, everything fails without further words.
-            None if left == 0 => Err(Reported),
+        // Once it is used up, everything fails without further words.
+        let Some(left) = self.scope.budget.get() else {
+            return Err(Reported);
+        };
+        let rest = left.checked_sub(amount);
+        self.scope.budget.set(rest);
+        match rest {
+            Some(_) => Ok(()),
             None => {
-                self.scope.budget.set(0);
-                self.error(ModelError::TooLarge {
-                    what: "the model".to_owned(),
-                    span,
-                })
+                let what = "the model".to_owned();
+                self.error(ModelError::TooLarge { what, span })
             }
         }
     }

@@ -38,6 +38,8 @@ mod resolve;
 mod scope;
 mod target;
 mod tensor;
+#[cfg(test)]
+mod tests;
 mod text;
 mod unroll;
 mod unsupported;

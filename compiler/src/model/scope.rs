@@ -52,8 +52,8 @@ pub struct Scope<'e> {
     pub(super) functions: Rc<FxHashMap<String, syntax::Function>>,
     /// Names of the file: all that the bodies of functions see.
     pub(super) of_file: FxHashMap<String, Meaning<'e>>,
-    /// Work left, in entries made and expressions visited.
-    pub(super) budget: Cell<usize>,
+    /// Work left, in entries made and expressions visited; none after too much.
+    pub(super) budget: Cell<Option<usize>>,
 }
 
 impl<'e> Scope<'e> {

@@ -68,18 +68,14 @@ pub(super) fn resolve(lowering: &mut Lowering<'_, '_>, path: &Path) -> Result<Ta
         Some(Meaning::Family { binders, .. }) => {
             let (count, members) = (binders.len(), lowering.scope.names.get(name));
             let Some(Segment::Index(indices)) = rest.first() else {
-                return lowering.error(ModelError::NeedsIndices {
-                    name: name.clone(),
-                    count,
-                    span: path.span,
-                });
+                return lowering.needs_indices(name, count, path.span);
             };
             rest = &rest[1..];
             let indices = lowering.member_indices(name, count, indices, path.span)?;
             match members {
                 Some(Meaning::Family { members, .. }) => match members.get(&indices) {
                     Some((value, kind)) => (*kind, value.tensor.shape),
-                    None => return lowering.no_member(name, &indices, path.span),
+                    None => return lowering.no_member(name, &indices, members, path.span),
                 },
                 _ => return Err(Reported),
             }

@@ -1,5 +1,6 @@
 //! Loops and reductions, unrolled; brackets stacked.
 
+use super::check::plural;
 use super::lower::{Local, Lowering};
 use super::scope::Reported;
 use super::{ModelError, Shape, Tensor};
@@ -70,8 +71,8 @@ impl<'e> Lowering<'_, 'e> {
             let found = row.shape.size().1;
             if found != columns {
                 return self.error(ModelError::Ragged {
-                    expected: columns,
-                    found,
+                    expected: plural(columns, "column", "columns"),
+                    found: plural(found, "column", "columns"),
                     span: *row_span,
                 });
             }
@@ -114,8 +115,8 @@ impl<'e> Lowering<'_, 'e> {
             let found = block.shape.size().0;
             if found != height {
                 return self.error(ModelError::BlockHeight {
-                    expected: height,
-                    found,
+                    expected: plural(height, "row", "rows"),
+                    found: plural(found, "row", "rows"),
                     span: *span,
                 });
             }
