@@ -114,9 +114,9 @@ impl Settings {
     }
 
     /// Order that costs least for a tolerance: -½ ln ε + 1 (Jorba & Zou 2005, section 3.2),
-    /// and three more because a step has costs of its own (chosen by trial).
+    /// and seven more because a step has costs of its own (chosen by trial).
     fn series_order(&self) -> usize {
-        let optimal = (-0.5 * self.local_tolerance().ln()).ceil() as usize + 4;
+        let optimal = (-0.5 * self.local_tolerance().ln()).ceil() as usize + 8;
         self.order.unwrap_or(optimal).clamp(4, 40)
     }
 }
