@@ -1,1 +1,59 @@
-//! Harness shared by the test files of this crate.
+//! Harness shared by the test files of this crate: from text to a trajectory.
+
+use nsdc::clock::Clock;
+use nsdc::diagnostics::{self, Diagnostics};
+use nsdc::expr::Exprs;
+use nsdc::report::Trajectory;
+use nsdc::simulate::{self, Request};
+use nsdc::source::SourceMap;
+use nsdc::syntax::{self, Item};
+use nsdc::{Compiled, compile};
+
+/// Compiles one experiment of a text and hands it to `use_it`.
+///
+/// # Panics
+///
+/// With the rendered diagnostics, when the text does not compile.
+pub fn with_experiment<T>(
+    text: &str,
+    experiment: &str,
+    use_it: impl FnOnce(&Compiled<'_>) -> T,
+) -> T {
+    let mut sources = SourceMap::new();
+    let mut diags = Diagnostics::new();
+    let source = sources.add("test.nsd", text);
+    let file = syntax::parse(&source, &mut diags);
+    let item = file.items.iter().find_map(|item| match item {
+        Item::Experiment(found) if found.name.name == experiment => Some(found),
+        _ => None,
+    });
+    let exprs = Exprs::new();
+    let compiled =
+        item.and_then(|item| compile(&exprs, &file, item, &[], &mut Clock::default(), &mut diags));
+    match compiled {
+        Some(compiled) if !diags.has_errors() => use_it(&compiled),
+        _ => panic!(
+            "`{experiment}` does not compile:\n{}",
+            diagnostics::render(&diags, &sources, false, 100)
+        ),
+    }
+}
+
+/// Compiles and runs one experiment of a text.
+pub fn run(text: &str, experiment: &str) -> Trajectory {
+    with_experiment(text, experiment, |compiled| {
+        simulate::run(&compiled.system, &compiled.settings, &Request::default())
+    })
+}
+
+/// The last values of a state or output.
+///
+/// # Panics
+///
+/// When the trajectory has no such series or no point.
+pub fn end(trajectory: &Trajectory, name: &str) -> Vec<f64> {
+    let series = trajectory.states.iter().chain(&trajectory.outputs);
+    let found = series.into_iter().find(|series| series.name == name);
+    let found = found.unwrap_or_else(|| panic!("no `{name}` in the trajectory"));
+    found.at(trajectory.time.len() - 1).to_vec()
+}

@@ -278,6 +278,8 @@ struct State {
     alpha: Vec<f64>,
     /// Largest |x_i| so far.
     scale: Vec<f64>,
+    /// Size of the terms of each f_i, which may cancel, so far.
+    activity: Vec<f64>,
     /// Switches whose ψ or α starts a step at the value that would be an event.
     armed: Vec<bool>,
     /// Below this |ψ| is rounding.
@@ -351,10 +353,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 } else {
                     start + step.length
                 };
-                drift = f64::max(
-                    drift,
-                    self.modes[mode].project(state.t, &mut state.x, &mut state.alpha, &state.scale),
-                );
+                drift = f64::max(drift, self.modes[mode].project(&mut state));
                 state.record_scale();
                 state.stats.steps += 1;
                 let segment = Segment {
@@ -444,6 +443,7 @@ impl State {
             sides: vec![Side::Plus; n_switches].into(),
             alpha: vec![1.0; n_switches],
             scale: x.iter().map(|v| v.abs()).collect(),
+            activity: vec![0.0; x.len()],
             armed: vec![false; n_switches],
             band: vec![0.0; n_switches],
             last_step: 0.0,
@@ -452,6 +452,11 @@ impl State {
             next: x.to_vec(),
             next_alpha: vec![0.0; n_switches],
         }
+    }
+
+    /// How large state i is, or would be after a step at the rate its terms have.
+    fn size(&self, i: usize) -> f64 {
+        self.scale[i].max(self.activity[i] * self.last_step)
     }
 
     fn record_scale(&mut self) {

@@ -6,7 +6,7 @@
 //! evaluate with α_K,k = 0, solve A α_K,k = -φ_K,k, evaluate again.
 
 use super::series;
-use super::{ModeFunctions, Side};
+use super::{ModeFunctions, Side, State};
 use crate::linalg::{DenseLu, Singular};
 use crate::tape::{Jet, Scratch};
 
@@ -25,10 +25,14 @@ pub(crate) struct Mode {
     linear: Vec<f64>,
     lu: DenseLu,
     rhs: Vec<f64>,
+    gram: Vec<f64>,
 }
 
 /// A step from a horizon of any length shrinks by about e² at a time.
 const MAX_SHRINKS: usize = 200;
+
+/// Relative change of the inputs that shows the size of the terms of f.
+const PERTURBATION: f64 = 1e-7;
 
 /// Newton iterations for α before the equations count as unsolvable.
 const MAX_NEWTON: usize = 30;
@@ -51,6 +55,7 @@ impl Mode {
             linear: vec![0.0; k * k + k * n + k],
             lu: DenseLu::new(k),
             rhs: vec![0.0; k],
+            gram: vec![0.0; k * k],
             n,
             order,
             sliding,
@@ -217,30 +222,62 @@ impl Mode {
         }
     }
 
-    /// The largest step up to `longest` within which the last three terms of every state stay
-    /// below `tolerance` times its magnitude (after Jorba & Zou 2005, section 3.2). The magnitude
-    /// is the largest of the run or within the step.
-    pub(crate) fn step_size(&self, tolerance: f64, scale: &[f64], longest: f64) -> f64 {
+    /// Raises `activity` to Σ |∂f/∂(t, x, α)|·|(t, x, α)| as one perturbation of all inputs shows it:
+    /// the size of the terms of f, which may cancel, and with it the rounding error of f.
+    pub(crate) fn measure_activity(&mut self, state: &mut State, alpha: &[f64]) {
+        self.eval(state.t, &state.x, alpha);
+        state.next.copy_from_slice(self.f());
+        for (i, input) in self.inputs.iter_mut().enumerate() {
+            *input *= if i % 3 == 1 {
+                1.0 - PERTURBATION
+            } else {
+                1.0 + PERTURBATION
+            };
+        }
+        self.functions
+            .field
+            .eval(&self.inputs, &mut self.field, &mut self.field_scratch);
+        for ((activity, f), perturbed) in
+            state.activity.iter_mut().zip(&state.next).zip(&self.field)
+        {
+            *activity = activity.max((perturbed - f).abs() / PERTURBATION);
+        }
+    }
+
+    /// The magnitude an error of state i within a step h is relative to: the largest of the run or
+    /// within the step, and no less than what keeps `tolerance` above the rounding errors of f.
+    fn error_scale(&self, i: usize, h: f64, tolerance: f64, state: &State) -> f64 {
+        let rounding = 8.0 * f64::EPSILON * state.activity[i] * h;
+        let magnitude = series::magnitude(self.x_series(i), h, 0);
+        state.scale[i].max(magnitude).max(rounding / tolerance)
+    }
+
+    /// The largest step up to `longest` whose first neglected term stays below `tolerance` times
+    /// the magnitude of every state.
+    ///
+    /// |c_k| = magnitude / ρᵏ gives the radius ρ, taken as the least over the last three terms (two
+    /// in Jorba & Zou 2005, section 3.2); then (h/ρ)^(p+1) = tolerance.
+    pub(crate) fn step_size(&self, tolerance: f64, state: &State, longest: f64) -> f64 {
         let last = self.order - 2..=self.order;
         let mut h = longest;
         for _ in 0..MAX_SHRINKS {
             let mut worst = [0.0_f64; 3];
-            for (i, &scale) in scale.iter().enumerate() {
+            for i in 0..self.n {
                 let c = self.x_series(i);
-                let scale = scale.max(series::magnitude(c, h, 0));
+                let scale = self.error_scale(i, h, tolerance, state);
                 for (worst, k) in worst.iter_mut().zip(last.clone()) {
                     if c[k] != 0.0 {
                         *worst = worst.max(c[k].abs() / scale);
                     }
                 }
             }
-            let limits = worst
+            let radius = |(worst, k): (&f64, usize)| -worst.ln() / k as f64;
+            let least = worst
                 .iter()
                 .zip(last.clone())
-                .filter(|(worst, _)| **worst > 0.0);
-            let next = limits
-                .map(|(worst, k)| ((tolerance / worst).ln() / k as f64).exp())
-                .fold(h, f64::min);
+                .map(radius)
+                .fold(f64::INFINITY, f64::min);
+            let next = h.min((least + tolerance.ln() / (self.order + 1) as f64).exp());
             let settled = next >= 0.9 * h;
             h = next;
             if settled {
@@ -250,51 +287,58 @@ impl Mode {
         h
     }
 
-    /// Projects x onto the sliding surfaces, in the norm of the states' magnitudes, and
-    /// returns the largest |ψ| found, relative to the size of its terms.
-    pub(crate) fn project(
-        &mut self,
-        t: f64,
-        x: &mut [f64],
-        alpha: &mut [f64],
-        scale: &[f64],
-    ) -> f64 {
+    /// ‖x' - f‖ τ at the end of a step, relative to the magnitude of each state; evaluates there.
+    pub(crate) fn defect(&mut self, state: &mut State, tau: f64, tolerance: f64) -> f64 {
+        self.state(tau, &mut state.next);
+        self.alpha(tau, &mut state.next_alpha);
+        self.eval(state.t + tau, &state.next, &state.next_alpha);
+        let mut worst = 0.0_f64;
+        for (i, f) in self.f().iter().enumerate() {
+            let defect = (series::slope(self.x_series(i), tau) - f).abs() * tau;
+            if defect != 0.0 {
+                let relative = defect / self.error_scale(i, tau, tolerance, state);
+                // NaN must not be lost to `max`.
+                worst = if worst >= relative { worst } else { relative };
+            }
+        }
+        worst
+    }
+
+    /// Projects x onto the sliding surfaces, in the norm of the states' sizes, and returns the
+    /// largest |ψ| found, relative to the size of its terms.
+    pub(crate) fn project(&mut self, state: &mut State) -> f64 {
         let k = self.sliding.len();
         let mut drift = 0.0_f64;
         if k == 0 {
             return drift;
         }
-        let (mut gram, mut lu) = (vec![0.0; k * k], DenseLu::new(k));
         for round in 0..3 {
-            self.eval(t, x, alpha);
+            self.eval(state.t, &state.x, &state.alpha);
             self.linearize();
             let mut worst = 0.0_f64;
             for (j, &i) in self.sliding.iter().enumerate() {
-                let size: f64 = self
-                    .gradient(j)
-                    .iter()
-                    .zip(scale)
-                    .map(|(g, s)| g.abs() * s)
-                    .sum();
+                let terms = self.gradient(j).iter().enumerate();
+                let size: f64 = terms.map(|(i, g)| g.abs() * state.size(i)).sum();
                 self.rhs[j] = self.field[self.n + k + i];
                 if size > 0.0 {
                     worst = worst.max(self.rhs[j].abs() / size);
                 }
                 for l in 0..k {
-                    let terms = self.gradient(j).iter().zip(self.gradient(l)).zip(scale);
-                    gram[j * k + l] = terms.map(|((a, b), s)| a * b * s * s).sum();
+                    let pairs = self.gradient(j).iter().zip(self.gradient(l)).enumerate();
+                    self.gram[j * k + l] =
+                        pairs.map(|(i, (a, b))| a * b * state.size(i).powi(2)).sum();
                 }
             }
             if round == 0 {
                 drift = worst;
             }
-            if worst <= f64::EPSILON || lu.factor(&gram).is_err() {
+            if worst <= f64::EPSILON || self.lu.factor(&self.gram).is_err() {
                 break;
             }
-            lu.solve(&mut self.rhs);
-            for (i, x) in x.iter_mut().enumerate() {
+            self.lu.solve(&mut self.rhs);
+            for i in 0..self.n {
                 let correction: f64 = (0..k).map(|j| self.gradient(j)[i] * self.rhs[j]).sum();
-                *x -= correction * scale[i] * scale[i];
+                state.x[i] -= correction * state.size(i).powi(2);
             }
         }
         drift

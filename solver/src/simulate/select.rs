@@ -81,11 +81,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         mode.eval(state.t, &state.x, &state.alpha);
         mode.linearize();
         for (j, &i) in mode.sliding.iter().enumerate() {
-            let terms = mode
-                .gradient(j)
-                .iter()
-                .zip(&state.scale)
-                .map(|(g, s)| g.abs() * s);
+            let terms = (mode.gradient(j).iter().enumerate()).map(|(k, g)| g.abs() * state.size(k));
             state.band[i] = BAND * (terms.sum::<f64>() + mode.time_gradient(j).abs() * horizon);
         }
     }
@@ -410,7 +406,13 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     }
 
     /// True when the series in the candidate's own mode stay on its side of every surface.
-    fn series_agree(&mut self, state: &State, group: &[usize], choice: &Choice, t1: f64) -> bool {
+    fn series_agree(
+        &mut self,
+        state: &mut State,
+        group: &[usize],
+        choice: &Choice,
+        t1: f64,
+    ) -> bool {
         let (mut sides, mut alpha) = (state.sides.clone(), state.alpha.clone());
         for (at, &i) in group.iter().enumerate() {
             sides[i] = choice.sides[at];
@@ -422,7 +424,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         if mode.expand(state.t, &state.x, &mut alpha, order).is_err() {
             return false;
         }
-        let h = mode.step_size(self.settings.local_tolerance(), &state.scale, t1 - state.t);
+        mode.measure_activity(state, &alpha);
+        let h = mode.step_size(self.settings.local_tolerance(), state, t1 - state.t);
         group
             .iter()
             .zip(&choice.sides)

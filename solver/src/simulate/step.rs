@@ -55,18 +55,21 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 switches: mode.sliding.clone(),
             });
         }
+        let alpha = std::mem::take(&mut state.alpha);
+        mode.measure_activity(state, &alpha);
+        state.alpha = alpha;
         state.stats.rhs_evaluations += order;
         let longest = if state.last_step > 0.0 {
             remaining.min(MAX_GROWTH * state.last_step)
         } else {
             remaining
         };
-        let mut h = mode.step_size(tolerance, &state.scale, longest);
+        let mut h = mode.step_size(tolerance, state, longest);
         for _ in 0..MAX_HALVINGS {
             let mode = &mut self.modes[index];
             let event = first_event(&mut self.roots, mode, state, h);
             let length = event.as_ref().map_or(h, |(root, _)| root.tau);
-            let defect = mode.defect(state, length);
+            let defect = mode.defect(state, length, tolerance);
             // The last term of the series, differentiated, is what the defect shows of the error.
             let allowed = 10.0 * (order as f64) * tolerance.max(4.0 * f64::EPSILON);
             let unseen = event.is_none() && mode.on_wrong_side(state);
@@ -169,28 +172,6 @@ fn first_root(
 }
 
 impl Mode {
-    /// ‖x' - f‖ τ at the end of the step, relative to the magnitude of each state.
-    fn defect(&mut self, state: &mut State, tau: f64) -> f64 {
-        self.state(tau, &mut state.next);
-        self.alpha(tau, &mut state.next_alpha);
-        self.eval(state.t + tau, &state.next, &state.next_alpha);
-        let mut worst = 0.0_f64;
-        for (i, f) in self.f().iter().enumerate() {
-            let c = self.x_series(i);
-            let scale = state.scale[i].max(series::magnitude(c, tau, 0));
-            let defect = (series::slope(c, tau) - f).abs() * tau;
-            if defect > 0.0 || defect.is_nan() {
-                // NaN must not be lost to `max`.
-                worst = if worst >= defect / scale {
-                    worst
-                } else {
-                    defect / scale
-                };
-            }
-        }
-        worst
-    }
-
     /// True when the last evaluation, at the end of the step, has left a surface behind that the
     /// series did not see.
     fn on_wrong_side(&self, state: &State) -> bool {
