@@ -11,6 +11,7 @@ mod brackets;
 mod build;
 mod error;
 mod lexer;
+mod print;
 mod scan;
 
 pub use ast::*;

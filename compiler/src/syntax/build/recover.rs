@@ -13,8 +13,8 @@ use pest::error::{ErrorVariant, InputLocation};
 use pest::iterators::Pair;
 
 use super::{Builder, words};
-use crate::syntax::SyntaxError;
 use crate::syntax::lexer::{Lexer, Token, TokenKind};
+use crate::syntax::{MAX_ERRORS, SyntaxError};
 
 /// Which list a wrong member stands in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -84,6 +84,9 @@ impl<'b> Builder<'b> {
             let Some(first) = significant(text, at).next() else {
                 return;
             };
+            if self.errors.len() > MAX_ERRORS {
+                return;
+            }
             at = first.start;
             let rule = match self.rule_for(place, text, &first) {
                 Ok(rule) => rule,
@@ -103,7 +106,7 @@ impl<'b> Builder<'b> {
                 Err(failure) => failure,
             };
             let explained = self.wrong_within(at..failure.at + 1);
-            let error = self.explain(place, &failure, text);
+            let error = self.explain(place, &failure, text, at);
             let semicolon = matches!(error, SyntaxError::MissingSemicolon { .. });
             if !explained {
                 self.report(error);
@@ -264,15 +267,15 @@ impl<'b> Builder<'b> {
         }
     }
 
-    /// Turns a failure of the parser into a message.
-    fn explain(&self, place: Place, failure: &Failure, text: &str) -> SyntaxError {
+    /// Turns a failure in the statement that begins at `start` into a message.
+    fn explain(&self, place: Place, failure: &Failure, text: &str, start: usize) -> SyntaxError {
         let found = significant(text, failure.at).next();
         let span = match found {
             Some(token) => self.position(token.start..token.end()),
             None => self.position(failure.at..failure.at),
         };
         let found_text = found.map_or("", |token| token.text);
-        let before = last_significant(text, 0, failure.at);
+        let before = last_significant(text, start, failure.at);
         let only_name = failure.expects(Rule::name) && !failure.wants_operand();
         if found_text == "'" && failure.after_operand() {
             return SyntaxError::PrimeInExpression { span };
@@ -337,7 +340,6 @@ fn shown(token: &Token) -> String {
 
 /// What could stand where the parser failed, as "a, b or c".
 fn expected(failure: &Failure) -> String {
-    let operators = [Rule::infix, Rule::comparator, Rule::op_and, Rule::op_or];
     let mut list: Vec<String> = Vec::new();
     let mut push = |text: String| {
         if !list.contains(&text) {
@@ -347,22 +349,25 @@ fn expected(failure: &Failure) -> String {
     if failure.wants_operand() {
         push("an expression".to_owned());
     }
+    // Of an argument that has been read, only its end is of interest.
+    let in_list = failure.expects(Rule::close_paren) || failure.expects(Rule::close_bracket);
     for rule in &failure.expected {
+        use Rule::{
+            call, comparator, field, index, infix, op_and, op_or, open_bracket, open_paren,
+        };
+        use Rule::{group, matrix, name, negative, number, op_not, string};
+        let operator = matches!(rule, infix | comparator | op_and | op_or);
+        let attached = matches!(rule, call | index | field | open_bracket | open_paren);
         let operand = matches!(
             rule,
-            Rule::number
-                | Rule::string
-                | Rule::name
-                | Rule::matrix
-                | Rule::group
-                | Rule::negative
-                | Rule::op_not
+            number | string | name | matrix | group | negative | op_not
         );
-        let attached = matches!(rule, Rule::call | Rule::index | Rule::field);
-        if operators.contains(rule) {
-            continue;
-        }
-        if failure.after_operand() && attached || failure.wants_operand() && operand {
+        let inside = matches!(rule, Rule::equals | Rule::kw_for);
+        if operator
+            || attached && failure.expected.len() > 1
+            || operand && failure.wants_operand()
+            || inside && in_list && failure.after_operand()
+        {
             continue;
         }
         if matches!(rule, Rule::close_paren | Rule::close_bracket) && failure.after_operand() {

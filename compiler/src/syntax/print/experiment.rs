@@ -1,0 +1,137 @@
+//! Experiments.
+
+use super::expression::arith;
+use super::statement::domain;
+use super::{Printer, list};
+use crate::syntax::ast::*;
+
+impl Printer {
+    pub(super) fn experiment(&mut self, item: &Experiment) {
+        let word = match item.kind {
+            ExperimentKind::Simulate => "simulate",
+            ExperimentKind::Optimize => "optimize",
+        };
+        self.block(
+            format!("{word} {} of {}", item.name, item.model),
+            "",
+            |printer| {
+                item.settings
+                    .iter()
+                    .for_each(|setting| printer.setting(setting));
+            },
+        );
+    }
+
+    fn setting(&mut self, setting: &ExperimentSetting) {
+        match &setting.kind {
+            SettingKind::With(binds) => self.block("with", "", |printer| printer.binds(binds, "=")),
+            SettingKind::Guess { from, binds } => self.block("guess", "", |printer| {
+                for source in from {
+                    match source {
+                        GuessSource::Experiment(path) => printer.line(format!("from {path};")),
+                        GuessSource::File(file, _) => printer.line(format!("from \"{file}\";")),
+                    }
+                }
+                printer.binds(binds, "=");
+            }),
+            SettingKind::Method { name, options } => match options.is_empty() {
+                true => self.line(format!("method {name};")),
+                false => self.block(format!("method {name}"), "", |printer| {
+                    printer.options(options)
+                }),
+            },
+            SettingKind::Horizon { free, range, value } => {
+                let range = range
+                    .as_ref()
+                    .map(|(lower, upper)| format!(" in [{lower}, {upper}]"));
+                let free = if *free { " free" } else { "" };
+                let equals = if free.is_empty() { " " } else { " = " };
+                let value = value.as_ref().map(|value| format!("{equals}{value}"));
+                let range = range.unwrap_or_default();
+                self.line(format!(
+                    "horizon{free}{range}{};",
+                    value.unwrap_or_default()
+                ));
+            }
+            SettingKind::Output { paths, when } => {
+                let when = match when {
+                    OutputWhen::Method => String::new(),
+                    OutputWhen::Every(period) => format!(" every {period}"),
+                    OutputWhen::At(instants) => format!(" at {instants}"),
+                };
+                let space = if paths.is_empty() { "" } else { " " };
+                self.line(format!("output{space}{}{when};", list(paths)));
+            }
+            SettingKind::Lower(names) => self.line(format!("lower {};", list(names))),
+            SettingKind::SubjectTo { rows, at } => {
+                let at = at.as_ref().map(|at| format!(" at {at};"));
+                self.block("subject to", &at.unwrap_or_default(), |printer| {
+                    printer.rows(rows)
+                });
+            }
+            SettingKind::Final(rows) => self.block("final", "", |printer| printer.rows(rows)),
+            SettingKind::Initial { free, rows } => self.block("initial", "", |printer| {
+                for (path, range) in free {
+                    printer.line(format!("{path} free{};", domain(range)));
+                }
+                printer.rows(rows);
+            }),
+            SettingKind::Free(free) => self.block("free", "", |printer| {
+                for (path, range) in free {
+                    printer.line(format!("{path}{};", domain(range)));
+                }
+            }),
+            SettingKind::Perturb { every, by, seed } => {
+                self.line(format!("perturb every {every}{};", random(by, seed)));
+            }
+            SettingKind::Starts { count, by, seed } => {
+                self.line(format!("starts {count}{};", random(by, seed)))
+            }
+            SettingKind::Value { name, value } => self.line(format!("{name} {value};")),
+            SettingKind::Expect(expect) => self.line(format!("expect {};", expectation(expect))),
+            SettingKind::Bad => self.bad(),
+        }
+    }
+}
+
+fn random(by: &Option<Expr>, seed: &Option<Expr>) -> String {
+    let by = by.as_ref().map(|by| format!(" by {by}"));
+    let seed = seed.as_ref().map(|seed| format!(" seed {seed}"));
+    by.unwrap_or_default() + &seed.unwrap_or_default()
+}
+
+fn expectation(expect: &Expect) -> String {
+    let relation = match expect {
+        Expect::LoweringGolden => return "lowering golden".to_owned(),
+        Expect::Mode { at, mode } => return format!("mode at {} is {mode}", arith(at)),
+        Expect::Status(status) => return format!("status is {status}"),
+        Expect::Warning(code) => return format!("warning {code}"),
+        Expect::Relation(relation) => relation,
+    };
+    let when = match &relation.when {
+        ExpectWhen::Run => String::new(),
+        ExpectWhen::At(instant) => format!(" at {}", arith(instant)),
+        ExpectWhen::Always => " always".to_owned(),
+    };
+    let operator = match relation.relation {
+        ExpectOp::Close => "~",
+        ExpectOp::Equal => "=",
+        ExpectOp::Less => "<",
+        ExpectOp::LessEqual => "<=",
+        ExpectOp::Greater => ">",
+        ExpectOp::GreaterEqual => ">=",
+    };
+    let behind = |word: &str, value: &Option<Expr>| {
+        let value = value
+            .as_ref()
+            .map(|value| format!(" {word} {}", arith(value)));
+        value.unwrap_or_default()
+    };
+    format!(
+        "{}{when} {operator} {}{}{}",
+        arith(&relation.left),
+        arith(&relation.right),
+        behind("at", &relation.right_at),
+        behind("within", &relation.within)
+    )
+}
