@@ -17,7 +17,9 @@ use self::clock::Clock;
 use self::diagnostics::Diagnostics;
 use self::expr::Exprs;
 use self::model::Model;
-use self::syntax::{Bind, Experiment, File, SettingKind};
+use self::report::expect::{self, Subject};
+use self::source::SourceMap;
+use self::syntax::{Bind, Experiment, File, Item, SettingKind};
 use self::system::System;
 use self::system::experiment::Settings;
 
@@ -29,6 +31,18 @@ pub struct Compiled<'e> {
     pub settings: Settings<'e>,
     /// The piecewise smooth system.
     pub system: System<'e>,
+}
+
+impl<'e> Compiled<'e> {
+    /// What its expectations are about.
+    pub fn subject<'s>(&'s self, sources: &'s SourceMap) -> Subject<'s, 'e> {
+        Subject {
+            model: &self.model,
+            system: &self.system,
+            horizon: self.settings.horizon,
+            sources,
+        }
+    }
 }
 
 /// From the syntax of an experiment to the system it is about: model, settings, system.
@@ -55,6 +69,64 @@ pub fn compile<'e>(
             system,
         })
     })
+}
+
+/// Finds what is wrong with the models and experiments of a file, each mistake once.
+pub fn check(file: &File, sources: &SourceMap, diags: &mut Diagnostics) {
+    let mut add = |mut found: Diagnostics| {
+        found.remove_known(diags);
+        diags.append(found);
+    };
+    let mut found = Diagnostics::new();
+    model::check_file(file, &mut found);
+    add(found);
+
+    let mut broken: Vec<&str> = Vec::new();
+    for item in &file.items {
+        let Item::Model(definition) = item else {
+            continue;
+        };
+        let mut found = Diagnostics::new();
+        model::resolve(&Exprs::new(), file, &definition.name.name, &[], &mut found);
+        if found.has_errors() {
+            broken.push(&definition.name.name);
+        }
+        add(found);
+    }
+    for item in &file.items {
+        // What is wrong with the model of an experiment has been said.
+        let Item::Experiment(experiment) = item else {
+            continue;
+        };
+        if broken.contains(&experiment.model.head.name.as_str()) {
+            continue;
+        }
+        let exprs = Exprs::new();
+        let mut found = Diagnostics::new();
+        let compiled = compile(
+            &exprs,
+            file,
+            experiment,
+            &[],
+            &mut Clock::default(),
+            &mut found,
+        );
+        if let Some(compiled) = compiled {
+            expect::check(
+                &compiled.subject(sources),
+                &compiled.settings.expects,
+                &mut found,
+            );
+            // A lowering that is asked for by name must exist, whatever the method needs.
+            let lowerings = &compiled.settings.lowerings;
+            if !lowerings.is_empty()
+                && let Err(error) = dcs::lower(&compiled.system, lowerings)
+            {
+                found.push(error);
+            }
+        }
+        add(found);
+    }
 }
 
 /// The `with` of an experiment, without what is overridden.

@@ -6,7 +6,6 @@ use super::files::{self, FileError};
 use super::{Streams, io};
 use crate::clock::Clock;
 use crate::diagnostics::{self, Diagnostics, is_error};
-use crate::model;
 use crate::source::SourceMap;
 use crate::syntax::{self, Bind, Experiment, ExperimentSetting, File, Item, SettingKind};
 
@@ -33,9 +32,6 @@ impl Project {
         let bytes = clock.time("read", || files::read(path, syntax::MAX_BYTES))?;
         let source = sources.add_bytes(files::display_name(path), bytes);
         let file = clock.time("parse", || syntax::parse(&source, &mut diags));
-        if !diags.has_errors() {
-            clock.time("model", || model::check_file(&file, &mut diags));
-        }
         Ok(Project {
             path: path.to_owned(),
             sources,
@@ -43,6 +39,15 @@ impl Project {
             diags,
             clock,
         })
+    }
+
+    /// All diagnostics of the file: of its syntax, its models and its experiments.
+    pub fn check(&mut self) -> Diagnostics {
+        let mut diags = std::mem::take(&mut self.diags);
+        if !diags.has_errors() {
+            crate::check(&self.file, &self.sources, &mut diags);
+        }
+        diags
     }
 
     /// All experiments, in order.

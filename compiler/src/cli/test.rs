@@ -5,11 +5,11 @@ use std::time::Duration;
 
 use super::args::TestArgs;
 use super::project::{self, Project};
-use super::{Exit, Streams, check, files, io};
+use super::{Exit, Streams, files, io};
 use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
-use crate::report::expect::{self, Check, Findings, Subject, Verdict};
+use crate::report::expect::{self, Check, Findings, Verdict};
 use crate::simulate::{self, Request};
 use crate::source::SourceMap;
 use crate::syntax::{Expect, ExpectDiagnostic, Experiment, Item};
@@ -110,7 +110,7 @@ fn file(
     let expected: Vec<ExpectDiagnostic> = expected.collect();
     let experiments: Vec<Experiment> = project.experiments().cloned().collect();
     if !expected.is_empty() {
-        let diags = check::all(&mut project);
+        let diags = project.check();
         for expect in &expected {
             let outcome = diagnostic(expect, &diags);
             let name = format!(
@@ -126,7 +126,7 @@ fn file(
             return Ok(());
         }
     } else if project.diags.has_errors() || experiments.is_empty() {
-        let diags = check::all(&mut project);
+        let diags = project.check();
         let outcome = compilation(&diags, &project.sources, streams)?;
         return count.record(&name, outcome, streams);
     }
@@ -202,12 +202,7 @@ fn one(
     let Some(compiled) = compiled.filter(|_| !diags.has_errors()) else {
         return compilation(&diags, &project.sources, streams);
     };
-    let subject = Subject {
-        model: &compiled.model,
-        system: &compiled.system,
-        horizon: compiled.settings.horizon,
-        sources: &project.sources,
-    };
+    let subject = compiled.subject(&project.sources);
     let expects = &compiled.settings.expects;
     let mut mistakes = Diagnostics::new();
     expect::check(&subject, expects, &mut mistakes);

@@ -1,0 +1,52 @@
+//! Every page of `nsdc explain` shows a file that gives its code, and one that is right.
+
+use nsdc::diagnostics::{Diagnostics, render};
+use nsdc::explain::{PAGES, examples};
+use nsdc::source::SourceMap;
+use nsdc::{check, syntax};
+
+/// The codes that a file gives, and the errors as they are shown.
+fn diagnose(text: &str) -> (Vec<String>, bool, String) {
+    let mut sources = SourceMap::new();
+    let mut diags = Diagnostics::new();
+    let source = sources.add("page.nsd", text);
+    let file = syntax::parse(&source, &mut diags);
+    if !diags.has_errors() {
+        check(&file, &sources, &mut diags);
+    }
+    (
+        diags.codes(),
+        diags.has_errors(),
+        render(&diags, &sources, false, 80),
+    )
+}
+
+/// Applies `judge` to all examples of a kind, and shows all that it finds.
+fn for_all(word: &str, judge: impl Fn(&str, &str) -> Option<String>) {
+    let examples = PAGES.iter().flat_map(|(code, page)| {
+        examples(page, word)
+            .into_iter()
+            .map(move |text| (code, text))
+    });
+    let found: Vec<String> = examples
+        .filter_map(|(code, text)| judge(code, text))
+        .collect();
+    assert!(found.is_empty(), "{}", found.join("\n"));
+}
+
+#[test]
+fn wrong_examples_give_the_code() {
+    for_all("wrong", |code, text| {
+        let (codes, _, shown) = diagnose(text);
+        let is_given = codes.iter().any(|got| got == code);
+        (!is_given).then(|| format!("{code}: got {codes:?}\n{text}\n{shown}"))
+    });
+}
+
+#[test]
+fn right_examples_have_no_errors() {
+    for_all("right", |code, text| {
+        let (_, has_errors, shown) = diagnose(text);
+        has_errors.then(|| format!("{code}:\n{text}\n{shown}"))
+    });
+}
