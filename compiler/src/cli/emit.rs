@@ -25,27 +25,29 @@ pub fn run(args: &EmitArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
     };
     match args.ir {
         Ir::Ast => {
-            let items: Vec<&Item> = match &args.experiment {
-                None => project.file.items.iter().collect(),
-                Some(name) => {
-                    let is_it =
-                        |item: &&Item| matches!(item, Item::Experiment(e) if e.name.name == *name);
-                    project.file.items.iter().filter(is_it).collect()
-                }
-            };
-            if !items.is_empty() || args.experiment.is_none() {
-                for item in items {
-                    writeln!(streams.out, "{item:#?}")?;
-                }
-                return Ok(Exit::Success);
+            let mut file = project.file.clone();
+            if args.experiment.is_some() {
+                let selected = match project.select(args.experiment.as_deref()) {
+                    Ok(selected) => selected,
+                    Err(message) => {
+                        writeln!(streams.err, "error: {message}")?;
+                        return Ok(Exit::Wrong);
+                    }
+                };
+                file.items = selected.into_iter().map(Item::Experiment).collect();
             }
+            write!(streams.out, "{file}")?;
+            return Ok(Exit::Success);
         }
         Ir::Model if args.experiment.is_none() => return models(&project, streams),
         Ir::Fesd | Ir::Mpcc | Ir::Nl => {
-            writeln!(streams.err, "error: this form is not yet supported (E0950)")?;
             writeln!(
                 streams.err,
-                "  help: `--ir dcs` prints the last form before discretization"
+                "error: discretized forms are not yet supported (E0921)"
+            )?;
+            writeln!(
+                streams.err,
+                "  help: `--ir dcs` prints the last form in continuous time"
             )?;
             return Ok(Exit::Wrong);
         }

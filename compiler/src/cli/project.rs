@@ -114,7 +114,7 @@ impl Project {
     pub fn overrides(&mut self, sets: &[String]) -> Option<Vec<Bind>> {
         let mut overrides = Vec::new();
         for set in sets {
-            let text = format!("simulate x of x {{ with {{ {set}; }} }}");
+            let text = made_up(&format!("with {{\n\n{set}\n\n; }}"));
             let settings = self.parse_settings("--set", &text)?;
             for setting in settings {
                 match setting.kind {
@@ -133,7 +133,7 @@ impl Project {
         option: &str,
         words: &str,
     ) -> Option<()> {
-        let text = format!("simulate x of x {{ {words}; }}");
+        let text = made_up(&format!("\n\n{words}\n\n;"));
         let new = self.parse_settings(option, &text)?;
         let same = |old: &ExperimentSetting| {
             let kind = std::mem::discriminant(&old.kind);
@@ -147,7 +147,7 @@ impl Project {
 
     /// The settings in the text of an experiment that was made up from an option of the command line.
     fn parse_settings(&mut self, option: &str, text: &str) -> Option<Vec<ExperimentSetting>> {
-        let source = self.sources.add(format!("<{option}>"), text);
+        let source = self.sources.add(option, text);
         let mut diags = Diagnostics::new();
         let file = syntax::parse(&source, &mut diags);
         let has_errors = diags.has_errors();
@@ -158,6 +158,12 @@ impl Project {
         });
         (!has_errors).then(|| experiments.flatten().collect())
     }
+}
+
+/// Settings as the text of a file. What the user wrote stands on lines of its own, so that
+/// diagnostics show nothing else.
+fn made_up(settings: &str) -> String {
+    format!("simulate x of x {{ {settings} }}\n")
 }
 
 /// Prints diagnostics.

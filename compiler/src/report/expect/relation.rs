@@ -215,9 +215,13 @@ impl Miss {
         if self.left.len() != self.right.len() && self.left.len() != 1 && self.right.len() != 1 {
             text += &format!(", {} entries for {}", self.left.len(), self.right.len());
         } else if self.left.len().max(self.right.len()) > 1 {
-            text += &format!(", off by {:.2e} in entry {}", self.by, self.entry + 1);
+            text += &format!(
+                ", off by {} in entry {}",
+                significant(self.by, 3),
+                self.entry + 1
+            );
         } else if self.by.is_finite() && self.by > 0.0 {
-            text += &format!(", off by {:.2e}", self.by);
+            text += &format!(", off by {}", significant(self.by, 3));
         }
         if self.time.is_finite() {
             text += &format!(" at time = {}", significant(self.time, 12));

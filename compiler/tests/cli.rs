@@ -1,0 +1,453 @@
+//! The `nsdc` command as a user meets it: what it prints where, and its exit status.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::{fs, io::Write};
+
+use insta::assert_snapshot;
+
+const RELAY: &str = "
+model relay {
+  param k = 1;
+  state x = 1;
+  output twice = 2*x;
+  x' = -k*sign(x);
+}
+simulate slide of relay {
+  horizon 2;
+  output x, twice at [0, 0.5, 2];
+  expect x at end ~ 0 within 1e-9;
+  expect switches ~ [1/k] within 1e-9;
+  expect mode at end is sliding(x);
+}
+simulate fast of relay {
+  with { k = 4; }
+  horizon 2;
+  expect events(enter_sliding, x) ~ [0.25] within 1e-9;
+}
+";
+
+/// What a command left behind.
+struct Ran {
+    status: i32,
+    out: String,
+    err: String,
+}
+
+/// A folder of its own for a test.
+fn folder(test: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(test);
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir_all(&folder).expect("the target folder is writable");
+    folder
+}
+
+/// Runs `nsdc` in a folder, with a text on its standard input.
+fn nsdc_with_input(folder: &Path, args: &[&str], input: &str) -> Ran {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_nsdc"))
+        .args(args)
+        .current_dir(folder)
+        .env_remove("COLUMNS")
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the command starts");
+    // A command that ends before it reads everything closes the pipe.
+    let _ = child
+        .stdin
+        .take()
+        .map(|mut stdin| stdin.write_all(input.as_bytes()));
+    let output = child.wait_with_output().expect("the command ends");
+    Ran {
+        status: output.status.code().unwrap_or(-1),
+        out: String::from_utf8(output.stdout).expect("output is UTF-8"),
+        err: String::from_utf8(output.stderr).expect("diagnostics are UTF-8"),
+    }
+}
+
+fn nsdc(folder: &Path, args: &[&str]) -> Ran {
+    nsdc_with_input(folder, args, "")
+}
+
+/// A folder with one file `relay.nsd`.
+fn with_relay(test: &str) -> PathBuf {
+    let folder = folder(test);
+    fs::write(folder.join("relay.nsd"), RELAY).expect("the folder is writable");
+    folder
+}
+
+fn json(line: &str) -> serde_json::Value {
+    serde_json::from_str(line).expect("every line is an object")
+}
+
+#[test]
+fn help_names_the_commands() {
+    let ran = nsdc(&folder("help"), &["--help"]);
+    assert_eq!(ran.status, 0);
+    assert_snapshot!(ran.out, @r"
+    Compiler for .nsd: nonsmooth dynamical systems as they stand in a paper
+
+    Usage: nsdc <COMMAND>
+
+    Commands:
+      check    Check models and experiments, and print what is wrong with them
+      emit     Print what the compiler makes of a model
+      run      Run experiments and report what came out
+      test     Run every `expect` of files and folders
+      explain  Explain a diagnostic by its code, or list all codes
+      help     Print this message or the help of the given subcommand(s)
+
+    Options:
+      -h, --help     Print help
+      -V, --version  Print version
+
+    Exit status: 0 all well, 1 the model or the input is wrong, 2 the numerics failed or an expectation
+    was missed, 64 wrong usage.
+    ");
+}
+
+#[test]
+fn wrong_usage_exits_with_64() {
+    let folder = with_relay("usage");
+    for args in [
+        &[][..],
+        &["solve_everything"],
+        &["run"],
+        &["run", "relay.nsd", "--frobnicate"],
+        &["run", "relay.nsd", "--time-limit", "0"],
+        &["run", "relay.nsd", "--plot", "figure.png"],
+        &["run", "relay.nsd", "--plot", "-", "--json", "-"],
+        &["emit", "relay.nsd", "--ir", "assembly"],
+    ] {
+        let ran = nsdc(&folder, args);
+        assert_eq!((ran.status, ran.out.as_str()), (64, ""), "{args:?}");
+        assert!(!ran.err.is_empty(), "{args:?}");
+    }
+}
+
+#[test]
+fn what_is_wrong_with_files_exits_with_1() {
+    let folder = with_relay("files");
+    fs::write(folder.join("latin.nsd"), b"model caf\xe9 { }").expect("the folder is writable");
+    fs::write(
+        folder.join("models.nsd"),
+        "model m { state x = 1; x' = 1; }",
+    )
+    .expect("the folder is writable");
+    for args in [
+        &["run", "missing.nsd"][..],
+        &["run", "."],
+        &["run", "latin.nsd"],
+        &["run", "models.nsd"],
+        &["run", "relay.nsd", "slid"],
+        &["run", "relay.nsd", "--set", "q=1"],
+        &["run", "relay.nsd", "--set", "k"],
+        &["run", "relay.nsd", "--method", "magic"],
+        &["run", "relay.nsd", "--json", "no/such/folder.json"],
+        &["check", "missing.nsd"],
+        &["test", "missing.nsd"],
+        &["emit", "relay.nsd", "--ir", "mpcc"],
+        &["explain", "E9999"],
+    ] {
+        let ran = nsdc(&folder, args);
+        assert_eq!(ran.status, 1, "{args:?}\n{}", ran.err);
+        assert!(!ran.err.is_empty() || args[0] == "test", "{args:?}");
+    }
+}
+
+#[test]
+fn an_experiment_that_is_not_there_gets_a_suggestion() {
+    let folder = with_relay("suggestion");
+    assert_snapshot!(nsdc(&folder, &["run", "relay.nsd", "slid"]).err, @r"
+    error: there is no experiment `slid` in `relay.nsd`
+      help: did you mean `slide`?
+    ");
+    assert_snapshot!(nsdc(&folder, &["run", "relay.nsd", "optimum"]).err, @r"
+    error: there is no experiment `optimum` in `relay.nsd`
+      help: the file has `slide`, `fast`
+    ");
+}
+
+#[test]
+fn check_says_all_that_is_wrong_and_nothing_else() {
+    let folder = with_relay("check");
+    let good = nsdc(&folder, &["check", "relay.nsd"]);
+    assert_eq!(
+        (good.status, good.out.as_str(), good.err.as_str()),
+        (0, "", "")
+    );
+
+    let bad = RELAY
+        .replace("2*x", "2*y")
+        .replace("within 1e-9;\n  expect mode", ";\n  expect mode");
+    let ran = nsdc_with_input(&folder, &["check", "-"], &bad);
+    assert_eq!(ran.status, 1);
+    assert!(
+        ran.err.contains("E0101") && ran.err.contains("<standard input>"),
+        "{}",
+        ran.err
+    );
+}
+
+#[test]
+fn a_mistake_in_an_expectation_is_found_without_a_run() {
+    let folder = folder("expectation");
+    let bad = RELAY.replace(
+        "expect switches ~ [1/k] within 1e-9",
+        "expect switches ~ [1/k]",
+    );
+    let ran = nsdc_with_input(&folder, &["check", "-"], &bad);
+    assert_eq!(ran.status, 1);
+    assert_snapshot!(ran.err, @r"
+    E0601
+
+      × `~` without a tolerance
+        ╭─[<standard input>:12:3]
+     11 │   expect x at end ~ 0 within 1e-9;
+     12 │   expect switches ~ [1/k];
+        ·   ────────────┬───────────
+        ·               ╰── how close is close?
+     13 │   expect mode at end is sliding(x);
+        ╰────
+      help: add an absolute tolerance, as in `within 1e-9`
+    ");
+}
+
+#[test]
+fn run_prints_one_object_per_experiment() {
+    let folder = with_relay("json");
+    let ran = nsdc(&folder, &["run", "relay.nsd", "--json", "-"]);
+    assert_eq!((ran.status, ran.err.as_str()), (0, ""));
+    let lines: Vec<_> = ran.out.lines().map(json).collect();
+    assert_eq!(lines.len(), 2);
+    assert_eq!(lines[0]["experiment"], "slide");
+    assert_eq!(lines[0]["status"], "solved");
+    assert_eq!(lines[0]["time"], serde_json::json!([0.0, 0.5, 2.0]));
+    assert_eq!(lines[0]["final"]["x"], 0.0);
+    assert_eq!(lines[1]["experiment"], "fast");
+    assert_eq!(lines[1]["events"][0]["kind"], "enter_sliding");
+    assert!((lines[1]["events"][0]["time"].as_f64().expect("a number") - 0.25).abs() < 1e-12);
+}
+
+#[test]
+fn run_writes_files_and_still_reports() {
+    let folder = with_relay("outputs");
+    let args = [
+        "run",
+        "relay.nsd",
+        "--json",
+        "r.json",
+        "--csv",
+        "r.csv",
+        "--plot",
+        "r.svg",
+    ];
+    let ran = nsdc(&folder, &args);
+    assert_eq!((ran.status, ran.err.as_str()), (0, ""));
+    assert!(ran.out.starts_with("slide of relay: solved\n"));
+    assert!(
+        !ran.out.contains('\u{1b}'),
+        "no colours where nobody sees them"
+    );
+    let text = |name: &str| fs::read_to_string(folder.join(name)).expect("it was written");
+    assert_eq!(text("r.json").lines().count(), 2);
+    assert_snapshot!(text("r-slide.csv"), @r"
+    time,x,twice
+    0.0,1.0,2.0
+    0.5,0.5,1.0
+    2.0,0.0,0.0
+    ");
+    assert!(text("r-fast.svg").starts_with("<svg"));
+}
+
+#[test]
+fn values_are_set_from_outside() {
+    let folder = with_relay("set");
+    let args = [
+        "run",
+        "relay.nsd",
+        "slide",
+        "--set",
+        "k=2",
+        "--set",
+        "x=0.5",
+        "--json",
+        "-",
+    ];
+    let ran = nsdc(&folder, &args);
+    assert_eq!(ran.status, 0, "{}", ran.err);
+    let time = json(&ran.out)["events"][0]["time"]
+        .as_f64()
+        .expect("a number");
+    assert!((time - 0.25).abs() < 1e-12);
+}
+
+#[test]
+fn a_run_that_fails_exits_with_2_and_says_what_was_reached() {
+    let folder = folder("failure");
+    let model = "model m { state x = 1; x' = x^2; } simulate blow_up of m { horizon 2; }";
+    let ran = nsdc_with_input(&folder, &["run", "-"], model);
+    assert_eq!(ran.status, 2, "{}{}", ran.out, ran.err);
+    assert!(ran.out.starts_with("blow_up of m: "), "{}", ran.out);
+    assert!(ran.out.contains("reached, time = "), "{}", ran.out);
+}
+
+#[test]
+fn test_counts_what_holds_and_what_does_not() {
+    let folder = with_relay("test");
+    fs::create_dir(folder.join("below")).expect("the folder is writable");
+    fs::write(
+        folder.join("below/more.nsd"),
+        RELAY
+            .replace("~ 0 within", "~ 1 within")
+            .replace("= 4", "= 5")
+            + "optimize later of relay { horizon 1; minimize final(x); }",
+    )
+    .expect("the folder is writable");
+    fs::write(
+        folder.join("wrong.nsd"),
+        "expect error E0101;\nmodel m { state x = 1; x' = y; }",
+    )
+    .expect("the folder is writable");
+    let ran = nsdc(&folder, &["test", "."]);
+    assert_eq!(ran.status, 2);
+    let out = ran.out.replace('\\', "/");
+    assert_snapshot!(out, @r"
+    FAILED  ./below/more.nsd: slide
+              expect x at end ~ 1 within 1e-9
+                expected 1 within 1e-9
+                got      0, off by 1
+    FAILED  ./below/more.nsd: fast
+              expect events(enter_sliding, x) ~ [0.25] within 1e-9
+                expected 0.25 within 1e-9
+                got      0.2, off by 0.05
+    --      ./below/more.nsd: later: not yet supported (E0922)
+    ok      ./relay.nsd: slide
+    ok      ./relay.nsd: fast
+    ok      ./wrong.nsd: expect error E0101
+
+    3 passed, 2 failed, 1 not yet supported
+    ");
+    let good = nsdc(&folder, &["test", "relay.nsd", "wrong.nsd"]);
+    assert_eq!(good.status, 0);
+}
+
+#[test]
+fn what_is_not_supported_yet_fails_no_test() {
+    let folder = folder("unsupported");
+    let model =
+        "model m { state x = 1; x' = 0; } optimize o of m { horizon 1; minimize final(x); }";
+    fs::write(folder.join("o.nsd"), model).expect("the folder is writable");
+    let ran = nsdc(&folder, &["test", "o.nsd"]);
+    assert_eq!(ran.status, 0);
+    assert!(
+        ran.out.contains("0 passed, 0 failed, 1 not yet supported"),
+        "{}",
+        ran.out
+    );
+    // A run of it is another matter.
+    assert_eq!(nsdc(&folder, &["run", "o.nsd"]).status, 1);
+}
+
+#[test]
+fn goldens_are_written_on_demand_and_compared() {
+    let folder = folder("golden");
+    let model = RELAY.replace(
+        "horizon 2;\n  output",
+        "horizon 2;\n  expect lowering golden;\n  output",
+    );
+    fs::write(folder.join("relay.nsd"), &model).expect("the folder is writable");
+    assert_eq!(
+        nsdc(&folder, &["test", "relay.nsd"]).status,
+        2,
+        "there is no golden yet"
+    );
+    assert_eq!(nsdc(&folder, &["test", "--accept", "relay.nsd"]).status, 0);
+    assert_eq!(nsdc(&folder, &["test", "relay.nsd"]).status, 0);
+    fs::write(
+        folder.join("relay.nsd"),
+        model.replace("-k*sign", "-2*k*sign"),
+    )
+    .expect("the folder is writable");
+    let ran = nsdc(&folder, &["test", "relay.nsd"]);
+    assert_eq!(ran.status, 2);
+    assert!(ran.out.contains("of the golden file"), "{}", ran.out);
+}
+
+#[test]
+fn emit_prints_every_form() {
+    let folder = with_relay("emit");
+    for ir in ["ast", "model", "system", "dcs", "tex", "dot"] {
+        let ran = nsdc(&folder, &["emit", "relay.nsd", "slide", "--ir", ir]);
+        assert_eq!((ran.status, ran.err.as_str()), (0, ""), "{ir}");
+        assert!(!ran.out.trim().is_empty(), "{ir}");
+    }
+    let args = [
+        "emit",
+        "relay.nsd",
+        "slide",
+        "--ir",
+        "dcs",
+        "--lower",
+        "step",
+    ];
+    assert_snapshot!(nsdc(&folder, &args).out, @r"
+    // step: asked for by the experiment
+    der(x) = -k*(2*alpha[x] - 1)
+    0 = x - lambda_p[x] + lambda_n[x]
+    0 <= lambda_n[x] perp alpha[x] >= 0
+    0 <= lambda_p[x] perp 1 - alpha[x] >= 0
+    ");
+}
+
+#[test]
+fn explain_prints_a_page_or_lists_all() {
+    let folder = folder("explain");
+    let page = nsdc(&folder, &["explain", "e0601"]);
+    assert_eq!(page.status, 0);
+    assert!(page.out.starts_with("# E0601: "));
+    let all = nsdc(&folder, &["explain"]);
+    assert_eq!(all.status, 0);
+    assert!(all.out.contains("E0601  "));
+}
+
+#[test]
+fn a_reader_that_stops_is_no_error() {
+    let folder = with_relay("pipe");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_nsdc"))
+        .args(["run", "relay.nsd", "--json", "-"])
+        .current_dir(&folder)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the command starts");
+    drop(child.stdout.take());
+    let output = child.wait_with_output().expect("the command ends");
+    assert_eq!(output.status.code(), Some(0));
+    assert!(
+        output.stderr.is_empty(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+}
+
+#[test]
+fn the_time_is_told_apart_from_results() {
+    let folder = with_relay("time");
+    let ran = nsdc(
+        &folder,
+        &["run", "relay.nsd", "slide", "--time", "--csv", "-"],
+    );
+    assert_eq!(ran.status, 0);
+    assert!(ran.out.starts_with("time,x,twice\n"));
+    for phase in [
+        "read", "parse", "model", "system", "solve", "report", "total",
+    ] {
+        assert!(
+            ran.err.contains(phase),
+            "{phase} is missing in\n{}",
+            ran.err
+        );
+    }
+}
