@@ -63,6 +63,8 @@ pub fn compile<'e>(
     clock.time("system", || {
         let settings = system::experiment::evaluate(&model, experiment, overrides, diags)?;
         let system = system::lower(&model, &settings, diags)?;
+        let lowerings = dcs::check(&system, &settings.lowerings);
+        lowerings.map_err(|error| diags.push(error)).ok()?;
         Some(Compiled {
             model,
             settings,

@@ -19,11 +19,8 @@ pub struct Choice {
 
 /// Lowers in the formulation that the experiment asks for, else in the one of [`choose`]; the reason is printed.
 pub fn lower<'e>(system: &System<'e>, lowerings: &[Lowering]) -> Result<Dcs<'e>, DcsError> {
-    let asked = lowerings.first().map(|lowering| Choice {
-        formulation: match lowering {
-            Lowering::Stewart => Formulation::Stewart,
-            Lowering::Step => Formulation::Step,
-        },
+    let asked = asked(lowerings).map(|formulation| Choice {
+        formulation,
         reason: "asked for by the experiment".to_owned(),
     });
     let Choice {
@@ -33,6 +30,21 @@ pub fn lower<'e>(system: &System<'e>, lowerings: &[Lowering]) -> Result<Dcs<'e>,
     let mut dcs = lower_as(system, formulation)?;
     dcs.reason = Some(reason);
     Ok(dcs)
+}
+
+/// Whether [`lower`] would succeed; for those who need no DCS and still tell the user.
+pub fn check(system: &System, lowerings: &[Lowering]) -> Result<(), DcsError> {
+    match asked(lowerings) {
+        Some(Formulation::Stewart) => signs::check(system),
+        Some(Formulation::Step) | None => Ok(()),
+    }
+}
+
+fn asked(lowerings: &[Lowering]) -> Option<Formulation> {
+    lowerings.first().map(|lowering| match lowering {
+        Lowering::Stewart => Formulation::Stewart,
+        Lowering::Step => Formulation::Step,
+    })
 }
 
 /// Lowers in the given formulation.
@@ -65,7 +77,7 @@ pub fn choose(system: &System) -> Choice {
         .find(|s| s.switches.len() > 1 && s.regions.is_none());
     match interacting {
         _ if single => choice(Formulation::Stewart, "no two switches multiply each other"),
-        None if signs::fits(system) => {
+        None if signs::check(system).is_ok() => {
             choice(Formulation::Stewart, "regions are disjoint and named")
         }
         None => choice(

@@ -34,7 +34,7 @@ mod tests;
 
 use std::fmt;
 
-pub use auto::{Choice, choose, lower, lower_as};
+pub use auto::{Choice, check, choose, lower, lower_as};
 pub use dot::{Vertex, dot, graph};
 pub use error::DcsError;
 pub use golden::{Golden, golden};

@@ -30,10 +30,10 @@ pub(super) fn check_size(system: &System, subsystem: &Subsystem) -> Result<(), D
     })
 }
 
-/// Whether no subsystem has too many regions.
-pub(super) fn fits(system: &System) -> bool {
+/// Refuses the first subsystem with too many regions.
+pub(super) fn check(system: &System) -> Result<(), DcsError> {
     let mut subsystems = system.subsystems.iter();
-    subsystems.all(|subsystem| check_size(system, subsystem).is_ok())
+    subsystems.try_for_each(|subsystem| check_size(system, subsystem))
 }
 
 /// All 2^n rows: region by region where they are the user's, the last switch changing fastest.
