@@ -70,37 +70,30 @@ pub fn choose(system: &System) -> Choice {
     if system.switches.is_empty() {
         return choice(Formulation::Stewart, "the system has no switch");
     }
-    let single = system.subsystems.iter().all(|s| s.switches.len() == 1);
-    let interacting = system
+    let mut several = system
         .subsystems
         .iter()
-        .find(|s| s.switches.len() > 1 && s.regions.is_none());
-    match interacting {
-        _ if single => choice(Formulation::Stewart, "no two switches multiply each other"),
-        None if signs::check(system).is_ok() => {
-            choice(Formulation::Stewart, "regions are disjoint and named")
-        }
-        None => choice(
-            Formulation::Step,
-            "the named regions leave too many signs open for one multiplier per region",
-        ),
-        Some(subsystem) => {
-            let names = subsystem
-                .switches
-                .iter()
-                .map(|&k| format!("`{}`", system.switches[k].name));
-            let names: Vec<String> = names.take(3).collect();
-            let more = subsystem.switches.len() - names.len();
-            let more = if more > 0 {
-                format!(" and {more} more")
-            } else {
-                String::new()
-            };
-            let names = names.join(", ");
-            choice(
-                Formulation::Step,
-                &format!("{names}{more} multiply each other"),
+        .filter(|s| s.switches.len() > 1)
+        .peekable();
+    if several.peek().is_none() {
+        return choice(Formulation::Stewart, "no two switches multiply each other");
+    }
+    let Some(subsystem) = several.find(|subsystem| !signs::is_named(system, subsystem)) else {
+        return choice(Formulation::Stewart, "regions are disjoint and named");
+    };
+    let names = subsystem
+        .switches
+        .iter()
+        .map(|&k| system.switches[k].name.as_str());
+    let reason = match names.collect::<Vec<_>>().as_slice() {
+        [first, second] => format!("`{first}` and `{second}` multiply each other"),
+        [first, second, rest @ ..] => {
+            format!(
+                "`{first}`, `{second}` and {} more multiply each other",
+                rest.len()
             )
         }
-    }
+        _ => "switches multiply each other".to_owned(),
+    };
+    choice(Formulation::Step, &reason)
 }

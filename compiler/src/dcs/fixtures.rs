@@ -163,6 +163,20 @@ pub fn open_sign(exprs: &Exprs) -> Fixture<'_> {
     b.finish(&[x_rate, exprs.constant(1.0)], &[(&[0, 1], Some(0))])
 }
 
+/// Intervals of one state: x > 2 and x < 1 exclude each other, but share no switch.
+pub fn intervals(exprs: &Exprs) -> Fixture<'_> {
+    let mut b = Builder::new(exprs, &["x"]);
+    let x = b.states[0];
+    b.switch("1 - x", 1.0 - x);
+    b.switch("2*x - 4", 2.0 * x - 4.0);
+    let w = b.partition(&[
+        ("high", &[(1, true)]),
+        ("low", &[(0, true)]),
+        ("middle", &[(0, false), (1, false)]),
+    ]);
+    b.finish(&[w[1] - w[0] * x + 3.0 * w[2]], &[(&[0, 1], None)])
+}
+
 /// x' = 1 + max(0, x), y' = |y| - min(x, y).
 pub fn kinks(exprs: &Exprs) -> Fixture<'_> {
     let mut b = Builder::new(exprs, &["x", "y"]);

@@ -6,9 +6,8 @@
 //! x' = f_0 + Σ_s F_s θ_s,   0 = g_s - λ_s - μ_s e,   0 = 1 - eᵀθ_s,   0 <= θ_s ⟂ λ_s >= 0
 //!
 //! The columns of F_s are the rates with α at the corner of {0, 1}^n that the row names. Subsystems do not multiply
-//! each other, so their regions add up instead of multiplying. Where the regions of a subsystem are the user's, their
-//! names stay; a guard that leaves a sign open has a row for both, because -Sψ with an open sign prefers the wrong
-//! region.
+//! each other, so their regions add up instead of multiplying. A guard of the user's that leaves a sign open has a row
+//! for both, because -Sψ with an open sign prefers the wrong region; rows are found in [`signs`](super::signs).
 //!
 //! Stewart 1990; Nurkanović & Diehl 2022.
 
@@ -20,7 +19,7 @@ use crate::system::System;
 
 use super::labels;
 use super::pointwise::Sides;
-use super::signs::{Row, check_size, row_name, rows, sign};
+use super::signs::{Row, row_name, rows, sign};
 use super::{Cause, Dcs, DcsError, Formulation, Origin};
 
 /// θ of a subsystem with its rows.
@@ -43,8 +42,7 @@ pub fn lower<'e>(system: &System<'e>) -> Result<Dcs<'e>, DcsError> {
     let mut simplices = Vec::with_capacity(system.subsystems.len());
     let mut multipliers = Vec::with_capacity(system.subsystems.len());
     for (s, subsystem) in system.subsystems.iter().enumerate() {
-        check_size(system, subsystem)?;
-        let rows = rows(system, subsystem);
+        let rows = rows(system, subsystem)?;
         let names: Vec<String> = (rows.iter())
             .map(|row| row_name(system, subsystem, &rows, row, &labels))
             .map(|name| labels::unique(name, &mut taken))
@@ -106,10 +104,8 @@ pub fn lower<'e>(system: &System<'e>) -> Result<Dcs<'e>, DcsError> {
 pub(super) fn solution(system: &System, sides: &Sides) -> Vec<f64> {
     let mut values = Vec::new();
     for subsystem in &system.subsystems {
-        if check_size(system, subsystem).is_err() {
-            continue;
-        }
-        let rows = rows(system, subsystem);
+        // `lower` refuses what has too many.
+        let rows = rows(system, subsystem).unwrap_or_default();
         let switches = || subsystem.switches.iter();
         let theta = rows.iter().map(|row| -> f64 {
             let weight = |(&k, &plus): (&usize, &bool)| {
@@ -266,13 +262,13 @@ fn subsystem_origin(system: &System, s: usize) -> Origin {
 fn origin(system: &System, s: usize, row: &Row) -> Origin {
     let whole = subsystem_origin(system, s);
     let subsystem = &system.subsystems[s];
-    match (subsystem.regions, row.region, subsystem.switches.as_slice()) {
-        (Some(partition), Some(region), _) => Origin {
+    match (row.region, subsystem.switches.as_slice()) {
+        (Some((partition, region)), _) => Origin {
             cause: Cause::Region { partition, region },
             span: system.partitions[partition].regions[region].span,
             ..whole
         },
-        (_, _, &[switch]) => Origin {
+        (None, &[switch]) => Origin {
             cause: Cause::Switch(switch),
             ..whole
         },

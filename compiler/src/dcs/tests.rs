@@ -120,6 +120,20 @@ fn open_sign() {
 }
 
 #[test]
+fn intervals() {
+    assert_snapshot!(lowered(fixtures::intervals, Formulation::Stewart), @"
+    der(x) = -x*theta[high] + theta[low] + 3*theta[middle]
+    0 = 5 - 3*x - lambda[high] - mu
+    0 = 3*x - lambda[low] - mu - 5
+    0 = x - lambda[middle] - mu - 3
+    0 = 1 - theta[high] - theta[low] - theta[middle]
+    0 <= theta[high] perp lambda[high] >= 0
+    0 <= theta[low] perp lambda[low] >= 0
+    0 <= theta[middle] perp lambda[middle] >= 0
+    ");
+}
+
+#[test]
 fn kinks() {
     assert_snapshot!(lowered(fixtures::kinks, Formulation::Stewart), @"
     der(x) = (x + 1)*theta[x+] + theta[x-]
@@ -203,7 +217,8 @@ fn auto_says_why() {
     };
     assert_snapshot!(reason(fixtures::relay), @"// stewart: no two switches multiply each other");
     assert_snapshot!(reason(fixtures::two_relays), @"// stewart: no two switches multiply each other");
-    assert_snapshot!(reason(fixtures::product_of_signs), @"// step: `x[1]`, `x[2]` multiply each other");
+    assert_snapshot!(reason(fixtures::product_of_signs), @"// step: `x[1]` and `x[2]` multiply each other");
+    assert_snapshot!(reason(fixtures::intervals), @"// stewart: regions are disjoint and named");
     assert_snapshot!(reason(fixtures::open_sign), @"// stewart: regions are disjoint and named");
 }
 
@@ -269,7 +284,7 @@ fn stewart_refuses_too_many_regions() {
     let exprs = Exprs::new();
     let mut b = fixtures::Builder::new(&exprs, &["x"]);
     let alphas: Vec<_> = (0..11)
-        .map(|i| b.switch(&format!("s{i}"), b.states[0] - f64::from(i)))
+        .map(|i| b.switch(&format!("s{i}"), (f64::from(i + 1) * b.states[0]).sin()))
         .collect();
     let switches: Vec<usize> = (0..11).collect();
     let rate = exprs.product(alphas);
@@ -419,13 +434,16 @@ fn random<'e>(exprs: &'e Exprs, lines: &[(f64, f64, f64)], rates: &[Vec<Term>]) 
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
     #[test]
     fn both_lowerings_give_the_rates_of_the_original(point in prop::collection::vec(-3.0..3.0f64, 3)) {
-        let all: [fn(&Exprs) -> Fixture<'_>; 6] = [
+        let all: [fn(&Exprs) -> Fixture<'_>; 7] = [
             fixtures::relay,
             fixtures::two_relays,
             fixtures::product_of_signs,
             fixtures::open_sign,
+            fixtures::intervals,
             fixtures::kinks,
             fixtures::many,
         ];
