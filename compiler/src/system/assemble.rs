@@ -77,8 +77,8 @@ impl<'e> Lowering<'_, 'e> {
                     diags.push(SystemError::DiscontinuousSurface {
                         outer: outer.name.clone(),
                         inner: inner.name.clone(),
-                        outer_span: outer.spans.first().copied().unwrap_or(model.span),
-                        inner_span: inner.spans.first().copied().unwrap_or(model.span),
+                        outer_span: outer.spans[0],
+                        inner_span: inner.spans[0],
                     });
                 }
             }
@@ -170,13 +170,15 @@ impl<'e> Lowering<'_, 'e> {
     fn finished(&self, k: usize) -> Switch<'e> {
         let collected = &self.switches.list[k];
         Switch {
-            // Without words of the user, the text of ψ.
-            name: (collected.name.clone()).unwrap_or_else(|| collected.psi.to_string()),
+            name: self.switches.name_of(k),
             alpha: self.model.exprs.expr(collected.alpha),
             psi: collected.psi,
             continuity: Continuity::Discontinuous,
             named: collected.named.clone(),
-            spans: collected.spans.clone(),
+            spans: match collected.spans[..] {
+                [] => vec![collected.origin],
+                _ => collected.spans.clone(),
+            },
         }
     }
 

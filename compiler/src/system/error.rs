@@ -83,7 +83,7 @@ pub enum SystemError {
     },
 
     /// A switching function that touches zero without crossing it, or crosses it with zero slope.
-    #[error("`{name}` = 0 is no surface that `{name}` crosses")]
+    #[error("`{name}` = 0 is no switching surface")]
     #[diagnostic(code(E0404))]
     NoSurface {
         name: String,

@@ -31,12 +31,7 @@ pub(super) fn check_reading<'e>(
     let strict = switches.strict(value);
     for k in (0..switches.list.len()).filter(|&k| occurs(k)) {
         let switch = &switches.list[k];
-        let name = || {
-            switch
-                .name
-                .clone()
-                .unwrap_or_else(|| switch.psi.to_string())
-        };
+        let name = || switches.name_of(k);
         let reads = |value: Expr<'e>, var: Var| {
             is_hidden_term_zero(value, var, switch.psi, switches, &sampler())
         };
@@ -93,7 +88,7 @@ pub(super) fn check_reading<'e>(
             && !is_polynomial(value, condition)
             && !reads(value, condition)
         {
-            let span = switch.spans.first().copied().unwrap_or(entry);
+            let span = switch.spans.first().copied().unwrap_or(switch.origin);
             errors.push(SystemError::NonlinearCondition {
                 name: name(),
                 condition: span,

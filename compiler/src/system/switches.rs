@@ -40,6 +40,8 @@ pub(super) struct Collected<'e> {
     pub alpha: Var,
     pub psi: Expr<'e>,
     pub spans: Vec<Span>,
+    /// The expression in which it was found.
+    pub origin: Span,
     pub named: Vec<NamedReading>,
     /// Scale of ψ over its canonical form.
     scale: f64,
@@ -173,6 +175,7 @@ impl<'e> Switches<'e> {
                 alpha,
                 psi,
                 spans,
+                origin: self.here,
                 named,
                 scale,
                 entries,
@@ -279,6 +282,21 @@ impl<'e> Switches<'e> {
     /// The expression in α where powers of a switch have no agreed meaning, in entry variables elsewhere.
     pub fn strict(&self, e: Expr<'e>) -> Expr<'e> {
         e.substitute(&self.strict)
+    }
+
+    /// The name of a switch: the user's words, else ψ in terms of `step` instead of α.
+    pub fn name_of(&self, k: usize) -> String {
+        let switch = &self.list[k];
+        if let Some(name) = &switch.name {
+            return name.clone();
+        }
+        // Outer ones first: ψ holds α of earlier switches only.
+        let inner = self.list[..k].iter().rev();
+        let written = inner.fold(switch.psi, |psi, inner| {
+            let step = (inner.alpha, inner.psi.step());
+            psi.substitute(&Substitution::from_iter([step]))
+        });
+        written.to_string()
     }
 
     /// The variable of the conditions on a switch.

@@ -2,11 +2,10 @@
 
 use insta::assert_snapshot;
 
-use super::experiment::{binds, evaluate};
-use super::lower;
+use crate::clock::Clock;
+use crate::compile;
 use crate::diagnostics::{Diagnostics, render};
 use crate::expr::Exprs;
-use crate::model::resolve;
 use crate::source::SourceMap;
 use crate::syntax::{Experiment, Item, parse};
 
@@ -20,12 +19,11 @@ fn printed(text: &str) -> String {
         _ => None,
     });
     let exprs = Exprs::new();
-    let system = experiments.take(1).find_map(|experiment: &Experiment| {
-        let name = &experiment.model.head.name;
-        let model = resolve(&exprs, &file, name, &binds(experiment, &[]), &mut diags)?;
-        let settings = evaluate(&model, experiment, &[], &mut diags)?;
-        lower(&model, &settings, &mut diags)
+    let compiled = experiments.take(1).find_map(|experiment: &Experiment| {
+        let mut clock = Clock::default();
+        compile(&exprs, &file, experiment, &[], &mut clock, &mut diags)
     });
+    let system = compiled.map(|compiled| compiled.system);
     let mut text = system
         .as_ref()
         .map(|system| system.to_string())
@@ -132,7 +130,7 @@ fn kinks_are_continuous() {
     der(x) = x*alpha[2] + (y*(1 - alpha[1]) + (2*y + 1)*alpha[1])*(1 - alpha[2])
     der(y) = -1
     alpha[1] in step(-y - 1)  // -y - 1, continuous
-    alpha[2] in step(x - y*(1 - alpha[1]) - (2*y + 1)*alpha[1])  // x - y*(1 - alpha[1]) - (2*y + 1)*alpha[1], continuous
+    alpha[2] in step(x - y*(1 - alpha[1]) - (2*y + 1)*alpha[1])  // x - y*(1 - step(-y - 1)) - step(-y - 1)*(2*y + 1), continuous
     subsystem alpha[1], alpha[2]
     ");
     assert_snapshot!(statements("x' = sat(x); y' = deadzone(x, 2);"), @r"

@@ -18,7 +18,6 @@ use crate::syntax::{self, Bind, Expect, ExperimentKind, OutputWhen, SettingKind,
 
 pub use error::ExperimentError;
 pub use method::{Branch, EventOptions, Lowering, Method};
-pub use with::binds;
 
 /// What a `simulate` experiment asks for.
 #[derive(Clone, Debug)]

@@ -6,18 +6,6 @@ use crate::model::{Model, Quantity, Target, TargetKind};
 use crate::source::Span;
 use crate::syntax::{self, Bind, ExprKind, Ident, Path, SettingKind, Sliding};
 
-/// The lines of all `with` blocks, then those from outside: what [`crate::model::resolve`] takes.
-pub fn binds(experiment: &syntax::Experiment, overrides: &[Bind]) -> Vec<Bind> {
-    let inside = experiment
-        .settings
-        .iter()
-        .filter_map(|setting| match &setting.kind {
-            SettingKind::With(binds) => Some(binds),
-            _ => None,
-        });
-    inside.flatten().chain(overrides).cloned().collect()
-}
-
 /// Everything that `with` and `overrides` give; `None` after an error.
 pub(super) fn given<'e>(
     model: &Model<'e>,

@@ -1,0 +1,34 @@
+//! Every file of `errors/`: its source and what the compiler says about it.
+//!
+//! The name of a file starts with the code it is about.
+
+use std::fs;
+use std::path::Path;
+
+use nsdc::diagnostics::{Diagnostics, render};
+use nsdc::source::SourceMap;
+use nsdc::{check, syntax};
+
+#[test]
+fn every_mistake_is_reported_as_it_was() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("errors");
+    let entries = fs::read_dir(&folder).expect("the cases are there");
+    let mut paths: Vec<_> = entries
+        .map(|entry| entry.expect("a readable folder").path())
+        .collect();
+    paths.sort();
+    assert!(!paths.is_empty(), "no case in {}", folder.display());
+    for path in paths {
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        let text = fs::read_to_string(&path).expect("a case is text");
+        let mut sources = SourceMap::new();
+        let mut diags = Diagnostics::new();
+        let file = syntax::parse(&sources.add(format!("{stem}.nsd"), &text), &mut diags);
+        check(&file, &sources, &mut diags);
+
+        let code = stem.split('_').next().unwrap_or_default().to_owned();
+        let codes = diags.codes();
+        assert!(codes.contains(&code), "{stem} gives {codes:?}");
+        insta::assert_snapshot!(stem.as_ref(), render(&diags, &sources, false, 100), &text);
+    }
+}
