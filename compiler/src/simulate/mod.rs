@@ -149,10 +149,12 @@ impl Estimate {
     ) -> Self {
         let mut comparison = Comparison::new(run, x0);
         let fine = Simulator::new(system, finer).run(0.0, horizon, x0, &mut comparison);
-        let scale = |i: usize| comparison.scale[i].max(outcome.x[i].abs());
-        let relative = |(i, difference): (usize, &f64)| {
-            if *difference > 0.0 {
-                difference / scale(i)
+        let relative = |(i, &difference): (usize, &f64)| {
+            // A state that cancellation holds in place differs by the rounding of its rate.
+            let rounding = 8.0 * f64::EPSILON * outcome.activity[i] * outcome.time;
+            let scale = comparison.scale[i].max(outcome.x[i].abs());
+            if difference > rounding {
+                difference / scale
             } else {
                 0.0
             }

@@ -252,6 +252,9 @@ pub struct Outcome {
     pub sides: Vec<Side>,
     /// α of the last mode.
     pub alpha: Vec<f64>,
+    /// Size of the terms of each rate: times ε and the length of the run, what rounding may have
+    /// done to a state that cancellation holds in place.
+    pub activity: Vec<f64>,
     /// Largest |ψ| seen on a sliding surface, relative to the size of its terms.
     pub drift: f64,
     /// Largest ‖x' - f‖ h at the end of a step, relative to the tolerance's scale.
@@ -398,6 +401,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
             x: state.x,
             sides: state.sides.into_vec(),
             alpha: state.alpha,
+            activity: state.activity,
             drift,
             defect,
             stats: state.stats,
