@@ -11,6 +11,7 @@
 
 pub mod csv;
 mod dense;
+mod event;
 pub mod expect;
 pub mod json;
 mod modes;
@@ -18,10 +19,13 @@ pub mod plot;
 mod refine;
 #[cfg(test)]
 mod sample;
+mod status;
 pub mod text;
 
 pub use dense::{Dense, Piece};
+pub use event::{Event, EventKind};
 pub use refine::refine;
+pub use status::{Certificate, Stationarity, Stats, Status};
 
 use crate::source::Span;
 
@@ -90,48 +94,6 @@ impl Kind {
     }
 }
 
-/// How a run ended.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Status {
-    /// To the end of the horizon, or to a solution.
-    Solved,
-    /// A stationary point of the violation of the constraints.
-    LocallyInfeasible,
-    /// The cost has no lower bound.
-    Unbounded,
-    /// Out of steps, events or iterations.
-    IterationLimit,
-    /// Out of time.
-    TimeLimit,
-    /// Anything else: no or no unique solution, numbers that are not finite.
-    #[default]
-    NumericalFailure,
-}
-
-impl Status {
-    /// All of them.
-    pub const ALL: [Status; 6] = [
-        Status::Solved,
-        Status::LocallyInfeasible,
-        Status::Unbounded,
-        Status::IterationLimit,
-        Status::TimeLimit,
-        Status::NumericalFailure,
-    ];
-
-    /// The word of the language.
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Status::Solved => "solved",
-            Status::LocallyInfeasible => "locally_infeasible",
-            Status::Unbounded => "unbounded",
-            Status::IterationLimit => "iteration_limit",
-            Status::TimeLimit => "time_limit",
-            Status::NumericalFailure => "numerical_failure",
-        }
-    }
-}
-
 /// A method with the options it ran with.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Method {
@@ -189,96 +151,6 @@ impl Series {
     }
 }
 
-/// Something that happened at an instant.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Event {
-    /// When.
-    pub time: f64,
-    /// What.
-    pub kind: EventKind,
-    /// On which surface, contact or jump.
-    pub surface: String,
-    /// The mode before.
-    pub from: String,
-    /// The mode after.
-    pub to: String,
-    /// Where the surface is written.
-    pub span: Option<Span>,
-}
-
-/// The kinds of [`Event`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum EventKind {
-    /// From one side of a surface to the other.
-    Crossing,
-    /// Onto a surface, to stay on it.
-    EnterSliding,
-    /// Off a surface.
-    LeaveSliding,
-    /// A state jumps.
-    Jump,
-    /// A gap opens.
-    ContactOpen,
-    /// A gap closes.
-    ContactClose,
-    /// A contact stops slipping.
-    Stick,
-    /// A contact starts to slip.
-    Slip,
-    /// A constraint of a projection becomes active.
-    Activate,
-    /// A constraint of a projection becomes inactive.
-    Deactivate,
-    /// A relay switches.
-    Relay,
-    /// A sliding mode ends in a fold.
-    Fold,
-    /// Infinitely many events end in a limit.
-    Zeno,
-    /// Several solutions go on from here and one was chosen.
-    Branch,
-}
-
-impl EventKind {
-    /// All of them.
-    pub const ALL: [EventKind; 14] = [
-        EventKind::Crossing,
-        EventKind::EnterSliding,
-        EventKind::LeaveSliding,
-        EventKind::Jump,
-        EventKind::ContactOpen,
-        EventKind::ContactClose,
-        EventKind::Stick,
-        EventKind::Slip,
-        EventKind::Activate,
-        EventKind::Deactivate,
-        EventKind::Relay,
-        EventKind::Fold,
-        EventKind::Zeno,
-        EventKind::Branch,
-    ];
-
-    /// The word of the language.
-    pub fn as_str(self) -> &'static str {
-        match self {
-            EventKind::Crossing => "crossing",
-            EventKind::EnterSliding => "enter_sliding",
-            EventKind::LeaveSliding => "leave_sliding",
-            EventKind::Jump => "jump",
-            EventKind::ContactOpen => "contact_open",
-            EventKind::ContactClose => "contact_close",
-            EventKind::Stick => "stick",
-            EventKind::Slip => "slip",
-            EventKind::Activate => "activate",
-            EventKind::Deactivate => "deactivate",
-            EventKind::Relay => "relay",
-            EventKind::Fold => "fold",
-            EventKind::Zeno => "zeno",
-            EventKind::Branch => "branch",
-        }
-    }
-}
-
 /// An interval of time without a change of mode.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ModeInterval {
@@ -303,67 +175,6 @@ pub enum Side {
     Sliding,
     /// ψ > 0
     Above,
-}
-
-/// What a run cost. Counts that a method has no use for are zero.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
-pub struct Stats {
-    /// Seconds from the source text to something that can be solved.
-    pub compile_s: f64,
-    /// Seconds of solving.
-    pub solve_s: f64,
-    /// Steps or elements.
-    pub steps: u64,
-    /// Evaluations of the right-hand side.
-    pub rhs_evaluations: u64,
-    /// Newton or interior point iterations.
-    pub newton_iterations: u64,
-    /// Factorizations of a matrix.
-    pub factorizations: u64,
-    /// Values of the homotopy parameter.
-    pub homotopy_steps: u64,
-    /// Largest violation of complementarity.
-    pub complementarity_residual: f64,
-    /// Residual of the first-order conditions.
-    pub kkt_residual: f64,
-}
-
-/// What is known about a result.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Certificate {
-    /// Kind of stationarity of an optimum.
-    pub stationarity: Stationarity,
-    /// Largest violation of any equation or inequality.
-    pub max_violation: f64,
-}
-
-/// Kinds of stationarity of an MPCC, from strong to weak.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Stationarity {
-    /// Strong.
-    S,
-    /// Mordukhovich.
-    M,
-    /// Clarke.
-    C,
-    /// Bouligand.
-    B,
-    /// Not an optimization, or not known.
-    #[default]
-    None,
-}
-
-impl Stationarity {
-    /// The word of the JSON form.
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Stationarity::S => "S",
-            Stationarity::M => "M",
-            Stationarity::C => "C",
-            Stationarity::B => "B",
-            Stationarity::None => "none",
-        }
-    }
 }
 
 /// A warning of a run.

@@ -175,7 +175,7 @@ pub fn evaluate(
                 return Verdict::Failed { expected, got };
             }
         };
-        let miss = misses(relation.relation, &left, &right, sides.within);
+        let miss = misses(&sides, relation.relation, &left, &right);
         let is_worse = |old: &Miss| miss.as_ref().is_some_and(|(_, by)| *by > old.by);
         if let Some((entry, by)) = miss
             && worst.as_ref().is_none_or(is_worse)
@@ -212,8 +212,9 @@ struct Miss {
 impl Miss {
     fn describe(&self) -> String {
         let mut text = show(&self.left);
-        if self.left.len() != self.right.len() && self.left.len() != 1 && self.right.len() != 1 {
-            text += &format!(", {} entries for {}", self.left.len(), self.right.len());
+        if self.left.len() != self.right.len() && self.by.is_infinite() {
+            let (got, wanted) = (self.left.len(), self.right.len());
+            text += &format!(", {got} entries instead of {wanted}");
         } else if self.left.len().max(self.right.len()) > 1 {
             text += &format!(
                 ", off by {} in entry {}",
@@ -252,14 +253,24 @@ fn values(
         .collect())
 }
 
-/// The entry that misses the relation most, and by how much; lists of different length always miss.
-fn misses(relation: ExpectOp, left: &[f64], right: &[f64], within: f64) -> Option<(usize, f64)> {
+/// The entry that misses the relation most, and by how much.
+///
+/// A scalar is compared with every entry of the other side. Lists of different length miss, and
+/// an empty list misses every scalar: what did not happen shall not pass for what should.
+fn misses(
+    sides: &Sides<'_>,
+    relation: ExpectOp,
+    left: &[f64],
+    right: &[f64],
+) -> Option<(usize, f64)> {
+    let is_scalar = |side: &Tensor<'_>| side.shape == Shape::Scalar;
     let n = match (left.len(), right.len()) {
         (a, b) if a == b => a,
-        (1, b) => b,
-        (a, 1) => a,
+        (_, b @ 1..) if is_scalar(&sides.left) => b,
+        (a @ 1.., _) if is_scalar(&sides.right) => a,
         (a, b) => return Some((a.min(b), f64::INFINITY)),
     };
+    let within = sides.within;
     let entry = |side: &[f64], k: usize| side[if side.len() == 1 { 0 } else { k }];
     let missed = (0..n).filter_map(|k| {
         let (a, b) = (entry(left, k), entry(right, k));

@@ -30,6 +30,8 @@ const STRIP: f64 = 12.0;
 const FOOT: f64 = 34.0;
 /// Events before their lines would cover the curves.
 const MAX_EVENT_LINES: usize = 150;
+/// Events before their marks would cover each other.
+const MAX_EVENT_MARKS: usize = 50;
 /// Side of the phase plane.
 const PHASE: f64 = 270.0;
 
@@ -132,17 +134,23 @@ fn draw_event_lines(canvas: &Canvas<'_>, trajectory: &Trajectory, time: &Axis, y
         return;
     }
     let grey = plotters::style::RGBColor(150, 150, 150);
-    for x in places(trajectory, time).into_iter().map(|(x, _)| x) {
+    let mut places: Vec<f64> = places(trajectory, time)
+        .into_iter()
+        .map(|(x, _)| x)
+        .collect();
+    places.dedup_by(|next, kept| (*next - *kept).abs() < 1.2);
+    for x in places {
         canvas.line(&[(x, y.0), (x, y.1)], Stroke(0.45, grey));
     }
 }
 
 fn draw_event_marks(canvas: &Canvas<'_>, trajectory: &Trajectory, time: &Axis, y: f64) {
     let mut places = places(trajectory, time);
-    if places.len() > MAX_EVENT_LINES {
-        places.dedup_by(|next, kept| next.0 - kept.0 < 4.0);
+    let is_crowded = places.len() > MAX_EVENT_MARKS;
+    if is_crowded {
+        places.dedup_by(|next, kept| next.0 - kept.0 < 5.0);
     }
-    let size = if places.len() > 60 { 2.2 } else { 3.2 };
+    let size = if is_crowded { 2.2 } else { 3.2 };
     for (x, kind) in places {
         marks::mark(canvas, kind, (x, y), size);
     }

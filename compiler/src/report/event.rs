@@ -1,0 +1,93 @@
+//! What happens at instants.
+
+use crate::source::Span;
+
+/// Something that happened at an instant.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Event {
+    /// When.
+    pub time: f64,
+    /// What.
+    pub kind: EventKind,
+    /// On which surface, contact or jump.
+    pub surface: String,
+    /// The mode before.
+    pub from: String,
+    /// The mode after.
+    pub to: String,
+    /// Where the surface is written.
+    pub span: Option<Span>,
+}
+
+/// The kinds of [`Event`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum EventKind {
+    /// From one side of a surface to the other.
+    Crossing,
+    /// Onto a surface, to stay on it.
+    EnterSliding,
+    /// Off a surface.
+    LeaveSliding,
+    /// A state jumps.
+    Jump,
+    /// A gap opens.
+    ContactOpen,
+    /// A gap closes.
+    ContactClose,
+    /// A contact stops slipping.
+    Stick,
+    /// A contact starts to slip.
+    Slip,
+    /// A constraint of a projection becomes active.
+    Activate,
+    /// A constraint of a projection becomes inactive.
+    Deactivate,
+    /// A relay switches.
+    Relay,
+    /// A sliding mode ends in a fold.
+    Fold,
+    /// Infinitely many events end in a limit.
+    Zeno,
+    /// Several solutions go on from here and one was chosen.
+    Branch,
+}
+
+impl EventKind {
+    /// All of them.
+    pub const ALL: [EventKind; 14] = [
+        EventKind::Crossing,
+        EventKind::EnterSliding,
+        EventKind::LeaveSliding,
+        EventKind::Jump,
+        EventKind::ContactOpen,
+        EventKind::ContactClose,
+        EventKind::Stick,
+        EventKind::Slip,
+        EventKind::Activate,
+        EventKind::Deactivate,
+        EventKind::Relay,
+        EventKind::Fold,
+        EventKind::Zeno,
+        EventKind::Branch,
+    ];
+
+    /// The word of the language.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            EventKind::Crossing => "crossing",
+            EventKind::EnterSliding => "enter_sliding",
+            EventKind::LeaveSliding => "leave_sliding",
+            EventKind::Jump => "jump",
+            EventKind::ContactOpen => "contact_open",
+            EventKind::ContactClose => "contact_close",
+            EventKind::Stick => "stick",
+            EventKind::Slip => "slip",
+            EventKind::Activate => "activate",
+            EventKind::Deactivate => "deactivate",
+            EventKind::Relay => "relay",
+            EventKind::Fold => "fold",
+            EventKind::Zeno => "zeno",
+            EventKind::Branch => "branch",
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! How a run ended, what it cost, and what is known about its result.
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Status {
+    /// To the end of the horizon, or to a solution.
+    Solved,
+    /// A stationary point of the violation of the constraints.
+    LocallyInfeasible,
+    /// The cost has no lower bound.
+    Unbounded,
+    /// Out of steps, events or iterations.
+    IterationLimit,
+    /// Out of time.
+    TimeLimit,
+    /// Anything else: no or no unique solution, numbers that are not finite.
+    #[default]
+    NumericalFailure,
+}
+
+impl Status {
+    /// All of them.
+    pub const ALL: [Status; 6] = [
+        Status::Solved,
+        Status::LocallyInfeasible,
+        Status::Unbounded,
+        Status::IterationLimit,
+        Status::TimeLimit,
+        Status::NumericalFailure,
+    ];
+
+    /// The word of the language.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Status::Solved => "solved",
+            Status::LocallyInfeasible => "locally_infeasible",
+            Status::Unbounded => "unbounded",
+            Status::IterationLimit => "iteration_limit",
+            Status::TimeLimit => "time_limit",
+            Status::NumericalFailure => "numerical_failure",
+        }
+    }
+}
+
+/// What a run cost. Counts that a method has no use for are zero.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct Stats {
+    /// Seconds from the source text to something that can be solved.
+    pub compile_s: f64,
+    /// Seconds of solving.
+    pub solve_s: f64,
+    /// Steps or elements.
+    pub steps: u64,
+    /// Evaluations of the right-hand side.
+    pub rhs_evaluations: u64,
+    /// Newton or interior point iterations.
+    pub newton_iterations: u64,
+    /// Factorizations of a matrix.
+    pub factorizations: u64,
+    /// Values of the homotopy parameter.
+    pub homotopy_steps: u64,
+    /// Largest violation of complementarity.
+    pub complementarity_residual: f64,
+    /// Residual of the first-order conditions.
+    pub kkt_residual: f64,
+}
+
+/// What is known about a result.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Certificate {
+    /// Kind of stationarity of an optimum.
+    pub stationarity: Stationarity,
+    /// Largest violation of any equation or inequality.
+    pub max_violation: f64,
+}
+
+/// Kinds of stationarity of an MPCC, from strong to weak.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Stationarity {
+    /// Strong.
+    S,
+    /// Mordukhovich.
+    M,
+    /// Clarke.
+    C,
+    /// Bouligand.
+    B,
+    /// Not an optimization, or not known.
+    #[default]
+    None,
+}
+
+impl Stationarity {
+    /// The word of the JSON form.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Stationarity::S => "S",
+            Stationarity::M => "M",
+            Stationarity::C => "C",
+            Stationarity::B => "B",
+            Stationarity::None => "none",
+        }
+    }
+}

@@ -1,0 +1,177 @@
+//! What expectations mean: each is compared with one run and must hold or fail as listed.
+
+use nsdc::clock::Clock;
+use nsdc::compile;
+use nsdc::diagnostics::{Diagnostics, render};
+use nsdc::expr::Exprs;
+use nsdc::report::expect::{Check, Findings, Verdict, check, evaluate};
+use nsdc::simulate;
+use nsdc::source::SourceMap;
+use nsdc::syntax::{self, Item};
+
+/// x crosses 1 at t = 1/2, y reaches 0 at t = 1 and stays there; both are known exactly.
+const MODEL: &str = "
+const rate = 2;
+model two {
+  param k = 1;
+  state x = 0;
+  state y[2] = [1, 0];
+  let gap = y[1] - x;
+  output total = x + y[1] + y[2];
+  switch s = sign(y[1]);
+  region low  where x < 1 { x' = rate; }
+  region high where x > 1 { x' = 1; }
+  y[1]' = -k*s;
+  y[2]' = 1;
+}
+";
+
+/// The verdicts of expectations about a run of the model over [0, 2].
+fn verdicts(expects: &[&str]) -> Vec<Check> {
+    let statements: String = expects
+        .iter()
+        .map(|expect| format!("  expect {expect};\n"))
+        .collect();
+    let text = format!("{MODEL}simulate run of two {{\n  horizon 2;\n{statements}}}\n");
+    let mut sources = SourceMap::new();
+    let mut diags = Diagnostics::new();
+    let source = sources.add("two.nsd", text);
+    let file = syntax::parse(&source, &mut diags);
+    let experiment = file.items.iter().find_map(|item| match item {
+        Item::Experiment(experiment) => Some(experiment),
+        _ => None,
+    });
+    let experiment = experiment.expect("the text has an experiment");
+    let exprs = Exprs::new();
+    let compiled = compile(
+        &exprs,
+        &file,
+        experiment,
+        &[],
+        &mut Clock::default(),
+        &mut diags,
+    );
+    let Some(compiled) = compiled.filter(|_| !diags.has_errors()) else {
+        panic!("{}", render(&diags, &sources, false, 80));
+    };
+    let trajectory = simulate::run(&compiled.system, &compiled.settings, &Default::default());
+    let subject = compiled.subject(&sources);
+    check(&subject, &compiled.settings.expects, &mut diags);
+    let only_unsupported = diags.codes().iter().all(|code| code.starts_with("E09"));
+    assert!(only_unsupported, "{}", render(&diags, &sources, false, 80));
+    evaluate(
+        &subject,
+        &compiled.settings.expects,
+        &trajectory,
+        &Findings::default(),
+    )
+}
+
+fn all(expects: &[&str], is_wanted: fn(&Verdict) -> bool) {
+    let checks = verdicts(expects);
+    assert_eq!(checks.len(), expects.len());
+    for (check, expect) in checks.iter().zip(expects) {
+        assert_eq!(check.text, *expect, "the text is kept");
+        assert!(is_wanted(&check.verdict), "{expect}: {:?}", check.verdict);
+    }
+}
+
+#[test]
+fn these_hold() {
+    let holds = [
+        "x at end ~ 2.5 within 1e-9",
+        "x at 0 = 0",
+        "y at end ~ [0, 2] within 1e-9",
+        "[x, y[2]] at 0.25 ~ [0.5, 0.25] within 1e-12",
+        "y at 0.25 ~ [1 - time, time] within 1e-12",
+        "x at end > x at 0",
+        "x at 1 - 0.5 ~ 1 within 1e-9",
+        "x at end - 0.5 ~ 2 within 1e-9",
+        "gap at 0.25 ~ 0.25 within 1e-12",
+        "total at end <= 4.6",
+        "x always >= 0",
+        "y always <= 2.000000001",
+        "y[2] always ~ time within 1e-9",
+        "s at 0.5 = 1",
+        "s at end ~ 0 within 1e-9",
+        "k = 1",
+        "k/rate = 0.5",
+        "switches ~ [1/2, 1/k] within 1e-9",
+        "len(switches) = 2",
+        "switches[2] - switches[1] ~ 0.5 within 1e-9",
+        "events(crossing) ~ [0.5] within 1e-9",
+        "events(crossing, x - 1) ~ [0.5] within 1e-9",
+        "events(crossing, 1 - x)[1] ~ 0.5 within 1e-9",
+        "events(enter_sliding, s) ~ [1] within 1e-9",
+        "len(events(jump)) = 0",
+        "mode at 0.25 is low",
+        "mode at 0.75 is high and not low",
+        "mode at 0 is above(s) and below(x - 1)",
+        "mode at 0 is below(-y[1]) and above(2 - 2*x)",
+        "mode at end is sliding(s) and sliding(y[1], s)",
+        "mode at 0.25 is high or low",
+        "status is solved",
+    ];
+    all(&holds, |verdict| matches!(verdict, Verdict::Passed));
+}
+
+#[test]
+fn these_fail() {
+    let fails = [
+        "x at end ~ 2.5001 within 1e-9",
+        "y at end ~ [0, 1] within 1e-9",
+        "x at 0 > 0",
+        "x at end < x at 0",
+        "x always <= 2",
+        "y always >= [0.1, 0]",
+        "switches ~ [1/2] within 1e-9",
+        "events(crossing, s) ~ 0.5 within 1e-9",
+        "events(crossing) ~ [0.5, 0.5] within 1e-9",
+        "switches[3] ~ 1 within 1e-9",
+        "len(switches) = 3",
+        "events(crossing, s) ~ [0.5] within 1e-9",
+        "mode at 0.25 is high",
+        "mode at end is above(s)",
+        "mode at end is sliding(s, x - 1)",
+        "mode at 0 is above(-y[1])",
+        "log(-1 - x) at 0 ~ 0 within 1",
+        "warning W0102",
+        "status is time_limit",
+    ];
+    all(&fails, |verdict| matches!(verdict, Verdict::Failed { .. }));
+}
+
+#[test]
+fn these_cannot_be_decided_yet() {
+    let unknown = [
+        "order >= 6.5",
+        "objective ~ 1 within 1e-6",
+        "mode at 1 is stick(s)",
+    ];
+    all(&unknown, |verdict| {
+        matches!(verdict, Verdict::Unsupported { .. })
+    });
+}
+
+#[test]
+fn a_failure_says_what_should_be_and_what_is() {
+    let checks = verdicts(&[
+        "len(switches) = 3",
+        "mode at 0.25 is high",
+        "switches ~ [1/2] within 1e-9",
+    ]);
+    let shown: Vec<String> = checks
+        .iter()
+        .map(|check| match &check.verdict {
+            Verdict::Failed { expected, got } => format!("expected {expected}, got {got}"),
+            other => format!("{other:?}"),
+        })
+        .collect();
+    assert_eq!(shown[0], "expected 3, got 2, off by 1");
+    assert_eq!(shown[1], "expected high, got low, above(s)");
+    assert!(
+        shown[2].starts_with("expected 0.5 within 1e-9, got ["),
+        "{}",
+        shown[2]
+    );
+}
