@@ -1,0 +1,143 @@
+//! Which experiments pass, by name: the list may only grow.
+
+use std::path::{Path, PathBuf};
+
+use nsdc::cli::{self, Exit, Streams};
+
+/// Experiments of the examples. All of them pass.
+const EXAMPLES: &[&str] = &[
+    "branicky.nsd: growth",
+    "continuous.nsd: a",
+    "continuous.nsd: b",
+    "continuous.nsd: c",
+    "impact_like.nsd: exact",
+    "intersections.nsd: codimension_three",
+    "intersections.nsd: codimension_two",
+    "intersections.nsd: product_selection",
+    "oscillator.nsd: crossing",
+    "oscillator.nsd: reversed",
+    "stiction.nsd: coulomb",
+    "switching_cases.nsd: arrives",
+    "switching_cases.nsd: cross",
+    "switching_cases.nsd: leave",
+    "switching_cases.nsd: simplest",
+    "switching_cases.nsd: slide",
+    "switching_cases.nsd: stay",
+    "switching_cases.nsd: switch",
+    "switching_cases.nsd: uneven",
+    "two_gene_network.nsd: both_thresholds",
+    "two_gene_network.nsd: from_below",
+];
+
+/// Experiments of the design models that pass.
+const MODELS: &[&str] = &[
+    "branicky.nsd: growth",
+    "continuous.nsd: a",
+    "continuous.nsd: b",
+    "friction_chain.nsd: longer",
+    "friction_chain.nsd: to_rest",
+    "impact_like.nsd: exact",
+    "oscillator.nsd: crossing",
+    "spiral.nsd: zeno",
+    "stiction.nsd: coulomb",
+    "switching_cases.nsd: branch",
+    "switching_cases.nsd: cross",
+    "switching_cases.nsd: leave",
+    "switching_cases.nsd: slide",
+];
+
+/// Experiments of the design models that are refused as not supported yet, with the code.
+const NOT_YET: &[&str] = &[
+    "ball_pile.nsd: by_events (E0902)",
+    "ball_pile.nsd: settle (E0902)",
+    "bouncing_ball.nsd: at_rest (E0904)",
+    "bouncing_ball.nsd: bounces (E0904)",
+    "bouncing_ball.nsd: frozen (E0904)",
+    "box_friction.nsd: throw (E0903)",
+    "box_friction.nsd: throw_frozen (E0903)",
+    "convex.nsd: one (E0907)",
+    "convex.nsd: two (E0906)",
+    "hidden_modes.nsd: attract (E0920)",
+    "impact_like.nsd: with_detection (E0921)",
+    "impact_like.nsd: without_detection (E0921)",
+    "oscillator.nsd: seventh_order (E0921)",
+    "parts.nsd: on_ice (E0902)",
+    "parts.nsd: to_rest (E0902)",
+    "projected.nsd: along_boundary (E0905)",
+    "sliding_ocp.nsd: reach (E0922)",
+    "stewart_anitescu.nsd: tutorial (E0922)",
+    "stiction.nsd: excess_sticking (E0920)",
+    "stiction.nsd: large_errors (E0921)",
+    "stiction.nsd: small_errors (E0921)",
+    "stiction.nsd: stick_slip (E0920)",
+    "thermostat.nsd: day (E0908)",
+    "thermostat.nsd: frozen (E0908)",
+    "throw_and_catch.nsd: track (E0903)",
+    "two_contacts.nsd: drop (E0903)",
+];
+
+/// What `nsdc test` says of the experiments below a folder.
+struct Outcome {
+    exit: Exit,
+    passed: Vec<String>,
+    not_yet: Vec<String>,
+    text: String,
+}
+
+fn test(folder: &Path) -> Outcome {
+    let (mut out, mut err) = (Vec::new(), Vec::new());
+    let mut streams = Streams {
+        out: &mut out,
+        err: &mut err,
+        colour: false,
+        width: 100,
+    };
+    let exit = cli::run(["nsdc".into(), "test".into(), folder.into()], &mut streams);
+    let text = String::from_utf8_lossy(&out).into_owned();
+    let below = |line: &str| line.rsplit('/').next().unwrap_or(line).to_owned();
+    let lines = |prefix: &str| {
+        text.lines()
+            .filter_map(|line| line.strip_prefix(prefix).map(below))
+            .collect::<Vec<_>>()
+    };
+    let mut passed = lines("ok ");
+    let mut not_yet: Vec<String> = lines("-- ")
+        .into_iter()
+        .map(|line| line.replacen(": not yet supported", "", 1))
+        .collect();
+    passed.sort();
+    not_yet.sort();
+    let text = format!("{text}{}", String::from_utf8_lossy(&err));
+    Outcome {
+        exit,
+        passed,
+        not_yet,
+        text,
+    }
+}
+
+fn beside_the_tests(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
+}
+
+#[test]
+fn every_example_passes() {
+    let outcome = test(&beside_the_tests("../examples"));
+    assert_eq!(outcome.passed, EXAMPLES, "{}", outcome.text);
+    assert_eq!(outcome.not_yet, [""; 0]);
+    assert_eq!(outcome.exit, Exit::Success);
+}
+
+#[test]
+#[allow(clippy::print_stderr, reason = "a skipped test says so")]
+fn the_design_models_pass_or_are_refused_by_name() {
+    let models = beside_the_tests("../../shared/design/models");
+    if !models.is_dir() {
+        eprintln!("skipped: {} is not here", models.display());
+        return;
+    }
+    let outcome = test(&models);
+    assert_eq!(outcome.passed, MODELS, "{}", outcome.text);
+    assert_eq!(outcome.not_yet, NOT_YET);
+    assert_eq!(outcome.exit, Exit::Success);
+}
