@@ -10,12 +10,14 @@ pub mod ast;
 mod brackets;
 mod build;
 mod error;
+mod format;
 mod lexer;
 mod print;
 mod scan;
 
 pub use ast::*;
 pub use error::SyntaxError;
+pub use format::format;
 
 use crate::diagnostics::Diagnostics;
 use crate::source::SourceFile;

@@ -174,8 +174,7 @@ impl Builder<'_> {
 
     /// Offsets of a pair in the file.
     fn range(&self, pair: &Pair<Rule>) -> Range<usize> {
-        let span = pair.as_span();
-        self.base + span.start()..self.base + span.end()
+        self.base + pair.as_span().start()..self.base + end_of(pair)
     }
 
     fn span(&self, pair: &Pair<Rule>) -> Span {
@@ -223,6 +222,39 @@ impl Builder<'_> {
             self.errors.push(error);
         }
     }
+}
+
+/// Where the last token of a pair ends; pest counts blanks before an optional part that is not there.
+pub(super) fn end_of(pair: &Pair<Rule>) -> usize {
+    let mut last = pair.clone();
+    while let Some(child) = last.clone().into_inner().next_back() {
+        last = child;
+    }
+    let end = last.as_span().end();
+    match is_bad(pair.as_rule()) {
+        true => pair.as_span().start() + pair.as_str().trim_end().len(),
+        false => end,
+    }
+}
+
+/// True for what a list of statements could not read.
+fn is_bad(rule: Rule) -> bool {
+    use Rule::{
+        bad_bind, bad_free, bad_guess, bad_item, bad_option, bad_reset, bad_row, bad_setting,
+        bad_statement,
+    };
+    matches!(
+        rule,
+        bad_item
+            | bad_statement
+            | bad_row
+            | bad_bind
+            | bad_reset
+            | bad_option
+            | bad_setting
+            | bad_guess
+            | bad_free
+    )
 }
 
 /// The children of a pair that carry content.

@@ -5,7 +5,7 @@ use pest::iterators::Pair;
 
 use super::expression::relation;
 use super::recover::Place;
-use super::{Builder, Parts, parts};
+use super::{Builder, Parts, is_bad, parts};
 use crate::source::Span;
 use crate::syntax::ast::*;
 
@@ -46,22 +46,15 @@ impl Builder<'_> {
         list: &mut Vec<T>,
     ) {
         let span = self.span(&pair);
-        match pair.as_rule() {
-            Rule::bad_statement
-            | Rule::bad_row
-            | Rule::bad_bind
-            | Rule::bad_reset
-            | Rule::bad_option
-            | Rule::bad_setting
-            | Rule::bad_guess
-            | Rule::bad_free => {
+        match is_bad(pair.as_rule()) {
+            true => {
                 let range = self.range(&pair);
                 self.recover(place, range, &mut |builder, pair| {
                     list.push(build(builder, pair))
                 });
                 list.push(bad(span));
             }
-            _ => {
+            false => {
                 let wrong = self.is_wrong(&pair);
                 let member = build(self, pair);
                 list.push(if wrong { bad(span) } else { member });
