@@ -37,8 +37,10 @@ pub(super) fn call<'e>(
     } else {
         &scope.names
     };
-    if matches!(names.get(name), Some(Meaning::Unusable)) {
-        return Err(Reported);
+    match names.get(name) {
+        Some(Meaning::Unusable) => return Err(Reported),
+        Some(Meaning::Imported) => return lowering.imported(function.span),
+        _ => {}
     }
     let is_local = lowering.locals.iter().any(|local| local.name() == name);
     let is_value = is_local || (!lowering.in_function && scope.names.contains_key(name));
@@ -54,6 +56,9 @@ pub(super) fn call<'e>(
         });
     }
     if !is_function {
+        if scope.forgiving {
+            return Err(Reported);
+        }
         let known = FUNCTIONS
             .into_iter()
             .chain(scope.functions.keys().map(String::as_str));

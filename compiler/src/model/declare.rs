@@ -47,6 +47,12 @@ impl<'d, 'e> Declaring<'d, 'e> {
         Declaring { model, diags }
     }
 
+    /// Gives a declared name no meaning for now.
+    pub fn unusable(&mut self, declared: &Declared<'_>) {
+        let name = declared.name.name.clone();
+        self.model.scope.names.insert(name, Meaning::Unusable);
+    }
+
     /// Gives a declared name its meaning. What it needs has one already.
     pub fn declare(&mut self, declared: &Declared<'_>, with: &[Bind]) {
         let meaning = match declared.item {

@@ -144,6 +144,7 @@ impl<'e> Walk<'e> {
             Some(Meaning::Value(..)) | None => target::resolve(lowering, path),
             Some(Meaning::Word(kind)) => self.not_a_state(lowering, path, kind),
             Some(Meaning::Family { .. }) => self.not_a_state(lowering, path, "switch"),
+            Some(Meaning::Imported) => lowering.imported(path.span),
             Some(Meaning::Unusable) => Err(Reported),
         };
         let target = match target {

@@ -2,7 +2,6 @@
 
 use std::rc::Rc;
 
-use miette::Diagnostic;
 use rustc_hash::FxHashMap;
 
 use super::lower::Lowering;
@@ -10,10 +9,10 @@ use super::order::{chain, edges, free_names, free_names_under, topological};
 use super::reserved::{FUNCTIONS, VALUES, did_you_mean, is_builtin};
 use super::scope::{Meaning, Scope};
 use super::{ModelError, TargetKind, Unsupported};
-use crate::diagnostics::{Diagnostics, position};
+use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Exprs};
 use crate::source::Span;
-use crate::syntax::{Const, Experiment, File, Function, Ident, Item, Model, Path};
+use crate::syntax::{Const, Experiment, File, Function, Ident, Item, Model, Path, Use, UseSource};
 
 /// Work a model may cost, in entries made and expressions visited.
 const BUDGET: usize = 4_000_000;
@@ -22,8 +21,11 @@ const BUDGET: usize = 4_000_000;
 #[derive(Default)]
 pub(super) struct FileNames<'f> {
     names: FxHashMap<&'f str, (&'static str, Span)>,
+    imports: Vec<&'f str>,
     consts: Vec<&'f Const>,
     functions: Vec<&'f Function>,
+    /// True where an item could not be read.
+    forgiving: bool,
 }
 
 impl FileNames<'_> {
@@ -44,14 +46,11 @@ pub fn check_file(file: &File, diags: &mut Diagnostics) {
         if let Item::Experiment(Experiment { name, .. }) = item
             && let Some(first) = experiments.insert(&name.name, name.span)
         {
-            once(
-                diags,
-                ModelError::Redeclared {
-                    name: name.name.clone(),
-                    first,
-                    second: name.span,
-                },
-            );
+            diags.push(ModelError::Redeclared {
+                name: name.name.clone(),
+                first,
+                second: name.span,
+            });
         }
     }
 }
@@ -72,37 +71,21 @@ pub fn find<'f>(file: &'f File, path: &Path, diags: &mut Diagnostics) -> Option<
     let found = models().find(|model| path.rest.is_empty() && model.name.name == *name);
     if found.is_none() {
         match imported {
-            true => once(
-                diags,
-                Unsupported::Imports {
-                    what: "imported models",
-                    span: path.span,
-                },
-            ),
+            true => diags.push(Unsupported::Imports {
+                what: "imported models",
+                span: path.span,
+            }),
             false => {
                 let help = did_you_mean(name, models().map(|model| model.name.name.as_str()));
-                once(
-                    diags,
-                    ModelError::UnknownModel {
-                        name: name.clone(),
-                        span: path.span,
-                        help,
-                    },
-                );
+                diags.push(ModelError::UnknownModel {
+                    name: name.clone(),
+                    span: path.span,
+                    help,
+                });
             }
         }
     }
     found
-}
-
-/// Reports a mistake of the file once, though every model of it meets it.
-pub(super) fn once(diags: &mut Diagnostics, error: impl Diagnostic + Send + Sync + 'static) {
-    let same = |other: &crate::diagnostics::AnyDiagnostic| {
-        position(other.as_ref()) == position(&error) && other.to_string() == error.to_string()
-    };
-    if !diags.iter().any(same) {
-        diags.push(error);
-    }
 }
 
 /// Declarations of a file; each name once.
@@ -110,12 +93,14 @@ pub(super) fn file_names<'f>(file: &'f File, diags: &mut Diagnostics) -> FileNam
     let mut names = FileNames::default();
     for item in &file.items {
         match item {
+            Item::Use(item) => names.imports.extend(imported(item)),
             Item::Const(item) if declare(&mut names, &item.name, "constant", diags) => {
                 names.consts.push(item)
             }
             Item::Fn(item) if declare(&mut names, &item.name, "function", diags) => {
                 names.functions.push(item)
             }
+            Item::Bad(_) => names.forgiving = true,
             Item::Model(item) => {
                 declare(&mut names, &item.name, "model", diags);
             }
@@ -123,6 +108,24 @@ pub(super) fn file_names<'f>(file: &'f File, diags: &mut Diagnostics) -> FileNam
         }
     }
     names
+}
+
+/// Names that a `use` brings in.
+fn imported(item: &Use) -> Vec<&str> {
+    let whole = match (&item.alias, &item.source) {
+        (Some(alias), _) => Some(alias.name.as_str()),
+        (None, UseSource::Dotted(path)) => path.last().map(|last| last.name.as_str()),
+        (None, UseSource::Relative(path)) => path.name.rsplit('/').next(),
+    };
+    let named = item
+        .names
+        .iter()
+        .map(|(name, alias)| alias.as_ref().unwrap_or(name).name.as_str());
+    if item.names.is_empty() {
+        whole.into_iter().collect()
+    } else {
+        named.collect()
+    }
 }
 
 fn declare<'f>(
@@ -133,24 +136,18 @@ fn declare<'f>(
 ) -> bool {
     let text = name.name.clone();
     if is_builtin(&text) {
-        once(
-            diags,
-            ModelError::BuiltIn {
-                name: text,
-                span: name.span,
-            },
-        );
+        diags.push(ModelError::BuiltIn {
+            name: text,
+            span: name.span,
+        });
         return false;
     }
     if let Some(&(_, first)) = names.names.get(text.as_str()) {
-        once(
-            diags,
-            ModelError::Redeclared {
-                name: text,
-                first,
-                second: name.span,
-            },
-        );
+        diags.push(ModelError::Redeclared {
+            name: text,
+            first,
+            second: name.span,
+        });
         return false;
     }
     names.names.insert(&name.name, (kind, name.span));
@@ -176,6 +173,9 @@ pub(super) fn file_scope<'e>(
             _ => {}
         }
     }
+    for &name in &file.imports {
+        names.entry(name.to_owned()).or_insert(Meaning::Imported);
+    }
     let functions = functions(file, &mut names, diags);
     let mut scope = Scope {
         exprs,
@@ -183,6 +183,7 @@ pub(super) fn file_scope<'e>(
         names: names.clone(),
         of_file: names,
         functions: Rc::new(functions),
+        forgiving: file.forgiving,
         budget: Some(BUDGET).into(),
     };
     constants(&mut scope, file, diags);
@@ -208,14 +209,11 @@ fn functions<'e>(
         cycle.iter().for_each(|&node| bad[node] = true);
         let name = names[cycle[0]].to_owned();
         let span = file.functions[cycle[0]].name.span;
-        once(
-            diags,
-            ModelError::Recursion {
-                name,
-                chain: chain(&cycle, &names),
-                span,
-            },
-        );
+        diags.push(ModelError::Recursion {
+            name,
+            chain: chain(&cycle, &names),
+            span,
+        });
     }
     for (index, function) in file.functions.iter().enumerate() {
         bad[index] |= !check_function(file, function, diags);
@@ -259,31 +257,27 @@ fn check_function(file: &FileNames<'_>, function: &Function, diags: &mut Diagnos
     for (position, param) in function.params.iter().enumerate() {
         let name = param.name.clone();
         if is_builtin(&name) {
-            once(
-                diags,
-                ModelError::BuiltIn {
-                    name,
-                    span: param.span,
-                },
-            );
+            diags.push(ModelError::BuiltIn {
+                name,
+                span: param.span,
+            });
             fine = false;
         } else if let Some(first) = function.params[..position]
             .iter()
             .find(|other| other.name == name)
         {
-            once(
-                diags,
-                ModelError::Redeclared {
-                    name,
-                    first: first.span,
-                    second: param.span,
-                },
-            );
+            diags.push(ModelError::Redeclared {
+                name,
+                first: first.span,
+                second: param.span,
+            });
             fine = false;
         }
     }
     for name in called(function) {
-        let known = file.names.contains_key(name.as_str())
+        let known = file.forgiving
+            || file.names.contains_key(name.as_str())
+            || file.imports.contains(&name.as_str())
             || VALUES.contains(&name.as_str())
             || FUNCTIONS.contains(&name.as_str());
         if !known {
@@ -299,7 +293,7 @@ fn check_function(file: &FileNames<'_>, function: &Function, diags: &mut Diagnos
                 Some("a function sees its arguments, constants and functions only".to_owned())
             });
             let span = super::order::name_span(&function.body, &name).unwrap_or(function.body.span);
-            once(diags, ModelError::UnknownName { name, span, help });
+            diags.push(ModelError::UnknownName { name, span, help });
             fine = false;
         }
     }
@@ -322,14 +316,11 @@ fn constants<'e>(scope: &mut Scope<'e>, file: &FileNames<'_>, diags: &mut Diagno
         cycle.iter().for_each(|&node| in_cycle[node] = true);
         let what = format!("`{}`", names[cycle[0]]);
         let span = file.consts[cycle[0]].name.span;
-        once(
-            diags,
-            ModelError::Cycle {
-                what,
-                chain: chain(&cycle, &names),
-                span,
-            },
-        );
+        diags.push(ModelError::Cycle {
+            what,
+            chain: chain(&cycle, &names),
+            span,
+        });
     }
     for node in order.into_iter().filter(|&node| !in_cycle[node]) {
         let item = file.consts[node];
@@ -342,7 +333,7 @@ fn constants<'e>(scope: &mut Scope<'e>, file: &FileNames<'_>, diags: &mut Diagno
                 Ok(value)
             })
         };
-        append_once(diags, found);
+        diags.append(found);
         let meaning = value.map_or(Meaning::Unusable, |value| {
             Meaning::Value(value, TargetKind::Const)
         });
@@ -350,17 +341,5 @@ fn constants<'e>(scope: &mut Scope<'e>, file: &FileNames<'_>, diags: &mut Diagno
             .of_file
             .insert(item.name.name.clone(), meaning.clone());
         scope.names.insert(item.name.name.clone(), meaning);
-    }
-}
-
-fn append_once(diags: &mut Diagnostics, found: Diagnostics) {
-    let is_new = |error: &dyn Diagnostic| {
-        let same = |other: &crate::diagnostics::AnyDiagnostic| {
-            position(other.as_ref()) == position(error) && other.to_string() == error.to_string()
-        };
-        !diags.iter().any(same)
-    };
-    if found.iter().all(|error| is_new(error.as_ref())) {
-        diags.append(found);
     }
 }

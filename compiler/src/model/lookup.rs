@@ -7,7 +7,7 @@ use super::check::plural;
 use super::lower::{Lazy, Local, Lowering};
 use super::reserved::{FUNCTIONS, VALUES, did_you_mean};
 use super::scope::{Meaning, Reported, Value};
-use super::{ModelError, TargetKind, Tensor, places};
+use super::{ModelError, TargetKind, Tensor, Unsupported, places};
 use crate::source::Span;
 use crate::syntax::{self, ExprKind, Index};
 
@@ -51,7 +51,9 @@ impl<'e> Lowering<'_, 'e> {
                 span,
                 help: None,
             }),
+            Some(Meaning::Imported) => self.imported(span),
             Some(Meaning::Unusable) => Err(Reported),
+            None if scope.forgiving => Err(Reported),
             None if FUNCTIONS.contains(&name) || scope.functions.contains_key(name) => {
                 let help = Some(format!("call it: `{name}(..)`"));
                 self.error(ModelError::NotAValue {
@@ -182,6 +184,11 @@ impl<'e> Lowering<'_, 'e> {
             }
         }
         Ok(values)
+    }
+
+    pub fn imported<T>(&mut self, span: Span) -> Result<T, Reported> {
+        let what = "imported names";
+        self.error(Unsupported::Imports { what, span })
     }
 
     pub fn needs_indices<T>(

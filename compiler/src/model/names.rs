@@ -40,7 +40,7 @@ pub(super) enum Item<'f> {
     Unsupported,
 }
 
-/// The declarations of a model, without those that take a name twice.
+/// The declarations of a model; what takes a name twice is [`Item::Unsupported`].
 pub(super) fn collect<'f>(
     model: &'f Model,
     file: &FileNames<'f>,
@@ -250,6 +250,16 @@ impl<'f> Collector<'_, 'f> {
     fn declare(&mut self, name: &'f Ident, item: Item<'f>, frames: Vec<Frame<'f>>) {
         if self.is_free(name) {
             self.seen.insert(&name.name, name.span);
+            self.declared.push(Declared { name, item, frames });
+        } else if let Some(known) = self
+            .declared
+            .iter_mut()
+            .find(|known| known.name.name == name.name)
+        {
+            // Which of the two is meant is unknown.
+            known.item = Item::Unsupported;
+        } else if is_builtin(&name.name) {
+            let item = Item::Unsupported;
             self.declared.push(Declared { name, item, frames });
         }
     }

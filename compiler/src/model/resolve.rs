@@ -29,8 +29,9 @@ pub fn resolve<'e>(
     let mut found = Diagnostics::default();
     let model = resolve_in(exprs, file, name, with, &mut found);
     let failed = found.has_errors();
+    found.remove_known(diags);
     diags.append(found);
-    model.filter(|_| !failed)
+    model.filter(|model| !failed && !model.scope.forgiving)
 }
 
 fn resolve_in<'e>(
@@ -54,11 +55,17 @@ fn resolve_in<'e>(
     };
     let names = file_names(file, diags);
     let time = exprs.variable("time");
-    let scope = file_scope(exprs, time, &names, diags);
+    let mut scope = file_scope(exprs, time, &names, diags);
+    scope.forgiving |= has_bad(&item.body);
     let declared = collect(item, &names, diags);
 
     let mut declaring = Declaring::new(name, item.span, scope, diags);
-    for index in order(&declared, with, declaring.diags) {
+    let order = order(&declared, with, declaring.diags);
+    // What is not computed, in a cycle, stays like this.
+    for declared in &declared {
+        declaring.unusable(declared);
+    }
+    for index in order {
         declaring.declare(&declared[index], with);
     }
     declaring.defaults(&declared);
@@ -83,7 +90,9 @@ fn resolve_in<'e>(
     let mut seen = FxHashSet::default();
     model.surfaces.retain(|surface| seen.insert(surface.psi));
     let complete = !item.body.iter().any(sets_elsewhere);
-    partition::partition(&mut model, &touched, complete, diags);
+    if !model.scope.forgiving {
+        partition::partition(&mut model, &touched, complete, diags);
+    }
     debug_assert!(
         diags.has_errors() || display::verify(&model).is_ok(),
         "{:?}",
@@ -94,7 +103,18 @@ fn resolve_in<'e>(
 
 /// Statements that set dynamics in ways that are not looked at here.
 fn sets_elsewhere(stmt: &Stmt) -> bool {
-    matches!(stmt, Stmt::Mechanics(_) | Stmt::Bad(_))
+    matches!(stmt, Stmt::Mechanics(_))
+}
+
+/// True where a statement could not be read, also in blocks.
+fn has_bad(body: &[Stmt]) -> bool {
+    body.iter().any(|stmt| match stmt {
+        Stmt::Bad(_) => true,
+        Stmt::For(repeat) => has_bad(&repeat.body),
+        Stmt::Region(region) => has_bad(&region.body),
+        Stmt::Hidden(hidden) => has_bad(&hidden.body),
+        _ => false,
+    })
 }
 
 /// An order of declarations; those in cycles are left out and reported.

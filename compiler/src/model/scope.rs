@@ -39,6 +39,8 @@ pub(super) enum Meaning<'e> {
     },
     /// A word for something that is not a value: a region, a model.
     Word(&'static str),
+    /// Brought in by `use`.
+    Imported,
     /// Declared, but wrong or not supported; already reported.
     Unusable,
 }
@@ -52,6 +54,8 @@ pub struct Scope<'e> {
     pub(super) functions: Rc<FxHashMap<String, syntax::Function>>,
     /// Names of the file: all that the bodies of functions see.
     pub(super) of_file: FxHashMap<String, Meaning<'e>>,
+    /// True where a statement could not be read: an unknown name may have stood in it.
+    pub(super) forgiving: bool,
     /// Work left, in entries made and expressions visited; none after too much.
     pub(super) budget: Cell<Option<usize>>,
 }

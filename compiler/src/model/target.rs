@@ -88,7 +88,9 @@ pub(super) fn resolve(lowering: &mut Lowering<'_, '_>, path: &Path) -> Result<Ta
                 help: None,
             });
         }
+        Some(Meaning::Imported) => return lowering.imported(path.head.span),
         Some(Meaning::Unusable) => return Err(Reported),
+        None if lowering.scope.forgiving => return Err(Reported),
         None => {
             let help = did_you_mean(name, lowering.scope.names.keys().map(String::as_str));
             return lowering.error(ModelError::UnknownName {

@@ -104,7 +104,7 @@ fn reads_conditions_as_numbers() {
     model m
     state x = 1
     state y = 0
-    y' = min(max(x, -1), 1) + max(0, x - 1) + sign(x - y) + y - min(max(y, -0.5), 0.5)
+    y' = max(x + 1, 0) - max(x - 1, 0) + max(0, x - 1) + sign(x - y) + y - max(y + 0.5, 0) + max(y - 0.5, 0) - 0.5
     region a 1 - step(-x + y)*(1 - step(x + 1)*(1 - step(x - 1)))
       x' = 1
     region b else step(-x + y)*(1 - step(x + 1)*(1 - step(x - 1)))
