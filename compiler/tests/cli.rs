@@ -291,6 +291,15 @@ fn a_run_that_fails_exits_with_2_and_says_what_was_reached() {
     assert_eq!(ran.status, 2, "{}{}", ran.out, ran.err);
     assert!(ran.out.starts_with("blow_up of m: "), "{}", ran.out);
     assert!(ran.out.contains("reached, time = "), "{}", ran.out);
+
+    let ran = nsdc_with_input(&folder, &["run", "-", "--csv", "-"], model);
+    assert_eq!(ran.status, 2);
+    assert!(ran.out.starts_with("time,x\n"), "{}", ran.out);
+    assert!(
+        ran.err.starts_with("error: `blow_up` ended with "),
+        "{}",
+        ran.err
+    );
 }
 
 #[test]

@@ -53,10 +53,12 @@ pub fn run(args: impl IntoIterator<Item = OsString>, streams: &mut Streams<'_>) 
         Ok(args) => dispatch(args, streams),
         Err(error) => usage(&error, streams),
     };
-    match result.and_then(|exit| streams.out.flush().map(|()| exit)) {
-        Ok(exit) => exit,
-        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Exit::Success,
-        Err(error) => {
+    let flushed = streams.out.flush();
+    match (result, flushed) {
+        (Ok(exit), Ok(())) => exit,
+        (Ok(exit), Err(error)) if error.kind() == io::ErrorKind::BrokenPipe => exit,
+        (Err(error), _) if error.kind() == io::ErrorKind::BrokenPipe => Exit::Success,
+        (Err(error), _) | (_, Err(error)) => {
             let _ = writeln!(streams.err, "error: cannot write the result: {error}");
             Exit::Wrong
         }

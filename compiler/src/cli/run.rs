@@ -69,11 +69,21 @@ pub fn run(args: &RunArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         };
         if trajectory.status != Status::Solved {
             exit = exit.max(Exit::Failed);
+            // Where results take the place of the report, the reason would be lost.
+            if !outputs.reports {
+                let reason = trajectory.reason.as_deref().unwrap_or("no reason is known");
+                let (name, status) = (&trajectory.experiment, trajectory.status.as_str());
+                writeln!(streams.err, "error: `{name}` ended with {status}: {reason}")?;
+            }
         }
         clock.time("report", || outputs.push(&trajectory, plot.as_deref()));
     }
-    if !outputs.finish(streams)? {
-        exit = exit.max(Exit::Wrong);
+    match outputs.finish(streams) {
+        Ok(true) => {}
+        Ok(false) => exit = exit.max(Exit::Wrong),
+        // Whether the runs went well does not depend on who reads about them.
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => {}
+        Err(error) => return Err(error),
     }
     if args.time {
         times(&clock, streams)?;

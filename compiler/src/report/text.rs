@@ -121,6 +121,7 @@ fn origin(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
     }
     writeln!(text)?;
     match trajectory.error_estimate {
+        Some(_) if trajectory.stats.steps == 0 => {}
         Some(error) => writeln!(
             text,
             "  error estimate {error:.1e}, relative, largest over the states"
