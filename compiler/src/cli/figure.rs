@@ -28,23 +28,13 @@ pub fn draw(compiled: &Compiled<'_>, trajectory: &Trajectory) -> String {
         .collect();
     let time = system.time.as_variable();
 
-    let reported = |name: &str| {
-        let group = system.groups.iter().find(|group| group.name == name);
-        let state = group.map(|group| state_vars[group.entries.clone()].to_vec());
-        let mut others = system.outputs.iter().chain(&system.controls);
-        state.or_else(|| {
-            others
-                .find(|output| output.name == name)
-                .map(|output| output.exprs.clone())
-        })
-    };
     let series = trajectory
         .states
         .iter()
         .chain(&trajectory.outputs)
         .chain(&trajectory.controls);
     let exprs: Vec<Expr<'_>> = series
-        .flat_map(|series| reported(&series.name).unwrap_or_default())
+        .flat_map(|series| reported(compiled, &series.name))
         .collect();
     let fine = refine(trajectory, N_POINTS, &|t, row| {
         let number = |var: Var| match rows.get(&var) {
@@ -55,7 +45,50 @@ pub fn draw(compiled: &Compiled<'_>, trajectory: &Trajectory) -> String {
         exprs.iter().map(|expr| expr.eval(&number)).collect()
     });
 
-    plot::write(&fine, &surfaces(compiled, &params))
+    // Switching curves are drawn over the states as the system has them.
+    let names = trajectory
+        .states
+        .iter()
+        .flat_map(|series| series.entry_names());
+    let is_whole = names.eq(system.states.iter().map(|state| state.name.clone()));
+    let surfaces = match is_whole {
+        true => surfaces(compiled, &params),
+        false => Vec::new(),
+    };
+    plot::write(&fine, &surfaces)
+}
+
+/// The entries of a reported quantity in time, states and α.
+fn reported<'e>(compiled: &Compiled<'e>, name: &str) -> Vec<Expr<'e>> {
+    let system = &compiled.system;
+    let kept = compiled
+        .settings
+        .outputs
+        .iter()
+        .flatten()
+        .find(|kept| kept.name == name);
+    let base = kept.map_or(name, |kept| kept.name.split('[').next().unwrap_or(name));
+    let all: Vec<Expr<'e>> = match system.groups.iter().find(|group| group.name == base) {
+        Some(group) => system.states[group.entries.clone()]
+            .iter()
+            .map(|state| state.var)
+            .collect(),
+        None => {
+            let mut others = system.outputs.iter().chain(&system.controls);
+            others
+                .find(|output| output.name == base)
+                .map(|output| output.exprs.clone())
+                .unwrap_or_default()
+        }
+    };
+    match kept {
+        Some(kept) => kept
+            .entries
+            .iter()
+            .filter_map(|&entry| all.get(entry).copied())
+            .collect(),
+        None => all,
+    }
 }
 
 /// The switching functions of two states alone.

@@ -135,11 +135,21 @@ impl Series {
         &self.values[k * n..(k + 1) * n]
     }
 
+    /// The name and the first index of a slice `x[2..3]` of a vector.
+    fn slice(&self) -> Option<(&str, usize)> {
+        let (base, range) = self.name.strip_suffix(']')?.split_once('[')?;
+        let (first, _) = range.split_once("..")?;
+        Some((base, first.trim().parse().ok()?))
+    }
+
     /// `x`, or `x[1]`, `x[2]`, ..., or `A[1,1]`, ... in the order of the values.
     pub fn entry_names(&self) -> Vec<String> {
         match self.shape[..] {
             [] => vec![self.name.clone()],
-            [n] => (1..=n).map(|i| format!("{}[{i}]", self.name)).collect(),
+            [n] => {
+                let (base, first) = self.slice().unwrap_or((&self.name, 1));
+                (first..first + n).map(|i| format!("{base}[{i}]")).collect()
+            }
             [m, n] => (1..=m)
                 .flat_map(|i| (1..=n).map(move |j| (i, j)))
                 .map(|(i, j)| format!("{}[{i},{j}]", self.name))
@@ -265,5 +275,26 @@ impl Trajectory {
             return Err("a mode does not have one side per switch".into());
         }
         self.dense.verify(n_switches)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Series;
+
+    #[test]
+    fn entries_are_named_as_in_the_model() {
+        let names = |name: &str, shape: &[usize]| {
+            let series = Series {
+                name: name.into(),
+                shape: shape.to_vec(),
+                values: Vec::new(),
+            };
+            series.entry_names().join(" ")
+        };
+        assert_eq!(names("x", &[]), "x");
+        assert_eq!(names("x", &[2]), "x[1] x[2]");
+        assert_eq!(names("x[3..4]", &[2]), "x[3] x[4]");
+        assert_eq!(names("A", &[2, 1]), "A[1,1] A[2,1]");
     }
 }
