@@ -95,6 +95,7 @@ fn help_names_the_commands() {
       emit     Print what the compiler makes of a model
       run      Run experiments and report what came out
       test     Run every `expect` of files and folders
+      fmt      Lay files out in the standard way
       explain  Explain a diagnostic by its code, or list all codes
       help     Print this message or the help of the given subcommand(s)
 
@@ -408,6 +409,27 @@ fn emit_prints_every_form() {
     0 <= lambda_n[x] perp alpha[x] >= 0
     0 <= lambda_p[x] perp 1 - alpha[x] >= 0
     ");
+}
+
+#[test]
+fn fmt_lays_out_and_check_only_looks() {
+    let folder = folder("fmt");
+    let ugly = "model m{state x=1;x'=-x;}";
+    fs::write(folder.join("m.nsd"), ugly).expect("the folder is writable");
+    let read = || fs::read_to_string(folder.join("m.nsd")).expect("it is there");
+
+    let checked = nsdc(&folder, &["fmt", "--check", "m.nsd"]);
+    assert_eq!((checked.status, checked.out.as_str()), (1, "m.nsd\n"));
+    assert_eq!(read(), ugly);
+    assert_eq!(nsdc(&folder, &["fmt", "."]).status, 0);
+    assert_ne!(read(), ugly);
+    assert_eq!(nsdc(&folder, &["fmt", "--check", "m.nsd"]).status, 0);
+    assert_eq!(nsdc_with_input(&folder, &["fmt", "-"], ugly).out, read());
+
+    let broken = "model m { state x = ; }";
+    let ran = nsdc_with_input(&folder, &["fmt", "-"], broken);
+    assert_eq!((ran.status, ran.out.as_str()), (1, ""));
+    assert!(ran.err.contains("E00"), "{}", ran.err);
 }
 
 #[test]

@@ -32,6 +32,15 @@ pub enum Command {
     Run(RunArgs),
     /// Run every `expect` of files and folders
     Test(TestArgs),
+    /// Lay files out in the standard way
+    Fmt {
+        /// Files, and folders with all .nsd files below them; `-` is standard input to output
+        #[arg(required = true, value_name = "PATH")]
+        files: Vec<PathBuf>,
+        /// Change nothing; name the files that would change and fail
+        #[arg(long)]
+        check: bool,
+    },
     /// Explain a diagnostic by its code, or list all codes
     Explain {
         /// The code, such as E0203

@@ -9,6 +9,7 @@ mod emit;
 mod explain;
 mod figure;
 mod files;
+mod fmt;
 mod project;
 mod run;
 mod test;
@@ -71,6 +72,7 @@ fn dispatch(args: Args, streams: &mut Streams<'_>) -> io::Result<Exit> {
         Command::Emit(args) => emit::run(&args, streams),
         Command::Run(args) => run::run(&args, streams),
         Command::Test(args) => test::run(&args, streams),
+        Command::Fmt { files, check } => fmt::run(&files, check, streams),
         Command::Explain { code } => explain::run(code.as_deref(), streams),
     }
 }
