@@ -28,6 +28,7 @@ pub(super) fn classify<'e>(
     if jumps.iter().any(|jump| jump.as_constant().is_some()) {
         return Continuity::Discontinuous;
     }
+    let sampler = &sampler.only(&[jumps.as_slice(), &[psi]].concat());
     let proven: Vec<bool> = jumps.iter().map(|&jump| vanishes(jump, psi)).collect();
     if proven.iter().all(|&proven| proven) {
         return Continuity::Certain;

@@ -42,6 +42,11 @@ pub(super) fn subsystems(rates: &[Expr<'_>], alphas: &[Var]) -> Vec<Subsystem> {
 /// Which of the variables occur.
 pub(super) fn positions(e: Expr<'_>, vars: &[Var]) -> Vec<usize> {
     let below = variables_of(&[e]);
+    if vars.is_sorted() {
+        return (below.iter())
+            .filter_map(|var| vars.binary_search(var).ok())
+            .collect();
+    }
     (0..vars.len())
         .filter(|&k| below.binary_search(&vars[k]).is_ok())
         .collect()

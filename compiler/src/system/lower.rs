@@ -55,7 +55,11 @@ pub fn lower<'e>(
         return None;
     }
     let system = lowering.assemble(rates, outputs, controls, weights, diags);
-    (diags.errors().count() == errors_before).then_some(system)
+    if diags.errors().count() > errors_before {
+        return None;
+    }
+    debug_assert_eq!(system.verify(), Ok(()));
+    Some(system)
 }
 
 pub(super) struct Lowering<'m, 'e> {

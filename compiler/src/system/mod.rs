@@ -17,8 +17,8 @@
 //! - Rates, outputs and ψ contain only time, parameters, states and α.
 //! - Every α that occurs belongs to exactly one switch, every switch to exactly
 //!   one subsystem; α of different subsystems never multiply each other.
-//! - In every corner of α ∈ {0, 1} that its guards allow, the weights of a
-//!   partition are 0 or 1 and sum to one.
+//! - The weight of a region is 0 or 1 in every corner of α. (That the weights of a
+//!   partition sum to one where its ψ allow is checked at sampled points by [`lower`].)
 
 mod affine;
 mod assemble;

@@ -23,13 +23,8 @@ pub(super) fn check_reading<'e>(
 ) -> Vec<SystemError> {
     let mut errors = Vec::new();
     let below = variables_of(&[value]);
-    let occurs = |k: usize| {
-        switches
-            .variables_of_switch(k)
-            .any(|var| below.binary_search(&var).is_ok())
-    };
     let strict = switches.strict(value);
-    for k in (0..switches.list.len()).filter(|&k| occurs(k)) {
+    for k in switches.occurring(value) {
         let switch = &switches.list[k];
         let name = || switches.name_of(k);
         let reads = |value: Expr<'e>, var: Var| {
@@ -110,6 +105,6 @@ fn is_hidden_term_zero<'e>(
     let hidden = value - multi_affine(value, &[var]);
     [0.3, 0.6].into_iter().all(|inside| {
         let hidden = switches.merged(at(hidden, var, inside));
-        hidden.is_zero() || vanishes_at_samples(hidden, psi, sampler)
+        hidden.is_zero() || vanishes_at_samples(hidden, psi, &sampler.only(&[hidden, psi]))
     })
 }

@@ -4,28 +4,25 @@ use super::affine::at;
 use super::interaction::positions;
 use super::sample::{Point, Sampler};
 use super::{Partition, State, Subsystem, Switch, SystemError};
-use crate::expr::{Expr, Var};
+use crate::expr::{Expr, Node, Var};
 use crate::source::Span;
 
 /// More switches than this in one guard are not enumerated.
-const MOST_ENUMERATED: usize = 12;
+const MOST_ENUMERATED: usize = 8;
 
 /// The weight as a conjunction: which switches must be on which side, when it is one.
 ///
 /// 1 where the guard holds, among the corners of its α: a conjunction is a face of the cube.
 pub(super) fn conjunction(weight: Expr<'_>, alphas: &[Var]) -> Option<Vec<(usize, bool)>> {
+    if let Some(literals) = product_of_literals(weight, alphas) {
+        return Some(literals);
+    }
     let inside = positions(weight, alphas);
     if inside.len() > MOST_ENUMERATED {
         return None;
     }
-    let corner_value = |corner: usize| {
-        weight.eval(&|var| {
-            let place = inside.iter().position(|&k| alphas[k] == var);
-            place.map_or(f64::NAN, |place| f64::from((corner >> place & 1) as u8))
-        })
-    };
     let corners: Vec<usize> = (0..1usize << inside.len())
-        .filter(|&corner| corner_value(corner) > 0.5)
+        .filter(|&corner| corner_value(weight, alphas, &inside, corner) > 0.5)
         .collect();
     let all_on = corners
         .iter()
@@ -39,6 +36,42 @@ pub(super) fn conjunction(weight: Expr<'_>, alphas: &[Var]) -> Option<Vec<(usize
         })
         .collect();
     (corners.len() == 1 << (inside.len() - literals.len())).then_some(literals)
+}
+
+/// α_i is (i, true) and 1 - α_i is (i, false); a product of distinct ones is their conjunction.
+fn product_of_literals(weight: Expr<'_>, alphas: &[Var]) -> Option<Vec<(usize, bool)>> {
+    let literal = |e: Expr<'_>| match positions(e, alphas)[..] {
+        [k] if e.as_variable() == Some(alphas[k]) => Some((k, true)),
+        [k] if e == 1.0 - e.exprs().expr(alphas[k]) => Some((k, false)),
+        _ => None,
+    };
+    let mut literals = match weight.node() {
+        Node::Product(factors) => (factors.into_iter())
+            .map(|(factor, power)| literal(factor).filter(|_| power == 1))
+            .collect::<Option<Vec<_>>>()?,
+        _ => vec![literal(weight)?],
+    };
+    literals.sort_unstable();
+    let are_distinct = literals.windows(2).all(|pair| pair[0].0 != pair[1].0);
+    are_distinct.then_some(literals)
+}
+
+/// Whether a weight is 0 or 1 in every corner of its α; with many α, whatever it is.
+pub(super) fn is_indicator(weight: Expr<'_>, alphas: &[Var]) -> bool {
+    let inside = positions(weight, alphas);
+    inside.len() > MOST_ENUMERATED
+        || (0..1usize << inside.len()).all(|corner| {
+            let value = corner_value(weight, alphas, &inside, corner);
+            (value * (value - 1.0)).abs() < 1e-9
+        })
+}
+
+/// The weight where bit i of `corner` is the side of the i-th switch inside.
+fn corner_value(weight: Expr<'_>, alphas: &[Var], inside: &[usize], corner: usize) -> f64 {
+    weight.eval(&|var| {
+        let place = inside.iter().position(|&k| alphas[k] == var);
+        place.map_or(f64::NAN, |place| f64::from((corner >> place & 1) as u8))
+    })
 }
 
 /// Reports points at which no region of the partition holds, or two do.

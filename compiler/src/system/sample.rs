@@ -3,15 +3,15 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::expr::{Expr, Var, variables_of};
 
 /// Values of all variables, and how the switches follow from the others.
 pub(super) struct Sampler<'e> {
     /// Values by number of the variable: parameters and initial states at their values.
-    base: Vec<f64>,
-    states: Vec<Var>,
+    base: Rc<Vec<f64>>,
+    states: Rc<Vec<Var>>,
     time: Var,
     horizon: f64,
     /// (α, ψ), inner ones first.
@@ -61,10 +61,34 @@ impl<'e> Sampler<'e> {
             base.set(var, value);
         }
         Sampler {
-            base: base.0,
-            states,
+            base: Rc::new(base.0),
+            states: Rc::new(states),
             time,
             horizon,
+            switches,
+            gradients: RefCell::default(),
+        }
+    }
+
+    /// The same for some functions: only the switches that they reach are settled.
+    pub fn only(&self, functions: &[Expr<'e>]) -> Self {
+        let mut reached: FxHashSet<Var> = variables_of(functions).into_iter().collect();
+        // Inner switches come first, so one pass from the last one finds them all.
+        let mut switches: Vec<(Var, Expr<'e>)> = (self.switches.iter().rev().copied())
+            .filter(|&(alpha, psi)| {
+                let is_reached = reached.contains(&alpha);
+                if is_reached {
+                    reached.extend(variables_of(&[psi]));
+                }
+                is_reached
+            })
+            .collect();
+        switches.reverse();
+        Sampler {
+            base: Rc::clone(&self.base),
+            states: Rc::clone(&self.states),
+            time: self.time,
+            horizon: self.horizon,
             switches,
             gradients: RefCell::default(),
         }
@@ -80,10 +104,10 @@ impl<'e> Sampler<'e> {
             .fold(1.0, f64::max);
         let mut random = Random(0x9e37_79b9_7f4a_7c15);
         (0..count).map(move |k| {
-            let mut point = Point(self.base.clone());
+            let mut point = Point(self.base.to_vec());
             if k > 0 {
                 let scale = size * SCALES[k % SCALES.len()];
-                for &x in &self.states {
+                for &x in self.states.iter() {
                     point.set(x, point.get(x) + scale * random.symmetric());
                 }
                 point.set(self.time, self.horizon * random.symmetric().abs());

@@ -308,6 +308,25 @@ impl<'e> Switches<'e> {
             .map(|known| known.1)
     }
 
+    /// The switches whose entry variables or α occur in an expression, ascending.
+    pub fn occurring(&self, e: Expr<'e>) -> Vec<usize> {
+        let alpha_of = |var: Var| match self.merge.get(var) {
+            Some(alpha) => alpha.as_variable().unwrap_or(var),
+            None => var,
+        };
+        let found = variables_of(&[e]).into_iter().filter_map(|var| {
+            let alpha = alpha_of(var);
+            let found = self
+                .list
+                .binary_search_by_key(&alpha, |switch| switch.alpha);
+            found.ok()
+        });
+        let mut found: Vec<usize> = found.collect();
+        found.sort_unstable();
+        found.dedup();
+        found
+    }
+
     /// The entry variables of a switch and its α.
     pub fn variables_of_switch(&self, k: usize) -> impl Iterator<Item = Var> + '_ {
         self.list[k]
@@ -319,9 +338,11 @@ impl<'e> Switches<'e> {
 
     /// The α that occur in an expression.
     pub fn alphas_of(&self, e: Expr<'e>) -> Vec<Var> {
-        let known: Vec<Var> = self.list.iter().map(|switch| switch.alpha).collect();
         let mut vars = variables_of(&[e]);
-        vars.retain(|var| known.binary_search(var).is_ok());
+        vars.retain(|var| {
+            let found = self.list.binary_search_by_key(var, |switch| switch.alpha);
+            found.is_ok()
+        });
         vars
     }
 

@@ -3,7 +3,8 @@
 use rustc_hash::FxHashSet;
 
 use super::affine::is_affine;
-use super::interaction::positions;
+use super::interaction::{positions, subsystems};
+use super::regions::is_indicator;
 use super::{Output, System};
 use crate::expr::{Expr, Node, Var, rewrite, variables_of};
 
@@ -54,7 +55,6 @@ impl<'e> System<'e> {
         }
         for (name, e) in multi_affine {
             for k in positions(e, &alphas) {
-                // The canonical form may hide that a second derivative is zero; corners and the middle decide.
                 if !is_affine(e, alphas[k]) {
                     return Err(format!(
                         "`{name}` is not affine in {}",
@@ -86,6 +86,22 @@ impl<'e> System<'e> {
             .collect();
         if surfaces.len() < self.switches.len() {
             return Err("two switches share a surface".into());
+        }
+        let weights = self.partitions.iter().flat_map(|p| &p.regions);
+        if let Some(region) = weights
+            .into_iter()
+            .find(|r| !is_indicator(r.weight, &alphas))
+        {
+            return Err(format!("the weight of `{}` is no indicator", region.name));
+        }
+        let rates: Vec<Expr<'e>> = self.states.iter().map(|state| state.rate).collect();
+        let interacting = subsystems(&rates, &alphas);
+        let is_inside = |group: &[usize]| {
+            let holds = |s: &super::Subsystem| group.iter().all(|k| s.switches.contains(k));
+            self.subsystems.iter().any(holds)
+        };
+        if interacting.iter().any(|group| !is_inside(&group.switches)) {
+            return Err("α of different subsystems multiply each other".into());
         }
         let mut members: Vec<usize> = self
             .subsystems
