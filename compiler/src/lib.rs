@@ -1,4 +1,4 @@
-//! Compiler for `.nsd`.
+#![doc = include_str!("../README.md")]
 
 pub mod cli;
 pub mod clock;

@@ -1,4 +1,4 @@
-//! Concrete syntax of `.nsd` and nothing else: the grammar is `nsd.pest`.
+#![doc = include_str!("../README.md")]
 #![allow(
     missing_docs,
     reason = "pest derives one undocumented variant per rule"

@@ -5,7 +5,7 @@
 //! x' = f(t, x, α),   0 = ψ - λᵖ + λⁿ,   0 <= λⁿ ⟂ α >= 0,   0 <= λᵖ ⟂ 1 - α >= 0
 //!
 //! so that λᵖ = max(ψ, 0) and λⁿ = max(-ψ, 0) are continuous. The weight of a region is a product of α and 1 - α over
-//! the signs that its guard fixes; products become variables β, see [`lift`](super::lift).
+//! the signs that its guard fixes; products become variables β, see `lift`.
 //!
 //! Acary, de Jong & Brogliato 2014; Nurkanović et al. 2024. The set of rates is the multi-affine one of Dieci & Lopez
 //! 2011: it is Filippov's for one surface and for switches that only add up, else a subset.

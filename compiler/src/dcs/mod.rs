@@ -2,7 +2,7 @@
 //!
 //! x' = f(t, x, z, p),   0 = g(t, x, z, p),   0 <= a ⟂ b >= 0
 //!
-//! The switches of a [`System`](crate::system::System) are gone: multipliers and complementarity say the same.
+//! The switches of a [`System`] are gone: multipliers and complementarity say the same.
 //! How they are stated is the [`Formulation`]; what follows sees rates, equations and pairs only.
 //!
 //! Invariants, checked by [`Dcs::verify`]:

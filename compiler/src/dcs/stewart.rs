@@ -7,7 +7,7 @@
 //!
 //! The columns of F_s are the rates with α at the corner of {0, 1}^n that the row names. Subsystems do not multiply
 //! each other, so their regions add up instead of multiplying. A guard of the user's that leaves a sign open has a row
-//! for both, because -Sψ with an open sign prefers the wrong region; rows are found in [`signs`](super::signs).
+//! for both, because -Sψ with an open sign prefers the wrong region; rows are found in `signs`.
 //!
 //! Stewart 1990; Nurkanović & Diehl 2022.
 

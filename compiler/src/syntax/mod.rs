@@ -1,8 +1,8 @@
 //! Text -> abstract syntax.
 //!
-//! - [`scan`](self::scan) reports what is wrong with characters and brackets and repairs it;
+//! - `scan` reports what is wrong with characters and brackets and repairs it;
 //! - the grammar cuts the repaired text into statements, wrong ones included;
-//! - [`build`](self::build) makes the [`ast::File`] and says what is wrong with the wrong ones.
+//! - `build` makes the [`ast::File`] and says what is wrong with the wrong ones.
 //!
 //! No text makes the parser panic, and its time and memory grow with the length of the text.
 
