@@ -156,8 +156,8 @@ pub fn text_width(text: &str, size: f64) -> f64 {
     let width = |c: char| match c {
         'i' | 'j' | 'l' | '.' | ',' | '[' | ']' | '(' | ')' | ' ' | '\'' | '|' => 0.32,
         'm' | 'w' | 'M' | 'W' => 0.9,
-        c if c.is_uppercase() => 0.72,
-        _ => 0.59,
+        c if c.is_uppercase() => 0.74,
+        _ => 0.62,
     };
     size * text.chars().map(width).sum::<f64>()
 }
