@@ -167,7 +167,7 @@ impl<'e> Sampler<'e> {
 
     /// Points off the surface along ±∇ψ.
     fn beside(&self, psi: Expr<'e>, on: &Point) -> Vec<Point> {
-        const OFFSETS: [f64; 6] = [1e-4, -1e-4, 1e-2, -1e-2, 0.3, -0.3];
+        const OFFSETS: [f64; 8] = [1e-7, -1e-7, 1e-4, -1e-4, 1e-2, -1e-2, 0.3, -0.3];
         let gradient = self.gradient(psi);
         let slope: Vec<f64> = gradient.iter().map(|&(_, g)| on.eval(g)).collect();
         let length = slope.iter().map(|g| g * g).sum::<f64>().sqrt();

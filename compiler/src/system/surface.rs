@@ -13,7 +13,7 @@ pub(super) enum Form<'e> {
     Parameter(f64),
     /// Never on the other side of zero than this sign: `x^2 + y^2`, `exp(x)`.
     Definite(f64),
-    /// An odd power: a surface, but one that ψ crosses with zero slope.
+    /// An odd power of something with the same sign: a surface, but one that ψ crosses with zero slope.
     OddPower(Expr<'e>),
     /// Nothing that speaks against a surface.
     Regular,
@@ -30,9 +30,10 @@ pub(super) fn form<'e>(psi: Expr<'e>, params: &FxHashMap<Var, f64>) -> Form<'e> 
     if let Some(sign) = definite(psi, params) {
         return Form::Definite(sign);
     }
-    match canonical(psi, params).1.node() {
+    let (scale, normal) = canonical(psi, params);
+    match normal.node() {
         Node::Product(factors) => match factors[..] {
-            [(base, power)] if power % 2 != 0 && power > 1 => Form::OddPower(base),
+            [(base, power)] if power % 2 != 0 && power > 1 => Form::OddPower(scale.signum() * base),
             _ => Form::Regular,
         },
         _ => Form::Regular,

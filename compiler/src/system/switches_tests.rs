@@ -65,6 +65,7 @@ fn what_is_no_surface_is_refused() {
     assert_snapshot!(replaced(&exprs, x.powi(3).sign()), @"1 |  refused x^3");
     assert_snapshot!(replaced(&exprs, x.abs().sign()), @"1 | x refused x*(2*a1 - 1)");
     // A kink has no such trouble: its branches agree.
+    assert_snapshot!(replaced(&exprs, (-x.powi(3)).abs()), @"-x^3*(2*a1 - 1) | -x");
     assert_snapshot!(replaced(&exprs, x.powi(2).abs()), @"x^2 |");
     assert_snapshot!(replaced(&exprs, x.abs().max(exprs.constant(0.0))), @"x*(2*a1 - 1) | x");
 }
