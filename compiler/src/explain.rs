@@ -43,19 +43,20 @@ mod tests {
     use super::{PAGES, examples, page, title};
 
     #[test]
-    fn every_page_has_a_title_and_two_examples() {
+    fn every_page_has_a_title_and_examples() {
         for (code, page) in PAGES {
             let heading = format!("# {code}: ");
             assert!(
                 page.starts_with(&heading),
                 "{code} does not start with its title"
             );
-            for word in ["wrong", "right"] {
-                assert!(
-                    !examples(page, word).is_empty(),
-                    "{code} has no {word} example"
-                );
-            }
+            // What only a run shows may have no example that is sure to show it.
+            let is_of_a_run = code[1..].starts_with("07");
+            let counts = ["wrong", "right"].map(|word| examples(page, word).len());
+            assert!(
+                (is_of_a_run && counts == [0, 0]) || !counts.contains(&0),
+                "{code} lacks a wrong or a right example"
+            );
         }
     }
 

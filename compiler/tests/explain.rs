@@ -1,9 +1,14 @@
 //! Every page of `nsdc explain` shows a file that gives its code, and one that is right.
 
+use nsdc::clock::Clock;
 use nsdc::diagnostics::{Diagnostics, render};
 use nsdc::explain::{PAGES, examples};
+use nsdc::expr::Exprs;
+use nsdc::report::Warning;
+use nsdc::simulate::{self, Request};
 use nsdc::source::SourceMap;
-use nsdc::{check, syntax};
+use nsdc::syntax::{self, File, Item};
+use nsdc::{check, compile};
 
 /// The codes that a file gives, and the errors as they are shown.
 fn diagnose(text: &str) -> (Vec<String>, bool, String) {
@@ -14,11 +19,37 @@ fn diagnose(text: &str) -> (Vec<String>, bool, String) {
     if !diags.has_errors() {
         check(&file, &sources, &mut diags);
     }
-    (
-        diags.codes(),
-        diags.has_errors(),
-        render(&diags, &sources, false, 80),
-    )
+    let mut codes = diags.codes();
+    let mut has_errors = diags.has_errors();
+    if !has_errors {
+        let found = run(&file);
+        has_errors = found.iter().any(|code| code.starts_with('E'));
+        codes.extend(found);
+    }
+    (codes, has_errors, render(&diags, &sources, false, 80))
+}
+
+/// The codes that its experiments give when they are run.
+fn run(file: &File) -> Vec<String> {
+    let mut codes = Vec::new();
+    for item in &file.items {
+        let Item::Experiment(experiment) = item else {
+            continue;
+        };
+        let exprs = Exprs::new();
+        let (mut clock, mut diags) = (Clock::default(), Diagnostics::new());
+        if let Some(compiled) = compile(&exprs, file, experiment, &[], &mut clock, &mut diags) {
+            let request = Request::default();
+            let trajectory = simulate::run(&compiled.system, &compiled.settings, &request);
+            let failure = trajectory
+                .failure
+                .iter()
+                .map(|failure| Warning::of(failure));
+            let found = trajectory.warnings.iter().cloned().chain(failure);
+            codes.extend(found.map(|warning| warning.code));
+        }
+    }
+    codes
 }
 
 /// Applies `judge` to all examples of a kind, and shows all that it finds.

@@ -85,7 +85,7 @@ fn the_error_falls_with_the_order_of_the_method() {
 #[test]
 fn codimension_two_and_three_follow_their_exact_solutions() {
     let trajectory = run(INTERSECTIONS, "codimension_two");
-    assert_eq!(trajectory.reason, None);
+    assert!(trajectory.failure.is_none());
     let exact = [
         2.0_f64.cos() / 0.5_f64.cosh(),
         2.0_f64.sin() / 0.5_f64.cosh(),
@@ -99,7 +99,7 @@ fn codimension_two_and_three_follow_their_exact_solutions() {
     assert!(distance(&trajectory.switch_times(), &[0.5, 1.0]) <= 1e-12);
 
     let trajectory = run(INTERSECTIONS, "codimension_three");
-    assert_eq!(trajectory.reason, None);
+    assert!(trajectory.failure.is_none());
     let s: f64 = 0.65 * 0.65 / 2.0;
     let exact = [
         2.0_f64.cos() / s.cosh(),
@@ -121,7 +121,7 @@ fn a_non_unique_start_names_its_branches() {
     let text = "model m { state x = 0; x' = sign(x); }\nsimulate s of m { horizon 1; }";
     let trajectory = run(text, "s");
     assert_eq!(trajectory.status, Status::NumericalFailure);
-    let reason = trajectory.reason.unwrap();
+    let reason = trajectory.failure.unwrap().to_string();
     for branch in ["below(x)", "sliding(x)", "above(x)"] {
         assert!(reason.contains(branch), "{reason}");
     }

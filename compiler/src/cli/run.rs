@@ -130,7 +130,7 @@ fn one(
     );
     let warnings: Vec<Warning> = diags
         .warnings()
-        .map(|warning| warning_of(warning.as_ref()))
+        .map(|warning| Warning::of(warning.as_ref()))
         .collect();
     // Experiments of one model meet the same mistakes.
     let failed = diags.has_errors();
@@ -155,23 +155,16 @@ fn one(
         .map(|(_, seconds)| seconds)
         .sum();
     trajectory.warnings.splice(0..0, warnings);
+    if let Some(failure) = &trajectory.failure {
+        let mut diags = Diagnostics::new();
+        diags.push(failure.clone());
+        project::print(&diags, &project.sources, streams)?;
+    }
     let plot = args
         .plot
         .is_some()
         .then(|| clock.time("report", || figure::draw(&compiled, &trajectory)));
     Ok(Some((trajectory, plot)))
-}
-
-/// A diagnostic as it stands in a report.
-pub fn warning_of(diagnostic: &dyn miette::Diagnostic) -> Warning {
-    Warning {
-        code: diagnostic
-            .code()
-            .map(|code| code.to_string())
-            .unwrap_or_default(),
-        message: diagnostic.to_string(),
-        span: None,
-    }
 }
 
 /// Where the results of a run go.

@@ -32,7 +32,8 @@ struct Object<'a> {
     stats: &'a Stats,
     certificate: Certificate<'a>,
     skipped: &'a [String],
-    warnings: &'a [Warning],
+    /// Warnings, and last what ended the run early.
+    warnings: Vec<Warning>,
 }
 
 #[derive(serde::Serialize)]
@@ -67,7 +68,14 @@ impl<'a> From<&'a Trajectory> for Object<'a> {
                 max_violation: trajectory.certificate.max_violation,
             },
             skipped: &trajectory.skipped,
-            warnings: &trajectory.warnings,
+            warnings: (trajectory.warnings.iter().cloned())
+                .chain(
+                    trajectory
+                        .failure
+                        .as_ref()
+                        .map(|failure| Warning::of(failure)),
+                )
+                .collect(),
         }
     }
 }

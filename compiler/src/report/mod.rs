@@ -13,6 +13,7 @@ pub mod csv;
 mod dense;
 mod event;
 pub mod expect;
+mod failure;
 pub mod json;
 mod modes;
 pub mod plot;
@@ -24,6 +25,7 @@ pub mod text;
 
 pub use dense::{Dense, Piece};
 pub use event::{Event, EventKind};
+pub use failure::Failure;
 pub use refine::refine;
 pub use status::{Certificate, Stationarity, Stats, Status};
 
@@ -40,8 +42,8 @@ pub struct Trajectory {
     pub kind: Kind,
     /// How the run ended.
     pub status: Status,
-    /// Why it did not end as `solved`, in a sentence.
-    pub reason: Option<String>,
+    /// Why it did not end as `solved`.
+    pub failure: Option<Failure>,
     /// The method and the options it ran with.
     pub method: Method,
     /// Instants at which values are reported.
@@ -196,6 +198,20 @@ pub struct Warning {
     pub message: String,
     /// Where it comes from.
     pub span: Option<Span>,
+}
+
+impl Warning {
+    /// A diagnostic as it stands in a report.
+    pub fn of(diagnostic: &dyn miette::Diagnostic) -> Self {
+        Warning {
+            code: diagnostic
+                .code()
+                .map(|code| code.to_string())
+                .unwrap_or_default(),
+            message: diagnostic.to_string(),
+            span: None,
+        }
+    }
 }
 
 impl Trajectory {

@@ -25,8 +25,8 @@ fn report(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
     } = trajectory;
     let status = trajectory.status.as_str();
     writeln!(text, "{experiment} of {model}: {status}")?;
-    if let Some(reason) = &trajectory.reason {
-        writeln!(text, "  {reason}")?;
+    if let Some(failure) = &trajectory.failure {
+        writeln!(text, "  {failure}")?;
     }
     if let Some(objective) = trajectory.objective {
         writeln!(text, "  objective {}", significant(objective, 12))?;
@@ -246,7 +246,8 @@ impl Display for Value<'_> {
 #[cfg(test)]
 mod tests {
     use super::{significant, write};
-    use crate::report::{Status, sample};
+    use crate::report::{Failure, Status, sample};
+    use crate::source::Span;
 
     #[test]
     fn a_run_that_went_well() {
@@ -314,10 +315,14 @@ crossing of oscillator: solved
     fn a_run_that_stopped_says_why_and_where() {
         let mut trajectory = sample::shapes();
         trajectory.status = Status::IterationLimit;
-        trajectory.reason = Some("10000 events before time = 1".into());
+        trajectory.failure = Some(Failure::Limit {
+            time: 1.0,
+            what: "events",
+            span: Span::default(),
+        });
         insta::assert_snapshot!(write(&trajectory), @"
 turn of body: iteration_limit
-  10000 events before time = 1
+  at t = 1, the limit of events was reached
 
   reached, time = 1
     q = 2.5

@@ -5,6 +5,7 @@
 //! modes is reported instead of being trusted.
 
 mod modes;
+mod outcome;
 mod record;
 mod switched;
 
@@ -14,7 +15,9 @@ use std::time::{Duration, Instant};
 use nsd_solver::simulate as solver;
 use solver::{Observer, Outcome, Segment, Simulator};
 
-use crate::report::{Certificate, Kind, Method, MethodOption, Stats, Status, Trajectory, Warning};
+use crate::report::{
+    Certificate, Failure, Kind, Method, MethodOption, Stats, Status, Trajectory, Warning,
+};
 use crate::system::System;
 use crate::system::experiment::{self, Branch, EventOptions, Settings};
 use modes::ModeNames;
@@ -230,13 +233,13 @@ fn assemble(
     recorder: Recorder,
 ) -> Trajectory {
     let names = ModeNames::new(system);
-    let (status, reason) = describe(system, &names, outcome);
+    let failure = outcome::failure(system, &names, outcome, settings.span);
     let mut trajectory = Trajectory {
         experiment: settings.name.clone(),
         model: system.name.clone(),
         kind: Kind::Simulate,
-        status,
-        reason,
+        status: failure.as_ref().map_or(Status::Solved, Failure::status),
+        failure,
         switches: system
             .switches
             .iter()
@@ -258,60 +261,6 @@ fn assemble(
     trajectory
 }
 
-/// The language's status, and a sentence where it is not `solved`.
-fn describe(system: &System, names: &ModeNames, outcome: &Outcome) -> (Status, Option<String>) {
-    let surfaces = |switches: &[usize]| {
-        let quoted: Vec<String> = switches
-            .iter()
-            .map(|&i| format!("`{}`", system.switches[i].name))
-            .collect();
-        quoted.join(", ")
-    };
-    let t = outcome.time;
-    let (status, reason) = match &outcome.status {
-        solver::Status::Solved => return (Status::Solved, None),
-        solver::Status::Stopped => (Status::IterationLimit, "the run was stopped".to_owned()),
-        solver::Status::StepLimit => (Status::IterationLimit, "the limit of steps was reached".to_owned()),
-        solver::Status::EventLimit => (Status::IterationLimit, "the limit `max_events` was reached".to_owned()),
-        solver::Status::TimeLimit => (Status::TimeLimit, "the time limit was reached".to_owned()),
-        solver::Status::Accumulation => (
-            Status::IterationLimit,
-            "events follow each other without time passing (Zeno); this is not carried through yet".to_owned(),
-        ),
-        solver::Status::NonUnique(candidates) => {
-            let branches: Vec<String> = candidates.iter().map(|candidate| names.branch(candidate)).collect();
-            let reason = format!(
-                "{} solutions go on from here: {}; choose one with `method event {{ branch = ...; }}`",
-                branches.len(),
-                branches.join(" | ")
-            );
-            (Status::NumericalFailure, reason)
-        }
-        solver::Status::NoSolution { switches } => {
-            (Status::NumericalFailure, format!("no mode goes on from the surfaces of {}", surfaces(switches)))
-        }
-        solver::Status::HigherDegree { switches } => (
-            Status::NumericalFailure,
-            format!(
-                "sliding on {} needs more than first derivatives (relative degree above 1), which is not supported yet",
-                surfaces(switches)
-            ),
-        ),
-        solver::Status::SingularSliding { switches } => {
-            (Status::NumericalFailure, format!("the sliding mode on {} became singular", surfaces(switches)))
-        }
-        solver::Status::MissedSwitch { switch } => (
-            Status::NumericalFailure,
-            format!("a switch of {} was missed: the state is on the wrong side", surfaces(&[*switch])),
-        ),
-        solver::Status::NotFinite => (
-            Status::NumericalFailure,
-            "the right-hand side or its derivatives are not finite here, or no step is small enough".to_owned(),
-        ),
-    };
-    (status, Some(format!("at t = {t}: {reason}")))
-}
-
 /// Adds what the second run found.
 fn judge(trajectory: &mut Trajectory, estimate: &Estimate, settings: &Settings) {
     trajectory.error_estimate = Some(estimate.error);
@@ -325,13 +274,13 @@ fn judge(trajectory: &mut Trajectory, estimate: &Estimate, settings: &Settings) 
     };
     if !estimate.same_modes {
         warn(
-            "W0501",
+            "W0701",
             "a more accurate run goes through other modes; the result may depend on the tolerance"
                 .into(),
         );
     } else if estimate.error > settings.tolerance.max(1e-13) {
         warn(
-            "W0502",
+            "W0702",
             format!(
                 "the estimated error {:.1e} is above the tolerance",
                 estimate.error

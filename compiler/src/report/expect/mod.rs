@@ -170,8 +170,8 @@ fn verdict(
 
 fn status_text(trajectory: &Trajectory) -> String {
     let status = trajectory.status.as_str();
-    match &trajectory.reason {
-        Some(reason) => format!("{status}: {reason}"),
+    match &trajectory.failure {
+        Some(failure) => format!("{status}: {failure}"),
         None => status.into(),
     }
 }

@@ -1,0 +1,137 @@
+//! Why a run ended before its horizon -> diagnostic at the lines of the model that did it.
+
+use miette::{Diagnostic, LabeledSpan};
+use thiserror::Error;
+
+use super::Status;
+use crate::source::Span;
+
+/// A run that ended before its horizon.
+#[derive(Clone, Debug, Diagnostic, Error)]
+#[allow(
+    missing_docs,
+    reason = "fields are the words of the message; labels say the rest"
+)]
+pub enum Failure {
+    /// Several solutions go on from a point, and none was chosen.
+    #[error("at t = {time}, {count} solutions go on: {branches}")]
+    #[diagnostic(
+        code(E0701),
+        help("choose one, for example with `method event {{ branch = {example}; }}`")
+    )]
+    NonUnique {
+        time: f64,
+        count: usize,
+        branches: String,
+        example: &'static str,
+        #[label(collection)]
+        surfaces: Vec<LabeledSpan>,
+    },
+
+    /// No mode is consistent with its own rates.
+    #[error("at t = {time}, no solution goes on")]
+    #[diagnostic(
+        code(E0702),
+        help("the fields on the two sides contradict each other here; check their signs")
+    )]
+    NoSolution {
+        time: f64,
+        #[label(collection)]
+        surfaces: Vec<LabeledSpan>,
+    },
+
+    /// The rate of a switching function does not contain its own switch.
+    #[error("at t = {time}, sliding needs more than first derivatives")]
+    #[diagnostic(
+        code(E0703),
+        help(
+            "a switching function whose first derivative contains its own switch is supported \
+             (relative degree 1)"
+        )
+    )]
+    HigherDegree {
+        time: f64,
+        #[label(collection)]
+        surfaces: Vec<LabeledSpan>,
+    },
+
+    /// The equations for sliding lost their unique solution.
+    #[error("at t = {time}, the sliding mode became singular")]
+    #[diagnostic(
+        code(E0704),
+        help("both sides are tangent to the surface here, so the mode after it is not determined")
+    )]
+    SingularSliding {
+        time: f64,
+        #[label(collection)]
+        surfaces: Vec<LabeledSpan>,
+    },
+
+    /// A switch was found on the wrong side of its surface.
+    #[error("at t = {time}, a switch was missed")]
+    #[diagnostic(code(E0705), help("try a smaller `tolerance`, and report the model"))]
+    MissedSwitch {
+        time: f64,
+        #[label(collection)]
+        surfaces: Vec<LabeledSpan>,
+    },
+
+    /// The right-hand side is not finite.
+    #[error("at t = {time}, the right-hand side or one of its derivatives is not finite")]
+    #[diagnostic(
+        code(E0706),
+        help(
+            "look for a division by zero, a root or logarithm at its end, or a solution that blows up"
+        )
+    )]
+    NotFinite {
+        time: f64,
+        #[label("this run")]
+        span: Span,
+    },
+
+    /// Events without time between them.
+    #[error("at t = {time}, events follow each other without time passing")]
+    #[diagnostic(
+        code(E0707),
+        help("infinitely many events accumulate here (Zeno); end the horizon before")
+    )]
+    Accumulation {
+        time: f64,
+        #[label("this run")]
+        span: Span,
+    },
+
+    /// Out of steps or events.
+    #[error("at t = {time}, the limit of {what} was reached")]
+    #[diagnostic(
+        code(E0708),
+        help("shorten the horizon, loosen the tolerance, or raise `max_events`")
+    )]
+    Limit {
+        time: f64,
+        what: &'static str,
+        #[label("this run")]
+        span: Span,
+    },
+
+    /// Out of time.
+    #[error("at t = {time}, the time limit was reached")]
+    #[diagnostic(code(E0709), help("raise `--time-limit`, or loosen the tolerance"))]
+    TimeLimit {
+        time: f64,
+        #[label("this run")]
+        span: Span,
+    },
+}
+
+impl Failure {
+    /// The language's word for how the run ended.
+    pub fn status(&self) -> Status {
+        match self {
+            Failure::Limit { .. } => Status::IterationLimit,
+            Failure::TimeLimit { .. } => Status::TimeLimit,
+            _ => Status::NumericalFailure,
+        }
+    }
+}

@@ -1,0 +1,86 @@
+//! How a run ended, in the words of the language.
+
+use miette::LabeledSpan;
+use nsd_solver::simulate::{Candidate, Outcome, Side, Status};
+
+use super::modes::ModeNames;
+use crate::report::Failure;
+use crate::source::Span;
+use crate::system::System;
+
+/// What ended the run before its horizon; none where it was reached.
+pub(super) fn failure(
+    system: &System,
+    names: &ModeNames,
+    outcome: &Outcome,
+    span: Span,
+) -> Option<Failure> {
+    let time = outcome.time;
+    let at = |switches: &[usize]| labels(system, switches);
+    Some(match &outcome.status {
+        Status::Solved | Status::Stopped => return None,
+        Status::StepLimit => Failure::Limit {
+            time,
+            what: "steps",
+            span,
+        },
+        Status::EventLimit => Failure::Limit {
+            time,
+            what: "events",
+            span,
+        },
+        Status::TimeLimit => Failure::TimeLimit { time, span },
+        Status::Accumulation => Failure::Accumulation { time, span },
+        Status::NonUnique(candidates) => non_unique(system, names, candidates, time),
+        Status::NoSolution { switches } => Failure::NoSolution {
+            time,
+            surfaces: at(switches),
+        },
+        Status::HigherDegree { switches } => Failure::HigherDegree {
+            time,
+            surfaces: at(switches),
+        },
+        Status::SingularSliding { switches } => Failure::SingularSliding {
+            time,
+            surfaces: at(switches),
+        },
+        Status::MissedSwitch { switch } => Failure::MissedSwitch {
+            time,
+            surfaces: at(&[*switch]),
+        },
+        Status::NotFinite => Failure::NotFinite { time, span },
+    })
+}
+
+fn non_unique(system: &System, names: &ModeNames, candidates: &[Candidate], time: f64) -> Failure {
+    let branches: Vec<String> = candidates
+        .iter()
+        .map(|candidate| names.branch(candidate))
+        .collect();
+    let first = candidates.first().map_or(&[][..], Vec::as_slice);
+    let switches: Vec<usize> = first.iter().map(|&(switch, _)| switch).collect();
+    let example = match first {
+        [(_, Side::Minus)] => "minus",
+        [(_, Side::Slide)] => "slide",
+        [(_, Side::Plus)] => "plus",
+        _ => "[plus, slide]",
+    };
+    Failure::NonUnique {
+        time,
+        count: candidates.len(),
+        branches: branches.join(" | "),
+        example,
+        surfaces: labels(system, &switches),
+    }
+}
+
+/// One label per surface, where it is first written.
+fn labels(system: &System, switches: &[usize]) -> Vec<LabeledSpan> {
+    let label = |&i: &usize| {
+        let switch = &system.switches[i];
+        let span = switch.spans.first()?;
+        let text = format!("on the surface of `{}`", switch.name);
+        Some(LabeledSpan::new_with_span(Some(text), *span))
+    };
+    switches.iter().filter_map(label).collect()
+}
