@@ -69,12 +69,6 @@ pub fn run(args: &RunArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         };
         if trajectory.status != Status::Solved {
             exit = exit.max(Exit::Failed);
-            // Where results take the place of the report, the reason would be lost.
-            if !outputs.reports {
-                let reason = trajectory.reason.as_deref().unwrap_or("no reason is known");
-                let (name, status) = (&trajectory.experiment, trajectory.status.as_str());
-                writeln!(streams.err, "error: `{name}` ended with {status}: {reason}")?;
-            }
         }
         clock.time("report", || outputs.push(&trajectory, plot.as_deref()));
     }
