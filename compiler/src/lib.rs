@@ -74,7 +74,10 @@ pub fn compile<'e>(
 }
 
 /// Finds what is wrong with the models and experiments of a file, each mistake once.
+///
+/// What could not be read, as `diags` says, does not hide what is wrong elsewhere in the models.
 pub fn check(file: &File, sources: &SourceMap, diags: &mut Diagnostics) {
+    let unreadable = diags.has_errors();
     let mut add = |mut found: Diagnostics| {
         found.remove_known(diags);
         diags.append(found);
@@ -94,6 +97,10 @@ pub fn check(file: &File, sources: &SourceMap, diags: &mut Diagnostics) {
             broken.push(&definition.name.name);
         }
         add(found);
+    }
+    // A setting that could not be read would seem to be missing.
+    if unreadable {
+        return;
     }
     for item in &file.items {
         // What is wrong with the model of an experiment has been said.

@@ -44,9 +44,7 @@ impl Project {
     /// All diagnostics of the file: of its syntax, its models and its experiments.
     pub fn check(&mut self) -> Diagnostics {
         let mut diags = std::mem::take(&mut self.diags);
-        if !diags.has_errors() {
-            crate::check(&self.file, &self.sources, &mut diags);
-        }
+        crate::check(&self.file, &self.sources, &mut diags);
         diags
     }
 

@@ -13,6 +13,7 @@ const MAX_SYMBOLIC: usize = 4;
 const MAX_NUMERIC: usize = 100;
 
 /// `a + b - c` or `a * b / c`, from left to right.
+#[inline(never)]
 pub(super) fn chain<'e>(
     lowering: &mut Lowering<'_, 'e>,
     first: &syntax::Expr,
@@ -34,7 +35,16 @@ pub(super) fn chain<'e>(
         }
         return total(lowering, &terms);
     }
-    let (mut value, mut span) = (start?, first.span);
+    fold(lowering, (start?, first.span), operands)
+}
+
+/// From left to right.
+#[inline(never)]
+fn fold<'e>(
+    lowering: &mut Lowering<'_, 'e>,
+    (mut value, mut span): (Tensor<'e>, Span),
+    operands: Vec<(BinaryOp, Span, Result<Tensor<'e>, Reported>)>,
+) -> Result<Tensor<'e>, Reported> {
     for (op, operand_span, operand) in operands {
         value = binary(lowering, op, (&value, span), (&operand?, operand_span))?;
         span = span.to(operand_span);
@@ -43,6 +53,7 @@ pub(super) fn chain<'e>(
 }
 
 /// All terms at once: adding one by one would build every partial sum.
+#[inline(never)]
 fn total<'e>(
     lowering: &mut Lowering<'_, 'e>,
     terms: &[(BinaryOp, Span, Tensor<'e>)],
@@ -83,6 +94,7 @@ fn total<'e>(
 }
 
 /// `a ^ b` and so on.
+#[inline(never)]
 pub(super) fn binary<'e>(
     lowering: &mut Lowering<'_, 'e>,
     op: BinaryOp,
@@ -379,7 +391,9 @@ fn eliminate(n: usize, mut a: Vec<f64>) -> Option<Vec<f64>> {
     for column in 0..n {
         let pivot = (column..n)
             .max_by(|&i, &j| a[i * n + column].abs().total_cmp(&a[j * n + column].abs()))?;
-        if !(a[pivot * n + column].abs() > 1e-14 * scale) {
+        // Rounding leaves this much of a zero.
+        let size = a[pivot * n + column].abs();
+        if size.is_nan() || size <= 1e-14 * scale {
             return None;
         }
         for k in 0..n {

@@ -40,10 +40,21 @@ fn arity(name: &str) -> (usize, usize) {
 }
 
 /// The value of a call of a built-in function.
+#[inline(never)]
 pub(super) fn builtin<'e>(
     lowering: &mut Lowering<'_, 'e>,
     call: &Call,
 ) -> Result<Tensor<'e>, Reported> {
+    check_arity(lowering, call)?;
+    if matches!(call.name, "eye" | "zeros" | "ones") {
+        return filled(lowering, call);
+    }
+    let values = lowering.all_numbers(call.args.iter().copied())?;
+    apply(lowering, call, &values)
+}
+
+#[inline(never)]
+fn check_arity(lowering: &mut Lowering<'_, '_>, call: &Call) -> Result<(), Reported> {
     let (least, most) = arity(call.name);
     let count = call.args.len();
     if count < least || count > most || (call.name == "sat" && count == 2) {
@@ -58,13 +69,16 @@ pub(super) fn builtin<'e>(
     if call.name == "table" {
         return lowering.error(Unsupported::Tables { span: call.span });
     }
-    if matches!(call.name, "eye" | "zeros" | "ones") {
-        return filled(lowering, call);
-    }
-    let mut values = vec![];
-    for arg in &call.args {
-        values.push(lowering.numbers(arg)?);
-    }
+    Ok(())
+}
+
+/// A function of values; their number is right.
+#[inline(never)]
+fn apply<'e>(
+    lowering: &mut Lowering<'_, 'e>,
+    call: &Call,
+    values: &[Tensor<'e>],
+) -> Result<Tensor<'e>, Reported> {
     let first = values[0].clone();
     lowering.spend(first.data.len(), call.span)?;
     if let Some(function) = elementary(call.name) {
@@ -93,9 +107,9 @@ pub(super) fn builtin<'e>(
             } else {
                 BinaryFunction::Max
             };
-            fold(lowering, call, &values, function)
+            fold(lowering, call, values, function)
         }
-        "atan2" => fold(lowering, call, &values, BinaryFunction::Atan2),
+        "atan2" => fold(lowering, call, values, BinaryFunction::Atan2),
         "sat" => {
             let (lo, hi) = match values.get(1..) {
                 Some([lo, hi]) => (lo.clone(), hi.clone()),
@@ -263,6 +277,7 @@ fn fold_with<'e>(
 }
 
 /// `eye(n)`, `zeros(n)`, `zeros(m, n)`, `ones`.
+#[inline(never)]
 fn filled<'e>(lowering: &mut Lowering<'_, 'e>, call: &Call) -> Result<Tensor<'e>, Reported> {
     let mut sizes = vec![];
     for arg in &call.args {

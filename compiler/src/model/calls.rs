@@ -17,17 +17,38 @@ pub(super) struct Call<'c> {
 }
 
 /// The value of a call.
+#[inline(never)]
 pub(super) fn call<'e>(
     lowering: &mut Lowering<'_, 'e>,
     function: &syntax::Expr,
     args: &[Arg],
     span: Span,
 ) -> Result<Value<'e>, Reported> {
+    let name = callee(lowering, function)?;
+    if let [Arg::Positional(body, binders)] = args
+        && !binders.is_empty()
+    {
+        return reduction(lowering, name, body, binders, span).map(Value::from);
+    }
+    let call = positional(lowering, name, args, span)?;
+    match lowering.scope.functions.get(name) {
+        Some(function) => inline(lowering, function, &call),
+        None => builtins::builtin(lowering, &call).map(Value::from),
+    }
+}
+
+/// The name of a function that exists.
+#[inline(never)]
+fn callee<'c>(
+    lowering: &mut Lowering<'_, '_>,
+    function: &'c syntax::Expr,
+) -> Result<&'c str, Reported> {
+    let span = function.span;
     let ExprKind::Name(name) = &function.kind else {
         let name = lowering.text(function);
         return lowering.error(ModelError::UnknownFunction {
             name,
-            span: function.span,
+            span,
             help: None,
         });
     };
@@ -39,41 +60,33 @@ pub(super) fn call<'e>(
     };
     match names.get(name) {
         Some(Meaning::Unusable) => return Err(Reported),
-        Some(Meaning::Imported) => return lowering.imported(function.span),
+        Some(Meaning::Imported) => return lowering.imported(span),
+        _ if FUNCTIONS.contains(&name.as_str()) => return Ok(name),
+        _ if scope.functions.contains_key(name) => return Ok(name),
         _ => {}
     }
     let is_local = lowering.locals.iter().any(|local| local.name() == name);
-    let is_value = is_local || (!lowering.in_function && scope.names.contains_key(name));
-    let is_function = scope.functions.contains_key(name) || FUNCTIONS.contains(&name.as_str());
-    if is_value && !is_function {
-        let help = Some(format!(
-            "`{name}` is not a function; index it as `{name}[..]`, multiply with `*`"
-        ));
-        return lowering.error(ModelError::UnknownFunction {
-            name: name.clone(),
-            span: function.span,
-            help,
-        });
-    }
-    if !is_function {
-        if scope.forgiving {
-            return Err(Reported);
-        }
-        let known = FUNCTIONS
-            .into_iter()
-            .chain(scope.functions.keys().map(String::as_str));
-        let help = did_you_mean(name, known);
-        return lowering.error(ModelError::UnknownFunction {
-            name: name.clone(),
-            span: function.span,
-            help,
-        });
-    }
-    if let [Arg::Positional(body, binders)] = args
-        && !binders.is_empty()
-    {
-        return reduction(lowering, name, body, binders, span).map(Value::from);
-    }
+    let help = if is_local || names.contains_key(name) {
+        let hint = "is not a function; index it as";
+        Some(format!("`{name}` {hint} `{name}[..]`, multiply with `*`"))
+    } else if scope.forgiving {
+        return Err(Reported);
+    } else {
+        let declared = scope.functions.keys().map(String::as_str);
+        did_you_mean(name, FUNCTIONS.into_iter().chain(declared))
+    };
+    let name = name.clone();
+    lowering.error(ModelError::UnknownFunction { name, span, help })
+}
+
+/// A call without options and reductions.
+#[inline(never)]
+fn positional<'c>(
+    lowering: &mut Lowering<'_, '_>,
+    name: &'c str,
+    args: &'c [Arg],
+    span: Span,
+) -> Result<Call<'c>, Reported> {
     let mut call = Call {
         name,
         args: vec![],
@@ -91,12 +104,10 @@ pub(super) fn call<'e>(
             }
         }
     }
-    match scope.functions.get(name) {
-        Some(function) => inline(lowering, function, &call),
-        None => builtins::builtin(lowering, &call).map(Value::from),
-    }
+    Ok(call)
 }
 
+#[inline(never)]
 pub(super) fn wrong<T>(
     lowering: &mut Lowering,
     call: &Call,
@@ -119,6 +130,7 @@ pub(super) fn arguments(count: usize) -> String {
 }
 
 /// The body of a function with its arguments put in.
+#[inline(never)]
 fn inline<'e>(
     lowering: &mut Lowering<'_, 'e>,
     function: &syntax::Function,
@@ -149,6 +161,7 @@ fn inline<'e>(
 }
 
 /// `sum(expr for i in 1..n)`, `min`, `max`.
+#[inline(never)]
 fn reduction<'e>(
     lowering: &mut Lowering<'_, 'e>,
     name: &str,

@@ -40,6 +40,7 @@ pub(super) fn shape_help(expected: Shape, found: Shape) -> Option<String> {
 
 impl<'e> Lowering<'_, 'e> {
     /// `a < b < c`
+    #[inline(never)]
     pub fn compare(
         &mut self,
         first: &syntax::Expr,
@@ -59,6 +60,7 @@ impl<'e> Lowering<'_, 'e> {
     }
 
     /// `a > b` is `step(a - b)`, `a < b` is `1 - step(a - b)`.
+    #[inline(never)]
     fn relation(
         &mut self,
         (left, a): (&syntax::Expr, Expr<'e>),

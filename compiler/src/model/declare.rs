@@ -351,7 +351,7 @@ impl<'d, 'e> Declaring<'d, 'e> {
         let time = self.model.time.as_variable();
         let other = variables_of(entries)
             .into_iter()
-            .find(|var| !params.contains(var) && !(of_time && Some(*var) == time))?;
+            .find(|var| !params.contains(var) && (!of_time || Some(*var) != time))?;
         Some(format!("`{}`", self.model.exprs.name(other)))
     }
 

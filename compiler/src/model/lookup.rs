@@ -12,6 +12,7 @@ use crate::source::Span;
 use crate::syntax::{self, ExprKind, Index};
 
 impl<'e> Lowering<'_, 'e> {
+    #[inline(never)]
     pub fn name(&mut self, name: &str, span: Span) -> Result<Value<'e>, Reported> {
         if let Some(position) = self.locals.iter().rposition(|local| local.name() == name) {
             return self.local(position, span);
@@ -88,6 +89,7 @@ impl<'e> Lowering<'_, 'e> {
         })
     }
 
+    #[inline(never)]
     fn local(&mut self, position: usize, span: Span) -> Result<Value<'e>, Reported> {
         let (statement, frame) = match &self.locals[position] {
             Local::Value { value, .. } => return Ok(value.clone()),
@@ -130,6 +132,7 @@ impl<'e> Lowering<'_, 'e> {
         }
     }
 
+    #[inline(never)]
     pub fn index(
         &mut self,
         base: &syntax::Expr,

@@ -12,7 +12,9 @@ use crate::source::Span;
 use crate::syntax::{self, ExprKind};
 
 /// Levels of expressions inside each other, through functions and local names: what the stack bears.
-const MAX_DEPTH: usize = 400;
+///
+/// What stands between two levels is kept out of line: frames of one function would hold the locals of all.
+const MAX_DEPTH: usize = 300;
 
 /// A name that holds in a part of the model only.
 pub(super) enum Local<'e> {
@@ -73,6 +75,7 @@ impl<'a, 'e> Lowering<'a, 'e> {
         }
     }
 
+    #[inline(never)]
     pub fn error<T>(
         &mut self,
         error: impl Diagnostic + Send + Sync + 'static,
@@ -176,7 +179,10 @@ impl<'a, 'e> Lowering<'a, 'e> {
         let value = self.as_constants(&Tensor::scalar(value), what, expr.span)?[0];
         // Rounding in `0.1*30` must not matter; 2^52 bounds what a number holds exactly.
         let rounded = value.round();
-        if (value - rounded).abs() > 1e-9 * rounded.abs().max(1.0) || !(rounded.abs() < 4.5e15) {
+        if !value.is_finite()
+            || rounded.abs() > 4.5e15
+            || (value - rounded).abs() > 1e-9 * rounded.abs().max(1.0)
+        {
             return self.error(ModelError::NotInteger {
                 what: what.to_owned(),
                 found: value,
@@ -232,6 +238,7 @@ impl<'a, 'e> Lowering<'a, 'e> {
         value
     }
 
+    #[inline(never)]
     fn any(&mut self, expr: &syntax::Expr) -> Result<Value<'e>, Reported> {
         if let Some(hook) = self.hook
             && matches!(
@@ -246,58 +253,83 @@ impl<'a, 'e> Lowering<'a, 'e> {
             ExprKind::Number(value) => Ok(Tensor::scalar(self.constant(*value)).into()),
             ExprKind::String(_) => self.error(ModelError::Text { span: expr.span }),
             ExprKind::Name(name) => self.name(name, expr.span),
-            ExprKind::Field(base, field) => {
-                let base_text = self.text(base);
-                // A base that is not there at all is the better thing to report.
-                self.expr(base)?;
-                self.error(ModelError::NoField {
-                    name: base_text,
-                    field: field.name.clone(),
-                    span: field.span,
-                })
-            }
+            ExprKind::Field(base, field) => self.field(base, field),
             ExprKind::Index(base, indices) => self.index(base, indices, expr.span),
             ExprKind::Call(function, args) => calls::call(self, function, args, expr.span),
             ExprKind::Matrix(matrix) => self.matrix(matrix, expr.span).map(Value::from),
-            ExprKind::Comprehension(body, binders) => {
-                let mut data = vec![];
-                self.for_each(binders, expr.span, &mut |lowering| {
-                    let entry = lowering.scalar(body, "an entry of a comprehension")?;
-                    data.push(entry);
-                    Ok(())
-                })?;
-                Ok(Tensor::vector(data).into())
-            }
-            ExprKind::Negate(inner) => {
-                let value = self.numbers(inner)?;
-                Ok(value.map(|entry| -entry).into())
-            }
-            ExprKind::Binary(op, left, right) => {
-                // Both sides are looked at, so that mistakes in both are reported.
-                let (a, b) = (self.numbers(left), self.numbers(right));
-                algebra::binary(self, *op, (&a?, left.span), (&b?, right.span)).map(Value::from)
-            }
+            ExprKind::Comprehension(body, binders) => self.comprehension(body, binders, expr.span),
+            ExprKind::Negate(inner) => self.negate(inner),
+            ExprKind::Binary(op, left, right) => self.power(*op, left, right),
             ExprKind::Chain(first, rest) => algebra::chain(self, first, rest).map(Value::from),
             ExprKind::Compare(first, rest) => self.compare(first, rest),
-            ExprKind::Not(inner) => {
-                let inner = self.condition(inner)?;
-                Ok(Value::condition(1.0 - inner))
-            }
-            // and: Π a,  or: 1 - Π (1 - a)
-            ExprKind::And(members) => {
-                let members = self.conditions(members)?;
-                Ok(Value::condition(self.scope.exprs.product(members)))
-            }
-            ExprKind::Or(members) => {
-                let members = self.conditions(members)?;
-                let none = self
-                    .scope
-                    .exprs
-                    .product(members.into_iter().map(|member| 1.0 - member));
-                Ok(Value::condition(1.0 - none))
-            }
+            ExprKind::Not(inner) => self.not(inner),
+            ExprKind::And(members) => self.and(members),
+            ExprKind::Or(members) => self.or(members),
             ExprKind::If(c, a, b) => self.choose(c, a, b),
         }
+    }
+
+    #[inline(never)]
+    fn field(&mut self, base: &syntax::Expr, field: &syntax::Ident) -> Result<Value<'e>, Reported> {
+        let name = self.text(base);
+        // A base that is not there at all is the better thing to report.
+        self.expr(base)?;
+        let (field, span) = (field.name.clone(), field.span);
+        self.error(ModelError::NoField { name, field, span })
+    }
+
+    #[inline(never)]
+    fn comprehension(
+        &mut self,
+        body: &syntax::Expr,
+        binders: &[syntax::Binder],
+        span: Span,
+    ) -> Result<Value<'e>, Reported> {
+        let mut data = vec![];
+        self.for_each(binders, span, &mut |lowering| {
+            data.push(lowering.scalar(body, "an entry of a comprehension")?);
+            Ok(())
+        })?;
+        Ok(Tensor::vector(data).into())
+    }
+
+    #[inline(never)]
+    fn negate(&mut self, inner: &syntax::Expr) -> Result<Value<'e>, Reported> {
+        Ok(self.numbers(inner)?.map(|entry| -entry).into())
+    }
+
+    #[inline(never)]
+    fn power(
+        &mut self,
+        op: syntax::BinaryOp,
+        left: &syntax::Expr,
+        right: &syntax::Expr,
+    ) -> Result<Value<'e>, Reported> {
+        // Both sides are looked at, so that mistakes in both are reported.
+        let (a, b) = (self.numbers(left), self.numbers(right));
+        algebra::binary(self, op, (&a?, left.span), (&b?, right.span)).map(Value::from)
+    }
+
+    /// not: 1 - a
+    #[inline(never)]
+    fn not(&mut self, inner: &syntax::Expr) -> Result<Value<'e>, Reported> {
+        let inner = self.condition(inner)?;
+        Ok(Value::condition(1.0 - inner))
+    }
+
+    /// and: Π a
+    #[inline(never)]
+    fn and(&mut self, members: &[syntax::Expr]) -> Result<Value<'e>, Reported> {
+        let members = self.conditions(members)?;
+        Ok(Value::condition(self.scope.exprs.product(members)))
+    }
+
+    /// or: 1 - Π (1 - a)
+    #[inline(never)]
+    fn or(&mut self, members: &[syntax::Expr]) -> Result<Value<'e>, Reported> {
+        let members = self.conditions(members)?;
+        let none = members.into_iter().map(|member| 1.0 - member);
+        Ok(Value::condition(1.0 - self.scope.exprs.product(none)))
     }
 
     /// Several conditions; mistakes in all of them are reported.
@@ -310,6 +342,7 @@ impl<'a, 'e> Lowering<'a, 'e> {
     }
 
     /// `if c then a else b`: b + c (a - b), or one of them when c is constant.
+    #[inline(never)]
     fn choose(
         &mut self,
         condition: &syntax::Expr,

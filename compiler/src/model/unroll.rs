@@ -5,10 +5,11 @@ use super::lower::{Local, Lowering};
 use super::scope::Reported;
 use super::{ModelError, Shape, Tensor};
 use crate::source::Span;
-use crate::syntax::{Binder, Matrix};
+use crate::syntax::{self, Binder, Matrix};
 
 impl<'e> Lowering<'_, 'e> {
     /// Runs `body` with the indices set to each of their values, the last one fastest.
+    #[inline(never)]
     pub fn for_each(
         &mut self,
         binders: &[Binder],
@@ -49,16 +50,17 @@ impl<'e> Lowering<'_, 'e> {
     }
 
     /// `[a, b]` stacks into a column, `[a, b; c, d]` lays out blocks, `[a, b;]` is a row.
+    #[inline(never)]
     pub fn matrix(&mut self, matrix: &Matrix, span: Span) -> Result<Tensor<'e>, Reported> {
         if !matrix.semicolons {
             return self.stack(matrix);
         }
         let mut rows = vec![];
+        let mut values = self.all_numbers(matrix.rows.iter().flatten())?.into_iter();
         for row in &matrix.rows {
-            let mut blocks = vec![];
-            for entry in row {
-                blocks.push((self.numbers(entry)?, entry.span));
-            }
+            // The row first: the shorter side of a `zip` must be asked first.
+            let blocks = row.iter().zip(values.by_ref());
+            let blocks = blocks.map(|(entry, value)| (value, entry.span)).collect();
             let row_span = match (row.first(), row.last()) {
                 (Some(first), Some(last)) => first.span.to(last.span),
                 _ => span,
@@ -83,10 +85,20 @@ impl<'e> Lowering<'_, 'e> {
         Ok(Tensor::matrix(n_rows, columns, data))
     }
 
+    /// Several values; mistakes in all of them are reported.
+    pub fn all_numbers<'s>(
+        &mut self,
+        exprs: impl Iterator<Item = &'s syntax::Expr>,
+    ) -> Result<Vec<Tensor<'e>>, Reported> {
+        let values: Vec<_> = exprs.map(|expr| self.numbers(expr)).collect();
+        values.into_iter().collect()
+    }
+
+    #[inline(never)]
     fn stack(&mut self, matrix: &Matrix) -> Result<Tensor<'e>, Reported> {
         let mut data = vec![];
-        for entry in matrix.rows.iter().flatten() {
-            let value = self.numbers(entry)?;
+        let values = self.all_numbers(matrix.rows.iter().flatten())?;
+        for (value, entry) in values.into_iter().zip(matrix.rows.iter().flatten()) {
             if let Shape::Matrix(rows, columns) = value.shape {
                 return self.error(ModelError::ScalarExpected {
                     what: "an entry of a column".to_owned(),

@@ -133,11 +133,11 @@ fn every_state_is_set_once() {
     ");
     assert_snapshot!(model("model m { state x = 0; state y = 0; y' = 0; region a where x > 0 { x' = 1; y' = 1; } region b where x < 0 { x' = 2; } }"), @r"
     E0302: the dynamics of `y` are set twice | y' = 0;: set here | y' = 1;: and again here | use `+=` to add a term
-    E0304: region `b` does not set `y` | y' = 1;: set here, in region `a` | region b where x < 0 { x' = 2; } : not set here | add `y' = ..;` to region `b`
+    E0304: region `b` does not set `y` | y' = 1;: set here, in region `a` | region b where x < 0 { x' = 2; }: not set here | add `y' = ..;` to region `b`
     ");
     assert_snapshot!(model("model m { state x = 0; region a where x > 0 { x' = 1; } }"), @"E0307: nothing sets `x` outside region `a` | x' = 1;: set here only | add the other regions, or one with `else`");
-    assert_snapshot!(model("model m { state x = 0; x' = 1; region a else { x' += 1; } }"), @"E0305: region `a` is the rest of nothing | region a else { x' += 1; } : no other region sets these states | an `else` region sets the states that other regions set");
-    assert_snapshot!(model("model m { state x = 0; region a where x > 0 { x' = 1; } region b else { x' = 2; } region c else { x' = 3; } }"), @"E0306: two `else` regions set `x` | region b else { x' = 2; } : the rest | region c else { x' = 3; } : the rest again | give one of them a guard");
+    assert_snapshot!(model("model m { state x = 0; x' = 1; region a else { x' += 1; } }"), @"E0305: region `a` is the rest of nothing | region a else { x' += 1; }: no other region sets these states | an `else` region sets the states that other regions set");
+    assert_snapshot!(model("model m { state x = 0; region a where x > 0 { x' = 1; } region b else { x' = 2; } region c else { x' = 3; } }"), @"E0306: two `else` regions set `x` | region b else { x' = 2; }: the rest | region c else { x' = 3; }: the rest again | give one of them a guard");
     assert_snapshot!(model("model m { state x = 0; region a where x > 0 and x < 0 { x' = 1; } region b where 1 > 2 { x' = 2; } }"), @r"
     E0309: this guard holds on a thin set at most | x > 0 and x < 0: needs both sides of one surface at once | `<` and `<=` are the same; a surface belongs to no region
     E0308: this comparison is always false | 1 > 2: constant | a guard must depend on the state or on time
@@ -148,7 +148,7 @@ fn every_state_is_set_once() {
     ");
     assert_snapshot!(model("model m { state x = 0; switch s = step(x); x' = s; hidden on s { x' += s; } hidden on x { x' = 1; } }"), @r"
     E0311: this hidden term does not vanish at `s` = 1 | x' += s;: is not zero there | multiply it by `1 - s^2`
-    E0312: `x` is not a named switch | x : needs a switch | declare `switch s = sign(..);`
+    E0312: `x` is not a named switch | x: needs a switch | declare `switch s = sign(..);`
     ");
 }
 
@@ -173,7 +173,7 @@ fn refuses_what_is_not_supported() {
           T' = h + r + on + y + z;
         }";
     assert_snapshot!(model(text), @r#"
-    W0901: units are not checked yet | K : taken as a comment
+    W0901: units are not checked yet | K: taken as a comment
     E0902: parts are not supported yet | part b = disc { q = 1; }: a part | write the statements of the part into the model
     E0906: algebraic states and complementarity are not supported yet | algebraic z = 0;: algebraic | solve for the algebraic state where that is possible
     E0906: algebraic states and complementarity are not supported yet | 0 = z - x;: algebraic | solve for the algebraic state where that is possible
@@ -197,4 +197,37 @@ fn forgives_what_cannot_be_read() {
     E0104: `exp` is built in and cannot be redeclared | exp: declared here | choose another name
     E0102: `a` is declared twice | a: declared here | a: and again here | rename one of them
     ");
+}
+
+#[test]
+fn deep_expressions_do_not_overflow() {
+    let forms = [
+        "sum(_ for i in 1..1)",
+        "[_ for i in 1..1][1]",
+        "[_, 1; 2, 3][1, 1]",
+        "(if _ > x then 1 else 2)",
+        "max(_, 1)",
+        "-(_ - 1)^2",
+    ];
+    for form in forms {
+        let deep =
+            |inner: &str| (0..20).fold(inner.to_owned(), |inner, _| form.replace('_', &inner));
+        let functions = (0..40).map(|k| {
+            let body = if k == 39 {
+                "x".to_owned()
+            } else {
+                format!("f{}(x)", k + 1)
+            };
+            format!("fn f{k}(x) = {};\n", deep(&body))
+        });
+        let shown = model(&format!(
+            "{} model m {{ state x = 1; x' = f0(x); }}",
+            functions.collect::<String>()
+        ));
+        assert!(
+            shown.starts_with("E0220"),
+            "{form}: {}",
+            &shown[..200.min(shown.len())]
+        );
+    }
 }
