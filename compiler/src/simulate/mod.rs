@@ -64,8 +64,9 @@ pub fn run(system: &System, settings: &Settings, request: &Request) -> Trajector
         let mut recorder = Recorder::new(system, settings, request.dense);
         let outcome = simulator.run(0.0, settings.horizon, &x0, &mut recorder);
         let estimate = request.estimate.then(|| {
-            let finer = solver_settings_of(&simulator, tolerance * REFINEMENT);
-            Estimate::of(&switched, finer, settings.horizon, &x0, &recorder, &outcome)
+            let finer = finer(simulator.settings(), simulator.order(), tolerance);
+            let simulator = simulator.retuned(finer);
+            Estimate::of(simulator, settings.horizon, &x0, &recorder, &outcome)
         });
         let missed = estimate
             .as_ref()
@@ -126,10 +127,12 @@ fn solver_settings(
     }
 }
 
-fn solver_settings_of(simulator: &Simulator<Switched>, tolerance: f64) -> solver::Settings {
+/// A run that is more accurate, and of another order, so that its rounding errors are others.
+fn finer(run: &solver::Settings, order: usize, tolerance: f64) -> solver::Settings {
     solver::Settings {
-        tolerance,
-        ..simulator.settings().clone()
+        tolerance: tolerance * REFINEMENT,
+        order: Some(order + 3),
+        ..run.clone()
     }
 }
 
@@ -143,15 +146,14 @@ struct Estimate {
 
 impl Estimate {
     fn of(
-        system: &Switched,
-        finer: solver::Settings,
+        mut finer: Simulator<Switched>,
         horizon: f64,
         x0: &[f64],
         run: &Recorder,
         outcome: &Outcome,
     ) -> Self {
         let mut comparison = Comparison::new(run, x0);
-        let fine = Simulator::new(system, finer).run(0.0, horizon, x0, &mut comparison);
+        let fine = finer.run(0.0, horizon, x0, &mut comparison);
         let relative = |(i, &difference): (usize, &f64)| {
             // A state that cancellation holds in place differs by the rounding of its rate.
             let rounding = 8.0 * f64::EPSILON * outcome.activity[i] * outcome.time;

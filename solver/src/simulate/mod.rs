@@ -312,6 +312,18 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
         }
     }
 
+    /// The same system and compiled modes under other settings.
+    pub fn retuned(&self, settings: Settings) -> Self {
+        let mut other = Simulator::new(self.system, settings);
+        let n = self.system.n_states();
+        for mode in &self.modes {
+            let copy = Mode::new(&mode.sides, mode.functions().clone(), n, other.order);
+            other.modes.push(copy);
+        }
+        other.index = self.index.clone();
+        other
+    }
+
     /// The settings in force.
     pub fn settings(&self) -> &Settings {
         &self.settings

@@ -188,6 +188,10 @@ impl Mode {
         Ok(())
     }
 
+    pub(crate) fn functions(&self) -> &ModeFunctions {
+        &self.functions
+    }
+
     pub(crate) fn order(&self) -> usize {
         self.order
     }
