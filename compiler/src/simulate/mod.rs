@@ -154,13 +154,15 @@ impl Estimate {
     ) -> Self {
         let mut comparison = Comparison::new(run, x0);
         let fine = finer.run(0.0, horizon, x0, &mut comparison);
+        let events = (outcome.stats.events as f64).sqrt();
         let relative = |(i, &difference): (usize, &f64)| {
-            // A state that cancellation holds in place differs by the rounding of its rate.
-            let rounding = 8.0 * f64::EPSILON * outcome.activity[i] * outcome.time;
+            // What the rounding of one instant moves the state by.
+            let rounding = f64::EPSILON * outcome.activity[i] * outcome.time;
             let scale = comparison.scale[i].max(outcome.x[i].abs());
-            if difference > rounding {
-                difference / scale
+            if scale > 8.0 * rounding {
+                difference.max(4.0 * events * rounding) / scale
             } else {
+                // Cancellation holds the state at zero: there is no motion to be relative to.
                 0.0
             }
         };
