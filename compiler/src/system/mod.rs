@@ -17,8 +17,9 @@
 //! - Rates, outputs and ψ contain only time, parameters, states and α.
 //! - Every α that occurs belongs to exactly one switch, every switch to exactly
 //!   one subsystem; α of different subsystems never multiply each other.
-//! - The weight of a region is 0 or 1 in every corner of α. (That the weights of a
-//!   partition sum to one where its ψ allow is checked at sampled points by [`lower`].)
+//! - In every corner of α, the weights of a partition are 0 or 1, or sum to one: a region `else`
+//!   is 1 minus the others also in corners that no point has. (That exactly one region holds at
+//!   every point is checked at samples by [`lower`].)
 
 mod affine;
 mod assemble;

@@ -56,13 +56,18 @@ fn product_of_literals(weight: Expr<'_>, alphas: &[Var]) -> Option<Vec<(usize, b
     are_distinct.then_some(literals)
 }
 
-/// Whether a weight is 0 or 1 in every corner of its α; with many α, whatever it is.
-pub(super) fn is_indicator(weight: Expr<'_>, alphas: &[Var]) -> bool {
-    let inside = positions(weight, alphas);
+/// Whether in every corner of α the weights are 0 or 1, or at least sum to one, as they do with a region
+/// `else` in corners that no point has; with many α, whatever they are.
+pub(super) fn are_weights(partition: &Partition<'_>, alphas: &[Var]) -> bool {
+    let inside = &partition.switches;
     inside.len() > MOST_ENUMERATED
         || (0..1usize << inside.len()).all(|corner| {
-            let value = corner_value(weight, alphas, &inside, corner);
-            (value * (value - 1.0)).abs() < 1e-9
+            let weights = partition.regions.iter().map(|region| region.weight);
+            let values: Vec<f64> = weights
+                .map(|weight| corner_value(weight, alphas, inside, corner))
+                .collect();
+            let are_indicators = values.iter().all(|v| (v * (v - 1.0)).abs() < 1e-9);
+            are_indicators || (values.iter().sum::<f64>() - 1.0).abs() < 1e-9
         })
 }
 

@@ -381,3 +381,24 @@ fn what_agrees_on_the_surface_needs_no_reading() {
     subsystem alpha[1], alpha[2]
     ");
 }
+
+#[test]
+fn the_rest_between_two_surfaces_keeps_them_independent() {
+    let text = "
+region low  where x < 0 { x' = 1; }
+region high where x > 2 { x' = -1; }
+region middle else { x' = 0; }";
+    assert_snapshot!(statements(text), @r"
+    system m
+    state x = 1
+    der(x) = 1 - alpha[1] - alpha[2]
+    alpha[1] in step(x)  // x, discontinuous
+    alpha[2] in step(x - 2)  // x - 2, discontinuous
+    partition of x
+      low: 1 - alpha[1]
+      high: alpha[2]
+      middle: alpha[1] - alpha[2]
+    subsystem alpha[1]
+    subsystem alpha[2]
+    ");
+}

@@ -4,7 +4,7 @@ use rustc_hash::FxHashSet;
 
 use super::affine::is_affine;
 use super::interaction::{positions, subsystems};
-use super::regions::is_indicator;
+use super::regions::are_weights;
 use super::{Output, System};
 use crate::expr::{Expr, Node, Var, rewrite, variables_of};
 
@@ -87,12 +87,8 @@ impl<'e> System<'e> {
         if surfaces.len() < self.switches.len() {
             return Err("two switches share a surface".into());
         }
-        let weights = self.partitions.iter().flat_map(|p| &p.regions);
-        if let Some(region) = weights
-            .into_iter()
-            .find(|r| !is_indicator(r.weight, &alphas))
-        {
-            return Err(format!("the weight of `{}` is no indicator", region.name));
+        if self.partitions.iter().any(|p| !are_weights(p, &alphas)) {
+            return Err("the weights of a partition choose no region".into());
         }
         let rates: Vec<Expr<'e>> = self.states.iter().map(|state| state.rate).collect();
         let interacting = subsystems(&rates, &alphas);
