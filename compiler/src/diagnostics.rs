@@ -6,7 +6,7 @@ use miette::{
     Diagnostic, GraphicalReportHandler, GraphicalTheme, LabeledSpan, Severity, SourceCode,
 };
 
-use crate::source::SourceMap;
+use crate::source::{self, SourceMap};
 
 /// Any diagnostic of any stage.
 pub type AnyDiagnostic = Box<dyn Diagnostic + Send + Sync + 'static>;
@@ -156,7 +156,15 @@ impl Diagnostic for InSources<'_> {
     }
 
     fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
-        self.diagnostic.labels()
+        let labels = self.diagnostic.labels()?.map(|label| {
+            let span = source::clip(self.sources, *label.inner());
+            let text = label.label().map(str::to_owned);
+            match label.primary() {
+                true => LabeledSpan::new_primary_with_span(text, span),
+                false => LabeledSpan::new_with_span(text, span),
+            }
+        });
+        Some(Box::new(labels))
     }
 
     fn source_code(&self) -> Option<&dyn SourceCode> {

@@ -165,18 +165,93 @@ impl SourceCode for SourceMap {
     ) -> Result<Box<dyn SpanContents<'a> + 'a>, MietteError> {
         let global = Span::new(span.offset()..span.offset() + span.len());
         let file = self.file(global).ok_or(MietteError::OutOfBounds)?;
-        let local = SourceSpan::from((span.offset() - file.start, span.len()));
-        let contents = file.text.read_span(&local, lines_before, lines_after)?;
-        let shown = contents.span();
+        let text = file.text.as_str();
+        let start = span.offset() - file.start;
+        let end = start + span.len();
+        if !text.is_char_boundary(start) || !text.is_char_boundary(end) {
+            return Err(MietteError::OutOfBounds);
+        }
+
+        // A line that no terminal holds is shown in part.
+        let fits = |shown: &Range<usize>| !text[shown.clone()].lines().any(|line| line.len() > LONG_LINE);
+        let with_context = lines_around(text, start..end, lines_before, lines_after);
+        let alone = lines_around(text, start..end, 0, 0);
+        let shown = if (lines_before, lines_after) == (0, 0) {
+            start..end
+        } else if fits(&with_context) {
+            with_context
+        } else if fits(&alone) {
+            alone
+        } else if span.len() <= LONG_LINE {
+            part_of_line(text, start..end)
+        } else {
+            return Err(MietteError::OutOfBounds);
+        };
+        let before = &text[..shown.start];
+        let line_start = line_start(text, shown.start);
         Ok(Box::new(MietteSpanContents::new_named(
             file.name.clone(),
-            contents.data(),
-            (shown.offset() + file.start, shown.len()).into(),
-            contents.line(),
-            contents.column(),
-            contents.line_count(),
+            &text.as_bytes()[shown.clone()],
+            (shown.start + file.start, shown.len()).into(),
+            before.bytes().filter(|&byte| byte == b'\n').count(),
+            text[line_start..shown.start].chars().count(),
+            text[shown].lines().count(),
         )))
     }
+}
+
+/// Bytes of a line that diagnostics still show as a whole.
+const LONG_LINE: usize = 400;
+
+/// Bytes shown on both sides of what is wrong in a longer line.
+const AROUND: usize = 60;
+
+/// A label that can be drawn: one on or over long lines ends early.
+pub(crate) fn clip(sources: &SourceMap, span: SourceSpan) -> SourceSpan {
+    let global = Span::new(span.offset()..span.offset() + span.len());
+    let text = sources.text(global);
+    if text.len() <= AROUND || !text.lines().any(|line| line.len() > LONG_LINE / 2) {
+        return span;
+    }
+    let first = text.lines().next().unwrap_or_default();
+    (span.offset(), boundary(first, AROUND)).into()
+}
+
+fn line_start(text: &str, at: usize) -> usize {
+    text[..at].rfind('\n').map_or(0, |newline| newline + 1)
+}
+
+/// One past the line break that ends the line of `at`.
+fn line_end(text: &str, at: usize) -> usize {
+    text[at..].find('\n').map_or(text.len(), |newline| at + newline + 1)
+}
+
+fn lines_around(text: &str, range: Range<usize>, before: usize, after: usize) -> Range<usize> {
+    let mut start = line_start(text, range.start);
+    for _ in 0..before {
+        start = start.checked_sub(1).map_or(0, |end| line_start(text, end));
+    }
+    // A range that ends with a line break does not reach into the next line.
+    let breaks = range.len() > 1 && text[range.clone()].ends_with('\n');
+    let mut end = line_end(text, range.end - usize::from(breaks));
+    for _ in 0..after {
+        end = line_end(text, end);
+    }
+    start..end
+}
+
+/// What surrounds a range in its line.
+fn part_of_line(text: &str, range: Range<usize>) -> Range<usize> {
+    let line = line_start(text, range.start)..line_end(text, range.end);
+    let start = boundary(text, range.start.saturating_sub(AROUND).max(line.start));
+    let end = boundary(text, (range.end + AROUND).min(line.end));
+    start..end
+}
+
+/// The last boundary of a character that is not behind `at`.
+fn boundary(text: &str, at: usize) -> usize {
+    let at = at.min(text.len());
+    (0..=at).rev().find(|&at| text.is_char_boundary(at)).unwrap_or_default()
 }
 
 #[cfg(test)]
@@ -205,6 +280,34 @@ mod tests {
             "",
             "a span over two files has no text"
         );
+    }
+
+    /// The text that is shown for a range, with its first line and column.
+    fn shown(text: &str, range: Range<usize>, lines: usize) -> String {
+        let mut map = SourceMap::new();
+        map.add("first.nsd", "nothing");
+        let file = map.add("a.nsd", text);
+        let span = (file.start + range.start, range.len()).into();
+        let contents = map.read_span(&span, lines, lines).unwrap();
+        let data = String::from_utf8_lossy(contents.data());
+        format!("{}:{}:{data}", contents.line(), contents.column())
+    }
+
+    #[test]
+    fn spans_are_shown_with_their_lines() {
+        let text = "a\nθb\nc\nd";
+        assert_eq!(shown(text, 4..5, 0), "1:1:b");
+        assert_eq!(shown(text, 4..5, 1), "0:0:a\nθb\nc\n");
+        assert_eq!(shown(text, 8..9, 1), "2:0:c\nd");
+        assert_eq!(shown("", 0..0, 1), "0:0:");
+    }
+
+    #[test]
+    fn long_lines_are_shown_in_part() {
+        let text = format!("first\n{}here{}\nlast", "<".repeat(900), ">".repeat(900));
+        let expected = format!("1:840:{}here{}", "<".repeat(60), ">".repeat(60));
+        assert_eq!(shown(&text, 906..910, 1), expected);
+        assert_eq!(shown(&text, 0..5, 1), "0:0:first\n");
     }
 
     #[test]

@@ -33,6 +33,8 @@ struct Open<'t> {
     postfix: bool,
     /// The first semicolon inside.
     semicolon: Option<Token<'t>>,
+    /// Whether a string that is not closed may have swallowed its end.
+    swallowed: bool,
 }
 
 /// Depth of what is read inside one bracket.
@@ -101,6 +103,11 @@ impl<'t> Brackets<'t> {
         match token.kind {
             TokenKind::Word => self.word(token, repair),
             TokenKind::Symbol => self.symbol(token, repair),
+            TokenKind::OpenString => {
+                let brackets = self.outer.iter_mut().rev().map(|(open, _)| open);
+                let brackets = brackets.take_while(|open| open.token.text != "{");
+                brackets.for_each(|open| open.swallowed = true);
+            }
             _ => self.operand(),
         }
     }
@@ -171,6 +178,7 @@ impl<'t> Brackets<'t> {
             token: *token,
             postfix: self.here.complete && token.text != "{",
             semicolon: None,
+            swallowed: false,
         };
         self.base += self.here.ifs + self.here.above + 1;
         self.outer.push((open, self.here));
@@ -251,6 +259,9 @@ impl<'t> Brackets<'t> {
 
     fn report_unclosed(&self, open: &Open, before: Option<Span>, repair: &mut Repair<'t>) {
         let range = open.token.start..open.token.end();
+        if open.swallowed {
+            return repair.silence(range);
+        }
         let error = SyntaxError::UnclosedBracket {
             bracket: open.token.text.chars().next().unwrap_or_default(),
             closing: closing(open.token.text),
@@ -261,14 +272,16 @@ impl<'t> Brackets<'t> {
         repair.replace(range, instead, error);
     }
 
-    /// `model` and a name start an item: what is still open should have been
-    /// closed before. Closing braces find room in the blanks before the keyword.
+    /// `model` and a name at the start of a line start an item: what is still open
+    /// should have been closed before. Closing braces find room in the blanks
+    /// before the keyword.
     fn next_item(&mut self, repair: &mut Repair<'t>) {
         let [Some(before), Some(keyword)] = self.last else {
             return;
         };
         let starts_item = matches!(keyword.text, "model" | "simulate" | "optimize")
-            && matches!(before.text, ";" | "}");
+            && matches!(before.text, ";" | "}")
+            && repair.starts_line(keyword.start);
         let braces = self.outer.iter().filter(|(open, _)| open.token.text == "{");
         let room: Vec<usize> = self.blanks[0]
             .iter()

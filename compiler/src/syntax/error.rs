@@ -220,11 +220,13 @@ pub enum SyntaxError {
     #[error("`{name} {operator}` sets nothing in a model")]
     #[diagnostic(
         code(E0016),
-        help("write `{name}' {operator} ...;` for dynamics, or `let {name} = ...;` for a name")
+        help("write `{name}' {operator} ...;` for dynamics, or `let {head} = ...;` for a name")
     )]
     AssignmentWithoutPrime {
         /// The left side.
         name: String,
+        /// Its first name.
+        head: String,
         /// `=` or `+=`.
         operator: String,
         /// The left side and the operator.

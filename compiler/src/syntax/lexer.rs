@@ -4,7 +4,7 @@
 //! should have ended nor keep a comment. Every byte of the text belongs to
 //! exactly one token, so their texts side by side give the file back.
 
-use pest::unicode::{XID_CONTINUE, XID_START};
+use pest::unicode::XID_START;
 
 /// Kinds of tokens.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -107,7 +107,7 @@ impl<'t> Iterator for Lexer<'t> {
         } else if first.is_ascii_digit() || first == '.' && digits(&rest[1..]) > 0 {
             number(rest)
         } else if is_word_start(first) {
-            (TokenKind::Word, prefix(rest, XID_CONTINUE))
+            (TokenKind::Word, prefix(rest, is_word_part))
         } else if first == '"' {
             string(rest)
         } else if let Some(symbol) = SYMBOLS.iter().find(|symbol| rest.starts_with(**symbol)) {
@@ -124,6 +124,11 @@ impl<'t> Iterator for Lexer<'t> {
 /// True where a name may start.
 pub fn is_word_start(c: char) -> bool {
     c == '_' || XID_START(c)
+}
+
+/// True where a name may go on. A raised dot belongs to words by Unicode, but is meant as a product.
+fn is_word_part(c: char) -> bool {
+    pest::unicode::XID_CONTINUE(c) && !matches!(c, '·' | '\u{387}')
 }
 
 /// Blanks, and the mark some editors put at the start of a file.
@@ -163,7 +168,7 @@ fn number(text: &str) -> (TokenKind, usize) {
             length += 1 + sign + exponent;
         }
     }
-    let glued = prefix(&text[length..], XID_CONTINUE);
+    let glued = prefix(&text[length..], is_word_part);
     length += glued;
     good &= glued == 0;
     match good {

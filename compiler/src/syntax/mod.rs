@@ -20,7 +20,7 @@ pub use error::SyntaxError;
 pub use format::format;
 
 use crate::diagnostics::Diagnostics;
-use crate::source::SourceFile;
+use crate::source::{SourceFile, Span};
 
 /// Deepest nesting of brackets, blocks and operators that is accepted.
 pub const MAX_DEPTH: usize = 128;
@@ -48,7 +48,8 @@ pub fn parse(file: &SourceFile, diagnostics: &mut Diagnostics) -> File {
     let mut errors = scan.errors;
     errors.extend(wrong_statements);
     if ast.items.is_empty() && errors.is_empty() {
-        errors.push(SyntaxError::EmptyFile { span: file.span() });
+        let span = Span::new(file.start..file.start);
+        errors.push(SyntaxError::EmptyFile { span });
     }
     if errors.len() > MAX_ERRORS {
         errors.truncate(MAX_ERRORS);

@@ -90,6 +90,11 @@ impl<'t> Repair<'t> {
         Span::new(self.base + range.start..self.base + range.end)
     }
 
+    /// True at the start of a line, without indentation.
+    pub fn starts_line(&self, at: usize) -> bool {
+        self.text[..at].ends_with('\n')
+    }
+
     /// Reports an error at `range` and puts `instead` there, filled up with blanks.
     pub fn replace(&mut self, range: Range<usize>, instead: &str, error: SyntaxError) {
         self.patch(range.clone(), instead);
@@ -102,6 +107,12 @@ impl<'t> Repair<'t> {
         if self.errors.len() <= MAX_ERRORS {
             self.errors.push(error);
         }
+    }
+
+    /// Blanks out what follows from an error that has been reported.
+    pub fn silence(&mut self, range: Range<usize>) {
+        self.patch(range.clone(), "");
+        self.wrong.push(range);
     }
 
     /// Puts `instead` over whole characters, filled up with blanks.
@@ -263,7 +274,7 @@ impl<'t> Repair<'t> {
 /// Symbols of papers and keyboards, with what is written instead.
 const FOREIGN: [(&str, &str); 13] = [
     ("−–—", "-"),
-    ("×·⋅∗", "*"),
+    ("×·\u{387}⋅∗", "*"),
     ("÷∕", "/"),
     ("≤⩽", "<="),
     ("≥⩾", ">="),

@@ -13,7 +13,7 @@ use pest::error::{ErrorVariant, InputLocation};
 use pest::iterators::Pair;
 
 use super::{Builder, words};
-use crate::syntax::lexer::{Lexer, Token, TokenKind};
+use crate::syntax::lexer::{Lexer, Token, TokenKind, is_word_start};
 use crate::syntax::{MAX_ERRORS, SyntaxError};
 
 /// Which list a wrong member stands in.
@@ -69,6 +69,20 @@ impl Failure {
             Rule::span,
         ];
         starts.iter().any(|start| self.expects(*start))
+    }
+
+    /// True for what an expression or a name can always go on or start with.
+    fn goes_without_saying(&self, rule: Rule) -> bool {
+        use Rule::{call, close_bracket, close_paren, comparator, equals, field, index, infix, kw_for, kw_if, matrix};
+        use Rule::{group, name, negative, number, op_and, op_not, op_or, open_bracket, open_paren, string};
+        match rule {
+            infix | comparator | op_and | op_or | call | index | field => true,
+            number | string | name | matrix | group | negative | op_not | kw_if => self.wants_operand(),
+            open_paren | open_bracket => self.after_operand() || self.wants_operand() || self.expects(field),
+            // Of an argument that has been read, only its end is of interest.
+            equals | kw_for => self.after_operand() && (self.expects(close_paren) || self.expects(close_bracket)),
+            _ => false,
+        }
     }
 }
 
@@ -165,7 +179,12 @@ impl<'b> Builder<'b> {
             .iter()
             .find(|(start, _)| *start == first.text);
         // Keywords are names where nothing follows that the keyword would take.
-        let as_name = matches!(second_text, "'" | "=" | "+=" | ":=" | "." | "in");
+        let only_keywords = matches!(place, Place::File | Place::Experiment);
+        let as_name = match second_text {
+            _ if only_keywords => false,
+            "in" => next.next().is_some_and(|third| matches!(third.text, "argmin" | "variational")),
+            text => matches!(text, "'" | "=" | "+=" | ":=" | "."),
+        };
         if let Some((_, rule)) = keyword.filter(|_| !as_name) {
             return Ok(*rule);
         }
@@ -220,6 +239,7 @@ impl<'b> Builder<'b> {
             "in" => Ok(Rule::program),
             "=" | "+=" if !called => Err(SyntaxError::AssignmentWithoutPrime {
                 name: text[first.start..end].trim().to_owned(),
+                head: first.text.to_owned(),
                 operator: operator.to_owned(),
                 span: self.position(first.start..behind.map_or(end, |token| token.end())),
             }),
@@ -301,9 +321,10 @@ impl<'b> Builder<'b> {
                 span: self.position(end..end),
             };
         }
-        let expected = expected(failure);
+        let before = before.map_or("", |before| before.text);
+        let expected = expected(failure, before);
         SyntaxError::Expected {
-            help: help(failure, found_text, before.map_or("", |before| before.text)),
+            help: help(place, failure, found_text),
             found: found.map_or("the end of the statement".to_owned(), |found| shown(&found)),
             expected,
             span,
@@ -339,49 +360,33 @@ fn shown(token: &Token) -> String {
 }
 
 /// What could stand where the parser failed, as "a, b or c".
-fn expected(failure: &Failure) -> String {
+fn expected(failure: &Failure, before: &str) -> String {
     let mut list: Vec<String> = Vec::new();
-    let mut push = |text: String| {
-        if !list.contains(&text) {
-            list.push(text);
-        }
-    };
     if failure.wants_operand() {
-        push("an expression".to_owned());
+        list.push("an expression".to_owned());
     }
-    // Of an argument that has been read, only its end is of interest.
-    let in_list = failure.expects(Rule::close_paren) || failure.expects(Rule::close_bracket);
     for rule in &failure.expected {
-        use Rule::{
-            call, comparator, field, index, infix, op_and, op_or, open_bracket, open_paren,
-        };
-        use Rule::{group, matrix, name, negative, number, op_not, string};
-        let operator = matches!(rule, infix | comparator | op_and | op_or);
-        let attached = matches!(rule, call | index | field | open_bracket | open_paren);
-        let operand = matches!(
-            rule,
-            number | string | name | matrix | group | negative | op_not
-        );
-        let inside = matches!(rule, Rule::equals | Rule::kw_for);
-        if operator
-            || attached && failure.expected.len() > 1
-            || operand && failure.wants_operand()
-            || inside && in_list && failure.after_operand()
-        {
+        if failure.goes_without_saying(*rule) {
             continue;
         }
-        if matches!(rule, Rule::close_paren | Rule::close_bracket) && failure.after_operand() {
-            push("`,`".to_owned());
+        let closes = matches!(rule, Rule::close_paren | Rule::close_bracket | Rule::close_brace);
+        if closes && (failure.after_operand() || before.starts_with(is_word_start)) {
+            list.push("`,`".to_owned());
         }
         match spelling(*rule) {
-            Some("if") if failure.wants_operand() => {}
-            Some(word) => push(format!("`{word}`")),
-            None => push(words::describe(*rule).to_owned()),
+            Some(word) => list.push(format!("`{word}`")),
+            None => list.extend(words::describe(*rule).split('|').map(str::to_owned)),
         }
     }
     if failure.after_operand() {
-        push("an operator".to_owned());
+        list.push("an operator".to_owned());
     }
+    let mut seen = Vec::new();
+    list.retain(|text| {
+        let is_new = !seen.contains(text);
+        seen.push(text.clone());
+        is_new
+    });
     match list.split_last() {
         None => "something else".to_owned(),
         Some((last, [])) => last.clone(),
@@ -390,22 +395,18 @@ fn expected(failure: &Failure) -> String {
 }
 
 /// One action that may repair the statement.
-fn help(failure: &Failure, found: &str, before: &str) -> Option<String> {
+fn help(place: Place, failure: &Failure, found: &str) -> Option<String> {
     let wanted = failure.expected.iter().filter_map(|rule| spelling(*rule));
     if let Some(meant) = words::nearest(found, wanted.filter(|word| word.len() > 2)) {
         return Some(format!("did you mean `{meant}`?"));
     }
     let help = match found {
         "if" => "put the `if` in parentheses",
+        "=" if place == Place::Experiment && failure.wants_operand() => "remove the `=`",
         "=" if failure.expects(Rule::comparator) => "compare with `<`, `<=`, `>` or `>=`",
         ":=" if failure.expects(Rule::equals) => "write `=`; `:=` stands only in a `jump`",
         "=" if failure.expects(Rule::becomes) => "write `:=`; a jump sets the value after it",
-        _ if failure.expects(Rule::kw_else) && failure.after_operand() => {
-            "every `if` has a `then` and an `else`"
-        }
-        _ if failure.expects(Rule::within) && before == "within" => {
-            "give the tolerance after `within`"
-        }
+        _ if failure.expects(Rule::kw_else) && failure.after_operand() => "every `if` has a `then` and an `else`",
         _ => return None,
     };
     Some(help.to_owned())

@@ -168,7 +168,7 @@ const ALIASES: [(&str, &str); 24] = [
     ("cost", "minimize"),
 ];
 
-/// What a rule of the grammar is called in a message.
+/// What a rule of the grammar is called in a message; alternatives are separated by `|`.
 pub fn describe(rule: Rule) -> &'static str {
     match rule {
         Rule::name | Rule::path => "a name",
@@ -176,14 +176,14 @@ pub fn describe(rule: Rule) -> &'static str {
         Rule::use_names => "`.{`",
         Rule::use_alias => "`as`",
         Rule::fn_params => "`(`",
-        Rule::severity => "`error` or `warning`",
+        Rule::severity => "`error`|`warning`",
         Rule::body | Rule::rows | Rule::binds | Rule::resets | Rule::options | Rule::finite_set => {
             "`{`"
         }
         Rule::sizes | Rule::interval | Rule::part_index => "`[`",
         Rule::unit => "a unit",
         Rule::domain => "`in`",
-        Rule::sliding => "`linear` or `nonlinear`",
+        Rule::sliding => "`linear`|`nonlinear`",
         Rule::binder => "an index such as `i in 1..n`",
         Rule::guard_where => "`where`",
         Rule::guard_indicator => "`indicator`",
@@ -191,8 +191,8 @@ pub fn describe(rule: Rule) -> &'static str {
         Rule::metric => "`metric`",
         Rule::argmin => "`argmin`",
         Rule::variational => "`variational`",
-        Rule::relator => "`<=`, `>=` or `=`",
-        Rule::dynamics_op => "`=` or `+=`",
+        Rule::relator => "`<=`|`>=`|`=`",
+        Rule::dynamics_op => "`=`|`+=`",
         Rule::zero => "`0`",
         Rule::horizon_free => "`free`",
         Rule::every => "`every`",
@@ -203,7 +203,7 @@ pub fn describe(rule: Rule) -> &'static str {
         Rule::seed => "`seed`",
         Rule::number => "a number",
         Rule::string => "a string",
-        Rule::expect_op => "`~`, `<=`, `>=`, `<`, `>` or `=`",
+        Rule::expect_op => "`~`|`<=`|`>=`|`<`|`>`|`=`",
         Rule::colon => "`:`",
         Rule::row_break => "`;`",
         _ => "an expression",
