@@ -173,7 +173,11 @@ impl SourceCode for SourceMap {
         }
 
         // A line that no terminal holds is shown in part.
-        let fits = |shown: &Range<usize>| !text[shown.clone()].lines().any(|line| line.len() > LONG_LINE);
+        let fits = |shown: &Range<usize>| {
+            !text[shown.clone()]
+                .lines()
+                .any(|line| line.len() > LONG_LINE)
+        };
         let with_context = lines_around(text, start..end, lines_before, lines_after);
         let alone = lines_around(text, start..end, 0, 0);
         let shown = if (lines_before, lines_after) == (0, 0) {
@@ -223,7 +227,9 @@ fn line_start(text: &str, at: usize) -> usize {
 
 /// One past the line break that ends the line of `at`.
 fn line_end(text: &str, at: usize) -> usize {
-    text[at..].find('\n').map_or(text.len(), |newline| at + newline + 1)
+    text[at..]
+        .find('\n')
+        .map_or(text.len(), |newline| at + newline + 1)
 }
 
 fn lines_around(text: &str, range: Range<usize>, before: usize, after: usize) -> Range<usize> {
@@ -251,7 +257,10 @@ fn part_of_line(text: &str, range: Range<usize>) -> Range<usize> {
 /// The last boundary of a character that is not behind `at`.
 fn boundary(text: &str, at: usize) -> usize {
     let at = at.min(text.len());
-    (0..=at).rev().find(|&at| text.is_char_boundary(at)).unwrap_or_default()
+    (0..=at)
+        .rev()
+        .find(|&at| text.is_char_boundary(at))
+        .unwrap_or_default()
 }
 
 #[cfg(test)]

@@ -73,14 +73,25 @@ impl Failure {
 
     /// True for what an expression or a name can always go on or start with.
     fn goes_without_saying(&self, rule: Rule) -> bool {
-        use Rule::{call, close_bracket, close_paren, comparator, equals, field, index, infix, kw_for, kw_if, matrix};
-        use Rule::{group, name, negative, number, op_and, op_not, op_or, open_bracket, open_paren, string};
+        use Rule::{
+            call, close_bracket, close_paren, comparator, equals, field, index, infix, kw_for,
+            kw_if, matrix,
+        };
+        use Rule::{
+            group, name, negative, number, op_and, op_not, op_or, open_bracket, open_paren, string,
+        };
         match rule {
             infix | comparator | op_and | op_or | call | index | field => true,
-            number | string | name | matrix | group | negative | op_not | kw_if => self.wants_operand(),
-            open_paren | open_bracket => self.after_operand() || self.wants_operand() || self.expects(field),
+            number | string | name | matrix | group | negative | op_not | kw_if => {
+                self.wants_operand()
+            }
+            open_paren | open_bracket => {
+                self.after_operand() || self.wants_operand() || self.expects(field)
+            }
             // Of an argument that has been read, only its end is of interest.
-            equals | kw_for => self.after_operand() && (self.expects(close_paren) || self.expects(close_bracket)),
+            equals | kw_for => {
+                self.after_operand() && (self.expects(close_paren) || self.expects(close_bracket))
+            }
             _ => false,
         }
     }
@@ -182,7 +193,9 @@ impl<'b> Builder<'b> {
         let only_keywords = matches!(place, Place::File | Place::Experiment);
         let as_name = match second_text {
             _ if only_keywords => false,
-            "in" => next.next().is_some_and(|third| matches!(third.text, "argmin" | "variational")),
+            "in" => next
+                .next()
+                .is_some_and(|third| matches!(third.text, "argmin" | "variational")),
             text => matches!(text, "'" | "=" | "+=" | ":=" | "."),
         };
         if let Some((_, rule)) = keyword.filter(|_| !as_name) {
@@ -369,7 +382,10 @@ fn expected(failure: &Failure, before: &str) -> String {
         if failure.goes_without_saying(*rule) {
             continue;
         }
-        let closes = matches!(rule, Rule::close_paren | Rule::close_bracket | Rule::close_brace);
+        let closes = matches!(
+            rule,
+            Rule::close_paren | Rule::close_bracket | Rule::close_brace
+        );
         if closes && (failure.after_operand() || before.starts_with(is_word_start)) {
             list.push("`,`".to_owned());
         }
@@ -406,7 +422,9 @@ fn help(place: Place, failure: &Failure, found: &str) -> Option<String> {
         "=" if failure.expects(Rule::comparator) => "compare with `<`, `<=`, `>` or `>=`",
         ":=" if failure.expects(Rule::equals) => "write `=`; `:=` stands only in a `jump`",
         "=" if failure.expects(Rule::becomes) => "write `:=`; a jump sets the value after it",
-        _ if failure.expects(Rule::kw_else) && failure.after_operand() => "every `if` has a `then` and an `else`",
+        _ if failure.expects(Rule::kw_else) && failure.after_operand() => {
+            "every `if` has a `then` and an `else`"
+        }
         _ => return None,
     };
     Some(help.to_owned())
