@@ -9,7 +9,6 @@ use pest::iterators::Pair;
 
 use super::{Builder, Parts, parts};
 use crate::source::Span;
-use crate::syntax::SyntaxError;
 use crate::syntax::ast::*;
 
 impl Builder<'_> {
@@ -165,14 +164,6 @@ impl Builder<'_> {
             match part.as_rule() {
                 Rule::binder => binders.push(self.binder(part)),
                 Rule::row_break => {
-                    if rows.last().is_some_and(Vec::is_empty) {
-                        self.report(SyntaxError::Expected {
-                            expected: "an expression".to_owned(),
-                            found: "`;`".to_owned(),
-                            help: Some("remove the empty row".to_owned()),
-                            span: self.span(&part),
-                        });
-                    }
                     breaks += 1;
                     rows.push(Vec::new());
                 }

@@ -418,6 +418,7 @@ fn help(place: Place, failure: &Failure, found: &str) -> Option<String> {
     }
     let help = match found {
         "if" => "put the `if` in parentheses",
+        ";" if failure.expects(Rule::close_bracket) => "remove the empty row",
         "=" if place == Place::Experiment && failure.wants_operand() => "remove the `=`",
         "=" if failure.expects(Rule::comparator) => "compare with `<`, `<=`, `>` or `>=`",
         ":=" if failure.expects(Rule::equals) => "write `=`; `:=` stands only in a `jump`",
