@@ -70,11 +70,8 @@ fn loosest(system: &Switched, x0: &[f64], error: f64) -> f64 {
             Simulator::new(system, settings(tolerance)).run(0.0, PI / 2.0, x0, &mut Silent);
         outcome.status == Status::Solved && distance(&outcome.x) <= error
     };
-    let tolerances = (2..=14).map(|k| 10.0_f64.powi(-k));
-    let failing = tolerances
-        .clone()
-        .filter(|&tolerance| !within(tolerance))
-        .last();
+    let mut tightest_first = (2..=14).rev().map(|k| 10.0_f64.powi(-k));
+    let failing = tightest_first.find(|&tolerance| !within(tolerance));
     failing.map_or(1e-2, |tolerance| 0.1 * tolerance)
 }
 

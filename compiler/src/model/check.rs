@@ -131,7 +131,11 @@ impl<'e> Lowering<'_, 'e> {
                         .map(|entry| self.text(entry))
                         .unwrap_or_default()
                 }
-                (shape, _) => shape.entry_name(&self.atom_text(arg), position),
+                // `x[3]` says more than the first entry of `x[3..4]`.
+                (shape, _) => match psi.as_variable() {
+                    Some(var) => psi.exprs().name(var),
+                    None => shape.entry_name(&self.atom_text(arg), position),
+                },
             };
             self.surfaces.push(Surface {
                 name,

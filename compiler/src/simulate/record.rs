@@ -10,6 +10,9 @@ use crate::report::{self, ModeInterval, Piece, Series, Trajectory};
 use crate::system::System;
 use crate::system::experiment::{Kept, Sampling, Settings};
 
+/// When the mode changed, from what, to what.
+type Change = (f64, Box<[Side]>, Box<[Side]>);
+
 /// Observes a run and keeps what the experiment asks for.
 pub(super) struct Recorder {
     n: usize,
@@ -21,7 +24,7 @@ pub(super) struct Recorder {
     states: Vec<f64>,
     alphas: Vec<f64>,
     pieces: Option<Vec<Piece>>,
-    changes: Vec<(f64, Box<[Side]>, Box<[Side]>)>,
+    changes: Vec<Change>,
     x: Vec<f64>,
     alpha: Vec<f64>,
 }
