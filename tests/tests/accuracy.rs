@@ -138,3 +138,21 @@ fn friction_takes_its_work() {
     assert!(distance(&end(&trajectory, "q"), &[3.0 * stop / 2.0]) <= 1e-12);
     assert!(distance(&end(&trajectory, "v"), &[0.0]) <= 1e-15);
 }
+
+/// x slides on x = y, where the kink of max(x, y) is too, until y = 2 at t = 2; then x stays at 2.
+#[test]
+fn a_state_slides_along_the_kink_of_another_surface() {
+    let text = "
+model m {
+  state x = 0;
+  state y = 1;
+  x' = -sign(x - y) - sign(max(x, y) - 2);
+  y' = 0.5;
+}
+simulate run of m { horizon 3; }";
+    let trajectory = run(text, "run");
+    assert_eq!(trajectory.status, Status::Solved);
+    assert!(distance(&trajectory.switch_times(), &[2.0 / 3.0, 2.0]) <= 1e-12);
+    assert!(distance(&end(&trajectory, "x"), &[2.0]) <= 1e-12);
+    assert!(distance(&end(&trajectory, "y"), &[2.5]) <= 1e-12);
+}

@@ -152,11 +152,14 @@ impl SwitchedSystem for Switched<'_> {
         let mut inputs = vec![self.time];
         inputs.extend(&self.states);
         let mut sliding = Vec::new();
+        let mut in_psi = Substitution::new();
         for (i, (&alpha, side)) in self.alphas.iter().zip(sides).enumerate() {
             match side {
                 Side::Minus => fixed.insert(alpha, self.exprs.constant(0.0)),
                 Side::Plus => fixed.insert(alpha, self.exprs.constant(1.0)),
                 Side::Slide => {
+                    // Another ψ is continuous here, so either branch of it will do.
+                    in_psi.insert(alpha, self.exprs.constant(1.0));
                     inputs.push(alpha);
                     sliding.push(i);
                 }
@@ -170,7 +173,7 @@ impl SwitchedSystem for Switched<'_> {
         let switching: Vec<_> = self
             .switching
             .iter()
-            .map(|psi| psi.substitute(&fixed))
+            .map(|psi| psi.substitute(&fixed).substitute(&in_psi))
             .collect();
 
         // φ = ∂ψ/∂x f + ∂ψ/∂t
@@ -178,10 +181,10 @@ impl SwitchedSystem for Switched<'_> {
         let mut gradients = vec![self.exprs.constant(0.0); sliding.len() * self.states.len()];
         let mut time_gradients = Vec::with_capacity(sliding.len());
         for (row, &i) in sliding.iter().enumerate() {
-            let by_time = self.time_gradients[i].substitute(&fixed);
+            let by_time = self.time_gradients[i].substitute(&fixed).substitute(&in_psi);
             let mut rate = by_time;
             for (k, entry) in &self.gradients[i] {
-                let entry = entry.substitute(&fixed);
+                let entry = entry.substitute(&fixed).substitute(&in_psi);
                 gradients[row * self.states.len() + k] = entry;
                 rate = rate + entry * rates[*k];
             }

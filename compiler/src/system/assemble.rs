@@ -69,16 +69,17 @@ impl<'e> Lowering<'_, 'e> {
             switch.continuity = classify(&entered[k], (alphas[k], switch.psi), is_kink, &sampler);
         }
         for outer in &switches {
-            for inner in positions(outer.psi, &alphas)
-                .into_iter()
-                .map(|k| &switches[k])
-            {
-                if inner.continuity == Continuity::Discontinuous {
+            for inner in positions(outer.psi, &alphas) {
+                // What the rates do there is another matter.
+                let is_kink = self.switches.is_kink(kept[inner]);
+                let surface = (alphas[inner], switches[inner].psi);
+                let across = classify(&[outer.psi], surface, is_kink, &sampler);
+                if across == Continuity::Discontinuous {
                     diags.push(SystemError::DiscontinuousSurface {
                         outer: outer.name.clone(),
-                        inner: inner.name.clone(),
+                        inner: switches[inner].name.clone(),
                         outer_span: outer.spans[0],
-                        inner_span: inner.spans[0],
+                        inner_span: switches[inner].spans[0],
                     });
                 }
             }

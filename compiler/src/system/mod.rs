@@ -11,8 +11,9 @@
 //!
 //! - No `step`, `sign`, `abs`, `min` or `max` is left in a rate, an output or a ψ.
 //! - Rates and region weights are multi-affine: affine in every α taken alone.
-//! - ψ_i may contain α_j, but only of earlier switches (j < i) that are
-//!   continuous: ψ is then continuous, and smooth within a mode.
+//! - ψ_i may contain α_j, but only of earlier switches (j < i) across whose surface ψ_i is
+//!   continuous: it is smooth within a mode, and on ψ_j = 0 any value of α_j in it is as good as
+//!   another. Continuity is checked by [`lower`].
 //! - No two ψ are multiples of each other, and none is constant.
 //! - Rates, outputs and ψ contain only time, parameters, states and α.
 //! - Every α that occurs belongs to exactly one switch, every switch to exactly
@@ -22,6 +23,8 @@
 //!   every point is checked at samples by [`lower`].)
 
 mod affine;
+#[cfg(test)]
+mod agreement_tests;
 mod assemble;
 mod continuity;
 mod display;

@@ -402,3 +402,18 @@ region middle else { x' = 0; }";
     subsystem alpha[2]
     ");
 }
+
+#[test]
+fn a_kink_may_stand_in_a_surface_though_its_own_surface_slides() {
+    assert_snapshot!(statements("x' = -sign(x - y) - sign(max(x, y) - 2); y' = 0;"), @r"
+    system m
+    state x = 1
+    state y = 1
+    der(x) = 2 - 2*alpha[1] - 2*alpha[2]
+    der(y) = 0
+    alpha[1] in step(x - y)  // x - y, discontinuous
+    alpha[2] in step(x*alpha[1] + y*(1 - alpha[1]) - 2)  // max(x, y) - 2, discontinuous
+    subsystem alpha[1]
+    subsystem alpha[2]
+    ");
+}

@@ -71,9 +71,6 @@ impl<'e> System<'e> {
                         switch.name
                     ));
                 }
-                if !self.switches[j].continuity.is_continuous() {
-                    return Err(format!("ψ of `{}` holds a discontinuous α", switch.name));
-                }
             }
             if switch.psi.as_constant().is_some() {
                 return Err(format!("ψ of `{}` is constant", switch.name));
