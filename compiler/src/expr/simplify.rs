@@ -18,14 +18,24 @@ fn as_good(result: f64, operand: f64) -> Option<f64> {
     (result.is_finite() && (result != 0.0 || operand == 0.0)).then_some(result)
 }
 
-/// A number of at most 12 digits that differs by no more than rounding, else the value itself.
-fn nearby_decimal(value: f64) -> f64 {
+/// A number of at most 12 digits that differs by no more than the rounding of `size`, else the value itself.
+fn nearby_decimal(value: f64, size: f64) -> f64 {
     let short = format!("{value:.11e}").parse().unwrap_or(value);
     let near: f64 = value - short;
-    if near.abs() <= 2.0 * f64::EPSILON * value.abs() {
+    if near.abs() <= 2.0 * f64::EPSILON * size.abs() {
         short
     } else {
         value
+    }
+}
+
+/// The sum as it is in decimals: 2 - 1.8 is 0.2.
+fn add(a: f64, b: f64) -> f64 {
+    let total = a + b;
+    if total.fract() == 0.0 || a == 0.0 || b == 0.0 || !total.is_finite() {
+        total
+    } else {
+        nearby_decimal(total, a.abs().max(b.abs()))
     }
 }
 
@@ -43,7 +53,7 @@ impl Arena {
         }
         flat.sort_by_key(|&(id, _)| id);
         flat.dedup_by(|next, kept| {
-            let total = kept.1 + next.1;
+            let total = add(kept.1, next.1);
             let same = kept.0 == next.0 && total.is_finite();
             if same {
                 kept.1 = total;
@@ -64,7 +74,7 @@ impl Arena {
         }
         match self.data(id) {
             Data::Constant(value) => {
-                let total = multiply(coefficient, value).map(|term| *constant + term);
+                let total = multiply(coefficient, value).map(|term| add(*constant, term));
                 if let Some(total) = total.filter(|total| total.is_finite()) {
                     *constant = total;
                     return;
@@ -75,7 +85,7 @@ impl Arena {
                 start,
                 len,
             } if len <= FLATTEN_LIMIT => {
-                let total = multiply(coefficient, inner).map(|term| *constant + term);
+                let total = multiply(coefficient, inner).map(|term| add(*constant, term));
                 let kept = flat.len();
                 let scaled = self.terms(start, len).iter().map_while(|&(term, c)| {
                     multiply(coefficient, c).map(|product| (term, product))
@@ -139,7 +149,10 @@ impl Arena {
     /// [`Self::divide`], where a quotient within rounding of a short decimal number is that number: `3*x - 3*0.1`
     /// by 3 is `x - 0.1`, although `3*0.1/3` is not the number nearest to 0.1.
     pub fn divide_to_decimals(&mut self, id: Id, number: f64) -> Option<Id> {
-        self.map_coefficients(id, |c| as_good(nearby_decimal(c / number), c))
+        self.map_coefficients(id, |c| {
+            let quotient = c / number;
+            as_good(nearby_decimal(quotient, quotient), c)
+        })
     }
 
     fn map_coefficients(&mut self, id: Id, f: impl Fn(f64) -> Option<f64>) -> Option<Id> {
