@@ -9,6 +9,9 @@ pub struct DenseLu {
     n: usize,
     factors: Vec<f64>,
     pivots: Vec<usize>,
+    /// Largest entry of every row, and of every column relative to its rows.
+    row_scale: Vec<f64>,
+    column_scale: Vec<f64>,
 }
 
 /// The matrix has no usable pivot in this column.
@@ -25,12 +28,15 @@ impl DenseLu {
             n,
             factors: vec![0.0; n * n],
             pivots: vec![0; n],
+            row_scale: vec![0.0; n],
+            column_scale: vec![0.0; n],
         }
     }
 
     /// Factors the row-major `matrix`.
     ///
-    /// A pivot below 1e-14 of its row's largest entry counts as zero.
+    /// Rows and columns may have any size of their own: a pivot below 1e-14 of that of its row times
+    /// that of its column counts as zero.
     pub fn factor(&mut self, matrix: &[f64]) -> Result<(), Singular> {
         let n = self.n;
         assert_eq!(
@@ -39,18 +45,29 @@ impl DenseLu {
             "the matrix has the size the factorization was made for"
         );
         self.factors.copy_from_slice(matrix);
+        self.column_scale.fill(0.0);
+        for row in 0..n {
+            let entries = &self.factors[row * n..(row + 1) * n];
+            let size = entries.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+            self.row_scale[row] = size;
+            for (scale, entry) in self.column_scale.iter_mut().zip(entries) {
+                *scale = scale.max(if size > 0.0 { entry.abs() / size } else { 0.0 });
+            }
+        }
         let a = &mut self.factors;
-        let scale = a.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
         for col in 0..n {
+            let relative = |row: usize| a[row * n + col].abs() / self.row_scale[row];
             let pivot = (col..n)
-                .max_by(|&i, &j| a[i * n + col].abs().total_cmp(&a[j * n + col].abs()))
+                .max_by(|&i, &j| relative(i).total_cmp(&relative(j)))
                 .unwrap_or(col);
             let value = a[pivot * n + col];
-            if !value.is_finite() || value.abs() <= 1e-14 * scale {
+            let size = self.row_scale[pivot] * self.column_scale[col];
+            if !value.is_finite() || value.abs() <= 1e-14 * size {
                 return Err(Singular { column: col });
             }
             self.pivots[col] = pivot;
             if pivot != col {
+                self.row_scale.swap(pivot, col);
                 for k in 0..n {
                     a.swap(pivot * n + k, col * n + k);
                 }
@@ -66,6 +83,24 @@ impl DenseLu {
             }
         }
         Ok(())
+    }
+
+    /// 1 or -1: the sign of the determinant of the matrix factored last.
+    pub fn determinant_sign(&self) -> f64 {
+        let n = self.n;
+        let swapped = |(row, &pivot): (usize, &usize)| pivot != row;
+        let swaps = self
+            .pivots
+            .iter()
+            .enumerate()
+            .filter(|&p| swapped(p))
+            .count();
+        let negative = (0..n).filter(|&i| self.factors[i * n + i] < 0.0).count();
+        if (swaps + negative) % 2 == 0 {
+            1.0
+        } else {
+            -1.0
+        }
     }
 
     /// Overwrites `rhs` with the solution.
@@ -104,6 +139,35 @@ mod tests {
             for (found, exact) in rhs.iter().zip(&x) {
                 prop_assert!((found - exact).abs() < 1e-14);
             }
+        }
+    }
+
+    #[test]
+    fn rows_and_columns_may_have_any_size() {
+        let mut lu = DenseLu::new(3);
+        lu.factor(&[4e-12, 0.0, 1e-20, 0.0, 6e9, 0.0, 1.0, 1.0, -3e-9])
+            .unwrap();
+        let mut rhs = [4e-12, 6e9, 2.0];
+        lu.solve(&mut rhs);
+        assert_eq!(rhs, [1.0, 1.0, 0.0]);
+        assert!(
+            lu.factor(&[1.0, 2.0, 0.0, 2e9, 4e9, 0.0, 0.0, 0.0, 1.0])
+                .is_err()
+        );
+        assert!(lu.factor(&[0.0; 9]).is_err());
+    }
+
+    #[test]
+    fn the_determinant_has_its_sign() {
+        for (matrix, sign) in [
+            ([1.0, 0.0, 0.0, 1.0], 1.0),
+            ([0.0, 1.0, 1.0, 0.0], -1.0),
+            ([1.0, 2.0, 3.0, 4.0], -1.0),
+            ([-1.0, 0.0, 0.0, -2.0], 1.0),
+        ] {
+            let mut lu = DenseLu::new(2);
+            lu.factor(&matrix).unwrap();
+            assert_eq!(lu.determinant_sign(), sign, "{matrix:?}");
         }
     }
 
