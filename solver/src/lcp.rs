@@ -36,6 +36,90 @@ pub fn lemke(m: &[f64], q: &[f64], cover: &[f64]) -> Result<Vec<f64>, LcpError> 
     Err(LcpError::PivotLimit)
 }
 
+/// Matrices up to this size are tested by all their principal minors.
+const MAX_MINORS: usize = 12;
+
+/// Whether every principal minor of the row-major `m` is positive, so that the LCP has exactly one
+/// solution for every q; `None` where that is not known.
+pub fn is_p_matrix(m: &[f64], n: usize) -> Option<bool> {
+    if (0..n).any(|i| m[i * n + i] <= 0.0) {
+        return Some(false);
+    }
+    if is_h_matrix(m, n) || is_positive_definite(m, n) {
+        return Some(true);
+    }
+    (n <= MAX_MINORS).then(|| has_positive_minors(m, n))
+}
+
+/// True when the comparison matrix (|m_ii|, -|m_ij|) is an M-matrix: all pivots are positive.
+fn is_h_matrix(m: &[f64], n: usize) -> bool {
+    let mut a: Vec<f64> = m.iter().map(|v| -v.abs()).collect();
+    for i in 0..n {
+        a[i * n + i] = -a[i * n + i];
+    }
+    has_positive_pivots(a, n)
+}
+
+/// True when the symmetric part is positive definite, after scaling to a unit diagonal.
+fn is_positive_definite(m: &[f64], n: usize) -> bool {
+    let scale = |i: usize, j: usize| (m[i * n + i] * m[j * n + j]).sqrt();
+    let entry = |at: usize| {
+        let (i, j) = (at / n, at % n);
+        0.5 * (m[i * n + j] + m[j * n + i]) / scale(i, j)
+    };
+    has_positive_pivots((0..n * n).map(entry).collect(), n)
+}
+
+/// Gaussian elimination without exchanges; pivots that could be rounding count as zero.
+fn has_positive_pivots(mut a: Vec<f64>, n: usize) -> bool {
+    for col in 0..n {
+        let size = a[col * n..(col + 1) * n]
+            .iter()
+            .fold(0.0_f64, |s, v| s.max(v.abs()));
+        let pivot = a[col * n + col];
+        if pivot.is_nan() || pivot <= 1e-10 * size {
+            return false;
+        }
+        for row in col + 1..n {
+            let factor = a[row * n + col] / pivot;
+            for k in col + 1..n {
+                a[row * n + k] -= factor * a[col * n + k];
+            }
+        }
+    }
+    true
+}
+
+/// All principal minors: those without the first row and column, and those of the Schur complement
+/// of the first entry (Tsatsomeros & Li 2000).
+fn has_positive_minors(m: &[f64], n: usize) -> bool {
+    let mut left = vec![(m.to_vec(), n)];
+    while let Some((a, n)) = left.pop() {
+        if n == 0 {
+            continue;
+        }
+        let scale = a[..n].iter().fold(0.0_f64, |s, v| s.max(v.abs()));
+        if a[0].is_nan() || a[0] <= 1e-12 * scale {
+            return false;
+        }
+        let rest = |complement: bool| -> Vec<f64> {
+            let entries = (1..n).flat_map(|i| (1..n).map(move |j| (i, j)));
+            let entry = |(i, j): (usize, usize)| {
+                let taken = if complement {
+                    a[i * n] * a[j] / a[0]
+                } else {
+                    0.0
+                };
+                a[i * n + j] - taken
+            };
+            entries.map(entry).collect()
+        };
+        left.push((rest(false), n - 1));
+        left.push((rest(true), n - 1));
+    }
+    true
+}
+
 /// Rows are basic variables; columns are w (n), z (n), z₀ and the right side.
 struct Tableau {
     n: usize,
@@ -216,6 +300,24 @@ mod tests {
                 z.iter().zip(exact).all(|(z, e)| (z - e).abs() < 1e-15),
                 "{z:?}"
             );
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn p_matrices_are_told_by_their_minors(mut m in prop::collection::vec(-1.0..1.0_f64, 16)) {
+            for i in 0..4 {
+                m[i * 5] += 0.6;
+            }
+            let minor = |subset: usize| {
+                let rows: Vec<usize> = (0..4).filter(|i| subset >> i & 1 == 1).collect();
+                let k = rows.len();
+                let entries: Vec<f64> = rows.iter().flat_map(|&i| rows.iter().map(move |&j| (i, j))).map(|(i, j)| m[i * 4 + j]).collect();
+                nalgebra::DMatrix::from_row_slice(k, k, &entries).determinant()
+            };
+            let minors: Vec<f64> = (1..16).map(minor).collect();
+            prop_assume!(minors.iter().all(|minor| minor.abs() > 1e-6));
+            prop_assert_eq!(is_p_matrix(&m, 4), Some(minors.iter().all(|minor| *minor > 0.0)));
         }
     }
 

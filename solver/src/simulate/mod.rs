@@ -9,10 +9,14 @@
 //! first event inside it; the next mode follows from the rates on all surfaces
 //! that meet there.
 
+mod candidates;
+mod control;
+mod judge;
 mod mode;
 mod roots;
 mod select;
 mod series;
+mod state;
 mod step;
 #[cfg(test)]
 mod tests;
@@ -26,6 +30,7 @@ use crate::tape::Tape;
 use mode::Mode;
 use roots::RootFinder;
 pub use select::Candidate;
+use state::State;
 
 /// Where a switch stands relative to its surface ψ = 0.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
@@ -252,8 +257,8 @@ pub struct Outcome {
     pub sides: Vec<Side>,
     /// α of the last mode.
     pub alpha: Vec<f64>,
-    /// Size of the terms of each rate: times ε and the length of the run, what rounding may have
-    /// done to a state that cancellation holds in place.
+    /// Mean size of the terms of each rate: times ε and the length of the run, what rounding may
+    /// have done to a state that cancellation holds in place.
     pub activity: Vec<f64>,
     /// Largest |ψ| seen on a sliding surface, relative to the size of its terms.
     pub drift: f64,
@@ -271,28 +276,6 @@ pub struct Simulator<'s, S> {
     modes: Vec<Mode>,
     index: FxHashMap<Box<[Side]>, usize>,
     roots: RootFinder,
-}
-
-/// What changes from step to step.
-struct State {
-    t: f64,
-    x: Vec<f64>,
-    sides: Box<[Side]>,
-    alpha: Vec<f64>,
-    /// Largest |x_i| so far.
-    scale: Vec<f64>,
-    /// Size of the terms of each f_i, which may cancel, so far.
-    activity: Vec<f64>,
-    /// Switches whose ψ or α starts a step at the value that would be an event.
-    armed: Vec<bool>,
-    /// Below this |ψ| is rounding.
-    band: Vec<f64>,
-    /// Length of the last step that no event cut.
-    last_step: f64,
-    stats: Stats,
-    stalled: usize,
-    next: Vec<f64>,
-    next_alpha: Vec<f64>,
 }
 
 /// Events in a row without progress in time that count as an accumulation.
@@ -369,7 +352,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                     start + step.length
                 };
                 drift = f64::max(drift, self.modes[mode].project(&mut state));
-                state.record_scale();
+                state.record(step.length);
                 state.stats.steps += 1;
                 let segment = Segment {
                     start,
@@ -407,13 +390,14 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
             },
         };
         state.stats.modes_compiled = self.modes.len() - compiled;
+        let elapsed = if state.t > t0 { state.t - t0 } else { 1.0 };
         Outcome {
             status,
             time: state.t,
             x: state.x,
             sides: state.sides.into_vec(),
             alpha: state.alpha,
-            activity: state.activity,
+            activity: state.work.iter().map(|work| work / elapsed).collect(),
             drift,
             defect,
             stats: state.stats,
@@ -448,48 +432,5 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
         ));
         self.index.insert(sides.into(), self.modes.len() - 1);
         self.modes.len() - 1
-    }
-}
-
-impl State {
-    fn new(t: f64, x: &[f64], n_switches: usize) -> Self {
-        State {
-            t,
-            x: x.to_vec(),
-            sides: vec![Side::Plus; n_switches].into(),
-            alpha: vec![1.0; n_switches],
-            scale: x.iter().map(|v| v.abs()).collect(),
-            activity: vec![0.0; x.len()],
-            armed: vec![false; n_switches],
-            band: vec![0.0; n_switches],
-            last_step: 0.0,
-            stats: Stats::default(),
-            stalled: 0,
-            next: x.to_vec(),
-            next_alpha: vec![0.0; n_switches],
-        }
-    }
-
-    /// How large state i is, or would be after a step at the rate its terms have.
-    fn size(&self, i: usize) -> f64 {
-        self.scale[i].max(self.activity[i] * self.last_step)
-    }
-
-    fn record_scale(&mut self) {
-        for (scale, x) in self.scale.iter_mut().zip(&self.x) {
-            *scale = scale.max(x.abs());
-        }
-    }
-
-    /// A surface left tangentially is watched again once it is outside its band.
-    fn disarm(&mut self, psi: &[f64]) {
-        for ((armed, &band), psi) in self.armed.iter_mut().zip(&self.band).zip(psi) {
-            *armed &= psi.abs() <= band;
-        }
-    }
-
-    fn count_event(&mut self, length: f64, horizon: f64) {
-        let progress = length > 1e-14 * horizon;
-        self.stalled = if progress { 0 } else { self.stalled + 1 };
     }
 }

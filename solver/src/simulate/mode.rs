@@ -6,7 +6,8 @@
 //! evaluate with α_K,k = 0, solve A α_K,k = -φ_K,k, evaluate again.
 
 use super::series;
-use super::{ModeFunctions, Side, State};
+use super::state::State;
+use super::{ModeFunctions, Side};
 use crate::linalg::{DenseLu, Singular};
 use crate::tape::{Jet, Scratch};
 
@@ -14,25 +15,25 @@ pub(crate) struct Mode {
     pub sides: Box<[Side]>,
     /// K: the sliding switches.
     pub sliding: Vec<usize>,
-    n: usize,
-    order: usize,
+    pub n: usize,
+    pub order: usize,
     functions: ModeFunctions,
     jet: Jet,
     field_scratch: Scratch,
     sliding_scratch: Scratch,
-    inputs: Vec<f64>,
-    field: Vec<f64>,
+    pub inputs: Vec<f64>,
+    pub field: Vec<f64>,
     linear: Vec<f64>,
     lu: DenseLu,
+    /// Sign of det ∂φ_K/∂α_K at the expansion point.
+    orientation: f64,
+    /// Σ_l |∂φ_j/∂α_l| at the expansion point.
+    pub gains: Vec<f64>,
+    /// Size of the terms of f, φ_K and ψ at the expansion point, which may cancel.
+    pub terms: Vec<f64>,
     rhs: Vec<f64>,
     gram: Vec<f64>,
 }
-
-/// A step from a horizon of any length shrinks by about e² at a time.
-const MAX_SHRINKS: usize = 200;
-
-/// Relative change of the inputs that shows the size of the terms of f.
-const PERTURBATION: f64 = 1e-7;
 
 /// Newton iterations for α before the equations count as unsolvable.
 const MAX_NEWTON: usize = 30;
@@ -54,6 +55,9 @@ impl Mode {
             field: vec![0.0; n + k + sides.len()],
             linear: vec![0.0; k * k + k * n + k],
             lu: DenseLu::new(k),
+            orientation: 1.0,
+            gains: vec![0.0; k],
+            terms: vec![0.0; n + k + sides.len()],
             rhs: vec![0.0; k],
             gram: vec![0.0; k * k],
             n,
@@ -63,6 +67,13 @@ impl Mode {
         }
     }
 
+    /// Evaluates where `inputs` say.
+    pub(crate) fn eval_inputs(&mut self) {
+        self.functions
+            .field
+            .eval(&self.inputs, &mut self.field, &mut self.field_scratch);
+    }
+
     /// Evaluates f, φ_K and ψ; α_K is taken from `alpha` of all switches.
     pub(crate) fn eval(&mut self, t: f64, x: &[f64], alpha: &[f64]) {
         self.inputs[0] = t;
@@ -70,9 +81,7 @@ impl Mode {
         for (j, &i) in self.sliding.iter().enumerate() {
             self.inputs[1 + self.n + j] = alpha[i];
         }
-        self.functions
-            .field
-            .eval(&self.inputs, &mut self.field, &mut self.field_scratch);
+        self.eval_inputs();
     }
 
     /// Evaluates ∂φ_K/∂α_K, ∂ψ_K/∂x and ∂ψ_K/∂t where `eval` was last called.
@@ -152,6 +161,12 @@ impl Mode {
         debug_assert!(order <= self.order, "the jet has room for the order");
         let (n, k_sliding) = (self.n, self.sliding.len());
         self.solve_alpha(t, x, alpha)?;
+        self.orientation = self.lu.determinant_sign();
+        for row in 0..k_sliding {
+            self.gains[row] = (0..k_sliding)
+                .map(|col| self.coupling(row, col).abs())
+                .sum();
+        }
         let jet = &mut self.jet;
         jet.set_input(0, 0, t);
         for (i, &x) in x.iter().enumerate() {
@@ -192,6 +207,18 @@ impl Mode {
         &self.functions
     }
 
+    /// True when det ∂φ_K/∂α_K has another sign where `eval` was last called than at the expansion
+    /// point: in between, α_K was not determined.
+    pub(crate) fn turned_over(&mut self) -> bool {
+        let k = self.sliding.len();
+        if k == 0 {
+            return false;
+        }
+        self.linearize();
+        let regular = self.lu.factor(&self.linear[..k * k]).is_ok();
+        !regular || self.lu.determinant_sign() != self.orientation
+    }
+
     pub(crate) fn order(&self) -> usize {
         self.order
     }
@@ -224,88 +251,6 @@ impl Mode {
         for (j, &i) in self.sliding.iter().enumerate() {
             alpha[i] = series::value(self.alpha_series(j), tau);
         }
-    }
-
-    /// Raises `activity` to Σ |∂f/∂(t, x, α)|·|(t, x, α)| as one perturbation of all inputs shows it:
-    /// the size of the terms of f, which may cancel, and with it the rounding error of f.
-    pub(crate) fn measure_activity(&mut self, state: &mut State, alpha: &[f64]) {
-        self.eval(state.t, &state.x, alpha);
-        state.next.copy_from_slice(self.f());
-        for (i, input) in self.inputs.iter_mut().enumerate() {
-            *input *= if i % 3 == 1 {
-                1.0 - PERTURBATION
-            } else {
-                1.0 + PERTURBATION
-            };
-        }
-        self.functions
-            .field
-            .eval(&self.inputs, &mut self.field, &mut self.field_scratch);
-        for ((activity, f), perturbed) in
-            state.activity.iter_mut().zip(&state.next).zip(&self.field)
-        {
-            *activity = activity.max((perturbed - f).abs() / PERTURBATION);
-        }
-    }
-
-    /// The magnitude an error of state i within a step h is relative to: the largest of the run or
-    /// within the step, and no less than what keeps `tolerance` above the rounding errors of f.
-    fn error_scale(&self, i: usize, h: f64, tolerance: f64, state: &State) -> f64 {
-        let rounding = 8.0 * f64::EPSILON * state.activity[i] * h;
-        let magnitude = series::magnitude(self.x_series(i), h, 0);
-        state.scale[i].max(magnitude).max(rounding / tolerance)
-    }
-
-    /// The largest step up to `longest` whose first neglected term stays below `tolerance` times
-    /// the magnitude of every state.
-    ///
-    /// |c_k| = magnitude / ρᵏ gives the radius ρ, taken as the least over the last three terms (two
-    /// in Jorba & Zou 2005, section 3.2); then (h/ρ)^(p+1) = tolerance.
-    pub(crate) fn step_size(&self, tolerance: f64, state: &State, longest: f64) -> f64 {
-        let last = self.order - 2..=self.order;
-        let mut h = longest;
-        for _ in 0..MAX_SHRINKS {
-            let mut worst = [0.0_f64; 3];
-            for i in 0..self.n {
-                let c = self.x_series(i);
-                let scale = self.error_scale(i, h, tolerance, state);
-                for (worst, k) in worst.iter_mut().zip(last.clone()) {
-                    if c[k] != 0.0 {
-                        *worst = worst.max(c[k].abs() / scale);
-                    }
-                }
-            }
-            let radius = |(worst, k): (&f64, usize)| -worst.ln() / k as f64;
-            let least = worst
-                .iter()
-                .zip(last.clone())
-                .map(radius)
-                .fold(f64::INFINITY, f64::min);
-            let next = h.min((least + tolerance.ln() / (self.order + 1) as f64).exp());
-            let settled = next >= 0.9 * h;
-            h = next;
-            if settled {
-                break;
-            }
-        }
-        h
-    }
-
-    /// ‖x' - f‖ τ at the end of a step, relative to the magnitude of each state; evaluates there.
-    pub(crate) fn defect(&mut self, state: &mut State, tau: f64, tolerance: f64) -> f64 {
-        self.state(tau, &mut state.next);
-        self.alpha(tau, &mut state.next_alpha);
-        self.eval(state.t + tau, &state.next, &state.next_alpha);
-        let mut worst = 0.0_f64;
-        for (i, f) in self.f().iter().enumerate() {
-            let defect = (series::slope(self.x_series(i), tau) - f).abs() * tau;
-            if defect != 0.0 {
-                let relative = defect / self.error_scale(i, tau, tolerance, state);
-                // NaN must not be lost to `max`.
-                worst = if worst >= relative { worst } else { relative };
-            }
-        }
-        worst
     }
 
     /// Projects x onto the sliding surfaces, in the norm of the states' sizes, and returns the

@@ -22,17 +22,24 @@ pub(crate) struct RootFinder {
     degree: usize,
     /// `ratio[j][k]` = C(j, k) / C(degree, k), by degree and j.
     ratios: Vec<Vec<f64>>,
+    /// Coefficients on [0, 1].
+    scaled: Vec<f64>,
+    /// Intervals left to look at, with their Bernstein coefficients one after another.
     stack: Vec<Interval>,
+    bernstein: Vec<f64>,
 }
 
+#[derive(Clone, Copy)]
 struct Interval {
     start: f64,
     width: f64,
-    bernstein: Vec<f64>,
 }
 
 /// Intervals below this fraction of the step hold a double root.
 const NARROWEST: f64 = 1e-11;
+
+/// Halvings until an interval is that narrow.
+const DEPTH: usize = 40;
 
 impl RootFinder {
     /// Tables for polynomials of degree up to `degree`.
@@ -40,43 +47,45 @@ impl RootFinder {
         RootFinder {
             degree,
             ratios: (0..=degree).map(ratios).collect(),
-            stack: Vec::new(),
+            scaled: Vec::with_capacity(degree + 1),
+            stack: Vec::with_capacity(DEPTH),
+            bernstein: Vec::with_capacity(DEPTH * (degree + 1)),
         }
     }
 
-    /// The least root in (0, h] of Σ `coefficients[k]` τᵏ, whose value at 0 counts as non-zero.
-    pub(crate) fn first(&mut self, coefficients: &[f64], h: f64) -> Option<Root> {
-        let degree = coefficients.len() - 1;
+    /// The least root in (0, h] of `start` + Σ `rest[k]` τᵏ⁺¹, whose value at 0 counts as non-zero.
+    pub(crate) fn first(&mut self, start: f64, rest: &[f64], h: f64) -> Option<Root> {
+        let degree = rest.len();
         debug_assert!(degree <= self.degree, "the tables reach to the degree");
-        if stays_away(coefficients, h) {
+        if stays_away(start, rest, h) {
             return None;
         }
-        let ratios = &self.ratios[degree];
-        let mut scaled = Vec::with_capacity(degree + 1);
+        self.scaled.clear();
+        self.scaled.push(start);
         let mut power = 1.0;
-        for &c in coefficients {
-            scaled.push(c * power);
+        for &c in rest {
             power *= h;
+            self.scaled.push(c * power);
         }
-        let bernstein = (0..=degree)
-            .map(|j| {
-                (0..=j)
-                    .map(|k| ratios[j * (degree + 1) + k] * scaled[k])
-                    .sum()
-            })
-            .collect();
+        let (scaled, ratios) = (&self.scaled, &self.ratios[degree]);
+        let coefficient = |j: usize| -> f64 {
+            let row = &ratios[j * (degree + 1)..=j * (degree + 1) + j];
+            row.iter().zip(scaled).map(|(ratio, c)| ratio * c).sum()
+        };
         self.stack.clear();
+        self.bernstein.clear();
+        self.bernstein.extend((0..=degree).map(coefficient));
         self.stack.push(Interval {
             start: 0.0,
             width: 1.0,
-            bernstein,
         });
-        while let Some(mut interval) = self.stack.pop() {
-            match sign_changes(&interval.bernstein) {
-                0 => {}
+        while let Some(interval) = self.stack.pop() {
+            let place = self.bernstein.len() - (degree + 1);
+            match sign_changes(&self.bernstein[place..]) {
+                0 => self.bernstein.truncate(place),
                 1 => {
-                    let s = refine(&scaled, interval.start, interval.start + interval.width);
-                    let (s, crosses) = match touching(&scaled, s) {
+                    let s = refine(scaled, interval.start, interval.start + interval.width);
+                    let (s, crosses) = match touching(scaled, s) {
                         Some(extremum) => (extremum, false),
                         None => (s, true),
                     };
@@ -92,9 +101,17 @@ impl RootFinder {
                     });
                 }
                 _ => {
-                    let right = split(&mut interval);
-                    self.stack.push(right);
-                    self.stack.push(interval);
+                    // The right half takes the place of the whole, the left half comes on top.
+                    let width = 0.5 * interval.width;
+                    split(&mut self.bernstein, degree + 1);
+                    self.stack.push(Interval {
+                        start: interval.start + width,
+                        width,
+                    });
+                    self.stack.push(Interval {
+                        start: interval.start,
+                        width,
+                    });
                 }
             }
         }
@@ -102,13 +119,10 @@ impl RootFinder {
     }
 }
 
-/// True when |c₀| outweighs all other terms on the interval.
-fn stays_away(coefficients: &[f64], h: f64) -> bool {
-    let rest = coefficients[1..]
-        .iter()
-        .rev()
-        .fold(0.0, |sum, c| (sum + c.abs()) * h);
-    coefficients[0].abs() > rest
+/// True when the constant term outweighs all others on the interval.
+fn stays_away(start: f64, rest: &[f64], h: f64) -> bool {
+    let others = rest.iter().rev().fold(0.0, |sum, c| (sum + c.abs()) * h);
+    start.abs() > others
 }
 
 fn ratios(degree: usize) -> Vec<f64> {
@@ -138,23 +152,17 @@ fn sign_changes(bernstein: &[f64]) -> usize {
     changes + usize::from(bernstein.last() == Some(&0.0))
 }
 
-/// Halves the interval in place and returns its right half.
-fn split(interval: &mut Interval) -> Interval {
-    let left = &mut interval.bernstein;
-    let n = left.len();
-    let mut right = left.clone();
+/// Replaces the last `n` coefficients by those of the right half, followed by those of the left.
+fn split(bernstein: &mut Vec<f64>, n: usize) {
+    let place = bernstein.len() - n;
+    bernstein.extend_from_within(place..);
+    let (right, left) = bernstein[place..].split_at_mut(n);
     for level in 1..n {
         // After `level` rounds, left[j] for j < level is final and right[n - 1 - level] is next.
         for j in (level..n).rev() {
             left[j] = 0.5 * (left[j - 1] + left[j]);
         }
         right[n - 1 - level] = left[n - 1];
-    }
-    interval.width *= 0.5;
-    Interval {
-        start: interval.start + interval.width,
-        width: interval.width,
-        bernstein: right,
     }
 }
 
@@ -168,15 +176,9 @@ fn touching(scaled: &[f64], s: f64) -> Option<f64> {
     if series::slope(scaled, s).abs() > FLAT * scale {
         return None;
     }
-    let derivative: Vec<f64> = scaled
-        .iter()
-        .enumerate()
-        .skip(1)
-        .map(|(k, c)| k as f64 * c)
-        .collect();
     let mut extremum = s;
     for _ in 0..20 {
-        let step = series::value(&derivative, extremum) / series::slope(&derivative, extremum);
+        let step = series::slope(scaled, extremum) / series::curvature(scaled, extremum);
         if !step.is_finite() {
             break;
         }
@@ -233,32 +235,34 @@ mod tests {
         })
     }
 
+    fn first_root(degree: usize, c: &[f64], h: f64) -> Option<Root> {
+        RootFinder::new(degree).first(c[0], &c[1..], h)
+    }
+
     proptest! {
         #[test]
         fn finds_the_least_of_separated_roots(first in 0.05..0.45_f64, gap in 0.05..0.5_f64, outside in 1.2..3.0_f64) {
-            let root = RootFinder::new(8).first(&from_roots(&[first + gap, outside, first, -outside, -1.5]), 1.0).unwrap();
+            let root = first_root(8, &from_roots(&[first + gap, outside, first, -outside, -1.5]), 1.0).unwrap();
             prop_assert!(root.crosses);
             prop_assert!((root.tau - first).abs() < 1e-12);
         }
 
         #[test]
         fn reports_no_root_where_there_is_none(roots in prop::collection::vec(1.01..3.0_f64, 1..8)) {
-            prop_assert_eq!(RootFinder::new(8).first(&from_roots(&roots), 1.0), None);
+            prop_assert_eq!(first_root(8, &from_roots(&roots), 1.0), None);
         }
     }
 
     #[test]
     fn a_pair_of_close_roots_is_not_missed() {
-        let root = RootFinder::new(4)
-            .first(&from_roots(&[0.5, 0.500_001]), 1.0)
-            .unwrap();
+        let root = first_root(4, &from_roots(&[0.5, 0.500_001]), 1.0).unwrap();
         assert!(root.crosses);
         assert!((root.tau - 0.5).abs() < 1e-9);
     }
 
     #[test]
     fn a_double_root_is_marked() {
-        let root = RootFinder::new(4).first(&[0.25, -1.0, 1.0], 1.0).unwrap();
+        let root = first_root(4, &[0.25, -1.0, 1.0], 1.0).unwrap();
         assert_eq!(
             root,
             Root {
@@ -271,7 +275,7 @@ mod tests {
 
     #[test]
     fn the_right_end_belongs_to_the_interval() {
-        assert!(RootFinder::new(4).first(&[-2.0, 1.0], 2.0).is_some());
-        assert!(RootFinder::new(4).first(&[-2.0, 1.0], 1.99).is_none());
+        assert!(first_root(4, &[-2.0, 1.0], 2.0).is_some());
+        assert!(first_root(4, &[-2.0, 1.0], 1.99).is_none());
     }
 }

@@ -14,6 +14,15 @@ pub(crate) fn slope(c: &[f64], tau: f64) -> f64 {
         .fold(0.0, |sum, (k, c)| sum * tau + k as f64 * c)
 }
 
+/// Second derivative of Σ c[k] τᵏ.
+pub(crate) fn curvature(c: &[f64], tau: f64) -> f64 {
+    c.iter()
+        .enumerate()
+        .skip(2)
+        .rev()
+        .fold(0.0, |sum, (k, c)| sum * tau + (k * (k - 1)) as f64 * c)
+}
+
 /// Largest |c[k]| hᵏ from k = `from`.
 pub(crate) fn magnitude(c: &[f64], h: f64, from: usize) -> f64 {
     let mut power = h.powi(from as i32);

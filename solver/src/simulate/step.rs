@@ -1,8 +1,9 @@
 //! One step: expand, bound, cut at the first event, and check.
 
 use super::mode::Mode;
-use super::roots::Root;
-use super::{Side, Simulator, State, Status, SwitchedSystem, series};
+use super::roots::{Root, RootFinder};
+use super::state::State;
+use super::{Side, Simulator, Status, SwitchedSystem, series};
 
 /// An accepted step. `State::x` holds its end.
 pub(super) struct Step {
@@ -51,12 +52,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             .expand(state.t, &state.x, &mut state.alpha, order)
             .is_err()
         {
-            return Err(Status::SingularSliding {
-                switches: mode.sliding.clone(),
-            });
+            return Err(mode.stuck());
         }
         let alpha = std::mem::take(&mut state.alpha);
-        mode.measure_activity(state, &alpha);
+        mode.measure_terms(state, &alpha);
         state.alpha = alpha;
         state.stats.rhs_evaluations += order;
         let longest = if state.last_step > 0.0 {
@@ -64,19 +63,23 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         } else {
             remaining
         };
+        // The last term of the series, differentiated, is what the defect shows of the error.
+        let allowed = 10.0 * (order as f64) * tolerance.max(4.0 * f64::EPSILON);
         let mut h = mode.step_size(tolerance, state, longest);
         for _ in 0..MAX_HALVINGS {
             let mode = &mut self.modes[index];
             let event = first_event(&mut self.roots, mode, state, h);
             let length = event.as_ref().map_or(h, |(root, _)| root.tau);
-            let defect = mode.defect(state, length, tolerance);
-            // The last term of the series, differentiated, is what the defect shows of the error.
-            let allowed = 10.0 * (order as f64) * tolerance.max(4.0 * f64::EPSILON);
+            let defect = mode.defect(state, length, tolerance, allowed);
             let unseen = event.is_none() && mode.on_wrong_side(state);
-            if defect.is_nan() || defect > allowed || unseen {
+            let inaccurate = defect.rate.is_nan() || defect.rate > allowed;
+            if inaccurate || !defect.switches_agree || unseen || mode.turned_over() {
                 state.stats.rejected += 1;
                 h *= 0.5;
                 continue;
+            }
+            if event.is_none() && state.t + length <= state.t {
+                return Err(mode.stuck());
             }
             let (length, triggers) = match event {
                 Some((root, watch)) => {
@@ -101,46 +104,39 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 length,
                 reaches_end: triggers.is_empty() && h >= remaining,
                 triggers,
-                defect,
+                defect: defect.rate,
             });
         }
-        Err(Status::NotFinite)
+        Err(self.modes[index].stuck())
     }
 }
 
 /// The least root of everything watched in (0, h].
 fn first_event(
-    roots: &mut super::RootFinder,
+    roots: &mut RootFinder,
     mode: &Mode,
     state: &State,
     h: f64,
 ) -> Option<(Root, Watch)> {
     let mut first: Option<(Root, Watch)> = None;
-    let mut bound = Vec::new();
     let mut sliding = 0;
     for (i, &side) in mode.sides.iter().enumerate() {
-        let reach = first.map_or(h, |(root, _)| root.tau);
         if side == Side::Slide {
+            let alpha = mode.alpha_series(sliding);
             for limit in [0.0, 1.0] {
-                bound.clear();
-                bound.extend_from_slice(mode.alpha_series(sliding));
-                bound[0] -= limit;
+                let reach = first.map_or(h, |(root, _)| root.tau);
                 let inside = if limit == 0.0 { 1.0 } else { -1.0 };
-                let starts_there = bound[0].abs() <= super::select::TIE;
-                if let Some(root) = first_root(
-                    roots,
-                    &bound,
-                    reach,
-                    inside,
-                    starts_there.then_some(super::select::TIE),
-                ) {
+                let start = alpha[0] - limit;
+                let band = (start.abs() <= super::judge::TIE).then_some(super::judge::TIE);
+                if let Some(root) = first_root(roots, start, alpha, reach, inside, band) {
                     first = Some((root, Watch::Bound(i, sliding, limit)));
                 }
             }
             sliding += 1;
         } else {
-            let band = state.armed[i].then_some(state.band[i]);
-            if let Some(root) = first_root(roots, mode.psi_series(i), reach, side.sign(), band) {
+            let reach = first.map_or(h, |(root, _)| root.tau);
+            let (c, band) = (mode.psi_series(i), state.armed[i].then_some(state.band[i]));
+            if let Some(root) = first_root(roots, c[0], c, reach, side.sign(), band) {
                 first = Some((root, Watch::Surface(i)));
             }
         }
@@ -148,30 +144,45 @@ fn first_event(
     first
 }
 
-/// The least root of a series that should have sign `side`. One that starts at zero, within
-/// `band`, is divided by its leading power first; one that starts on the wrong side has its
-/// root at once.
+/// The least root of a series that should have sign `side`; its constant term is `start` instead of
+/// `c[0]`. One that starts at zero, within `band`, is divided by its leading power first; one that
+/// starts on the wrong side has its root at once.
 fn first_root(
-    roots: &mut super::RootFinder,
+    roots: &mut RootFinder,
+    start: f64,
     c: &[f64],
     h: f64,
     side: f64,
     band: Option<f64>,
 ) -> Option<Root> {
-    let c = match band {
-        Some(band) => &c[series::leading(c, h, band)?..],
-        None => c,
+    let (start, c) = match band {
+        Some(band) => {
+            let leading = series::leading(c, h, band)?;
+            (c[leading], &c[leading..])
+        }
+        None => (start, c),
     };
-    if c[0] * side <= 0.0 {
+    if start * side <= 0.0 {
         return Some(Root {
             tau: 0.0,
             crosses: true,
         });
     }
-    roots.first(c, h)
+    roots.first(start, &c[1..], h)
 }
 
 impl Mode {
+    /// Why no step goes on from here.
+    fn stuck(&self) -> Status {
+        if self.sliding.is_empty() || self.f().iter().any(|f| !f.is_finite()) {
+            Status::NotFinite
+        } else {
+            Status::SingularSliding {
+                switches: self.sliding.clone(),
+            }
+        }
+    }
+
     /// True when the last evaluation, at the end of the step, has left a surface behind that the
     /// series did not see.
     fn on_wrong_side(&self, state: &State) -> bool {
@@ -212,9 +223,7 @@ impl Mode {
                         .solve_alpha(state.t + tau, &state.next, &mut state.next_alpha)
                         .is_err();
                     if singular {
-                        return Err(Status::SingularSliding {
-                            switches: self.sliding.clone(),
-                        });
+                        return Err(self.stuck());
                     }
                     (
                         state.next_alpha[i] - limit,

@@ -1,0 +1,182 @@
+//! Whether a choice of sides is a solution, and whether two are the same one.
+//!
+//! Rates and α decide where they are clearly off zero and off their bounds. Where
+//! a rate vanishes or an α starts at its bound, the Taylor series in the choice's own
+//! mode decide by their first non-negligible term, so that tangencies of any order
+//! are the same rule.
+
+use super::select::{BAND, Choice};
+use super::state::State;
+use super::{Side, Simulator, SwitchedSystem, series};
+
+/// Rates and distances to a bound below this fraction of their scale are ties.
+pub(super) const TIE: f64 = 1e-9;
+
+/// Motions that differ less than this fraction of themselves are one.
+const SAME: f64 = 1e-9;
+
+pub(super) enum Check {
+    Consistent,
+    Inconsistent,
+    /// Decided by the choice's own series.
+    Tie,
+}
+
+/// What the series in a choice's own mode say.
+pub(super) struct Verdict {
+    /// They stay on the choice's side of every surface.
+    pub agrees: bool,
+    /// A step of this length is accurate.
+    h: f64,
+    /// Terms c_k hᵏ of the states, k from 1, one state after another.
+    terms: Vec<f64>,
+    /// Per state, what rounding may have done to them.
+    rounding: Vec<f64>,
+}
+
+impl Verdict {
+    /// True when both mean the same motion of the states.
+    pub(super) fn same_motion(&self, other: &Verdict) -> bool {
+        let order = self.terms.len() / self.rounding.len().max(1);
+        let h = self.h.min(other.h);
+        if h <= 0.0 {
+            return true;
+        }
+        let shrink = |verdict: &Verdict, i: usize, k: usize| {
+            verdict.terms[i * order + k] * (h / verdict.h).powi(k as i32 + 1)
+        };
+        (0..self.rounding.len()).all(|i| {
+            let pairs = || (0..order).map(|k| (shrink(self, i, k), shrink(other, i, k)));
+            let size = pairs().fold(0.0_f64, |m, (a, b)| m.max(a.abs()).max(b.abs()));
+            let noise = self.rounding[i].max(other.rounding[i]);
+            pairs().all(|(a, b)| (a - b).abs() <= SAME * size + noise)
+        })
+    }
+}
+
+impl<S: SwitchedSystem> Simulator<'_, S> {
+    /// Size of each rate of the group: |∇ψ|·|f| + |∂ψ/∂t| over all choices, and what would move ψ
+    /// by its own size within a step.
+    pub(super) fn rates(
+        &mut self,
+        free: usize,
+        state: &State,
+        group: &[usize],
+        choices: &[Choice],
+    ) -> Vec<f64> {
+        let mode = &mut self.modes[free];
+        mode.eval(state.t, &state.x, &state.alpha);
+        mode.linearize();
+        let largest = |component: usize| {
+            let values = choices.iter().map(|choice| choice.f[component].abs());
+            values.fold(0.0_f64, f64::max)
+        };
+        let largest: Vec<f64> = (0..state.x.len()).map(largest).collect();
+        let rate = |i: &usize| {
+            let Ok(j) = mode.sliding.binary_search(i) else {
+                return 0.0;
+            };
+            let terms = mode.gradient(j).iter().zip(&largest);
+            let terms: f64 = terms.map(|(g, f)| g.abs() * f).sum();
+            let within_a_step = if state.last_step > 0.0 {
+                state.band[*i] / BAND / state.last_step
+            } else {
+                0.0
+            };
+            terms + mode.time_gradient(j).abs() + within_a_step
+        };
+        group.iter().map(rate).collect()
+    }
+
+    /// What the rates and α say.
+    pub(super) fn check(
+        &mut self,
+        free: usize,
+        state: &State,
+        group: &[usize],
+        choice: &Choice,
+        rates: &[f64],
+    ) -> Check {
+        let mode = &mut self.modes[free];
+        let mut alpha = state.alpha.clone();
+        for (&i, &a) in group.iter().zip(&choice.alpha) {
+            alpha[i] = a;
+        }
+        mode.eval(state.t, &state.x, &alpha);
+        let mut tie = false;
+        for (at, &i) in group.iter().enumerate() {
+            let Ok(j) = mode.sliding.binary_search(&i) else {
+                return Check::Inconsistent;
+            };
+            // Positive inside, negative outside, relative to the natural size.
+            let margin = match choice.sides[at] {
+                Side::Slide => choice.alpha[at].min(1.0 - choice.alpha[at]),
+                side if rates[at] > 0.0 => side.sign() * mode.phi()[j] / rates[at],
+                _ => 0.0,
+            };
+            if margin.is_nan() || margin < -TIE {
+                return Check::Inconsistent;
+            }
+            tie |= margin <= TIE;
+        }
+        if tie { Check::Tie } else { Check::Consistent }
+    }
+
+    /// What the series in the choice's own mode say; nothing where that mode is singular.
+    pub(super) fn verdict(
+        &mut self,
+        state: &mut State,
+        group: &[usize],
+        choice: &Choice,
+        t1: f64,
+    ) -> Option<Verdict> {
+        let (mut sides, mut alpha) = (state.sides.clone(), state.alpha.clone());
+        for (at, &i) in group.iter().enumerate() {
+            sides[i] = choice.sides[at];
+            alpha[i] = choice.alpha[at];
+        }
+        let index = self.mode(&sides);
+        let order = self.order;
+        let mode = &mut self.modes[index];
+        mode.expand(state.t, &state.x, &mut alpha, order).ok()?;
+        mode.measure_terms(state, &alpha);
+        let h = mode.step_size(self.settings.local_tolerance(), state, t1 - state.t);
+        let stays = |(&i, side): (&usize, &Side)| match side {
+            Side::Slide => {
+                let Ok(j) = mode.sliding.binary_search(&i) else {
+                    return false;
+                };
+                let series = mode.alpha_series(j);
+                let inward = if series[0] <= TIE {
+                    1.0
+                } else if series[0] >= 1.0 - TIE {
+                    -1.0
+                } else {
+                    return true;
+                };
+                series::leading(series, h, TIE).is_none_or(|k| series[k] * inward > 0.0)
+            }
+            side => {
+                let series = mode.psi_series(i);
+                let leading = series::leading(series, h, state.band[i]);
+                leading.is_none_or(|k| series[k] * side.sign() > 0.0)
+            }
+        };
+        let agrees = group.iter().zip(&choice.sides).all(stays);
+        let mut terms = Vec::with_capacity(state.x.len() * order);
+        for i in 0..state.x.len() {
+            let mut power = 1.0;
+            terms.extend(mode.x_series(i)[1..=order].iter().map(|c| {
+                power *= h;
+                c * power
+            }));
+        }
+        let rounding = state.activity.iter().map(|a| 64.0 * f64::EPSILON * a * h);
+        Some(Verdict {
+            agrees,
+            h,
+            terms,
+            rounding: rounding.collect(),
+        })
+    }
+}

@@ -1,0 +1,91 @@
+//! What changes from step to step.
+
+use super::{Side, Stats};
+
+/// Time, state and mode, with the sizes that tell motion from rounding.
+pub(super) struct State {
+    pub t: f64,
+    pub x: Vec<f64>,
+    pub sides: Box<[Side]>,
+    pub alpha: Vec<f64>,
+    /// Largest |x_i| so far.
+    pub scale: Vec<f64>,
+    /// Size of the terms of each f_i, which may cancel: now, or lately where it was larger.
+    pub activity: Vec<f64>,
+    /// ∫ activity dt.
+    pub work: Vec<f64>,
+    /// Size of the terms of each ψ_i, which may cancel.
+    pub terms: Vec<f64>,
+    /// Switches whose ψ or α starts a step at the value that would be an event.
+    pub armed: Vec<bool>,
+    /// Below this |ψ| is rounding.
+    pub band: Vec<f64>,
+    /// Length of the last step that no event cut.
+    pub last_step: f64,
+    pub stats: Stats,
+    /// Events in a row without progress in time.
+    pub stalled: usize,
+    pub next: Vec<f64>,
+    pub next_alpha: Vec<f64>,
+}
+
+impl State {
+    pub(super) fn new(t: f64, x: &[f64], n_switches: usize) -> Self {
+        State {
+            t,
+            x: x.to_vec(),
+            sides: vec![Side::Plus; n_switches].into(),
+            alpha: vec![1.0; n_switches],
+            scale: x.iter().map(|v| v.abs()).collect(),
+            activity: vec![0.0; x.len()],
+            work: vec![0.0; x.len()],
+            terms: vec![0.0; n_switches],
+            armed: vec![false; n_switches],
+            band: vec![0.0; n_switches],
+            last_step: 0.0,
+            stats: Stats::default(),
+            stalled: 0,
+            next: x.to_vec(),
+            next_alpha: vec![0.0; n_switches],
+        }
+    }
+
+    /// How large state i is, or would be after a step at the rate its terms have.
+    pub(super) fn size(&self, i: usize) -> f64 {
+        self.scale[i].max(self.activity[i] * self.last_step)
+    }
+
+    /// Takes note of the sizes at the end of a step.
+    pub(super) fn record(&mut self, length: f64) {
+        for (scale, x) in self.scale.iter_mut().zip(&self.x) {
+            *scale = scale.max(x.abs());
+        }
+        for (work, activity) in self.work.iter_mut().zip(&self.activity) {
+            *work += activity * length;
+        }
+    }
+
+    /// A surface left tangentially is watched again once it is outside its band.
+    pub(super) fn disarm(&mut self, psi: &[f64]) {
+        for ((armed, &band), psi) in self.armed.iter_mut().zip(&self.band).zip(psi) {
+            *armed &= psi.abs() <= band;
+        }
+    }
+
+    pub(super) fn count_event(&mut self, length: f64, horizon: f64) {
+        let progress = length > 1e-14 * horizon;
+        self.stalled = if progress { 0 } else { self.stalled + 1 };
+    }
+
+    /// Sets the mode, with α where it is constant.
+    pub(super) fn set_sides(&mut self, sides: Box<[Side]>) {
+        for (alpha, side) in self.alpha.iter_mut().zip(&sides) {
+            match side {
+                Side::Minus => *alpha = 0.0,
+                Side::Plus => *alpha = 1.0,
+                Side::Slide => {}
+            }
+        }
+        self.sides = sides;
+    }
+}
