@@ -1,0 +1,199 @@
+//! Hard cases with known answers: what is easy to get wrong without noticing.
+
+use std::f64::consts::PI;
+
+use nsd_tests::{end, run};
+use nsdc::report::{Status, Trajectory};
+
+fn simulate(model: &str, experiment: &str) -> Trajectory {
+    let text = format!("model m {{ {model} }}\nsimulate s of m {{ {experiment} }}");
+    run(&text, "s")
+}
+
+/// The run ends well, and a state ends where it should, as does its time of switching.
+fn check(model: &str, experiment: &str, state: &str, exact: f64, tolerance: f64) -> Trajectory {
+    let trajectory = simulate(model, experiment);
+    assert!(trajectory.failure.is_none(), "{model}");
+    assert_eq!(trajectory.status, Status::Solved, "{model}");
+    let found = end(&trajectory, state)[0];
+    assert!(
+        (found - exact).abs() <= tolerance,
+        "{model}: {found} instead of {exact}"
+    );
+    trajectory
+}
+
+/// The run ends early, for a reason with these words. Returns when, and the reason.
+fn refused(model: &str, experiment: &str, words: &[&str]) -> (f64, String) {
+    let trajectory = simulate(model, experiment);
+    assert_eq!(trajectory.status, Status::NumericalFailure, "{model}");
+    let reason = trajectory.failure.map(|f| f.to_string());
+    let reason = reason.unwrap_or_default();
+    for word in words {
+        assert!(reason.contains(word), "{model}: {reason}");
+    }
+    (trajectory.time[trajectory.time.len() - 1], reason)
+}
+
+/// The states are polynomials, only the switching functions vary quickly.
+#[test]
+fn switching_functions_limit_the_step_where_the_states_do_not() {
+    // cos(50 t) > 0.9 for half a hump, seven whole ones, and the begin of the ninth.
+    let width = 0.9_f64.acos() / 50.0;
+    let above = 15.0 * width + (1.0 - (16.0 * PI / 50.0 - width));
+    let x = 2.0 * above - 1.0;
+    for k in [3, 8, 12] {
+        let experiment = format!("horizon 1; tolerance 1e-{k};");
+        let model = "state x = 0; x' = sign(cos(50*time) - 0.9);";
+        let trajectory = check(model, &experiment, "x", x, 1e-12);
+        assert_eq!(trajectory.switch_times().len(), 16);
+    }
+    let width = (2.0_f64.ln() / 1000.0).sqrt();
+    check(
+        "state x = 0; x' = step(exp(-1000*(time - 0.5)^2) - 0.5);",
+        "horizon 1;",
+        "x",
+        2.0 * width,
+        1e-12,
+    );
+    check(
+        "state x = 0; state y = 0; y' = 1; x' = step(1/(1 + 100*(y - 0.5)^2) - 0.5);",
+        "horizon 1;",
+        "x",
+        0.2,
+        1e-12,
+    );
+}
+
+#[test]
+fn a_thousand_periods_of_a_square_wave() {
+    let end = 2000.0 * PI;
+    let experiment = format!("horizon {end:.12};");
+    let trajectory = check(
+        "state x = 0; x' = sign(sin(time));",
+        &experiment,
+        "x",
+        0.0,
+        1e-8,
+    );
+    let times = trajectory.switch_times();
+    for (k, t) in times.iter().enumerate() {
+        let exact = PI * (k as f64 + 1.0);
+        assert!(
+            (t - exact).abs() <= 1e-15 * exact + 1e-13,
+            "{t} and {exact}"
+        );
+    }
+}
+
+/// The expansion at the start knows nothing of the pulse.
+#[test]
+fn a_pulse_within_the_first_step_is_seen() {
+    check(
+        "state x = 1; x' = exp(-1000*(time - 0.5)^2);",
+        "horizon 1;",
+        "x",
+        1.0 + (PI / 1000.0).sqrt(),
+        1e-8,
+    );
+}
+
+#[test]
+fn series_whose_last_terms_vanish() {
+    check(
+        "state x = 0; x' = time^60;",
+        "horizon 1;",
+        "x",
+        1.0 / 61.0,
+        1e-9,
+    );
+    check(
+        "state x = 0; x' = 5*time^4*exp(time^5);",
+        "horizon 1.2; tolerance 1e-12;",
+        "x",
+        1.2_f64.powi(5).exp() - 1.0,
+        1e-11,
+    );
+}
+
+/// All branches start with the same velocity and part later.
+#[test]
+fn branches_that_start_alike_are_all_named() {
+    let words = ["above(x)", "below(x)"];
+    refused("state x = 0; x' = time*sign(x);", "horizon 1;", &words);
+    let model = "state x = 0; state y = 0; y' = 1; x' = y*sign(x);";
+    refused(model, "horizon 1;", &words);
+    // A large velocity elsewhere does not hide the small difference.
+    let model = "state x = 0; state y = 0; y' = 1e12; x' = sign(x);";
+    refused(model, "horizon 1;", &["above(x)", "below(x)", "sliding(x)"]);
+}
+
+/// Attracting before, repelling after: both rates vanish at t = 1.
+#[test]
+fn a_two_fold_is_not_passed_in_silence() {
+    let model = "state x = 0; state y = -1; y' = 1; x' = if x > 0 then y else -2*y;";
+    let (t, _) = refused(model, "horizon 2;", &["singular"]);
+    assert!((t - 1.0).abs() <= 1e-9, "{t}");
+}
+
+#[test]
+fn sliding_rates_with_products_have_all_their_zeros() {
+    // x' = 0 and y' = 0 have the two solutions α = (1/4, 3/4) and (3/4, 1/4) on a hyperbola and a line.
+    let model = "state x = 0; state y = 0; state z = 0; \
+                 x' = 16*step(x)*step(y) - 3; y' = step(x) + step(y) - 1; z' = step(x);";
+    let (_, reason) = refused(model, "horizon 1;", &[]);
+    assert_eq!(
+        reason.matches("sliding(x), sliding(y)").count(),
+        2,
+        "{reason}"
+    );
+}
+
+#[test]
+fn states_of_any_size_slide_together() {
+    let model = "state x = 1e-12; state y = 1e9; \
+                 x' = -2e-12*sign(x - 0.5e-12) + 1e-22*y; y' = -3e9*sign(y - 2e8) - 1e20*x;";
+    check(model, "horizon 1;", "x", 0.5e-12, 1e-24);
+    check(model, "horizon 1;", "y", 2e8, 1e-3);
+}
+
+/// The same model in other units of states and time has the same events.
+#[test]
+fn units_do_not_matter() {
+    let times = |s: f64, t: f64| {
+        let model = format!(
+            "state x = {s:e}; state v = 0; x' = v/{t:e}; \
+             v' = (-x - 0.15*{s:e}*sign(v - {s:e}*0.3*sin(2*time/{t:e})))/{t:e};"
+        );
+        let trajectory = simulate(&model, &format!("horizon {:e}; tolerance 1e-10;", 20.0 * t));
+        assert!(trajectory.failure.is_none());
+        let times = trajectory.switch_times();
+        times.iter().map(|time| time / t).collect::<Vec<_>>()
+    };
+    let reference = times(1.0, 1.0);
+    assert!(reference.len() > 5);
+    for (s, t) in [
+        (1e-12, 1.0),
+        (1e9, 1.0),
+        (1.0, 1e-6),
+        (1.0, 1e7),
+        (1e8, 1e-9),
+    ] {
+        let found = times(s, t);
+        assert_eq!(found.len(), reference.len(), "{s} {t}");
+        for (a, b) in found.iter().zip(&reference) {
+            assert!((a - b).abs() <= 1e-8, "{a} and {b} in units {s} {t}");
+        }
+    }
+}
+
+#[test]
+fn a_blow_up_ends_where_it_happens() {
+    for (model, at) in [
+        ("state x = 1; x' = x^2;", 1.0),
+        ("state x = 1; x' = -1/x;", 0.5),
+    ] {
+        let (t, _) = refused(model, "horizon 2;", &["finite"]);
+        assert!((t - at).abs() <= 1e-8, "{t} instead of {at}");
+    }
+}
