@@ -181,7 +181,9 @@ impl SwitchedSystem for Switched<'_> {
         let mut gradients = vec![self.exprs.constant(0.0); sliding.len() * self.states.len()];
         let mut time_gradients = Vec::with_capacity(sliding.len());
         for (row, &i) in sliding.iter().enumerate() {
-            let by_time = self.time_gradients[i].substitute(&fixed).substitute(&in_psi);
+            let by_time = self.time_gradients[i]
+                .substitute(&fixed)
+                .substitute(&in_psi);
             let mut rate = by_time;
             for (k, entry) in &self.gradients[i] {
                 let entry = entry.substitute(&fixed).substitute(&in_psi);

@@ -95,23 +95,55 @@ fn numbers<'e>(
             break;
         }
     }
-    for (var, value, name, span) in open {
+    let quantities: FxHashSet<Var> = (model.params.iter().chain(&model.states))
+        .flat_map(|quantity| &quantity.vars)
+        .filter_map(|var| var.as_variable())
+        .collect();
+    for (_, value, name, span) in open {
         // What waits for a missing value is no mistake of its own.
         if complete {
-            let unknown = variables_of(&[value])
-                .into_iter()
-                .find(|below| !numbers.contains_key(below) && *below != var);
-            let cause = unknown.map_or(name.clone(), |unknown| model.exprs.name(unknown));
-            diags.push(ExperimentError::NotANumber {
-                what: format!("the value of `{name}`"),
-                cause,
-                span,
+            let below = variables_of(&[value]);
+            let other = below.into_iter().find(|var| !quantities.contains(var));
+            diags.push(match other {
+                Some(other) => {
+                    let (what, cause) = (format!("the value of `{name}`"), model.exprs.name(other));
+                    ExperimentError::NotANumber { what, cause, span }
+                }
+                None => ExperimentError::SignalCycle { name, span },
             });
         }
         complete = false;
     }
+    complete &= is_finite(model, given, &numbers, diags);
     complete &= in_range(model, given, &numbers, diags);
     complete.then_some(numbers)
+}
+
+/// Whether every initial value is a finite number.
+fn is_finite(
+    model: &Model<'_>,
+    given: &Given<'_>,
+    numbers: &FxHashMap<Var, f64>,
+    diags: &mut Diagnostics,
+) -> bool {
+    let mut fine = true;
+    for state in &model.states {
+        for (k, var) in state.vars.iter().enumerate() {
+            let Some(var) = var.as_variable() else {
+                continue;
+            };
+            if let Some(value) = numbers.get(&var).filter(|value| !value.is_finite()) {
+                diags.push(ExperimentError::OutOfRange {
+                    what: format!("state `{}`", state.shape.entry_name(&state.name, k)),
+                    expected: "finite".to_owned(),
+                    found: value.to_string(),
+                    span: (given.values.get(&var)).map_or(state.span, |&(_, span)| span),
+                });
+                fine = false;
+            }
+        }
+    }
+    fine
 }
 
 /// Whether every parameter is within the range it was declared with.

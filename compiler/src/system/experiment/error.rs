@@ -37,9 +37,12 @@ pub enum ExperimentError {
         span: Span,
     },
 
-    /// Controls or inputs that are given by each other.
+    /// Values that are given by each other.
     #[error("`{name}` is given by itself")]
-    #[diagnostic(code(E0503), help("give it in terms of states, parameters and `time`"))]
+    #[diagnostic(
+        code(E0503),
+        help("give it without itself; what it replaces cannot be read")
+    )]
     SignalCycle {
         name: String,
         #[label("needed to compute itself")]

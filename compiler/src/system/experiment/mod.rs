@@ -118,7 +118,12 @@ pub fn evaluate<'e>(
     let (mut horizon, mut tolerance, mut method) = (None, DEFAULT_TOLERANCE, Method::Auto);
     let (mut lowerings, mut outputs, mut sampling, mut expects) =
         (vec![], None, Sampling::Method, vec![]);
-    for setting in &experiment.settings {
+    // The horizon bounds what others may be, wherever it stands.
+    let is_horizon =
+        |setting: &&syntax::ExperimentSetting| matches!(setting.kind, SettingKind::Horizon { .. });
+    let all = || experiment.settings.iter();
+    let others = all().filter(|setting| !is_horizon(setting));
+    for setting in all().filter(is_horizon).chain(others) {
         let span = setting.span;
         match &setting.kind {
             SettingKind::With(_) | SettingKind::Bad => {}
