@@ -95,6 +95,8 @@ impl<'t> Iterator for Lexer<'t> {
     type Item = Token<'t>;
 
     fn next(&mut self) -> Option<Token<'t>> {
+        #[cfg(test)]
+        counter::add(1);
         let rest = &self.text[self.at..];
         let first = rest.chars().next()?;
         let (kind, length) = if is_blank(first) {
@@ -186,6 +188,31 @@ fn string(text: &str) -> (TokenKind, usize) {
             1 + content[..end].trim_end_matches('\r').len(),
         ),
         None => (TokenKind::OpenString, text.len()),
+    }
+}
+
+/// How much text has been looked at, for tests of the cost of reading.
+#[cfg(test)]
+pub mod counter {
+    use std::cell::Cell;
+
+    thread_local! {
+        static WORK: Cell<usize> = const { Cell::new(0) };
+    }
+
+    /// Starts to count.
+    pub fn reset() {
+        WORK.set(0);
+    }
+
+    /// Counts some work.
+    pub fn add(work: usize) {
+        WORK.set(WORK.get() + work);
+    }
+
+    /// Work since the last reset.
+    pub fn count() -> usize {
+        WORK.get()
     }
 }
 

@@ -19,6 +19,9 @@ pub use ast::*;
 pub use error::SyntaxError;
 pub use format::format;
 
+#[cfg(test)]
+mod tests;
+
 use crate::diagnostics::Diagnostics;
 use crate::source::{SourceFile, Span};
 

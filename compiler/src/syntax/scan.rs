@@ -158,9 +158,7 @@ impl<'t> Repair<'t> {
         let range = token.start..token.end();
         let span = self.span(range.clone());
         match token.kind {
-            TokenKind::Blank if !token.text.bytes().all(|byte| b" \t\r\n".contains(&byte)) => {
-                self.patch(range, "")
-            }
+            TokenKind::Blank => self.blank(token),
             TokenKind::BlockComment => self.replace(range, "", SyntaxError::BlockComment { span }),
             TokenKind::OpenString => {
                 let empty = if range.len() > 1 { "\"\"" } else { "0" };
@@ -180,6 +178,16 @@ impl<'t> Repair<'t> {
             TokenKind::Stray => self.stray(token, span),
             TokenKind::Symbol => self.symbol(token, next, span),
             _ => {}
+        }
+    }
+
+    /// Makes unusual blanks usual; line breaks stay, they end comments.
+    fn blank(&mut self, token: &Token) {
+        for (offset, character) in token.text.char_indices() {
+            if !matches!(character, ' ' | '\t' | '\r' | '\n') {
+                let start = token.start + offset;
+                self.patch(start..start + character.len_utf8(), "");
+            }
         }
     }
 

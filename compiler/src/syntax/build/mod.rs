@@ -60,11 +60,11 @@ impl Builder<'_> {
                 Rule::bad_item => {
                     let range = self.range(&pair);
                     let span = self.span(&pair);
-                    self.recover(Place::File, range, &mut |builder, pair| {
+                    let complete = self.recover(Place::File, range, &mut |builder, pair| {
                         let item = builder.item(pair);
                         items.push(item);
                     });
-                    items.push(Item::Bad(span));
+                    items.extend((!complete).then_some(Item::Bad(span)));
                 }
                 _ => items.push(self.item(pair)),
             }
@@ -270,7 +270,10 @@ fn has_content(pair: &Pair<Rule>) -> bool {
     spelling(pair.as_rule()).is_none()
 }
 
-struct Parts<'i>(Peekable<std::iter::Filter<Pairs<'i, Rule>, fn(&Pair<Rule>) -> bool>>);
+/// See [`parts`].
+struct Parts<'i>(Peekable<WithContent<'i>>);
+
+type WithContent<'i> = std::iter::Filter<Pairs<'i, Rule>, fn(&Pair<Rule>) -> bool>;
 
 impl<'i> Parts<'i> {
     /// The next child, which the grammar makes a `rule`.

@@ -100,17 +100,24 @@ impl Failure {
 type Build<'f, 'b> = &'f mut dyn FnMut(&mut Builder<'b>, Pair<Rule>);
 
 impl<'b> Builder<'b> {
-    /// Diagnoses the wrong text in `range`, and builds what can be read of it.
-    pub(super) fn recover(&mut self, place: Place, range: Range<usize>, build: Build<'_, 'b>) {
+    /// Diagnoses the wrong text in `range`, and builds what can be read of it;
+    /// false where some of it could not be read.
+    pub(super) fn recover(
+        &mut self,
+        place: Place,
+        range: Range<usize>,
+        build: Build<'_, 'b>,
+    ) -> bool {
         let scan = self.scan;
         let text = &scan.text[..range.end];
         let mut at = range.start;
+        let mut lost = false;
         loop {
             let Some(first) = significant(text, at).next() else {
-                return;
+                return !lost;
             };
             if self.errors.len() > MAX_ERRORS {
-                return;
+                return false;
             }
             at = first.start;
             let rule = match self.rule_for(place, text, &first) {
@@ -120,7 +127,7 @@ impl<'b> Builder<'b> {
                     if !self.wrong_within(first.start..range.end) {
                         self.report(error);
                     }
-                    return;
+                    return false;
                 }
             };
             let failure = match self.attempt(rule, &text[at..], at, build) {
@@ -137,12 +144,12 @@ impl<'b> Builder<'b> {
                 self.report(error);
             }
             if !semicolon {
-                return;
+                return false;
             }
             // Read the statement as if it had its semicolon, and go on behind it.
             let end = last_significant(text, at, failure.at).map_or(at, |token| token.end());
             let completed = format!("{};", &text[at..end]);
-            let _ = self.attempt(rule, &completed, at, build);
+            lost |= self.attempt(rule, &completed, at, build).is_err();
             at = failure.at;
         }
     }
@@ -150,6 +157,22 @@ impl<'b> Builder<'b> {
     /// Parses `text`, which starts at offset `at`, as one `rule` and builds it;
     /// returns where it ends.
     fn attempt(
+        &mut self,
+        rule: Rule,
+        text: &str,
+        at: usize,
+        build: Build<'_, 'b>,
+    ) -> Result<usize, Failure> {
+        let result = self.attempt_uncounted(rule, text, at, build);
+        #[cfg(test)]
+        crate::syntax::lexer::counter::add(match &result {
+            Ok(end) => end - at,
+            Err(failure) => failure.at - at,
+        });
+        result
+    }
+
+    fn attempt_uncounted(
         &mut self,
         rule: Rule,
         text: &str,
@@ -264,15 +287,13 @@ impl<'b> Builder<'b> {
     fn unknown(&self, place: Place, first: &Token, second: Option<Token>) -> SyntaxError {
         let span = self.position(first.start..first.end());
         let word = shown(first);
-        if first.kind == TokenKind::Word {
-            if let Some((here, there)) = words::belongs(first.text, place) {
-                return SyntaxError::Misplaced {
-                    word: first.text.to_owned(),
-                    place: here.to_owned(),
-                    belongs: there.to_owned(),
-                    span,
-                };
-            }
+        if let Some((here, there)) = words::belongs(first.text, place) {
+            return SyntaxError::Misplaced {
+                word: first.text.to_owned(),
+                place: here.to_owned(),
+                belongs: there.to_owned(),
+                span,
+            };
         }
         let help = if let Some(meant) = words::suggestion(first.text, place) {
             format!("did you mean `{meant}`?")
@@ -283,14 +304,15 @@ impl<'b> Builder<'b> {
         } else if first.text == ";" {
             "remove it".to_owned()
         } else {
-            let starts: Vec<String> = words::starts(place)
-                .iter()
-                .map(|(start, _)| format!("`{start}`"))
-                .collect();
-            match starts.is_empty() {
-                true => "start with a name".to_owned(),
-                false => format!("one of {} starts one", starts.join(", ")),
-            }
+            let starts = words::starts(place).iter();
+            let starts: Vec<String> = starts.map(|(start, _)| format!("`{start}`")).collect();
+            let name = match place {
+                Place::File | Place::Experiment => "",
+                Place::Model => ", or the derivative of a state",
+                _ if starts.is_empty() => "a name",
+                _ => " or a name",
+            };
+            format!("start with {}{name}", starts.join(", "))
         };
         SyntaxError::UnknownStatement {
             place: words::member(place).to_owned(),

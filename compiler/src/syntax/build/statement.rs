@@ -45,21 +45,18 @@ impl Builder<'_> {
         bad: fn(Span) -> T,
         list: &mut Vec<T>,
     ) {
-        let span = self.span(&pair);
-        match is_bad(pair.as_rule()) {
-            true => {
-                let range = self.range(&pair);
-                self.recover(place, range, &mut |builder, pair| {
-                    list.push(build(builder, pair))
-                });
-                list.push(bad(span));
-            }
-            false => {
-                let wrong = self.is_wrong(&pair);
-                let member = build(self, pair);
-                list.push(if wrong { bad(span) } else { member });
-            }
+        let mut read = |builder: &mut Self, pair: Pair<Rule>| {
+            let span = builder.span(&pair);
+            let wrong = builder.is_wrong(&pair);
+            let member = build(builder, pair);
+            list.push(if wrong { bad(span) } else { member });
+        };
+        if !is_bad(pair.as_rule()) {
+            return read(self, pair);
         }
+        let (range, span) = (self.range(&pair), self.span(&pair));
+        let complete = self.recover(place, range, &mut read);
+        list.extend((!complete).then(|| bad(span)));
     }
 
     fn statement(&mut self, pair: Pair<Rule>) -> Stmt {

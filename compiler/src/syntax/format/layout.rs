@@ -102,6 +102,9 @@ fn flat(parts: &[Part]) -> Option<String> {
 
 /// `{ a; b; }`, where the block stood on one line.
 fn flat_block(block: &Block) -> Option<String> {
+    if block.entries.is_empty() && block.opening.is_none() {
+        return Some("{}".to_owned());
+    }
     if !block.one_line {
         return None;
     }
@@ -116,7 +119,7 @@ fn flat_block(block: &Block) -> Option<String> {
             return None;
         }
     }
-    text.push_str(if block.entries.is_empty() { "}" } else { " }" });
+    text.push_str(" }");
     Some(text)
 }
 
@@ -231,7 +234,7 @@ impl<'t> Writer<'t> {
         let one_line = one_line.filter(|text| {
             fits(
                 self.indent,
-                &format!("{}{text} {tail}", self.text).trim_end(),
+                format!("{}{text} {tail}", self.text).trim_end(),
             )
         });
         match one_line {

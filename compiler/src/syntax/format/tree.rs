@@ -127,9 +127,9 @@ impl Marks {
                     .extend(children.next().map(|bracket| bracket.as_span().start()));
             }
             Rule::binder | Rule::span => {
-                if children.any(|child| child.as_rule() == Rule::dots) {
-                    self.tight_until = self.tight_until.max(pair.as_span().end());
-                }
+                let is_range = children.any(|child| child.as_rule() == Rule::dots);
+                let end = if is_range { pair.as_span().end() } else { 0 };
+                self.tight_until = self.tight_until.max(end);
             }
             Rule::infix => {
                 self.binary.insert(start);
