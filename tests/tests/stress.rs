@@ -197,3 +197,30 @@ fn a_blow_up_ends_where_it_happens() {
         assert!((t - at).abs() <= 1e-8, "{t} instead of {at}");
     }
 }
+
+/// All masses come to rest, one joint after the other, often with rates that are rounding only.
+#[test]
+fn forty_masses_rub_against_each_other() {
+    let n = 40;
+    let mut model = String::new();
+    for i in 0..n {
+        let v = 2.0 * f64::from(i).sin();
+        model += &format!("state q{i} = 0; state v{i} = {v:.6}; q{i}' = v{i};");
+        let (before, rub) = match i {
+            0 => ("q0".to_owned(), "v0".to_owned()),
+            _ => (format!("q{i} - q{}", i - 1), format!("v{i} - v{}", i - 1)),
+        };
+        let after = match i + 1 {
+            j if j == n => String::new(),
+            j => format!(" + (q{j} - q{i}) + 0.3*sign(v{j} - v{i})"),
+        };
+        model += &format!("v{i}' = -({before}) - 0.3*sign({rub}){after};");
+    }
+    let trajectory = simulate(&model, "horizon 20; tolerance 1e-8;");
+    assert_eq!(trajectory.status, Status::Solved);
+    assert!(trajectory.error_estimate.unwrap() < 1e-10);
+    assert!(trajectory.warnings.is_empty());
+    for i in 0..10 {
+        assert!(end(&trajectory, &format!("v{i}"))[0].abs() < 1e-14);
+    }
+}

@@ -69,9 +69,10 @@ impl<'e> Switched<'e> {
             occurring.map(|(i, var)| (i, psi.diff(var))).collect()
         };
         let gradients: Vec<Vec<_>> = switching.iter().map(gradient).collect();
+        let time_gradients: Vec<_> = switching.iter().map(|psi| psi.diff(time)).collect();
         Switched {
-            couplings: couplings(&rates, &gradients, &alphas),
-            time_gradients: switching.iter().map(|psi| psi.diff(time)).collect(),
+            couplings: couplings(&rates, &gradients, &time_gradients, &alphas),
+            time_gradients,
             continuous: system
                 .switches
                 .iter()
@@ -93,10 +94,11 @@ impl<'e> Switched<'e> {
     }
 }
 
-/// Which α each rate φ_i = Σ ∂ψ_i/∂x_k f_k may contain.
+/// Which α each rate φ_i = Σ ∂ψ_i/∂x_k f_k + ∂ψ_i/∂t may contain.
 fn couplings<'e>(
     rates: &[Expr<'e>],
     gradients: &[Vec<(usize, Expr<'e>)>],
+    time_gradients: &[Expr<'e>],
     alphas: &[Var],
 ) -> Vec<Vec<usize>> {
     let place: FxHashMap<Var, usize> = alphas
@@ -113,16 +115,21 @@ fn couplings<'e>(
         .iter()
         .map(|rate| alphas_of(*rate).collect())
         .collect();
-    let of_switch = |gradient: &Vec<(usize, Expr<'e>)>| {
+    let of_switch = |(gradient, by_time): (&Vec<(usize, Expr<'e>)>, &Expr<'e>)| {
         let mut found: Vec<usize> = gradient
             .iter()
             .flat_map(|(k, entry)| in_rate[*k].iter().copied().chain(alphas_of(*entry)))
+            .chain(alphas_of(*by_time))
             .collect();
         found.sort_unstable();
         found.dedup();
         found
     };
-    gradients.iter().map(of_switch).collect()
+    gradients
+        .iter()
+        .zip(time_gradients)
+        .map(of_switch)
+        .collect()
 }
 
 fn variable(expr: Expr) -> Var {
@@ -193,11 +200,17 @@ impl SwitchedSystem for Switched<'_> {
             phi.push(rate);
             time_gradients.push(by_time);
         }
-        let pairs = phi
-            .iter()
-            .flat_map(|rate| sliding.iter().map(|&i| rate.diff(self.alphas[i])));
+        let mut pairs = Vec::with_capacity(sliding.len() * sliding.len());
+        for (rate, &row) in phi.iter().zip(&sliding) {
+            for &i in &sliding {
+                pairs.push(if self.couples(row, i) {
+                    rate.diff(self.alphas[i])
+                } else {
+                    self.exprs.constant(0.0)
+                });
+            }
+        }
         let linear: Vec<_> = pairs
-            .collect::<Vec<_>>()
             .into_iter()
             .chain(gradients)
             .chain(time_gradients)

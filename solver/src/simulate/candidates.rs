@@ -2,24 +2,18 @@
 //!
 //! Up to six surfaces that interact, all 3^|I| choices are tried with every α that keeps the
 //! sliding ones in place, which finds every solution. Beyond, Lemke's method finds one, and where
-//! -∂φ/∂α is no P-matrix, other starts of the method look for more.
+//! -∂φ/∂α is no P-matrix, a search looks for more (`pivot`).
 
 use super::judge::TIE;
 use super::mode::Mode;
+use super::pivot::Problem;
 use super::select::{Choice, Choices};
 use super::state::State;
 use super::{Side, Simulator, SwitchedSystem};
-use crate::lcp;
 use crate::linalg::DenseLu;
 
 /// Beyond this many interacting surfaces, Lemke's method replaces enumeration.
-const MAX_ENUMERATED: usize = 6;
-
-/// α and rates this close to their bounds after Lemke's method are tried on both sides.
-const NEAR: f64 = 1e-7;
-
-/// Starts of Lemke's method where one solution may not be the only one.
-const MAX_STARTS: usize = 32;
+pub(super) const MAX_ENUMERATED: usize = 6;
 
 /// Boxes looked at for the zeros of rates that contain products of α.
 const MAX_BOXES: usize = 4000;
@@ -59,7 +53,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         options
     }
 
-    /// Solutions by Lemke's method, with the alternatives where a rate vanishes at a bound of α.
+    /// Solutions by Lemke's method and, where there may be others, by search.
     fn pivots(
         &mut self,
         free: usize,
@@ -81,16 +75,18 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             group,
             at,
         };
-        let mut candidates: Vec<Vec<Side>> = Vec::new();
         let unique = problem.is_unique();
-        let starts = if unique { 1 } else { MAX_STARTS };
-        for start in 0..starts {
-            let Some(sides) = problem.pivot(start, options) else {
-                continue;
-            };
-            let mut near: Vec<Vec<Side>> = product(&sides);
-            near.retain(|sides| !candidates.contains(sides));
-            candidates.extend(near);
+        let mut candidates = problem
+            .pivot(options)
+            .map_or(Vec::new(), |sides| product(&sides));
+        if !unique {
+            let others = problem.search(options);
+            candidates.extend(
+                others
+                    .into_iter()
+                    .filter(|sides| !candidates.contains(sides))
+                    .collect::<Vec<_>>(),
+            );
         }
         candidates
     }
@@ -315,137 +311,4 @@ impl Zeros<'_> {
         let mut ranges = least.iter().zip(&largest);
         ranges.any(|(least, largest)| *least > 0.0 || *largest < 0.0)
     }
-}
-
-/// φ = b + Aα on the surfaces of a group.
-struct Problem<'m> {
-    mode: &'m mut Mode,
-    state: &'m State,
-    group: &'m [usize],
-    /// Places of the group among the sliding switches.
-    at: Vec<usize>,
-}
-
-impl Problem<'_> {
-    /// -A, with every row divided by its size.
-    fn matrix(&self) -> (Vec<f64>, Vec<f64>) {
-        let n = self.group.len();
-        let mut matrix = vec![0.0; n * n];
-        let mut sizes = vec![1.0; n];
-        for row in 0..n {
-            for col in 0..n {
-                matrix[row * n + col] = -self.mode.coupling(self.at[row], self.at[col]);
-            }
-            let row_of = &mut matrix[row * n..(row + 1) * n];
-            let size = row_of.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-            sizes[row] = size.max(self.mode.phi()[self.at[row]].abs());
-            if sizes[row] == 0.0 {
-                sizes[row] = 1.0;
-            }
-            row_of.iter_mut().for_each(|v| *v /= sizes[row]);
-        }
-        (matrix, sizes)
-    }
-
-    /// True when -A is proved to be a P-matrix here, so that there is exactly one solution.
-    fn is_unique(&mut self) -> bool {
-        self.mode
-            .eval(self.state.t, &self.state.x, &self.state.alpha);
-        self.mode.linearize();
-        let (matrix, _) = self.matrix();
-        lcp::is_p_matrix(&matrix, self.group.len()) == Some(true)
-    }
-
-    /// One solution by Lemke's method, relinearized until the sides repeat: the sides of every
-    /// switch, several where a rate vanishes at a bound of α.
-    ///
-    /// w = Mz + q with z = (α, p), w = (n, 1 - α), M = (-A I; -I 0), q = (-b, e).
-    fn pivot(&mut self, start: usize, options: &[Vec<Side>]) -> Option<Vec<Vec<Side>>> {
-        let n = self.group.len();
-        let mut alpha = self.state.alpha.clone();
-        let mut last = Vec::new();
-        for _ in 0..20 {
-            self.mode.eval(self.state.t, &self.state.x, &alpha);
-            self.mode.linearize();
-            let (matrix, sizes) = self.matrix();
-            let size = 2 * n;
-            let mut m = vec![0.0; size * size];
-            let (mut q, mut cover) = (vec![1.0; size], vec![1.0; size]);
-            for row in 0..n {
-                let mut b = self.mode.phi()[self.at[row]] / sizes[row];
-                for col in 0..n {
-                    let entry = matrix[row * n + col];
-                    b += entry * alpha[self.group[col]];
-                    m[row * size + col] = entry;
-                    cover[row] += entry.abs();
-                }
-                m[row * size + n + row] = 1.0;
-                m[(n + row) * size + row] = -1.0;
-                q[row] = -b;
-            }
-            // Other covering vectors lead along other paths.
-            let mut share = 0.37 * start as f64;
-            for entry in cover.iter_mut().filter(|_| start > 0) {
-                share = (share + 0.618_033_988_749_895).fract();
-                *entry *= 1.0 + 30.0 * share * share;
-            }
-            let z = lcp::lemke(&m, &q, &cover).ok()?;
-            let rate = |row: usize| {
-                let terms = (0..n).map(|col| matrix[row * n + col] * z[col]);
-                -q[row] - terms.sum::<f64>()
-            };
-            let sides: Vec<Vec<Side>> = (0..n)
-                .map(|row| nearest(z[row], rate(row), &options[row]))
-                .collect();
-            for (&i, &a) in self.group.iter().zip(&z) {
-                alpha[i] = a;
-            }
-            if sides == last {
-                break;
-            }
-            last = sides;
-        }
-        // Everything at once undecided is more than can be tried: keep the nearest.
-        let mut open = 0;
-        for sides in &mut last {
-            open += usize::from(sides.len() > 1);
-            if open > MAX_ENUMERATED {
-                sides.truncate(1);
-            }
-        }
-        Some(last)
-    }
-}
-
-/// The sides α and its rate stand for, of those a switch has.
-fn nearest(alpha: f64, rate: f64, options: &[Side]) -> Vec<Side> {
-    let side = if alpha <= TIE {
-        Side::Minus
-    } else if alpha >= 1.0 - TIE {
-        Side::Plus
-    } else {
-        Side::Slide
-    };
-    let slides = options.contains(&Side::Slide);
-    if !slides {
-        // α of a continuous switch does not matter: its rate decides.
-        return match rate {
-            rate if rate.abs() <= NEAR => options.to_vec(),
-            rate => vec![Side::of(rate)],
-        };
-    }
-    let mut sides = vec![side];
-    if rate.abs() <= NEAR {
-        let other = if side != Side::Slide {
-            Some(Side::Slide)
-        } else if alpha <= NEAR {
-            Some(Side::Minus)
-        } else if alpha >= 1.0 - NEAR {
-            Some(Side::Plus)
-        } else {
-            None
-        };
-        sides.extend(other);
-    }
-    sides
 }

@@ -55,8 +55,8 @@ impl Verdict {
 }
 
 impl<S: SwitchedSystem> Simulator<'_, S> {
-    /// Size of each rate of the group: |∇ψ|·|f| + |∂ψ/∂t| over all choices, and what would move ψ
-    /// by its own size within a step.
+    /// Size of each rate of the group: |∇ψ|·|f| + |∂ψ/∂t| over all choices, with the terms of f that
+    /// cancel, and what would move ψ by its own size within a step.
     pub(super) fn rates(
         &mut self,
         free: usize,
@@ -69,7 +69,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         mode.linearize();
         let largest = |component: usize| {
             let values = choices.iter().map(|choice| choice.f[component].abs());
-            values.fold(0.0_f64, f64::max)
+            values.fold(state.activity[component], f64::max)
         };
         let largest: Vec<f64> = (0..state.x.len()).map(largest).collect();
         let rate = |i: &usize| {

@@ -13,6 +13,7 @@ mod candidates;
 mod control;
 mod judge;
 mod mode;
+mod pivot;
 mod roots;
 mod select;
 mod series;

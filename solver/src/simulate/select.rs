@@ -15,6 +15,9 @@ pub type Candidate = Vec<(usize, Side)>;
 /// |ψ| below this fraction of the size of its terms is the surface.
 pub(super) const BAND: f64 = 1e-12;
 
+/// Solutions named where one cannot be chosen: as many as three repelling surfaces have.
+const MAX_NAMED: usize = 27;
+
 /// A choice on one group of interacting surfaces.
 #[derive(Clone)]
 pub(super) struct Choice {
@@ -214,6 +217,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             };
             if consistent && !valid.iter().any(known) {
                 valid.push((choice, verdict));
+            }
+            // Without a choice of branch, it is enough to know that there are several.
+            if valid.len() >= MAX_NAMED && self.settings.branch.is_empty() {
+                break;
             }
         }
         valid.into_iter().map(|(choice, _)| choice).collect()

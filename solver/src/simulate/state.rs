@@ -20,7 +20,7 @@ pub(super) struct State {
     pub armed: Vec<bool>,
     /// Below this |ψ| is rounding.
     pub band: Vec<f64>,
-    /// Length of the last step that no event cut.
+    /// Length of the last step that no event cut; 0 before the first step.
     pub last_step: f64,
     pub stats: Stats,
     /// Events in a row without progress in time.

@@ -97,9 +97,13 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             mode.state(length, &mut state.next);
             std::mem::swap(&mut state.x, &mut state.next);
             mode.alpha(length, &mut state.alpha);
-            if triggers.is_empty() {
-                state.last_step = h;
-            }
+            state.last_step = if triggers.is_empty() {
+                h
+            } else if state.last_step > 0.0 {
+                state.last_step.max(length)
+            } else {
+                h
+            };
             return Ok(Step {
                 length,
                 reaches_end: triggers.is_empty() && h >= remaining,

@@ -2,6 +2,8 @@
 
 use std::ops::ControlFlow;
 
+use proptest::prelude::*;
+
 use super::{
     Event, ModeFunctions, Observer, Outcome, Segment, Settings, Side, Simulator, Status,
     SwitchedSystem,
@@ -279,4 +281,58 @@ fn limits_end_in_a_status() {
     assert_eq!(outcome.status, Status::EventLimit);
     let (outcome, _) = Planes::relays(&[f64::NAN], &[0.0]).run(1.0, &[1.0], Settings::default());
     assert_eq!(outcome.status, Status::NotFinite);
+}
+
+/// A system on the first surfaces of a larger one, which slides on the others and hardly couples.
+fn embedded(small: &Planes, others: usize) -> Planes {
+    let (k, n) = (small.n, small.n + others);
+    let (mut c, mut b) = (vec![0.3; n], vec![0.0; n * n]);
+    c[..k].copy_from_slice(&small.c);
+    for i in 0..n {
+        for j in 0..n {
+            b[i * n + j] = match (i < k, j < k) {
+                (true, true) => small.b[i * k + j],
+                _ if i == j => -1.0,
+                // Enough to make one group of all.
+                _ if i == k || j + 1 == k => 1e-13,
+                _ if i == j + 1 => 0.01,
+                _ => 0.0,
+            };
+        }
+    }
+    Planes::relays(&c, &b)
+}
+
+proptest! {
+    /// Trying all sides and Lemke's method with its search agree on how many solutions there are,
+    /// which is odd, and on the solution where there is one.
+    #[test]
+    fn all_solutions_are_found_beyond_enumeration(b in prop::collection::vec(-1.0..1.0_f64, 9), c in prop::collection::vec(-1.0..1.0_f64, 3)) {
+        let small = Planes::relays(&c, &b);
+        let (few, _) = small.run(0.01, &[0.0; 3], Settings::default());
+        let (many, _) = embedded(&small, 7).run(0.01, &[0.0; 10], Settings::default());
+        match (few.status, many.status) {
+            (Status::Solved, Status::Solved) => assert_close(&many.x[..3], &few.x, 1e-10),
+            (Status::NonUnique(few), Status::NonUnique(many)) => {
+                prop_assert_eq!(few.len(), many.len());
+                prop_assert_eq!(few.len() % 2, 1);
+            }
+            (few, many) => prop_assert!(false, "{:?} and {:?}", few, many),
+        }
+    }
+}
+
+#[test]
+fn seven_repelling_surfaces_are_not_left_in_silence() {
+    let m = 7;
+    let b: Vec<f64> = (0..m * m)
+        .map(|at| if at % (m + 1) == 0 { 2.0 } else { 0.1 })
+        .collect();
+    let (outcome, _) =
+        Planes::relays(&vec![-1.3; m], &b).run(1.0, &vec![0.0; m], Settings::default());
+    assert!(
+        matches!(outcome.status, Status::NonUnique(_)),
+        "{:?}",
+        outcome.status
+    );
 }
