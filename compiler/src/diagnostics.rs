@@ -35,12 +35,14 @@ impl Diagnostics {
 
     /// Drops those that another list has already: same code, place and message.
     pub fn remove_known(&mut self, known: &Diagnostics) {
-        let key = |diagnostic: &AnyDiagnostic| {
-            let code = diagnostic.code().map(|code| code.to_string());
-            (code, position(diagnostic.as_ref()), diagnostic.to_string())
-        };
         self.list
             .retain(|diagnostic| !known.list.iter().any(|known| key(known) == key(diagnostic)));
+    }
+
+    /// Drops those that come again: same code, place and message.
+    pub fn remove_repeated(&mut self) {
+        let mut seen = std::collections::HashSet::new();
+        self.list.retain(|diagnostic| seen.insert(key(diagnostic)));
     }
 
     /// All of them, by position in the source, those without one last.
@@ -84,6 +86,12 @@ impl Diagnostics {
         let code = |diagnostic: &AnyDiagnostic| diagnostic.code().map(|code| code.to_string());
         self.iter().filter_map(code).collect()
     }
+}
+
+/// What makes two diagnostics the same.
+fn key(diagnostic: &AnyDiagnostic) -> (Option<String>, Option<usize>, String) {
+    let code = diagnostic.code().map(|code| code.to_string());
+    (code, position(diagnostic.as_ref()), diagnostic.to_string())
 }
 
 /// True for what stops the compilation.

@@ -56,7 +56,7 @@ pub fn compile<'e>(
     clock: &mut Clock,
     diags: &mut Diagnostics,
 ) -> Option<Compiled<'e>> {
-    let definition = model::find(file, &experiment.model, diags)?;
+    let (file, definition) = model::find(file, &experiment.model, diags)?;
     let with = given(experiment, overrides);
     let name = &definition.name.name;
     let model = clock.time("model", || model::resolve(exprs, file, name, &with, diags))?;

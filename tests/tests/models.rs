@@ -16,6 +16,9 @@ const EXAMPLES: &[&str] = &[
     "intersections.nsd: product_selection",
     "oscillator.nsd: crossing",
     "oscillator.nsd: reversed",
+    "parts.nsd: on_ice",
+    "parts.nsd: pulled",
+    "parts.nsd: to_rest",
     "stiction.nsd: coulomb",
     "switching_cases.nsd: arrives",
     "switching_cases.nsd: cross",
@@ -41,6 +44,8 @@ const MODELS: &[&str] = &[
     "friction_chain.nsd: to_rest",
     "impact_like.nsd: exact",
     "oscillator.nsd: crossing",
+    "parts.nsd: on_ice",
+    "parts.nsd: to_rest",
     "spiral.nsd: zeno",
     "stiction.nsd: coulomb",
     "switching_cases.nsd: branch",
@@ -51,8 +56,8 @@ const MODELS: &[&str] = &[
 
 /// Experiments of the design models that are refused as not supported yet, with the code.
 const NOT_YET: &[&str] = &[
-    "ball_pile.nsd: by_events (E0902)",
-    "ball_pile.nsd: settle (E0902)",
+    "ball_pile.nsd: by_events (E0903)",
+    "ball_pile.nsd: settle (E0903)",
     "bouncing_ball.nsd: at_rest (E0904)",
     "bouncing_ball.nsd: bounces (E0904)",
     "bouncing_ball.nsd: frozen (E0904)",
@@ -64,8 +69,6 @@ const NOT_YET: &[&str] = &[
     "impact_like.nsd: with_detection (E0921)",
     "impact_like.nsd: without_detection (E0921)",
     "oscillator.nsd: seventh_order (E0921)",
-    "parts.nsd: on_ice (E0902)",
-    "parts.nsd: to_rest (E0902)",
     "projected.nsd: along_boundary (E0905)",
     "sliding_ocp.nsd: reach (E0922)",
     "stewart_anitescu.nsd: tutorial (E0922)",

@@ -6,6 +6,7 @@ use crate::Compiled;
 use crate::expr::{Expr, Var, variables_of};
 use crate::report::plot::{self, Surface};
 use crate::report::{Trajectory, refine};
+use crate::system::experiment::Kept;
 
 /// Instants of a curve that looks smooth.
 const N_POINTS: usize = 1200;
@@ -67,7 +68,14 @@ fn reported<'e>(compiled: &Compiled<'e>, name: &str) -> Vec<Expr<'e>> {
         .iter()
         .flatten()
         .find(|kept| kept.name == name);
-    let base = kept.map_or(name, |kept| kept.name.split('[').next().unwrap_or(name));
+    let is_whole = |kept: &&Kept| {
+        let groups = system.groups.iter().map(|group| &group.name);
+        let others = system.outputs.iter().chain(&system.controls);
+        let mut names = groups.chain(others.map(|output| &output.name));
+        names.any(|name| *name == kept.name)
+    };
+    let sliced = kept.filter(|kept| !is_whole(kept));
+    let base = sliced.map_or(name, Kept::base);
     let all: Vec<Expr<'e>> = match system.groups.iter().find(|group| group.name == base) {
         Some(group) => system.states[group.entries.clone()]
             .iter()

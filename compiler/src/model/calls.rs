@@ -54,7 +54,7 @@ fn callee<'c>(
     };
     let scope = lowering.scope;
     let names = if lowering.in_function {
-        &scope.of_file
+        &*scope.of_file
     } else {
         &scope.names
     };
@@ -146,7 +146,7 @@ fn inline<'e>(
         locals.push(Local::Value {
             name: param.name.clone(),
             value,
-            text: lowering.text(arg),
+            text: lowering.whole_text(arg),
         });
     }
     let outside = (

@@ -104,9 +104,13 @@ impl<'e> Lowering<'_, 'e> {
         (right, b): (&syntax::Expr, Expr<'e>),
     ) -> (Expr<'e>, String) {
         let text = match b.as_constant() {
-            _ if is_zero_literal(right) => self.text(left),
-            Some(value) if value < 0.0 => format!("{} + {}", self.sum_text(left), -value),
-            _ => format!("{} - {}", self.sum_text(left), self.operand_text(right)),
+            _ if is_zero_literal(right) => self.whole_text(left),
+            Some(value) if value < 0.0 => format!("{} + {}", self.whole_sum_text(left), -value),
+            _ => format!(
+                "{} - {}",
+                self.whole_sum_text(left),
+                self.whole_operand_text(right)
+            ),
         };
         (a - b, text)
     }
@@ -118,7 +122,7 @@ impl<'e> Lowering<'_, 'e> {
                 continue;
             }
             let name = match (value.shape, &arg.kind) {
-                (Shape::Scalar, _) => self.text(arg),
+                (Shape::Scalar, _) => self.whole_text(arg),
                 (_, ExprKind::Matrix(matrix))
                     if !matrix.semicolons
                         && matrix.rows.iter().flatten().count() == value.data.len() =>
@@ -128,13 +132,13 @@ impl<'e> Lowering<'_, 'e> {
                         .iter()
                         .flatten()
                         .nth(position)
-                        .map(|entry| self.text(entry))
+                        .map(|entry| self.whole_text(entry))
                         .unwrap_or_default()
                 }
                 // `x[3]` says more than the first entry of `x[3..4]`.
                 (shape, _) => match psi.as_variable() {
                     Some(var) => psi.exprs().name(var),
-                    None => shape.entry_name(&self.atom_text(arg), position),
+                    None => shape.entry_name(&self.whole_atom_text(arg), position),
                 },
             };
             self.surfaces.push(Surface {

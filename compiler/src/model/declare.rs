@@ -4,27 +4,49 @@ use std::collections::BTreeMap;
 
 use super::lower::{Lazy, Local, Lowering};
 use super::names::{Declared, Frame, Item};
+use super::parts::{Files, Given, Inner};
 use super::resolve::{given, switch_argument};
 use super::scope::{Meaning, Reported, Scope, Value};
 use super::{
     DynamicsError, Model, ModelError, Named, NamedSwitch, Quantity, Shape, TargetKind, Tensor,
-    Unsupported, order,
+    Unsupported,
 };
 use crate::diagnostics::Diagnostics;
-use crate::expr::{Expr, Var, variables_of};
+use crate::expr::Expr;
 use crate::source::Span;
-use crate::syntax::{self, Bind, DeclKind, Domain, NamedKind};
+use crate::syntax::{self, Bind, DeclKind, NamedKind};
 
 /// A model while its declarations are computed.
-pub(super) struct Declaring<'d, 'e> {
+pub(super) struct Declaring<'d, 'f, 'e> {
     pub model: Model<'e>,
+    /// The instance whose names are being declared.
+    pub level: Level<'f, 'e>,
+    /// The models around it, with the `part` that leads from each to the next.
+    pub around: Vec<(&'f syntax::Model, Span)>,
+    pub files: Files<'f, 'e>,
     pub diags: &'d mut Diagnostics,
 }
 
-impl<'d, 'e> Declaring<'d, 'e> {
-    pub fn new(name: &str, span: Span, scope: Scope<'e>, diags: &'d mut Diagnostics) -> Self {
+/// An instance of a model while its names are declared.
+pub(super) struct Level<'f, 'e> {
+    pub item: &'f syntax::Model,
+    pub file: &'f syntax::File,
+    pub scope: Scope<'e>,
+    /// Structural constants that are given from outside.
+    pub given: Vec<Given<'e>>,
+    pub parts: Vec<Inner<'f, 'e>>,
+}
+
+impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
+    pub fn new(
+        file: &'f syntax::File,
+        item: &'f syntax::Model,
+        scope: Scope<'e>,
+        files: Files<'f, 'e>,
+        diags: &'d mut Diagnostics,
+    ) -> Self {
         let model = Model {
-            name: name.to_owned(),
+            name: item.name.name.clone(),
             exprs: scope.exprs,
             time: scope.time,
             params: vec![],
@@ -41,52 +63,75 @@ impl<'d, 'e> Declaring<'d, 'e> {
             hidden: vec![],
             surfaces: vec![],
             param_order: vec![],
-            scope,
-            span,
+            scope: scope.clone(),
+            span: item.span,
         };
-        Declaring { model, diags }
+        let level = Level {
+            item,
+            file,
+            scope,
+            given: vec![],
+            parts: vec![],
+        };
+        Declaring {
+            model,
+            level,
+            around: vec![],
+            files,
+            diags,
+        }
     }
 
     /// Gives a declared name no meaning for now.
     pub fn unusable(&mut self, declared: &Declared<'_>) {
         let name = declared.name.name.clone();
-        self.model.scope.names.insert(name, Meaning::Unusable);
+        self.level.scope.names.insert(name, Meaning::Unusable);
     }
 
     /// Gives a declared name its meaning. What it needs has one already.
-    pub fn declare(&mut self, declared: &Declared<'_>, with: &[Bind]) {
+    pub fn declare(&mut self, declared: &Declared<'f>, with: &[Bind]) {
         let meaning = match declared.item {
             Item::Const(item) => self.constant(item, with),
             Item::Decl(decl) => self.quantity(decl),
             Item::Named(named) => self.named(named),
             Item::Switch(switch) => self.switch(switch, &declared.frames),
+            Item::Part(part) => self.part(part, with),
             Item::Word(kind) => Ok(Meaning::Word(kind)),
             Item::Unsupported => Ok(Meaning::Unusable),
         };
         let name = declared.name.name.clone();
-        self.model
-            .scope
-            .names
-            .insert(name, meaning.unwrap_or(Meaning::Unusable));
+        let names = &mut self.level.scope.names;
+        names.insert(name, meaning.unwrap_or(Meaning::Unusable));
+    }
+
+    /// The name of the whole for a name of the instance: `a.floor.s`.
+    fn whole_name(&self, name: &str) -> String {
+        format!("{}{name}", self.level.scope.prefix)
     }
 
     /// Runs `lower` on a fresh lowering over what is declared so far.
-    fn lowering<T>(
+    pub fn lowering<T>(
         &mut self,
         lower: impl FnOnce(&mut Lowering<'_, 'e>) -> Result<T, Reported>,
     ) -> Result<T, Reported> {
-        let mut lowering = Lowering::new(&self.model.scope, None, self.diags);
+        let mut lowering = Lowering::new(&self.level.scope, None, self.diags);
         let value = lower(&mut lowering);
         self.model.surfaces.append(&mut lowering.surfaces);
         value
     }
 
     fn constant(&mut self, item: &syntax::Const, with: &[Bind]) -> Result<Meaning<'e>, Reported> {
+        let name = &item.name.name;
+        let from_outside = self.level.given.iter().find(|given| given.is(name));
+        let from_outside = from_outside.map(|given| (given.value.clone(), given.span));
         let value = given(item, with);
-        let what = format!("`{}`", item.name.name);
+        let what = format!("`{name}`");
         self.lowering(|lowering| {
-            let lowered = lowering.expr(value)?;
-            lowering.as_constants(&lowered.tensor, &what, value.span)?;
+            let (lowered, span) = match from_outside {
+                Some(given) => given,
+                None => (lowering.expr(value)?, value.span),
+            };
+            lowering.as_constants(&lowered.tensor, &what, span)?;
             Ok(Meaning::Value(lowered, TargetKind::Const))
         })
     }
@@ -117,15 +162,16 @@ impl<'d, 'e> Declaring<'d, 'e> {
             lowering.spend(shape.len(), decl.span)?;
             Ok(shape)
         })?;
+        let name = self.whole_name(name);
         let vars: Vec<Expr<'e>> = (0..shape.len())
-            .map(|k| self.model.exprs.variable(&shape.entry_name(name, k)))
+            .map(|k| self.model.exprs.variable(&shape.entry_name(&name, k)))
             .collect();
         let value = Tensor {
             shape,
             data: vars.clone(),
         };
         let quantity = Quantity {
-            name: name.clone(),
+            name,
             shape,
             vars,
             value: None,
@@ -175,7 +221,7 @@ impl<'d, 'e> Declaring<'d, 'e> {
             NamedKind::Signal => (&mut self.model.signals, TargetKind::Signal),
         };
         list.push(Named {
-            name,
+            name: format!("{}{name}", self.level.scope.prefix),
             value: value.tensor.clone(),
             span: named.span,
         });
@@ -216,8 +262,8 @@ impl<'d, 'e> Declaring<'d, 'e> {
                 .collect::<Vec<_>>()
                 .join(",");
             let name = match indices.is_empty() {
-                true => switch.name.name.clone(),
-                false => format!("{}[{suffix}]", switch.name.name),
+                true => self.whole_name(&switch.name.name),
+                false => self.whole_name(&format!("{}[{suffix}]", switch.name.name)),
             };
             let shape = psi.shape;
             let vars: Vec<Expr<'e>> = (0..shape.len())
@@ -250,154 +296,6 @@ impl<'d, 'e> Declaring<'d, 'e> {
         let only = members.into_values().next();
         only.map(|(value, kind)| Meaning::Value(value, kind))
             .ok_or(Reported)
-    }
-
-    /// Defaults, initial values and bounds, when every name has its meaning.
-    pub fn defaults(&mut self, declared: &[Declared<'_>]) {
-        for declared in declared {
-            let Item::Decl(decl) = declared.item else {
-                continue;
-            };
-            let Some(Meaning::Value(value, kind)) = self.model.scope.names.get(&decl.name.name)
-            else {
-                continue;
-            };
-            let (shape, kind) = (value.tensor.shape, *kind);
-            let given = self.default(decl, shape);
-            let bounds = self.bounds(decl, shape);
-            let quantity = match kind {
-                TargetKind::Param(index) => &mut self.model.params[index],
-                TargetKind::State(index) => &mut self.model.states[index],
-                TargetKind::Control(index) => &mut self.model.controls[index],
-                TargetKind::Input(index) => &mut self.model.inputs[index],
-                _ => continue,
-            };
-            (quantity.value, quantity.bounds) = (given, bounds);
-        }
-        self.order_params();
-    }
-
-    fn default(&mut self, decl: &syntax::Decl, shape: Shape) -> Option<Tensor<'e>> {
-        let value = decl.value.as_ref()?;
-        let word = match decl.kind {
-            DeclKind::State => "the initial value of",
-            _ => "the default of",
-        };
-        let what = format!("{word} `{}`", decl.name.name);
-        // An input may follow a signal; a control is given the same freedom.
-        let of_time = matches!(decl.kind, DeclKind::Control | DeclKind::Input);
-        self.over_params(
-            value,
-            shape,
-            &format!("`{}`", decl.name.name),
-            &what,
-            of_time,
-        )
-    }
-
-    fn bounds(&mut self, decl: &syntax::Decl, shape: Shape) -> Option<(Tensor<'e>, Tensor<'e>)> {
-        let Some(Domain::Box(lo, hi)) = &decl.domain else {
-            return None;
-        };
-        let what = format!("a bound of `{}`", decl.name.name);
-        let lower = self.over_params(lo, shape, &what, &what, false)?;
-        let upper = self.over_params(hi, shape, &what, &what, false)?;
-        let crossed = |(a, b): (&Expr<'e>, &Expr<'e>)| matches!((a.as_constant(), b.as_constant()), (Some(a), Some(b)) if a > b);
-        if lower.data.iter().zip(&upper.data).any(crossed) {
-            let name = decl.name.name.clone();
-            self.diags.push(ModelError::EmptyBounds {
-                name,
-                span: lo.span.to(hi.span),
-            });
-            return None;
-        }
-        Some((lower, upper))
-    }
-
-    fn over_params(
-        &mut self,
-        value: &syntax::Expr,
-        shape: Shape,
-        whose: &str,
-        what: &str,
-        of_time: bool,
-    ) -> Option<Tensor<'e>> {
-        // Surfaces in defaults are none of the model's.
-        let tensor = Lowering::new(&self.model.scope, None, self.diags)
-            .numbers_as(value, shape, whose)
-            .ok()?;
-        match self.depends(&tensor.data, of_time) {
-            None => Some(tensor),
-            Some(cause) => {
-                self.diags.push(ModelError::DefaultDepends {
-                    what: what.to_owned(),
-                    cause,
-                    span: value.span,
-                });
-                None
-            }
-        }
-    }
-
-    /// What some expressions depend on besides params, and time where that is allowed.
-    fn depends(&self, entries: &[Expr<'e>], of_time: bool) -> Option<String> {
-        let params: rustc_hash::FxHashSet<Var> = self
-            .model
-            .params
-            .iter()
-            .flat_map(|param| &param.vars)
-            .filter_map(|var| var.as_variable())
-            .collect();
-        let time = self.model.time.as_variable();
-        let other = variables_of(entries)
-            .into_iter()
-            .find(|var| !params.contains(var) && (!of_time || Some(*var) != time))?;
-        Some(format!("`{}`", self.model.exprs.name(other)))
-    }
-
-    /// Defaults of params in an order in which they can be computed.
-    fn order_params(&mut self) {
-        let names: Vec<&str> = self
-            .model
-            .params
-            .iter()
-            .map(|param| param.name.as_str())
-            .collect();
-        let mut owner = rustc_hash::FxHashMap::default();
-        for (index, param) in self.model.params.iter().enumerate() {
-            owner.extend(
-                param
-                    .vars
-                    .iter()
-                    .filter_map(|var| var.as_variable())
-                    .map(|var| (var, index)),
-            );
-        }
-        let needs = self.model.params.iter().map(|param| {
-            let entries = param
-                .value
-                .iter()
-                .flat_map(|value| value.data.iter().copied())
-                .collect::<Vec<_>>();
-            let mut needs: Vec<usize> = variables_of(&entries)
-                .into_iter()
-                .filter_map(|var| owner.get(&var).copied())
-                .collect();
-            needs.dedup();
-            needs
-        });
-        let needs: Vec<Vec<usize>> = needs.collect();
-        let (sorted, cycles) = order::topological(&needs);
-        for cycle in &cycles {
-            let param = &self.model.params[cycle[0]];
-            let what = format!("the default of `{}`", param.name);
-            self.diags.push(ModelError::Cycle {
-                what,
-                chain: order::chain(cycle, &names),
-                span: param.span,
-            });
-        }
-        self.model.param_order = sorted;
     }
 }
 

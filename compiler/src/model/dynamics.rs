@@ -97,20 +97,21 @@ impl<'e> Walk<'e> {
             result
         });
         if result.is_err() {
-            self.touch(&repeat.body);
+            self.touch(&lowering.scope.prefix, &repeat.body);
         }
         result
     }
 
     /// Remembers all states that some statements set.
-    fn touch(&mut self, body: &[Stmt]) {
+    fn touch(&mut self, prefix: &str, body: &[Stmt]) {
         for stmt in body {
             match stmt {
                 Stmt::Dynamics(dynamics) => {
-                    self.touched.insert(dynamics.target.head.name.clone());
+                    let name = &dynamics.target.head.name;
+                    self.touched.insert(format!("{prefix}{name}"));
                 }
-                Stmt::For(repeat) => self.touch(&repeat.body),
-                Stmt::Region(region) => self.touch(&region.body),
+                Stmt::For(repeat) => self.touch(prefix, &repeat.body),
+                Stmt::Region(region) => self.touch(prefix, &region.body),
                 _ => {}
             }
         }
@@ -125,7 +126,9 @@ impl<'e> Walk<'e> {
         let result = self.rates(lowering, dynamics);
         match (&result, sink) {
             (Err(Reported), _) => {
-                self.touched.insert(dynamics.target.head.name.clone());
+                let name = &dynamics.target.head.name;
+                let name = format!("{}{name}", lowering.scope.prefix);
+                self.touched.insert(name);
             }
             (Ok(rates), Sink::Outside) => self.dynamics.extend(rates),
             (Ok(rates), Sink::Region(list) | Sink::Hidden(list)) => list.extend(rates),
@@ -143,6 +146,10 @@ impl<'e> Walk<'e> {
         let target = match lowering.scope.names.get(&path.head.name) {
             Some(Meaning::Value(..)) | None => target::resolve(lowering, path),
             Some(Meaning::Word(kind)) => self.not_a_state(lowering, path, kind),
+            Some(Meaning::Part(_) | Meaning::Parts(_)) => {
+                let (part, span) = (path.head.name.clone(), path.span);
+                lowering.error(DynamicsError::OfAPart { part, span })
+            }
             Some(Meaning::Family { .. }) => self.not_a_state(lowering, path, "switch"),
             Some(Meaning::Imported) => lowering.imported(path.span),
             Some(Meaning::Unusable) => Err(Reported),
@@ -220,6 +227,7 @@ impl<'e> Walk<'e> {
         match (guard, body.and(unread)) {
             (Ok(guard), Ok(())) => {
                 let name = self.indexed(&region.name.name);
+                let name = format!("{}{name}", lowering.scope.prefix);
                 self.regions.push(Region {
                     name,
                     guard,
@@ -231,7 +239,7 @@ impl<'e> Walk<'e> {
                 Ok(())
             }
             _ => {
-                self.touch(&region.body);
+                self.touch(&lowering.scope.prefix, &region.body);
                 Err(Reported)
             }
         }

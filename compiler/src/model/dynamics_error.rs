@@ -148,4 +148,16 @@ pub enum DynamicsError {
         #[label("something else")]
         span: Span,
     },
+
+    /// Dynamics of a part, written outside of it.
+    #[error("only `{part}` itself sets the dynamics of its states")]
+    #[diagnostic(
+        code(E0314),
+        help("give the model of the part an `input` that enters its dynamics")
+    )]
+    OfAPart {
+        part: String,
+        #[label("a state of the part")]
+        span: Span,
+    },
 }

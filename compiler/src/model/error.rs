@@ -114,12 +114,14 @@ pub enum ModelError {
 
     /// `x.y` where x has no parts.
     #[error("`{name}` has no field `{field}`")]
-    #[diagnostic(code(E0110), help("only parts have fields"))]
+    #[diagnostic(code(E0110))]
     NoField {
         name: String,
         field: String,
         #[label("no such field")]
         span: Span,
+        #[help]
+        help: Option<String>,
     },
 
     /// A statement that may not stand where it stands.
@@ -139,6 +141,95 @@ pub enum ModelError {
         name: String,
         count: String,
         #[label("which one")]
+        span: Span,
+    },
+
+    /// A line in the braces of a part that names nothing in its model.
+    #[error("model `{model}` declares no `{name}`")]
+    #[diagnostic(code(E0113))]
+    NotInModel {
+        model: String,
+        name: String,
+        #[label("not in `{model}`")]
+        span: Span,
+        #[help]
+        help: Option<String>,
+    },
+
+    /// An input of a part that nobody gives.
+    #[error("{kind} `{name}` of part `{part}` has no value")]
+    #[diagnostic(code(E0114), help("give it in the braces of the part: `{name} = ..;`"))]
+    NotGiven {
+        name: String,
+        kind: &'static str,
+        part: String,
+        #[label(primary, "does not give `{name}`")]
+        span: Span,
+        #[label("declared without a default")]
+        declared: Span,
+    },
+
+    /// Two lines in the braces of a part that give one thing.
+    #[error("{what} is given twice")]
+    #[diagnostic(code(E0115), help("keep one of the lines"))]
+    GivenTwice {
+        what: String,
+        #[label("given here")]
+        first: Span,
+        #[label(primary, "and again here")]
+        second: Span,
+    },
+
+    /// A model that contains itself.
+    #[error("model `{name}` contains itself: {chain}")]
+    #[diagnostic(
+        code(E0116),
+        help("a model cannot be a part of itself; use an array of parts to repeat")
+    )]
+    RecursiveParts {
+        name: String,
+        chain: String,
+        #[label("leads back to `{name}`")]
+        span: Span,
+    },
+
+    /// Parts in parts in parts.
+    #[error("parts are nested more than {limit} deep")]
+    #[diagnostic(code(E0116), help("put some of the models into one"))]
+    DeepParts {
+        limit: usize,
+        #[label("too deep")]
+        span: Span,
+    },
+
+    /// A line in the braces of a part that gives what the part computes.
+    #[error("{name} cannot be given: it is computed as {kind}")]
+    #[diagnostic(
+        code(E0117),
+        help("give constants, params, initial values, inputs and controls")
+    )]
+    CannotGive {
+        name: String,
+        kind: &'static str,
+        #[label("the part computes it")]
+        span: Span,
+    },
+
+    /// A reading that is neither of the two.
+    #[error("a switch is read `linear` or `nonlinear`")]
+    #[diagnostic(code(E0117), help("write `linear` or `nonlinear`"))]
+    UnknownReading {
+        #[label("not a reading")]
+        span: Span,
+    },
+
+    /// Inputs of parts that need each other at one instant.
+    #[error("input `{name}` depends on itself: {chain}")]
+    #[diagnostic(code(E0118), help("put a state between, or solve for one of them"))]
+    Loop {
+        name: String,
+        chain: String,
+        #[label("needed to compute itself")]
         span: Span,
     },
 

@@ -1,5 +1,6 @@
 //! The names of a file: constants, functions and models.
 
+use std::cell::Cell;
 use std::rc::Rc;
 
 use rustc_hash::FxHashMap;
@@ -35,12 +36,17 @@ impl FileNames<'_> {
     }
 }
 
+/// The work that one model may cost, with all its parts.
+pub(super) fn budget() -> Rc<Cell<Option<usize>>> {
+    Rc::new(Cell::new(Some(BUDGET)))
+}
+
 /// Reports what is wrong with the names of a file, whatever its models need.
 pub fn check_file(file: &File, diags: &mut Diagnostics) {
     let exprs = Exprs::new();
     let names = file_names(file, diags);
     let time = exprs.variable("time");
-    file_scope(&exprs, time, &names, diags);
+    file_scope(&exprs, time, &names, &budget(), diags);
     let mut experiments: FxHashMap<&str, Span> = FxHashMap::default();
     for item in &file.items {
         if let Item::Experiment(Experiment { name, .. }) = item
@@ -55,28 +61,23 @@ pub fn check_file(file: &File, diags: &mut Diagnostics) {
     }
 }
 
-/// The model that an experiment is about.
-pub fn find<'f>(file: &'f File, path: &Path, diags: &mut Diagnostics) -> Option<&'f Model> {
-    let models = || {
-        file.items.iter().filter_map(|item| {
-            if let Item::Model(model) = item {
-                Some(model)
-            } else {
-                None
-            }
-        })
-    };
-    let imported = file.items.iter().any(|item| matches!(item, Item::Use(_)));
-    let name = &path.head.name;
-    let found = models().find(|model| path.rest.is_empty() && model.name.name == *name);
+/// The model that a path means, with the file it stands in.
+pub fn find<'f>(
+    file: &'f File,
+    path: &Path,
+    diags: &mut Diagnostics,
+) -> Option<(&'f File, &'f Model)> {
+    let found = find_silently(file, path);
     if found.is_none() {
+        let imported = file.items.iter().any(|item| matches!(item, Item::Use(_)));
         match imported {
             true => diags.push(Unsupported::Imports {
                 what: "imported models",
                 span: path.span,
             }),
             false => {
-                let help = did_you_mean(name, models().map(|model| model.name.name.as_str()));
+                let name = &path.head.name;
+                let help = did_you_mean(name, models(file).map(|model| model.name.name.as_str()));
                 diags.push(ModelError::UnknownModel {
                     name: name.clone(),
                     span: path.span,
@@ -86,6 +87,20 @@ pub fn find<'f>(file: &'f File, path: &Path, diags: &mut Diagnostics) -> Option<
         }
     }
     found
+}
+
+/// [`find`] without a word where there is none.
+pub(super) fn find_silently<'f>(file: &'f File, path: &Path) -> Option<(&'f File, &'f Model)> {
+    let name = &path.head.name;
+    let found = models(file).find(|model| path.rest.is_empty() && model.name.name == *name);
+    found.map(|model| (file, model))
+}
+
+fn models(file: &File) -> impl Iterator<Item = &Model> {
+    file.items.iter().filter_map(|item| match item {
+        Item::Model(model) => Some(model),
+        _ => None,
+    })
 }
 
 /// Declarations of a file; each name once.
@@ -159,6 +174,7 @@ pub(super) fn file_scope<'e>(
     exprs: &'e Exprs,
     time: Expr<'e>,
     file: &FileNames<'_>,
+    budget: &Rc<Cell<Option<usize>>>,
     diags: &mut Diagnostics,
 ) -> Scope<'e> {
     let mut names: FxHashMap<String, Meaning<'e>> = FxHashMap::default();
@@ -180,11 +196,12 @@ pub(super) fn file_scope<'e>(
     let mut scope = Scope {
         exprs,
         time,
+        prefix: String::new(),
         names: names.clone(),
-        of_file: names,
+        of_file: Rc::new(names),
         functions: Rc::new(functions),
         forgiving: file.forgiving,
-        budget: Some(BUDGET).into(),
+        budget: Rc::clone(budget),
     };
     constants(&mut scope, file, diags);
     scope
@@ -337,9 +354,7 @@ fn constants<'e>(scope: &mut Scope<'e>, file: &FileNames<'_>, diags: &mut Diagno
         let meaning = value.map_or(Meaning::Unusable, |value| {
             Meaning::Value(value, TargetKind::Const)
         });
-        scope
-            .of_file
-            .insert(item.name.name.clone(), meaning.clone());
+        Rc::make_mut(&mut scope.of_file).insert(item.name.name.clone(), meaning.clone());
         scope.names.insert(item.name.name.clone(), meaning);
     }
 }

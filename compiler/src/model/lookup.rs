@@ -9,7 +9,7 @@ use super::reserved::{FUNCTIONS, VALUES, did_you_mean};
 use super::scope::{Meaning, Reported, Value};
 use super::{ModelError, TargetKind, Tensor, Unsupported, places};
 use crate::source::Span;
-use crate::syntax::{self, ExprKind, Index};
+use crate::syntax::{self, Index};
 
 impl<'e> Lowering<'_, 'e> {
     #[inline(never)]
@@ -27,7 +27,7 @@ impl<'e> Lowering<'_, 'e> {
         }
         let scope = self.scope;
         let names = if self.in_function {
-            &scope.of_file
+            &*scope.of_file
         } else {
             &scope.names
         };
@@ -52,6 +52,8 @@ impl<'e> Lowering<'_, 'e> {
                 span,
                 help: None,
             }),
+            Some(Meaning::Part(part)) => self.is_a_part(name, part, span),
+            Some(Meaning::Parts(_)) => self.needs_indices(name, 1, span),
             Some(Meaning::Imported) => self.imported(span),
             Some(Meaning::Unusable) => Err(Reported),
             None if scope.forgiving => Err(Reported),
@@ -139,10 +141,7 @@ impl<'e> Lowering<'_, 'e> {
         indices: &[Index],
         span: Span,
     ) -> Result<Value<'e>, Reported> {
-        if let ExprKind::Name(name) = &base.kind
-            && !self.in_function
-            && let Some(Meaning::Family { binders, members }) = self.scope.names.get(name)
-        {
+        if let Some((name, Meaning::Family { binders, members })) = self.meaning(base)? {
             let indices = self.member_indices(name, binders.len(), indices, span)?;
             return match members.get(&indices) {
                 Some((value, _)) => Ok(value.clone()),

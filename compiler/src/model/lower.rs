@@ -253,7 +253,7 @@ impl<'a, 'e> Lowering<'a, 'e> {
             ExprKind::Number(value) => Ok(Tensor::scalar(self.constant(*value)).into()),
             ExprKind::String(_) => self.error(ModelError::Text { span: expr.span }),
             ExprKind::Name(name) => self.name(name, expr.span),
-            ExprKind::Field(base, field) => self.field(base, field),
+            ExprKind::Field(base, field) => self.field(expr, base, field),
             ExprKind::Index(base, indices) => self.index(base, indices, expr.span),
             ExprKind::Call(function, args) => calls::call(self, function, args, expr.span),
             ExprKind::Matrix(matrix) => self.matrix(matrix, expr.span).map(Value::from),
@@ -267,15 +267,6 @@ impl<'a, 'e> Lowering<'a, 'e> {
             ExprKind::Or(members) => self.or(members),
             ExprKind::If(c, a, b) => self.choose(c, a, b),
         }
-    }
-
-    #[inline(never)]
-    fn field(&mut self, base: &syntax::Expr, field: &syntax::Ident) -> Result<Value<'e>, Reported> {
-        let name = self.text(base);
-        // A base that is not there at all is the better thing to report.
-        self.expr(base)?;
-        let (field, span) = (field.name.clone(), field.span);
-        self.error(ModelError::NoField { name, field, span })
     }
 
     #[inline(never)]

@@ -5,7 +5,7 @@
 //! ```
 //!
 //! Names are resolved, functions inlined, structural constants folded, loops
-//! unrolled and shapes known; every vector and matrix is a list of scalar
+//! unrolled, parts put in and shapes known; every vector and matrix is a list of scalar
 //! expressions. Switching terms still stand where they were written, as
 //! `sign(ψ)`, `step(ψ)`, `abs`, `min` and `max`. A condition is a number in
 //! [0, 1] made of `step(ψ)`: *and* is a product, *or* is a + b - ab, *not* is 1 - a.
@@ -18,20 +18,24 @@
 //! - A region stands in at most one partition; one that only adds stands in none.
 
 mod algebra;
+mod bind;
 mod builtins;
 mod calls;
 mod check;
+mod connect;
 mod declare;
 mod display;
 mod dynamics;
 mod dynamics_error;
 mod error;
+mod fields;
 mod file;
 mod lookup;
 mod lower;
 mod names;
 mod order;
 mod partition;
+mod parts;
 mod places;
 mod reserved;
 mod resolve;

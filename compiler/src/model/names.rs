@@ -9,7 +9,9 @@ use super::reserved::is_builtin;
 use super::{ModelError, unsupported};
 use crate::diagnostics::Diagnostics;
 use crate::source::Span;
-use crate::syntax::{Binder, Const, Decl, Ident, Model, Named, NamedKind, Region, Stmt, Switch};
+use crate::syntax::{
+    Binder, Const, Decl, Ident, Model, Named, NamedKind, Part, Region, Stmt, Switch,
+};
 
 /// A loop around a declaration, with the `let`s that stand in it.
 #[derive(Clone)]
@@ -34,6 +36,7 @@ pub(super) enum Item<'f> {
     Decl(&'f Decl),
     Named(&'f Named),
     Switch(&'f Switch),
+    Part(&'f Part),
     /// A name that is not a value.
     Word(&'static str),
     /// Refused by [`unsupported`].
@@ -109,7 +112,7 @@ impl<'f> Collector<'_, 'f> {
                     );
                 }
                 Stmt::Part(part) => {
-                    self.top(&part.name, Item::Unsupported, "a `part`", place, part.span)
+                    self.top(&part.name, Item::Part(part), "a `part`", place, part.span)
                 }
                 Stmt::Switch(switch) => {
                     let item = if unsupported::is_refused(stmt) {

@@ -28,7 +28,7 @@ pub(super) fn partition(
             .filter(|(entry, _)| outside.contains_key(entry))
             .min();
         if let Some((&entry, &second)) = twice {
-            let entry_name = model.entry_name(entry);
+            let entry_name = entry_name(model, entry);
             diags.push(DynamicsError::SetTwice {
                 entry: entry_name,
                 first: outside[&entry],
@@ -40,7 +40,7 @@ pub(super) fn partition(
     for (index, region) in model.regions.iter().enumerate() {
         if region.is_else && inside[index].is_empty() {
             diags.push(DynamicsError::ElseAlone {
-                region: region.name.clone(),
+                region: local(&region.name),
                 span: region.span,
             });
         }
@@ -95,7 +95,7 @@ fn once(
         if let Some(&first) = set.get(&entry) {
             if reported.insert((first, span)) {
                 diags.push(DynamicsError::SetTwice {
-                    entry: model.entry_name(entry),
+                    entry: entry_name(model, entry),
                     first,
                     second: span,
                 });
@@ -164,7 +164,7 @@ fn check(
         if is_touched(entry) {
             return;
         }
-        let name = region(only).name.clone();
+        let name = local(&region(only).name);
         let span = inside[only]
             .get(&entry)
             .copied()
@@ -176,7 +176,7 @@ fn check(
             },
             false => DynamicsError::LoneRegion {
                 region: name,
-                entry: model.entry_name(entry),
+                entry: entry_name(model, entry),
                 span,
             },
         });
@@ -189,7 +189,7 @@ fn check(
         .filter(|&index| region(index).is_else)
         .collect();
     if let [first, second, ..] = rests[..] {
-        let entry = model.entry_name(partition.entries[0]);
+        let entry = entry_name(model, partition.entries[0]);
         diags.push(DynamicsError::TwoElse {
             entry,
             first: region(first).span,
@@ -209,18 +209,32 @@ fn check(
             continue;
         };
         diags.push(DynamicsError::RegionMisses {
-            region: region(index).name.clone(),
-            entry: model.entry_name(entry),
+            region: local(&region(index).name),
+            entry: entry_name(model, entry),
             first,
             second: region(index).span,
-            other: region(other).name.clone(),
+            other: local(&region(other).name),
         });
     }
 }
 
+/// The name of an entry as the model that declares it says it, without the parts around it.
+fn entry_name(model: &Model<'_>, entry: usize) -> String {
+    local(&model.entry_name(entry))
+}
+
+/// `q[1]` of `ball[3].q[1]`
+fn local(name: &str) -> String {
+    name.rsplit('.').next().unwrap_or_default().to_owned()
+}
+
 fn state_name(model: &Model<'_>, entry: usize) -> String {
-    let name = model.entry_name(entry);
-    name.split('[').next().unwrap_or_default().to_owned()
+    let mut first = 0;
+    let state = model.states.iter().find(|state| {
+        first += state.vars.len();
+        entry < first
+    });
+    state.map(|state| state.name.clone()).unwrap_or_default()
 }
 
 /// States of which an entry is set nowhere; one error per state.
@@ -247,7 +261,7 @@ fn missing(
         if let Some(&position) = unset.first()
             && !touched.contains(&state.name)
         {
-            let name = state.name.clone();
+            let name = local(&state.name);
             let entry = if unset.len() == n {
                 name.clone()
             } else {

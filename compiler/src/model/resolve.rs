@@ -1,16 +1,17 @@
 //! Ast -> Model.
 //!
 //! Names are collected first, so that their order does not matter; then declarations are computed in an
-//! order where each comes after what it needs, then defaults, then dynamics.
+//! order where each comes after what it needs, then defaults, then dynamics. The parts of a model are
+//! declared with it and walked after it; at last their inputs get what they are connected to.
 
 use rustc_hash::FxHashSet;
 
 use super::declare::Declaring;
-use super::file::{file_names, file_scope};
 use super::lower::Lowering;
-use super::names::{Declared, Item, collect};
+use super::names::{Declared, Item};
 use super::order::{chain, edges, free_names_under, topological};
-use super::{Model, ModelError, display, dynamics, partition};
+use super::parts::{Files, Instance};
+use super::{Model, ModelError, connect, display, dynamics, file, partition, parts};
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
 use crate::syntax::{self, Bind, Expr, ExprKind, File, Stmt};
@@ -29,6 +30,7 @@ pub fn resolve<'e>(
     let mut found = Diagnostics::default();
     let model = resolve_in(exprs, file, name, with, &mut found);
     let failed = found.has_errors();
+    found.remove_repeated();
     found.remove_known(diags);
     diags.append(found);
     model.filter(|model| !failed && !model.scope.forgiving)
@@ -53,46 +55,24 @@ fn resolve_in<'e>(
         });
         return None;
     };
-    let names = file_names(file, diags);
     let time = exprs.variable("time");
-    let mut scope = file_scope(exprs, time, &names, diags);
-    scope.forgiving |= has_bad(&item.body);
-    let declared = collect(item, &names, diags);
-
-    let mut declaring = Declaring::new(name, item.span, scope, diags);
-    let order = order(&declared, with, declaring.diags);
-    // What is not computed, in a cycle, stays like this.
-    for declared in &declared {
-        declaring.unusable(declared);
-    }
-    for index in order {
-        declaring.declare(&declared[index], with);
-    }
-    declaring.defaults(&declared);
+    let mut files = Files::new(exprs, time);
+    let scope = files.scope(file, diags);
+    let mut declaring = Declaring::new(file, item, scope, files, diags);
+    let whole = declaring.instance(file, item, String::new(), vec![], with);
+    let bound = declaring.defaults(&whole);
     let mut model = declaring.model;
+    model.scope = (*whole.scope).clone();
 
-    let (mut surfaces, touched) = {
-        let mut lowering = Lowering::new(&model.scope, None, diags);
-        let mut walk = dynamics::Walk::new(&model);
-        walk.block(&mut lowering, &item.body);
-        let surfaces = std::mem::take(&mut lowering.surfaces);
-        let dynamics::Walk {
-            dynamics,
-            regions,
-            hidden,
-            touched,
-            ..
-        } = walk;
-        (model.dynamics, model.regions, model.hidden) = (dynamics, regions, hidden);
-        (surfaces, touched)
-    };
-    model.surfaces.append(&mut surfaces);
+    let touched = walk(&mut model, &whole, diags);
+    let is_connected = connect::connect(&mut model, bound, diags);
     let mut seen = FxHashSet::default();
     model.surfaces.retain(|surface| seen.insert(surface.psi));
-    let complete = !item.body.iter().any(sets_elsewhere);
-    if !model.scope.forgiving {
+    if is_connected && !is_forgiving(&whole) {
+        let complete = !sets_elsewhere(&whole);
         partition::partition(&mut model, &touched, complete, diags);
     }
+    model.scope.forgiving |= is_forgiving(&whole);
     debug_assert!(
         diags.has_errors() || display::verify(&model).is_ok(),
         "{:?}",
@@ -101,13 +81,40 @@ fn resolve_in<'e>(
     Some(model)
 }
 
+/// Lowers the statements of an instance and of the parts in it; returns the states with wrong ones.
+fn walk<'e>(
+    model: &mut Model<'e>,
+    whole: &Instance<'_, 'e>,
+    diags: &mut Diagnostics,
+) -> FxHashSet<String> {
+    let mut walk = dynamics::Walk::new(model);
+    let mut open = vec![whole];
+    while let Some(instance) = open.pop() {
+        let mut lowering = Lowering::new(&instance.scope, None, diags);
+        walk.block(&mut lowering, &instance.item.body);
+        model.surfaces.append(&mut lowering.surfaces);
+        let inner = instance.parts.iter().map(|inner| &inner.instance);
+        open.extend(inner.rev());
+    }
+    (model.dynamics, model.regions, model.hidden) = (walk.dynamics, walk.regions, walk.hidden);
+    walk.touched
+}
+
+/// True where a statement somewhere in the model could not be read.
+fn is_forgiving(whole: &Instance<'_, '_>) -> bool {
+    let inner = whole.parts.iter();
+    whole.scope.forgiving || inner.map(|inner| &inner.instance).any(is_forgiving)
+}
+
 /// Statements that set dynamics in ways that are not looked at here.
-fn sets_elsewhere(stmt: &Stmt) -> bool {
-    matches!(stmt, Stmt::Mechanics(_))
+fn sets_elsewhere(whole: &Instance<'_, '_>) -> bool {
+    let own = |stmt: &Stmt| matches!(stmt, Stmt::Mechanics(_));
+    let mut inner = whole.parts.iter().map(|inner| &inner.instance);
+    whole.item.body.iter().any(own) || inner.any(sets_elsewhere)
 }
 
 /// True where a statement could not be read, also in blocks.
-fn has_bad(body: &[Stmt]) -> bool {
+pub(super) fn has_bad(body: &[Stmt]) -> bool {
     body.iter().any(|stmt| match stmt {
         Stmt::Bad(_) => true,
         Stmt::For(repeat) => has_bad(&repeat.body),
@@ -118,14 +125,19 @@ fn has_bad(body: &[Stmt]) -> bool {
 }
 
 /// An order of declarations; those in cycles are left out and reported.
-fn order(declared: &[Declared<'_>], with: &[Bind], diags: &mut Diagnostics) -> Vec<usize> {
+pub(super) fn order(
+    declared: &[Declared<'_>],
+    file: &File,
+    with: &[Bind],
+    diags: &mut Diagnostics,
+) -> Vec<usize> {
     let names: Vec<&str> = declared
         .iter()
         .map(|declared| declared.name.name.as_str())
         .collect();
     let needs = edges(
         &names,
-        declared.iter().map(|declared| needs(declared, with)),
+        declared.iter().map(|declared| needs(declared, file, with)),
     );
     let (order, cycles) = topological(&needs);
     let mut in_cycle = vec![false; declared.len()];
@@ -146,7 +158,7 @@ fn order(declared: &[Declared<'_>], with: &[Bind], diags: &mut Diagnostics) -> V
 }
 
 /// Names that must have a value before a declaration has one.
-fn needs(declared: &Declared<'_>, with: &[Bind]) -> Vec<String> {
+fn needs(declared: &Declared<'_>, file: &File, with: &[Bind]) -> Vec<String> {
     match declared.item {
         Item::Const(item) => free_names_under(&[], std::iter::once(given(item, with))),
         Item::Decl(decl) => free_names_under(&[], decl.shape.iter()),
@@ -167,8 +179,27 @@ fn needs(declared: &Declared<'_>, with: &[Bind]) -> Vec<String> {
             names.extend(bounds);
             names
         }
+        Item::Part(part) => part_needs(part, file, with),
         Item::Word(_) | Item::Unsupported => vec![],
     }
+}
+
+/// Only structural constants are needed before a part is there.
+fn part_needs(part: &syntax::Part, file: &File, with: &[Bind]) -> Vec<String> {
+    let binders = || part.binder.iter();
+    let bounds = binders().flat_map(|binder| [&binder.first, &binder.last]);
+    let mut names = free_names_under(&[], bounds);
+    let index: Vec<String> = binders().map(|binder| binder.name.name.clone()).collect();
+    if let Some((file, item)) = file::find_silently(file, &part.model) {
+        let consts = part.binds.iter();
+        let consts = consts.filter(|bind| parts::names_const(file, item, &bind.target));
+        names.extend(free_names_under(&index, consts.map(|bind| &bind.value)));
+    }
+    let from_outside = with.iter();
+    let from_outside = from_outside
+        .filter(|bind| bind.target.head.name == part.name.name && !bind.target.rest.is_empty());
+    names.extend(free_names_under(&[], from_outside.map(|bind| &bind.value)));
+    names
 }
 
 /// Local `let`s that an expression reads, directly or through each other.

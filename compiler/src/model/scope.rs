@@ -37,6 +37,10 @@ pub(super) enum Meaning<'e> {
         binders: Vec<String>,
         members: BTreeMap<Vec<i64>, (Value<'e>, TargetKind)>,
     },
+    /// An instance of a model: what it declares.
+    Part(Rc<Scope<'e>>),
+    /// An array of instances, by index.
+    Parts(BTreeMap<i64, Rc<Scope<'e>>>),
     /// A word for something that is not a value: a region, a model.
     Word(&'static str),
     /// Brought in by `use`.
@@ -49,15 +53,17 @@ pub(super) enum Meaning<'e> {
 #[derive(Clone, Debug)]
 pub struct Scope<'e> {
     pub(super) exprs: &'e Exprs,
+    /// What stands before the names of an instance: `a.floor.`; empty for the model itself.
+    pub(super) prefix: String,
     pub(super) time: Expr<'e>,
     pub(super) names: FxHashMap<String, Meaning<'e>>,
     pub(super) functions: Rc<FxHashMap<String, syntax::Function>>,
     /// Names of the file: all that the bodies of functions see.
-    pub(super) of_file: FxHashMap<String, Meaning<'e>>,
+    pub(super) of_file: Rc<FxHashMap<String, Meaning<'e>>>,
     /// True where a statement could not be read: an unknown name may have stood in it.
     pub(super) forgiving: bool,
     /// Work left, in entries made and expressions visited; none after too much.
-    pub(super) budget: Cell<Option<usize>>,
+    pub(super) budget: Rc<Cell<Option<usize>>>,
 }
 
 impl<'e> Scope<'e> {
@@ -112,6 +118,18 @@ impl<'e> Scope<'e> {
     /// What a path names: `x`, `x[2]`, `k`, `s.sliding`.
     pub fn target(&self, path: &syntax::Path, diags: &mut Diagnostics) -> Option<Target> {
         target::resolve(&mut Lowering::new(self, None, diags), path).ok()
+    }
+
+    /// What a name means that the model declares itself, not its file.
+    pub(super) fn own(&self, name: &str) -> Option<&Meaning<'e>> {
+        let meaning = self.names.get(name)?;
+        (!self.of_file.contains_key(name)).then_some(meaning)
+    }
+
+    /// All names that the model declares itself.
+    pub(super) fn own_names(&self) -> impl Iterator<Item = &str> {
+        let names = self.names.keys().map(String::as_str);
+        names.filter(|name| !self.of_file.contains_key(*name))
     }
 
     /// Every name that can be read, for suggestions and completion.

@@ -18,7 +18,7 @@ pub struct Target {
 }
 
 /// A declaration, by its index in the list of the model.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum TargetKind {
     /// A structural constant.
     Const,
@@ -61,45 +61,62 @@ impl TargetKind {
 
 /// The declaration and the entries that a path names.
 pub(super) fn resolve(lowering: &mut Lowering<'_, '_>, path: &Path) -> Result<Target, Reported> {
-    let name = &path.head.name;
+    let mut scope = lowering.scope;
+    let (mut name, mut span) = (&path.head.name, path.head.span);
     let mut rest = &path.rest[..];
-    let (kind, shape) = match lowering.scope.names.get(name) {
-        Some(Meaning::Value(value, kind)) => (*kind, value.tensor.shape),
-        Some(Meaning::Family { binders, .. }) => {
-            let (count, members) = (binders.len(), lowering.scope.names.get(name));
-            let Some(Segment::Index(indices)) = rest.first() else {
-                return lowering.needs_indices(name, count, path.span);
-            };
-            rest = &rest[1..];
-            let indices = lowering.member_indices(name, count, indices, path.span)?;
-            match members {
-                Some(Meaning::Family { members, .. }) => match members.get(&indices) {
-                    Some((value, kind)) => (*kind, value.tensor.shape),
+    let mut meaning = scope.names.get(name);
+    let (kind, shape) = loop {
+        // Into a part, as long as the path leads through parts.
+        let inner = match meaning {
+            Some(Meaning::Value(value, kind)) => break (*kind, value.tensor.shape),
+            Some(Meaning::Family { binders, members }) => {
+                let count = binders.len();
+                let Some(Segment::Index(indices)) = rest.first() else {
+                    return lowering.needs_indices(name, count, path.span);
+                };
+                rest = &rest[1..];
+                let indices = lowering.member_indices(name, count, indices, path.span)?;
+                match members.get(&indices) {
+                    Some((value, kind)) => break (*kind, value.tensor.shape),
                     None => return lowering.no_member(name, &indices, members, path.span),
-                },
-                _ => return Err(Reported),
+                }
             }
-        }
-        Some(Meaning::Word(kind)) => {
-            return lowering.error(ModelError::NotAValue {
-                name: name.clone(),
-                kind,
-                span: path.head.span,
-                help: None,
-            });
-        }
-        Some(Meaning::Imported) => return lowering.imported(path.head.span),
-        Some(Meaning::Unusable) => return Err(Reported),
-        None if lowering.scope.forgiving => return Err(Reported),
-        None => {
-            let help = did_you_mean(name, lowering.scope.names.keys().map(String::as_str));
-            return lowering.error(ModelError::UnknownName {
-                name: name.clone(),
-                span: path.head.span,
-                help,
-            });
-        }
+            Some(Meaning::Part(inner)) => inner,
+            Some(Meaning::Parts(members)) => {
+                let Some(Segment::Index(indices)) = rest.first() else {
+                    return lowering.needs_indices(name, 1, path.span);
+                };
+                rest = &rest[1..];
+                lowering.member_part(name, indices, members, path.span)?
+            }
+            Some(Meaning::Word(kind)) => {
+                return lowering.error(ModelError::NotAValue {
+                    name: name.clone(),
+                    kind,
+                    span,
+                    help: None,
+                });
+            }
+            Some(Meaning::Imported) => return lowering.imported(span),
+            Some(Meaning::Unusable) => return Err(Reported),
+            None if scope.forgiving => return Err(Reported),
+            None => {
+                let help = did_you_mean(name, scope.names.keys().map(String::as_str));
+                return lowering.error(ModelError::UnknownName {
+                    name: name.clone(),
+                    span,
+                    help,
+                });
+            }
+        };
+        let Some(Segment::Field(field)) = rest.first() else {
+            return lowering.is_a_part(name, inner, span);
+        };
+        rest = &rest[1..];
+        meaning = Some(lowering.own(name, inner, field)?);
+        (scope, name, span) = (inner, &field.name, field.span);
     };
+    let name = &path.head.name;
     let mut target = Target {
         kind,
         entries: (0..shape.len()).collect(),
@@ -115,6 +132,7 @@ pub(super) fn resolve(lowering: &mut Lowering<'_, '_>, path: &Path) -> Result<Ta
                         name,
                         field: field.name,
                         span: field.span,
+                        help: Some("only parts have fields".to_owned()),
                     });
                 }
             },

@@ -58,14 +58,33 @@ impl Lowering<'_, '_> {
         atom(expr, &|name| self.local_text(name))
     }
 
-    /// [`Lowering::text`] as the first term of a difference.
-    pub fn sum_text(&self, expr: &Expr) -> String {
-        term(expr, &|name| self.local_text(name))
+    /// [`Lowering::text`] with names as the whole knows them: `a.v` for `v` in part `a`.
+    pub fn whole_text(&self, expr: &Expr) -> String {
+        text(expr, &|name| self.whole_name(name))
     }
 
-    /// [`Lowering::text`] as what a difference takes away.
-    pub fn operand_text(&self, expr: &Expr) -> String {
-        operand(expr, &|name| self.local_text(name))
+    /// [`Lowering::whole_text`] as a factor.
+    pub fn whole_atom_text(&self, expr: &Expr) -> String {
+        atom(expr, &|name| self.whole_name(name))
+    }
+
+    /// [`Lowering::whole_text`] as the first term of a difference.
+    pub fn whole_sum_text(&self, expr: &Expr) -> String {
+        term(expr, &|name| self.whole_name(name))
+    }
+
+    /// [`Lowering::whole_text`] as what a difference takes away.
+    pub fn whole_operand_text(&self, expr: &Expr) -> String {
+        operand(expr, &|name| self.whole_name(name))
+    }
+
+    fn whole_name(&self, name: &str) -> Option<String> {
+        let is_own = || !self.in_function && self.scope.own(name).is_some();
+        let is_let = self.locals.iter().any(|local| local.name() == name);
+        self.local_text(name).or_else(|| {
+            (!self.scope.prefix.is_empty() && !is_let && is_own())
+                .then(|| format!("{}{name}", self.scope.prefix))
+        })
     }
 
     /// A path as written, with the current indices in it.

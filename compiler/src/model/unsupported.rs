@@ -23,14 +23,6 @@ pub enum Unsupported {
         span: Span,
     },
 
-    /// Parts.
-    #[error("parts are not supported yet")]
-    #[diagnostic(code(E0902), help("write the statements of the part into the model"))]
-    Parts {
-        #[label("a part")]
-        span: Span,
-    },
-
     /// Mechanics and contacts.
     #[error("mechanics and contacts are not supported yet")]
     #[diagnostic(
@@ -147,7 +139,6 @@ pub(super) fn is_refused(stmt: &Stmt) -> bool {
 
 fn refusal(stmt: &Stmt) -> Option<Unsupported> {
     Some(match stmt {
-        Stmt::Part(part) => Unsupported::Parts { span: part.span },
         Stmt::Mechanics(mechanics) => Unsupported::Mechanics {
             span: mechanics.span,
         },

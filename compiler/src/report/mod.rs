@@ -139,7 +139,7 @@ impl Series {
 
     /// The name and the first index of a slice `x[2..3]` of a vector.
     fn slice(&self) -> Option<(&str, usize)> {
-        let (base, range) = self.name.strip_suffix(']')?.split_once('[')?;
+        let (base, range) = self.name.strip_suffix(']')?.rsplit_once('[')?;
         let (first, _) = range.split_once("..")?;
         Some((base, first.trim().parse().ok()?))
     }

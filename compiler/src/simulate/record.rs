@@ -210,7 +210,7 @@ fn keep(settings: &Settings, series: Series, to: &mut Vec<Series>) {
         to.push(series);
         return;
     };
-    let of_series = |kept: &&Kept| kept.name.split('[').next() == Some(&series.name);
+    let of_series = |kept: &&Kept| kept.base() == series.name || kept.name == series.name;
     for kept in kept.iter().filter(of_series) {
         let rows = series.values.chunks(series.n_entries().max(1));
         let values = rows

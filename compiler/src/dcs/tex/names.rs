@@ -42,8 +42,8 @@ pub(super) fn name(text: &str) -> String {
 
 /// The symbol and its subscript, which may be empty.
 pub(super) fn name_parts(text: &str) -> (String, String) {
-    let (head, index) = match text.split_once('[') {
-        Some((head, rest)) => (head, rest.strip_suffix(']')),
+    let (head, index) = match opening(text) {
+        Some(at) => (&text[..at], Some(&text[at + 1..text.len() - 1])),
         None => (text, None),
     };
     let (symbol, below) = match head.split_once('_') {
@@ -58,6 +58,19 @@ pub(super) fn name_parts(text: &str) -> (String, String) {
         _ => format!("_{{{}}}", subscripts.join(", ")),
     };
     (word(symbol), subscript)
+}
+
+/// Where the bracket opens that closes at the end.
+fn opening(text: &str) -> Option<usize> {
+    let mut depth = 0;
+    let mut brackets = text.char_indices().rev().filter(|(_, c)| "[]".contains(*c));
+    text.ends_with(']').then_some(())?;
+    brackets
+        .find(|&(_, c)| {
+            depth += if c == ']' { 1 } else { -1 };
+            depth == 0
+        })
+        .map(|(at, _)| at)
 }
 
 /// A number, a name with or without a sign, else text.

@@ -158,7 +158,6 @@ fn refuses_what_is_not_supported() {
         model m {
           state x = 1;
           state T : K = 17;
-          part b = disc { q = 1; }
           algebraic z = 0;
           0 = z - x;
           0 <= z perp x >= 0;
@@ -169,12 +168,11 @@ fn refuses_what_is_not_supported() {
           region one indicator x { x' = 1; }
           jump hit when x <= 0 { x := 1; }
           project x onto { x >= 0; }
-          mechanics x, T { mass = 1; force = b.force; contact wall { gap = x; restitution = 0; } }
+          mechanics x, T { mass = 1; force = 0; contact wall { gap = x; restitution = 0; } }
           T' = h + r + on + y + z;
         }";
     assert_snapshot!(model(text), @r#"
     W0901: units are not checked yet | K: taken as a comment
-    E0902: parts are not supported yet | part b = disc { q = 1; }: a part | write the statements of the part into the model
     E0906: algebraic states and complementarity are not supported yet | algebraic z = 0;: algebraic | solve for the algebraic state where that is possible
     E0906: algebraic states and complementarity are not supported yet | 0 = z - x;: algebraic | solve for the algebraic state where that is possible
     E0906: algebraic states and complementarity are not supported yet | 0 <= z perp x >= 0;: algebraic | solve for the algebraic state where that is possible
@@ -185,7 +183,7 @@ fn refuses_what_is_not_supported() {
     E0910: regions with indicators are not supported yet | x: an indicator | write the guard with `where`: `g1 < g2 and g1 < g3`
     E0904: state jumps are not supported yet | jump hit when x <= 0 { x := 1; }: a jump
     E0905: projected dynamics are not supported yet | project x onto { x >= 0; }: a projection
-    E0903: mechanics and contacts are not supported yet | mechanics x, T { mass = 1; force = b.force; contact wall { gap = x; restitution = 0; } }: mechanics | write `v' = ..;` and a switch for the contact force
+    E0903: mechanics and contacts are not supported yet | mechanics x, T { mass = 1; force = 0; contact wall { gap = x; restitution = 0; } }: mechanics | write `v' = ..;` and a switch for the contact force
     "#);
 }
 

@@ -2,6 +2,7 @@
 
 mod meaning;
 mod mistakes;
+mod parts;
 mod values;
 
 use super::resolve;

@@ -63,6 +63,15 @@ pub struct Kept {
     pub span: Span,
 }
 
+impl Kept {
+    /// The name without the indices at its end: `ball[3].q` of `ball[3].q[1]`.
+    pub fn base(&self) -> &str {
+        let indexed = self.name.strip_suffix(']');
+        let split = indexed.and_then(|name| name.rsplit_once('['));
+        split.map_or(&self.name, |(base, _)| base)
+    }
+}
+
 /// When outputs are recorded.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Sampling {
