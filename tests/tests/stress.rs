@@ -224,3 +224,41 @@ fn forty_masses_rub_against_each_other() {
         assert!(end(&trajectory, &format!("v{i}"))[0].abs() < 1e-14);
     }
 }
+
+/// The sum of twenty thousand steps is the time: rounding in it would be an error of phase.
+#[test]
+fn ten_thousand_periods_keep_their_phase() {
+    let model = "state x = 1; state v = 0; x' = v; v' = -x;";
+    let experiment = "horizon 20000*pi; tolerance 1e-10;";
+    let trajectory = check(model, experiment, "x", 1.0, 1e-10);
+    assert!(end(&trajectory, "v")[0].abs() <= 1e-10);
+}
+
+/// Slides on x = 1/2 until the other branch of `max` is positive whatever x does.
+#[test]
+fn a_surface_with_a_kink_is_left_where_its_branch_changes() {
+    let model = "state x = 0; x' = 1 - 2*step(max(x - 0.5, 0.2*time - 0.3));";
+    let trajectory = check(model, "horizon 4;", "x", -2.0, 1e-13);
+    let times = trajectory.switch_times();
+    for (t, exact) in times.iter().zip([0.25, 0.5, 1.5]) {
+        assert!((t - exact).abs() <= 1e-14, "{t} and {exact}");
+    }
+}
+
+/// α touches its bounds at multiples of π, of 8 coupled switches at once, and turns back.
+#[test]
+fn touching_the_bounds_of_sliding_is_no_event() {
+    let mut model = "state x[8] = zeros(8);".to_owned();
+    for i in 0..8 {
+        let (i, next, far) = (i + 1, (i + 1) % 8 + 1, (i + 3) % 8 + 1);
+        model += &format!(
+            "x[{i}]' = 1 + cos(time) - 2*step(x[{i}]) + 0.1*(step(x[{next}]) - step(x[{far}]));"
+        );
+    }
+    let trajectory = check(&model, "horizon 20;", "x", 0.0, 1e-14);
+    assert!(trajectory.events.is_empty());
+    // The same at a surface: (t - 1)⁴.
+    let model = "state x = 1; state y = 0; x' = 4*(time - 1)^3; y' = step(x);";
+    let trajectory = check(model, "horizon 2;", "y", 2.0, 1e-13);
+    assert!(trajectory.events.is_empty() && trajectory.warnings.is_empty());
+}

@@ -58,16 +58,24 @@ pub fn run(system: &System, settings: &Settings, request: &Request) -> Trajector
     let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
     let mut tolerance: f64 = settings.tolerance;
     let mut attempt = 1;
+    // All runs together have the time that is given.
+    let left = || {
+        let limit = request.time_limit?;
+        Some(limit.saturating_sub(started.elapsed()))
+    };
     let (simulator, outcome, recorder, estimate) = loop {
-        let solver_settings = solver_settings(&settings.method, tolerance, request.time_limit);
+        let solver_settings = solver_settings(&settings.method, tolerance, left());
         let mut simulator = Simulator::new(&switched, solver_settings);
         let mut recorder = Recorder::new(system, settings, request.dense);
         let outcome = simulator.run(0.0, settings.horizon, &x0, &mut recorder);
-        let estimate = request.estimate.then(|| {
-            let finer = finer(simulator.settings(), simulator.order(), tolerance);
+        let wanted = request.estimate && outcome.status != solver::Status::TimeLimit;
+        let estimate = wanted.then(|| {
+            let mut finer = finer(simulator.settings(), simulator.order(), tolerance);
+            finer.time_limit = left();
             let simulator = simulator.retuned(finer);
             Estimate::of(simulator, settings.horizon, &x0, &recorder, &outcome)
         });
+        let estimate = estimate.flatten();
         let missed = estimate
             .as_ref()
             .is_some_and(|e| e.error > settings.tolerance && e.same_modes);
@@ -145,15 +153,19 @@ struct Estimate {
 }
 
 impl Estimate {
+    /// Nothing when the time was too short.
     fn of(
         mut finer: Simulator<Switched>,
         horizon: f64,
         x0: &[f64],
         run: &Recorder,
         outcome: &Outcome,
-    ) -> Self {
+    ) -> Option<Self> {
         let mut comparison = Comparison::new(run, x0);
         let fine = finer.run(0.0, horizon, x0, &mut comparison);
+        if fine.status == solver::Status::TimeLimit {
+            return None;
+        }
         let events = (outcome.stats.events as f64).sqrt();
         let relative = |(i, &difference): (usize, &f64)| {
             // What the rounding of one instant moves the state by.
@@ -174,10 +186,10 @@ impl Estimate {
             .fold(0.0, f64::max);
         // Below rounding the two runs agree by chance.
         let rounding = f64::EPSILON * (outcome.stats.steps as f64).sqrt();
-        Estimate {
+        Some(Estimate {
             error: error.max(rounding),
             same_modes: comparison.modes == run.n_modes() && fine.status == outcome.status,
-        }
+        })
     }
 }
 

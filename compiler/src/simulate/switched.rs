@@ -165,8 +165,11 @@ impl SwitchedSystem for Switched<'_> {
                 Side::Minus => fixed.insert(alpha, self.exprs.constant(0.0)),
                 Side::Plus => fixed.insert(alpha, self.exprs.constant(1.0)),
                 Side::Slide => {
-                    // Another ψ is continuous here, so either branch of it will do.
-                    in_psi.insert(alpha, self.exprs.constant(1.0));
+                    // Another ψ is continuous here, so either branch of it will do while this one
+                    // slides. A switch that never slides is only asked for one of its sides.
+                    if !self.continuous[i] {
+                        in_psi.insert(alpha, self.exprs.constant(1.0));
+                    }
                     inputs.push(alpha);
                     sliding.push(i);
                 }

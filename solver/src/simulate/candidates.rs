@@ -13,7 +13,7 @@ use super::{Side, Simulator, SwitchedSystem};
 use crate::linalg::DenseLu;
 
 /// Beyond this many interacting surfaces, Lemke's method replaces enumeration.
-pub(super) const MAX_ENUMERATED: usize = 6;
+const MAX_ENUMERATED: usize = 6;
 
 /// Boxes looked at for the zeros of rates that contain products of α.
 const MAX_BOXES: usize = 4000;
@@ -78,7 +78,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let unique = problem.is_unique();
         let mut candidates = problem
             .pivot(options)
-            .map_or(Vec::new(), |sides| product(&sides));
+            .map_or(Vec::new(), |sides| alternatives(&sides));
         if !unique {
             let others = problem.search(options);
             candidates.extend(
@@ -143,6 +143,28 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         }
         complete
     }
+}
+
+/// Combinations of one option each: all of them, or where that is too many, those that take the
+/// first or the last option everywhere or but for one switch.
+fn alternatives(options: &[Vec<Side>]) -> Vec<Vec<Side>> {
+    let open: Vec<usize> = (0..options.len())
+        .filter(|&i| options[i].len() > 1)
+        .collect();
+    if open.len() <= MAX_ENUMERATED {
+        return product(options);
+    }
+    let first: Vec<Side> = options.iter().map(|sides| sides[0]).collect();
+    let last: Vec<Side> = options.iter().map(|sides| sides[sides.len() - 1]).collect();
+    let mut found = vec![first.clone(), last.clone()];
+    for &i in &open {
+        for (start, side) in [(&first, last[i]), (&last, first[i])] {
+            let mut sides = start.clone();
+            sides[i] = side;
+            found.push(sides);
+        }
+    }
+    found
 }
 
 /// Every combination of one option each.

@@ -45,7 +45,7 @@ impl Mode {
             *term = if size.is_finite() { size } else { 0.0 };
         }
         for (activity, &now) in state.activity.iter_mut().zip(&self.terms) {
-            *activity = now.max(0.5 * *activity);
+            *activity = activity.max(now);
         }
         let psi = self.n + self.sliding.len();
         state.terms.copy_from_slice(&self.terms[psi..]);

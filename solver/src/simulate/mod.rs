@@ -347,11 +347,11 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
 
                 // Advance, projecting the drift off the sliding surfaces.
                 let start = state.t;
-                state.t = if step.reaches_end {
-                    t1
+                if step.reaches_end {
+                    state.t = t1;
                 } else {
-                    start + step.length
-                };
+                    state.advance(step.length);
+                }
                 drift = f64::max(drift, self.modes[mode].project(&mut state));
                 state.record(step.length);
                 state.stats.steps += 1;

@@ -1,7 +1,6 @@
 //! More surfaces than can be enumerated: one choice by Lemke's method, others by search.
 
 use super::Side;
-use super::candidates::MAX_ENUMERATED;
 use super::judge::TIE;
 use super::mode::Mode;
 use super::state::State;
@@ -94,14 +93,6 @@ impl Problem<'_> {
                 break;
             }
             last = sides;
-        }
-        // Everything at once undecided is more than can be tried: keep the nearest.
-        let mut open = 0;
-        for sides in &mut last {
-            open += usize::from(sides.len() > 1);
-            if open > MAX_ENUMERATED {
-                sides.truncate(1);
-            }
         }
         Some(last)
     }

@@ -166,9 +166,12 @@ fn split(bernstein: &mut Vec<f64>, n: usize) {
     }
 }
 
-/// A root whose slope is below this fraction of the coefficients has a neighbour so close that
+/// A root whose slope is below this fraction of the coefficients may have a neighbour so close that
 /// the dip between them is rounding.
-const FLAT: f64 = 1e-7;
+const FLAT: f64 = 1e-6;
+
+/// A dip below this fraction of the coefficients is rounding.
+const SHALLOW: f64 = 32.0 * f64::EPSILON;
 
 /// The extremum next to the root `s`, where the two cannot be told apart.
 fn touching(scaled: &[f64], s: f64) -> Option<f64> {
@@ -188,7 +191,8 @@ fn touching(scaled: &[f64], s: f64) -> Option<f64> {
         }
     }
     let near = (extremum - s).abs() <= 1e-3 && (0.0..=1.0).contains(&extremum);
-    Some(if near { extremum } else { s })
+    let extremum = if near { extremum } else { s };
+    (series::value(scaled, extremum).abs() <= SHALLOW * scale).then_some(extremum)
 }
 
 /// The one root in [lo, hi] by Newton's method, safeguarded by bisection.

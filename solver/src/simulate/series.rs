@@ -34,21 +34,19 @@ pub(crate) fn magnitude(c: &[f64], h: f64, from: usize) -> f64 {
     largest
 }
 
-/// Terms below this fraction of the largest count as zero: far above rounding, and
-/// what they would move within the step is below every tolerance.
-const NEGLIGIBLE: f64 = 1e-10;
+/// Below this fraction of its largest term within the step, what a series does is rounding.
+const NEGLIGIBLE: f64 = 1e-13;
 
-/// The first k ≥ 1 whose term on [0, h] is not negligible; none if all are within `band`.
+/// The k ≥ 1 whose term is the largest when the series leaves `band`, or rounding, within [0, h];
+/// none if it stays inside. What it does before is too small to see.
 pub(crate) fn leading(c: &[f64], h: f64, band: f64) -> Option<usize> {
     let largest = magnitude(c, h, 1);
     if largest <= band || !largest.is_finite() {
         return None;
     }
-    let mut power = 1.0;
-    (1..c.len()).find(|&k| {
-        power *= h;
-        c[k].abs() * power > NEGLIGIBLE * largest
-    })
+    let level = band.max(NEGLIGIBLE * largest);
+    let leaves = |k: usize| (level / c[k].abs()).powf(1.0 / k as f64);
+    (1..c.len()).min_by(|&a, &b| leaves(a).total_cmp(&leaves(b)))
 }
 
 #[cfg(test)]
@@ -59,6 +57,13 @@ mod tests {
     fn rounding_in_front_is_passed_over() {
         assert_eq!(leading(&[1e-17, 1e-16, -2.0, 1.0], 0.1, 0.0), Some(2));
         assert_eq!(leading(&[0.0, 1e-16, 1e-15], 0.1, 1e-12), None);
+    }
+
+    #[test]
+    fn an_excursion_as_small_as_rounding_is_passed_over() {
+        // Rises for τ < 1e-8 to 2.5e-17, then falls.
+        assert_eq!(leading(&[0.0, 1e-8, -1.0], 1.0, 1e-12), Some(2));
+        assert_eq!(leading(&[0.0, 1e-5, -1.0], 1.0, 1e-12), Some(1));
     }
 
     #[test]

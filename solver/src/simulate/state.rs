@@ -5,6 +5,8 @@ use super::{Side, Stats};
 /// Time, state and mode, with the sizes that tell motion from rounding.
 pub(super) struct State {
     pub t: f64,
+    /// What rounding has kept out of `t`.
+    pub t_low: f64,
     pub x: Vec<f64>,
     pub sides: Box<[Side]>,
     pub alpha: Vec<f64>,
@@ -22,6 +24,7 @@ pub(super) struct State {
     pub band: Vec<f64>,
     /// Length of the last step that no event cut; 0 before the first step.
     pub last_step: f64,
+    pub longest_step: f64,
     pub stats: Stats,
     /// Events in a row without progress in time.
     pub stalled: usize,
@@ -33,6 +36,7 @@ impl State {
     pub(super) fn new(t: f64, x: &[f64], n_switches: usize) -> Self {
         State {
             t,
+            t_low: 0.0,
             x: x.to_vec(),
             sides: vec![Side::Plus; n_switches].into(),
             alpha: vec![1.0; n_switches],
@@ -43,11 +47,20 @@ impl State {
             armed: vec![false; n_switches],
             band: vec![0.0; n_switches],
             last_step: 0.0,
+            longest_step: 0.0,
             stats: Stats::default(),
             stalled: 0,
             next: x.to_vec(),
             next_alpha: vec![0.0; n_switches],
         }
+    }
+
+    /// Moves time on. Rounding of a sum of many steps would be a drift of phase: it is kept.
+    pub(super) fn advance(&mut self, length: f64) {
+        let start = self.t;
+        let step = length + self.t_low;
+        self.t = start + step;
+        self.t_low = step - (self.t - start);
     }
 
     /// How large state i is, or would be after a step at the rate its terms have.
@@ -60,8 +73,16 @@ impl State {
         for (scale, x) in self.scale.iter_mut().zip(&self.x) {
             *scale = scale.max(x.abs());
         }
-        for (work, activity) in self.work.iter_mut().zip(&self.activity) {
-            *work += activity * length;
+        // Terms of f may vanish for an instant, so their size is forgotten no faster than by half
+        // in the longest step.
+        self.longest_step = self.longest_step.max(length);
+        let kept = match length / self.longest_step {
+            share if share > 0.0 => 1.0 - 0.5 * share,
+            _ => 1.0,
+        };
+        for (work, activity) in self.work.iter_mut().zip(&mut self.activity) {
+            *work += *activity * length;
+            *activity *= kept;
         }
     }
 

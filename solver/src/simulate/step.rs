@@ -46,7 +46,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         t1: f64,
     ) -> Result<Step, Status> {
         let (order, tolerance) = (self.order, self.settings.local_tolerance());
-        let remaining = t1 - state.t;
+        let remaining = (t1 - state.t) - state.t_low;
         let mode = &mut self.modes[index];
         if mode
             .expand(state.t, &state.x, &mut state.alpha, order)
@@ -78,12 +78,12 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 h *= 0.5;
                 continue;
             }
-            if event.is_none() && state.t + length <= state.t {
+            if event.is_none() && state.t + (length + state.t_low) <= state.t {
                 return Err(mode.stuck());
             }
             let (length, triggers) = match event {
                 Some((root, watch)) => {
-                    mode.verify_start(root.tau, watch, h)?;
+                    mode.verify_start(state, root.tau, watch, h)?;
                     // A double root of ψ is no better known from ψ than from its series.
                     let tau = if root.crosses {
                         mode.polish(state, root.tau, watch, h)?
@@ -195,10 +195,11 @@ impl Mode {
     }
 
     /// A root at the very start is rounding, or a switch that was missed.
-    fn verify_start(&self, tau: f64, watch: Watch, h: f64) -> Result<(), Status> {
+    fn verify_start(&self, state: &State, tau: f64, watch: Watch, h: f64) -> Result<(), Status> {
         if let (Watch::Surface(switch), 0.0) = (watch, tau) {
             let c = self.psi_series(switch);
-            if c[0].abs() > 1e-9 * series::magnitude(c, h, 0) {
+            let rounding = state.band[switch].max(64.0 * f64::EPSILON * state.terms[switch]);
+            if c[0].abs() > rounding.max(1e-9 * series::magnitude(c, h, 0)) {
                 return Err(Status::MissedSwitch { switch });
             }
         }
