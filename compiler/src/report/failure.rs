@@ -21,7 +21,7 @@ pub enum Failure {
     )]
     NonUnique {
         time: f64,
-        count: usize,
+        count: String,
         branches: String,
         example: &'static str,
         #[label(collection)]

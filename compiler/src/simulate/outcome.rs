@@ -1,7 +1,7 @@
 //! How a run ended, in the words of the language.
 
 use miette::LabeledSpan;
-use nsd_solver::simulate::{Candidate, Outcome, Side, Status};
+use nsd_solver::simulate::{Candidate, MAX_NAMED, Outcome, Side, Status};
 
 use super::modes::ModeNames;
 use crate::report::Failure;
@@ -52,11 +52,15 @@ pub(super) fn failure(
     })
 }
 
+/// Branches in a message before the rest is left out.
+const MAX_SHOWN: usize = 9;
+
 fn non_unique(system: &System, names: &ModeNames, candidates: &[Candidate], time: f64) -> Failure {
-    let branches: Vec<String> = candidates
-        .iter()
-        .map(|candidate| names.branch(candidate))
-        .collect();
+    let shown = candidates.iter().take(MAX_SHOWN);
+    let mut branches: Vec<String> = shown.map(|candidate| names.branch(candidate)).collect();
+    if candidates.len() > MAX_SHOWN {
+        branches.push("..".to_owned());
+    }
     let first = candidates.first().map_or(&[][..], Vec::as_slice);
     let switches: Vec<usize> = first.iter().map(|&(switch, _)| switch).collect();
     let example = match first {
@@ -67,7 +71,10 @@ fn non_unique(system: &System, names: &ModeNames, candidates: &[Candidate], time
     };
     Failure::NonUnique {
         time,
-        count: candidates.len(),
+        count: match candidates.len() {
+            MAX_NAMED => format!("at least {MAX_NAMED}"),
+            count => count.to_string(),
+        },
         branches: branches.join(" | "),
         example,
         surfaces: labels(system, &switches),

@@ -30,7 +30,7 @@ use rustc_hash::FxHashMap;
 use crate::tape::Tape;
 use mode::Mode;
 use roots::RootFinder;
-pub use select::Candidate;
+pub use select::{Candidate, MAX_NAMED};
 use state::State;
 
 /// Where a switch stands relative to its surface ψ = 0.
@@ -95,7 +95,8 @@ pub struct Settings {
     pub max_events: usize,
     /// Wall time after which the run stops.
     pub time_limit: Option<Duration>,
-    /// Sides to take at a non-unique point, for the switches that meet there, in order.
+    /// Sides to take at a non-unique point: one for all switches that are decided there, or one for
+    /// each, in order.
     pub branch: Vec<Side>,
 }
 
@@ -142,7 +143,7 @@ pub enum Status {
     TimeLimit,
     /// Events follow each other without time passing.
     Accumulation,
-    /// More than one solution continues from here.
+    /// More than one solution continues from here; there may be more than [`MAX_NAMED`].
     NonUnique(Vec<Candidate>),
     /// No choice of sides is consistent with its own rates.
     NoSolution {

@@ -15,8 +15,8 @@ pub type Candidate = Vec<(usize, Side)>;
 /// |ψ| below this fraction of the size of its terms is the surface.
 pub(super) const BAND: f64 = 1e-12;
 
-/// Solutions named where one cannot be chosen: as many as three repelling surfaces have.
-const MAX_NAMED: usize = 27;
+/// Solutions looked for where one cannot be chosen: as many as three repelling surfaces have.
+pub const MAX_NAMED: usize = 27;
 
 /// A choice on one group of interacting surfaces.
 #[derive(Clone)]
@@ -99,19 +99,33 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 groups.push(self.interacting(trigger, &meeting));
             }
         }
+        let mut decided = groups.concat();
+        decided.sort_unstable();
         let mut tied = Vec::new();
         for group in groups {
-            if !self.choose(state, &group, t1, false)? {
-                tied.push(group);
+            let wanted = self.wanted(&group, &decided);
+            if !self.choose(state, &group, &wanted, t1, false)? {
+                tied.push((group, wanted));
             }
         }
-        for group in tied {
-            self.choose(state, &group, t1, true)?;
+        for (group, wanted) in tied {
+            self.choose(state, &group, &wanted, t1, true)?;
         }
         for i in meeting {
             state.armed[i] = true;
         }
         Ok(())
+    }
+
+    /// The sides asked for at a non-unique point: one for all, or one for each of the switches
+    /// `decided` there, in order.
+    fn wanted(&self, group: &[usize], decided: &[usize]) -> Vec<Option<Side>> {
+        let branch = &self.settings.branch;
+        let of_switch = |i: &usize| match branch[..] {
+            [side] => Some(side),
+            _ => branch.get(decided.binary_search(i).ok()?).copied(),
+        };
+        group.iter().map(of_switch).collect()
     }
 
     /// The surfaces among `meeting` that `switch` interacts with, in order.
@@ -140,6 +154,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         &mut self,
         state: &mut State,
         group: &[usize],
+        wanted: &[Option<Side>],
         t1: f64,
         series: bool,
     ) -> Result<bool, Status> {
@@ -160,9 +175,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         }
         let mut valid = self.confirm(state, group, verdicts, t1);
         if valid.len() > 1 {
-            let wanted = &self.settings.branch;
             let matches = |choice: &Choice| {
-                !wanted.is_empty() && choice.sides.iter().zip(wanted).all(|(a, b)| a == b)
+                let mut pairs = choice.sides.iter().zip(wanted);
+                pairs.all(|(side, wanted)| wanted.is_none_or(|wanted| *side == wanted))
             };
             if valid.iter().filter(|choice| matches(choice)).count() != 1 {
                 let name = |choice: &Choice| {

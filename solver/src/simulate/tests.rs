@@ -336,3 +336,22 @@ fn seven_repelling_surfaces_are_not_left_in_silence() {
         outcome.status
     );
 }
+
+/// Three repelling relays that do not interact: one side for all, or one for each.
+#[test]
+fn a_branch_is_chosen_for_every_surface_that_meets() {
+    let b = [2.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 2.0];
+    let system = Planes::relays(&[-1.0; 3], &b);
+    let run = |branch: &[Side]| {
+        let settings = Settings {
+            branch: branch.to_vec(),
+            ..Settings::default()
+        };
+        system.run(1.0, &[0.0; 3], settings).0
+    };
+    assert_close(&run(&[Side::Plus]).x, &[1.0; 3], 1e-14);
+    let mixed = [Side::Minus, Side::Slide, Side::Plus];
+    assert_close(&run(&mixed).x, &[-1.0, 0.0, 1.0], 1e-14);
+    let status = run(&mixed[..2]).status;
+    assert!(matches!(status, Status::NonUnique(_)), "{status:?}");
+}
