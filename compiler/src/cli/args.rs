@@ -62,7 +62,7 @@ pub struct EmitArgs {
     #[arg(long, value_enum)]
     pub lower: Option<Lower>,
     /// Override a parameter, initial value or input of the experiment
-    #[arg(long = "set", value_name = "NAME=VALUE")]
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = assignment)]
     pub set: Vec<String>,
 }
 
@@ -125,7 +125,7 @@ pub struct RunArgs {
     #[arg(long, value_name = "PATH.svg")]
     pub plot: Option<PathBuf>,
     /// Override a parameter, initial value or input
-    #[arg(long = "set", value_name = "NAME=VALUE")]
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = assignment)]
     pub set: Vec<String>,
     /// Use this method instead of the experiment's
     #[arg(long, value_name = "NAME")]
@@ -150,6 +150,16 @@ pub struct TestArgs {
     /// Stop solving an experiment after so many seconds
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub time_limit: Option<f64>,
+}
+
+/// A name and its value; what they are is for the compiler to say.
+fn assignment(text: &str) -> Result<String, String> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.trim().is_empty() && !value.trim().is_empty() => {
+            Ok(text.into())
+        }
+        _ => Err("expected NAME=VALUE, as in `omega=3`".into()),
+    }
 }
 
 /// A positive, finite number of seconds.

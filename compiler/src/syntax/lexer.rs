@@ -112,6 +112,9 @@ impl<'t> Iterator for Lexer<'t> {
             (TokenKind::Word, prefix(rest, is_word_part))
         } else if first == '"' {
             string(rest)
+        } else if rest.starts_with(".//") {
+            // A point before a comment, as the grammar reads it where it is no operator.
+            (TokenKind::Symbol, 1)
         } else if let Some(symbol) = SYMBOLS.iter().find(|symbol| rest.starts_with(**symbol)) {
             (TokenKind::Symbol, symbol.len())
         } else if "+-*/^()[]{},;:.=<>~'!&|".contains(first) {
@@ -249,6 +252,10 @@ mod tests {
         assert_eq!(
             tokens("θ' += v.x*q[1]; // end\n\"a b\" \"open"),
             "θ ' += v . x * q [ 1 ] ; Comment(// end) String(\"a b\") OpenString(\"open)"
+        );
+        assert_eq!(
+            tokens("a ./ b.//{\n1.//{"),
+            "a ./ b . Comment(//{) 1 . Comment(//{)"
         );
         assert_eq!(
             tokens("a @ /* no */ b"),

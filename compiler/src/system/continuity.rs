@@ -10,8 +10,9 @@ use crate::expr::{Expr, Node, Substitution, Var, variables_of};
 
 /// Points tried per function.
 const N_POINTS: usize = 12;
-/// A jump on the surface this small beside the largest one off it is rounding: a stiff spring that
-/// starts with a small preload must not pass for continuous.
+/// A jump is rounding that is not larger than what it changes by this close to the surface. Far
+/// from it, as in a Stribeck curve, a jump may be larger by any factor and says nothing; and a
+/// stiff spring that starts with a small preload must not pass for continuous.
 const ROUNDING: f64 = 1e-10;
 /// The same for kinks, which are continuous by construction unless something divides by them.
 const ROUNDING_OF_KINKS: f64 = 1e-6;
@@ -100,20 +101,25 @@ fn on_samples<'e>(
     rounding: f64,
     sampler: &Sampler<'e>,
 ) -> Option<bool> {
-    let (mut largest_on, mut largest_off) = (None, 0.0f64);
+    let mut is_zero = None;
     for start in sampler.points(N_POINTS) {
-        let off = start.eval(e).abs();
-        if off.is_finite() {
-            largest_off = largest_off.max(off);
+        let Some(point) = sampler.to_surface(psi, &start) else {
+            continue;
+        };
+        let on = point.eval(e);
+        if !on.is_finite() {
+            continue;
         }
-        let on = sampler
-            .to_surface(psi, &start)
-            .map(|point| point.eval(e).abs());
-        if let Some(on) = on.filter(|on| on.is_finite()) {
-            largest_on = Some(on.max(largest_on.unwrap_or(0.0)));
+        let near = sampler.near(psi, &point, rounding);
+        let change = (near.iter().map(|near| (near.eval(e) - on).abs()))
+            .filter(|change| change.is_finite())
+            .fold(0.0, f64::max);
+        if on.abs() > change {
+            return Some(false);
         }
+        is_zero = Some(true);
     }
-    largest_on.map(|on| on <= rounding * largest_off)
+    is_zero
 }
 
 #[cfg(test)]
@@ -149,6 +155,14 @@ mod tests {
         // A stiff spring with a small preload.
         assert_eq!(
             class(&exprs, |x, _, a| (x, a * (1e6 * x + 1.0))),
+            Discontinuous
+        );
+        // A Stribeck curve: far from the surface, the jump is larger by any factor.
+        assert_eq!(
+            class(&exprs, |x, _, a| (
+                x,
+                a * ((1e3 * x).exp() + (-1e3 * x).exp())
+            )),
             Discontinuous
         );
         // The circle: the jump y is zero at two points of it only.

@@ -168,13 +168,25 @@ impl<'e> Sampler<'e> {
     /// Points off the surface along ±∇ψ.
     fn beside(&self, psi: Expr<'e>, on: &Point) -> Vec<Point> {
         const OFFSETS: [f64; 8] = [1e-7, -1e-7, 1e-4, -1e-4, 1e-2, -1e-2, 0.3, -0.3];
+        self.moved(psi, on, &OFFSETS)
+    }
+
+    /// Points along ±∇ψ at small multiples of `distance`, relative to the size of the point.
+    pub fn near(&self, psi: Expr<'e>, on: &Point, distance: f64) -> Vec<Point> {
+        const MULTIPLES: [f64; 8] = [1.0, -1.0, 3.0, -3.0, 7.0, -7.0, 16.0, -16.0];
+        let gradient = self.gradient(psi);
+        let size = (gradient.iter().map(|&(x, _)| on.get(x).abs())).fold(1.0, f64::max);
+        self.moved(psi, on, &MULTIPLES.map(|k| k * distance * size))
+    }
+
+    fn moved(&self, psi: Expr<'e>, on: &Point, offsets: &[f64]) -> Vec<Point> {
         let gradient = self.gradient(psi);
         let slope: Vec<f64> = gradient.iter().map(|&(_, g)| on.eval(g)).collect();
         let length = slope.iter().map(|g| g * g).sum::<f64>().sqrt();
         if !(length.is_finite() && length > 0.0) {
             return Vec::new();
         }
-        let moved = OFFSETS.map(|offset| {
+        let moved = offsets.iter().map(|offset| {
             let mut point = on.clone();
             for (&(x, _), g) in gradient.iter().zip(&slope) {
                 point.set(x, point.get(x) + offset * g / length);
@@ -182,7 +194,7 @@ impl<'e> Sampler<'e> {
             self.settle(&mut point);
             point
         });
-        moved.into()
+        moved.collect()
     }
 
     /// ∇ψ in the states, or in time where ψ has no states.

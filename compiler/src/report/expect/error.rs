@@ -55,10 +55,10 @@ pub enum ExpectError {
         span: Span,
     },
     /// An instant is a number that is known before the run.
-    #[error("an instant must not change over time")]
+    #[error("an instant or a tolerance is a number that is known before the run")]
     #[diagnostic(code(E0606), help("use numbers, constants and params"))]
     NotAnInstant {
-        #[label("not one number")]
+        #[label("not a number, or not known before")]
         span: Span,
     },
     /// The kinds of events have fixed names.

@@ -138,10 +138,13 @@ pub fn instant(
 
 /// A number that is known before the run.
 fn number(subject: &Subject<'_, '_>, expr: &syntax::Expr, diags: &mut Diagnostics) -> Option<f64> {
-    let value = Words::new(subject, &Run::Unknown).value(expr, diags)?;
+    let words = Words::new(subject, &Run::Unknown);
+    let value = words.value(expr, diags)?;
     let params = Point::of_params(subject);
     match value.as_scalar() {
-        Some(entry) if params.unknown(&[entry]).is_none() => Some(params.eval(entry)),
+        Some(entry) if !words.has_list.get() && params.unknown(&[entry]).is_none() => {
+            Some(params.eval(entry))
+        }
         _ => {
             diags.push(ExpectError::NotAnInstant { span: expr.span });
             None

@@ -231,31 +231,35 @@ impl Builder<'_> {
     fn mechanics(&mut self, mut parts: Parts, span: Span) -> Mechanics {
         let q = self.path(parts.one(Rule::path));
         let v = self.path(parts.one(Rule::path));
-        let mut options = Vec::new();
-        let mut contacts = Vec::new();
+        let mut members = Vec::new();
         for pair in parts {
-            let span = self.span(&pair);
-            match pair.as_rule() {
-                Rule::contact => {
-                    let wrong = self.is_wrong(&pair);
-                    let contact = self.contact(self::parts(pair), span);
-                    contacts.extend((!wrong).then_some(contact));
-                }
-                _ => self.member(
-                    pair,
-                    Place::Mechanics,
-                    Builder::option,
-                    |_| None,
-                    &mut options,
-                ),
-            }
+            let build = Builder::mechanics_member;
+            self.member(pair, Place::Mechanics, build, |_| None, &mut members);
         }
-        Mechanics {
+        let mut mechanics = Mechanics {
             q,
             v,
-            options: options.into_iter().flatten().collect(),
-            contacts,
+            options: Vec::new(),
+            contacts: Vec::new(),
             span,
+        };
+        for member in members.into_iter().flatten() {
+            match member {
+                MechanicsMember::Option(option) => mechanics.options.push(option),
+                MechanicsMember::Contact(contact) => mechanics.contacts.push(contact),
+            }
+        }
+        mechanics
+    }
+
+    fn mechanics_member(&mut self, pair: Pair<Rule>) -> Option<MechanicsMember> {
+        let span = self.span(&pair);
+        match pair.as_rule() {
+            Rule::contact => {
+                let contact = self.contact(parts(pair), span);
+                Some(MechanicsMember::Contact(contact))
+            }
+            _ => self.option(pair).map(MechanicsMember::Option),
         }
     }
 
@@ -377,4 +381,10 @@ impl Builder<'_> {
             span,
         })
     }
+}
+
+/// What stands in the braces of a `mechanics`.
+enum MechanicsMember {
+    Option(Setting),
+    Contact(Contact),
 }

@@ -224,3 +224,12 @@ fn sample_models_print_and_read_back() {
         assert_eq!(formatted(text), text);
     }
 }
+
+#[test]
+fn any_missing_semicolon_does_no_harm() {
+    for text in MODELS {
+        for (at, _) in text.match_indices(';') {
+            survives([&text[..at], &text[at + 1..]].concat().into_bytes()).unwrap();
+        }
+    }
+}

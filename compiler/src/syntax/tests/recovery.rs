@@ -39,6 +39,22 @@ fn codes(text: &str) -> Vec<String> {
 }
 
 #[test]
+fn a_contact_after_a_missing_semicolon_is_read() {
+    assert_snapshot!(in_model("mechanics q, v { mass = 1; force = f contact floor { gap = q; } }"), @r"
+    E0011 at 2:37: expected `;` after this expression | end the statement with `;`
+    model m {
+      mechanics q, v {
+        mass = 1;
+        force = f;
+        contact floor {
+          gap = q;
+        }
+      }
+    }
+    ");
+}
+
+#[test]
 fn statements_after_a_missing_semicolon_are_read() {
     assert_snapshot!(in_model("state x = 0\nstate y = 1\nregion r where x > 0 { y' = 2 }\nx' = 1 y' = 2;\nx' = (1\n+ 2) y;"), @r"
     E0011 at 2:12: expected `;` after this expression | end the statement with `;`
