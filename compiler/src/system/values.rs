@@ -60,25 +60,9 @@ fn numbers<'e>(
     given: &Given<'e>,
     diags: &mut Diagnostics,
 ) -> Option<FxHashMap<Var, f64>> {
-    let mut open: Vec<(Var, Expr<'e>, String, Span)> = Vec::new();
-    let mut complete = true;
-    for (kind, quantity) in
-        (model.params.iter().map(|p| ("param", p))).chain(model.states.iter().map(|s| ("state", s)))
-    {
-        match definitions(quantity, given) {
-            Some(entries) => open.extend(entries),
-            None => {
-                complete = false;
-                let name = quantity.name.clone();
-                diags.push(ExperimentError::NoValue {
-                    kind,
-                    name,
-                    span: quantity.span,
-                    experiment: given.span,
-                });
-            }
-        }
-    }
+    let quantities = (model.params.iter().map(|p| ("param", p)))
+        .chain(model.states.iter().map(|s| ("state", s)));
+    let (mut open, mut complete) = definitions(quantities, given, diags);
     let mut numbers: FxHashMap<Var, f64> = FxHashMap::default();
     loop {
         let before = open.len();
@@ -183,25 +167,9 @@ fn signals<'e>(
     given: &Given<'e>,
     diags: &mut Diagnostics,
 ) -> Option<Substitution<'e>> {
-    let mut open: Vec<(Var, Expr<'e>, String, Span)> = Vec::new();
-    let mut complete = true;
-    for (kind, quantity) in (model.controls.iter().map(|c| ("control", c)))
-        .chain(model.inputs.iter().map(|i| ("input", i)))
-    {
-        match definitions(quantity, given) {
-            Some(entries) => open.extend(entries),
-            None => {
-                complete = false;
-                let name = quantity.name.clone();
-                diags.push(ExperimentError::NoValue {
-                    kind,
-                    name,
-                    span: quantity.span,
-                    experiment: given.span,
-                });
-            }
-        }
-    }
+    let quantities = (model.controls.iter().map(|c| ("control", c)))
+        .chain(model.inputs.iter().map(|i| ("input", i)));
+    let (mut open, complete) = definitions(quantities, given, diags);
     // A chain of n definitions is resolved after n rounds; what is left then is a cycle.
     for _ in 0..=open.len() {
         let all: Substitution<'e> = open.iter().map(|&(var, value, ..)| (var, value)).collect();
@@ -228,23 +196,42 @@ fn signals<'e>(
     None
 }
 
-/// The entries of a quantity with their values; `None` when some entry has none.
-fn definitions<'e>(
-    quantity: &Quantity<'e>,
+/// An entry of a quantity with what it is defined as, its name, and where that is said.
+type Definition<'e> = (Var, Expr<'e>, String, Span);
+
+/// The entries of all quantities that have values, and whether all have.
+fn definitions<'m, 'e: 'm>(
+    quantities: impl Iterator<Item = (&'static str, &'m Quantity<'e>)>,
     given: &Given<'e>,
-) -> Option<Vec<(Var, Expr<'e>, String, Span)>> {
+    diags: &mut Diagnostics,
+) -> (Vec<Definition<'e>>, bool) {
+    let mut found = Vec::new();
+    let mut complete = true;
+    for (kind, quantity) in quantities {
+        match entries(quantity, given) {
+            Some(entries) => found.extend(entries),
+            None => {
+                complete = false;
+                diags.push(ExperimentError::NoValue {
+                    kind,
+                    name: quantity.name.clone(),
+                    span: quantity.span,
+                    experiment: given.span,
+                });
+            }
+        }
+    }
+    (found, complete)
+}
+
+/// The entries of a quantity with their values; `None` when some entry has none.
+fn entries<'e>(quantity: &Quantity<'e>, given: &Given<'e>) -> Option<Vec<Definition<'e>>> {
     let entries = quantity.vars.iter().enumerate().map(|(k, var)| {
         let var = var.as_variable()?;
         let name = quantity.shape.entry_name(&quantity.name, k);
-        match given.values.get(&var) {
-            Some(&(value, span)) => Some((var, value, name, span)),
-            None => Some((
-                var,
-                *quantity.value.as_ref()?.data.get(k)?,
-                name,
-                quantity.span,
-            )),
-        }
+        let default = || Some((*quantity.value.as_ref()?.data.get(k)?, quantity.span));
+        let (value, span) = given.values.get(&var).copied().or_else(default)?;
+        Some((var, value, name, span))
     });
     entries.collect()
 }
