@@ -6,40 +6,17 @@ use super::{Exit, Streams, io};
 use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
-use crate::syntax::{Experiment, Item};
+use crate::syntax::{Bind, Experiment, Item};
 use crate::{compile, dcs, model};
 
 /// Prints a form of the models or experiments of a file.
 pub fn run(args: &EmitArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
-    let mut project = match Project::load(&args.file) {
-        Ok(project) => project,
-        Err(error) => {
-            writeln!(streams.err, "error: {error}")?;
-            return Ok(Exit::Wrong);
-        }
-    };
-    let overrides = project.overrides(&args.set);
-    let (Some(overrides), false) = (overrides, project.diags.has_errors()) else {
-        project::print(&project.diags, &project.sources, streams)?;
+    let Some((mut project, overrides)) = Project::open(&args.file, &args.set, streams)? else {
         return Ok(Exit::Wrong);
     };
     match args.ir {
-        Ir::Ast => {
-            let mut file = project.file.clone();
-            if args.experiment.is_some() {
-                let selected = match project.select(args.experiment.as_deref()) {
-                    Ok(selected) => selected,
-                    Err(message) => {
-                        writeln!(streams.err, "error: {message}")?;
-                        return Ok(Exit::Wrong);
-                    }
-                };
-                file.items = selected.into_iter().map(Item::Experiment).collect();
-            }
-            write!(streams.out, "{file}")?;
-            return Ok(Exit::Success);
-        }
-        Ir::Model if args.experiment.is_none() => return models(&project, streams),
+        Ir::Ast => ast(&project, args, streams),
+        Ir::Model if args.experiment.is_none() => models(&project, streams),
         Ir::Fesd | Ir::Mpcc | Ir::Nl => {
             writeln!(
                 streams.err,
@@ -49,23 +26,42 @@ pub fn run(args: &EmitArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
                 streams.err,
                 "  help: `--ir dcs` prints the last form in continuous time"
             )?;
-            return Ok(Exit::Wrong);
+            Ok(Exit::Wrong)
         }
-        _ => {}
+        Ir::Model | Ir::System | Ir::Dcs | Ir::Tex | Ir::Dot => {
+            experiments(&mut project, args, &overrides, streams)
+        }
     }
+}
 
+/// Prints the syntax of the file, or of one experiment.
+fn ast(project: &Project, args: &EmitArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
+    let mut file = project.file.clone();
+    if args.experiment.is_some() {
+        let Some(selected) = project.selected(args.experiment.as_deref(), streams)? else {
+            return Ok(Exit::Wrong);
+        };
+        file.items = selected.into_iter().map(Item::Experiment).collect();
+    }
+    write!(streams.out, "{file}")?;
+    Ok(Exit::Success)
+}
+
+/// Prints a form that depends on an experiment, for one or all of them.
+fn experiments(
+    project: &mut Project,
+    args: &EmitArgs,
+    overrides: &[Bind],
+    streams: &mut Streams<'_>,
+) -> io::Result<Exit> {
     // A file of models alone is shown as if each was run with its defaults.
     let has_experiments = project.experiments().next().is_some();
     let selected = match has_experiments || args.experiment.is_some() {
-        true => project.select(args.experiment.as_deref()),
-        false => Ok(defaults(&mut project)),
+        true => project.selected(args.experiment.as_deref(), streams)?,
+        false => Some(defaults(project)),
     };
-    let mut experiments = match selected {
-        Ok(experiments) => experiments,
-        Err(message) => {
-            writeln!(streams.err, "error: {message}")?;
-            return Ok(Exit::Wrong);
-        }
+    let Some(mut experiments) = selected else {
+        return Ok(Exit::Wrong);
     };
     if let Some(lower) = args.lower {
         let words = format!("lower {}", lower.as_str());
@@ -85,7 +81,7 @@ pub fn run(args: &EmitArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
             &exprs,
             &project.file,
             experiment,
-            &overrides,
+            overrides,
             &mut clock,
             &mut diags,
         );

@@ -56,8 +56,46 @@ impl Project {
         })
     }
 
+    /// Reads and parses a file and the values that `--set` gives; nothing after an error, which has
+    /// been printed.
+    pub fn open(
+        path: &Path,
+        sets: &[String],
+        streams: &mut Streams<'_>,
+    ) -> io::Result<Option<(Project, Vec<Bind>)>> {
+        let mut project = match Project::load(path) {
+            Ok(project) => project,
+            Err(error) => {
+                writeln!(streams.err, "error: {error}")?;
+                return Ok(None);
+            }
+        };
+        let overrides = project.overrides(sets);
+        let overrides = overrides.filter(|_| !project.diags.has_errors());
+        if overrides.is_none() {
+            print(&project.diags, &project.sources, streams)?;
+        }
+        Ok(overrides.map(|overrides| (project, overrides)))
+    }
+
+    /// The experiment of that name, or all of them; nothing where there are none, which has been
+    /// printed.
+    pub fn selected(
+        &self,
+        name: Option<&str>,
+        streams: &mut Streams<'_>,
+    ) -> io::Result<Option<Vec<Experiment>>> {
+        match self.select(name) {
+            Ok(experiments) => Ok(Some(experiments)),
+            Err(message) => {
+                writeln!(streams.err, "error: {message}")?;
+                Ok(None)
+            }
+        }
+    }
+
     /// The experiment of that name, or all of them; what is wrong where there are none.
-    pub fn select(&self, name: Option<&str>) -> Result<Vec<Experiment>, String> {
+    fn select(&self, name: Option<&str>) -> Result<Vec<Experiment>, String> {
         let all: Vec<&Experiment> = self.experiments().collect();
         let shown = files::display_name(&self.path);
         let Some(name) = name else {
@@ -109,7 +147,7 @@ impl Project {
     }
 
     /// Values given on the command line as `name=value`.
-    pub fn overrides(&mut self, sets: &[String]) -> Option<Vec<Bind>> {
+    fn overrides(&mut self, sets: &[String]) -> Option<Vec<Bind>> {
         let mut overrides = Vec::new();
         for set in sets {
             let text = made_up(&format!("with {{\n\n{set}\n\n; }}"));

@@ -21,24 +21,11 @@ pub fn run(args: &RunArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         writeln!(streams.err, "error: {message}")?;
         return Ok(Exit::Usage);
     }
-    let mut project = match Project::load(&args.file) {
-        Ok(project) => project,
-        Err(error) => {
-            writeln!(streams.err, "error: {error}")?;
-            return Ok(Exit::Wrong);
-        }
-    };
-    let overrides = project.overrides(&args.set);
-    let (Some(overrides), false) = (overrides, project.diags.has_errors()) else {
-        project::print(&project.diags, &project.sources, streams)?;
+    let Some((mut project, overrides)) = Project::open(&args.file, &args.set, streams)? else {
         return Ok(Exit::Wrong);
     };
-    let mut experiments = match project.select(args.experiment.as_deref()) {
-        Ok(experiments) => experiments,
-        Err(message) => {
-            writeln!(streams.err, "error: {message}")?;
-            return Ok(Exit::Wrong);
-        }
+    let Some(mut experiments) = project.selected(args.experiment.as_deref(), streams)? else {
+        return Ok(Exit::Wrong);
     };
     if let Some(method) = &args.method {
         let words = format!("method {method}");
