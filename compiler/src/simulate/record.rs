@@ -7,8 +7,8 @@ use nsd_solver::simulate::{Event, Observer, Outcome, Segment, Side};
 use super::modes::{self, ModeNames};
 use crate::expr;
 use crate::report::{self, ModeInterval, Piece, Series, Trajectory};
-use crate::system::System;
 use crate::system::experiment::{Kept, Sampling, Settings};
+use crate::system::{Output, StateGroup, System};
 
 /// When the mode changed, from what, to what.
 type Change = (f64, Box<[Side]>, Box<[Side]>);
@@ -88,7 +88,8 @@ impl Recorder {
             self.alpha.copy_from_slice(&outcome.alpha);
             self.push(outcome.time);
         }
-        for group in &system.groups {
+        let kept = |group: &&StateGroup| keeps(settings, &group.name);
+        for group in system.groups.iter().filter(kept) {
             let rows = self.states.chunks(self.n.max(1));
             let values = rows
                 .flat_map(|row| row[group.entries.clone()].iter().copied())
@@ -100,27 +101,26 @@ impl Recorder {
             };
             keep(settings, series, &mut trajectory.states);
         }
-        for output in &system.outputs {
-            keep(
-                settings,
-                self.evaluate(system, output),
-                &mut trajectory.outputs,
-            );
-        }
-        for control in &system.controls {
-            keep(
-                settings,
-                self.evaluate(system, control),
-                &mut trajectory.controls,
-            );
+        let kept = |output: &&Output| keeps(settings, &output.name);
+        for (from, to) in [
+            (&system.outputs, &mut trajectory.outputs),
+            (&system.controls, &mut trajectory.controls),
+        ] {
+            let outputs: Vec<&Output> = from.iter().filter(kept).collect();
+            for series in self.evaluate(system, &outputs) {
+                keep(settings, series, to);
+            }
         }
         self.name_modes(system, names, outcome, trajectory);
         trajectory.dense.pieces = self.pieces.unwrap_or_default();
         trajectory.time = self.times;
     }
 
-    /// Evaluates an output at all points, in lanes.
-    fn evaluate(&self, system: &System, output: &crate::system::Output) -> Series {
+    /// Evaluates outputs at all points, in lanes.
+    fn evaluate(&self, system: &System, outputs: &[&Output]) -> Vec<Series> {
+        if outputs.is_empty() {
+            return Vec::new();
+        }
         let variable = |e: &expr::Expr| e.as_variable().expect("a declared quantity is a variable");
         let mut numbers = expr::Substitution::new();
         for param in &system.params {
@@ -129,11 +129,8 @@ impl Recorder {
         let mut inputs = vec![variable(&system.time)];
         inputs.extend(system.states.iter().map(|state| variable(&state.var)));
         inputs.extend(system.switches.iter().map(|switch| variable(&switch.alpha)));
-        let exprs: Vec<_> = output
-            .exprs
-            .iter()
-            .map(|e| e.substitute(&numbers))
-            .collect();
+        let exprs = outputs.iter().flat_map(|output| &output.exprs);
+        let exprs: Vec<_> = exprs.map(|e| e.substitute(&numbers)).collect();
         let tape = expr::compile(&inputs, &exprs)
             .expect("a verified output is smooth in time, states and α");
 
@@ -144,12 +141,19 @@ impl Recorder {
         table.extend((0..m).flat_map(|i| (0..points).map(move |k| self.alphas[k * m + i])));
         let mut columns = vec![0.0; exprs.len() * points];
         tape.eval_many(&table, &mut columns, points, &mut tape.lane_scratch());
-        let values = (0..points).flat_map(|k| (0..exprs.len()).map(move |o| (o, k)));
-        Series {
-            name: output.name.clone(),
-            shape: output.shape.clone(),
-            values: values.map(|(o, k)| columns[o * points + k]).collect(),
-        }
+
+        let mut first = 0;
+        let mut series = |output: &&Output| {
+            let entries = first..first + output.exprs.len();
+            first = entries.end;
+            let values = (0..points).flat_map(|k| entries.clone().map(move |o| (o, k)));
+            Series {
+                name: output.name.clone(),
+                shape: output.shape.clone(),
+                values: values.map(|(o, k)| columns[o * points + k]).collect(),
+            }
+        };
+        outputs.iter().map(&mut series).collect()
     }
 
     fn name_modes(
@@ -204,14 +208,23 @@ impl Recorder {
     }
 }
 
+/// Whether the experiment keeps anything of a series: it does without an `output` setting.
+fn keeps(settings: &Settings, series: &str) -> bool {
+    let kept = settings.outputs.as_ref();
+    kept.is_none_or(|kept| kept.iter().any(|kept| is_of(kept, series)))
+}
+
+fn is_of(kept: &Kept, series: &str) -> bool {
+    kept.base() == series || kept.name == series
+}
+
 /// Appends what the experiment keeps of a series: all of it without an `output` setting.
 fn keep(settings: &Settings, series: Series, to: &mut Vec<Series>) {
     let Some(kept) = &settings.outputs else {
         to.push(series);
         return;
     };
-    let of_series = |kept: &&Kept| kept.base() == series.name || kept.name == series.name;
-    for kept in kept.iter().filter(of_series) {
+    for kept in kept.iter().filter(|kept| is_of(kept, &series.name)) {
         let rows = series.values.chunks(series.n_entries().max(1));
         let values = rows
             .flat_map(|row| kept.entries.iter().map(|&entry| row[entry]))
@@ -261,7 +274,8 @@ impl Observer for Recorder {
 /// The segment's polynomials: states, then α of every switch.
 fn piece(segment: &Segment, end: f64) -> Piece {
     let n_coefficients = segment.order() + 1;
-    let mut coefficients = Vec::new();
+    let n_series = segment.end.len() + segment.sides.len();
+    let mut coefficients = Vec::with_capacity(n_series * n_coefficients);
     for i in 0..segment.end.len() {
         coefficients.extend_from_slice(segment.state_series(i));
     }
