@@ -19,11 +19,12 @@ pub(crate) struct Root {
 
 /// Memory and binomial tables for polynomials up to a degree.
 pub(crate) struct RootFinder {
-    degree: usize,
-    /// `ratio[j][k]` = C(j, k) / C(degree, k), by degree and j.
-    ratios: Vec<Vec<f64>>,
+    /// Pascal's triangle: C(n, k), by n up to the degree.
+    binomials: Vec<Vec<f64>>,
     /// Coefficients on [0, 1].
     scaled: Vec<f64>,
+    /// The same over C(degree, k).
+    weighted: Vec<f64>,
     /// Intervals left to look at, with their Bernstein coefficients one after another.
     stack: Vec<Interval>,
     bernstein: Vec<f64>,
@@ -45,9 +46,9 @@ impl RootFinder {
     /// Tables for polynomials of degree up to `degree`.
     pub(crate) fn new(degree: usize) -> Self {
         RootFinder {
-            degree,
-            ratios: (0..=degree).map(ratios).collect(),
+            binomials: pascal(degree),
             scaled: Vec::with_capacity(degree + 1),
+            weighted: Vec::with_capacity(degree + 1),
             stack: Vec::with_capacity(DEPTH),
             bernstein: Vec::with_capacity(DEPTH * (degree + 1)),
         }
@@ -56,7 +57,10 @@ impl RootFinder {
     /// The least root in (0, h] of `start` + Σ `rest[k]` τᵏ⁺¹, whose value at 0 counts as non-zero.
     pub(crate) fn first(&mut self, start: f64, rest: &[f64], h: f64) -> Option<Root> {
         let degree = rest.len();
-        debug_assert!(degree <= self.degree, "the tables reach to the degree");
+        debug_assert!(
+            degree < self.binomials.len(),
+            "the tables reach to the degree"
+        );
         if stays_away(start, rest, h) {
             return None;
         }
@@ -67,10 +71,15 @@ impl RootFinder {
             power *= h;
             self.scaled.push(c * power);
         }
-        let (scaled, ratios) = (&self.scaled, &self.ratios[degree]);
+        // b_j = Σ_k C(j, k) / C(degree, k) c_k
+        let scaled = &self.scaled;
+        self.weighted.clear();
+        let over = scaled.iter().zip(&self.binomials[degree]);
+        self.weighted.extend(over.map(|(c, binomial)| c / binomial));
+        let (weighted, binomials) = (&self.weighted, &self.binomials);
         let coefficient = |j: usize| -> f64 {
-            let row = &ratios[j * (degree + 1)..=j * (degree + 1) + j];
-            row.iter().zip(scaled).map(|(ratio, c)| ratio * c).sum()
+            let terms = binomials[j].iter().zip(weighted);
+            terms.map(|(binomial, c)| binomial * c).sum()
         };
         self.stack.clear();
         self.bernstein.clear();
@@ -125,16 +134,15 @@ fn stays_away(start: f64, rest: &[f64], h: f64) -> bool {
     start.abs() > others
 }
 
-fn ratios(degree: usize) -> Vec<f64> {
-    let binomial =
-        |n: usize, k: usize| (0..k).fold(1.0, |c, i| c * (n - i) as f64 / (i + 1) as f64);
-    let mut table = vec![0.0; (degree + 1) * (degree + 1)];
-    for j in 0..=degree {
-        for k in 0..=j {
-            table[j * (degree + 1) + k] = binomial(j, k) / binomial(degree, k);
-        }
+/// C(n, k) by n and k, exact up to n = 57.
+fn pascal(degree: usize) -> Vec<Vec<f64>> {
+    let mut rows = vec![vec![1.0]];
+    for n in 1..=degree {
+        let above: &[f64] = &rows[n - 1];
+        let inner = above.windows(2).map(|pair| pair[0] + pair[1]);
+        rows.push([1.0].into_iter().chain(inner).chain([1.0]).collect());
     }
-    table
+    rows
 }
 
 /// Changes of sign among the coefficients; a zero at the right end is a root of its own.
