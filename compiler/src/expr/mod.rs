@@ -12,6 +12,7 @@
 mod arena;
 mod compile;
 mod derivative;
+mod evaluate;
 mod function;
 mod layout;
 mod operators;
@@ -29,6 +30,7 @@ use arena::{Arena, Data, Id};
 
 pub use compile::{CompileError, compile};
 pub use derivative::{SparseJacobian, gradient, hessian, jacobian};
+pub use evaluate::Evaluator;
 pub use function::{BinaryFunction, Function};
 pub use operators::{dot, sum};
 pub use rewrite::{Substitution, rewrite, rewrite_all, variables_of};

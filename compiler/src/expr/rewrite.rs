@@ -1,4 +1,4 @@
-//! Walking below expressions: evaluation, substitution and rewriting, all in order of the node numbers.
+//! Walking below expressions: substitution and rewriting, all in order of the node numbers.
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
@@ -167,32 +167,5 @@ impl<'e> Expr<'e> {
     pub fn depends_on(self, var: Var) -> bool {
         let arena = self.exprs.arena.borrow();
         arena.below([self.id]).contains(&arena.variable(var))
-    }
-
-    /// The value. At 0, `sign` is 0 and `step` is 1/2.
-    pub fn eval(self, value: &impl Fn(Var) -> f64) -> f64 {
-        let arena = self.exprs.arena.borrow();
-        let mut values: FxHashMap<Id, f64> = FxHashMap::default();
-        for id in arena.below([self.id]) {
-            let at = |child: Id| values[&child];
-            let result = match arena.data(id) {
-                Data::Constant(number) => number,
-                Data::Variable(var) => value(var),
-                Data::Sum {
-                    constant,
-                    start,
-                    len,
-                } => (arena.terms(start, len).iter())
-                    .fold(constant, |total, &(term, c)| total + c * at(term)),
-                Data::Product { start, len } => (arena.factors(start, len).iter())
-                    .fold(1.0, |total, &(factor, power)| {
-                        total * at(factor).powi(power)
-                    }),
-                Data::Unary(function, a) => function.value(at(a)),
-                Data::Binary(function, a, b) => function.value(at(a), at(b)),
-            };
-            values.insert(id, result);
-        }
-        values[&self.id]
     }
 }

@@ -106,12 +106,12 @@ fn on_samples<'e>(
         let Some(point) = sampler.to_surface(psi, &start) else {
             continue;
         };
-        let on = point.eval(e);
+        let on = sampler.eval(e, &point);
         if !on.is_finite() {
             continue;
         }
         let near = sampler.near(psi, &point, rounding);
-        let change = (near.iter().map(|near| (near.eval(e) - on).abs()))
+        let change = (near.iter().map(|near| (sampler.eval(e, near) - on).abs()))
             .filter(|change| change.is_finite())
             .fold(0.0, f64::max);
         if on.abs() > change {

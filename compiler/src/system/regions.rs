@@ -95,10 +95,10 @@ pub(super) fn check<'e>(
     let exprs = partition.regions.first()?.weight.exprs();
     let name = |var| exprs.name(var);
     // On a surface, no guard has a say.
-    let is_off = |point: &Point| psi.iter().all(|&psi| point.eval(psi).abs() > 1e-9);
+    let is_off = |point: &Point| psi.iter().all(|&psi| sampler.eval(psi, point).abs() > 1e-9);
     for point in sampler.points_around(&psi).filter(is_off) {
         let holding: Vec<usize> = (0..partition.regions.len())
-            .filter(|&r| point.eval(partition.regions[r].weight) > 0.5)
+            .filter(|&r| sampler.eval(partition.regions[r].weight, &point) > 0.5)
             .collect();
         match holding[..] {
             [_] => {}

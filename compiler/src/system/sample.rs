@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use crate::expr::{Expr, Var, variables_of};
+use crate::expr::{Evaluator, Expr, Var, variables_of};
 
 /// Values of all variables, and how the switches follow from the others.
 pub(super) struct Sampler<'e> {
@@ -17,6 +17,7 @@ pub(super) struct Sampler<'e> {
     /// (α, ψ), inner ones first.
     switches: Vec<(Var, Expr<'e>)>,
     gradients: RefCell<FxHashMap<Expr<'e>, Gradient<'e>>>,
+    evaluators: RefCell<FxHashMap<Expr<'e>, Evaluator<'e>>>,
 }
 
 /// The entries of ∇ψ that are not zero.
@@ -27,11 +28,6 @@ type Gradient<'e> = Rc<Vec<(Var, Expr<'e>)>>;
 pub(super) struct Point(Vec<f64>);
 
 impl Point {
-    /// The value of an expression.
-    pub fn eval(&self, e: Expr<'_>) -> f64 {
-        e.eval(&|var| self.get(var))
-    }
-
     /// The value of a variable.
     pub fn get(&self, var: Var) -> f64 {
         self.0.get(var.index()).copied().unwrap_or(f64::NAN)
@@ -67,6 +63,7 @@ impl<'e> Sampler<'e> {
             horizon,
             switches,
             gradients: RefCell::default(),
+            evaluators: RefCell::default(),
         }
     }
 
@@ -91,7 +88,15 @@ impl<'e> Sampler<'e> {
             horizon: self.horizon,
             switches,
             gradients: RefCell::default(),
+            evaluators: RefCell::default(),
         }
+    }
+
+    /// The value of an expression at a point.
+    pub fn eval(&self, e: Expr<'e>, point: &Point) -> f64 {
+        let mut evaluators = self.evaluators.borrow_mut();
+        let evaluator = evaluators.entry(e).or_insert_with(|| Evaluator::new(e));
+        evaluator.eval(&|var| point.get(var))
     }
 
     /// `count` points at distances from 1e-3 to 10 times the initial state's size, the initial point first.
@@ -120,7 +125,11 @@ impl<'e> Sampler<'e> {
     /// Sets every α to the side of its ψ.
     pub fn settle(&self, point: &mut Point) {
         for &(alpha, psi) in &self.switches {
-            let side = if point.eval(psi) > 0.0 { 1.0 } else { 0.0 };
+            let side = if self.eval(psi, point) > 0.0 {
+                1.0
+            } else {
+                0.0
+            };
             point.set(alpha, side);
         }
     }
@@ -132,14 +141,18 @@ impl<'e> Sampler<'e> {
         let mut point = start.clone();
         let mut last = f64::INFINITY;
         for _ in 0..MOST_STEPS {
-            let value = point.eval(psi);
+            let value = self.eval(psi, &point);
             // At rounding, the value stops getting smaller.
-            if value == 0.0 || (value.abs() >= last && last < 1e-12 * (1.0 + start.eval(psi).abs()))
+            if value == 0.0
+                || (value.abs() >= last && last < 1e-12 * (1.0 + self.eval(psi, start).abs()))
             {
                 return Some(point);
             }
             last = value.abs();
-            let g: Vec<f64> = gradient.iter().map(|&(_, g)| point.eval(g)).collect();
+            let g: Vec<f64> = gradient
+                .iter()
+                .map(|&(_, g)| self.eval(g, &point))
+                .collect();
             let squared: f64 = g.iter().map(|g| g * g).sum();
             if !(value.is_finite() && squared.is_finite() && squared > 0.0) {
                 return None;
@@ -149,7 +162,7 @@ impl<'e> Sampler<'e> {
             }
             self.settle(&mut point);
         }
-        (last < 1e-12 * (1.0 + start.eval(psi).abs())).then_some(point)
+        (last < 1e-12 * (1.0 + self.eval(psi, start).abs())).then_some(point)
     }
 
     /// Points at all distances from the initial point, then points on both sides of each surface, from near to far.
@@ -181,7 +194,7 @@ impl<'e> Sampler<'e> {
 
     fn moved(&self, psi: Expr<'e>, on: &Point, offsets: &[f64]) -> Vec<Point> {
         let gradient = self.gradient(psi);
-        let slope: Vec<f64> = gradient.iter().map(|&(_, g)| on.eval(g)).collect();
+        let slope: Vec<f64> = gradient.iter().map(|&(_, g)| self.eval(g, on)).collect();
         let length = slope.iter().map(|g| g * g).sum::<f64>().sqrt();
         if !(length.is_finite() && length > 0.0) {
             return Vec::new();
