@@ -18,6 +18,34 @@ const SMALLEST: f64 = 1e-250;
 /// does not know of must be seen in between.
 const PROBES: [f64; 4] = [0.23, 0.51, 0.77, 1.0];
 
+/// One number for every probe.
+type AtProbes = [f64; PROBES.len()];
+
+/// What the series of a step say at the probes, and what differences from it are relative to.
+#[derive(Default)]
+pub(super) struct Probed {
+    x: Vec<AtProbes>,
+    rates: Vec<AtProbes>,
+    /// Error scales of the states.
+    scales: Vec<f64>,
+    /// ψ of all switches; of sliding ones nothing is kept.
+    psi: Vec<AtProbes>,
+    /// Magnitudes of ψ within the step.
+    sizes: Vec<f64>,
+}
+
+impl Probed {
+    pub(super) fn new(n_states: usize, n_switches: usize) -> Self {
+        Probed {
+            x: vec![Default::default(); n_states],
+            rates: vec![Default::default(); n_states],
+            scales: vec![0.0; n_states],
+            psi: vec![Default::default(); n_switches],
+            sizes: vec![0.0; n_switches],
+        }
+    }
+}
+
 /// How well the series of a step satisfy their equations.
 pub(super) struct Defect {
     /// Largest ‖x' - f‖ h, relative to the magnitude of the states.
@@ -121,19 +149,23 @@ impl Mode {
         tolerance: f64,
         allowed: f64,
     ) -> Defect {
+        self.probe(state, tau, tolerance);
         let mut defect = Defect {
             rate: 0.0,
             switches_agree: true,
         };
-        for probe in PROBES {
+        for (k, probe) in PROBES.iter().enumerate() {
             let at = probe * tau;
-            self.state(at, &mut state.next);
+            for (next, x) in state.next.iter_mut().zip(&self.probed.x) {
+                *next = x[k];
+            }
             self.alpha(at, &mut state.next_alpha);
             self.eval(state.t + at, &state.next, &state.next_alpha);
-            for (i, f) in self.f().iter().enumerate() {
-                let difference = (series::slope(self.x_series(i), at) - f).abs() * tau;
+            let rates = self.probed.rates.iter().zip(&self.probed.scales);
+            for (f, (rate, scale)) in self.f().iter().zip(rates) {
+                let difference = (rate[k] - f).abs() * tau;
                 if difference != 0.0 {
-                    let relative = difference / self.error_scale(i, tau, tolerance, state);
+                    let relative = difference / scale;
                     // NaN must not be lost to `max`.
                     defect.rate = if defect.rate >= relative {
                         defect.rate
@@ -142,13 +174,32 @@ impl Mode {
                     };
                 }
             }
-            defect.switches_agree &= self.switches_agree(state, at, tau, allowed);
+            defect.switches_agree &= self.switches_agree(state, k, allowed);
         }
         defect
     }
 
-    /// True when φ_K vanishes and every other ψ has the value of its series, up to `allowed`.
-    fn switches_agree(&self, state: &State, at: f64, tau: f64, allowed: f64) -> bool {
+    /// Evaluates the series at all probes.
+    fn probe(&mut self, state: &State, tau: f64, tolerance: f64) {
+        let at = PROBES.map(|probe| probe * tau);
+        let mut probed = std::mem::take(&mut self.probed);
+        for i in 0..self.n {
+            [probed.x[i], probed.rates[i]] = series::values_and_slopes(self.x_series(i), at);
+            probed.scales[i] = self.error_scale(i, tau, tolerance, state);
+        }
+        for (i, side) in self.sides.iter().enumerate() {
+            if *side != Side::Slide {
+                let c = self.psi_series(i);
+                probed.psi[i] = at.map(|at| series::value(c, at));
+                probed.sizes[i] = series::magnitude(c, tau, 0);
+            }
+        }
+        self.probed = probed;
+    }
+
+    /// True when at a probe φ_K vanishes and every other ψ has the value of its series, up to
+    /// `allowed`.
+    fn switches_agree(&self, state: &State, probe: usize, allowed: f64) -> bool {
         let rounding = 64.0 * f64::EPSILON;
         let slides = self.phi().iter().enumerate().all(|(j, phi)| {
             phi.abs() <= allowed * self.gains[j] + rounding * self.terms[self.n + j]
@@ -157,10 +208,9 @@ impl Mode {
         let mut others = sides.enumerate().filter(|(_, side)| **side != Side::Slide);
         slides
             && others.all(|(i, _)| {
-                let c = self.psi_series(i);
-                let magnitude = series::magnitude(c, tau, 0);
-                let difference = (series::value(c, at) - psi[i]).abs();
-                difference <= allowed * magnitude + rounding * (state.terms[i] + magnitude)
+                let size = self.probed.sizes[i];
+                let difference = (self.probed.psi[i][probe] - psi[i]).abs();
+                difference <= allowed * size + rounding * (state.terms[i] + size)
             })
     }
 }

@@ -5,6 +5,7 @@
 //! A = ∂φ_K/∂α_K of the expansion point, so one factorization serves all orders:
 //! evaluate with α_K,k = 0, solve A α_K,k = -φ_K,k, evaluate again.
 
+use super::control::Probed;
 use super::series;
 use super::state::State;
 use super::{ModeFunctions, Side};
@@ -31,6 +32,7 @@ pub(crate) struct Mode {
     pub gains: Vec<f64>,
     /// Size of the terms of f, φ_K and ψ at the expansion point, which may cancel.
     pub terms: Vec<f64>,
+    pub probed: Probed,
     rhs: Vec<f64>,
     gram: Vec<f64>,
 }
@@ -58,6 +60,7 @@ impl Mode {
             orientation: 1.0,
             gains: vec![0.0; k],
             terms: vec![0.0; n + k + sides.len()],
+            probed: Probed::new(n, sides.len()),
             rhs: vec![0.0; k],
             gram: vec![0.0; k * k],
             n,

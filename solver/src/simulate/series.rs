@@ -5,6 +5,18 @@ pub(crate) fn value(c: &[f64], tau: f64) -> f64 {
     c.iter().rev().fold(0.0, |sum, c| sum * tau + c)
 }
 
+/// Σ c[k] τᵏ and its derivative at several τ side by side.
+pub(crate) fn values_and_slopes<const N: usize>(c: &[f64], tau: [f64; N]) -> [[f64; N]; 2] {
+    let (mut values, mut slopes) = ([0.0; N], [0.0; N]);
+    for c in c.iter().rev() {
+        for at in 0..N {
+            slopes[at] = slopes[at] * tau[at] + values[at];
+            values[at] = values[at] * tau[at] + c;
+        }
+    }
+    [values, slopes]
+}
+
 /// Derivative of Σ c[k] τᵏ.
 pub(crate) fn slope(c: &[f64], tau: f64) -> f64 {
     c.iter()
@@ -28,7 +40,11 @@ pub(crate) fn magnitude(c: &[f64], h: f64, from: usize) -> f64 {
     let mut power = h.powi(from as i32);
     let mut largest = 0.0_f64;
     for c in &c[from..] {
-        largest = largest.max(c.abs() * power);
+        let term = c.abs() * power;
+        // Unlike `max`, one instruction; NaN is passed over by both.
+        if term > largest {
+            largest = term;
+        }
         power *= h;
     }
     largest
@@ -69,6 +85,10 @@ mod tests {
     #[test]
     fn value_and_slope() {
         let c = [1.0, 2.0, 3.0];
+        assert_eq!(
+            values_and_slopes(&c, [2.0, 0.0]),
+            [[17.0, 1.0], [14.0, 2.0]]
+        );
         assert_eq!(
             (value(&c, 2.0), slope(&c, 2.0), magnitude(&c, 2.0, 1)),
             (17.0, 14.0, 12.0)
