@@ -1,4 +1,5 @@
-//! Lists the pages of `explain/`, so that the compiler carries them with it.
+//! Lists the pages of `explain/` and the files of the standard library, so that the compiler carries
+//! them with it.
 
 use std::fmt::Write as _;
 use std::io::{self, Write as _};
@@ -9,25 +10,40 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let folder = Path::new(&env::var("CARGO_MANIFEST_DIR")?).join("explain");
     writeln!(io::stdout(), "cargo::rerun-if-changed={}", folder.display())?;
 
-    let mut pages: Vec<PathBuf> = match fs::read_dir(&folder) {
+    let pages = table(&folder, "md")?;
+    let out = PathBuf::from(env::var("OUT_DIR")?);
+    fs::write(out.join("pages.rs"), pages)?;
+
+    let library = Path::new(&env::var("CARGO_MANIFEST_DIR")?).join("../stdlib");
+    writeln!(
+        io::stdout(),
+        "cargo::rerun-if-changed={}",
+        library.display()
+    )?;
+    fs::write(out.join("stdlib.rs"), table(&library, "nsd")?)?;
+    Ok(())
+}
+
+/// The names of the files of a folder, each with its text, as an array of pairs.
+fn table(folder: &Path, extension: &str) -> Result<String, Box<dyn std::error::Error>> {
+    let mut paths: Vec<PathBuf> = match fs::read_dir(folder) {
         Ok(entries) => entries
             .filter_map(|entry| Some(entry.ok()?.path()))
             .collect(),
         Err(_) => Vec::new(),
     };
-    pages.retain(|path| path.extension().is_some_and(|extension| extension == "md"));
-    pages.sort();
+    paths.retain(|path| path.extension().is_some_and(|found| found == extension));
+    paths.sort();
 
     let mut table = String::from("&[\n");
-    for page in pages {
-        let code = page.file_stem().unwrap_or_default().to_string_lossy();
+    for path in paths {
+        let name = path.file_stem().unwrap_or_default().to_string_lossy();
         writeln!(
             table,
-            "    ({code:?}, include_str!({:?})),",
-            page.display().to_string()
+            "    ({name:?}, include_str!({:?})),",
+            path.display().to_string()
         )?;
     }
     table.push_str("]\n");
-    fs::write(Path::new(&env::var("OUT_DIR")?).join("pages.rs"), table)?;
-    Ok(())
+    Ok(table)
 }

@@ -6,6 +6,7 @@ pub mod dcs;
 pub mod diagnostics;
 pub mod explain;
 pub mod expr;
+pub mod imports;
 pub mod model;
 pub mod report;
 pub mod simulate;
@@ -56,10 +57,13 @@ pub fn compile<'e>(
     clock: &mut Clock,
     diags: &mut Diagnostics,
 ) -> Option<Compiled<'e>> {
-    let (file, definition) = model::find(file, &experiment.model, diags)?;
+    let (home, definition) = model::find(file, &experiment.model, diags)?;
     let with = given(experiment, overrides);
     let name = &definition.name.name;
-    let model = clock.time("model", || model::resolve(exprs, file, name, &with, diags))?;
+    let mut model = clock.time("model", || model::resolve(exprs, home, name, &with, diags))?;
+    if !std::ptr::eq(home, file) {
+        model.see_from(file, diags);
+    }
     clock.time("system", || {
         let settings = system::experiment::evaluate(&model, experiment, overrides, diags)?;
         let system = system::lower(&model, &settings, diags)?;

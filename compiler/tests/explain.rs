@@ -4,18 +4,39 @@ use nsdc::clock::Clock;
 use nsdc::diagnostics::{Diagnostics, render};
 use nsdc::explain::{PAGES, examples};
 use nsdc::expr::Exprs;
+use nsdc::imports::{self, Loaded, Loader, NoFiles, NotLoaded};
 use nsdc::report::Warning;
 use nsdc::simulate::{self, Request};
 use nsdc::source::SourceMap;
 use nsdc::syntax::{self, File, Item};
 use nsdc::{check, compile};
 
+/// The folder of a page, with the page in it.
+struct Beside(Vec<u8>);
+
+impl Loader for Beside {
+    fn load(&mut self, from: &str, path: &str) -> Result<Loaded, NotLoaded> {
+        let key = path.trim_start_matches("./").to_owned();
+        let name = format!("{key}.nsd");
+        match key == "page" {
+            true => Ok(Loaded {
+                key,
+                name,
+                bytes: self.0.clone(),
+            }),
+            false => NoFiles.load(from, path),
+        }
+    }
+}
+
 /// The codes that a file gives, and the errors as they are shown.
 fn diagnose(text: &str) -> (Vec<String>, bool, String) {
     let mut sources = SourceMap::new();
     let mut diags = Diagnostics::new();
     let source = sources.add("page.nsd", text);
-    let file = syntax::parse(&source, &mut diags);
+    let mut file = syntax::parse(&source, &mut diags);
+    let mut beside = Beside(text.as_bytes().to_vec());
+    imports::link(&mut file, "page", &mut beside, &mut sources, &mut diags);
     if !diags.has_errors() {
         check(&file, &sources, &mut diags);
     }

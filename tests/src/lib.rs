@@ -3,6 +3,7 @@
 use nsdc::clock::Clock;
 use nsdc::diagnostics::{self, Diagnostics};
 use nsdc::expr::Exprs;
+use nsdc::imports::{self, NoFiles};
 use nsdc::report::Trajectory;
 use nsdc::simulate::{self, Request};
 use nsdc::source::SourceMap;
@@ -22,7 +23,14 @@ pub fn with_experiment<T>(
     let mut sources = SourceMap::new();
     let mut diags = Diagnostics::new();
     let source = sources.add("test.nsd", text);
-    let file = syntax::parse(&source, &mut diags);
+    let mut file = syntax::parse(&source, &mut diags);
+    imports::link(
+        &mut file,
+        "test.nsd",
+        &mut NoFiles,
+        &mut sources,
+        &mut diags,
+    );
     let item = file.items.iter().find_map(|item| match item {
         Item::Experiment(found) if found.name.name == experiment => Some(found),
         _ => None,

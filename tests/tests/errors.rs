@@ -6,6 +6,7 @@ use std::fs;
 use std::path::Path;
 
 use nsdc::diagnostics::{Diagnostics, render};
+use nsdc::imports::{self, NoFiles};
 use nsdc::source::SourceMap;
 use nsdc::{check, syntax};
 
@@ -24,7 +25,8 @@ fn every_mistake_is_reported_as_it_was() {
         let mut sources = SourceMap::new();
         let mut diags = Diagnostics::new();
         let source = sources.add_bytes(format!("{stem}.nsd"), bytes);
-        let file = syntax::parse(&source, &mut diags);
+        let mut file = syntax::parse(&source, &mut diags);
+        imports::link(&mut file, &stem, &mut NoFiles, &mut sources, &mut diags);
         check(&file, &sources, &mut diags);
 
         let code = stem.split('_').next().unwrap_or_default().to_owned();

@@ -35,6 +35,15 @@ const EXAMPLES: &[&str] = &[
     "two_gene_network.nsd: from_below",
 ];
 
+/// Experiments of the standard library. All of them pass.
+const LIBRARY: &[&str] = &[
+    "friction.nsd: breaks_loose",
+    "friction.nsd: slows_down",
+    "friction.nsd: stops_at_rest",
+    "relay.nsd: reaches_zero",
+    "relay.nsd: stops_at_the_edge",
+];
+
 /// Experiments of the design models that pass.
 const MODELS: &[&str] = &[
     "branicky.nsd: growth",
@@ -130,6 +139,14 @@ fn beside_the_tests(path: &str) -> PathBuf {
 fn every_example_passes() {
     let outcome = test(&beside_the_tests("../examples"));
     assert_eq!(outcome.passed, EXAMPLES, "{}", outcome.text);
+    assert_eq!(outcome.not_yet, [""; 0]);
+    assert_eq!(outcome.exit, Exit::Success);
+}
+
+#[test]
+fn the_standard_library_passes() {
+    let outcome = test(&beside_the_tests("../stdlib"));
+    assert_eq!(outcome.passed, LIBRARY, "{}", outcome.text);
     assert_eq!(outcome.not_yet, [""; 0]);
     assert_eq!(outcome.exit, Exit::Success);
 }

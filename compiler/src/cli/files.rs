@@ -1,10 +1,13 @@
 //! Reading and writing files, with errors that name them.
 
+use std::collections::HashMap;
 use std::fs;
 use std::io::{self, Read};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use super::Streams;
+use crate::imports::{Loaded, Loader, NotLoaded};
+use crate::syntax;
 
 /// Extension of model files.
 const EXTENSION: &str = "nsd";
@@ -75,6 +78,52 @@ pub fn read_if_present(path: &Path) -> Result<Option<String>, FileError> {
 /// Replaces a file.
 pub fn write(path: &Path, text: &str) -> Result<(), FileError> {
     fs::write(path, text).map_err(|error| FileError::new("write", path, &error))
+}
+
+/// Reads imported files, relative to the file that imports them.
+#[derive(Debug, Default)]
+pub struct Imports {
+    /// Where each file was found, by what makes it the same file.
+    paths: HashMap<String, PathBuf>,
+}
+
+impl Imports {
+    /// What a path is known by, however it was written.
+    pub fn key(&mut self, path: &Path) -> String {
+        let whole = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+        let key = whole.display().to_string();
+        self.paths
+            .entry(key.clone())
+            .or_insert_with(|| path.to_owned());
+        key
+    }
+}
+
+impl Loader for Imports {
+    fn load(&mut self, from: &str, path: &str) -> Result<Loaded, NotLoaded> {
+        let folder = self.paths.get(from).and_then(|from| from.parent());
+        let mut found = folder.map(Path::to_owned).unwrap_or_default();
+        for step in path.split('/') {
+            let is_name = matches!(found.components().next_back(), Some(Component::Normal(_)));
+            match step {
+                "." | "" => {}
+                ".." if is_name => {
+                    found.pop();
+                }
+                step => found.push(step),
+            }
+        }
+        found.as_mut_os_string().push(format!(".{EXTENSION}"));
+        let bytes = read(&found, syntax::MAX_BYTES).map_err(|error| NotLoaded {
+            tried: error.name,
+            reason: error.reason,
+        })?;
+        Ok(Loaded {
+            key: self.key(&found),
+            name: display_name(&found),
+            bytes,
+        })
+    }
 }
 
 /// Files named one by one, and all model files below folders, in order of their names.

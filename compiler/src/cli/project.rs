@@ -2,10 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use super::files::{self, FileError};
+use super::files::{self, FileError, Imports};
 use super::{Streams, io};
 use crate::clock::Clock;
 use crate::diagnostics::{self, Diagnostics, is_error};
+use crate::imports;
 use crate::source::SourceMap;
 use crate::syntax::{self, Bind, Experiment, ExperimentSetting, File, Item, SettingKind};
 
@@ -31,7 +32,12 @@ impl Project {
         let mut diags = Diagnostics::new();
         let bytes = clock.time("read", || files::read(path, syntax::MAX_BYTES))?;
         let source = sources.add_bytes(files::display_name(path), bytes);
-        let file = clock.time("parse", || syntax::parse(&source, &mut diags));
+        let mut file = clock.time("parse", || syntax::parse(&source, &mut diags));
+        let mut imports = Imports::default();
+        let key = imports.key(path);
+        clock.time("parse", || {
+            imports::link(&mut file, &key, &mut imports, &mut sources, &mut diags);
+        });
         Ok(Project {
             path: path.to_owned(),
             sources,

@@ -3,7 +3,7 @@
 use super::check::plural;
 use super::lower::{Local, Lowering};
 use super::reserved::{FUNCTIONS, did_you_mean};
-use super::scope::{Meaning, Reported, Value};
+use super::scope::{Callable, Meaning, Reported, Scope, Value};
 use super::{ModelError, Tensor, builtins};
 use crate::expr::Expr;
 use crate::source::Span;
@@ -16,6 +16,9 @@ pub(super) struct Call<'c> {
     pub span: Span,
 }
 
+/// A function of a file, with the names it sees.
+type Body<'a, 'e> = (&'a Callable<'e>, &'a Scope<'e>);
+
 /// The value of a call.
 #[inline(never)]
 pub(super) fn call<'e>(
@@ -24,27 +27,45 @@ pub(super) fn call<'e>(
     args: &[Arg],
     span: Span,
 ) -> Result<Value<'e>, Reported> {
-    let name = callee(lowering, function)?;
+    let (name, callable) = callee(lowering, function)?;
     if let [Arg::Positional(body, binders)] = args
         && !binders.is_empty()
     {
         return reduction(lowering, name, body, binders, span).map(Value::from);
     }
     let call = positional(lowering, name, args, span)?;
-    match lowering.scope.functions.get(name) {
-        Some(function) => inline(lowering, function, &call),
+    match callable {
+        Some(callable) => inline(lowering, callable, &call),
         None => builtins::builtin(lowering, &call).map(Value::from),
     }
 }
 
-/// The name of a function that exists.
+/// A function that exists: its name, and its body unless it is built in.
 #[inline(never)]
-fn callee<'c>(
-    lowering: &mut Lowering<'_, '_>,
+fn callee<'a, 'c, 'e>(
+    lowering: &mut Lowering<'a, 'e>,
     function: &'c syntax::Expr,
-) -> Result<&'c str, Reported> {
+) -> Result<(&'c str, Option<Body<'a, 'e>>), Reported> {
     let span = function.span;
+    if let ExprKind::Field(base, field) = &function.kind
+        && let Some((name, module)) = lowering.module(base)
+    {
+        let found = module.functions.get(&field.name);
+        return match found.filter(|_| module.declares.contains(&field.name)) {
+            Some(callable) => Ok((&field.name, Some((callable, &**module)))),
+            None if matches!(module.declared(&field.name), Some(Meaning::Unusable)) => {
+                Err(Reported)
+            }
+            None => lowering.not_in_module(name, module, field),
+        };
+    }
     let ExprKind::Name(name) = &function.kind else {
+        // What stands in a file that could not be imported is unknown.
+        if let ExprKind::Field(base, _) = &function.kind
+            && let Some((_, Meaning::Unusable)) = lowering.meaning(base)?
+        {
+            return Err(Reported);
+        }
         let name = lowering.text(function);
         return lowering.error(ModelError::UnknownFunction {
             name,
@@ -58,12 +79,15 @@ fn callee<'c>(
     } else {
         &scope.names
     };
-    match names.get(name) {
-        Some(Meaning::Unusable) => return Err(Reported),
-        Some(Meaning::Imported) => return lowering.imported(span),
-        _ if FUNCTIONS.contains(&name.as_str()) => return Ok(name),
-        _ if scope.functions.contains_key(name) => return Ok(name),
-        _ => {}
+    if let Some(Meaning::Unusable) = names.get(name) {
+        return Err(Reported);
+    }
+    if let Some(callable) = scope.functions.get(name) {
+        let home = callable.home.as_deref().unwrap_or(scope);
+        return Ok((name, Some((callable, home))));
+    }
+    if FUNCTIONS.contains(&name.as_str()) {
+        return Ok((name, None));
     }
     let is_local = lowering.locals.iter().any(|local| local.name() == name);
     let help = if is_local || names.contains_key(name) {
@@ -131,11 +155,12 @@ pub(super) fn arguments(count: usize) -> String {
 
 /// The body of a function with its arguments put in.
 #[inline(never)]
-fn inline<'e>(
-    lowering: &mut Lowering<'_, 'e>,
-    function: &syntax::Function,
+fn inline<'a, 'e>(
+    lowering: &mut Lowering<'a, 'e>,
+    (callable, home): Body<'a, 'e>,
     call: &Call,
 ) -> Result<Value<'e>, Reported> {
+    let function = &callable.function;
     if call.args.len() != function.params.len() {
         let (expected, found) = (arguments(function.params.len()), arguments(call.args.len()));
         return wrong(lowering, call, &expected, &found);
@@ -153,10 +178,16 @@ fn inline<'e>(
         std::mem::replace(&mut lowering.locals, locals),
         lowering.in_function,
         lowering.hook,
+        lowering.scope,
     );
-    (lowering.in_function, lowering.hook) = (true, None);
+    (lowering.in_function, lowering.hook, lowering.scope) = (true, None, home);
     let value = lowering.expr(&function.body);
-    (lowering.locals, lowering.in_function, lowering.hook) = outside;
+    (
+        lowering.locals,
+        lowering.in_function,
+        lowering.hook,
+        lowering.scope,
+    ) = outside;
     value
 }
 

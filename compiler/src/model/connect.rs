@@ -225,7 +225,7 @@ impl<'e> Connected<'e> {
                 let scopes = scopes.map(|(&index, scope)| (index, Rc::new(self.scope(scope))));
                 *members = scopes.collect::<BTreeMap<_, _>>();
             }
-            Meaning::Word(_) | Meaning::Imported | Meaning::Unusable => {}
+            Meaning::Word(_) | Meaning::Module(_) | Meaning::Unusable => {}
         }
         meaning
     }

@@ -151,7 +151,7 @@ impl<'e> Walk<'e> {
                 lowering.error(DynamicsError::OfAPart { part, span })
             }
             Some(Meaning::Family { .. }) => self.not_a_state(lowering, path, "switch"),
-            Some(Meaning::Imported) => lowering.imported(path.span),
+            Some(Meaning::Module(_)) => self.not_a_state(lowering, path, "file"),
             Some(Meaning::Unusable) => Err(Reported),
         };
         let target = match target {

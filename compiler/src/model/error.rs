@@ -233,6 +233,17 @@ pub enum ModelError {
         span: Span,
     },
 
+    /// A name that the other file does not declare.
+    #[error("the imported file declares no `{name}`")]
+    #[diagnostic(code(E0121))]
+    NotInFile {
+        name: String,
+        #[label("not declared there")]
+        span: Span,
+        #[help]
+        help: Option<String>,
+    },
+
     /// Operands whose shapes do not fit.
     #[error("`{operator}` does not fit {left} and {right}")]
     #[diagnostic(code(E0201))]

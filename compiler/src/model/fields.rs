@@ -42,7 +42,7 @@ impl<'a, 'e> Lowering<'a, 'e> {
                 span: expr.span,
                 help: None,
             }),
-            Meaning::Imported => self.imported(expr.span),
+            Meaning::Module(_) => self.is_a_file(name, expr.span),
             Meaning::Unusable => Err(Reported),
         }
     }
@@ -54,8 +54,21 @@ impl<'a, 'e> Lowering<'a, 'e> {
     ) -> Result<Option<(&'x str, &'a Meaning<'e>)>, Reported> {
         let scope = self.scope;
         match &expr.kind {
-            ExprKind::Name(name) if !self.in_function && !self.is_local(name) => {
-                Ok(scope.names.get(name).map(|meaning| (&**name, meaning)))
+            ExprKind::Name(name) if !self.is_local(name) => {
+                let names = match self.in_function {
+                    true => &*scope.of_file,
+                    false => &scope.names,
+                };
+                Ok(names.get(name).map(|meaning| (&**name, meaning)))
+            }
+            ExprKind::Field(base, field) if self.module(base).is_some() => {
+                let Some((name, module)) = self.module(base) else {
+                    return Ok(None);
+                };
+                match module.declared(&field.name) {
+                    Some(meaning) => Ok(Some((&field.name, meaning))),
+                    None => self.not_in_module(name, module, field),
+                }
             }
             ExprKind::Field(base, field) => match self.place(base)? {
                 Some((name, part)) => {
@@ -66,6 +79,53 @@ impl<'a, 'e> Lowering<'a, 'e> {
             },
             _ => Ok(None),
         }
+    }
+
+    /// The file that a name means.
+    pub fn module<'x>(&self, expr: &'x Expr) -> Option<(&'x str, &'a Rc<Scope<'e>>)> {
+        let ExprKind::Name(name) = &expr.kind else {
+            return None;
+        };
+        match self.scope.of_file.get(name) {
+            Some(Meaning::Module(module)) if !self.is_local(name) => Some((name, module)),
+            _ => None,
+        }
+    }
+
+    /// Reports a name that a file does not declare, or a function without a call.
+    pub fn not_in_module<T>(
+        &mut self,
+        name: &str,
+        module: &Scope<'e>,
+        field: &Ident,
+    ) -> Result<T, Reported> {
+        let (text, span) = (field.name.clone(), field.span);
+        if module.forgiving {
+            return Err(Reported);
+        }
+        if module.functions.contains_key(&text) && module.declares.contains(&text) {
+            let help = Some(format!("call it: `{name}.{text}(..)`"));
+            return self.error(ModelError::NotAValue {
+                name: text,
+                kind: "function",
+                span,
+                help,
+            });
+        }
+        let help = did_you_mean(&text, module.declares.iter().map(String::as_str));
+        let name = text;
+        self.error(ModelError::NotInFile { name, span, help })
+    }
+
+    /// Reports a file where a value must stand.
+    pub fn is_a_file<T>(&mut self, name: &str, span: Span) -> Result<T, Reported> {
+        let help = Some(format!("name what is in it, as in `{name}.something`"));
+        self.error(ModelError::NotAValue {
+            name: name.to_owned(),
+            kind: "file",
+            span,
+            help,
+        })
     }
 
     fn is_local(&self, name: &str) -> bool {

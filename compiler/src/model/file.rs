@@ -5,15 +5,17 @@ use std::rc::Rc;
 
 use rustc_hash::FxHashMap;
 
+use super::import::{Import, import};
 use super::lower::Lowering;
 use super::order::{chain, edges, free_names, free_names_under, topological};
+use super::parts::Files;
 use super::reserved::{FUNCTIONS, VALUES, did_you_mean, is_builtin};
-use super::scope::{Meaning, Scope};
-use super::{ModelError, TargetKind, Unsupported};
+use super::scope::{Callable, Meaning, Scope};
+use super::{ModelError, TargetKind};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Exprs};
 use crate::source::Span;
-use crate::syntax::{Const, Experiment, File, Function, Ident, Item, Model, Path, Use, UseSource};
+use crate::syntax::{Const, Experiment, File, Function, Ident, Item};
 
 /// Work a model may cost, in entries made and expressions visited.
 const BUDGET: usize = 4_000_000;
@@ -22,14 +24,19 @@ const BUDGET: usize = 4_000_000;
 #[derive(Default)]
 pub(super) struct FileNames<'f> {
     names: FxHashMap<&'f str, (&'static str, Span)>,
-    imports: Vec<&'f str>,
+    pub imports: Vec<Import<'f>>,
     consts: Vec<&'f Const>,
     functions: Vec<&'f Function>,
     /// True where an item could not be read.
     forgiving: bool,
 }
 
-impl FileNames<'_> {
+impl<'f> FileNames<'f> {
+    /// The files it imports.
+    pub fn files(&self) -> impl Iterator<Item = &'f File> + '_ {
+        self.imports.iter().filter_map(|import| import.file)
+    }
+
     /// The kind and place of a declaration.
     pub fn get(&self, name: &str) -> Option<(&'static str, Span)> {
         self.names.get(name).copied()
@@ -44,9 +51,8 @@ pub(super) fn budget() -> Rc<Cell<Option<usize>>> {
 /// Reports what is wrong with the names of a file, whatever its models need.
 pub fn check_file(file: &File, diags: &mut Diagnostics) {
     let exprs = Exprs::new();
-    let names = file_names(file, diags);
     let time = exprs.variable("time");
-    file_scope(&exprs, time, &names, &budget(), diags);
+    Files::new(&exprs, time).scope(file, diags);
     let mut experiments: FxHashMap<&str, Span> = FxHashMap::default();
     for item in &file.items {
         if let Item::Experiment(Experiment { name, .. }) = item
@@ -61,54 +67,12 @@ pub fn check_file(file: &File, diags: &mut Diagnostics) {
     }
 }
 
-/// The model that a path means, with the file it stands in.
-pub fn find<'f>(
-    file: &'f File,
-    path: &Path,
-    diags: &mut Diagnostics,
-) -> Option<(&'f File, &'f Model)> {
-    let found = find_silently(file, path);
-    if found.is_none() {
-        let imported = file.items.iter().any(|item| matches!(item, Item::Use(_)));
-        match imported {
-            true => diags.push(Unsupported::Imports {
-                what: "imported models",
-                span: path.span,
-            }),
-            false => {
-                let name = &path.head.name;
-                let help = did_you_mean(name, models(file).map(|model| model.name.name.as_str()));
-                diags.push(ModelError::UnknownModel {
-                    name: name.clone(),
-                    span: path.span,
-                    help,
-                });
-            }
-        }
-    }
-    found
-}
-
-/// [`find`] without a word where there is none.
-pub(super) fn find_silently<'f>(file: &'f File, path: &Path) -> Option<(&'f File, &'f Model)> {
-    let name = &path.head.name;
-    let found = models(file).find(|model| path.rest.is_empty() && model.name.name == *name);
-    found.map(|model| (file, model))
-}
-
-fn models(file: &File) -> impl Iterator<Item = &Model> {
-    file.items.iter().filter_map(|item| match item {
-        Item::Model(model) => Some(model),
-        _ => None,
-    })
-}
-
 /// Declarations of a file; each name once.
 pub(super) fn file_names<'f>(file: &'f File, diags: &mut Diagnostics) -> FileNames<'f> {
     let mut names = FileNames::default();
     for item in &file.items {
         match item {
-            Item::Use(item) => names.imports.extend(imported(item)),
+            Item::Use(item) => import(&mut names, item, diags),
             Item::Const(item) if declare(&mut names, &item.name, "constant", diags) => {
                 names.consts.push(item)
             }
@@ -125,47 +89,36 @@ pub(super) fn file_names<'f>(file: &'f File, diags: &mut Diagnostics) -> FileNam
     names
 }
 
-/// Names that a `use` brings in.
-fn imported(item: &Use) -> Vec<&str> {
-    let whole = match (&item.alias, &item.source) {
-        (Some(alias), _) => Some(alias.name.as_str()),
-        (None, UseSource::Dotted(path)) => path.last().map(|last| last.name.as_str()),
-        (None, UseSource::Relative(path)) => path.name.rsplit('/').next(),
-    };
-    let named = item
-        .names
-        .iter()
-        .map(|(name, alias)| alias.as_ref().unwrap_or(name).name.as_str());
-    if item.names.is_empty() {
-        whole.into_iter().collect()
-    } else {
-        named.collect()
-    }
-}
-
 fn declare<'f>(
     names: &mut FileNames<'f>,
     name: &'f Ident,
     kind: &'static str,
     diags: &mut Diagnostics,
 ) -> bool {
-    let text = name.name.clone();
+    declare_name(names, &name.name, name.span, kind, diags)
+}
+
+pub(super) fn declare_name<'f>(
+    names: &mut FileNames<'f>,
+    name: &'f str,
+    span: Span,
+    kind: &'static str,
+    diags: &mut Diagnostics,
+) -> bool {
+    let text = name.to_owned();
     if is_builtin(&text) {
-        diags.push(ModelError::BuiltIn {
-            name: text,
-            span: name.span,
-        });
+        diags.push(ModelError::BuiltIn { name: text, span });
         return false;
     }
-    if let Some(&(_, first)) = names.names.get(text.as_str()) {
+    if let Some(&(_, first)) = names.names.get(name) {
         diags.push(ModelError::Redeclared {
             name: text,
             first,
-            second: name.span,
+            second: span,
         });
         return false;
     }
-    names.names.insert(&name.name, (kind, name.span));
+    names.names.insert(name, (kind, span));
     true
 }
 
@@ -174,6 +127,7 @@ pub(super) fn file_scope<'e>(
     exprs: &'e Exprs,
     time: Expr<'e>,
     file: &FileNames<'_>,
+    imported: &FxHashMap<Span, Rc<Scope<'e>>>,
     budget: &Rc<Cell<Option<usize>>>,
     diags: &mut Diagnostics,
 ) -> Scope<'e> {
@@ -189,10 +143,34 @@ pub(super) fn file_scope<'e>(
             _ => {}
         }
     }
-    for &name in &file.imports {
-        names.entry(name.to_owned()).or_insert(Meaning::Imported);
+    let mut functions = functions(file, &mut names, diags);
+    for import in &file.imports {
+        let scope = import.file.and_then(|file| imported.get(&file.span));
+        let meaning = match (scope, import.name) {
+            (None, _) => Some(Meaning::Unusable),
+            (Some(scope), None) => Some(Meaning::Module(Rc::clone(scope))),
+            (Some(scope), Some(name)) => match scope.functions.get(&name.name) {
+                Some(function) if scope.declares.contains(&name.name) => {
+                    let home = Some(Rc::clone(scope));
+                    let function = Rc::clone(&function.function);
+                    let callable = Callable { function, home };
+                    functions.insert(import.local.to_owned(), callable);
+                    None
+                }
+                _ => Some(
+                    scope
+                        .declared(&name.name)
+                        .cloned()
+                        .unwrap_or(Meaning::Unusable),
+                ),
+            },
+        };
+        if let Some(meaning) = meaning {
+            names.insert(import.local.to_owned(), meaning);
+        }
     }
-    let functions = functions(file, &mut names, diags);
+    let own = file.names.iter().filter(|(_, (kind, _))| *kind != "`use`");
+    let declares = own.map(|(&name, _)| name.to_owned()).collect();
     let mut scope = Scope {
         exprs,
         time,
@@ -200,6 +178,7 @@ pub(super) fn file_scope<'e>(
         names: names.clone(),
         of_file: Rc::new(names),
         functions: Rc::new(functions),
+        declares: Rc::new(declares),
         forgiving: file.forgiving,
         budget: Rc::clone(budget),
     };
@@ -212,7 +191,7 @@ fn functions<'e>(
     file: &FileNames<'_>,
     unusable: &mut FxHashMap<String, Meaning<'e>>,
     diags: &mut Diagnostics,
-) -> FxHashMap<String, Function> {
+) -> FxHashMap<String, Callable<'e>> {
     let names: Vec<&str> = file
         .functions
         .iter()
@@ -252,7 +231,13 @@ fn functions<'e>(
                 .insert(names[index].to_owned(), Meaning::Unusable)
                 .map_or((), drop),
             false => usable
-                .insert(names[index].to_owned(), (*function).clone())
+                .insert(
+                    names[index].to_owned(),
+                    Callable {
+                        function: Rc::new((*function).clone()),
+                        home: None,
+                    },
+                )
                 .map_or((), drop),
         }
     }
@@ -294,7 +279,6 @@ fn check_function(file: &FileNames<'_>, function: &Function, diags: &mut Diagnos
     for name in called(function) {
         let known = file.forgiving
             || file.names.contains_key(name.as_str())
-            || file.imports.contains(&name.as_str())
             || VALUES.contains(&name.as_str())
             || FUNCTIONS.contains(&name.as_str());
         if !known {

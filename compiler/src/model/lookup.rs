@@ -7,7 +7,7 @@ use super::check::plural;
 use super::lower::{Lazy, Local, Lowering};
 use super::reserved::{FUNCTIONS, VALUES, did_you_mean};
 use super::scope::{Meaning, Reported, Value};
-use super::{ModelError, TargetKind, Tensor, Unsupported, places};
+use super::{ModelError, TargetKind, Tensor, places};
 use crate::source::Span;
 use crate::syntax::{self, Index};
 
@@ -54,7 +54,7 @@ impl<'e> Lowering<'_, 'e> {
             }),
             Some(Meaning::Part(part)) => self.is_a_part(name, part, span),
             Some(Meaning::Parts(_)) => self.needs_indices(name, 1, span),
-            Some(Meaning::Imported) => self.imported(span),
+            Some(Meaning::Module(_)) => self.is_a_file(name, span),
             Some(Meaning::Unusable) => Err(Reported),
             None if scope.forgiving => Err(Reported),
             None if FUNCTIONS.contains(&name) || scope.functions.contains_key(name) => {
@@ -186,11 +186,6 @@ impl<'e> Lowering<'_, 'e> {
             }
         }
         Ok(values)
-    }
-
-    pub fn imported<T>(&mut self, span: Span) -> Result<T, Reported> {
-        let what = "imported names";
-        self.error(Unsupported::Imports { what, span })
     }
 
     pub fn needs_indices<T>(

@@ -30,6 +30,7 @@ mod dynamics_error;
 mod error;
 mod fields;
 mod file;
+mod import;
 mod lookup;
 mod lower;
 mod names;
@@ -50,7 +51,8 @@ mod unsupported;
 
 pub use dynamics_error::DynamicsError;
 pub use error::ModelError;
-pub use file::{check_file, find};
+pub use file::check_file;
+pub use import::find;
 pub use resolve::resolve;
 pub use scope::{Hook, Scope};
 pub use target::{Target, TargetKind};

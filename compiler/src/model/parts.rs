@@ -13,6 +13,7 @@ use rustc_hash::FxHashMap;
 use super::ModelError;
 use super::declare::{Declaring, Level};
 use super::file::{self, FileNames, file_names, file_scope};
+use super::import;
 use super::lower::{Local, Lowering};
 use super::names::{Declared, collect};
 use super::resolve::{has_bad, order};
@@ -26,7 +27,7 @@ use crate::syntax::{self, Bind, File, Ident, Index, Part, Path, Segment, Stmt};
 /// Parts inside each other; a model of a system has few levels.
 const MAX_DEPTH: usize = 64;
 /// What an instance costs besides its declarations.
-const COST: usize = 400;
+const COST: usize = 1000;
 
 /// An instance of a model, declared.
 pub(super) struct Instance<'f, 'e> {
@@ -77,7 +78,7 @@ pub(super) struct Files<'f, 'e> {
 
 struct Context<'f, 'e> {
     names: FileNames<'f>,
-    scope: Scope<'e>,
+    scope: Rc<Scope<'e>>,
 }
 
 impl<'f, 'e> Files<'f, 'e> {
@@ -96,7 +97,15 @@ impl<'f, 'e> Files<'f, 'e> {
             return Rc::clone(context);
         }
         let names = file_names(file, diags);
-        let scope = file_scope(self.exprs, self.time, &names, &self.budget, diags);
+        // Imports are linked without circles, and not deeply.
+        let mut imported = FxHashMap::default();
+        for other in names.files() {
+            let context = self.context(other, diags);
+            imported.insert(other.span, Rc::clone(&context.scope));
+        }
+        let (exprs, time) = (self.exprs, self.time);
+        let scope = file_scope(exprs, time, &names, &imported, &self.budget, diags);
+        let scope = Rc::new(scope);
         let context = Rc::new(Context { names, scope });
         self.contexts.insert(file.span, Rc::clone(&context));
         context
@@ -104,7 +113,7 @@ impl<'f, 'e> Files<'f, 'e> {
 
     /// The scope in which the model of a file begins.
     pub fn scope(&mut self, file: &'f File, diags: &mut Diagnostics) -> Scope<'e> {
-        self.context(file, diags).scope.clone()
+        (*self.context(file, diags).scope).clone()
     }
 
     fn collected(
@@ -186,7 +195,7 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
 
     /// The model of a part, which is none of those around it.
     fn model_of(&mut self, part: &'f Part) -> Result<(&'f File, &'f syntax::Model), Reported> {
-        let found = file::find(self.level.file, &part.model, self.diags).ok_or(Reported)?;
+        let found = import::find(self.level.file, &part.model, self.diags).ok_or(Reported)?;
         let mut around = self.around.clone();
         around.push((self.level.item, part.model.span));
         if let Some(first) = around
@@ -270,7 +279,7 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
         }
         let local = part.binder.as_ref().zip(index);
         let local = local.map(|(binder, index)| (binder.name.name.as_str(), index));
-        if let Some((file, item)) = file::find_silently(file, &part.model) {
+        if let Some((file, item)) = import::find_silently(file, &part.model) {
             for bind in &part.binds {
                 if names_const(file, item, &bind.target)
                     && let Ok(given) = self.given(bind, local)
@@ -343,7 +352,7 @@ pub(super) fn names_const(file: &File, item: &syntax::Model, path: &Path) -> boo
             return false;
         };
         (head, rest) = (field, after);
-        match file::find_silently(file, &part.model) {
+        match import::find_silently(file, &part.model) {
             Some(found) => (file, item) = found,
             None => return false,
         }

@@ -11,7 +11,7 @@ use super::lower::Lowering;
 use super::names::{Declared, Item};
 use super::order::{chain, edges, free_names_under, topological};
 use super::parts::{Files, Instance};
-use super::{Model, ModelError, connect, display, dynamics, file, partition, parts};
+use super::{Model, ModelError, connect, display, dynamics, import, partition, parts};
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
 use crate::syntax::{self, Bind, Expr, ExprKind, File, Stmt};
@@ -190,7 +190,7 @@ fn part_needs(part: &syntax::Part, file: &File, with: &[Bind]) -> Vec<String> {
     let bounds = binders().flat_map(|binder| [&binder.first, &binder.last]);
     let mut names = free_names_under(&[], bounds);
     let index: Vec<String> = binders().map(|binder| binder.name.name.clone()).collect();
-    if let Some((file, item)) = file::find_silently(file, &part.model) {
+    if let Some((file, item)) = import::find_silently(file, &part.model) {
         let consts = part.binds.iter();
         let consts = consts.filter(|bind| parts::names_const(file, item, &bind.target));
         names.extend(free_names_under(&index, consts.map(|bind| &bind.value)));

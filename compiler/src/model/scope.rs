@@ -4,7 +4,7 @@ use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::lower::Lowering;
 use super::reserved::{FUNCTIONS, VALUES};
@@ -43,10 +43,18 @@ pub(super) enum Meaning<'e> {
     Parts(BTreeMap<i64, Rc<Scope<'e>>>),
     /// A word for something that is not a value: a region, a model.
     Word(&'static str),
-    /// Brought in by `use`.
-    Imported,
+    /// A file that a `use` brings in as a whole.
+    Module(Rc<Scope<'e>>),
     /// Declared, but wrong or not supported; already reported.
     Unusable,
+}
+
+/// A function, to be inlined.
+#[derive(Clone, Debug)]
+pub(super) struct Callable<'e> {
+    pub function: Rc<syntax::Function>,
+    /// The names it sees, where it comes from another file.
+    pub home: Option<Rc<Scope<'e>>>,
 }
 
 /// The names of a model and its file.
@@ -57,7 +65,9 @@ pub struct Scope<'e> {
     pub(super) prefix: String,
     pub(super) time: Expr<'e>,
     pub(super) names: FxHashMap<String, Meaning<'e>>,
-    pub(super) functions: Rc<FxHashMap<String, syntax::Function>>,
+    pub(super) functions: Rc<FxHashMap<String, Callable<'e>>>,
+    /// Names that the file declares itself: what others can import.
+    pub(super) declares: Rc<FxHashSet<String>>,
     /// Names of the file: all that the bodies of functions see.
     pub(super) of_file: Rc<FxHashMap<String, Meaning<'e>>>,
     /// True where a statement could not be read: an unknown name may have stood in it.
@@ -124,6 +134,13 @@ impl<'e> Scope<'e> {
     pub(super) fn own(&self, name: &str) -> Option<&Meaning<'e>> {
         let meaning = self.names.get(name)?;
         (!self.of_file.contains_key(name)).then_some(meaning)
+    }
+
+    /// What a name means that the file declares itself, functions aside.
+    pub(super) fn declared(&self, name: &str) -> Option<&Meaning<'e>> {
+        self.of_file
+            .get(name)
+            .filter(|_| self.declares.contains(name))
     }
 
     /// All names that the model declares itself.

@@ -97,7 +97,7 @@ pub(super) fn resolve(lowering: &mut Lowering<'_, '_>, path: &Path) -> Result<Ta
                     help: None,
                 });
             }
-            Some(Meaning::Imported) => return lowering.imported(span),
+            Some(Meaning::Module(_)) => return lowering.is_a_file(name, span),
             Some(Meaning::Unusable) => return Err(Reported),
             None if scope.forgiving => return Err(Reported),
             None => {

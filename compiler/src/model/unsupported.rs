@@ -14,15 +14,6 @@ use crate::syntax::{DeclKind, Domain, Expr, ExprKind, NamedKind, RegionGuard, St
     reason = "fields are the words of the message; labels say the rest"
 )]
 pub enum Unsupported {
-    /// Imports.
-    #[error("{what} are not supported yet")]
-    #[diagnostic(code(E0901))]
-    Imports {
-        what: &'static str,
-        #[label("not supported yet")]
-        span: Span,
-    },
-
     /// Mechanics and contacts.
     #[error("mechanics and contacts are not supported yet")]
     #[diagnostic(

@@ -190,7 +190,7 @@ fn refuses_what_is_not_supported() {
 #[test]
 fn forgives_what_cannot_be_read() {
     assert_snapshot!(model("model m { state = 1; param k = 2; let a = x + k*[1, 2] + [1, 2, 3]; y' = f(x); }"), @"E0016: `state =` sets nothing in a model | state =: neither a declaration nor dynamics | write `state' = ...;` for dynamics, or `let state = ...;` for a name");
-    assert_snapshot!(model("use std.friction.{coulomb, stribeck as curve}; model m { state v = 1; v' = -curve(v); }"), @"E0901: imported names are not supported yet | curve: not supported yet");
+    assert_snapshot!(model("use std.friction.{coulomb, stribeck as curve}; model m { state v = 1; v' = -curve(v); }"), @"E0119: cannot import `..` | use std.friction.{coulomb, stribeck as curve};: files are not read here");
     assert_snapshot!(model("model m { param exp = 2; let a = b; let b = a; let a = 2; state x = exp; x' = a + exp(b); }"), @r"
     E0104: `exp` is built in and cannot be redeclared | exp: declared here | choose another name
     E0102: `a` is declared twice | a: declared here | a: and again here | rename one of them

@@ -12,6 +12,8 @@ pub use experiment::*;
 pub use expression::*;
 pub use statement::*;
 
+use std::rc::Rc;
+
 use crate::source::Span;
 
 /// A whole file.
@@ -80,8 +82,22 @@ pub struct Use {
     pub names: Vec<(Ident, Option<Ident>)>,
     /// `as name` of the whole import.
     pub alias: Option<Ident>,
+    /// The file it means.
+    pub link: Link,
     /// The statement.
     pub span: Span,
+}
+
+/// What has become of the file that a `use` means.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Link {
+    /// It has not been looked for.
+    #[default]
+    Open,
+    /// It could not be used, as has been reported.
+    Failed,
+    /// It is there, with its own imports linked.
+    File(Rc<File>),
 }
 
 /// Where a `use` looks.

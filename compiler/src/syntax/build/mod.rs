@@ -124,6 +124,7 @@ impl Builder<'_> {
             source,
             names,
             alias: self.alias(&mut parts),
+            link: Link::Open,
             span,
         }
     }
