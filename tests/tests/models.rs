@@ -19,6 +19,8 @@ const EXAMPLES: &[&str] = &[
     "parts.nsd: on_ice",
     "parts.nsd: pulled",
     "parts.nsd: to_rest",
+    "stick_slip.nsd: coulomb",
+    "stick_slip.nsd: cycles",
     "stiction.nsd: coulomb",
     "switching_cases.nsd: arrives",
     "switching_cases.nsd: cross",

@@ -54,7 +54,7 @@ pub(super) fn evaluate<'e>(
     })
 }
 
-/// Every parameter and initial value, each once those it depends on are known.
+/// Every parameter and initial value, each once the parameters it depends on are known.
 fn numbers<'e>(
     model: &Model<'e>,
     given: &Given<'e>,
@@ -63,13 +63,16 @@ fn numbers<'e>(
     let quantities = (model.params.iter().map(|p| ("param", p)))
         .chain(model.states.iter().map(|s| ("state", s)));
     let (mut open, mut complete) = definitions(quantities, given, diags);
+    let params: FxHashSet<Var> = (model.params.iter().flat_map(|param| &param.vars))
+        .filter_map(|var| var.as_variable())
+        .collect();
     let mut numbers: FxHashMap<Var, f64> = FxHashMap::default();
     loop {
         let before = open.len();
         open.retain(|&(var, value, ..)| {
             let ready = variables_of(&[value])
                 .iter()
-                .all(|var| numbers.contains_key(var));
+                .all(|var| params.contains(var) && numbers.contains_key(var));
             if ready {
                 numbers.insert(var, value.eval(&|var| numbers[&var]));
             }
@@ -79,15 +82,11 @@ fn numbers<'e>(
             break;
         }
     }
-    let quantities: FxHashSet<Var> = (model.params.iter().chain(&model.states))
-        .flat_map(|quantity| &quantity.vars)
-        .filter_map(|var| var.as_variable())
-        .collect();
     for (_, value, name, span) in open {
         // What waits for a missing value is no mistake of its own.
         if complete {
             let below = variables_of(&[value]);
-            let other = below.into_iter().find(|var| !quantities.contains(var));
+            let other = below.into_iter().find(|var| !params.contains(var));
             diags.push(match other {
                 Some(other) => {
                     let (what, cause) = (format!("the value of `{name}`"), model.exprs.name(other));
