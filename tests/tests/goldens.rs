@@ -102,10 +102,7 @@ fn printed_forms() {
 
 /// Numbers between -1 and 1 that look random and are always the same.
 fn scatter(seed: usize) -> f64 {
-    (12.9898 * (seed as f64 + 1.0))
-        .sin()
-        .mul_add(43_758.545, 0.0)
-        .fract()
+    (43_758.545 * (12.9898 * (seed as f64 + 1.0)).sin()).fract()
 }
 
 #[test]
