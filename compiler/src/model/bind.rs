@@ -42,6 +42,11 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
     /// Defaults, initial values and bounds, when every name has its meaning.
     pub fn defaults(&mut self, whole: &Instance<'f, 'e>) -> Bound<'e> {
         let mut bound = Bound::default();
+        let params = self.model.params.iter().enumerate();
+        self.param_of = params
+            .flat_map(|(index, param)| param.vars.iter().map(move |var| (var, index)))
+            .filter_map(|(var, index)| Some((var.as_variable()?, index)))
+            .collect();
         self.own_defaults(whole, None, &mut bound);
         self.order_params();
         bound
@@ -54,7 +59,7 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
         part: Option<&'f syntax::Part>,
         bound: &mut Bound<'e>,
     ) {
-        self.level.scope = (*instance.scope).clone();
+        let outer = std::mem::replace(&mut self.level.scope, (*instance.scope).clone());
         for declared in instance.declared.iter() {
             let Item::Decl(decl) = declared.item else {
                 continue;
@@ -75,11 +80,10 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
             }
         }
         for inner in &instance.parts {
-            // The braces are read in the scope of this instance.
-            self.level.scope = (*instance.scope).clone();
             self.braces(inner, bound);
             self.own_defaults(&inner.instance, Some(inner.part), bound);
         }
+        self.level.scope = outer;
     }
 
     fn quantity_of(&mut self, kind: TargetKind) -> Option<&mut Quantity<'e>> {
@@ -299,17 +303,10 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
 
     /// What some expressions depend on besides params, and time where that is allowed.
     pub fn depends(&self, entries: &[Expr<'e>], of_time: bool) -> Option<String> {
-        let params: FxHashSet<Var> = self
-            .model
-            .params
-            .iter()
-            .flat_map(|param| &param.vars)
-            .filter_map(|var| var.as_variable())
-            .collect();
         let time = self.model.time.as_variable();
         let other = variables_of(entries)
             .into_iter()
-            .find(|var| !params.contains(var) && (!of_time || Some(*var) != time))?;
+            .find(|var| !self.param_of.contains_key(var) && (!of_time || Some(*var) != time))?;
         Some(format!("`{}`", self.model.exprs.name(other)))
     }
 
@@ -321,16 +318,6 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
             .iter()
             .map(|param| param.name.as_str())
             .collect();
-        let mut owner = FxHashMap::default();
-        for (index, param) in self.model.params.iter().enumerate() {
-            owner.extend(
-                param
-                    .vars
-                    .iter()
-                    .filter_map(|var| var.as_variable())
-                    .map(|var| (var, index)),
-            );
-        }
         let needs = self.model.params.iter().map(|param| {
             let entries = param
                 .value
@@ -339,7 +326,7 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
                 .collect::<Vec<_>>();
             let mut needs: Vec<usize> = variables_of(&entries)
                 .into_iter()
-                .filter_map(|var| owner.get(&var).copied())
+                .filter_map(|var| self.param_of.get(&var).copied())
                 .collect();
             needs.dedup();
             needs

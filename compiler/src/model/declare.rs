@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use rustc_hash::FxHashMap;
+
 use super::lower::{Lazy, Local, Lowering};
 use super::names::{Declared, Frame, Item};
 use super::parts::{Files, Given, Inner};
@@ -12,7 +14,7 @@ use super::{
     Unsupported,
 };
 use crate::diagnostics::Diagnostics;
-use crate::expr::Expr;
+use crate::expr::{Expr, Var};
 use crate::source::Span;
 use crate::syntax::{self, Bind, DeclKind, NamedKind};
 
@@ -24,6 +26,8 @@ pub(super) struct Declaring<'d, 'f, 'e> {
     /// The models around it, with the `part` that leads from each to the next.
     pub around: Vec<(&'f syntax::Model, Span)>,
     pub files: Files<'f, 'e>,
+    /// The param that each entry belongs to, once all are declared.
+    pub param_of: FxHashMap<Var, usize>,
     pub diags: &'d mut Diagnostics,
 }
 
@@ -78,6 +82,7 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
             level,
             around: vec![],
             files,
+            param_of: FxHashMap::default(),
             diags,
         }
     }
