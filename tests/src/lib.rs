@@ -1,5 +1,7 @@
 //! Harness shared by the test files of this crate: from text to a trajectory.
 
+pub mod affine;
+
 use nsdc::clock::Clock;
 use nsdc::diagnostics::{self, Diagnostics};
 use nsdc::expr::Exprs;

@@ -80,9 +80,11 @@ impl Mode {
     }
 
     /// The magnitude an error of state i within a step h is relative to: the largest of the run or
-    /// within the step, and no less than what keeps `tolerance` above the rounding errors of f.
+    /// within the step, and no less than what keeps `tolerance` above the rounding errors of f. What
+    /// is truncated there has the same sign in every step and in a finer run too, which would not
+    /// see it: it must not be larger than rounding itself.
     fn error_scale(&self, i: usize, h: f64, tolerance: f64, state: &State) -> f64 {
-        let rounding = 8.0 * f64::EPSILON * state.activity[i] * h;
+        let rounding = f64::EPSILON * state.activity[i] * h;
         let magnitude = series::magnitude(self.x_series(i), h, 0);
         let scale = state.scale[i].max(magnitude).max(rounding / tolerance);
         scale.max(SMALLEST)

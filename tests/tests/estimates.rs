@@ -1,0 +1,374 @@
+//! The estimated error against the true one, for every model with a closed form.
+//!
+//! At every tolerance the estimate is at least a tenth of the largest error of a state at a reported
+//! instant, relative to the largest magnitude of that state.
+
+use std::f64::consts::{LN_2, PI, SQRT_2};
+
+use nalgebra::{DMatrix, DVector};
+use nsd_tests::affine::{Affine, Form, Kind, Surface, exact};
+use nsd_tests::with_experiment;
+use nsdc::report::Trajectory;
+use nsdc::simulate::{self, Request};
+
+const BRANICKY: &str = include_str!("../../examples/branicky.nsd");
+const CHAIN: &str = include_str!("../../examples/friction_chain.nsd");
+const CONTINUOUS: &str = include_str!("../../examples/continuous.nsd");
+const FRICTION: &str = include_str!("../../stdlib/friction.nsd");
+const GENES: &str = include_str!("../../examples/two_gene_network.nsd");
+const INTERSECTIONS: &str = include_str!("../../examples/intersections.nsd");
+const OSCILLATOR: &str = include_str!("../../examples/oscillator.nsd");
+const PARTS: &str = include_str!("../../examples/parts.nsd");
+const RELAY: &str = include_str!("../../stdlib/relay.nsd");
+const STICK_SLIP: &str = include_str!("../../examples/stick_slip.nsd");
+const STICTION: &str = include_str!("../../examples/stiction.nsd");
+const SWITCHING: &str = include_str!("../../examples/switching_cases.nsd");
+const WALL: &str = include_str!("../../examples/impact_like.nsd");
+
+/// Units in the last place that the closed form, evaluated in floating point, may be off by itself.
+const ROUNDING: f64 = 64.0 * f64::EPSILON;
+
+/// Checks one experiment at tolerances from 1e-4 to 1e-12; `exact` gives all reported states.
+fn check(text: &str, experiment: &str, exact: impl Fn(f64) -> Vec<f64>) {
+    with_experiment(text, experiment, |compiled| {
+        for k in 4..=12 {
+            let mut settings = compiled.settings.clone();
+            settings.tolerance = 10.0_f64.powi(-k);
+            let trajectory = simulate::run(&compiled.system, &settings, &Request::default());
+            assert!(trajectory.failure.is_none(), "{experiment} at 1e-{k}");
+            let error = error(&trajectory, &exact);
+            let estimate = trajectory.error_estimate.unwrap_or(0.0);
+            assert!(
+                error <= 10.0 * estimate + ROUNDING,
+                "{experiment} at 1e-{k}: error {error:e}, estimate {estimate:e}"
+            );
+            assert!(
+                error <= settings.tolerance || !trajectory.warnings.is_empty(),
+                "{experiment} at 1e-{k}: error {error:e} without a warning"
+            );
+        }
+    });
+}
+
+fn check_model(statements: &str, horizon: f64, exact: impl Fn(f64) -> Vec<f64>) {
+    let text = format!("model m {{ {statements} }}\nsimulate run of m {{ horizon {horizon}; }}");
+    check(&text, "run", exact);
+}
+
+/// Largest error, relative to the largest magnitude of each state; states that are zero throughout
+/// have nothing to be relative to.
+fn error(trajectory: &Trajectory, exact: impl Fn(f64) -> Vec<f64>) -> f64 {
+    let n = trajectory.n_states();
+    let (mut error, mut scale) = (vec![0.0_f64; n], vec![0.0_f64; n]);
+    for (k, &t) in trajectory.time.iter().enumerate() {
+        let exact = exact(t);
+        let found = trajectory.states.iter().flat_map(|series| series.at(k));
+        assert_eq!(exact.len(), n);
+        for (i, (x, exact)) in found.zip(exact).enumerate() {
+            error[i] = error[i].max((x - exact).abs());
+            scale[i] = scale[i].max(exact.abs());
+        }
+    }
+    let relative = error.iter().zip(&scale).filter(|(_, scale)| **scale > 0.0);
+    relative
+        .map(|(error, scale)| error / scale)
+        .fold(0.0, f64::max)
+}
+
+#[test]
+fn crossing_the_unit_circle() {
+    check(OSCILLATOR, "crossing", |t| {
+        let (radius, angle) = ((t - 1.0).exp(), 2.0 * PI * (t - 1.0).abs());
+        vec![radius * angle.cos(), radius * angle.sin()]
+    });
+}
+
+#[test]
+fn sliding_on_curved_intersections() {
+    let radius = |t: f64| (t - 0.5).min(0.0).exp();
+    let turning = move |t: f64, released: f64| {
+        let s = 0.5 * (t - released).max(0.0).powi(2);
+        let radius = radius(t) / s.cosh();
+        [radius * t.cos(), radius * t.sin(), s.tanh()]
+    };
+    check(INTERSECTIONS, "codimension_two", move |t| {
+        turning(t, 1.0).to_vec()
+    });
+    check(INTERSECTIONS, "codimension_three", move |t| {
+        let [x, y, z] = turning(t, 1.35);
+        vec![x, y, z, 0.0]
+    });
+    check(INTERSECTIONS, "product_selection", |t| {
+        let x = (-0.3 + 1.5 * t).min(0.0);
+        let y = (0.5 - t).max(0.0);
+        vec![x, y, -t.min(0.2) + 0.5 * (t.min(0.5) - 0.2).max(0.0)]
+    });
+}
+
+#[test]
+fn the_ways_to_meet_a_surface() {
+    let sliding = |t: f64| 0.5 - t + 0.04 * (1.0 - (5.0 * t).cos());
+    let simple = [
+        (
+            "cross",
+            &(|t: f64| {
+                if t < 1.0 / 3.0 {
+                    3.0 * t - 1.0
+                } else {
+                    t - 1.0 / 3.0
+                }
+            }) as &dyn Fn(f64) -> f64,
+        ),
+        ("slide", &|t| {
+            if t > 0.6 { 0.0 } else { sliding(t).max(0.0) }
+        }),
+        ("leave", &|t| 0.5 * (t - 1.0).max(0.0).powi(2)),
+        ("switch", &|t| {
+            if t < 1.0 / 3.0 {
+                3.0 * t - 1.0
+            } else {
+                t - 1.0 / 3.0
+            }
+        }),
+        ("stay", &|t| (3.0 * t - 1.0).min(0.0)),
+        ("simplest", &|t| {
+            if t < 0.5 {
+                2.0 * t - 1.0
+            } else {
+                0.2 * (t - 0.5)
+            }
+        }),
+        ("arrives", &|t| (t - SQRT_2).min(0.0)),
+        ("uneven", &|t| (t - SQRT_2).min(0.0)),
+        ("passes", &|t| {
+            if t < SQRT_2 {
+                t - SQRT_2
+            } else {
+                3.0 * (t - SQRT_2)
+            }
+        }),
+        ("upwards", &|t| t),
+        ("downwards", &|t| -t),
+    ];
+    for (experiment, exact) in simple {
+        check(SWITCHING, experiment, |t| vec![exact(t)]);
+    }
+}
+
+#[test]
+fn kinks() {
+    check(CONTINUOUS, "a", |t| {
+        vec![if t < 1.0 { t - 1.0 } else { (t - 1.0).exp_m1() }]
+    });
+    check(CONTINUOUS, "b", |t| {
+        vec![if t < LN_2 {
+            1.0 - 2.0 * (-t).exp()
+        } else {
+            (t - LN_2).exp_m1()
+        }]
+    });
+    check(CONTINUOUS, "c", |t| {
+        vec![if t < LN_2 {
+            2.0 - 2.0 * (-t).exp()
+        } else {
+            1.0 + t - LN_2
+        }]
+    });
+}
+
+/// A free fall, half a damped period in the wall, and a free flight.
+#[test]
+fn a_wall_of_springs() {
+    let (a, k, c) = (10.0, 1000.0, 5.0_f64);
+    let (t1, v1) = (0.1_f64.sqrt(), -a * 0.1_f64.sqrt());
+    let (decay, omega) = (0.5 * c, (k - 0.25 * c * c).sqrt());
+    // x'' + c x' + k x = 0
+    let inside = move |t: f64| {
+        let (envelope, angle) = ((-decay * t).exp(), omega * t);
+        let x = v1 / omega * envelope * angle.sin();
+        [x, v1 * envelope * angle.cos() - decay * x]
+    };
+    let t2 = t1 + PI / omega;
+    let v2 = inside(PI / omega)[1];
+    check(WALL, "exact", move |t| {
+        if t < t1 {
+            vec![0.5 - 0.5 * a * t * t, -a * t]
+        } else if t < t2 {
+            inside(t - t1).to_vec()
+        } else {
+            let t = t - t2;
+            vec![v2 * t - 0.5 * a * t * t, v2 - a * t]
+        }
+    });
+}
+
+#[test]
+fn relaxing_to_thresholds() {
+    let relaxes = |t: f64, start: f64, gamma: f64| {
+        let rest = 40.0 / gamma;
+        (rest + (start - rest) * (-gamma * t).exp()).min(8.0)
+    };
+    for (experiment, start) in [("both_thresholds", 6.0), ("from_below", 5.0)] {
+        check(GENES, experiment, |t| {
+            vec![relaxes(t, start, 4.5), relaxes(t, start, 1.5)]
+        });
+    }
+}
+
+/// Each quadrant takes a quarter of the period of its ellipse, which is left along an axis.
+#[test]
+fn growth_from_two_decays() {
+    let omega = 10.0_f64.sqrt();
+    let turn = move |x: [f64; 2], t: f64, long_first: bool| {
+        let (cosine, sine, decay) = ((omega * t).cos(), (omega * t).sin(), (-t).exp());
+        let stretch = if long_first { omega } else { 1.0 / omega };
+        [
+            decay * (cosine * x[0] + stretch * sine * x[1]),
+            decay * (cosine * x[1] - sine * x[0] / stretch),
+        ]
+    };
+    let first = 10.0_f64.sqrt().atan() / omega;
+    let quarter = 0.5 * PI / omega;
+    check(BRANICKY, "growth", move |t| {
+        let mut x = turn([1e-6, 1e-6], t.min(first), true);
+        let mut left = t - first;
+        let mut long_first = false;
+        while left > 0.0 {
+            x = turn(x, left.min(quarter), long_first);
+            left -= quarter;
+            long_first = !long_first;
+        }
+        x.to_vec()
+    });
+}
+
+#[test]
+fn the_standard_library() {
+    check(FRICTION, "stops_at_rest", |t| {
+        vec![(1.0 - 0.5 * t).max(0.0)]
+    });
+    check(FRICTION, "slows_down", |t| vec![(-2.0 * t).exp()]);
+    check(RELAY, "reaches_zero", |t| vec![(1.0 - 2.0 * t).max(0.0)]);
+    check(RELAY, "stops_at_the_edge", |t| vec![(1.0 - t).max(0.4)]);
+}
+
+#[test]
+fn parts_that_come_to_rest() {
+    let slides = |t: f64, speed: f64, grip: f64| {
+        let t = t.min(speed / grip);
+        speed * t - 0.5 * grip * t * t
+    };
+    check(PARTS, "to_rest", |t| {
+        vec![slides(t, 1.0, 0.3 * 9.81), slides(t, 2.0, 0.5 * 9.81)]
+    });
+}
+
+/// Slips about x = mu, is caught at half the speed that has no friction, and slips again.
+#[test]
+fn sticking_to_a_belt() {
+    let (mu, speed) = (0.4, 0.2);
+    let caught = PI / 6.0;
+    let at = mu * (1.0 - caught.cos());
+    let released = caught + (mu - at) / speed;
+    check(STICK_SLIP, "coulomb", move |t| {
+        if t < caught {
+            vec![mu * (1.0 - t.cos()), mu * t.sin()]
+        } else if t < released {
+            vec![at + speed * (t - caught), speed]
+        } else {
+            let t = t - released;
+            vec![mu + speed * t.sin(), speed * t.cos()]
+        }
+    });
+}
+
+/// Against the products of matrix exponentials.
+#[test]
+fn friction() {
+    let belt = Affine {
+        n: 2,
+        field: DMatrix::from_row_slice(2, 4, &[0.0, 1.0, -1.0, 0.0, -1.0, -0.3, 0.3, 0.0]),
+        surfaces: vec![rubs(2, 1, 1.0)],
+        start: DVector::from_row_slice(&[2.4, 1.0]),
+        horizon: 40.0,
+        form: Form::Terms,
+    };
+    let solution = exact::solve(&belt);
+    check(STICTION, "coulomb", |t| {
+        solution.state(t).as_slice().to_vec()
+    });
+
+    let (blocks, stiffness) = (6, 30.0 / 0.5);
+    let mut field = DMatrix::zeros(12, 14);
+    for i in 0..blocks {
+        field[(i, blocks + i)] = 1.0;
+        for j in [i.wrapping_sub(1), i + 1] {
+            if j < blocks {
+                field[(blocks + i, j)] += stiffness;
+                field[(blocks + i, i)] -= stiffness;
+            }
+        }
+    }
+    let chain = Affine {
+        n: 2 * blocks,
+        field,
+        surfaces: (0..blocks)
+            .map(|i| rubs(12, blocks + i, 0.2 * 9.81))
+            .collect(),
+        start: DVector::from_fn(12, |i, _| {
+            if i < blocks {
+                0.0
+            } else {
+                0.4 * (i - blocks + 1) as f64
+            }
+        }),
+        horizon: 2.0,
+        form: Form::Terms,
+    };
+    let solution = exact::solve(&chain);
+    assert_eq!(solution.end, exact::End::Horizon);
+    check(CHAIN, "to_rest", |t| solution.state(t).as_slice().to_vec());
+}
+
+/// x_i' = .. - force sign(x_i)
+fn rubs(n: usize, i: usize, force: f64) -> Surface {
+    let mut normal = DVector::zeros(n + 2);
+    let mut jump = DMatrix::zeros(n, n + 2);
+    normal[i] = 1.0;
+    jump[(i, n)] = -force;
+    Surface {
+        normal,
+        jump,
+        kind: Kind::Jump,
+    }
+}
+
+#[test]
+fn forced_and_fast() {
+    check_model("state x = 0; x' = sign(sin(time));", 300.0, |t| {
+        let phase = t % (2.0 * PI);
+        vec![PI - (phase - PI).abs()]
+    });
+    check_model("state x = 0; x' = time^60;", 1.0, |t| {
+        vec![t.powi(61) / 61.0]
+    });
+    check_model("state x = 0; x' = 5*time^4*exp(time^5);", 1.2, |t| {
+        vec![t.powi(5).exp_m1()]
+    });
+    check_model("state x = 1; x' = x^2;", 0.999, |t| vec![1.0 / (1.0 - t)]);
+    check_model("state x = 1; x' = -1/x;", 0.4999, |t| {
+        vec![(1.0 - 2.0 * t).sqrt()]
+    });
+    check_model("state x = 1; state v = 0; x' = v; v' = -x;", 2000.0, |t| {
+        vec![t.cos(), -t.sin()]
+    });
+    // An unstable state that must be zero: errors grow as e^t.
+    check_model("state x = 1; x' = x - 2*exp(-time);", 15.0, |t| {
+        vec![(-t).exp()]
+    });
+    check_model(
+        "state x = 0; x' = 1 - 2*step(max(x - 0.5, 0.2*time - 0.3));",
+        4.0,
+        |t| vec![t.min(0.5) - (t - 1.5).max(0.0)],
+    );
+}

@@ -1,0 +1,164 @@
+//! Random piecewise affine systems against their solutions by matrix exponentials.
+//!
+//! The modes, their times and the states of 200 systems, at tolerances from 1e-6 to 1e-11. Where
+//! several solutions go on from a point, the run must say so there. (Some solution goes on from
+//! every point: fields that add are a variational inequality on a box, which has one.)
+
+use std::thread;
+
+use nsd_tests::affine::Affine;
+use nsd_tests::affine::exact::{End, Solution, solve};
+use nsd_tests::run;
+use nsdc::report::{Side, Status, Trajectory};
+
+/// What the systems of one test have been about.
+#[derive(Default, Debug)]
+struct Seen {
+    events: usize,
+    /// Legs by the number of surfaces that slide.
+    codimensions: [usize; 5],
+    branches: usize,
+}
+
+/// The first `count` systems from a seed on whose solutions are affine in every mode.
+fn systems(seed: u64, count: usize) -> impl Iterator<Item = (u64, Affine, Solution)> {
+    let all = (seed..).map(|seed| (seed, Affine::random(seed)));
+    let solved = all.map(|(seed, system)| {
+        let solution = solve(&system);
+        (seed, system, solution)
+    });
+    solved
+        .filter(|(_, _, solution)| !matches!(solution.end, End::Unsuitable | End::Events(_)))
+        .take(count)
+}
+
+fn compare(first: u64) -> Seen {
+    let mut seen = Seen::default();
+    let mut wrong = Vec::new();
+    for (seed, system, solution) in systems(first, 50) {
+        let tolerance = 10.0_f64.powi(-6 - (seed % 6) as i32);
+        let text = system.text(tolerance);
+        let trajectory = run(&text, "run");
+        if let Err(reason) = agrees(&trajectory, &solution, tolerance) {
+            wrong.push(format!("seed {seed}: {reason}\n{text}"));
+        }
+        seen.events += solution.legs.len().saturating_sub(1);
+        for leg in &solution.legs {
+            seen.codimensions[leg.sides.iter().filter(|side| **side == 0).count()] += 1;
+        }
+        seen.branches += usize::from(matches!(solution.end, End::Branches(..)));
+    }
+    assert!(
+        wrong.is_empty(),
+        "{} of 50\n{}",
+        wrong.len(),
+        wrong.join("\n")
+    );
+    seen
+}
+
+/// Compares modes, then times and states; the reason when they differ.
+fn agrees(trajectory: &Trajectory, solution: &Solution, tolerance: f64) -> Result<(), String> {
+    let reason = trajectory
+        .failure
+        .as_ref()
+        .map(|failure| failure.to_string());
+    let reason = reason.unwrap_or_default();
+    match solution.end {
+        End::Branches(at, count) => {
+            if trajectory.status != Status::NumericalFailure {
+                return Err(format!("{count} solutions at {at} are passed in silence"));
+            }
+            let t = trajectory.time.last().copied().unwrap_or(0.0);
+            if (t - at).abs() > tolerance {
+                return Err(format!("ends at {t} instead of {at}: {reason}"));
+            }
+            let code = if count == 0 {
+                "no solution"
+            } else {
+                "solutions go on"
+            };
+            if !reason.contains(code) {
+                return Err(format!("{count} solutions at {at}, but: {reason}"));
+            }
+        }
+        _ if trajectory.status != Status::Solved => return Err(reason),
+        _ => {}
+    }
+
+    // Surfaces are numbered by the last character of their names.
+    let number = |name: &String| {
+        name.bytes()
+            .last()
+            .map_or(0, |digit| usize::from(digit - b'1'))
+    };
+    let modes = trajectory.modes.iter().map(|interval| {
+        let mut sides = vec![2; interval.sides.len()];
+        for (name, side) in trajectory.switches.iter().zip(&interval.sides) {
+            sides[number(name)] = match side {
+                Side::Below => -1,
+                Side::Sliding => 0,
+                Side::Above => 1,
+            };
+        }
+        (interval.from, sides)
+    });
+    let modes: Vec<(f64, Vec<i8>)> = modes.collect();
+    let exact: Vec<_> = solution.legs.iter().map(|leg| leg.sides.clone()).collect();
+    let found: Vec<_> = modes.iter().map(|(_, sides)| sides.clone()).collect();
+    if found != exact && !exact.is_empty() {
+        return Err(format!("modes {found:?} instead of {exact:?}"));
+    }
+    for ((t, _), leg) in modes.iter().zip(&solution.legs) {
+        // An error of the states moves what crosses zero by as much.
+        let shift = (t - leg.start).abs();
+        if shift * leg.transversality > tolerance {
+            return Err(format!("event at {t} instead of {}", leg.start));
+        }
+    }
+    if exact.is_empty() {
+        return Ok(());
+    }
+
+    let states = &trajectory.states[0];
+    let n = states.n_entries();
+    let (mut error, mut scale) = (vec![0.0_f64; n], vec![0.0_f64; n]);
+    for (k, &t) in trajectory.time.iter().enumerate() {
+        let exact = solution.state(t);
+        for (i, x) in states.at(k).iter().enumerate() {
+            error[i] = error[i].max((x - exact[i]).abs());
+            scale[i] = scale[i].max(exact[i].abs());
+        }
+    }
+    let relative = error.iter().zip(&scale).map(|(error, scale)| error / scale);
+    let error = relative.fold(0.0, f64::max);
+    if error > tolerance {
+        return Err(format!("error {error:e} at tolerance {tolerance:e}"));
+    }
+    let estimate = trajectory.error_estimate.unwrap_or(0.0);
+    let rounding = 10.0 * solution.rounding + 64.0 * f64::EPSILON;
+    if error > 10.0 * estimate + rounding {
+        return Err(format!(
+            "error {error:e} is far above its estimate {estimate:e}"
+        ));
+    }
+    Ok(())
+}
+
+#[test]
+fn two_hundred_systems_follow_their_matrix_exponentials() {
+    let seen: Vec<Seen> = thread::scope(|scope| {
+        let parts = [0, 1000, 2000, 3000].map(|seed| scope.spawn(move || compare(seed)));
+        let finished = parts.map(|part| part.join());
+        finished.into_iter().map(Result::unwrap).collect()
+    });
+    let total = |count: &dyn Fn(&Seen) -> usize| seen.iter().map(count).sum::<usize>();
+    assert!(total(&|seen| seen.events) >= 500);
+    for codimension in 0..=4 {
+        assert!(
+            total(&|seen| seen.codimensions[codimension]) >= 5,
+            "{codimension}"
+        );
+    }
+    assert!(total(&|seen| seen.branches) >= 5);
+}
