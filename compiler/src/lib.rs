@@ -66,6 +66,7 @@ pub fn compile<'e>(
     }
     clock.time("system", || {
         let settings = system::experiment::evaluate(&model, experiment, overrides, diags)?;
+        model::check_experiment(file, home, definition, experiment, overrides, diags)?;
         let system = system::lower(&model, &settings, diags)?;
         let lowerings = dcs::check(&system, &settings.lowerings);
         lowerings.map_err(|error| diags.push(error)).ok()?;

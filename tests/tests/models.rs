@@ -13,6 +13,8 @@ const EXAMPLES: &[&str] = &[
     "friction_chain.nsd: longer",
     "friction_chain.nsd: to_rest",
     "impact_like.nsd: exact",
+    "incline.nsd: slides_back",
+    "incline.nsd: stays",
     "intersections.nsd: codimension_three",
     "intersections.nsd: codimension_two",
     "intersections.nsd: product_selection",

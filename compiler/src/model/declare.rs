@@ -11,7 +11,6 @@ use super::resolve::{given, switch_argument};
 use super::scope::{Meaning, Reported, Scope, Value};
 use super::{
     DynamicsError, Model, ModelError, Named, NamedSwitch, Quantity, Shape, TargetKind, Tensor,
-    Unsupported,
 };
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Var};
@@ -143,9 +142,6 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
 
     fn quantity(&mut self, decl: &syntax::Decl) -> Result<Meaning<'e>, Reported> {
         let name = &decl.name.name;
-        if let Some(unit) = &decl.unit {
-            self.unit(unit);
-        }
         let shape = self.lowering(|lowering| {
             let mut sizes = vec![];
             for size in &decl.shape {
@@ -194,17 +190,7 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
         Ok(Meaning::Value(value.into(), kind(list.len() - 1)))
     }
 
-    fn unit(&mut self, unit: &syntax::Unit) {
-        // Once per model is enough.
-        if !self.diags.codes().iter().any(|code| code == "W0901") {
-            self.diags.push(Unsupported::Units { span: unit.span });
-        }
-    }
-
     fn named(&mut self, named: &syntax::Named) -> Result<Meaning<'e>, Reported> {
-        if let Some(unit) = &named.unit {
-            self.unit(unit);
-        }
         let value = self.lowering(|lowering| match named.kind {
             NamedKind::Let => lowering.expr(&named.value),
             _ => lowering.numbers(&named.value).map(Value::from),

@@ -148,7 +148,7 @@ pub(super) struct Import<'f> {
 }
 
 /// Names that a `use` brings in.
-fn imports(item: &Use) -> Vec<Import<'_>> {
+pub(super) fn imports(item: &Use) -> Vec<Import<'_>> {
     let file = match &item.link {
         Link::File(file) => Some(&**file),
         Link::Open | Link::Failed => None,

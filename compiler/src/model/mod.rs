@@ -46,6 +46,7 @@ mod tensor;
 #[cfg(test)]
 mod tests;
 mod text;
+mod units;
 mod unroll;
 mod unsupported;
 
@@ -57,6 +58,8 @@ pub use resolve::resolve;
 pub use scope::{Hook, Scope};
 pub use target::{Target, TargetKind};
 pub use tensor::{Shape, Tensor};
+pub use units::UnitError;
+pub(crate) use units::check_experiment;
 pub use unsupported::Unsupported;
 
 use crate::expr::{Expr, Exprs};

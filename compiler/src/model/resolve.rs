@@ -11,7 +11,7 @@ use super::lower::Lowering;
 use super::names::{Declared, Item};
 use super::order::{chain, edges, free_names_under, topological};
 use super::parts::{Files, Instance};
-use super::{Model, ModelError, connect, display, dynamics, import, partition, parts};
+use super::{Model, ModelError, connect, display, dynamics, import, partition, parts, units};
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
 use crate::syntax::{self, Bind, Expr, ExprKind, File, Stmt};
@@ -73,6 +73,9 @@ fn resolve_in<'e>(
         partition::partition(&mut model, &touched, complete, diags);
     }
     model.scope.forgiving |= is_forgiving(&whole);
+    if !diags.has_errors() && !model.scope.forgiving {
+        units::check_model(file, item, diags);
+    }
     debug_assert!(
         diags.has_errors() || display::verify(&model).is_ok(),
         "{:?}",

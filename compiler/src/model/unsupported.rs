@@ -106,14 +106,6 @@ pub enum Unsupported {
         #[label("{size} by {size}")]
         span: Span,
     },
-
-    /// Units.
-    #[error("units are not checked yet")]
-    #[diagnostic(code(W0901), severity(Warning))]
-    Units {
-        #[label("taken as a comment")]
-        span: Span,
-    },
 }
 
 /// Reports a statement that cannot be lowered.

@@ -172,7 +172,6 @@ fn refuses_what_is_not_supported() {
           T' = h + r + on + y + z;
         }";
     assert_snapshot!(model(text), @r#"
-    W0901: units are not checked yet | K: taken as a comment
     E0906: algebraic states and complementarity are not supported yet | algebraic z = 0;: algebraic | solve for the algebraic state where that is possible
     E0906: algebraic states and complementarity are not supported yet | 0 = z - x;: algebraic | solve for the algebraic state where that is possible
     E0906: algebraic states and complementarity are not supported yet | 0 <= z perp x >= 0;: algebraic | solve for the algebraic state where that is possible

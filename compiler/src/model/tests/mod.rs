@@ -28,7 +28,7 @@ fn model(text: &str) -> String {
     text
 }
 
-fn errors(diags: &Diagnostics, sources: &SourceMap) -> String {
+pub(in crate::model) fn errors(diags: &Diagnostics, sources: &SourceMap) -> String {
     let mut text = String::new();
     for error in diags.iter() {
         let code = error

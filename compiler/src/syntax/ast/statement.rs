@@ -88,13 +88,37 @@ pub struct Decl {
     pub span: Span,
 }
 
-/// `N/m`, kept as written until units are checked.
+/// `kg*m/s^2`
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unit {
-    /// The text.
-    pub text: String,
+    /// What is multiplied and divided, in order; at least one.
+    pub factors: Vec<UnitFactor>,
     /// Where it stands.
     pub span: Span,
+}
+
+/// `m^2` of a [`Unit`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct UnitFactor {
+    /// True after `/`.
+    pub divides: bool,
+    /// What is raised to the power.
+    pub base: UnitBase,
+    /// The exponent as numerator and denominator; 1 where none is written.
+    pub power: Option<(f64, f64)>,
+    /// Where it stands.
+    pub span: Span,
+}
+
+/// What a [`UnitFactor`] is a power of.
+#[derive(Clone, Debug, PartialEq)]
+pub enum UnitBase {
+    /// `kg`
+    Name(Ident),
+    /// `1`
+    Number(f64),
+    /// `(kg*m)`
+    Group(Unit),
 }
 
 /// `in [lo, hi]` or `in {a, b, c}`

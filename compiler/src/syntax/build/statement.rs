@@ -166,11 +166,45 @@ impl Builder<'_> {
 
     fn unit(&mut self, parts: &mut Parts) -> Option<Unit> {
         let pair = parts.maybe(Rule::unit)?;
-        let text = pair.as_str();
-        Some(Unit {
-            text: text.chars().filter(|c| !c.is_whitespace()).collect(),
-            span: self.span(&pair),
-        })
+        Some(self.unit_of(pair))
+    }
+
+    fn unit_of(&mut self, pair: Pair<Rule>) -> Unit {
+        let span = self.span(&pair);
+        let (mut factors, mut divides) = (Vec::new(), false);
+        for part in parts(pair) {
+            match part.as_rule() {
+                Rule::unit_op => divides = part.as_str() == "/",
+                _ => factors.push(self.unit_factor(part, divides)),
+            }
+        }
+        Unit { factors, span }
+    }
+
+    fn unit_factor(&mut self, pair: Pair<Rule>, divides: bool) -> UnitFactor {
+        let span = self.span(&pair);
+        let mut parts = parts(pair);
+        let base = parts
+            .next()
+            .expect("grammar: a factor of a unit has a base");
+        let base = match base.as_rule() {
+            Rule::name => UnitBase::Name(self.ident(base)),
+            Rule::number => UnitBase::Number(number(&base)),
+            _ => UnitBase::Group(self.unit_of(base)),
+        };
+        let power = parts.maybe(Rule::unit_power).map(|power| {
+            let mut parts = self::parts(power);
+            let sign = parts.maybe(Rule::unit_sign).map_or(1.0, |_| -1.0);
+            let numerator = sign * number(&parts.one(Rule::number));
+            let denominator = parts.maybe(Rule::number);
+            (numerator, denominator.map_or(1.0, |pair| number(&pair)))
+        });
+        UnitFactor {
+            divides,
+            base,
+            power,
+            span,
+        }
     }
 
     pub(super) fn domain(&mut self, pair: Pair<Rule>) -> Domain {
@@ -387,4 +421,8 @@ impl Builder<'_> {
 enum MechanicsMember {
     Option(Setting),
     Contact(Contact),
+}
+
+fn number(pair: &Pair<Rule>) -> f64 {
+    pair.as_str().parse().unwrap_or(f64::NAN)
 }

@@ -181,7 +181,10 @@ pub fn describe(rule: Rule) -> &'static str {
             "`{`"
         }
         Rule::sizes | Rule::interval | Rule::part_index => "`[`",
-        Rule::unit => "a unit",
+        Rule::unit | Rule::unit_factor => "a unit",
+        Rule::unit_power => "a number|`(`",
+        Rule::unit_op => "`*`|`/`",
+        Rule::unit_sign => "`-`",
         Rule::domain => "`in`",
         Rule::sliding => "`linear`|`nonlinear`",
         Rule::binder => "an index such as `i in 1..n`",

@@ -1,5 +1,7 @@
 //! Statements of models.
 
+use std::fmt;
+
 use super::expression::{arith, binders, relation};
 use super::{Printer, list};
 use crate::syntax::ast::*;
@@ -205,8 +207,31 @@ fn sizes(shape: &[Expr]) -> String {
 }
 
 fn unit(unit: &Option<Unit>) -> String {
-    let unit = unit.as_ref().map(|unit| format!(" : {}", unit.text));
+    let unit = unit.as_ref().map(|unit| format!(" : {unit}"));
     unit.unwrap_or_default()
+}
+
+impl fmt::Display for Unit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (position, factor) in self.factors.iter().enumerate() {
+            match (position, factor.divides) {
+                (0, _) => {}
+                (_, true) => write!(f, "/")?,
+                (_, false) => write!(f, "*")?,
+            }
+            match &factor.base {
+                UnitBase::Name(name) => write!(f, "{name}")?,
+                UnitBase::Number(value) => write!(f, "{value}")?,
+                UnitBase::Group(unit) => write!(f, "({unit})")?,
+            }
+            match factor.power {
+                None => {}
+                Some((numerator, 1.0)) => write!(f, "^{numerator}")?,
+                Some((numerator, denominator)) => write!(f, "^({numerator}/{denominator})")?,
+            }
+        }
+        Ok(())
+    }
 }
 
 pub(super) fn domain(domain: &Option<Domain>) -> String {

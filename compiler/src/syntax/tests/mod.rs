@@ -62,7 +62,7 @@ fn reads_every_statement_of_a_model() {
         const g = 9.81; fn f(a, b) = a*b; fn zero() = 0; expect error E0203;
         model everything {
           const n = 3;
-          param m : kg = 1; param k : N/m^2 in [0, 10] = 1; param free_one;
+          param m : kg = 1; param k : N/m^2 in [0, 10] = 1; param c : m^(-1/2) * ( kg / s )^2 / 1 = 1; param free_one;
           state x[3] : m in [-1, 1] = [0, 0, 1]; state R[3,3] = eye(3); state θ;
           control u in [-1, 1] = 0; control on in {0, 1} = 0;
           input w[2]; algebraic z = 0;

@@ -1,0 +1,404 @@
+//! Dimensions of expressions.
+
+use super::dimension::{Dimension, Ratio};
+use super::{Checker, Dim, Frame, MAX_DEPTH, Place, Thing, UnitError};
+use crate::source::Span;
+use crate::syntax::{Arg, BinaryOp, Expr, ExprKind, File, Function, Index, Named, NamedKind, Stmt};
+
+/// What a name or a field leads to.
+enum Found<'f> {
+    /// A local name: its dimension, and its value where that is a plain number.
+    Local(Dim, Option<Ratio>),
+    /// Something an instance or a file declares.
+    Thing(Option<usize>, Thing<'f>),
+}
+
+impl<'f> Checker<'f, '_> {
+    /// The dimension of an expression; what does not fit in it is reported.
+    pub fn expr(&mut self, expr: &'f Expr) -> Dim {
+        if self.depth >= MAX_DEPTH || self.left == 0 {
+            return Dim::Unknown;
+        }
+        self.left -= 1;
+        self.depth += 1;
+        let dim = self.any(expr);
+        self.depth -= 1;
+        dim
+    }
+
+    fn any(&mut self, expr: &'f Expr) -> Dim {
+        match &expr.kind {
+            ExprKind::Number(_) => Dim::Number,
+            ExprKind::String(_) => Dim::Unknown,
+            ExprKind::Name(_) | ExprKind::Field(..) => match self.find(expr) {
+                Some(Found::Local(dim, _)) => dim,
+                Some(Found::Thing(instance, thing)) => match instance {
+                    Some(instance) => self.declared(instance, thing),
+                    None => Dim::Unknown,
+                },
+                None => self.builtin_value(expr),
+            },
+            ExprKind::Index(base, indices) => {
+                for index in indices {
+                    match index {
+                        Index::All(_) => {}
+                        Index::One(one) => self.pure("an index", one),
+                        Index::Range(first, last) => {
+                            self.pure("an index", first);
+                            self.pure("an index", last);
+                        }
+                    }
+                }
+                self.expr(base)
+            }
+            ExprKind::Call(function, args) => self.call(function, args, expr.span),
+            ExprKind::Matrix(matrix) => self.stack(matrix.rows.iter().flatten()),
+            ExprKind::Comprehension(body, binders) => {
+                self.frames.push(Frame::Indices(binders));
+                let dim = self.expr(body);
+                self.frames.pop();
+                dim
+            }
+            ExprKind::Negate(inner) => self.expr(inner),
+            ExprKind::Binary(_, base, exponent) => self.power(base, exponent),
+            ExprKind::Chain(first, rest) => self.chain(first, rest),
+            ExprKind::Compare(first, rest) => {
+                let members = std::iter::once(&**first).chain(rest.iter().map(|(_, side)| side));
+                self.agree("the sides of this comparison", members);
+                Dim::Number
+            }
+            ExprKind::Not(inner) => {
+                self.expr(inner);
+                Dim::Number
+            }
+            ExprKind::And(members) | ExprKind::Or(members) => {
+                for member in members {
+                    self.expr(member);
+                }
+                Dim::Number
+            }
+            ExprKind::If(condition, a, b) => {
+                self.expr(condition);
+                self.agree("the branches of this `if`", [&**a, &**b])
+            }
+        }
+    }
+
+    /// What a name, or a field of a part or a file, stands for.
+    fn find(&mut self, expr: &'f Expr) -> Option<Found<'f>> {
+        match &expr.kind {
+            ExprKind::Name(name) => {
+                if let Some((dim, value)) = self.local(name) {
+                    return Some(Found::Local(dim, value));
+                }
+                let thing = self.thing(name)?;
+                Some(Found::Thing(self.place.instance, thing))
+            }
+            ExprKind::Field(base, field) => {
+                let Some(Found::Thing(instance, thing)) = self.find(base) else {
+                    return None;
+                };
+                if let Thing::Module(file) = thing {
+                    let thing = super::own(file, &field.name)?;
+                    return Some(Found::Thing(None, thing));
+                }
+                let (instance, thing) = self.field(instance?, thing, field)?;
+                Some(Found::Thing(Some(instance), thing))
+            }
+            // The members of an array of parts have the same units.
+            ExprKind::Index(base, _) => self.find(base),
+            _ => None,
+        }
+    }
+
+    fn local(&mut self, name: &str) -> Option<(Dim, Option<Ratio>)> {
+        for level in (0..self.frames.len()).rev() {
+            match &self.frames[level] {
+                Frame::Indices(binders) => {
+                    let mut names = binders.iter().map(|binder| &binder.name);
+                    if names.any(|index| index.name == name) {
+                        return Some((Dim::Number, None));
+                    }
+                }
+                Frame::Arguments(function, values) => {
+                    let mut names = function.params.iter();
+                    let found = names.position(|param| param.name == name);
+                    if let Some(value) = found.and_then(|position| values.get(position)) {
+                        return Some(*value);
+                    }
+                }
+                Frame::Block(body) => {
+                    let body = *body;
+                    let found = body.iter().find_map(|stmt| match stmt {
+                        Stmt::Named(named) if named.name.name == name => Some(named),
+                        _ => None,
+                    });
+                    let Some(named) = found.filter(|named| named.kind == NamedKind::Let) else {
+                        continue;
+                    };
+                    return Some((self.local_let(level, named), None));
+                }
+            }
+        }
+        None
+    }
+
+    /// The dimension of a `let` of a block, seen from inside that block.
+    pub fn local_let(&mut self, level: usize, named: &'f Named) -> Dim {
+        let key = (self.place.instance.unwrap_or(0), named.span);
+        if let Some(known) = self.known.get(&key) {
+            return known.unwrap_or(Dim::Unknown);
+        }
+        self.known.insert(key, None);
+        let inner = self.frames.split_off(level + 1);
+        let dim = self.named(named);
+        self.frames.extend(inner);
+        self.known.insert(key, Some(dim));
+        dim
+    }
+
+    fn builtin_value(&self, expr: &Expr) -> Dim {
+        match &expr.kind {
+            ExprKind::Name(name) => match name.as_str() {
+                "pi" | "inf" | "true" | "false" => Dim::Number,
+                "time" if self.place.has_units => Dim::Known(Dimension::TIME),
+                _ => Dim::Unknown,
+            },
+            _ => Dim::Unknown,
+        }
+    }
+
+    /// The common dimension of expressions that must have one.
+    pub fn agree(
+        &mut self,
+        what: &'static str,
+        members: impl IntoIterator<Item = &'f Expr>,
+    ) -> Dim {
+        let members = members.into_iter();
+        let members: Vec<(Dim, Span)> = members
+            .map(|member| (self.expr(member), member.span))
+            .collect();
+        self.common(what, &members)
+    }
+
+    fn common(&mut self, what: &'static str, members: &[(Dim, Span)]) -> Dim {
+        let mut known = members.iter().filter_map(|&(dim, span)| match dim {
+            Dim::Known(dimension) => Some((dimension, span)),
+            _ => None,
+        });
+        let Some((first, first_span)) = known.next() else {
+            let is_number = members.iter().all(|&(dim, _)| dim == Dim::Number);
+            return if is_number { Dim::Number } else { Dim::Unknown };
+        };
+        match known.find(|&(second, _)| second != first) {
+            None => Dim::Known(first),
+            Some((second, second_span)) => {
+                self.diags.push(UnitError::Different {
+                    what,
+                    first: is(first),
+                    second: is(second),
+                    help: factor(first, second),
+                    first_span,
+                    second_span,
+                    call: self.call,
+                });
+                Dim::Unknown
+            }
+        }
+    }
+
+    /// Entries side by side: their dimension where they have one in common.
+    fn stack(&mut self, entries: impl Iterator<Item = &'f Expr>) -> Dim {
+        let all: Vec<Dim> = entries.map(|entry| self.expr(entry)).collect();
+        let mut known = all.iter().filter(|dim| matches!(dim, Dim::Known(_)));
+        let first = known.next().copied();
+        match first {
+            _ if all.contains(&Dim::Unknown) => Dim::Unknown,
+            None => Dim::Number,
+            Some(first) if known.all(|&dim| dim == first) => first,
+            Some(_) => Dim::Unknown,
+        }
+    }
+
+    fn chain(&mut self, first: &'f Expr, rest: &'f [(BinaryOp, Expr)]) -> Dim {
+        let is_sum = matches!(rest.first(), Some((BinaryOp::Add | BinaryOp::Sub, _)));
+        if is_sum {
+            let terms = std::iter::once(first).chain(rest.iter().map(|(_, term)| term));
+            return self.agree("the terms of this sum", terms);
+        }
+        let mut dim = self.expr(first);
+        for (op, factor) in rest {
+            let factor = self.expr(factor);
+            dim = match op {
+                BinaryOp::Div | BinaryOp::ElementDiv => dim.divide(factor),
+                _ => dim.multiply(factor),
+            };
+        }
+        dim
+    }
+
+    fn power(&mut self, base: &'f Expr, exponent: &'f Expr) -> Dim {
+        let dim = self.expr(base);
+        let exponent_dim = self.pure_dim("an exponent", exponent);
+        if let Some(value) = self.ratio(exponent) {
+            return dim.power(value);
+        }
+        match (dim.unit(), exponent_dim) {
+            (Some(unit), Dim::Known(_)) => {
+                self.diags.push(UnitError::VariablePower {
+                    base: is(unit),
+                    base_span: base.span,
+                    exponent: exponent.span,
+                    call: self.call,
+                });
+                Dim::Unknown
+            }
+            (Some(_), _) => Dim::Unknown,
+            (None, Dim::Known(_)) if dim == Dim::Number => Dim::PURE,
+            (None, _) => dim,
+        }
+    }
+
+    /// The value of an expression of numbers.
+    pub fn ratio(&mut self, expr: &'f Expr) -> Option<Ratio> {
+        match &expr.kind {
+            ExprKind::Number(value) => Ratio::from_number(*value),
+            ExprKind::Negate(inner) => self.ratio(inner)?.negate(),
+            ExprKind::Name(_) => match self.find(expr)? {
+                Found::Local(_, value) => value,
+                Found::Thing(..) => None,
+            },
+            ExprKind::Chain(first, rest) => {
+                let mut value = self.ratio(first)?;
+                for (op, operand) in rest {
+                    let operand = self.ratio(operand)?;
+                    value = match op {
+                        BinaryOp::Add => value.add(operand)?,
+                        BinaryOp::Sub => value.add(operand.negate()?)?,
+                        BinaryOp::Mul => value.multiply(operand)?,
+                        BinaryOp::Div => value.divide(operand)?,
+                        _ => return None,
+                    };
+                }
+                Some(value)
+            }
+            _ => None,
+        }
+    }
+
+    /// Reports an expression that is not a pure number.
+    pub fn pure(&mut self, what: &str, expr: &'f Expr) {
+        self.pure_dim(what, expr);
+    }
+
+    pub fn pure_dim(&mut self, what: &str, expr: &'f Expr) -> Dim {
+        let dim = self.expr(expr);
+        let Some(unit) = dim.unit() else {
+            return dim;
+        };
+        self.diags.push(UnitError::NotPure {
+            what: what.to_owned(),
+            found: is(unit),
+            span: expr.span,
+            call: self.call,
+        });
+        Dim::Unknown
+    }
+
+    /// The dimension of a call.
+    fn call(&mut self, function: &'f Expr, args: &'f [Arg], span: Span) -> Dim {
+        if let Some(Found::Thing(_, Thing::Function(file, function_item))) = self.find(function) {
+            return self.inline(file, function_item, args, span);
+        }
+        let ExprKind::Name(name) = &function.kind else {
+            return Dim::Unknown;
+        };
+        if let [Arg::Positional(body, binders)] = args
+            && !binders.is_empty()
+        {
+            self.frames.push(Frame::Indices(binders));
+            let dim = self.expr(body);
+            self.frames.pop();
+            return dim;
+        }
+        self.builtin(name, args)
+    }
+
+    /// A function is followed with what it is given.
+    fn inline(
+        &mut self,
+        file: &'f File,
+        function: &'f Function,
+        args: &'f [Arg],
+        span: Span,
+    ) -> Dim {
+        let mut values = vec![];
+        for arg in args {
+            if let Arg::Positional(value, _) = arg {
+                values.push((self.expr(value), self.ratio(value)));
+            }
+        }
+        let place = Place {
+            file,
+            instance: None,
+            has_units: self.place.has_units,
+        };
+        let frames = vec![Frame::Arguments(function, values)];
+        let outside = (
+            std::mem::replace(&mut self.place, place),
+            std::mem::replace(&mut self.frames, frames),
+            self.call,
+        );
+        self.call = self.call.or(Some(span));
+        let dim = self.expr(&function.body);
+        (self.place, self.frames, self.call) = outside;
+        dim
+    }
+
+    /// Reports a value that does not have the declared dimension.
+    pub fn fits(
+        &mut self,
+        what: String,
+        expected: Dim,
+        (found, value): (Dim, &Expr),
+        declared: Option<Span>,
+    ) {
+        if let (Dim::Known(expected), Dim::Known(found)) = (expected, found)
+            && expected != found
+        {
+            self.diags.push(UnitError::WrongUnit {
+                what,
+                expected: is(expected),
+                found: is(found),
+                help: factor(expected, found),
+                span: value.span,
+                declared,
+            });
+        }
+    }
+
+    /// [`Checker::fits`] of an expression.
+    pub fn expect(&mut self, what: &str, expected: Dim, value: &'f Expr, declared: Option<Span>) {
+        let found = self.expr(value);
+        self.fits(what.to_owned(), expected, (found, value), declared);
+    }
+}
+
+/// What a quantity is: "in m/s", "a pure number".
+pub(super) fn is(dimension: Dimension) -> String {
+    match dimension {
+        Dimension::NUMBER => "a pure number".to_owned(),
+        unit => format!("in {unit}"),
+    }
+}
+
+/// What would make a value fit.
+pub(super) fn factor(expected: Dimension, found: Dimension) -> String {
+    match expected.divide(found) {
+        Some(missing) if found == Dimension::NUMBER => format!(
+            "a number in a product is a pure number; give the factor a name and a unit: `param a : {missing} = ..;`"
+        ),
+        Some(missing) => format!("a factor in {missing} is missing, or one of the units is wrong"),
+        None => "one of the units is wrong".to_owned(),
+    }
+}

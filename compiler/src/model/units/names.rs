@@ -1,0 +1,163 @@
+//! Names of units: the coherent units of the SI (BIPM 2019, tables 2 and 4), and what is meant by others.
+
+use super::UnitError;
+use super::dimension::{Dimension, Ratio};
+use crate::diagnostics::Diagnostics;
+use crate::syntax::{Unit, UnitBase, UnitFactor};
+
+/// Exponents of kg, m, s, A, K, mol, cd.
+const UNITS: [(&str, [i32; 7]); 29] = [
+    ("kg", [1, 0, 0, 0, 0, 0, 0]),
+    ("m", [0, 1, 0, 0, 0, 0, 0]),
+    ("s", [0, 0, 1, 0, 0, 0, 0]),
+    ("A", [0, 0, 0, 1, 0, 0, 0]),
+    ("K", [0, 0, 0, 0, 1, 0, 0]),
+    ("mol", [0, 0, 0, 0, 0, 1, 0]),
+    ("cd", [0, 0, 0, 0, 0, 0, 1]),
+    ("rad", [0, 0, 0, 0, 0, 0, 0]),
+    ("sr", [0, 0, 0, 0, 0, 0, 0]),
+    ("Hz", [0, 0, -1, 0, 0, 0, 0]),
+    ("N", [1, 1, -2, 0, 0, 0, 0]),
+    ("Pa", [1, -1, -2, 0, 0, 0, 0]),
+    ("J", [1, 2, -2, 0, 0, 0, 0]),
+    ("W", [1, 2, -3, 0, 0, 0, 0]),
+    ("C", [0, 0, 1, 1, 0, 0, 0]),
+    ("V", [1, 2, -3, -1, 0, 0, 0]),
+    ("F", [-1, -2, 4, 2, 0, 0, 0]),
+    ("Ohm", [1, 2, -3, -2, 0, 0, 0]),
+    // As it is after normalization: the sign of the unit and the capital letter are one.
+    ("Ω", [1, 2, -3, -2, 0, 0, 0]),
+    ("S", [-1, -2, 3, 2, 0, 0, 0]),
+    ("Wb", [1, 2, -2, -1, 0, 0, 0]),
+    ("T", [1, 0, -2, -1, 0, 0, 0]),
+    ("H", [1, 2, -2, -2, 0, 0, 0]),
+    ("lm", [0, 0, 0, 0, 0, 0, 1]),
+    ("lx", [0, -2, 0, 0, 0, 0, 1]),
+    ("Bq", [0, 0, -1, 0, 0, 0, 0]),
+    ("Gy", [0, 2, -2, 0, 0, 0, 0]),
+    ("Sv", [0, 2, -2, 0, 0, 0, 0]),
+    ("kat", [0, 0, -1, 0, 0, 1, 0]),
+];
+
+/// Units that are converted into coherent ones.
+const OTHERS: [(&str, &str); 33] = [
+    ("g", "kg"),
+    ("t", "kg"),
+    ("lb", "kg"),
+    ("min", "s"),
+    ("h", "s"),
+    ("hr", "s"),
+    ("d", "s"),
+    ("sec", "s"),
+    ("deg", "rad"),
+    ("rpm", "rad/s"),
+    ("rev", "rad"),
+    ("kph", "m/s"),
+    ("mph", "m/s"),
+    ("inch", "m"),
+    ("ft", "m"),
+    ("L", "m^3"),
+    ("l", "m^3"),
+    ("bar", "Pa"),
+    ("atm", "Pa"),
+    ("psi", "Pa"),
+    ("eV", "J"),
+    ("Wh", "J"),
+    ("kWh", "J"),
+    ("cal", "J"),
+    ("hp", "W"),
+    ("Ah", "C"),
+    ("degC", "K"),
+    ("lbf", "N"),
+    ("percent", "1"),
+    ("meter", "m"),
+    ("second", "s"),
+    ("radian", "rad"),
+    ("ohm", "Ohm"),
+];
+
+const PREFIXES: [&str; 21] = [
+    "da", "Q", "R", "Y", "Z", "E", "P", "T", "G", "M", "k", "h", "d", "c", "m", "µ", "μ", "u", "n",
+    "p", "f",
+];
+
+/// The dimension of a coherent unit.
+pub(super) fn dimension(name: &str) -> Option<Dimension> {
+    let unit = UNITS.iter().find(|(unit, _)| *unit == name);
+    unit.map(|(_, exponents)| Dimension::of(*exponents))
+}
+
+/// The coherent unit to be written instead of one with a prefix, or of another system.
+fn coherent(name: &str) -> Option<&'static str> {
+    let other = |name: &str| OTHERS.iter().find(|(other, _)| *other == name);
+    if let Some((_, unit)) = other(name) {
+        return Some(unit);
+    }
+    PREFIXES.iter().find_map(|prefix| {
+        let rest = name.strip_prefix(prefix)?;
+        let own = UNITS.iter().find(|(unit, _)| *unit == rest);
+        own.map(|(unit, _)| *unit)
+            .or_else(|| other(rest).map(|(_, unit)| *unit))
+    })
+}
+
+/// The dimension of a unit as it is written; none after an error.
+pub(super) fn read(unit: &Unit, diags: &mut Diagnostics) -> Option<Dimension> {
+    let mut all = Some(Dimension::NUMBER);
+    for factor in &unit.factors {
+        let factor = read_factor(factor, diags);
+        all = all
+            .zip(factor)
+            .and_then(|(all, factor)| all.multiply(factor));
+    }
+    all
+}
+
+fn read_factor(factor: &UnitFactor, diags: &mut Diagnostics) -> Option<Dimension> {
+    let base = match &factor.base {
+        UnitBase::Name(name) => dimension(&name.name).or_else(|| {
+            diags.push(unknown(&name.name, name.span));
+            None
+        }),
+        UnitBase::Number(1.0) => Some(Dimension::NUMBER),
+        UnitBase::Number(value) => {
+            diags.push(UnitError::UnknownUnit {
+                name: value.to_string(),
+                span: factor.span,
+                help: "`1` stands for a pure number; no value is ever converted".to_owned(),
+            });
+            None
+        }
+        UnitBase::Group(unit) => read(unit, diags),
+    };
+    let (numerator, denominator) = factor.power.unwrap_or((1.0, 1.0));
+    let power = Ratio::from_number(numerator).zip(Ratio::from_number(denominator));
+    let power = power.and_then(|(numerator, denominator)| numerator.divide(denominator));
+    let sign = Ratio::whole(if factor.divides { -1 } else { 1 });
+    let power = power.and_then(|power| power.multiply(sign));
+    let result = base?.power(power.unwrap_or(Ratio::ZERO));
+    if power.is_none() || result.is_none() {
+        diags.push(UnitError::UnitPower { span: factor.span });
+    }
+    result.filter(|_| power.is_some())
+}
+
+fn unknown(name: &str, span: crate::source::Span) -> UnitError {
+    let help = match coherent(name) {
+        Some(unit) => {
+            format!("no value is ever converted: write `{unit}`, and the number in `{unit}`")
+        }
+        None => {
+            let names = UNITS.iter().map(|(name, _)| *name);
+            let close = super::super::reserved::did_you_mean(name, names);
+            close.unwrap_or_else(|| {
+                "units are made of kg, m, s, A, K, mol, cd, rad, N, J, W, Pa, V, Ohm, F, H, C, ..".to_owned()
+            })
+        }
+    };
+    UnitError::UnknownUnit {
+        name: name.to_owned(),
+        span,
+        help,
+    }
+}
