@@ -42,11 +42,6 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
     /// Defaults, initial values and bounds, when every name has its meaning.
     pub fn defaults(&mut self, whole: &Instance<'f, 'e>) -> Bound<'e> {
         let mut bound = Bound::default();
-        let params = self.model.params.iter().enumerate();
-        self.param_of = params
-            .flat_map(|(index, param)| param.vars.iter().map(move |var| (var, index)))
-            .filter_map(|(var, index)| Some((var.as_variable()?, index)))
-            .collect();
         self.own_defaults(whole, None, &mut bound);
         self.order_params();
         bound

@@ -25,7 +25,7 @@ pub(super) struct Declaring<'d, 'f, 'e> {
     /// The models around it, with the `part` that leads from each to the next.
     pub around: Vec<(&'f syntax::Model, Span)>,
     pub files: Files<'f, 'e>,
-    /// The param that each entry belongs to, once all are declared.
+    /// The param that each entry declared so far belongs to.
     pub param_of: FxHashMap<Var, usize>,
     pub diags: &'d mut Diagnostics,
 }
@@ -187,7 +187,12 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
             DeclKind::Algebraic => return Err(Reported),
         };
         list.push(quantity);
-        Ok(Meaning::Value(value.into(), kind(list.len() - 1)))
+        let index = list.len() - 1;
+        if decl.kind == DeclKind::Param {
+            let vars = value.data.iter().filter_map(|var| var.as_variable());
+            self.param_of.extend(vars.map(|var| (var, index)));
+        }
+        Ok(Meaning::Value(value.into(), kind(index)))
     }
 
     fn named(&mut self, named: &syntax::Named) -> Result<Meaning<'e>, Reported> {

@@ -189,11 +189,9 @@ impl<'f> Checker<'f, '_> {
                         self.bind(bind, target);
                     }
                 }
-                SettingKind::Horizon { value, .. } => {
-                    if let Some(value) = value {
-                        self.expect("the horizon", time, value, None);
-                    }
-                }
+                SettingKind::Horizon {
+                    value: Some(value), ..
+                } => self.expect("the horizon", time, value, None),
                 SettingKind::Output { when, .. } => match when {
                     OutputWhen::Method => {}
                     OutputWhen::Every(instants) | OutputWhen::At(instants) => {

@@ -97,6 +97,7 @@ fn reads_every_statement_of_a_model() {
       const n = 3;
       param m : kg = 1;
       param k : N/m^2 in [0, 10] = 1;
+      param c : m^(-1/2)*(kg/s)^2/1 = 1;
       param free_one;
       state x[3] : m in [-1, 1] = [0, 0, 1];
       state R[3, 3] = eye(3);
