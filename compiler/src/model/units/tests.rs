@@ -111,11 +111,11 @@ fn knows_the_coherent_units() {
 fn wrong(text: &str) -> String {
     let (mut sources, mut diags) = (SourceMap::new(), Diagnostics::new());
     let file = parse(&sources.add("test.nsd", text), &mut diags);
-    let models = file.items.iter().filter_map(|item| match item {
+    let mut models = file.items.iter().filter_map(|item| match item {
         Item::Model(model) => Some(model),
         _ => None,
     });
-    let model = models.last().expect("a model");
+    let model = models.next_back().expect("a model");
     let exprs = Exprs::new();
     resolve(&exprs, &file, &model.name.name, &[], &mut diags);
     for item in &file.items {
