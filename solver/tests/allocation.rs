@@ -1,15 +1,31 @@
 //! Steps allocate nothing.
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 use nsd_solver::simulate::{
-    Event, ModeFunctions, Observer, Segment, Settings, Side, Simulator, Status, SwitchedSystem,
+    Affine, Block, Event, Input, Observer, Partials, Rates, Segment, Settings, Side, Simulator,
+    Smooth, Status, Surface, SwitchedSystem,
 };
 use nsd_solver::tape::Tape;
 
-/// x₁' = x₂, x₂' = -x₁, x₃' = 1 + x₁/2 - 2α on ψ₁ = x₃, and ψ₂ = x₁ - 1.001, which is never reached
-/// but close enough for its polynomial to be looked at.
-struct Rotation;
+/// x₁' = x₂, x₂' = -x₁, x₃' = 1 + x₁/2 - 2α on ψ₁ = x₃, and ψ₂ = x₁ - 1.001 and ψ₃ = x₁² - 1.001,
+/// which are never reached but close enough for their polynomials to be looked at.
+struct Rotation {
+    blocks: [Block; 2],
+}
+
+impl Rotation {
+    fn new() -> Self {
+        let block = |states: &[usize], switches: &[usize]| Block {
+            states: states.to_vec(),
+            switches: switches.to_vec(),
+        };
+        Rotation {
+            blocks: [block(&[0, 1], &[]), block(&[2], &[0])],
+        }
+    }
+}
 
 impl SwitchedSystem for Rotation {
     fn n_states(&self) -> usize {
@@ -17,48 +33,87 @@ impl SwitchedSystem for Rotation {
     }
 
     fn n_switches(&self) -> usize {
-        2
+        3
     }
 
     fn is_continuous(&self, _: usize) -> bool {
         false
     }
 
-    fn couples(&self, rate: usize, alpha: usize) -> bool {
-        rate == 0 && alpha == 0
+    fn couplings(&self, switch: usize) -> &[usize] {
+        if switch == 0 { &[0] } else { &[] }
     }
 
-    fn compile(&self, sides: &[Side]) -> ModeFunctions {
-        let sliding: Vec<usize> = (0..2).filter(|&i| sides[i] == Side::Slide).collect();
-        let mut tape = Tape::builder(4 + sliding.len());
-        let (x, y, z) = (tape.input(1), tape.input(2), tape.input(3));
-        let down = tape.scale(-1.0, x);
-        let half = tape.scale(0.5, x);
+    fn blocks(&self) -> &[Block] {
+        &self.blocks
+    }
+
+    fn inside(&self, _: usize) -> &[usize] {
+        &[]
+    }
+
+    fn rates(&self, block: usize, sides: &[Side]) -> Rates {
+        if block == 0 {
+            let mut tape = Tape::builder(2);
+            let (x, y) = (tape.input(0), tape.input(1));
+            let down = tape.scale(-1.0, x);
+            return Rates {
+                inputs: vec![Input::State(0), Input::State(1)],
+                field: Arc::new(tape.finish(&[y, down])),
+                by_alpha: Arc::new(Partials::none(2)),
+            };
+        }
+        let inputs = vec![Input::State(0), Input::Alpha(0)];
+        let mut tape = Tape::builder(2);
+        let half = tape.scale(0.5, tape.input(0));
         let drift = tape.offset(1.0, half);
         let rate = match sides[0] {
             Side::Minus => drift,
             Side::Plus => tape.offset(-2.0, drift),
-            Side::Slide => tape.add_scaled(drift, -2.0, tape.input(4)),
+            Side::Slide => tape.add_scaled(drift, -2.0, tape.input(1)),
         };
-        let near = tape.offset(-1.001, x);
-        let mut outputs = vec![y, down, rate];
-        outputs.extend(sliding.iter().map(|&i| [rate, y][i]));
-        outputs.extend([z, near]);
-        let field = tape.finish(&outputs);
-        let mut tape = Tape::builder(4 + sliding.len());
-        let mut numbers = Vec::new();
-        for &i in &sliding {
-            numbers.extend(sliding.iter().map(|&j| if i + j == 0 { -2.0 } else { 0.0 }));
+        let mut by_alpha = Partials::none(2);
+        if sides[0] == Side::Slide {
+            let mut slope = Tape::builder(2);
+            let value = slope.constant(-2.0);
+            by_alpha = Partials {
+                tape: slope.finish(&[value]),
+                entries: vec![(0, 1)],
+            };
         }
-        for &i in &sliding {
-            numbers.extend([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]][i]);
+        Rates {
+            inputs,
+            field: Arc::new(tape.finish(&[rate])),
+            by_alpha: Arc::new(by_alpha),
         }
-        numbers.extend(sliding.iter().map(|_| 0.0));
-        let outputs: Vec<_> = numbers.into_iter().map(|n| tape.constant(n)).collect();
-        ModeFunctions {
-            field,
-            sliding: tape.finish(&outputs),
+    }
+
+    fn surface(&self, switch: usize, _: &[Side]) -> Surface {
+        if switch < 2 {
+            return Surface::Affine(Affine {
+                terms: vec![([2, 0][switch], 1.0)],
+                constant: [0.0, -1.001][switch],
+                time: 0.0,
+            });
         }
+        let mut psi = Tape::builder(1);
+        let square = psi.square(psi.input(0));
+        let psi_value = psi.offset(-1.001, square);
+        let mut gradient = Tape::builder(1);
+        let twice = gradient.scale(2.0, gradient.input(0));
+        Surface::Smooth(Smooth {
+            inputs: vec![Input::State(0)],
+            psi: Arc::new(psi.finish(&[psi_value])),
+            gradient: Arc::new(Partials {
+                tape: gradient.finish(&[twice]),
+                entries: vec![(0, 0)],
+            }),
+            mixed: Arc::new(Partials::none(1)),
+        })
+    }
+
+    fn jacobian(&self, _: usize, _: &[Side]) -> Arc<Partials> {
+        unreachable!("no implicit method runs here")
     }
 }
 
@@ -81,8 +136,9 @@ impl Observer for Count {
 
 #[test]
 fn steps_off_and_on_a_surface_allocate_nothing() {
+    let system = Rotation::new();
     for (start, slides) in [(1e3, false), (0.0, true)] {
-        let mut simulator = Simulator::new(&Rotation, Settings::default());
+        let mut simulator = Simulator::new(&system, Settings::default());
         let mut measure = |horizon: f64| {
             let mut count = Count::default();
             let allocations = allocation_counter::measure(|| {

@@ -4,6 +4,7 @@
 //! difference is the estimate of the global error, and a different sequence of
 //! modes is reported instead of being trusted.
 
+mod blocks;
 mod modes;
 mod outcome;
 mod record;
@@ -72,7 +73,7 @@ pub fn run(system: &System, settings: &Settings, request: &Request) -> Trajector
         let estimate = wanted.then(|| {
             let mut finer = finer(simulator.settings(), simulator.order(), tolerance);
             finer.time_limit = left();
-            let simulator = simulator.retuned(finer);
+            let simulator = Simulator::new(&switched, finer);
             Estimate::of(simulator, settings.horizon, &x0, &recorder, &outcome)
         });
         let estimate = estimate.flatten();

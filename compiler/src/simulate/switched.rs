@@ -1,31 +1,41 @@
-//! A [`System`] as the simulator sees it: tapes, mode by mode.
+//! A [`System`] as the simulator sees it: blocks of rates and surfaces, compiled for local sides.
 //!
-//! Parameters are numbers by now, and in a mode α of every switch that does not
-//! slide is 0 or 1. Both are substituted before anything is compiled, so that a
-//! mode's tape holds that mode's field and nothing else.
+//! Parameters are numbers by now, and α of a switch that does not slide is 0 or 1. Both are
+//! substituted before anything is compiled, so that a function holds what its sides need and
+//! nothing else. What was compiled is kept, and serves every simulator of the system.
 
-use nsd_solver::simulate::{ModeFunctions, Side, SwitchedSystem};
+use std::cell::RefCell;
+use std::sync::Arc;
+
+use nsd_solver::simulate::{
+    Affine, Block, Input, Partials, Rates, Side, Smooth, Surface, SwitchedSystem,
+};
 use nsd_solver::tape::Tape;
 use rustc_hash::FxHashMap;
 
-use crate::expr::{self, Expr, Exprs, Substitution, Var};
+use super::blocks;
+use crate::expr::{self, Expr, Exprs, Node, Substitution, Var};
 use crate::system::System;
+
+/// Functions by block or switch and its local sides.
+type Known<T> = RefCell<FxHashMap<(usize, Box<[Side]>), T>>;
 
 /// x' = f(t, x, α) with the parameters of one experiment.
 pub struct Switched<'e> {
     exprs: &'e Exprs,
-    time: Var,
-    states: Vec<Var>,
+    /// What every variable stands for.
+    inputs: FxHashMap<Var, Input>,
     alphas: Vec<Var>,
     rates: Vec<Expr<'e>>,
     switching: Vec<Expr<'e>>,
-    /// (state, ∂ψ_i/∂x) where it is not zero.
-    gradients: Vec<Vec<(usize, Expr<'e>)>>,
-    /// ∂ψ_i/∂t.
-    time_gradients: Vec<Expr<'e>>,
     continuous: Vec<bool>,
+    blocks: Vec<Block>,
+    /// Switches whose α is in ψ_i.
+    inside: Vec<Vec<usize>>,
     /// Switches whose α the rate φ_i may contain.
     couplings: Vec<Vec<usize>>,
+    known_rates: Known<Rates>,
+    known_surfaces: Known<Surface>,
 }
 
 impl<'e> Switched<'e> {
@@ -36,100 +46,183 @@ impl<'e> Switched<'e> {
         for param in &system.params {
             numbers.insert(variable(param.var), exprs.constant(param.value));
         }
-        let time = variable(system.time);
-        let states: Vec<Var> = system
-            .states
-            .iter()
-            .map(|state| variable(state.var))
-            .collect();
-        let alphas: Vec<Var> = system
-            .switches
-            .iter()
-            .map(|switch| variable(switch.alpha))
-            .collect();
-        let rates: Vec<_> = system
-            .states
-            .iter()
-            .map(|state| state.rate.substitute(&numbers))
-            .collect();
-        let switching: Vec<_> = system
-            .switches
-            .iter()
-            .map(|switch| switch.psi.substitute(&numbers))
-            .collect();
-        let place: FxHashMap<Var, usize> = states
-            .iter()
-            .enumerate()
-            .map(|(i, &var)| (var, i))
-            .collect();
-        let gradient = |psi: &Expr<'e>| {
-            let occurring = expr::variables_of(&[*psi])
-                .into_iter()
-                .filter_map(|var| Some((*place.get(&var)?, var)));
-            occurring.map(|(i, var)| (i, psi.diff(var))).collect()
+        let rates: Vec<_> = system.states.iter().map(|state| state.rate).collect();
+        let rates = numbers.apply(&rates);
+        let switching: Vec<_> = system.switches.iter().map(|switch| switch.psi).collect();
+        let switching = numbers.apply(&switching);
+        let alphas = system.switches.iter().map(|switch| variable(switch.alpha));
+        let alphas: Vec<Var> = alphas.collect();
+        let mut inputs = FxHashMap::default();
+        inputs.insert(variable(system.time), Input::Time);
+        for (i, state) in system.states.iter().enumerate() {
+            inputs.insert(variable(state.var), Input::State(i));
+        }
+        for (i, &alpha) in alphas.iter().enumerate() {
+            inputs.insert(alpha, Input::Alpha(i));
+        }
+        let occurring = |e: &Expr<'e>| {
+            let found = expr::variables_of(&[*e]).into_iter();
+            let found: Vec<Input> = found.filter_map(|var| inputs.get(&var).copied()).collect();
+            found
         };
-        let gradients: Vec<Vec<_>> = switching.iter().map(gradient).collect();
-        let time_gradients: Vec<_> = switching.iter().map(|psi| psi.diff(time)).collect();
+        let switches_of = |inputs: &[Input]| {
+            let found = inputs.iter().filter_map(|input| match input {
+                Input::Alpha(switch) => Some(*switch),
+                _ => None,
+            });
+            let mut found: Vec<usize> = found.collect();
+            found.sort_unstable();
+            found
+        };
+        let in_rates: Vec<_> = rates
+            .iter()
+            .map(|rate| switches_of(&occurring(rate)))
+            .collect();
+        let in_psi: Vec<_> = switching.iter().map(occurring).collect();
+        let inside: Vec<_> = in_psi.iter().map(|inputs| switches_of(inputs)).collect();
+        // φ_i = Σ ∂ψ_i/∂x_k f_k + ∂ψ_i/∂t
+        let coupled = |inputs: &Vec<Input>| {
+            let mut found = switches_of(inputs);
+            for input in inputs {
+                if let Input::State(state) = input {
+                    found.extend(&in_rates[*state]);
+                }
+            }
+            found.sort_unstable();
+            found.dedup();
+            found
+        };
         Switched {
-            couplings: couplings(&rates, &gradients, &time_gradients, &alphas),
-            time_gradients,
-            continuous: system
-                .switches
-                .iter()
+            couplings: in_psi.iter().map(coupled).collect(),
+            blocks: blocks::cut(&rates, &in_rates, &alphas),
+            continuous: (system.switches.iter())
                 .map(|switch| switch.continuity.is_continuous())
                 .collect(),
             exprs,
-            time,
-            states,
+            inputs,
             alphas,
             rates,
             switching,
-            gradients,
+            inside,
+            known_rates: RefCell::default(),
+            known_surfaces: RefCell::default(),
         }
     }
 
-    fn tape(&self, inputs: &[Var], outputs: &[Expr<'e>]) -> Tape {
-        expr::compile(inputs, outputs)
-            .expect("a verified system holds smooth functions of time, states and α only")
+    /// The rates of a block on its local sides.
+    fn block(&self, block: usize, sides: &[Side]) -> Vec<Expr<'e>> {
+        let Block { states, switches } = &self.blocks[block];
+        let mut fixed = Substitution::new();
+        for (&switch, side) in switches.iter().zip(sides) {
+            if *side != Side::Slide {
+                fixed.insert(self.alphas[switch], self.alpha(*side));
+            }
+        }
+        let rates: Vec<_> = states.iter().map(|&state| self.rates[state]).collect();
+        fixed.apply(&rates)
+    }
+
+    /// α off the surface.
+    fn alpha(&self, side: Side) -> Expr<'e> {
+        self.exprs
+            .constant(if side == Side::Minus { 0.0 } else { 1.0 })
+    }
+
+    fn inputs_of(&self, vars: &[Var]) -> Vec<Input> {
+        vars.iter().map(|var| self.inputs[var]).collect()
+    }
+
+    /// Those variables that stand for what is wanted.
+    fn those(&self, vars: &[Var], wanted: impl Fn(Input) -> bool) -> Vec<Var> {
+        let wanted = |var: &Var| wanted(self.inputs[var]);
+        vars.iter().copied().filter(wanted).collect()
+    }
+
+    fn compile_rates(&self, block: usize, sides: &[Side]) -> Rates {
+        let rates = self.block(block, sides);
+        let vars = expr::variables_of(&rates);
+        let sliding = self.those(&vars, |input| matches!(input, Input::Alpha(_)));
+        Rates {
+            inputs: self.inputs_of(&vars),
+            field: Arc::new(tape(&vars, &rates)),
+            by_alpha: Arc::new(partials(&vars, &rates, &sliding)),
+        }
+    }
+
+    fn compile_surface(&self, switch: usize, sides: &[Side]) -> Surface {
+        let mut fixed = Substitution::new();
+        for (&inner, side) in self.inside[switch].iter().zip(sides) {
+            match side {
+                Side::Slide if self.continuous[inner] => {}
+                // ψ is continuous here, so either branch of it will do while the other slides.
+                side => fixed.insert(self.alphas[inner], self.alpha(*side)),
+            }
+        }
+        let psi = self.switching[switch].substitute(&fixed);
+        if let Some(affine) = self.affine(psi) {
+            return Surface::Affine(affine);
+        }
+        let vars = expr::variables_of(&[psi]);
+        let smooth = self.those(&vars, |input| !matches!(input, Input::Alpha(_)));
+        let alphas = self.those(&vars, |input| matches!(input, Input::Alpha(_)));
+        let gradient = partials(&vars, &[psi], &smooth);
+        let entries = expr::jacobian(&[psi], &smooth).entries;
+        let slopes: Vec<_> = entries.iter().map(|&(.., entry)| entry).collect();
+        let mut mixed = partials(&vars, &slopes, &alphas);
+        for (function, _) in &mut mixed.entries {
+            *function = gradient.entries[*function].1;
+        }
+        Surface::Smooth(Smooth {
+            inputs: self.inputs_of(&vars),
+            psi: Arc::new(tape(&vars, &[psi])),
+            gradient: Arc::new(gradient),
+            mixed: Arc::new(mixed),
+        })
+    }
+
+    /// ψ as a sum of multiples of states and time, where it is one.
+    fn affine(&self, psi: Expr<'e>) -> Option<Affine> {
+        let (constant, terms) = match psi.node() {
+            Node::Constant(constant) => (constant, Vec::new()),
+            Node::Variable(_) => (0.0, vec![(1.0, psi)]),
+            Node::Sum { constant, terms } => (constant, terms),
+            _ => return None,
+        };
+        let mut affine = Affine {
+            constant,
+            ..Affine::default()
+        };
+        for (c, term) in terms {
+            match self.inputs[&term.as_variable()?] {
+                Input::Time => affine.time = c,
+                Input::State(state) => affine.terms.push((state, c)),
+                _ => return None,
+            }
+        }
+        affine.terms.sort_unstable_by_key(|&(state, _)| state);
+        Some(affine)
     }
 }
 
-/// Which α each rate φ_i = Σ ∂ψ_i/∂x_k f_k + ∂ψ_i/∂t may contain.
-fn couplings<'e>(
-    rates: &[Expr<'e>],
-    gradients: &[Vec<(usize, Expr<'e>)>],
-    time_gradients: &[Expr<'e>],
-    alphas: &[Var],
-) -> Vec<Vec<usize>> {
-    let place: FxHashMap<Var, usize> = alphas
-        .iter()
-        .enumerate()
-        .map(|(i, &var)| (var, i))
-        .collect();
-    let alphas_of = |e: Expr<'e>| {
-        expr::variables_of(&[e])
-            .into_iter()
-            .filter_map(|var| place.get(&var).copied())
+fn tape(inputs: &[Var], outputs: &[Expr]) -> Tape {
+    expr::compile(inputs, outputs)
+        .expect("a verified system holds smooth functions of time, states and α only")
+}
+
+/// The derivatives of functions of `inputs` by some of these.
+fn partials(inputs: &[Var], functions: &[Expr], by: &[Var]) -> Partials {
+    let entries = expr::jacobian(functions, by).entries;
+    let values: Vec<_> = entries.iter().map(|&(.., value)| value).collect();
+    let place = |var: &Var| {
+        let place = inputs.binary_search(var);
+        place.expect("functions are differentiated by their inputs")
     };
-    let in_rate: Vec<Vec<usize>> = rates
-        .iter()
-        .map(|rate| alphas_of(*rate).collect())
-        .collect();
-    let of_switch = |(gradient, by_time): (&Vec<(usize, Expr<'e>)>, &Expr<'e>)| {
-        let mut found: Vec<usize> = gradient
-            .iter()
-            .flat_map(|(k, entry)| in_rate[*k].iter().copied().chain(alphas_of(*entry)))
-            .chain(alphas_of(*by_time))
-            .collect();
-        found.sort_unstable();
-        found.dedup();
-        found
-    };
-    gradients
-        .iter()
-        .zip(time_gradients)
-        .map(of_switch)
-        .collect()
+    Partials {
+        tape: tape(inputs, &values),
+        entries: (entries.iter())
+            .map(|&(function, column, _)| (function, place(&by[column])))
+            .collect(),
+    }
 }
 
 fn variable(expr: Expr) -> Var {
@@ -139,7 +232,7 @@ fn variable(expr: Expr) -> Var {
 
 impl SwitchedSystem for Switched<'_> {
     fn n_states(&self) -> usize {
-        self.states.len()
+        self.rates.len()
     }
 
     fn n_switches(&self) -> usize {
@@ -150,78 +243,38 @@ impl SwitchedSystem for Switched<'_> {
         self.continuous[switch]
     }
 
-    fn couples(&self, rate: usize, alpha: usize) -> bool {
-        self.couplings[rate].binary_search(&alpha).is_ok()
+    fn couplings(&self, switch: usize) -> &[usize] {
+        &self.couplings[switch]
     }
 
-    fn compile(&self, sides: &[Side]) -> ModeFunctions {
-        let mut fixed = Substitution::new();
-        let mut inputs = vec![self.time];
-        inputs.extend(&self.states);
-        let mut sliding = Vec::new();
-        let mut in_psi = Substitution::new();
-        for (i, (&alpha, side)) in self.alphas.iter().zip(sides).enumerate() {
-            match side {
-                Side::Minus => fixed.insert(alpha, self.exprs.constant(0.0)),
-                Side::Plus => fixed.insert(alpha, self.exprs.constant(1.0)),
-                Side::Slide => {
-                    // Another ψ is continuous here, so either branch of it will do while this one
-                    // slides. A switch that never slides is only asked for one of its sides.
-                    if !self.continuous[i] {
-                        in_psi.insert(alpha, self.exprs.constant(1.0));
-                    }
-                    inputs.push(alpha);
-                    sliding.push(i);
-                }
-            }
-        }
-        let rates: Vec<_> = self
-            .rates
-            .iter()
-            .map(|rate| rate.substitute(&fixed))
-            .collect();
-        let switching: Vec<_> = self
-            .switching
-            .iter()
-            .map(|psi| psi.substitute(&fixed).substitute(&in_psi))
-            .collect();
+    fn blocks(&self) -> &[Block] {
+        &self.blocks
+    }
 
-        // φ = ∂ψ/∂x f + ∂ψ/∂t
-        let mut phi = Vec::with_capacity(sliding.len());
-        let mut gradients = vec![self.exprs.constant(0.0); sliding.len() * self.states.len()];
-        let mut time_gradients = Vec::with_capacity(sliding.len());
-        for (row, &i) in sliding.iter().enumerate() {
-            let by_time = self.time_gradients[i]
-                .substitute(&fixed)
-                .substitute(&in_psi);
-            let mut rate = by_time;
-            for (k, entry) in &self.gradients[i] {
-                let entry = entry.substitute(&fixed).substitute(&in_psi);
-                gradients[row * self.states.len() + k] = entry;
-                rate = rate + entry * rates[*k];
-            }
-            phi.push(rate);
-            time_gradients.push(by_time);
-        }
-        let mut pairs = Vec::with_capacity(sliding.len() * sliding.len());
-        for (rate, &row) in phi.iter().zip(&sliding) {
-            for &i in &sliding {
-                pairs.push(if self.couples(row, i) {
-                    rate.diff(self.alphas[i])
-                } else {
-                    self.exprs.constant(0.0)
-                });
-            }
-        }
-        let linear: Vec<_> = pairs
-            .into_iter()
-            .chain(gradients)
-            .chain(time_gradients)
-            .collect();
-        let field: Vec<_> = rates.into_iter().chain(phi).chain(switching).collect();
-        ModeFunctions {
-            field: self.tape(&inputs, &field),
-            sliding: self.tape(&inputs, &linear),
-        }
+    fn inside(&self, switch: usize) -> &[usize] {
+        &self.inside[switch]
+    }
+
+    fn rates(&self, block: usize, sides: &[Side]) -> Rates {
+        let mut known = self.known_rates.borrow_mut();
+        let known = known.entry((block, sides.into()));
+        known
+            .or_insert_with(|| self.compile_rates(block, sides))
+            .clone()
+    }
+
+    fn surface(&self, switch: usize, sides: &[Side]) -> Surface {
+        let mut known = self.known_surfaces.borrow_mut();
+        let known = known.entry((switch, sides.into()));
+        known
+            .or_insert_with(|| self.compile_surface(switch, sides))
+            .clone()
+    }
+
+    fn jacobian(&self, block: usize, sides: &[Side]) -> Arc<Partials> {
+        let rates = self.block(block, sides);
+        let vars = expr::variables_of(&rates);
+        let states = self.those(&vars, |input| matches!(input, Input::State(_)));
+        Arc::new(partials(&vars, &rates, &states))
     }
 }

@@ -6,12 +6,7 @@
 /// LU factorization with partial pivoting of a small dense matrix.
 #[derive(Clone, Debug, Default)]
 pub struct DenseLu {
-    n: usize,
-    factors: Vec<f64>,
-    pivots: Vec<usize>,
-    /// Largest entry of every row, and of every column relative to its rows.
-    row_scale: Vec<f64>,
-    column_scale: Vec<f64>,
+    lu: BlockLu,
 }
 
 /// The matrix has no usable pivot in this column.
@@ -24,13 +19,9 @@ pub struct Singular {
 impl DenseLu {
     /// Memory for an n × n matrix.
     pub fn new(n: usize) -> Self {
-        DenseLu {
-            n,
-            factors: vec![0.0; n * n],
-            pivots: vec![0; n],
-            row_scale: vec![0.0; n],
-            column_scale: vec![0.0; n],
-        }
+        let mut lu = BlockLu::default();
+        lu.shape(&[0, n]);
+        DenseLu { lu }
     }
 
     /// Factors the row-major `matrix`.
@@ -38,64 +29,99 @@ impl DenseLu {
     /// Rows and columns may have any size of their own: a pivot below 1e-14 of that of its row times
     /// that of its column counts as zero.
     pub fn factor(&mut self, matrix: &[f64]) -> Result<(), Singular> {
-        let n = self.n;
         assert_eq!(
             matrix.len(),
-            n * n,
+            self.lu.factors.len(),
             "the matrix has the size the factorization was made for"
         );
-        self.factors.copy_from_slice(matrix);
-        self.column_scale.fill(0.0);
-        for row in 0..n {
-            let entries = &self.factors[row * n..(row + 1) * n];
-            let size = entries.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-            self.row_scale[row] = size;
-            for (scale, entry) in self.column_scale.iter_mut().zip(entries) {
-                *scale = scale.max(if size > 0.0 { entry.abs() / size } else { 0.0 });
-            }
-        }
-        let a = &mut self.factors;
-        for col in 0..n {
-            let relative = |row: usize| a[row * n + col].abs() / self.row_scale[row];
-            let pivot = (col..n)
-                .max_by(|&i, &j| relative(i).total_cmp(&relative(j)))
-                .unwrap_or(col);
-            let value = a[pivot * n + col];
-            let size = self.row_scale[pivot] * self.column_scale[col];
-            if !value.is_finite() || value.abs() <= 1e-14 * size {
-                return Err(Singular { column: col });
-            }
-            self.pivots[col] = pivot;
-            if pivot != col {
-                self.row_scale.swap(pivot, col);
-                for k in 0..n {
-                    a.swap(pivot * n + k, col * n + k);
-                }
-            }
-            for row in col + 1..n {
-                let factor = a[row * n + col] / value;
-                a[row * n + col] = factor;
-                if factor != 0.0 {
-                    for k in col + 1..n {
-                        a[row * n + k] -= factor * a[col * n + k];
-                    }
-                }
-            }
-        }
-        Ok(())
+        self.lu.factors.copy_from_slice(matrix);
+        self.lu.factor()
     }
 
     /// 1 or -1: the sign of the determinant of the matrix factored last.
     pub fn determinant_sign(&self) -> f64 {
-        let n = self.n;
-        let swapped = |(row, &pivot): (usize, &usize)| pivot != row;
-        let swaps = self
-            .pivots
-            .iter()
-            .enumerate()
-            .filter(|&p| swapped(p))
-            .count();
-        let negative = (0..n).filter(|&i| self.factors[i * n + i] < 0.0).count();
+        let blocks = self.lu.starts.len().saturating_sub(1);
+        (0..blocks)
+            .map(|block| self.lu.determinant_sign(block))
+            .product()
+    }
+
+    /// Overwrites `rhs` with the solution.
+    pub fn solve(&self, rhs: &mut [f64]) {
+        self.lu.solve(rhs);
+    }
+}
+
+/// LU factorization with partial pivoting of dense blocks on the diagonal.
+#[derive(Clone, Debug, Default)]
+pub struct BlockLu {
+    /// The first row of every block, and the end of the last one.
+    starts: Vec<usize>,
+    /// Where the entries of every block start.
+    places: Vec<usize>,
+    /// The blocks, row by row; their factors in the end.
+    factors: Vec<f64>,
+    pivots: Vec<usize>,
+    /// Largest entry of every row, and of every column relative to its rows.
+    row_scale: Vec<f64>,
+    column_scale: Vec<f64>,
+}
+
+impl BlockLu {
+    /// Memory for blocks that start at these rows; the last number is the end of the last one.
+    pub fn shape(&mut self, starts: &[usize]) {
+        self.starts.clear();
+        self.starts.extend_from_slice(starts);
+        self.places.clear();
+        let mut place = 0;
+        for pair in starts.windows(2) {
+            self.places.push(place);
+            place += (pair[1] - pair[0]).pow(2);
+        }
+        let n = starts.last().copied().unwrap_or(0);
+        self.factors.clear();
+        self.factors.resize(place, 0.0);
+        self.pivots.clear();
+        self.pivots.resize(n, 0);
+        self.row_scale.clear();
+        self.row_scale.resize(n, 0.0);
+        self.column_scale.clear();
+        self.column_scale.resize(n, 0.0);
+    }
+
+    /// The entries of a block, row by row and zero, to be filled before [`BlockLu::factor`].
+    pub fn matrix(&mut self, block: usize) -> &mut [f64] {
+        let n = self.starts[block + 1] - self.starts[block];
+        let matrix = &mut self.factors[self.places[block]..][..n * n];
+        matrix.fill(0.0);
+        matrix
+    }
+
+    /// Factors all blocks in their place.
+    pub fn factor(&mut self) -> Result<(), Singular> {
+        for (pair, &place) in self.starts.windows(2).zip(&self.places) {
+            let (rows, n) = (pair[0]..pair[1], pair[1] - pair[0]);
+            factor(
+                &mut self.factors[place..place + n * n],
+                &mut self.pivots[rows.clone()],
+                &mut self.row_scale[rows.clone()],
+                &mut self.column_scale[rows],
+            )
+            .map_err(|singular| Singular {
+                column: pair[0] + singular.column,
+            })?;
+        }
+        Ok(())
+    }
+
+    /// 1 or -1: the sign of the determinant of a block factored last.
+    pub fn determinant_sign(&self, block: usize) -> f64 {
+        let (start, end) = (self.starts[block], self.starts[block + 1]);
+        let n = end - start;
+        let factors = &self.factors[self.places[block]..];
+        let pivots = self.pivots[start..end].iter().enumerate();
+        let swaps = pivots.filter(|(row, pivot)| *pivot != row).count();
+        let negative = (0..n).filter(|&i| factors[i * n + i] < 0.0).count();
         if (swaps + negative) % 2 == 0 {
             1.0
         } else {
@@ -105,18 +131,75 @@ impl DenseLu {
 
     /// Overwrites `rhs` with the solution.
     pub fn solve(&self, rhs: &mut [f64]) {
-        let (n, a) = (self.n, &self.factors);
-        for (row, &pivot) in self.pivots.iter().enumerate() {
-            rhs.swap(row, pivot);
+        for (pair, &place) in self.starts.windows(2).zip(&self.places) {
+            let rows = pair[0]..pair[1];
+            solve(
+                &self.factors[place..],
+                &self.pivots[rows.clone()],
+                &mut rhs[rows],
+            );
         }
-        for row in 1..n {
-            let sum: f64 = (0..row).map(|k| a[row * n + k] * rhs[k]).sum();
-            rhs[row] -= sum;
+    }
+}
+
+fn factor(
+    a: &mut [f64],
+    pivots: &mut [usize],
+    row_scale: &mut [f64],
+    column_scale: &mut [f64],
+) -> Result<(), Singular> {
+    let n = pivots.len();
+    column_scale.fill(0.0);
+    for row in 0..n {
+        let entries = &a[row * n..(row + 1) * n];
+        let size = entries.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        row_scale[row] = size;
+        for (scale, entry) in column_scale.iter_mut().zip(entries) {
+            *scale = scale.max(if size > 0.0 { entry.abs() / size } else { 0.0 });
         }
-        for row in (0..n).rev() {
-            let sum: f64 = (row + 1..n).map(|k| a[row * n + k] * rhs[k]).sum();
-            rhs[row] = (rhs[row] - sum) / a[row * n + row];
+    }
+    for col in 0..n {
+        let relative = |row: usize| a[row * n + col].abs() / row_scale[row];
+        let pivot = (col..n)
+            .max_by(|&i, &j| relative(i).total_cmp(&relative(j)))
+            .unwrap_or(col);
+        let value = a[pivot * n + col];
+        let size = row_scale[pivot] * column_scale[col];
+        if !value.is_finite() || value.abs() <= 1e-14 * size {
+            return Err(Singular { column: col });
         }
+        pivots[col] = pivot;
+        if pivot != col {
+            row_scale.swap(pivot, col);
+            for k in 0..n {
+                a.swap(pivot * n + k, col * n + k);
+            }
+        }
+        for row in col + 1..n {
+            let factor = a[row * n + col] / value;
+            a[row * n + col] = factor;
+            if factor != 0.0 {
+                for k in col + 1..n {
+                    a[row * n + k] -= factor * a[col * n + k];
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+fn solve(a: &[f64], pivots: &[usize], rhs: &mut [f64]) {
+    let n = pivots.len();
+    for (row, &pivot) in pivots.iter().enumerate() {
+        rhs.swap(row, pivot);
+    }
+    for row in 1..n {
+        let sum: f64 = (0..row).map(|k| a[row * n + k] * rhs[k]).sum();
+        rhs[row] -= sum;
+    }
+    for row in (0..n).rev() {
+        let sum: f64 = (row + 1..n).map(|k| a[row * n + k] * rhs[k]).sum();
+        rhs[row] = (rhs[row] - sum) / a[row * n + row];
     }
 }
 

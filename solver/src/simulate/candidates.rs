@@ -23,10 +23,10 @@ const MAX_DEPTH: usize = 4;
 
 impl<S: SwitchedSystem> Simulator<'_, S> {
     /// All choices of sides with their α.
-    pub(super) fn choices(&mut self, free: usize, state: &State, group: &[usize]) -> Choices {
+    pub(super) fn choices(&mut self, state: &State, group: &[usize]) -> Choices {
         let options: Vec<Vec<Side>> = group.iter().map(|&i| self.options(state, i)).collect();
         let candidates = if group.len() > MAX_ENUMERATED {
-            self.pivots(free, state, group, &options)
+            self.pivots(state, group, &options)
         } else {
             product(&options)
         };
@@ -35,7 +35,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             singular: false,
         };
         for candidate in candidates {
-            let complete = self.solve(free, state, group, &candidate, &mut choices.found);
+            let complete = self.solve(state, group, &candidate, &mut choices.found);
             choices.singular |= !complete;
         }
         choices
@@ -54,26 +54,11 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     }
 
     /// Solutions by Lemke's method and, where there may be others, by search.
-    fn pivots(
-        &mut self,
-        free: usize,
-        state: &State,
-        group: &[usize],
-        options: &[Vec<Side>],
-    ) -> Vec<Vec<Side>> {
-        let mode = &mut self.modes[free];
-        let found: Result<Vec<usize>, _> = group
-            .iter()
-            .map(|i| mode.sliding.binary_search(i))
-            .collect();
-        let Ok(at) = found else {
-            return Vec::new();
-        };
+    fn pivots(&mut self, state: &State, group: &[usize], options: &[Vec<Side>]) -> Vec<Vec<Side>> {
         let mut problem = Problem {
-            mode,
+            mode: &mut self.mode,
             state,
             group,
-            at,
         };
         let unique = problem.is_unique();
         let mut candidates = problem
@@ -95,13 +80,12 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     /// is singular.
     fn solve(
         &mut self,
-        free: usize,
         state: &State,
         group: &[usize],
         sides: &[Side],
         found: &mut Vec<Choice>,
     ) -> bool {
-        let mode = &mut self.modes[free];
+        let mode = &mut self.mode;
         let mut alpha = state.alpha.clone();
         let mut unknowns = Vec::new();
         for (&i, &side) in group.iter().zip(sides) {
@@ -109,10 +93,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 Side::Minus => 0.0,
                 Side::Plus => 1.0,
                 Side::Slide => {
-                    let Ok(at) = mode.sliding.binary_search(&i) else {
-                        return false;
-                    };
-                    unknowns.push((i, at));
+                    unknowns.push(i);
                     if state.sides[i] == Side::Slide {
                         alpha[i]
                     } else {
@@ -131,7 +112,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let complete = zeros.find();
         let (solutions, mut alpha, unknowns) = (zeros.found, zeros.alpha, zeros.unknowns);
         for solution in solutions {
-            for (&(i, _), a) in unknowns.iter().zip(solution) {
+            for (&i, a) in unknowns.iter().zip(solution) {
                 alpha[i] = a;
             }
             mode.eval(state.t, &state.x, &alpha);
@@ -185,8 +166,8 @@ struct Zeros<'m> {
     state: &'m State,
     /// Of all switches; the unknown ones start where Newton's method does.
     alpha: Vec<f64>,
-    /// The switches S and their places among the sliding ones.
-    unknowns: Vec<(usize, usize)>,
+    /// The switches S.
+    unknowns: Vec<usize>,
     found: Vec<Vec<f64>>,
 }
 
@@ -206,25 +187,22 @@ impl Zeros<'_> {
     }
 
     fn values(&self) -> Vec<f64> {
-        self.unknowns.iter().map(|&(i, _)| self.alpha[i]).collect()
+        self.unknowns.iter().map(|&i| self.alpha[i]).collect()
     }
 
     fn set(&mut self, values: &[f64]) {
-        for (&(i, _), &value) in self.unknowns.iter().zip(values) {
+        for (&i, &value) in self.unknowns.iter().zip(values) {
             self.alpha[i] = value;
         }
         self.mode.eval(self.state.t, &self.state.x, &self.alpha);
+        self.mode.linearize(&self.unknowns);
     }
 
-    fn matrix(&mut self) -> Vec<f64> {
-        self.mode.linearize();
+    fn matrix(&self) -> Vec<f64> {
         let mut matrix = Vec::new();
-        for &(_, row) in &self.unknowns {
-            let row = self
-                .unknowns
-                .iter()
-                .map(|&(_, col)| self.mode.coupling(row, col));
-            matrix.extend(row);
+        for &row in &self.unknowns {
+            let columns = self.unknowns.iter();
+            matrix.extend(columns.map(|&col| self.mode.coupling(row, col)));
         }
         matrix
     }
@@ -255,8 +233,8 @@ impl Zeros<'_> {
         self.set(&values);
         for _ in 0..30 {
             let matrix = self.matrix();
-            for (rhs, &(_, row)) in rhs.iter_mut().zip(&self.unknowns) {
-                *rhs = self.mode.phi()[row];
+            for (rhs, &row) in rhs.iter_mut().zip(&self.unknowns) {
+                *rhs = self.mode.phi(row);
             }
             if lu.factor(&matrix).is_err() {
                 return false;
@@ -325,9 +303,10 @@ impl Zeros<'_> {
             let shift = |(i, c): (usize, &f64)| c + width * f64::from(at >> i & 1 == 1);
             let values: Vec<f64> = corner.iter().enumerate().map(shift).collect();
             self.set(&values);
-            for (j, &(_, row)) in self.unknowns.iter().enumerate() {
-                least[j] = least[j].min(self.mode.phi()[row]);
-                largest[j] = largest[j].max(self.mode.phi()[row]);
+            for (j, &row) in self.unknowns.iter().enumerate() {
+                let rate = self.mode.phi(row);
+                least[j] = least[j].min(rate);
+                largest[j] = largest[j].max(rate);
             }
         }
         let mut ranges = least.iter().zip(&largest);

@@ -28,21 +28,39 @@ pub(super) struct Probed {
     rates: Vec<AtProbes>,
     /// Error scales of the states.
     scales: Vec<f64>,
-    /// ψ of all switches; of sliding ones nothing is kept.
-    psi: Vec<AtProbes>,
-    /// Magnitudes of ψ within the step.
-    sizes: Vec<f64>,
 }
 
 impl Probed {
-    pub(super) fn new(n_states: usize, n_switches: usize) -> Self {
+    pub(super) fn new(n_states: usize) -> Self {
         Probed {
             x: vec![Default::default(); n_states],
             rates: vec![Default::default(); n_states],
             scales: vec![0.0; n_states],
-            psi: vec![Default::default(); n_switches],
-            sizes: vec![0.0; n_switches],
         }
+    }
+}
+
+/// The largest of the last three terms of some series, relative to the scale of each.
+struct LastTerms {
+    order: usize,
+    worst: [f64; 3],
+}
+
+impl LastTerms {
+    fn see(&mut self, c: &[f64], scale: f64) {
+        for (worst, c) in self.worst.iter_mut().zip(&c[self.order - 2..]) {
+            if *c != 0.0 {
+                *worst = worst.max(c.abs() / scale);
+            }
+        }
+    }
+
+    /// Logarithm of the least radius of convergence that they show.
+    fn radius(&self) -> f64 {
+        let orders = self.order - 2..=self.order;
+        let radii = self.worst.iter().zip(orders);
+        let radii = radii.map(|(worst, k)| -worst.ln() / k as f64);
+        radii.fold(f64::INFINITY, f64::min)
     }
 }
 
@@ -55,28 +73,38 @@ pub(super) struct Defect {
 }
 
 impl Mode {
-    /// Measures Σ |∂g/∂(t, x, α)|·|(t, x, α)| of every function g, as one perturbation of all
-    /// inputs by different amounts shows it: the size of its terms, which may cancel, and with it
-    /// its rounding error.
+    /// Measures Σ |∂f/∂(t, x, α)|·|(t, x, α)| of every rate, as one perturbation of all inputs by
+    /// different amounts shows it: the size of its terms, which may cancel, and with it its rounding
+    /// error.
     pub(crate) fn measure_terms(&mut self, state: &mut State, alpha: &[f64]) {
         self.eval(state.t, &state.x, alpha);
-        self.terms.copy_from_slice(&self.field);
+        self.terms.copy_from_slice(&self.field.f);
+        self.perturbed.clone_from(&self.memory.values);
         let mut share = 0.0_f64;
-        for input in &mut self.inputs {
+        let mut perturb = |input: &mut f64| {
             // Multiples of the golden ratio, so that no two terms are disturbed alike.
             share = (share + 0.618_033_988_749_895).fract();
             *input *= 1.0 + PERTURBATION * (2.0 * share - 1.0).signum() * (0.5 + share);
+        };
+        self.perturbed[..=self.n].iter_mut().for_each(&mut perturb);
+        for &i in &self.sliding {
+            perturb(&mut self.perturbed[1 + self.n + i]);
         }
-        self.eval_inputs();
-        for (term, perturbed) in self.terms.iter_mut().zip(&self.field) {
+        self.field.eval(&self.perturbed);
+        for (term, perturbed) in self.terms.iter_mut().zip(&self.field.f) {
             let size = (perturbed - *term).abs() / PERTURBATION;
             *term = if size.is_finite() { size } else { 0.0 };
         }
         for (activity, &now) in state.activity.iter_mut().zip(&self.terms) {
             *activity = activity.max(now);
         }
-        let psi = self.n + self.sliding.len();
-        state.terms.copy_from_slice(&self.terms[psi..]);
+    }
+
+    /// Size of the terms of φ of a sliding switch at the expansion point.
+    fn terms_of_rate(&self, switch: usize) -> f64 {
+        let size = |state: usize| self.terms[state].max(self.rate_series(state)[0].abs());
+        let gradient = self.gradient(switch).iter();
+        gradient.map(|&(state, g)| g.abs() * size(state)).sum()
     }
 
     /// The magnitude an error of state i within a step h is relative to: the largest of the run or
@@ -91,47 +119,91 @@ impl Mode {
     }
 
     /// The largest step up to `longest` whose first neglected terms stay below `tolerance` times
-    /// the magnitude of every state, ψ and α.
+    /// the magnitude of every state and α.
     ///
     /// |c_k| = magnitude / ρᵏ gives the radius ρ, taken as the least over the last three terms (two
     /// in Jorba & Zou 2005, section 3.2); then (h/ρ)^(p+1) = tolerance.
     pub(crate) fn step_size(&self, tolerance: f64, state: &State, longest: f64) -> f64 {
-        let last = self.order - 2..=self.order;
-        let mut h = longest;
-        for _ in 0..MAX_SHRINKS {
-            let mut worst = [0.0_f64; 3];
-            let mut see = |c: &[f64], scale: f64| {
-                for (worst, k) in worst.iter_mut().zip(last.clone()) {
-                    if c[k] != 0.0 {
-                        *worst = worst.max(c[k].abs() / scale);
-                    }
-                }
-            };
+        self.shrink(tolerance, longest, |h, last| {
             for i in 0..self.n {
-                see(self.x_series(i), self.error_scale(i, h, tolerance, state));
+                last.see(self.x_series(i), self.error_scale(i, h, tolerance, state));
             }
-            let mut sliding = 0;
-            for (i, side) in self.sides.iter().enumerate() {
-                if *side == Side::Slide {
-                    let rounding = 8.0 * f64::EPSILON * self.terms[self.n + sliding]
-                        / self.gains[sliding].max(SMALLEST);
-                    let c = self.alpha_series(sliding);
-                    let scale = series::magnitude(c, h, 0).max(1.0);
-                    see(c, scale.max(rounding / tolerance));
-                    sliding += 1;
-                } else {
+            for &i in &self.sliding {
+                let rounding =
+                    8.0 * f64::EPSILON * self.terms_of_rate(i) / self.gain(i).max(SMALLEST);
+                let c = self.alpha_series(i);
+                let scale = series::magnitude(c, h, 0).max(1.0);
+                last.see(c, scale.max(rounding / tolerance));
+            }
+        })
+    }
+
+    /// Looks for the switches off their surface that may reach it within a step h, and expands their
+    /// ψ. Those that are no affine functions may shorten the step, which is returned.
+    ///
+    /// |ψ(x)| > Σ |∂ψ/∂x_j| R_j, R_j = Σ_k |x_{j,k}| hᵏ from k = 1, proves that an affine ψ has no root.
+    pub(crate) fn watch(&mut self, tolerance: f64, state: &mut State, h: f64) -> f64 {
+        self.watched.clear();
+        if self.sides.len() == self.sliding.len() {
+            return h;
+        }
+        for i in 0..self.n {
+            self.reach[i] = series::reach(self.x_series(i), h);
+        }
+        let mut curved = false;
+        for i in 0..self.sides.len() {
+            if self.sides[i] == Side::Slide
+                || self
+                    .surfaces
+                    .stays_away(i, &self.memory.values, &self.reach, h)
+            {
+                continue;
+            }
+            self.expand_psi(i, state);
+            self.watched.push(i);
+            curved |= !self.surfaces.is_affine(i);
+        }
+        if curved {
+            self.step_size_of_psi(tolerance, state, h)
+        } else {
+            h
+        }
+    }
+
+    /// Computes the series of ψ of a switch along the expansion, and the size of its terms.
+    pub(crate) fn expand_psi(&mut self, switch: usize, state: &mut State) {
+        for k in 0..=self.order {
+            self.surfaces.advance(switch, &mut self.memory, k);
+        }
+        let (values, perturbed) = (&self.memory.values, &self.perturbed);
+        state.terms[switch] = self.surfaces.terms(switch, values, perturbed, PERTURBATION);
+    }
+
+    /// The largest step up to `longest` whose first neglected terms stay below `tolerance` times
+    /// the magnitude of every ψ that is watched.
+    pub(crate) fn step_size_of_psi(&self, tolerance: f64, state: &State, longest: f64) -> f64 {
+        self.shrink(tolerance, longest, |h, last| {
+            for &i in &self.watched {
+                if !self.surfaces.is_affine(i) {
                     let rounding = 8.0 * f64::EPSILON * state.terms[i];
                     let c = self.psi_series(i);
                     let scale = series::magnitude(c, h, 0).max(rounding / tolerance);
-                    see(c, scale.max(SMALLEST));
+                    last.see(c, scale.max(SMALLEST));
                 }
             }
-            let radius = |(worst, k): (&f64, usize)| -worst.ln() / k as f64;
-            let least = worst
-                .iter()
-                .zip(last.clone())
-                .map(radius)
-                .fold(f64::INFINITY, f64::min);
+        })
+    }
+
+    /// Shrinks a step until the last terms that `see` shows for it allow it.
+    fn shrink(&self, tolerance: f64, longest: f64, see: impl Fn(f64, &mut LastTerms)) -> f64 {
+        let mut h = longest;
+        for _ in 0..MAX_SHRINKS {
+            let mut last = LastTerms {
+                order: self.order,
+                worst: [0.0; 3],
+            };
+            see(h, &mut last);
+            let least = last.radius();
             let next = h.min((least + tolerance.ln() / (self.order + 1) as f64).exp());
             let settled = next >= 0.9 * h;
             h = next;
@@ -176,12 +248,12 @@ impl Mode {
                     };
                 }
             }
-            defect.switches_agree &= self.switches_agree(state, k, allowed);
+            defect.switches_agree &= self.switches_agree(state, at, tau, allowed);
         }
         defect
     }
 
-    /// Evaluates the series at all probes.
+    /// Evaluates the series of the states at all probes.
     fn probe(&mut self, state: &State, tau: f64, tolerance: f64) {
         let at = PROBES.map(|probe| probe * tau);
         let mut probed = std::mem::take(&mut self.probed);
@@ -189,30 +261,35 @@ impl Mode {
             [probed.x[i], probed.rates[i]] = series::values_and_slopes(self.x_series(i), at);
             probed.scales[i] = self.error_scale(i, tau, tolerance, state);
         }
-        for (i, side) in self.sides.iter().enumerate() {
-            if *side != Side::Slide {
-                let c = self.psi_series(i);
-                probed.psi[i] = at.map(|at| series::value(c, at));
-                probed.sizes[i] = series::magnitude(c, tau, 0);
-            }
-        }
         self.probed = probed;
     }
 
-    /// True when at a probe φ_K vanishes and every other ψ has the value of its series, up to
-    /// `allowed`.
-    fn switches_agree(&self, state: &State, probe: usize, allowed: f64) -> bool {
+    /// True when at the point φ_K vanishes and every other ψ that is watched has the value of its
+    /// series, `at` after the start of a step `tau`, up to `allowed`. An affine ψ has it anyway.
+    fn switches_agree(&mut self, state: &State, at: f64, tau: f64, allowed: f64) -> bool {
         let rounding = 64.0 * f64::EPSILON;
-        let slides = self.phi().iter().enumerate().all(|(j, phi)| {
-            phi.abs() <= allowed * self.gains[j] + rounding * self.terms[self.n + j]
-        });
-        let (psi, sides) = (self.psi(), self.sides.iter());
-        let mut others = sides.enumerate().filter(|(_, side)| **side != Side::Slide);
-        slides
-            && others.all(|(i, _)| {
-                let size = self.probed.sizes[i];
-                let difference = (self.probed.psi[i][probe] - psi[i]).abs();
-                difference <= allowed * size + rounding * (state.terms[i] + size)
-            })
+        for k in 0..self.sliding.len() {
+            let i = self.sliding[k];
+            self.surfaces.linearize(i, &self.memory.values);
+            let size = allowed * self.gain(i) + rounding * self.terms_of_rate(i);
+            if self.phi(i).abs() > size {
+                return false;
+            }
+        }
+        for k in 0..self.watched.len() {
+            let i = self.watched[k];
+            if self.surfaces.is_affine(i) {
+                continue;
+            }
+            let psi = self.psi(i);
+            let c = self.psi_series(i);
+            let size = series::magnitude(c, tau, 0);
+            let difference = (series::value(c, at) - psi).abs();
+            let agrees = difference <= allowed * size + rounding * (state.terms[i] + size);
+            if !agrees {
+                return false;
+            }
+        }
+        true
     }
 }

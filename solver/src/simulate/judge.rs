@@ -57,61 +57,48 @@ impl Verdict {
 impl<S: SwitchedSystem> Simulator<'_, S> {
     /// Size of each rate of the group: |∇ψ|·|f| + |∂ψ/∂t| over all choices, with the terms of f that
     /// cancel, and what would move ψ by its own size within a step.
-    pub(super) fn rates(
-        &mut self,
-        free: usize,
-        state: &State,
-        group: &[usize],
-        choices: &[Choice],
-    ) -> Vec<f64> {
-        let mode = &mut self.modes[free];
+    pub(super) fn rates(&mut self, state: &State, group: &[usize], choices: &[Choice]) -> Vec<f64> {
+        let mode = &mut self.mode;
         mode.eval(state.t, &state.x, &state.alpha);
-        mode.linearize();
+        mode.linearize(group);
         let largest = |component: usize| {
             let values = choices.iter().map(|choice| choice.f[component].abs());
             values.fold(state.activity[component], f64::max)
         };
-        let largest: Vec<f64> = (0..state.x.len()).map(largest).collect();
         let rate = |i: &usize| {
-            let Ok(j) = mode.sliding.binary_search(i) else {
-                return 0.0;
-            };
-            let terms = mode.gradient(j).iter().zip(&largest);
-            let terms: f64 = terms.map(|(g, f)| g.abs() * f).sum();
+            let terms = mode.gradient(*i).iter();
+            let terms: f64 = terms.map(|&(j, g)| g.abs() * largest(j)).sum();
             let within_a_step = if state.last_step > 0.0 {
                 state.band[*i] / BAND / state.last_step
             } else {
                 0.0
             };
-            terms + mode.time_gradient(j).abs() + within_a_step
+            terms + mode.time_gradient(*i).abs() + within_a_step
         };
         group.iter().map(rate).collect()
     }
 
-    /// What the rates and α say.
+    /// What the rates and α say, in the mode where the group is free.
     pub(super) fn check(
         &mut self,
-        free: usize,
         state: &State,
         group: &[usize],
         choice: &Choice,
         rates: &[f64],
     ) -> Check {
-        let mode = &mut self.modes[free];
+        let mode = &mut self.mode;
         let mut alpha = state.alpha.clone();
         for (&i, &a) in group.iter().zip(&choice.alpha) {
             alpha[i] = a;
         }
         mode.eval(state.t, &state.x, &alpha);
+        mode.linearize(group);
         let mut tie = false;
         for (at, &i) in group.iter().enumerate() {
-            let Ok(j) = mode.sliding.binary_search(&i) else {
-                return Check::Inconsistent;
-            };
             // Positive inside, negative outside, relative to the natural size.
             let margin = match choice.sides[at] {
                 Side::Slide => choice.alpha[at].min(1.0 - choice.alpha[at]),
-                side if rates[at] > 0.0 => side.sign() * mode.phi()[j] / rates[at],
+                side if rates[at] > 0.0 => side.sign() * mode.phi(i) / rates[at],
                 _ => 0.0,
             };
             if margin.is_nan() || margin < -TIE {
@@ -135,18 +122,21 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             sides[i] = choice.sides[at];
             alpha[i] = choice.alpha[at];
         }
-        let index = self.mode(&sides);
-        let order = self.order;
-        let mode = &mut self.modes[index];
-        mode.expand(state.t, &state.x, &mut alpha, order).ok()?;
+        let (order, tolerance) = (self.order, self.settings.local_tolerance());
+        let mode = &mut self.mode;
+        mode.enter(self.system, &sides);
+        mode.expand(state.t, &state.x, &mut alpha).ok()?;
         mode.measure_terms(state, &alpha);
-        let h = mode.step_size(self.settings.local_tolerance(), state, t1 - state.t);
+        mode.watched.clear();
+        for &i in group.iter().filter(|&&i| sides[i] != Side::Slide) {
+            mode.expand_psi(i, state);
+            mode.watched.push(i);
+        }
+        let h = mode.step_size(tolerance, state, t1 - state.t);
+        let h = mode.step_size_of_psi(tolerance, state, h);
         let stays = |(&i, side): (&usize, &Side)| match side {
             Side::Slide => {
-                let Ok(j) = mode.sliding.binary_search(&i) else {
-                    return false;
-                };
-                let series = mode.alpha_series(j);
+                let series = mode.alpha_series(i);
                 let inward = if series[0] <= TIE {
                     1.0
                 } else if series[0] >= 1.0 - TIE {

@@ -11,27 +11,30 @@
 
 mod candidates;
 mod control;
+mod field;
 mod judge;
+mod layout;
 mod mode;
 mod pivot;
 mod roots;
 mod select;
 mod series;
+mod sliding;
 mod state;
 mod step;
+mod surfaces;
+mod system;
 #[cfg(test)]
 mod tests;
 
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
-use rustc_hash::FxHashMap;
-
-use crate::tape::Tape;
 use mode::Mode;
 use roots::RootFinder;
 pub use select::{Candidate, MAX_NAMED};
 use state::State;
+pub use system::{Affine, Block, Input, Partials, Rates, Smooth, Surface, SwitchedSystem};
 
 /// Where a switch stands relative to its surface ψ = 0.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
@@ -57,29 +60,6 @@ impl Side {
     fn of(value: f64) -> Side {
         if value < 0.0 { Side::Minus } else { Side::Plus }
     }
-}
-
-/// A system with switches, as the simulator sees it.
-pub trait SwitchedSystem {
-    /// Length of x.
-    fn n_states(&self) -> usize;
-    /// Length of ψ and α.
-    fn n_switches(&self) -> usize;
-    /// True when f is continuous across the surface, so that it never slides.
-    fn is_continuous(&self, switch: usize) -> bool;
-    /// True when the rate φ of switch `rate` may depend on α of switch `alpha`.
-    fn couples(&self, rate: usize, alpha: usize) -> bool;
-    /// The functions of a mode: α is 0 at `Minus`, 1 at `Plus` and an input at `Slide`.
-    fn compile(&self, sides: &[Side]) -> ModeFunctions;
-}
-
-/// The smooth functions of one mode. K are its sliding switches, in order.
-#[derive(Clone, Debug)]
-pub struct ModeFunctions {
-    /// (t, x, α_K) to f (n), the rates φ_K (k) and ψ of all switches.
-    pub field: Tape,
-    /// (t, x, α_K) to ∂φ_K/∂α_K (k × k), ∂ψ_K/∂x (k × n) and ∂ψ_K/∂t (k), row major.
-    pub sliding: Tape,
 }
 
 /// What the user may choose.
@@ -203,7 +183,7 @@ impl Segment<'_> {
 
     /// Order of the series.
     pub fn order(&self) -> usize {
-        self.mode.order()
+        self.mode.order
     }
 
     /// Taylor coefficients of a state around the start, constant term first.
@@ -213,8 +193,7 @@ impl Segment<'_> {
 
     /// Taylor coefficients of α of a sliding switch; none where α is constant.
     pub fn alpha_series(&self, switch: usize) -> Option<&[f64]> {
-        let place = self.mode.sliding.binary_search(&switch).ok()?;
-        Some(self.mode.alpha_series(place))
+        (self.sides[switch] == Side::Slide).then(|| self.mode.alpha_series(switch))
     }
 
     /// α of every switch `tau` after the start.
@@ -242,8 +221,8 @@ pub struct Stats {
     pub rhs_evaluations: usize,
     /// Changes of mode.
     pub events: usize,
-    /// Modes compiled in this run.
-    pub modes_compiled: usize,
+    /// Functions of blocks and surfaces that were met for the first time.
+    pub functions: usize,
 }
 
 /// The end of a run.
@@ -270,13 +249,14 @@ pub struct Outcome {
     pub stats: Stats,
 }
 
-/// Runs a system, keeping the modes it has compiled from one run to the next.
+/// Runs a system, keeping the functions it has met from one run to the next.
 pub struct Simulator<'s, S> {
     system: &'s S,
     settings: Settings,
     order: usize,
-    modes: Vec<Mode>,
-    index: FxHashMap<Box<[Side]>, usize>,
+    mode: Mode,
+    /// Switches whose rates the α of a switch may occur in.
+    coupled_by: Vec<Vec<usize>>,
     roots: RootFinder,
 }
 
@@ -284,29 +264,23 @@ pub struct Simulator<'s, S> {
 const MAX_STALLED: usize = 100;
 
 impl<'s, S: SwitchedSystem> Simulator<'s, S> {
-    /// A simulator without any mode compiled yet.
+    /// A simulator without any mode yet.
     pub fn new(system: &'s S, settings: Settings) -> Self {
         let order = settings.series_order();
+        let mut coupled_by = vec![Vec::new(); system.n_switches()];
+        for rate in 0..system.n_switches() {
+            for &alpha in system.couplings(rate) {
+                coupled_by[alpha].push(rate);
+            }
+        }
         Simulator {
             system,
             order,
             settings,
-            modes: Vec::new(),
-            index: FxHashMap::default(),
+            mode: Mode::new(system, order),
+            coupled_by,
             roots: RootFinder::new(order),
         }
-    }
-
-    /// The same system and compiled modes under other settings.
-    pub fn retuned(&self, settings: Settings) -> Self {
-        let mut other = Simulator::new(self.system, settings);
-        let n = self.system.n_states();
-        for mode in &self.modes {
-            let copy = Mode::new(&mode.sides, mode.functions().clone(), n, other.order);
-            other.modes.push(copy);
-        }
-        other.index = self.index.clone();
-        other
     }
 
     /// The settings in force.
@@ -319,13 +293,28 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
         self.order
     }
 
+    /// Calls `entry(row, column, value)` for every ∂f_row/∂x_column that is not structurally zero, at
+    /// a point of a mode; α of switches that do not slide is that of their side.
+    pub fn jacobian(
+        &mut self,
+        t: f64,
+        x: &[f64],
+        sides: &[Side],
+        alpha: &[f64],
+        entry: impl FnMut(usize, usize, f64),
+    ) {
+        self.mode.enter(self.system, sides);
+        self.mode.set(t, x, alpha);
+        self.mode.jacobian(self.system, entry);
+    }
+
     /// Integrates from `x0` at `t0` to `t1`.
     pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut impl Observer) -> Outcome {
         let started = self
             .settings
             .time_limit
             .map(|limit| (Instant::now(), limit));
-        let compiled = self.modes.len();
+        let known = self.mode.n_functions();
         let mut state = State::new(t0, x0, self.system.n_switches());
         let (mut drift, mut defect) = (0.0, 0.0);
         let status = match self.start(&mut state, t1 - t0) {
@@ -339,8 +328,8 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 }
 
                 // Expand the solution in the current mode and cut the series at its first event.
-                let mode = self.mode(&state.sides);
-                let step = match self.step(mode, &mut state, t1) {
+                self.mode.enter(self.system, &state.sides);
+                let step = match self.step(&mut state, t1) {
                     Ok(step) => step,
                     Err(status) => break status,
                 };
@@ -353,7 +342,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 } else {
                     state.advance(step.length);
                 }
-                drift = f64::max(drift, self.modes[mode].project(&mut state));
+                drift = f64::max(drift, self.mode.project(&mut state));
                 state.record(step.length);
                 state.stats.steps += 1;
                 let segment = Segment {
@@ -361,14 +350,14 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                     length: step.length,
                     sides: &state.sides,
                     end: &state.x,
-                    mode: &self.modes[mode],
+                    mode: &self.mode,
                 };
                 if step.length > 0.0 && observer.segment(&segment).is_break() {
                     break Status::Stopped;
                 }
 
                 // At an event, the rates on all surfaces that meet decide the next mode.
-                state.disarm(self.modes[mode].psi());
+                self.disarm(&mut state);
                 if step.triggers.is_empty() {
                     continue;
                 }
@@ -391,7 +380,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 }
             },
         };
-        state.stats.modes_compiled = self.modes.len() - compiled;
+        state.stats.functions = self.mode.n_functions() - known;
         let elapsed = if state.t > t0 { state.t - t0 } else { 1.0 };
         Outcome {
             status,
@@ -420,19 +409,17 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
         late.then_some(Status::TimeLimit)
     }
 
-    /// The index of the mode, compiled at its first use.
-    fn mode(&mut self, sides: &[Side]) -> usize {
-        if let Some(&index) = self.index.get(sides) {
-            return index;
+    /// A surface left tangentially is watched again once it is outside its band.
+    fn disarm(&mut self, state: &mut State) {
+        let left = |i: usize| state.armed[i] && state.sides[i] != Side::Slide;
+        if !(0..state.armed.len()).any(left) {
+            return;
         }
-        let functions = self.system.compile(sides);
-        self.modes.push(Mode::new(
-            sides,
-            functions,
-            self.system.n_states(),
-            self.order,
-        ));
-        self.index.insert(sides.into(), self.modes.len() - 1);
-        self.modes.len() - 1
+        self.mode.set(state.t, &state.x, &state.alpha);
+        for i in 0..state.armed.len() {
+            if state.armed[i] && state.sides[i] != Side::Slide {
+                state.armed[i] = self.mode.psi(i).abs() <= state.band[i];
+            }
+        }
     }
 }

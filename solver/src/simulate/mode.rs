@@ -1,16 +1,23 @@
-//! One mode: its compiled functions, its Taylor expansion, and its algebra.
+//! The present mode: its functions, its Taylor expansion, and its algebra.
 //!
-//! While surfaces K slide, α_K solves φ_K(t, x, α_K) = 0. The order-k coefficient
-//! of φ_K is linear in the order-k coefficient of α_K with the matrix
-//! A = ∂φ_K/∂α_K of the expansion point, so one factorization serves all orders:
-//! evaluate with α_K,k = 0, solve A α_K,k = -φ_K,k, evaluate again.
+//! Entering a mode takes up the functions of those blocks and surfaces alone whose own sides have
+//! changed; they were compiled when a run first met these sides.
+//!
+//! While surfaces K slide, α_K solves φ_K(t, x, α_K) = 0, φ_i = ∇ψ_i·f + ∂ψ_i/∂t. Along the solution
+//! φ_i = dψ_i/dt, so the order-k coefficient of φ_i is k + 1 times the order-(k+1) coefficient of
+//! ψ_i. It is linear in the order-k coefficient of α_K with the matrix A = ∂φ_K/∂α_K of the expansion
+//! point, so one factorization serves all orders: evaluate f with α_K,k = 0, from it x and ψ_K of
+//! order k + 1, solve A α_K,k = -(k + 1) ψ_K,k+1, and evaluate again what contains α_K.
 
 use super::control::Probed;
-use super::series;
+use super::field::Field;
+use super::layout::Memory;
+use super::sliding::Sliding;
 use super::state::State;
-use super::{ModeFunctions, Side};
-use crate::linalg::{DenseLu, Singular};
-use crate::tape::{Jet, Scratch};
+use super::surfaces::Surfaces;
+use super::{Side, Status, SwitchedSystem, series};
+use crate::linalg::Singular;
+use crate::tape;
 
 pub(crate) struct Mode {
     pub sides: Box<[Side]>,
@@ -18,109 +25,186 @@ pub(crate) struct Mode {
     pub sliding: Vec<usize>,
     pub n: usize,
     pub order: usize,
-    functions: ModeFunctions,
-    jet: Jet,
-    field_scratch: Scratch,
-    sliding_scratch: Scratch,
-    pub inputs: Vec<f64>,
-    pub field: Vec<f64>,
-    linear: Vec<f64>,
-    lu: DenseLu,
-    /// Sign of det ∂φ_K/∂α_K at the expansion point.
-    orientation: f64,
-    /// Σ_l |∂φ_j/∂α_l| at the expansion point.
-    pub gains: Vec<f64>,
-    /// Size of the terms of f, φ_K and ψ at the expansion point, which may cancel.
+    pub(super) memory: Memory,
+    pub(super) field: Field,
+    pub(super) surfaces: Surfaces,
+    equations: Sliding,
+    /// Whether the components of `equations` are those of the present mode.
+    arranged: bool,
+    /// Whether functions of any sides have been taken.
+    entered: bool,
+    /// Size of the terms of f at the expansion point, which may cancel.
     pub terms: Vec<f64>,
+    /// Inputs next to those of the expansion point.
+    pub perturbed: Vec<f64>,
+    /// Switches off their surface whose ψ might vanish within the step.
+    pub watched: Vec<usize>,
+    /// How far each state may move within the step.
+    pub reach: Vec<f64>,
     pub probed: Probed,
-    rhs: Vec<f64>,
-    gram: Vec<f64>,
 }
 
 /// Newton iterations for α before the equations count as unsolvable.
 const MAX_NEWTON: usize = 30;
 
 impl Mode {
-    pub(crate) fn new(sides: &[Side], functions: ModeFunctions, n: usize, order: usize) -> Self {
-        let sliding: Vec<usize> = (0..sides.len())
-            .filter(|&i| sides[i] == Side::Slide)
-            .collect();
-        let k = sliding.len();
-        let mut jet = Jet::new(&functions.field, order);
-        jet.bound_degree(0, 1);
+    /// No mode yet: `enter` takes one.
+    pub(crate) fn new(system: &impl SwitchedSystem, order: usize) -> Self {
+        let (n, m) = (system.n_states(), system.n_switches());
         Mode {
-            sides: sides.into(),
-            jet,
-            field_scratch: functions.field.scratch(),
-            sliding_scratch: functions.sliding.scratch(),
-            inputs: vec![0.0; 1 + n + k],
-            field: vec![0.0; n + k + sides.len()],
-            linear: vec![0.0; k * k + k * n + k],
-            lu: DenseLu::new(k),
-            orientation: 1.0,
-            gains: vec![0.0; k],
-            terms: vec![0.0; n + k + sides.len()],
-            probed: Probed::new(n, sides.len()),
-            rhs: vec![0.0; k],
-            gram: vec![0.0; k * k],
+            sides: vec![Side::Plus; m].into(),
+            sliding: Vec::new(),
             n,
             order,
-            sliding,
-            functions,
+            memory: Memory::new(n, m, order),
+            field: Field::new(system),
+            surfaces: Surfaces::new(system),
+            equations: Sliding::new(n, m),
+            arranged: false,
+            entered: false,
+            terms: vec![0.0; n],
+            perturbed: Vec::new(),
+            watched: Vec::new(),
+            reach: vec![0.0; n],
+            probed: Probed::new(n),
         }
     }
 
-    /// Evaluates where `inputs` say.
-    pub(crate) fn eval_inputs(&mut self) {
-        self.functions
-            .field
-            .eval(&self.inputs, &mut self.field, &mut self.field_scratch);
+    /// Takes the functions of these sides.
+    pub(crate) fn enter(&mut self, system: &impl SwitchedSystem, sides: &[Side]) {
+        self.enter_surfaces(system, sides);
+        if self.entered && *self.sides == *sides {
+            return;
+        }
+        if self.entered {
+            for (i, side) in sides.iter().enumerate() {
+                if self.sides[i] != *side {
+                    for at in 0..self.field.of_switch(i).len() {
+                        let block = self.field.of_switch(i)[at];
+                        self.field.enter(system, &mut self.memory, block, sides);
+                    }
+                }
+            }
+        } else {
+            for block in 0..self.field.n_blocks() {
+                self.field.enter(system, &mut self.memory, block, sides);
+            }
+            self.entered = true;
+        }
+        self.sides.copy_from_slice(sides);
+        self.sliding.clear();
+        let slides = |&i: &usize| sides[i] == Side::Slide;
+        self.sliding.extend((0..sides.len()).filter(slides));
+        self.arranged = false;
     }
 
-    /// Evaluates f, φ_K and ψ; α_K is taken from `alpha` of all switches.
+    /// Takes the switching functions of these sides, and no rates.
+    pub(crate) fn enter_surfaces(&mut self, system: &impl SwitchedSystem, sides: &[Side]) {
+        self.surfaces.enter(system, &mut self.memory, sides);
+    }
+
+    /// Functions taken up so far.
+    pub(crate) fn n_functions(&self) -> usize {
+        self.field.n_functions + self.surfaces.n_functions
+    }
+
+    /// Moves to a point without evaluating anything.
+    pub(crate) fn set(&mut self, t: f64, x: &[f64], alpha: &[f64]) {
+        self.memory.set(t, x, alpha);
+    }
+
+    /// Evaluates f at a point.
     pub(crate) fn eval(&mut self, t: f64, x: &[f64], alpha: &[f64]) {
-        self.inputs[0] = t;
-        self.inputs[1..=self.n].copy_from_slice(x);
-        for (j, &i) in self.sliding.iter().enumerate() {
-            self.inputs[1 + self.n + j] = alpha[i];
+        self.set(t, x, alpha);
+        self.field.eval(&self.memory.values);
+    }
+
+    /// Evaluates ∇ψ, ∂ψ/∂t and ∂f/∂α for the rates φ of some switches, where the point is.
+    pub(crate) fn linearize(&mut self, switches: &[usize]) {
+        for &i in switches {
+            self.surfaces.linearize(i, &self.memory.values);
+            for at in 0..self.surfaces.gradient(i).len() {
+                let state = self.surfaces.gradient(i)[at].0;
+                self.field.linearize(state, &self.memory.values);
+            }
         }
-        self.eval_inputs();
     }
 
-    /// Evaluates ∂φ_K/∂α_K, ∂ψ_K/∂x and ∂ψ_K/∂t where `eval` was last called.
-    pub(crate) fn linearize(&mut self) {
-        self.functions
-            .sliding
-            .eval(&self.inputs, &mut self.linear, &mut self.sliding_scratch);
+    /// Calls `entry(row, column, value)` for every ∂f/∂x that is not structurally zero where the point
+    /// is; compiles what is missing. ∂f/∂α comes from `linearize` as slopes of the field, ∂ψ/∂x as
+    /// gradients of the surfaces.
+    pub(crate) fn jacobian(
+        &mut self,
+        system: &impl SwitchedSystem,
+        entry: impl FnMut(usize, usize, f64),
+    ) {
+        self.field.jacobian(system, &self.memory.values, entry);
     }
 
+    /// f where it was last evaluated.
     pub(crate) fn f(&self) -> &[f64] {
-        &self.field[..self.n]
+        &self.field.f
     }
 
-    pub(crate) fn phi(&self) -> &[f64] {
-        &self.field[self.n..self.n + self.sliding.len()]
+    /// ψ where the point is.
+    pub(crate) fn psi(&mut self, switch: usize) -> f64 {
+        self.surfaces.value(switch, &self.memory.values)
     }
 
-    pub(crate) fn psi(&self) -> &[f64] {
-        &self.field[self.n + self.sliding.len()..]
+    /// φ = ∇ψ·f + ∂ψ/∂t, from the gradient where it was last linearized.
+    pub(crate) fn phi(&self, switch: usize) -> f64 {
+        let terms = self.gradient(switch).iter();
+        terms
+            .map(|&(state, g)| g * self.field.f[state])
+            .sum::<f64>()
+            + self.time_gradient(switch)
     }
 
-    /// ∂φ_row/∂α_col, both counted within K.
-    pub(crate) fn coupling(&self, row: usize, col: usize) -> f64 {
-        self.linear[row * self.sliding.len() + col]
+    /// ∂φ_switch/∂α_alpha of a sliding α, where it was last linearized.
+    pub(crate) fn coupling(&self, switch: usize, alpha: usize) -> f64 {
+        let gradient = self.gradient(switch).iter();
+        let by_alpha = gradient.flat_map(|&(state, g)| {
+            let slopes = self.field.slopes(state).filter(move |(j, _)| *j == alpha);
+            slopes.map(move |(_, slope)| g * slope)
+        });
+        by_alpha.sum::<f64>() + self.surfaces.mixed(switch, alpha, &self.field.f)
     }
 
-    /// ∂ψ_row/∂x, row counted within K.
-    pub(crate) fn gradient(&self, row: usize) -> &[f64] {
-        let k = self.sliding.len();
-        &self.linear[k * k + row * self.n..k * k + (row + 1) * self.n]
+    /// (j, ∂ψ/∂x_j), where it was last linearized.
+    pub(crate) fn gradient(&self, switch: usize) -> &[(usize, f64)] {
+        self.surfaces.gradient(switch)
     }
 
-    /// ∂ψ_row/∂t, row counted within K.
-    pub(crate) fn time_gradient(&self, row: usize) -> f64 {
-        let k = self.sliding.len();
-        self.linear[k * k + k * self.n + row]
+    /// ∂ψ/∂t, where it was last linearized.
+    pub(crate) fn time_gradient(&self, switch: usize) -> f64 {
+        self.surfaces.time_gradient(switch)
+    }
+
+    /// Σ_l |∂φ/∂α_l| of a sliding switch at the expansion point.
+    pub(crate) fn gain(&self, switch: usize) -> f64 {
+        self.equations.gain(switch)
+    }
+
+    /// Finds what interacts while sliding, once per mode.
+    fn arrange(&mut self) {
+        if !self.arranged {
+            self.equations
+                .arrange(&self.sliding, &self.field, &self.surfaces);
+            self.arranged = true;
+        }
+    }
+
+    /// Factors A where the point is.
+    fn factor(&mut self) -> Result<(), Singular> {
+        self.field.linearize_sliding(&self.memory.values);
+        self.equations.factor(&self.field, &self.surfaces)
+    }
+
+    /// Evaluates the gradients of the sliding surfaces where the point is.
+    fn linearize_surfaces(&mut self) {
+        for &i in &self.sliding {
+            self.surfaces.linearize(i, &self.memory.values);
+        }
     }
 
     /// Solves φ_K(α_K) = 0 by Newton's method from the given α; leaves A factored.
@@ -130,22 +214,25 @@ impl Mode {
         x: &[f64],
         alpha: &mut [f64],
     ) -> Result<(), Singular> {
-        let k = self.sliding.len();
         self.eval(t, x, alpha);
+        if self.sliding.is_empty() {
+            return Ok(());
+        }
+        self.arrange();
+        self.linearize_surfaces();
         for _ in 0..MAX_NEWTON {
-            if k == 0 {
-                return Ok(());
+            self.factor()?;
+            for at in 0..self.sliding.len() {
+                self.equations.rhs[at] = self.phi(self.equations.switches[at]);
             }
-            self.linearize();
-            self.lu.factor(&self.linear[..k * k])?;
-            self.rhs.copy_from_slice(&self.field[self.n..self.n + k]);
-            self.lu.solve(&mut self.rhs);
+            self.equations.solve();
             let mut change = 0.0_f64;
-            for (&i, delta) in self.sliding.iter().zip(&self.rhs) {
+            for (&i, delta) in self.equations.switches.iter().zip(&self.equations.rhs) {
                 alpha[i] -= delta;
                 change = change.max(delta.abs() / (1.0 + alpha[i].abs()));
             }
-            self.eval(t, x, alpha);
+            self.set(t, x, alpha);
+            self.field.eval_sliding(&self.memory.values);
             if change <= 1e-13 {
                 return Ok(());
             }
@@ -153,92 +240,133 @@ impl Mode {
         Err(Singular { column: 0 })
     }
 
-    /// Expands x, α and ψ around (t, x) up to `order`.
-    pub(crate) fn expand(
-        &mut self,
-        t: f64,
-        x: &[f64],
-        alpha: &mut [f64],
-        order: usize,
-    ) -> Result<(), Singular> {
-        debug_assert!(order <= self.order, "the jet has room for the order");
-        let (n, k_sliding) = (self.n, self.sliding.len());
+    /// Expands x and α around (t, x).
+    pub(crate) fn expand(&mut self, t: f64, x: &[f64], alpha: &mut [f64]) -> Result<(), Singular> {
         self.solve_alpha(t, x, alpha)?;
-        self.orientation = self.lu.determinant_sign();
-        for row in 0..k_sliding {
-            self.gains[row] = (0..k_sliding)
-                .map(|col| self.coupling(row, col).abs())
-                .sum();
-        }
-        let jet = &mut self.jet;
-        jet.set_input(0, 0, t);
+        self.equations.expand_here();
+        self.field.list();
+        let Memory { rows, stride, .. } = &mut self.memory;
+        (rows[0], rows[1]) = (t, 1.0);
         for (i, &x) in x.iter().enumerate() {
-            jet.set_input(1 + i, 0, x);
+            rows[(1 + i) * *stride] = x;
         }
-        for (j, &i) in self.sliding.iter().enumerate() {
-            jet.set_input(1 + n + j, 0, alpha[i]);
+        for &i in &self.sliding {
+            rows[(1 + self.n + i) * *stride] = alpha[i];
         }
-        jet.advance(0);
-        for k in 1..=order {
-            // (k + 1) x_{k+1} = f_k
-            for i in 0..n {
-                let rate = jet.output(i, k - 1);
-                jet.set_input(1 + i, k, rate / k as f64);
-            }
-            if k == 1 {
-                jet.set_input(0, 1, 1.0);
-            }
-            if k_sliding > 0 {
-                for j in 0..k_sliding {
-                    jet.set_input(1 + n + j, k, 0.0);
-                }
-                jet.advance(k);
-                for j in 0..k_sliding {
-                    self.rhs[j] = -jet.output(n + j, k);
-                }
-                self.lu.solve(&mut self.rhs);
-                for j in 0..k_sliding {
-                    jet.set_input(1 + n + j, k, self.rhs[j]);
-                }
-            }
-            jet.advance(k);
+        tape::start_all(self.field.steps(), rows, *stride);
+        self.raise_states(0);
+        for k in 1..self.order {
+            self.advance_field(k);
+            self.raise_states(k);
+            self.solve_order(k);
+        }
+        if !self.sliding.is_empty() {
+            self.advance_field(self.order);
+            self.raise_states(self.order);
+            self.solve_order(self.order);
         }
         Ok(())
     }
 
-    pub(crate) fn functions(&self) -> &ModeFunctions {
-        &self.functions
+    /// f of order k.
+    fn advance_field(&mut self, k: usize) {
+        let Memory {
+            rows,
+            weights,
+            stride,
+            ..
+        } = &mut self.memory;
+        for &i in &self.sliding {
+            rows[(1 + self.n + i) * *stride + k] = 0.0;
+        }
+        tape::advance_all(self.field.steps(), rows, weights, k, *stride);
     }
 
-    /// True when det ∂φ_K/∂α_K has another sign where `eval` was last called than at the expansion
-    /// point: in between, α_K was not determined.
+    /// (k + 1) x_{k+1} = f_k
+    fn raise_states(&mut self, k: usize) {
+        let Memory { rows, stride, .. } = &mut self.memory;
+        let over = 1.0 / (k + 1) as f64;
+        for (i, &rate) in self.field.rows.iter().enumerate() {
+            rows[(1 + i) * *stride + k + 1] = rows[rate + k] * over;
+        }
+    }
+
+    /// A α_K,k = -(k + 1) ψ_K,k+1, where α_K,k is 0 so far.
+    fn solve_order(&mut self, k: usize) {
+        if self.sliding.is_empty() {
+            return;
+        }
+        for (at, &i) in self.equations.switches.iter().enumerate() {
+            if !self.surfaces.is_affine(i) {
+                // What is kept of lower orders must be that of the states as they are by now.
+                if k == 1 {
+                    self.surfaces.advance(i, &mut self.memory, 0);
+                }
+                self.surfaces.advance(i, &mut self.memory, k);
+            }
+            self.surfaces.advance(i, &mut self.memory, k + 1);
+            let psi = self.memory.rows[self.surfaces.row(i) + k + 1];
+            self.equations.rhs[at] = -((k + 1) as f64) * psi;
+        }
+        self.equations.solve();
+        let Memory {
+            rows,
+            weights,
+            stride,
+            ..
+        } = &mut self.memory;
+        for (&i, alpha) in self.equations.switches.iter().zip(&self.equations.rhs) {
+            rows[(1 + self.n + i) * *stride + k] = *alpha;
+        }
+        tape::advance_all(self.field.sliding_steps(), rows, weights, k, *stride);
+        for &i in self.field.sliding_states() {
+            rows[(1 + i) * *stride + k + 1] = rows[self.field.rows[i] + k] / (k + 1) as f64;
+        }
+    }
+
+    /// True when a determinant of ∂φ_K/∂α_K has another sign where `eval` was last called than at the
+    /// expansion point: in between, α_K was not determined.
     pub(crate) fn turned_over(&mut self) -> bool {
-        let k = self.sliding.len();
-        if k == 0 {
+        if self.sliding.is_empty() {
             return false;
         }
-        self.linearize();
-        let regular = self.lu.factor(&self.linear[..k * k]).is_ok();
-        !regular || self.lu.determinant_sign() != self.orientation
+        self.linearize_surfaces();
+        self.factor().is_err() || self.equations.turned_over()
     }
 
-    pub(crate) fn order(&self) -> usize {
-        self.order
+    /// Why no step goes on from here.
+    pub(super) fn stuck(&self) -> Status {
+        if self.sliding.is_empty() || self.f().iter().any(|f| !f.is_finite()) {
+            Status::NotFinite
+        } else {
+            Status::SingularSliding {
+                switches: self.sliding.clone(),
+            }
+        }
+    }
+
+    fn row(&self, start: usize) -> &[f64] {
+        &self.memory.rows[start..=start + self.order]
     }
 
     /// Series of state i.
     pub(crate) fn x_series(&self, i: usize) -> &[f64] {
-        self.jet.input_row(1 + i)
+        self.row(self.memory.state(i))
     }
 
-    /// Series of α of the j-th sliding switch.
-    pub(crate) fn alpha_series(&self, j: usize) -> &[f64] {
-        self.jet.input_row(1 + self.n + j)
+    /// Series of the rate of state i, but for its highest order.
+    pub(crate) fn rate_series(&self, i: usize) -> &[f64] {
+        self.row(self.field.rows[i])
     }
 
-    /// Series of ψ of switch i.
-    pub(crate) fn psi_series(&self, i: usize) -> &[f64] {
-        self.jet.output_row(self.n + self.sliding.len() + i)
+    /// Series of α of a sliding switch.
+    pub(crate) fn alpha_series(&self, switch: usize) -> &[f64] {
+        self.row(self.memory.alpha(switch))
+    }
+
+    /// Series of ψ of a switch, after `expand_psi`.
+    pub(crate) fn psi_series(&self, switch: usize) -> &[f64] {
+        self.row(self.surfaces.row(switch))
     }
 
     pub(crate) fn state(&self, tau: f64, x: &mut [f64]) {
@@ -251,46 +379,47 @@ impl Mode {
         for (alpha, side) in alpha.iter_mut().zip(&self.sides) {
             *alpha = if *side == Side::Plus { 1.0 } else { 0.0 };
         }
-        for (j, &i) in self.sliding.iter().enumerate() {
-            alpha[i] = series::value(self.alpha_series(j), tau);
+        for &i in &self.sliding {
+            alpha[i] = series::value(self.alpha_series(i), tau);
         }
     }
 
     /// Projects x onto the sliding surfaces, in the norm of the states' sizes, and returns the
     /// largest |ψ| found, relative to the size of its terms.
     pub(crate) fn project(&mut self, state: &mut State) -> f64 {
-        let k = self.sliding.len();
         let mut drift = 0.0_f64;
-        if k == 0 {
+        if self.sliding.is_empty() {
             return drift;
         }
         for round in 0..3 {
-            self.eval(state.t, &state.x, &state.alpha);
-            self.linearize();
+            self.set(state.t, &state.x, &state.alpha);
+            self.linearize_surfaces();
             let mut worst = 0.0_f64;
-            for (j, &i) in self.sliding.iter().enumerate() {
-                let terms = self.gradient(j).iter().enumerate();
-                let size: f64 = terms.map(|(i, g)| g.abs() * state.size(i)).sum();
-                self.rhs[j] = self.field[self.n + k + i];
+            for at in 0..self.sliding.len() {
+                let i = self.equations.switches[at];
+                let psi = self.psi(i);
+                let terms = self.gradient(i).iter();
+                let size: f64 = terms.map(|&(j, g)| g.abs() * state.size(j)).sum();
+                self.equations.rhs[at] = psi;
                 if size > 0.0 {
-                    worst = worst.max(self.rhs[j].abs() / size);
-                }
-                for l in 0..k {
-                    let pairs = self.gradient(j).iter().zip(self.gradient(l)).enumerate();
-                    self.gram[j * k + l] =
-                        pairs.map(|(i, (a, b))| a * b * state.size(i).powi(2)).sum();
+                    worst = worst.max(psi.abs() / size);
                 }
             }
             if round == 0 {
                 drift = worst;
             }
-            if worst <= f64::EPSILON || self.lu.factor(&self.gram).is_err() {
+            if worst <= f64::EPSILON
+                || (self.equations)
+                    .factor_gram(&self.surfaces, |j| state.size(j))
+                    .is_err()
+            {
                 break;
             }
-            self.lu.solve(&mut self.rhs);
-            for i in 0..self.n {
-                let correction: f64 = (0..k).map(|j| self.gradient(j)[i] * self.rhs[j]).sum();
-                state.x[i] -= correction * state.size(i).powi(2);
+            self.equations.solve();
+            for (&i, multiplier) in self.equations.switches.iter().zip(&self.equations.rhs) {
+                for &(j, g) in self.surfaces.gradient(i) {
+                    state.x[j] -= g * multiplier * state.size(j).powi(2);
+                }
             }
         }
         drift

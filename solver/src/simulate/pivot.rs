@@ -17,8 +17,6 @@ pub(super) struct Problem<'m> {
     pub mode: &'m mut Mode,
     pub state: &'m State,
     pub group: &'m [usize],
-    /// Places of the group among the sliding switches.
-    pub at: Vec<usize>,
 }
 
 impl Problem<'_> {
@@ -29,11 +27,11 @@ impl Problem<'_> {
         let mut sizes = vec![1.0; n];
         for row in 0..n {
             for col in 0..n {
-                matrix[row * n + col] = -self.mode.coupling(self.at[row], self.at[col]);
+                matrix[row * n + col] = -self.mode.coupling(self.group[row], self.group[col]);
             }
             let row_of = &mut matrix[row * n..(row + 1) * n];
             let size = row_of.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-            sizes[row] = size.max(self.mode.phi()[self.at[row]].abs());
+            sizes[row] = size.max(self.mode.phi(self.group[row]).abs());
             if sizes[row] == 0.0 {
                 sizes[row] = 1.0;
             }
@@ -46,7 +44,7 @@ impl Problem<'_> {
     pub(super) fn is_unique(&mut self) -> bool {
         self.mode
             .eval(self.state.t, &self.state.x, &self.state.alpha);
-        self.mode.linearize();
+        self.mode.linearize(self.group);
         let (matrix, _) = self.matrix();
         lcp::is_p_matrix(&matrix, self.group.len()) == Some(true)
     }
@@ -61,13 +59,13 @@ impl Problem<'_> {
         let mut last = Vec::new();
         for _ in 0..20 {
             self.mode.eval(self.state.t, &self.state.x, &alpha);
-            self.mode.linearize();
+            self.mode.linearize(self.group);
             let (matrix, sizes) = self.matrix();
             let size = 2 * n;
             let mut m = vec![0.0; size * size];
             let (mut q, mut cover) = (vec![1.0; size], vec![1.0; size]);
             for row in 0..n {
-                let mut b = self.mode.phi()[self.at[row]] / sizes[row];
+                let mut b = self.mode.phi(self.group[row]) / sizes[row];
                 for col in 0..n {
                     let entry = matrix[row * n + col];
                     b += entry * alpha[self.group[col]];
@@ -104,11 +102,11 @@ impl Problem<'_> {
         let n = self.group.len();
         self.mode
             .eval(self.state.t, &self.state.x, &self.state.alpha);
-        self.mode.linearize();
+        self.mode.linearize(self.group);
         let (matrix, sizes) = self.matrix();
         let (mut low, mut high) = (vec![0.0; n], vec![0.0; n]);
         for row in 0..n {
-            let mut start = self.mode.phi()[self.at[row]] / sizes[row];
+            let mut start = self.mode.phi(self.group[row]) / sizes[row];
             for (entry, &i) in matrix[row * n..(row + 1) * n].iter().zip(self.group) {
                 start += entry * self.state.alpha[i];
                 low[row] -= entry.max(0.0);

@@ -37,28 +37,21 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     /// Finds the mode at the start, taking every surface that holds the state as meeting there.
     pub(super) fn start(&mut self, state: &mut State, horizon: f64) -> Result<(), Status> {
         // ψ of a nested max depends on the sides of the inner one: settle from the inside out.
+        self.mode.set(state.t, &state.x, &state.alpha);
         for _ in 0..=state.sides.len() {
-            let mode = self.mode(&state.sides);
-            self.modes[mode].eval(state.t, &state.x, &state.alpha);
-            let sides: Box<[Side]> = self.modes[mode]
-                .psi()
-                .iter()
-                .map(|&psi| Side::of(psi))
-                .collect();
+            self.mode.enter_surfaces(self.system, &state.sides);
+            let sides = (0..state.sides.len()).map(|i| Side::of(self.mode.psi(i)));
+            let sides: Box<[Side]> = sides.collect();
             if sides == state.sides {
                 break;
             }
             state.set_sides(sides);
+            self.mode.set(state.t, &state.x, &state.alpha);
         }
         let all: Vec<usize> = (0..state.sides.len()).collect();
         self.measure_bands(state, &all, horizon);
-        let mode = self.mode(&state.sides);
-        self.modes[mode].eval(state.t, &state.x, &state.alpha);
-        let psi = self.modes[mode].psi();
-        let on: Vec<usize> = all
-            .into_iter()
-            .filter(|&i| psi[i].abs() <= state.band[i])
-            .collect();
+        let on = |&i: &usize| self.mode.psi(i).abs() <= state.band[i];
+        let on: Vec<usize> = all.into_iter().filter(on).collect();
         if on.is_empty() {
             Ok(())
         } else {
@@ -68,17 +61,13 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
 
     /// |ψ| ≤ `BAND` (|∇ψ| scale(x) + |∂ψ/∂t| horizon) is the surface.
     fn measure_bands(&mut self, state: &mut State, switches: &[usize], horizon: f64) {
-        let mut sides = state.sides.clone();
+        let mode = &mut self.mode;
+        mode.set(state.t, &state.x, &state.alpha);
         for &i in switches {
-            sides[i] = Side::Slide;
-        }
-        let mode = self.mode(&sides);
-        let mode = &mut self.modes[mode];
-        mode.eval(state.t, &state.x, &state.alpha);
-        mode.linearize();
-        for (j, &i) in mode.sliding.iter().enumerate() {
-            let terms = (mode.gradient(j).iter().enumerate()).map(|(k, g)| g.abs() * state.size(k));
-            state.band[i] = BAND * (terms.sum::<f64>() + mode.time_gradient(j).abs() * horizon);
+            mode.surfaces.linearize(i, &mode.memory.values);
+            let terms = mode.gradient(i).iter();
+            let size: f64 = terms.map(|&(j, g)| g.abs() * state.size(j)).sum();
+            state.band[i] = BAND * (size + mode.time_gradient(i).abs() * horizon);
         }
     }
 
@@ -134,14 +123,12 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let mut next = 0;
         while next < group.len() {
             let i = group[next];
-            let linked = |&&j: &&usize| self.system.couples(i, j) || self.system.couples(j, i);
-            let new: Vec<usize> = meeting
-                .iter()
-                .filter(linked)
-                .copied()
-                .filter(|j| !group.contains(j))
-                .collect();
-            group.extend(new);
+            let linked = self.system.couplings(i).iter().chain(&self.coupled_by[i]);
+            for j in linked {
+                if meeting.binary_search(j).is_ok() && !group.contains(j) {
+                    group.push(*j);
+                }
+            }
             next += 1;
         }
         group.sort_unstable();
@@ -162,12 +149,12 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         for &i in group {
             sides[i] = Side::Slide;
         }
-        let free = self.mode(&sides);
-        let choices = self.choices(free, state, group);
-        let rates = self.rates(free, state, group, &choices.found);
+        self.mode.enter(self.system, &sides);
+        let choices = self.choices(state, group);
+        let rates = self.rates(state, group, &choices.found);
         let mut verdicts = Vec::new();
         for choice in choices.found {
-            match self.check(free, state, group, &choice, &rates) {
+            match self.check(state, group, &choice, &rates) {
                 Check::Inconsistent => {}
                 Check::Tie if !series => return Ok(false),
                 check => verdicts.push((choice, check)),

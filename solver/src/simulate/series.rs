@@ -50,6 +50,11 @@ pub(crate) fn magnitude(c: &[f64], h: f64, from: usize) -> f64 {
     largest
 }
 
+/// Σ |c[k]| hᵏ from k = 1: how far the series may move from its start within h.
+pub(crate) fn reach(c: &[f64], h: f64) -> f64 {
+    c[1..].iter().rev().fold(0.0, |sum, c| (sum + c.abs()) * h)
+}
+
 /// Below this fraction of its largest term within the step, what a series does is rounding.
 const NEGLIGIBLE: f64 = 1e-13;
 

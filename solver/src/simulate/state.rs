@@ -86,13 +86,6 @@ impl State {
         }
     }
 
-    /// A surface left tangentially is watched again once it is outside its band.
-    pub(super) fn disarm(&mut self, psi: &[f64]) {
-        for ((armed, &band), psi) in self.armed.iter_mut().zip(&self.band).zip(psi) {
-            *armed &= psi.abs() <= band;
-        }
-    }
-
     pub(super) fn count_event(&mut self, length: f64, horizon: f64) {
         let progress = length > 1e-14 * horizon;
         self.stalled = if progress { 0 } else { self.stalled + 1 };

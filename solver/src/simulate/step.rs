@@ -3,7 +3,7 @@
 use super::mode::Mode;
 use super::roots::{Root, RootFinder};
 use super::state::State;
-use super::{Side, Simulator, Status, SwitchedSystem, series};
+use super::{Simulator, Status, SwitchedSystem, series};
 
 /// An accepted step. `State::x` holds its end.
 pub(super) struct Step {
@@ -19,8 +19,8 @@ pub(super) struct Step {
 #[derive(Clone, Copy)]
 enum Watch {
     Surface(usize),
-    /// Switch, its place among the sliding ones, and the bound 0 or 1.
-    Bound(usize, usize, f64),
+    /// Switch and the bound 0 or 1.
+    Bound(usize, f64),
 }
 
 impl Watch {
@@ -39,19 +39,11 @@ const MAX_GROWTH: f64 = 10.0;
 
 impl<S: SwitchedSystem> Simulator<'_, S> {
     /// Takes the longest step that the tolerance and the next event allow.
-    pub(super) fn step(
-        &mut self,
-        index: usize,
-        state: &mut State,
-        t1: f64,
-    ) -> Result<Step, Status> {
+    pub(super) fn step(&mut self, state: &mut State, t1: f64) -> Result<Step, Status> {
         let (order, tolerance) = (self.order, self.settings.local_tolerance());
         let remaining = (t1 - state.t) - state.t_low;
-        let mode = &mut self.modes[index];
-        if mode
-            .expand(state.t, &state.x, &mut state.alpha, order)
-            .is_err()
-        {
+        let mode = &mut self.mode;
+        if mode.expand(state.t, &state.x, &mut state.alpha).is_err() {
             return Err(mode.stuck());
         }
         let alpha = std::mem::take(&mut state.alpha);
@@ -65,9 +57,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         };
         // The last term of the series, differentiated, is what the defect shows of the error.
         let allowed = 10.0 * (order as f64) * tolerance.max(4.0 * f64::EPSILON);
-        let mut h = mode.step_size(tolerance, state, longest);
+        let h = mode.step_size(tolerance, state, longest);
+        let mut h = mode.watch(tolerance, state, h);
         for _ in 0..MAX_HALVINGS {
-            let mode = &mut self.modes[index];
             let event = first_event(&mut self.roots, mode, state, h);
             let length = event.as_ref().map_or(h, |(root, _)| root.tau);
             let defect = mode.defect(state, length, tolerance, allowed);
@@ -111,7 +103,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 defect: defect.rate,
             });
         }
-        Err(self.modes[index].stuck())
+        Err(self.mode.stuck())
     }
 }
 
@@ -123,26 +115,23 @@ fn first_event(
     h: f64,
 ) -> Option<(Root, Watch)> {
     let mut first: Option<(Root, Watch)> = None;
-    let mut sliding = 0;
-    for (i, &side) in mode.sides.iter().enumerate() {
-        if side == Side::Slide {
-            let alpha = mode.alpha_series(sliding);
-            for limit in [0.0, 1.0] {
-                let reach = first.map_or(h, |(root, _)| root.tau);
-                let inside = if limit == 0.0 { 1.0 } else { -1.0 };
-                let start = alpha[0] - limit;
-                let band = (start.abs() <= super::judge::TIE).then_some(super::judge::TIE);
-                if let Some(root) = first_root(roots, start, alpha, reach, inside, band) {
-                    first = Some((root, Watch::Bound(i, sliding, limit)));
-                }
-            }
-            sliding += 1;
-        } else {
+    for &i in &mode.sliding {
+        let alpha = mode.alpha_series(i);
+        for limit in [0.0, 1.0] {
             let reach = first.map_or(h, |(root, _)| root.tau);
-            let (c, band) = (mode.psi_series(i), state.armed[i].then_some(state.band[i]));
-            if let Some(root) = first_root(roots, c[0], c, reach, side.sign(), band) {
-                first = Some((root, Watch::Surface(i)));
+            let inside = if limit == 0.0 { 1.0 } else { -1.0 };
+            let start = alpha[0] - limit;
+            let band = (start.abs() <= super::judge::TIE).then_some(super::judge::TIE);
+            if let Some(root) = first_root(roots, start, alpha, reach, inside, band) {
+                first = Some((root, Watch::Bound(i, limit)));
             }
+        }
+    }
+    for &i in &mode.watched {
+        let reach = first.map_or(h, |(root, _)| root.tau);
+        let (c, band) = (mode.psi_series(i), state.armed[i].then_some(state.band[i]));
+        if let Some(root) = first_root(roots, c[0], c, reach, mode.sides[i].sign(), band) {
+            first = Some((root, Watch::Surface(i)));
         }
     }
     first
@@ -176,22 +165,16 @@ fn first_root(
 }
 
 impl Mode {
-    /// Why no step goes on from here.
-    fn stuck(&self) -> Status {
-        if self.sliding.is_empty() || self.f().iter().any(|f| !f.is_finite()) {
-            Status::NotFinite
-        } else {
-            Status::SingularSliding {
-                switches: self.sliding.clone(),
-            }
-        }
-    }
-
     /// True when the last evaluation, at the end of the step, has left a surface behind that the
     /// series did not see.
-    fn on_wrong_side(&self, state: &State) -> bool {
-        let wrong = |i: usize| self.psi()[i] * self.sides[i].sign() < -state.band[i];
-        (0..self.sides.len()).any(|i| !state.armed[i] && wrong(i))
+    fn on_wrong_side(&mut self, state: &State) -> bool {
+        for at in 0..self.watched.len() {
+            let i = self.watched[at];
+            if !state.armed[i] && self.psi(i) * self.sides[i].sign() < -state.band[i] {
+                return true;
+            }
+        }
+        false
     }
 
     /// A root at the very start is rounding, or a switch that was missed.
@@ -220,10 +203,10 @@ impl Mode {
             self.alpha(tau, &mut state.next_alpha);
             let (value, slope) = match watch {
                 Watch::Surface(i) => {
-                    self.eval(state.t + tau, &state.next, &state.next_alpha);
-                    (self.psi()[i], series::slope(self.psi_series(i), tau))
+                    self.set(state.t + tau, &state.next, &state.next_alpha);
+                    (self.psi(i), series::slope(self.psi_series(i), tau))
                 }
-                Watch::Bound(i, j, limit) => {
+                Watch::Bound(i, limit) => {
                     let singular = self
                         .solve_alpha(state.t + tau, &state.next, &mut state.next_alpha)
                         .is_err();
@@ -232,7 +215,7 @@ impl Mode {
                     }
                     (
                         state.next_alpha[i] - limit,
-                        series::slope(self.alpha_series(j), tau),
+                        series::slope(self.alpha_series(i), tau),
                     )
                 }
             };
@@ -252,22 +235,20 @@ impl Mode {
 
     /// `trigger` and every other switch whose own event is not told apart from it.
     fn simultaneous(&self, state: &State, tau: f64, h: f64, trigger: usize) -> Vec<usize> {
-        let mut sliding = 0;
-        let mut triggers = Vec::new();
-        for (i, &side) in self.sides.iter().enumerate() {
-            let reached = if side == Side::Slide {
-                let alpha = series::value(self.alpha_series(sliding), tau);
-                sliding += 1;
-                alpha.min(1.0 - alpha).abs() <= TOGETHER
-            } else {
-                let c = self.psi_series(i);
-                !state.armed[i]
-                    && series::value(c, tau).abs() <= TOGETHER * series::magnitude(c, h, 0)
-            };
-            if reached || i == trigger {
-                triggers.push(i);
-            }
-        }
+        let together = |&i: &usize| {
+            let alpha = series::value(self.alpha_series(i), tau);
+            alpha.min(1.0 - alpha).abs() <= TOGETHER
+        };
+        let mut triggers: Vec<usize> = self.sliding.iter().copied().filter(together).collect();
+        let reached = |&i: &usize| {
+            let c = self.psi_series(i);
+            let size = TOGETHER * series::magnitude(c, h, 0);
+            !state.armed[i] && series::value(c, tau).abs() <= size
+        };
+        triggers.extend(self.watched.iter().copied().filter(reached));
+        triggers.push(trigger);
+        triggers.sort_unstable();
+        triggers.dedup();
         triggers
     }
 }

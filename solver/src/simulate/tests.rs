@@ -1,16 +1,16 @@
 //! Systems with surfaces on the coordinate planes: x' = c + d t + Lx + Bα, ψ_i = x_i.
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 use proptest::prelude::*;
 
 use super::{
-    Event, ModeFunctions, Observer, Outcome, Segment, Settings, Side, Simulator, Status,
-    SwitchedSystem,
+    Affine, Block, Event, Input, Observer, Outcome, Partials, Rates, Segment, Settings, Side,
+    Simulator, Status, Surface, SwitchedSystem,
 };
 use crate::tape::Tape;
 
-#[derive(Default)]
 struct Planes {
     n: usize,
     m: usize,
@@ -18,20 +18,48 @@ struct Planes {
     d: Vec<f64>,
     l: Vec<f64>,
     b: Vec<f64>,
+    /// One block of everything, or a block for every state.
+    blocks: Vec<Block>,
+    /// Surfaces that each surface's rate depends on.
+    couplings: Vec<Vec<usize>>,
 }
 
 impl Planes {
     /// x' = c + Bα with as many surfaces as states.
     fn relays(c: &[f64], b: &[f64]) -> Self {
         let n = c.len();
+        Planes::new(n, c, &vec![0.0; n], &vec![0.0; n * n], b)
+    }
+
+    /// The first `m` coordinate planes are surfaces.
+    fn new(m: usize, c: &[f64], d: &[f64], l: &[f64], b: &[f64]) -> Self {
+        let occurring = |row: usize| (0..m).filter(|i| b[row * m + i] != 0.0).collect();
+        let n = c.len();
         Planes {
             n,
-            m: n,
+            m,
             c: c.to_vec(),
-            d: vec![0.0; n],
-            l: vec![0.0; n * n],
+            d: d.to_vec(),
+            l: l.to_vec(),
             b: b.to_vec(),
+            blocks: vec![Block {
+                states: (0..n).collect(),
+                switches: (0..m).collect(),
+            }],
+            couplings: (0..m).map(occurring).collect(),
         }
+    }
+
+    /// The same system, cut into one block for every state.
+    fn cut(mut self) -> Self {
+        let (m, b) = (self.m, &self.b);
+        let occurring = |row: usize| (0..m).filter(move |i| b[row * m + i] != 0.0);
+        let block = |row: usize| Block {
+            states: vec![row],
+            switches: occurring(row).collect(),
+        };
+        self.blocks = (0..self.n).map(block).collect();
+        self
     }
 
     fn run(&self, t1: f64, x0: &[f64], settings: Settings) -> (Outcome, Vec<f64>) {
@@ -54,54 +82,80 @@ impl SwitchedSystem for Planes {
         false
     }
 
-    fn couples(&self, rate: usize, alpha: usize) -> bool {
-        self.b[rate * self.m + alpha] != 0.0
+    fn couplings(&self, switch: usize) -> &[usize] {
+        &self.couplings[switch]
     }
 
-    fn compile(&self, sides: &[Side]) -> ModeFunctions {
-        let sliding: Vec<usize> = (0..self.m).filter(|&i| sides[i] == Side::Slide).collect();
-        let mut tape = Tape::builder(1 + self.n + sliding.len());
-        let rate = |tape: &mut crate::tape::TapeBuilder, row: usize| {
-            let mut sum = tape.constant(self.c[row]);
-            sum = tape.add_scaled(sum, self.d[row], tape.input(0));
+    fn blocks(&self) -> &[Block] {
+        &self.blocks
+    }
+
+    fn inside(&self, _: usize) -> &[usize] {
+        &[]
+    }
+
+    fn rates(&self, block: usize, sides: &[Side]) -> Rates {
+        let Block { states, switches } = &self.blocks[block];
+        let mut inputs = vec![Input::Time];
+        inputs.extend((0..self.n).map(Input::State));
+        inputs.extend(switches.iter().map(|&i| Input::Alpha(i)));
+        let mut tape = Tape::builder(inputs.len());
+        let mut rate = |row: &usize| {
+            let mut sum = tape.constant(self.c[*row]);
+            sum = tape.add_scaled(sum, self.d[*row], tape.input(0));
             for k in 0..self.n {
                 sum = tape.add_scaled(sum, self.l[row * self.n + k], tape.input(1 + k));
             }
-            for (i, side) in sides.iter().enumerate() {
+            for (at, (i, side)) in switches.iter().zip(sides).enumerate() {
                 let b = self.b[row * self.m + i];
-                sum = match sliding.binary_search(&i) {
-                    Ok(j) => tape.add_scaled(sum, b, tape.input(1 + self.n + j)),
-                    Err(_) => tape.offset(if *side == Side::Plus { b } else { 0.0 }, sum),
+                sum = match side {
+                    Side::Minus => sum,
+                    Side::Slide => tape.add_scaled(sum, b, tape.input(1 + self.n + at)),
+                    Side::Plus => tape.offset(b, sum),
                 };
             }
             sum
         };
-        let mut outputs: Vec<_> = (0..self.n).map(|row| rate(&mut tape, row)).collect();
-        outputs.extend(sliding.iter().map(|&i| outputs[i]).collect::<Vec<_>>());
-        outputs.extend((0..self.m).map(|i| tape.input(1 + i)));
-        let field = tape.finish(&outputs);
+        let rates: Vec<_> = states.iter().map(&mut rate).collect();
+        let field = Arc::new(tape.finish(&rates));
 
-        let mut tape = Tape::builder(1 + self.n + sliding.len());
-        let mut numbers: Vec<f64> = Vec::new();
-        numbers.extend(
-            sliding
-                .iter()
-                .flat_map(|&i| sliding.iter().map(move |&j| self.b[i * self.m + j])),
-        );
-        numbers.extend(
-            sliding
-                .iter()
-                .flat_map(|&i| (0..self.n).map(move |k| f64::from(i == k))),
-        );
-        numbers.extend(sliding.iter().map(|_| 0.0));
-        let outputs: Vec<_> = numbers
-            .into_iter()
-            .map(|number| tape.constant(number))
-            .collect();
-        ModeFunctions {
-            field,
-            sliding: tape.finish(&outputs),
+        let mut slopes = Tape::builder(inputs.len());
+        let (mut entries, mut values) = (Vec::new(), Vec::new());
+        for (at, row) in states.iter().enumerate() {
+            for (k, (i, side)) in switches.iter().zip(sides).enumerate() {
+                if *side == Side::Slide {
+                    entries.push((at, 1 + self.n + k));
+                    values.push(slopes.constant(self.b[row * self.m + i]));
+                }
+            }
         }
+        let tape = slopes.finish(&values);
+        Rates {
+            inputs,
+            field,
+            by_alpha: Arc::new(Partials { tape, entries }),
+        }
+    }
+
+    fn surface(&self, switch: usize, _: &[Side]) -> Surface {
+        Surface::Affine(Affine {
+            terms: vec![(switch, 1.0)],
+            ..Affine::default()
+        })
+    }
+
+    fn jacobian(&self, block: usize, _: &[Side]) -> Arc<Partials> {
+        let Block { states, switches } = &self.blocks[block];
+        let mut tape = Tape::builder(1 + self.n + switches.len());
+        let (mut entries, mut values) = (Vec::new(), Vec::new());
+        for (at, row) in states.iter().enumerate() {
+            for k in 0..self.n {
+                entries.push((at, 1 + k));
+                values.push(tape.constant(self.l[row * self.n + k]));
+            }
+        }
+        let tape = tape.finish(&values);
+        Arc::new(Partials { tape, entries })
     }
 }
 
@@ -140,10 +194,7 @@ fn crosses_where_both_sides_agree() {
 #[test]
 fn slides_and_leaves_where_alpha_reaches_its_bound() {
     // x' = 1 + t - 2α from 0: slides with α = (1 + t)/2 until t = 1, then x = (t - 1)²/2.
-    let system = Planes {
-        d: vec![1.0],
-        ..Planes::relays(&[1.0], &[-2.0])
-    };
+    let system = Planes::new(1, &[1.0], &[1.0], &[0.0], &[-2.0]);
     let (outcome, times) = system.run(2.0, &[0.0], Settings::default());
     assert_eq!(
         (outcome.status, outcome.sides),
@@ -178,14 +229,8 @@ fn names_all_solutions_of_a_repelling_surface_and_takes_the_one_asked_for() {
 /// x₂ = 1 - t, x₁' = -2 x₂ for x₁ > 0: x₁ = (1 - t)² touches zero at t = 1 and turns back. Below,
 /// x₁' is larger by `push`.
 fn graze(push: f64) -> Planes {
-    Planes {
-        n: 2,
-        m: 1,
-        c: vec![push, -1.0],
-        d: vec![0.0; 2],
-        l: vec![0.0, -2.0, 0.0, 0.0],
-        b: vec![-push, 0.0],
-    }
+    let l = [0.0, -2.0, 0.0, 0.0];
+    Planes::new(1, &[push, -1.0], &[0.0; 2], &l, &[-push, 0.0])
 }
 
 #[test]
@@ -246,14 +291,8 @@ fn the_spiral_comes_to_rest() {
 #[test]
 fn a_relay_on_position_is_refused_with_its_surface() {
     // x₁' = x₂, x₂' = 1 - 2α with ψ = x₁: α shows only in the second derivative.
-    let system = Planes {
-        n: 2,
-        m: 1,
-        c: vec![0.0, 1.0],
-        d: vec![0.0; 2],
-        l: vec![0.0, 1.0, 0.0, 0.0],
-        b: vec![0.0, -2.0],
-    };
+    let l = [0.0, 1.0, 0.0, 0.0];
+    let system = Planes::new(1, &[0.0, 1.0], &[0.0; 2], &l, &[0.0, -2.0]);
     let (outcome, _) = system.run(1.0, &[0.0, 0.0], Settings::default());
     assert_eq!(outcome.status, Status::HigherDegree { switches: vec![0] });
 }
@@ -354,4 +393,41 @@ fn a_branch_is_chosen_for_every_surface_that_meets() {
     assert_close(&run(&mixed).x, &[-1.0, 0.0, 1.0], 1e-14);
     let status = run(&mixed[..2]).status;
     assert!(matches!(status, Status::NonUnique(_)), "{status:?}");
+}
+
+proptest! {
+    /// Cut into blocks, a system does the same as in one piece, switch by switch.
+    #[test]
+    fn blocks_do_the_same_as_one_piece(
+        b in prop::collection::vec(prop_oneof![Just(0.0), -2.0..0.5_f64], 16),
+        l in prop::collection::vec(-1.0..1.0_f64, 25),
+        c in prop::collection::vec(-1.0..1.0_f64, 5),
+        x0 in prop::collection::vec(-0.5..0.5_f64, 5),
+    ) {
+        let mut coefficients = vec![0.3; 20];
+        for row in 0..4 {
+            coefficients[4 * row..4 * row + 4].copy_from_slice(&b[4 * row..4 * row + 4]);
+            coefficients[5 * row] = -1.5;
+        }
+        let build = || Planes::new(4, &c, &[0.2; 5], &l, &coefficients);
+        let (whole, times) = build().run(2.0, &x0, Settings::default());
+        let (cut, times_cut) = build().cut().run(2.0, &x0, Settings::default());
+        prop_assert_eq!(whole.status, cut.status);
+        prop_assert_eq!(whole.sides, cut.sides);
+        assert_close(&times_cut, &times, 1e-9);
+        assert_close(&cut.x, &whole.x, 1e-9);
+    }
+}
+
+#[test]
+fn the_jacobian_is_that_of_the_linear_part() {
+    let l = [0.5, -2.0, 0.0, 3.0];
+    let system = Planes::new(2, &[1.0, -1.0], &[0.0; 2], &l, &[-2.0, 0.0, 0.0, -1.0]).cut();
+    let mut simulator = Simulator::new(&system, Settings::default());
+    let sides = [Side::Plus, Side::Slide];
+    let mut found = [0.0; 4];
+    simulator.jacobian(0.0, &[1.0, 0.0], &sides, &[1.0, 0.5], |row, col, value| {
+        found[2 * row + col] += value;
+    });
+    assert_eq!(found, l);
 }

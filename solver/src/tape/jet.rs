@@ -12,27 +12,108 @@ use super::recurrence::{convolve, convolve_weighted, square};
 use super::{Op, Slot, Tape, UNUSED};
 
 /// The degree in time of a row about which nothing is known.
-const UNBOUNDED: u32 = u32::MAX;
+pub(crate) const UNBOUNDED: u32 = u32::MAX;
 
 /// The Taylor coefficients of all values of one tape up to a fixed order.
 #[derive(Clone, Debug)]
 pub struct Jet {
+    tape: Tape,
     /// The orders of one row.
     stride: usize,
-    n_inputs: usize,
-    steps: Vec<Step>,
     /// The degrees of the inputs as polynomials in time.
     degrees: Vec<u32>,
-    /// Where the rows of the outputs start.
-    outputs: Vec<usize>,
+    recurrences: Recurrences,
     data: Vec<f64>,
-    /// 0, 1, 2, ...
     weights: Vec<f64>,
+}
+
+/// Where the coefficients of an input are, and what is known of them.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Row {
+    pub start: usize,
+    /// Degree as a polynomial in time.
+    pub degree: u32,
+}
+
+/// The recurrences of a tape on rows of memory that it may share with other tapes: its inputs are
+/// anywhere in front of its own rows.
+#[derive(Clone, Debug)]
+pub(crate) struct Recurrences {
+    pub steps: Vec<Step>,
+    /// Where the rows of the outputs start.
+    pub outputs: Vec<usize>,
+    /// Where the rows behind its own start.
+    pub end: usize,
+}
+
+impl Recurrences {
+    /// Places a tape; `base` is where its own rows start and `stride` the length of every row.
+    pub fn new(tape: &Tape, inputs: &[Row], base: usize, stride: usize) -> Self {
+        let unknown = Row {
+            start: 0,
+            degree: UNBOUNDED,
+        };
+        let mut row_of = inputs.to_vec();
+        row_of.resize(tape.n_values, unknown);
+        let mut end = base;
+        let mut steps = Vec::with_capacity(tape.values.len());
+        for instruction in &tape.values {
+            let ([a, b], c) = instruction.op.parts();
+            let row = |value: Slot| match value {
+                UNUSED => unknown,
+                _ => row_of[value as usize],
+            };
+            let step = Step::new(Kind::of(instruction.op), end, [row(a), row(b)], c);
+            let result = |start: usize| Row {
+                start,
+                degree: step.degree,
+            };
+            row_of[instruction.out as usize] = result(end);
+            if instruction.second != UNUSED {
+                row_of[instruction.second as usize] = result(end + stride);
+            }
+            end += (1 + step.kind.n_helpers()) * stride;
+            steps.push(step);
+        }
+        let outputs = tape.outputs.iter();
+        Recurrences {
+            outputs: outputs.map(|&value| row_of[value as usize].start).collect(),
+            steps,
+            end,
+        }
+    }
+}
+
+/// Order 0 of all steps: the values themselves.
+pub(crate) fn start_all(steps: &[Step], data: &mut [f64], stride: usize) {
+    for step in steps {
+        start(step, data, stride);
+    }
+}
+
+/// Order `k >= 1` of all steps, from what they read up to order `k` and everything of lower order.
+pub(crate) fn advance_all(
+    steps: &[Step],
+    data: &mut [f64],
+    weights: &[f64],
+    k: usize,
+    stride: usize,
+) {
+    for step in steps {
+        if k <= step.degree as usize {
+            advance(step, data, weights, k, stride);
+        }
+    }
+}
+
+/// The weights of the orders of one row: 0, 1, 2, ...
+pub(crate) fn weights(stride: usize) -> Vec<f64> {
+    (0..stride).map(|k| k as f64).collect()
 }
 
 /// An operation on rows; `out`, `a` and `b` are where they start.
 #[derive(Clone, Copy, Debug)]
-struct Step {
+pub(crate) struct Step {
     kind: Kind,
     out: usize,
     a: usize,
@@ -83,55 +164,57 @@ enum Kind {
     Atan2,
 }
 
+impl Step {
+    fn new(kind: Kind, out: usize, [a, b]: [Row; 2], c: f64) -> Self {
+        // The shorter factor comes second.
+        let (a, b) = match kind {
+            Kind::Mul if a.degree < b.degree => (b, a),
+            _ => (a, b),
+        };
+        let short = match kind {
+            Kind::Mul => a.degree.min(b.degree),
+            Kind::Div => b.degree,
+            _ => a.degree,
+        };
+        let (by_a, by_b) = (a.degree, b.degree);
+        let degree = match kind {
+            Kind::Constant => 0,
+            Kind::Neg | Kind::Scale | Kind::Offset | Kind::SubtractFrom => by_a,
+            Kind::Add | Kind::Sub | Kind::AddScaled => by_a.max(by_b),
+            Kind::Mul => by_a.saturating_add(by_b),
+            Kind::Square => by_a.saturating_mul(2),
+            Kind::Div if by_b == 0 => by_a,
+            Kind::Pow | Kind::Atan2 if by_a == 0 && by_b == 0 => 0,
+            Kind::Div | Kind::Pow | Kind::Atan2 => UNBOUNDED,
+            _ if by_a == 0 => 0,
+            _ => UNBOUNDED,
+        };
+        Step {
+            kind,
+            out,
+            a: a.start,
+            b: b.start,
+            c,
+            degree,
+            short,
+        }
+    }
+}
+
 impl Jet {
     /// Memory for the orders `0..=max_order` of the values of a tape.
     pub fn new(tape: &Tape, max_order: usize) -> Self {
         let stride = max_order + 1;
-        let mut row_of: Vec<usize> = (0..tape.n_values).map(|value| value * stride).collect();
-        let mut n_rows = tape.n_inputs;
-        let mut steps = Vec::with_capacity(tape.values.len());
-        for instruction in &tape.values {
-            let kind = Kind::of(instruction.op);
-            let out = n_rows * stride;
-            row_of[instruction.out as usize] = out;
-            if instruction.second != UNUSED {
-                row_of[instruction.second as usize] = out + stride;
-            }
-            n_rows += 1 + kind.n_helpers();
-            let ([a, b], c) = instruction.op.parts();
-            let row = |value: Slot| {
-                if value == UNUSED {
-                    0
-                } else {
-                    row_of[value as usize]
-                }
-            };
-            let (a, b) = (row(a), row(b));
-            steps.push(Step {
-                kind,
-                out,
-                a,
-                b,
-                c,
-                degree: UNBOUNDED,
-                short: UNBOUNDED,
-            });
-        }
-        let mut jet = Self {
+        let degrees = vec![UNBOUNDED; tape.n_inputs];
+        let recurrences = place(tape, &degrees, stride);
+        Self {
+            tape: tape.clone(),
             stride,
-            n_inputs: tape.n_inputs,
-            steps,
-            degrees: vec![UNBOUNDED; tape.n_inputs],
-            outputs: tape
-                .outputs
-                .iter()
-                .map(|&value| row_of[value as usize])
-                .collect(),
-            data: vec![0.0; n_rows * stride],
-            weights: (0..stride).map(|k| k as f64).collect(),
-        };
-        jet.propagate_degrees();
-        jet
+            degrees,
+            data: vec![0.0; recurrences.end],
+            recurrences,
+            weights: weights(stride),
+        }
     }
 
     /// The highest order.
@@ -145,13 +228,13 @@ impl Jet {
     pub fn bound_degree(&mut self, input: usize, degree: usize) {
         self.degrees[input] = u32::try_from(degree).unwrap_or(UNBOUNDED);
         self.data.fill(0.0);
-        self.propagate_degrees();
+        self.recurrences = place(&self.tape, &self.degrees, self.stride);
     }
 
     /// Sets the coefficient of order `k` of an input.
     pub fn set_input(&mut self, input: usize, k: usize, value: f64) {
         assert!(
-            input < self.n_inputs && k < self.stride,
+            input < self.tape.n_inputs && k < self.stride,
             "inputs and orders were fixed at the start"
         );
         self.data[input * self.stride + k] = value;
@@ -165,21 +248,21 @@ impl Jet {
     /// The coefficients of an input, all orders.
     pub fn input_row(&self, input: usize) -> &[f64] {
         assert!(
-            input < self.n_inputs,
+            input < self.tape.n_inputs,
             "the tape has {} inputs",
-            self.n_inputs
+            self.tape.n_inputs
         );
         &self.data[input * self.stride..][..self.stride]
     }
 
     /// The coefficient of order `k` of an output.
     pub fn output(&self, output: usize, k: usize) -> f64 {
-        self.data[self.outputs[output] + k]
+        self.data[self.recurrences.outputs[output] + k]
     }
 
     /// The coefficients of an output, all orders.
     pub fn output_row(&self, output: usize) -> &[f64] {
-        &self.data[self.outputs[output]..][..self.stride]
+        &self.data[self.recurrences.outputs[output]..][..self.stride]
     }
 
     /// Computes the coefficients of order `k` from the inputs up to order `k` and everything of lower order.
@@ -187,58 +270,29 @@ impl Jet {
     /// It may be called again for the same `k` when inputs of that order have changed.
     pub fn advance(&mut self, k: usize) {
         assert!(k < self.stride, "the highest order was fixed at the start");
-        if k == 0 {
-            for step in &self.steps {
-                start(step, &mut self.data, self.stride);
-            }
-            return;
-        }
-        for step in &self.steps {
-            if k <= step.degree as usize {
-                advance(step, &mut self.data, &self.weights, k, self.stride);
-            }
+        let steps = &self.recurrences.steps;
+        match k {
+            0 => start_all(steps, &mut self.data, self.stride),
+            _ => advance_all(steps, &mut self.data, &self.weights, k, self.stride),
         }
     }
+}
 
-    fn propagate_degrees(&mut self) {
-        let mut degree_at = vec![UNBOUNDED; self.data.len() / self.stride];
-        degree_at[..self.n_inputs].copy_from_slice(&self.degrees);
-        for step in &mut self.steps {
-            let (a, b) = (
-                degree_at[step.a / self.stride],
-                degree_at[step.b / self.stride],
-            );
-            if let (Kind::Mul, true) = (step.kind, a < b) {
-                std::mem::swap(&mut step.a, &mut step.b);
-            }
-            step.short = match step.kind {
-                Kind::Mul => a.min(b),
-                Kind::Div => b,
-                _ => a,
-            };
-            step.degree = match step.kind {
-                Kind::Constant => 0,
-                Kind::Neg | Kind::Scale | Kind::Offset | Kind::SubtractFrom => a,
-                Kind::Add | Kind::Sub | Kind::AddScaled => a.max(b),
-                Kind::Mul => a.saturating_add(b),
-                Kind::Square => a.saturating_mul(2),
-                Kind::Div if b == 0 => a,
-                Kind::Pow | Kind::Atan2 if a == 0 && b == 0 => 0,
-                Kind::Div | Kind::Pow | Kind::Atan2 => UNBOUNDED,
-                _ if a == 0 => 0,
-                _ => UNBOUNDED,
-            };
-            let first = step.out / self.stride;
-            degree_at[first..=first + step.kind.n_helpers()].fill(step.degree);
-        }
-    }
+/// A tape alone in its memory: the inputs come first.
+fn place(tape: &Tape, degrees: &[u32], stride: usize) -> Recurrences {
+    let row = |(input, &degree)| Row {
+        start: input * stride,
+        degree,
+    };
+    let inputs: Vec<Row> = degrees.iter().enumerate().map(row).collect();
+    Recurrences::new(tape, &inputs, inputs.len() * stride, stride)
 }
 
 /// Order 0: the values themselves.
 fn start(step: &Step, data: &mut [f64], stride: usize) {
     let (done, open) = data.split_at_mut(step.out);
     let (a, b, c) = (done.get(step.a).copied(), done.get(step.b).copied(), step.c);
-    // Operands that an operation does not have point to row 0, which need not exist for a constant.
+    // Operands that an operation does not have point to the first row, which need not exist.
     let (a, b) = (a.unwrap_or(0.0), b.unwrap_or(0.0));
     let w = &mut open[0];
     match step.kind {

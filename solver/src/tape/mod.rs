@@ -19,6 +19,7 @@ use std::fmt;
 
 pub use builder::{TapeBuilder, Value};
 pub use jet::Jet;
+pub(crate) use jet::{Recurrences, Row, Step, UNBOUNDED, advance_all, start_all, weights};
 pub use lanes::{Lane, LaneScratch};
 
 /// The number of a value or of a register.
@@ -145,7 +146,17 @@ impl Tape {
         }
     }
 
-    fn run<L: Lane>(&self, r: &mut [L]) {
+    /// The values of the outputs after [`Tape::run`], in order.
+    pub(crate) fn results<'r, L: Lane>(
+        &'r self,
+        registers: &'r [L],
+    ) -> impl Iterator<Item = L> + 'r {
+        let places = self.output_registers.iter();
+        places.map(|&register| registers[register as usize])
+    }
+
+    /// Evaluates from the inputs in the first registers.
+    pub(crate) fn run<L: Lane>(&self, r: &mut [L]) {
         for &Instruction { op, out, second } in &self.registers {
             let at = |slot: Slot| r[slot as usize];
             let result = match op {

@@ -1,0 +1,306 @@
+//! The rates f of all blocks, each compiled for the local sides that a run meets.
+
+use std::sync::Arc;
+
+use rustc_hash::FxHashMap;
+
+use super::layout::Memory;
+use super::system::{Block, Input, Partials};
+use super::{Side, SwitchedSystem};
+use crate::tape::{Recurrences, Step, Tape};
+
+pub(super) struct Field {
+    blocks: Vec<Local>,
+    /// The block of every state and its place there.
+    place: Vec<(usize, usize)>,
+    /// Blocks whose α is that of a switch.
+    of_switch: Vec<Vec<usize>>,
+    /// f at the point evaluated last.
+    pub f: Vec<f64>,
+    /// Where the series of every rate is.
+    pub rows: Vec<usize>,
+    /// The recurrences of all blocks, and of those alone that contain a sliding α.
+    steps: Vec<Step>,
+    sliding_steps: Vec<Step>,
+    /// States whose rates contain a sliding α.
+    sliding_states: Vec<usize>,
+    /// Whether the lists above are those of the present sides.
+    listed: bool,
+    registers: Vec<f64>,
+    /// Functions taken up so far.
+    pub n_functions: usize,
+}
+
+/// A block with its functions by local sides.
+struct Local {
+    block: Block,
+    known: Vec<Compiled>,
+    index: FxHashMap<Box<[Side]>, usize>,
+    now: usize,
+}
+
+/// The functions of a block on certain local sides.
+struct Compiled {
+    sides: Box<[Side]>,
+    inputs: Vec<Input>,
+    /// Places of the inputs among the values of a point.
+    gather: Vec<usize>,
+    field: Arc<Tape>,
+    series: Recurrences,
+    by_alpha: Arc<Partials>,
+    /// The values of `by_alpha` where it was last evaluated.
+    slopes: Vec<f64>,
+    /// ∂f/∂x with its values, once somebody has asked for it.
+    jacobian: Option<(Arc<Partials>, Vec<f64>)>,
+}
+
+impl Compiled {
+    fn slides(&self) -> bool {
+        self.sides.contains(&Side::Slide)
+    }
+}
+
+impl Field {
+    /// All blocks, without functions yet.
+    pub(super) fn new(system: &impl SwitchedSystem) -> Self {
+        let n = system.n_states();
+        let mut place = vec![(0, 0); n];
+        let mut of_switch = vec![Vec::new(); system.n_switches()];
+        for (b, block) in system.blocks().iter().enumerate() {
+            for (at, &state) in block.states.iter().enumerate() {
+                place[state] = (b, at);
+            }
+            for &switch in &block.switches {
+                of_switch[switch].push(b);
+            }
+        }
+        let local = |block: &Block| Local {
+            block: block.clone(),
+            known: Vec::new(),
+            index: FxHashMap::default(),
+            now: 0,
+        };
+        Field {
+            blocks: system.blocks().iter().map(local).collect(),
+            place,
+            of_switch,
+            f: vec![0.0; n],
+            rows: vec![0; n],
+            steps: Vec::new(),
+            sliding_steps: Vec::new(),
+            sliding_states: Vec::new(),
+            listed: false,
+            registers: Vec::new(),
+            n_functions: 0,
+        }
+    }
+
+    pub(super) fn n_blocks(&self) -> usize {
+        self.blocks.len()
+    }
+
+    /// The blocks whose rates contain the α of a switch.
+    pub(super) fn of_switch(&self, switch: usize) -> &[usize] {
+        &self.of_switch[switch]
+    }
+
+    /// Takes the function of a block on the present sides, compiling it at its first use.
+    pub(super) fn enter(
+        &mut self,
+        system: &impl SwitchedSystem,
+        memory: &mut Memory,
+        block: usize,
+        sides: &[Side],
+    ) {
+        let local = &mut self.blocks[block];
+        let switches = local.block.switches.iter();
+        let sides: Box<[Side]> = switches.map(|&switch| sides[switch]).collect();
+        local.now = match local.index.get(&sides) {
+            Some(&known) => known,
+            None => {
+                let rates = system.rates(block, &sides);
+                self.n_functions += 1;
+                let inputs: Vec<_> = rates.inputs.iter().map(|&i| memory.row(i)).collect();
+                let base = memory.rows.len();
+                let series = Recurrences::new(&rates.field, &inputs, base, memory.stride);
+                memory.grow((series.end - base) / memory.stride);
+                let wanted = rates
+                    .field
+                    .n_registers()
+                    .max(rates.by_alpha.tape.n_registers());
+                if self.registers.len() < wanted {
+                    self.registers.resize(wanted, 0.0);
+                }
+                local.known.push(Compiled {
+                    sides: sides.clone(),
+                    gather: rates.inputs.iter().map(|&i| memory.slot(i)).collect(),
+                    inputs: rates.inputs,
+                    field: rates.field,
+                    series,
+                    slopes: vec![0.0; rates.by_alpha.entries.len()],
+                    by_alpha: rates.by_alpha,
+                    jacobian: None,
+                });
+                local.index.insert(sides, local.known.len() - 1);
+                local.known.len() - 1
+            }
+        };
+        let outputs = &local.known[local.now].series.outputs;
+        for (&state, &row) in local.block.states.iter().zip(outputs) {
+            self.rows[state] = row;
+        }
+        self.listed = false;
+    }
+
+    /// Evaluates f where `values` say.
+    pub(super) fn eval(&mut self, values: &[f64]) {
+        for block in 0..self.blocks.len() {
+            self.eval_block(block, values);
+        }
+    }
+
+    /// Evaluates the rates that contain a sliding α.
+    pub(super) fn eval_sliding(&mut self, values: &[f64]) {
+        for block in 0..self.blocks.len() {
+            if self.blocks[block].now().slides() {
+                self.eval_block(block, values);
+            }
+        }
+    }
+
+    fn eval_block(&mut self, block: usize, values: &[f64]) {
+        let local = &self.blocks[block];
+        let compiled = local.now();
+        gather(&compiled.gather, values, &mut self.registers);
+        compiled.field.run(&mut self.registers);
+        let results = compiled.field.results(&self.registers);
+        for (&state, result) in local.block.states.iter().zip(results) {
+            self.f[state] = result;
+        }
+    }
+
+    /// Evaluates ∂f/∂α where `values` say, for the rate of a state and all of its block.
+    pub(super) fn linearize(&mut self, state: usize, values: &[f64]) {
+        self.linearize_block(self.place[state].0, values);
+    }
+
+    /// The same for all rates.
+    pub(super) fn linearize_sliding(&mut self, values: &[f64]) {
+        for block in 0..self.blocks.len() {
+            self.linearize_block(block, values);
+        }
+    }
+
+    fn linearize_block(&mut self, block: usize, values: &[f64]) {
+        let local = &mut self.blocks[block];
+        let compiled = &mut local.known[local.now];
+        if compiled.slopes.is_empty() {
+            return;
+        }
+        let tape = &compiled.by_alpha.tape;
+        gather(&compiled.gather, values, &mut self.registers);
+        tape.run(&mut self.registers);
+        for (slope, result) in compiled
+            .slopes
+            .iter_mut()
+            .zip(tape.results(&self.registers))
+        {
+            *slope = result;
+        }
+    }
+
+    /// ∂f_state/∂α of sliding switches where `linearize` was last called: (switch, value).
+    pub(super) fn slopes(&self, state: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
+        let (block, at) = self.place[state];
+        let compiled = self.blocks[block].now();
+        let entries = &compiled.by_alpha.entries;
+        let first = entries.partition_point(|&(function, _)| function < at);
+        let of_state = entries[first..].iter().zip(&compiled.slopes[first..]);
+        of_state
+            .take_while(move |((function, _), _)| *function == at)
+            .filter_map(|(&(_, input), &value)| match compiled.inputs[input] {
+                Input::Alpha(switch) => Some((switch, value)),
+                _ => None,
+            })
+    }
+
+    /// Calls `entry(state, input, value)` for every ∂f/∂x that is not structurally zero where
+    /// `values` say; compiles what is missing.
+    pub(super) fn jacobian(
+        &mut self,
+        system: &impl SwitchedSystem,
+        values: &[f64],
+        mut entry: impl FnMut(usize, usize, f64),
+    ) {
+        for (b, local) in self.blocks.iter_mut().enumerate() {
+            let compiled = &mut local.known[local.now];
+            let sides = &compiled.sides;
+            let registers = &mut self.registers;
+            let (partials, numbers) = compiled.jacobian.get_or_insert_with(|| {
+                let partials = system.jacobian(b, sides);
+                if registers.len() < partials.tape.n_registers() {
+                    registers.resize(partials.tape.n_registers(), 0.0);
+                }
+                let numbers = vec![0.0; partials.entries.len()];
+                (partials, numbers)
+            });
+            gather(&compiled.gather, values, registers);
+            partials.tape.run(registers);
+            for (number, result) in numbers.iter_mut().zip(partials.tape.results(registers)) {
+                *number = result;
+            }
+            for (&(function, input), &number) in partials.entries.iter().zip(&*numbers) {
+                if let Input::State(state) = compiled.inputs[input] {
+                    entry(local.block.states[function], state, number);
+                }
+            }
+        }
+    }
+
+    /// The recurrences of all blocks one after another, and those with a sliding α.
+    pub(super) fn list(&mut self) {
+        if self.listed {
+            return;
+        }
+        self.listed = true;
+        self.steps.clear();
+        self.sliding_steps.clear();
+        self.sliding_states.clear();
+        for local in &self.blocks {
+            let compiled = local.now();
+            self.steps.extend_from_slice(&compiled.series.steps);
+            if compiled.slides() {
+                self.sliding_steps.extend_from_slice(&compiled.series.steps);
+                self.sliding_states.extend_from_slice(&local.block.states);
+            }
+        }
+    }
+
+    /// The recurrences of all rates, after `list`.
+    pub(super) fn steps(&self) -> &[Step] {
+        &self.steps
+    }
+
+    /// The recurrences of rates with a sliding α, after `list`.
+    pub(super) fn sliding_steps(&self) -> &[Step] {
+        &self.sliding_steps
+    }
+
+    /// The states of these rates.
+    pub(super) fn sliding_states(&self) -> &[usize] {
+        &self.sliding_states
+    }
+}
+
+impl Local {
+    fn now(&self) -> &Compiled {
+        &self.known[self.now]
+    }
+}
+
+/// Copies the inputs of a function to the first registers.
+pub(super) fn gather(from: &[usize], values: &[f64], registers: &mut [f64]) {
+    for (register, &slot) in registers.iter_mut().zip(from) {
+        *register = values[slot];
+    }
+}

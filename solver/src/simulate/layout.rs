@@ -1,0 +1,88 @@
+//! Where numbers are: one place per time, state and α for values at a point, one row each for
+//! series, and behind them what functions need for themselves.
+
+use super::system::Input;
+use crate::tape::{self, Row, UNBOUNDED};
+
+/// The order to which ψ is needed beyond that of α, which follows from it.
+pub(super) const LOOKAHEAD: usize = 1;
+
+/// Values at a point and Taylor coefficients around one.
+pub(super) struct Memory {
+    pub n_states: usize,
+    /// Length of a row: the orders of a series.
+    pub stride: usize,
+    /// t, x, α, and then numbers of functions.
+    pub values: Vec<f64>,
+    /// One row after another, in the same order; then the rows of functions.
+    pub rows: Vec<f64>,
+    /// 0, 1, 2, ...
+    pub weights: Vec<f64>,
+}
+
+impl Memory {
+    pub(super) fn new(n_states: usize, n_switches: usize, order: usize) -> Self {
+        let stride = order + LOOKAHEAD + 1;
+        let n_slots = 1 + n_states + n_switches;
+        Memory {
+            n_states,
+            stride,
+            values: vec![0.0; n_slots],
+            rows: vec![0.0; n_slots * stride],
+            weights: tape::weights(stride),
+        }
+    }
+
+    /// The place of an input among the values; a number gets a new one.
+    pub(super) fn slot(&mut self, input: Input) -> usize {
+        match input {
+            Input::Time => 0,
+            Input::State(state) => 1 + state,
+            Input::Alpha(switch) => 1 + self.n_states + switch,
+            Input::Number(number) => {
+                self.values.push(number);
+                self.values.len() - 1
+            }
+        }
+    }
+
+    /// The row of an input; a number gets a new one.
+    pub(super) fn row(&mut self, input: Input) -> Row {
+        let (start, degree) = match input {
+            Input::Time => (0, 1),
+            Input::State(state) => (self.state(state), UNBOUNDED),
+            Input::Alpha(switch) => (self.alpha(switch), UNBOUNDED),
+            Input::Number(number) => {
+                let start = self.grow(1);
+                self.rows[start] = number;
+                (start, 0)
+            }
+        };
+        Row { start, degree }
+    }
+
+    /// New rows behind all others; where they start.
+    pub(super) fn grow(&mut self, n_rows: usize) -> usize {
+        let start = self.rows.len();
+        self.rows.resize(start + n_rows * self.stride, 0.0);
+        start
+    }
+
+    /// Where the row of a state starts.
+    pub(super) fn state(&self, state: usize) -> usize {
+        (1 + state) * self.stride
+    }
+
+    /// Where the row of an α starts.
+    pub(super) fn alpha(&self, switch: usize) -> usize {
+        (1 + self.n_states + switch) * self.stride
+    }
+
+    /// Sets t, x and α at a point.
+    pub(super) fn set(&mut self, t: f64, x: &[f64], alpha: &[f64]) {
+        let n = self.n_states;
+        self.values[0] = t;
+        self.values[1..=n].copy_from_slice(x);
+        self.values[1 + n..1 + n + alpha.len()].copy_from_slice(alpha);
+    }
+}

@@ -1,0 +1,179 @@
+//! The equations of the sliding switches K, cut into components that do not interact.
+//!
+//! φ_i = ∇ψ_i·f + ∂ψ_i/∂t with A = ∂φ_K/∂α_K = ∇ψ_K·∂f/∂α_K, and the Gram matrix of the gradients for
+//! the projection. Both have nonzeros only within a component: switches of two components share no
+//! state, and no α of one occurs in a rate of the other.
+
+use super::field::Field;
+use super::surfaces::Surfaces;
+use crate::linalg::{BlockLu, Singular};
+
+#[derive(Default)]
+pub(super) struct Sliding {
+    /// The sliding switches, component by component.
+    pub switches: Vec<usize>,
+    /// Where every component starts, and the end of the last one.
+    starts: Vec<usize>,
+    /// The place of a switch among `switches`.
+    place: Vec<usize>,
+    lu: BlockLu,
+    /// Signs of the determinants at the expansion point.
+    orientation: Vec<f64>,
+    /// Right-hand side and solution, in order of `switches`.
+    pub rhs: Vec<f64>,
+    /// Σ_l |∂φ_j/∂α_l|, by place: of the last matrix, and at the expansion point.
+    row_sums: Vec<f64>,
+    gains: Vec<f64>,
+    /// By state: the first place that has it in its gradient, or what a row of the Gram matrix is
+    /// made of.
+    owner: Vec<usize>,
+    scaled: Vec<f64>,
+    parent: Vec<usize>,
+}
+
+impl Sliding {
+    pub(super) fn new(n_states: usize, n_switches: usize) -> Self {
+        Sliding {
+            place: vec![0; n_switches],
+            owner: vec![usize::MAX; n_states],
+            scaled: vec![0.0; n_states],
+            starts: vec![0],
+            ..Sliding::default()
+        }
+    }
+
+    /// Finds the components of the sliding switches.
+    pub(super) fn arrange(&mut self, sliding: &[usize], field: &Field, surfaces: &Surfaces) {
+        self.parent.clear();
+        self.parent.extend(0..sliding.len());
+        for (at, &i) in sliding.iter().enumerate() {
+            self.place[i] = at;
+        }
+        self.owner.fill(usize::MAX);
+        for (at, &i) in sliding.iter().enumerate() {
+            for &(state, _) in surfaces.gradient(i) {
+                match self.owner[state] {
+                    usize::MAX => self.owner[state] = at,
+                    other => join(&mut self.parent, at, other),
+                }
+                for (j, _) in field.slopes(state) {
+                    join(&mut self.parent, at, self.place[j]);
+                }
+            }
+        }
+        // Components in order of their first switch.
+        self.switches.clear();
+        self.starts.clear();
+        self.starts.push(0);
+        let mut members: Vec<(usize, usize)> = (0..sliding.len())
+            .map(|at| (root(&mut self.parent, at), at))
+            .collect();
+        members.sort_unstable();
+        for (k, &(component, at)) in members.iter().enumerate() {
+            if k > 0 && members[k - 1].0 != component {
+                self.starts.push(k);
+            }
+            self.place[sliding[at]] = k;
+            self.switches.push(sliding[at]);
+        }
+        if !members.is_empty() {
+            self.starts.push(members.len());
+        }
+        self.lu.shape(&self.starts);
+        self.rhs.clear();
+        self.rhs.resize(sliding.len(), 0.0);
+        self.row_sums.clear();
+        self.row_sums.resize(sliding.len(), 0.0);
+        self.orientation.clear();
+        self.orientation.resize(self.starts.len() - 1, 1.0);
+    }
+
+    /// Factors A where gradients and slopes were last evaluated.
+    pub(super) fn factor(&mut self, field: &Field, surfaces: &Surfaces) -> Result<(), Singular> {
+        for component in 0..self.starts.len() - 1 {
+            let (start, end) = (self.starts[component], self.starts[component + 1]);
+            let matrix = self.lu.matrix(component);
+            for row in start..end {
+                for &(state, g) in surfaces.gradient(self.switches[row]) {
+                    for (j, slope) in field.slopes(state) {
+                        matrix[(row - start) * (end - start) + self.place[j] - start] += g * slope;
+                    }
+                }
+            }
+            for row in start..end {
+                let row_of = matrix[(row - start) * (end - start)..]
+                    .iter()
+                    .take(end - start);
+                self.row_sums[row] = row_of.map(|v| v.abs()).sum();
+            }
+        }
+        self.lu.factor()
+    }
+
+    /// Takes the matrix factored last as that of the expansion point.
+    pub(super) fn expand_here(&mut self) {
+        self.gains.clone_from(&self.row_sums);
+        for (component, sign) in self.orientation.iter_mut().enumerate() {
+            *sign = self.lu.determinant_sign(component);
+        }
+    }
+
+    /// True when a determinant has another sign than at the expansion point.
+    pub(super) fn turned_over(&self) -> bool {
+        let signs = self.orientation.iter().enumerate();
+        let mut changed =
+            signs.map(|(component, sign)| self.lu.determinant_sign(component) != *sign);
+        changed.any(|changed| changed)
+    }
+
+    /// Solves for `rhs`, with what was factored last.
+    pub(super) fn solve(&mut self) {
+        self.lu.solve(&mut self.rhs);
+    }
+
+    /// Factors the Gram matrix of the gradients, weighted with the squares of the sizes of states.
+    pub(super) fn factor_gram(
+        &mut self,
+        surfaces: &Surfaces,
+        size: impl Fn(usize) -> f64,
+    ) -> Result<(), Singular> {
+        for component in 0..self.starts.len() - 1 {
+            let (start, end) = (self.starts[component], self.starts[component + 1]);
+            let matrix = self.lu.matrix(component);
+            for row in start..end {
+                let gradient = surfaces.gradient(self.switches[row]);
+                for &(state, g) in gradient {
+                    self.scaled[state] = g * size(state).powi(2);
+                }
+                for col in start..end {
+                    let other = surfaces.gradient(self.switches[col]).iter();
+                    matrix[(row - start) * (end - start) + col - start] =
+                        other.map(|&(state, g)| g * self.scaled[state]).sum();
+                }
+                for &(state, _) in gradient {
+                    self.scaled[state] = 0.0;
+                }
+            }
+        }
+        self.lu.factor()
+    }
+
+    /// Σ_l |∂φ/∂α_l| of a sliding switch at the expansion point.
+    pub(super) fn gain(&self, switch: usize) -> f64 {
+        self.gains[self.place[switch]]
+    }
+}
+
+fn root(parent: &mut [usize], mut at: usize) -> usize {
+    while parent[at] != at {
+        parent[at] = parent[parent[at]];
+        at = parent[at];
+    }
+    at
+}
+
+/// Joins two components under the lesser root.
+fn join(parent: &mut [usize], a: usize, b: usize) {
+    let (a, b) = (root(parent, a), root(parent, b));
+    parent[a.max(b)] = a.min(b);
+}

@@ -1,0 +1,356 @@
+//! The switching functions ψ, each compiled for the sides of the switches inside it.
+
+use rustc_hash::FxHashMap;
+
+use super::field::gather;
+use super::layout::Memory;
+use super::system::{Affine, Input, Smooth, Surface};
+use super::{Side, SwitchedSystem};
+use crate::tape::{self, Recurrences, Tape};
+
+pub(super) struct Surfaces {
+    surfaces: Vec<Local>,
+    /// Switches in whose ψ the α of a switch occurs.
+    around: Vec<Vec<usize>>,
+    /// The sides taken last; none before the first time.
+    sides: Option<Box<[Side]>>,
+    registers: Vec<f64>,
+    /// Functions taken up so far.
+    pub n_functions: usize,
+}
+
+/// A ψ by the sides inside it.
+struct Local {
+    inside: Vec<usize>,
+    known: Vec<Compiled>,
+    index: FxHashMap<Box<[Side]>, usize>,
+    now: usize,
+}
+
+/// ψ for certain sides inside it.
+struct Compiled {
+    form: Form,
+    /// (j, ∂ψ/∂x_j) where it was last linearized.
+    gradient: Vec<(usize, f64)>,
+    /// ∂ψ/∂t there.
+    by_time: f64,
+    /// Where its series is, once it was needed.
+    row: Option<usize>,
+}
+
+enum Form {
+    Affine(Affine),
+    Smooth(Box<Tapes>),
+}
+
+struct Tapes {
+    functions: Smooth,
+    gather: Vec<usize>,
+    /// The places in the gradient of its entries; none for time.
+    places: Vec<Option<usize>>,
+    series: Option<Recurrences>,
+    /// (place in the gradient or none for time, switch, ∂²ψ).
+    mixed: Vec<(Option<usize>, usize, f64)>,
+}
+
+impl Surfaces {
+    /// All ψ, without functions yet.
+    pub(super) fn new(system: &impl SwitchedSystem) -> Self {
+        let m = system.n_switches();
+        let mut around = vec![Vec::new(); m];
+        for i in 0..m {
+            for &inner in system.inside(i) {
+                around[inner].push(i);
+            }
+        }
+        let local = |i: usize| Local {
+            inside: system.inside(i).to_vec(),
+            known: Vec::new(),
+            index: FxHashMap::default(),
+            now: 0,
+        };
+        Surfaces {
+            surfaces: (0..m).map(local).collect(),
+            around,
+            sides: None,
+            registers: Vec::new(),
+            n_functions: 0,
+        }
+    }
+
+    /// Takes the functions of these sides, compiling what is new.
+    pub(super) fn enter(
+        &mut self,
+        system: &impl SwitchedSystem,
+        memory: &mut Memory,
+        sides: &[Side],
+    ) {
+        match self.sides.take() {
+            None => {
+                for i in 0..sides.len() {
+                    self.enter_one(system, memory, i, sides);
+                }
+                self.sides = Some(sides.into());
+            }
+            Some(mut present) => {
+                for i in 0..sides.len() {
+                    if present[i] != sides[i] {
+                        for at in 0..self.around[i].len() {
+                            self.enter_one(system, memory, self.around[i][at], sides);
+                        }
+                    }
+                }
+                present.copy_from_slice(sides);
+                self.sides = Some(present);
+            }
+        }
+    }
+
+    fn enter_one(
+        &mut self,
+        system: &impl SwitchedSystem,
+        memory: &mut Memory,
+        switch: usize,
+        sides: &[Side],
+    ) {
+        let local = &mut self.surfaces[switch];
+        let sides: Box<[Side]> = local.inside.iter().map(|&inner| sides[inner]).collect();
+        if let Some(&known) = local.index.get(&sides) {
+            local.now = known;
+            return;
+        }
+        let compiled = Compiled::new(system.surface(switch, &sides), memory);
+        if let Form::Smooth(tapes) = &compiled.form {
+            let Smooth {
+                psi,
+                gradient,
+                mixed,
+                ..
+            } = &tapes.functions;
+            let wanted = [
+                psi.n_registers(),
+                gradient.tape.n_registers(),
+                mixed.tape.n_registers(),
+            ];
+            let wanted = wanted.into_iter().max().unwrap_or(0);
+            if self.registers.len() < wanted {
+                self.registers.resize(wanted, 0.0);
+            }
+        }
+        self.n_functions += 1;
+        local.known.push(compiled);
+        local.now = local.known.len() - 1;
+        local.index.insert(sides, local.now);
+    }
+
+    /// ψ where `values` say.
+    pub(super) fn value(&mut self, switch: usize, values: &[f64]) -> f64 {
+        let local = &self.surfaces[switch];
+        match &local.known[local.now].form {
+            Form::Affine(affine) => affine.value(values),
+            Form::Smooth(tapes) => {
+                run(
+                    &tapes.functions.psi,
+                    &tapes.gather,
+                    values,
+                    &mut self.registers,
+                );
+                let mut results = tapes.functions.psi.results(&self.registers);
+                results.next().unwrap_or(f64::NAN)
+            }
+        }
+    }
+
+    /// Evaluates ∂ψ/∂x and ∂ψ/∂t where `values` say.
+    pub(super) fn linearize(&mut self, switch: usize, values: &[f64]) {
+        let local = &mut self.surfaces[switch];
+        let compiled = &mut local.known[local.now];
+        let Form::Smooth(tapes) = &mut compiled.form else {
+            return;
+        };
+        let registers = &mut self.registers;
+        let gradient = &tapes.functions.gradient;
+        run(&gradient.tape, &tapes.gather, values, registers);
+        for (place, value) in tapes.places.iter().zip(gradient.tape.results(registers)) {
+            match place {
+                Some(place) => compiled.gradient[*place].1 = value,
+                None => compiled.by_time = value,
+            }
+        }
+        if !tapes.mixed.is_empty() {
+            let mixed = &tapes.functions.mixed.tape;
+            run(mixed, &tapes.gather, values, registers);
+            for (entry, value) in tapes.mixed.iter_mut().zip(mixed.results(registers)) {
+                entry.2 = value;
+            }
+        }
+    }
+
+    /// (j, ∂ψ/∂x_j) where it was last linearized.
+    pub(super) fn gradient(&self, switch: usize) -> &[(usize, f64)] {
+        &self.surfaces[switch].now().gradient
+    }
+
+    /// ∂ψ/∂t where it was last linearized.
+    pub(super) fn time_gradient(&self, switch: usize) -> f64 {
+        self.surfaces[switch].now().by_time
+    }
+
+    /// What α of a continuous switch changes in the rate φ through ∇ψ: Σ ∂²ψ/∂x∂α f + ∂²ψ/∂t∂α.
+    pub(super) fn mixed(&self, switch: usize, alpha: usize, f: &[f64]) -> f64 {
+        let compiled = self.surfaces[switch].now();
+        let Form::Smooth(tapes) = &compiled.form else {
+            return 0.0;
+        };
+        let of_alpha = tapes.mixed.iter().filter(|entry| entry.1 == alpha);
+        let rate = |place: Option<usize>| place.map_or(1.0, |at| f[compiled.gradient[at].0]);
+        of_alpha.map(|&(place, _, value)| value * rate(place)).sum()
+    }
+
+    /// Computes the coefficient of order k of ψ along the series of the states, from all lower ones.
+    pub(super) fn advance(&mut self, switch: usize, memory: &mut Memory, k: usize) {
+        let local = &mut self.surfaces[switch];
+        local.known[local.now].advance(memory, k);
+    }
+
+    /// Where the series of ψ starts, after `advance`.
+    pub(super) fn row(&self, switch: usize) -> usize {
+        self.surfaces[switch].now().row.unwrap_or(0)
+    }
+
+    /// Whether ψ is affine in the present mode.
+    pub(super) fn is_affine(&self, switch: usize) -> bool {
+        matches!(self.surfaces[switch].now().form, Form::Affine(_))
+    }
+
+    /// Size of the terms of ψ, which may cancel, from a perturbation of all inputs by a small
+    /// `share` of themselves.
+    pub(super) fn terms(
+        &mut self,
+        switch: usize,
+        values: &[f64],
+        perturbed: &[f64],
+        share: f64,
+    ) -> f64 {
+        let local = &self.surfaces[switch];
+        if let Form::Affine(affine) = &local.known[local.now].form {
+            let terms = affine.terms.iter();
+            let sizes = terms.map(|&(state, c)| (c * values[1 + state]).abs());
+            return sizes.sum::<f64>() + (affine.time * values[0]).abs();
+        }
+        let difference = self.value(switch, values) - self.value(switch, perturbed);
+        let size = difference.abs() / share;
+        if size.is_finite() { size } else { 0.0 }
+    }
+
+    /// True when the constant term of an affine ψ outweighs all that states which move by no more
+    /// than `reach` within a step h can add to it.
+    pub(super) fn stays_away(&self, switch: usize, values: &[f64], reach: &[f64], h: f64) -> bool {
+        let Form::Affine(affine) = &self.surfaces[switch].now().form else {
+            return false;
+        };
+        let moves = affine
+            .terms
+            .iter()
+            .map(|&(state, c)| c.abs() * reach[state]);
+        affine.value(values).abs() > moves.sum::<f64>() + affine.time.abs() * h
+    }
+}
+
+impl Local {
+    fn now(&self) -> &Compiled {
+        &self.known[self.now]
+    }
+}
+
+impl Compiled {
+    fn new(surface: Surface, memory: &mut Memory) -> Self {
+        match surface {
+            Surface::Affine(affine) => Compiled {
+                gradient: affine.terms.clone(),
+                by_time: affine.time,
+                row: None,
+                form: Form::Affine(affine),
+            },
+            Surface::Smooth(functions) => {
+                let mut gradient = Vec::new();
+                let mut place_of = vec![None; functions.inputs.len()];
+                for &(_, input) in &functions.gradient.entries {
+                    if let Input::State(state) = functions.inputs[input] {
+                        place_of[input] = Some(gradient.len());
+                        gradient.push((state, 0.0));
+                    }
+                }
+                let entries = functions.gradient.entries.iter();
+                let mixed = functions.mixed.entries.iter();
+                let mixed = mixed.filter_map(|&(by, alpha)| match functions.inputs[alpha] {
+                    Input::Alpha(switch) => Some((place_of[by], switch, 0.0)),
+                    _ => None,
+                });
+                let tapes = Tapes {
+                    places: entries.map(|&(_, input)| place_of[input]).collect(),
+                    mixed: mixed.collect(),
+                    gather: functions.inputs.iter().map(|&i| memory.slot(i)).collect(),
+                    series: None,
+                    functions,
+                };
+                Compiled {
+                    gradient,
+                    by_time: 0.0,
+                    row: None,
+                    form: Form::Smooth(Box::new(tapes)),
+                }
+            }
+        }
+    }
+
+    fn advance(&mut self, memory: &mut Memory, k: usize) {
+        match &mut self.form {
+            Form::Affine(affine) => {
+                let row = *self.row.get_or_insert_with(|| memory.grow(1));
+                let terms = affine.terms.iter();
+                let sum: f64 = terms
+                    .map(|&(state, c)| c * memory.rows[memory.state(state) + k])
+                    .sum();
+                memory.rows[row + k] = match k {
+                    0 => sum + affine.time * memory.rows[0] + affine.constant,
+                    1 => sum + affine.time,
+                    _ => sum,
+                };
+            }
+            Form::Smooth(tapes) => {
+                let functions = &tapes.functions;
+                let series = tapes.series.get_or_insert_with(|| {
+                    let inputs: Vec<_> = functions.inputs.iter().map(|&i| memory.row(i)).collect();
+                    let base = memory.rows.len();
+                    let series = Recurrences::new(&functions.psi, &inputs, base, memory.stride);
+                    memory.grow((series.end - base) / memory.stride);
+                    series
+                });
+                self.row = series.outputs.first().copied();
+                let Memory {
+                    rows,
+                    weights,
+                    stride,
+                    ..
+                } = memory;
+                match k {
+                    0 => tape::start_all(&series.steps, rows, *stride),
+                    _ => tape::advance_all(&series.steps, rows, weights, k, *stride),
+                }
+            }
+        }
+    }
+}
+
+impl Affine {
+    fn value(&self, values: &[f64]) -> f64 {
+        let terms = self.terms.iter().map(|&(state, c)| c * values[1 + state]);
+        terms.sum::<f64>() + self.time * values[0] + self.constant
+    }
+}
+
+fn run(tape: &Tape, from: &[usize], values: &[f64], registers: &mut [f64]) {
+    gather(from, values, registers);
+    tape.run(registers);
+}

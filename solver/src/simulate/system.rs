@@ -1,0 +1,125 @@
+//! A system with switches, cut into functions that are compiled where and when they are needed.
+//!
+//! The rates x' = f come in *blocks*: groups of rates that are computed together. A block knows
+//! the switches whose α occur in it; their sides are its *local* sides, and for each combination of
+//! them that a run meets it has one function, in which α is 0 at `Minus`, 1 at `Plus` and an input
+//! at `Slide`. So a switch that changes sides concerns the blocks that contain its α and no others.
+//! The same holds for every ψ, which may contain α of earlier switches.
+
+use std::sync::Arc;
+
+use super::Side;
+use crate::tape::Tape;
+
+/// A system with switches, as the simulator sees it.
+///
+/// The same function is asked for once per simulator, so implementations that serve several
+/// simulators keep what they have compiled.
+pub trait SwitchedSystem {
+    /// Length of x.
+    fn n_states(&self) -> usize;
+    /// Length of ψ and α.
+    fn n_switches(&self) -> usize;
+    /// True when f is continuous across the surface, so that it never slides.
+    fn is_continuous(&self, switch: usize) -> bool;
+    /// The switches whose α the rate φ of a switch may contain, in order.
+    fn couplings(&self, switch: usize) -> &[usize];
+    /// The blocks; every state belongs to exactly one.
+    fn blocks(&self) -> &[Block];
+    /// The other switches whose α occur in ψ of a switch, in order.
+    fn inside(&self, switch: usize) -> &[usize];
+    /// The rates of a block on its local sides.
+    fn rates(&self, block: usize, sides: &[Side]) -> Rates;
+    /// ψ of a switch, given the sides of the switches inside it. α of one that slides is 1: ψ is
+    /// continuous there. Only a continuous switch makes its α an input.
+    fn surface(&self, switch: usize, sides: &[Side]) -> Surface;
+    /// ∂f/∂x of a block on its local sides, by the inputs of its [`Rates`]. Only implicit methods
+    /// ask for it.
+    fn jacobian(&self, block: usize, sides: &[Side]) -> Arc<Partials>;
+}
+
+/// Rates that are computed together.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Block {
+    /// The states whose rates they are, in order.
+    pub states: Vec<usize>,
+    /// The switches whose α they contain, in order.
+    pub switches: Vec<usize>,
+}
+
+/// What an input of a function stands for.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Input {
+    /// t.
+    Time,
+    /// x_i.
+    State(usize),
+    /// α_i.
+    Alpha(usize),
+    /// A number that functions of the same form have different values of.
+    Number(f64),
+}
+
+/// The rates of a block on certain local sides.
+#[derive(Clone, Debug)]
+pub struct Rates {
+    /// What the inputs of both tapes are.
+    pub inputs: Vec<Input>,
+    /// To f of the states of the block.
+    pub field: Arc<Tape>,
+    /// ∂f/∂α of the switches that slide.
+    pub by_alpha: Arc<Partials>,
+}
+
+/// Partial derivatives that are not structurally zero, as one tape.
+#[derive(Clone, Debug)]
+pub struct Partials {
+    /// One output per entry.
+    pub tape: Tape,
+    /// (function, input) of every output, ordered by function.
+    pub entries: Vec<(usize, usize)>,
+}
+
+impl Partials {
+    /// No partial derivatives of functions with this many inputs.
+    pub fn none(n_inputs: usize) -> Self {
+        Partials {
+            tape: Tape::builder(n_inputs).finish(&[]),
+            entries: Vec::new(),
+        }
+    }
+}
+
+/// A switching function.
+#[derive(Clone, Debug)]
+pub enum Surface {
+    /// Affine with constant coefficients, the common case: it needs no tape, and its series follows
+    /// from those of the states.
+    Affine(Affine),
+    /// Any other.
+    Smooth(Smooth),
+}
+
+/// ψ = Σ c_j x_j + d t + e.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Affine {
+    /// (j, c_j), ordered by state.
+    pub terms: Vec<(usize, f64)>,
+    /// d.
+    pub time: f64,
+    /// e.
+    pub constant: f64,
+}
+
+/// ψ as a tape.
+#[derive(Clone, Debug)]
+pub struct Smooth {
+    /// What the inputs of all tapes are.
+    pub inputs: Vec<Input>,
+    /// To ψ.
+    pub psi: Arc<Tape>,
+    /// ∂ψ/∂x and ∂ψ/∂t: entries (0, input).
+    pub gradient: Arc<Partials>,
+    /// ∂²ψ/∂x∂α and ∂²ψ/∂t∂α of α that are inputs: entries (input x or t, input α).
+    pub mixed: Arc<Partials>,
+}
