@@ -38,6 +38,7 @@ const EXAMPLES: &[&str] = &[
     "switching_cases.nsd: switch",
     "switching_cases.nsd: uneven",
     "switching_cases.nsd: upwards",
+    "thermostat.nsd: day",
     "two_gene_network.nsd: both_thresholds",
     "two_gene_network.nsd: from_below",
 ];
@@ -68,6 +69,7 @@ const MODELS: &[&str] = &[
     "switching_cases.nsd: cross",
     "switching_cases.nsd: leave",
     "switching_cases.nsd: slide",
+    "thermostat.nsd: day",
 ];
 
 /// Experiments of the design models that are refused as not supported yet, with the code.
@@ -92,8 +94,7 @@ const NOT_YET: &[&str] = &[
     "stiction.nsd: large_errors (E0921)",
     "stiction.nsd: small_errors (E0921)",
     "stiction.nsd: stick_slip (E0920)",
-    "thermostat.nsd: day (E0908)",
-    "thermostat.nsd: frozen (E0908)",
+    "thermostat.nsd: frozen (E0924)",
     "throw_and_catch.nsd: track (E0903)",
     "two_contacts.nsd: drop (E0903)",
 ];

@@ -34,9 +34,24 @@ pub fn lower<'e>(system: &System<'e>, lowerings: &[Lowering]) -> Result<Dcs<'e>,
 
 /// Whether [`lower`] would succeed; for those who need no DCS and still tell the user.
 pub fn check(system: &System, lowerings: &[Lowering]) -> Result<(), DcsError> {
-    match asked(lowerings) {
-        Some(Formulation::Stewart) => signs::check(system),
-        Some(Formulation::Step) | None => Ok(()),
+    let Some(formulation) = asked(lowerings) else {
+        return Ok(());
+    };
+    has_no_relay(system)?;
+    match formulation {
+        Formulation::Stewart => signs::check(system),
+        Formulation::Step => Ok(()),
+    }
+}
+
+/// A relay depends on the past, which complementarity knows nothing of.
+fn has_no_relay(system: &System) -> Result<(), DcsError> {
+    match system.switches.iter().find(|switch| switch.relay.is_some()) {
+        Some(relay) => Err(DcsError::Relay {
+            name: relay.name.clone(),
+            span: relay.spans[0],
+        }),
+        None => Ok(()),
     }
 }
 
@@ -49,6 +64,7 @@ fn asked(lowerings: &[Lowering]) -> Option<Formulation> {
 
 /// Lowers in the given formulation.
 pub fn lower_as<'e>(system: &System<'e>, formulation: Formulation) -> Result<Dcs<'e>, DcsError> {
+    has_no_relay(system)?;
     let dcs = match formulation {
         Formulation::Stewart => stewart::lower(system)?,
         Formulation::Step => heaviside::lower(system),

@@ -8,6 +8,20 @@ use crate::source::Span;
 /// Why a system cannot be stated in the formulation that was asked for.
 #[derive(Clone, Debug, Error, Diagnostic)]
 pub enum DcsError {
+    /// A relay with memory has no complementarity form.
+    #[error("relay `{name}` cannot be lowered to complementarity yet")]
+    #[diagnostic(
+        code(E0908),
+        help("`simulate` with `method event` runs it as it is, without lowering")
+    )]
+    Relay {
+        /// Its name.
+        name: String,
+        /// Its statement.
+        #[label("a switch with memory")]
+        span: Span,
+    },
+
     /// Stewart's reformulation needs one multiplier per region, and switches that multiply each other have 2^n of
     /// them. The step reformulation needs three variables per switch and one per product.
     #[error("{count} switches multiply each other, too many for `stewart`")]

@@ -46,6 +46,7 @@ impl<'e> Builder<'e> {
     fn add(&mut self, name: &str, psi: Expr<'e>, continuity: Continuity) -> Expr<'e> {
         let alpha = self.exprs.variable("alpha");
         self.switches.push(Switch {
+            relay: None,
             name: name.to_owned(),
             alpha,
             psi,

@@ -1,17 +1,13 @@
 //! Declarations: variables for what varies, values for what is named.
 
-use std::collections::BTreeMap;
-
 use rustc_hash::FxHashMap;
 
 use super::lower::{Lazy, Local, Lowering};
 use super::names::{Declared, Frame, Item};
 use super::parts::{Files, Given, Inner};
-use super::resolve::{given, switch_argument};
+use super::resolve::given;
 use super::scope::{Meaning, Reported, Scope, Value};
-use super::{
-    DynamicsError, Model, ModelError, Named, NamedSwitch, Quantity, Shape, TargetKind, Tensor,
-};
+use super::{Model, ModelError, Named, Quantity, Shape, TargetKind, Tensor};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Var};
 use crate::source::Span;
@@ -109,7 +105,7 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
     }
 
     /// The name of the whole for a name of the instance: `a.floor.s`.
-    fn whole_name(&self, name: &str) -> String {
+    pub fn whole_name(&self, name: &str) -> String {
         format!("{}{name}", self.level.scope.prefix)
     }
 
@@ -223,76 +219,6 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
         });
         Ok(Meaning::Value(value, kind(list.len() - 1)))
     }
-
-    fn switch(
-        &mut self,
-        switch: &syntax::Switch,
-        frames: &[Frame<'_>],
-    ) -> Result<Meaning<'e>, Reported> {
-        let Some((kind, arg)) = switch_argument(&switch.value) else {
-            self.diags.push(DynamicsError::SwitchForm {
-                span: switch.value.span,
-            });
-            return Err(Reported);
-        };
-        let mut psis: Vec<(Vec<i64>, Tensor<'e>)> = vec![];
-        self.lowering(|lowering| {
-            in_frames(lowering, frames, &mut |lowering| {
-                let psi = lowering.numbers(arg)?;
-                if let Some(value) = psi.data.iter().find_map(|entry| entry.as_constant()) {
-                    let value = value > 0.0;
-                    return lowering.error(DynamicsError::ConstantComparison {
-                        value,
-                        span: arg.span,
-                    });
-                }
-                psis.push((lowering.indices(frames), psi));
-                Ok(())
-            })
-        })?;
-        let mut members = BTreeMap::new();
-        for (indices, psi) in psis {
-            let suffix = indices
-                .iter()
-                .map(i64::to_string)
-                .collect::<Vec<_>>()
-                .join(",");
-            let name = match indices.is_empty() {
-                true => self.whole_name(&switch.name.name),
-                false => self.whole_name(&format!("{}[{suffix}]", switch.name.name)),
-            };
-            let shape = psi.shape;
-            let vars: Vec<Expr<'e>> = (0..shape.len())
-                .map(|k| self.model.exprs.variable(&shape.entry_name(&name, k)))
-                .collect();
-            let value = Value::from(Tensor {
-                shape,
-                data: vars.clone(),
-            });
-            members.insert(
-                indices,
-                (value, TargetKind::Switch(self.model.switches.len())),
-            );
-            let (psi, sliding, span) = (psi.data, switch.sliding, switch.span);
-            self.model.switches.push(NamedSwitch {
-                name,
-                kind,
-                shape,
-                psi,
-                vars,
-                sliding,
-                span,
-            });
-        }
-        if !frames.is_empty() {
-            let binders = frames.iter().flat_map(|frame| frame.binders);
-            let binders = binders.map(|binder| binder.name.name.clone()).collect();
-            return Ok(Meaning::Family { binders, members });
-        }
-        let only = members.into_values().next();
-        only.map(|(value, kind)| Meaning::Value(value, kind))
-            .ok_or(Reported)
-    }
 }
 
 /// Runs `body` for all indices of some loops around it, their `let`s in sight.
@@ -326,7 +252,7 @@ impl<'e> Lowering<'_, 'e> {
     }
 
     /// Current values of the indices of some loops.
-    fn indices(&self, frames: &[Frame<'_>]) -> Vec<i64> {
+    pub fn indices(&self, frames: &[Frame<'_>]) -> Vec<i64> {
         let binders = frames.iter().flat_map(|frame| frame.binders);
         binders
             .filter_map(|binder| self.index_value(&binder.name.name))

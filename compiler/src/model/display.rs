@@ -2,11 +2,11 @@
 
 use std::fmt;
 
-use super::{Model, Named, Quantity, Rate, Shape, SwitchKind, Tensor};
+use super::{Model, Named, Quantity, Rate, Shape, SwitchKind, Tensor, Thresholds};
 use crate::expr::Expr;
 use crate::syntax::Sliding;
 
-impl fmt::Display for Model<'_> {
+impl<'e> fmt::Display for Model<'e> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "model {}", self.name)?;
         let quantities = [
@@ -24,21 +24,32 @@ impl fmt::Display for Model<'_> {
             write_named(f, word, list)?;
         }
         for switch in &self.switches {
-            let function = if switch.kind == SwitchKind::Sign {
-                "sign"
-            } else {
-                "step"
-            };
-            let psi = Tensor {
+            let tensor = |data: &[Expr<'e>]| Tensor {
                 shape: switch.shape,
-                data: switch.psi.clone(),
+                data: data.to_vec(),
             };
+            let psi = tensor(&switch.psi);
             let sliding = match switch.sliding {
                 Some(Sliding::Linear) => " sliding linear",
                 Some(Sliding::Nonlinear) => " sliding nonlinear",
                 None => "",
             };
-            writeln!(f, "switch {} = {function}({psi}){sliding}", switch.name)?;
+            let name = &switch.name;
+            match &switch.kind {
+                SwitchKind::Sign => writeln!(f, "switch {name} = sign({psi}){sliding}")?,
+                SwitchKind::Step => writeln!(f, "switch {name} = step({psi}){sliding}")?,
+                SwitchKind::Relay(Thresholds { on, off, start }) => {
+                    let (on, off) = (tensor(on), tensor(off));
+                    write!(
+                        f,
+                        "switch {name} = hysteresis({psi}, on = {on}, off = {off}"
+                    )?;
+                    if let Some(start) = start {
+                        write!(f, ", start = {}", tensor(start))?;
+                    }
+                    writeln!(f, ")")?;
+                }
+            }
         }
         self.write_rates(f, "", &self.dynamics)?;
         for region in &self.regions {

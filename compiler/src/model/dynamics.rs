@@ -313,7 +313,7 @@ impl<'e> Walk<'e> {
             return lowering.error(DynamicsError::HiddenSets { span });
         }
         let switch = &self.switches[switch];
-        let low = if switch.kind == super::SwitchKind::Sign {
+        let low = if matches!(switch.kind, super::SwitchKind::Sign) {
             -1.0
         } else {
             0.0

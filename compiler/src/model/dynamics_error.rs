@@ -149,6 +149,20 @@ pub enum DynamicsError {
         span: Span,
     },
 
+    /// A relay with memory that is not described completely.
+    #[error("this is no relay: {what}")]
+    #[diagnostic(
+        code(E0315),
+        help(
+            "write `hysteresis(y, on = 18, off = 20)`, with thresholds over params, and `start = 1` where y starts between them"
+        )
+    )]
+    RelayForm {
+        what: String,
+        #[label("here")]
+        span: Span,
+    },
+
     /// Dynamics of a part, written outside of it.
     #[error("only `{part}` itself sets the dynamics of its states")]
     #[diagnostic(

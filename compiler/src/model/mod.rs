@@ -41,6 +41,7 @@ mod places;
 mod reserved;
 mod resolve;
 mod scope;
+mod switch;
 mod target;
 mod tensor;
 #[cfg(test)]
@@ -136,25 +137,38 @@ pub struct Named<'e> {
     pub span: Span,
 }
 
-/// Which values a switch takes off its surface.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SwitchKind {
-    /// -1 below and 1 above.
+/// Which values a switch takes.
+#[derive(Clone, Debug)]
+pub enum SwitchKind<'e> {
+    /// -1 below its surface and 1 above.
     Sign,
-    /// 0 below and 1 above.
+    /// 0 below its surface and 1 above.
     Step,
+    /// 0 or 1, with memory between two thresholds.
+    Relay(Thresholds<'e>),
 }
 
-/// `switch s = sign(psi) sliding linear;`, elementwise.
+/// Where the entries of a relay switch, over params.
+#[derive(Clone, Debug)]
+pub struct Thresholds<'e> {
+    /// To 1 when y passes this.
+    pub on: Vec<Expr<'e>>,
+    /// To 0 when y passes this.
+    pub off: Vec<Expr<'e>>,
+    /// The value at the start, where y is between the two.
+    pub start: Option<Vec<Expr<'e>>>,
+}
+
+/// `switch s = sign(psi) sliding linear;` or `switch h = hysteresis(y, on = a, off = b);`, elementwise.
 #[derive(Clone, Debug)]
 pub struct NamedSwitch<'e> {
     /// Declared name, with the indices of enclosing loops.
     pub name: String,
     /// Which values it takes.
-    pub kind: SwitchKind,
+    pub kind: SwitchKind<'e>,
     /// Shape of ψ.
     pub shape: Shape,
-    /// Switching functions.
+    /// Switching functions; of a relay the quantity y that it watches.
     pub psi: Vec<Expr<'e>>,
     /// Variables that stand for the values of the entries in other expressions.
     pub vars: Vec<Expr<'e>>,

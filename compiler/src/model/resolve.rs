@@ -14,7 +14,7 @@ use super::parts::{Files, Instance};
 use super::{Model, ModelError, connect, display, dynamics, import, partition, parts, units};
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
-use crate::syntax::{self, Bind, Expr, ExprKind, File, Stmt};
+use crate::syntax::{self, Bind, Expr, File, Stmt};
 
 /// The meaning of the model called `name`.
 ///
@@ -233,22 +233,4 @@ pub(super) fn given<'a>(item: &'a syntax::Const, with: &'a [Bind]) -> &'a Expr {
         .rev()
         .find(of_const)
         .map_or(&item.value, |bind| &bind.value)
-}
-
-/// The argument of `sign(..)` or `step(..)`.
-pub(super) fn switch_argument(value: &Expr) -> Option<(super::SwitchKind, &Expr)> {
-    let ExprKind::Call(function, args) = &value.kind else {
-        return None;
-    };
-    let (ExprKind::Name(name), [syntax::Arg::Positional(arg, binders)]) =
-        (&function.kind, &args[..])
-    else {
-        return None;
-    };
-    let kind = match name.as_str() {
-        "sign" => super::SwitchKind::Sign,
-        "step" => super::SwitchKind::Step,
-        _ => return None,
-    };
-    binders.is_empty().then_some((kind, arg))
 }

@@ -63,14 +63,6 @@ pub enum Unsupported {
         span: Span,
     },
 
-    /// Relays with memory.
-    #[error("hysteresis is not supported yet")]
-    #[diagnostic(code(E0908))]
-    Hysteresis {
-        #[label("a relay with memory")]
-        span: Span,
-    },
-
     /// Signals from data.
     #[error("signals from tables are not supported yet")]
     #[diagnostic(code(E0909), help("write the signal as an expression in `time`"))]
@@ -138,9 +130,6 @@ fn refusal(stmt: &Stmt) -> Option<Unsupported> {
         Stmt::Decl(decl) => match &decl.domain {
             Some(Domain::Set(_)) => Unsupported::FiniteSets { span: decl.span },
             _ => return None,
-        },
-        Stmt::Switch(switch) if calls(&switch.value, "hysteresis") => Unsupported::Hysteresis {
-            span: switch.value.span,
         },
         Stmt::Named(named) if named.kind == NamedKind::Signal && calls(&named.value, "table") => {
             Unsupported::Tables {

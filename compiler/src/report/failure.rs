@@ -102,6 +102,20 @@ pub enum Failure {
         span: Span,
     },
 
+    /// Relays that make each other switch.
+    #[error("at t = {time}, relays make each other switch without end")]
+    #[diagnostic(
+        code(E0710),
+        help(
+            "what switches one relay must not depend on the value of the other at once: let it act on a rate"
+        )
+    )]
+    Restless {
+        time: f64,
+        #[label(collection)]
+        surfaces: Vec<LabeledSpan>,
+    },
+
     /// Out of steps or events.
     #[error("at t = {time}, the limit of {what} was reached")]
     #[diagnostic(

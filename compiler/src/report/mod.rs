@@ -178,7 +178,7 @@ pub struct ModeInterval {
     pub sides: Vec<Side>,
 }
 
-/// Where the state is with respect to a surface ψ = 0.
+/// Where the state is with respect to a surface ψ = 0, or what a relay remembers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Side {
     /// ψ < 0
@@ -187,6 +187,10 @@ pub enum Side {
     Sliding,
     /// ψ > 0
     Above,
+    /// A relay that is 0.
+    Off,
+    /// A relay that is 1.
+    On,
 }
 
 /// A warning of a run.

@@ -12,6 +12,8 @@ impl Side {
             Side::Below => "below",
             Side::Sliding => "sliding",
             Side::Above => "above",
+            Side::Off => "off",
+            Side::On => "on",
         }
     }
 }
@@ -36,7 +38,7 @@ impl Trajectory {
             n if n > MAX_NAMES => words.push(format!("{n} sliding")),
             _ => words.push(format!("sliding({})", sliding.join(", "))),
         }
-        for side in [Side::Below, Side::Above] {
+        for side in [Side::Below, Side::Above, Side::Off, Side::On] {
             match on(side).count() {
                 0 => {}
                 n => words.push(format!("{n} {}", side.as_str())),

@@ -73,27 +73,41 @@ impl<'s, 'e> ModeNames<'s, 'e> {
     }
 
     fn word(&self, switch: usize, side: Side) -> String {
-        let word = match side {
-            Side::Minus => "below",
-            Side::Slide => "sliding",
-            Side::Plus => "above",
-        };
+        let word = self.side(switch, side).as_str();
         format!("{word}({})", self.system.switches[switch].name)
+    }
+
+    fn is_relay(&self, switch: usize) -> bool {
+        self.system.switches[switch].relay.is_some()
+    }
+
+    /// The report's side of a switch.
+    fn side(&self, switch: usize, side: Side) -> report::Side {
+        match (side, self.is_relay(switch)) {
+            (Side::Minus, false) => report::Side::Below,
+            (Side::Slide, _) => report::Side::Sliding,
+            (Side::Plus, false) => report::Side::Above,
+            (Side::Minus, true) => report::Side::Off,
+            (Side::Plus, true) => report::Side::On,
+        }
+    }
+
+    /// The report's sides.
+    pub(super) fn sides(&self, sides: &[Side]) -> Vec<report::Side> {
+        let sides = sides.iter().enumerate();
+        sides.map(|(i, &side)| self.side(i, side)).collect()
+    }
+
+    /// What the change of one switch is called; none where it did not change.
+    pub(super) fn kind(&self, switch: usize, from: Side, to: Side) -> Option<EventKind> {
+        match self.is_relay(switch) {
+            true => (from != to).then_some(EventKind::Relay),
+            false => kind(from, to),
+        }
     }
 }
 
-/// The report's sides.
-pub(super) fn sides(sides: &[Side]) -> Vec<report::Side> {
-    let side = |side: &Side| match side {
-        Side::Minus => report::Side::Below,
-        Side::Slide => report::Side::Sliding,
-        Side::Plus => report::Side::Above,
-    };
-    sides.iter().map(side).collect()
-}
-
-/// What the change of one switch is called; none where it did not change.
-pub(super) fn kind(from: Side, to: Side) -> Option<EventKind> {
+fn kind(from: Side, to: Side) -> Option<EventKind> {
     match (from, to) {
         (from, to) if from == to => None,
         (_, Side::Slide) => Some(EventKind::EnterSliding),

@@ -31,6 +31,10 @@ pub(super) fn failure(
         },
         Status::TimeLimit => Failure::TimeLimit { time, span },
         Status::Accumulation => Failure::Accumulation { time, span },
+        Status::Restless { switches } => Failure::Restless {
+            time,
+            surfaces: at(switches),
+        },
         Status::NonUnique(candidates) => non_unique(system, names, candidates, time),
         Status::NoSolution { switches } => Failure::NoSolution {
             time,
@@ -86,7 +90,10 @@ fn labels(system: &System, switches: &[usize]) -> Vec<LabeledSpan> {
     let label = |&i: &usize| {
         let switch = &system.switches[i];
         let span = switch.spans.first()?;
-        let text = format!("on the surface of `{}`", switch.name);
+        let text = match switch.relay {
+            Some(_) => format!("relay `{}`", switch.name),
+            None => format!("on the surface of `{}`", switch.name),
+        };
         Some(LabeledSpan::new_with_span(Some(text), *span))
     };
     switches.iter().filter_map(label).collect()

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use nsd_solver::simulate::{Event, Observer, Outcome, Segment, Side};
 
-use super::modes::{self, ModeNames};
+use super::modes::ModeNames;
 use crate::expr;
 use crate::report::{self, ModeInterval, Piece, Series, Trajectory};
 use crate::system::experiment::{Kept, Sampling, Settings};
@@ -172,7 +172,7 @@ impl Recorder {
             to,
             mode: names.mode(sides),
             regions: names.regions(sides),
-            sides: modes::sides(sides),
+            sides: names.sides(sides),
         };
         let ends = self
             .changes
@@ -193,7 +193,7 @@ impl Recorder {
         for (time, from, to) in &self.changes {
             let (mode_from, mode_to) = (names.mode(from), names.mode(to));
             for (i, switch) in system.switches.iter().enumerate() {
-                if let Some(kind) = modes::kind(from[i], to[i]) {
+                if let Some(kind) = names.kind(i, from[i], to[i]) {
                     trajectory.events.push(report::Event {
                         time: *time,
                         kind,

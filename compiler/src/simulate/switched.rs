@@ -32,6 +32,10 @@ pub struct Switched<'e> {
     blocks: Vec<Block>,
     /// Switches whose α is in ψ_i.
     inside: Vec<Vec<usize>>,
+    /// Where relays start; none for other switches.
+    relays: Vec<Option<Side>>,
+    /// Switches whose ψ depends on time only.
+    timed: Vec<bool>,
     /// Switches whose α the rate φ_i may contain.
     couplings: Vec<Vec<usize>>,
     known_rates: Known<Rates>,
@@ -92,7 +96,21 @@ impl<'e> Switched<'e> {
             found.dedup();
             found
         };
+        let mut timed: Vec<bool> = Vec::new();
+        for inputs in &in_psi {
+            // Inner switches come first; a relay holds its own α and is none of time.
+            timed.push(inputs.iter().all(|input| match input {
+                Input::Alpha(k) => timed.get(*k) == Some(&true),
+                input => *input == Input::Time,
+            }));
+        }
+        let start = |switch: &crate::system::Switch| match switch.relay?.start {
+            true => Some(Side::Plus),
+            false => Some(Side::Minus),
+        };
         Switched {
+            relays: system.switches.iter().map(start).collect(),
+            timed,
             couplings: in_psi.iter().map(coupled).collect(),
             blocks: blocks::cut(&rates, &in_rates, &alphas),
             continuous: (system.switches.iter())
@@ -249,6 +267,14 @@ impl SwitchedSystem for Switched<'_> {
 
     fn blocks(&self) -> &[Block] {
         &self.blocks
+    }
+
+    fn is_timed(&self, switch: usize) -> bool {
+        self.timed[switch]
+    }
+
+    fn relay(&self, switch: usize) -> Option<Side> {
+        self.relays[switch]
     }
 
     fn inside(&self, switch: usize) -> &[usize] {

@@ -5,6 +5,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use super::continuity::classify;
 use super::interaction::{positions, subsystems};
 use super::lower::Lowering;
+use super::relay::at_all_sides;
 use super::{
     Continuity, Output, Param, Partition, Region, State, StateGroup, Switch, System, SystemError,
     regions,
@@ -64,17 +65,33 @@ impl<'e> Lowering<'_, 'e> {
                 entered[k].push(f);
             }
         }
+        let relays: Vec<Var> = (switches.iter().zip(&alphas))
+            .filter_map(|(switch, &alpha)| switch.relay.map(|_| alpha))
+            .collect();
+        // A relay has either value on any surface, and the worse one counts.
+        let across = |functions: &[Expr<'e>], (alpha, psi), is_kink| {
+            let Some(sides) = at_all_sides(functions, psi, &relays) else {
+                return Continuity::Discontinuous;
+            };
+            let classes = (sides.iter())
+                .map(|(functions, psi)| classify(functions, (alpha, *psi), is_kink, &sampler));
+            classes.max().unwrap_or(Continuity::Discontinuous)
+        };
         for (k, switch) in switches.iter_mut().enumerate() {
             let is_kink = self.switches.is_kink(kept[k]);
-            switch.continuity = classify(&entered[k], (alphas[k], switch.psi), is_kink, &sampler);
+            if switch.relay.is_none() {
+                switch.continuity = across(&entered[k], (alphas[k], switch.psi), is_kink);
+            }
         }
         for outer in &switches {
             for inner in positions(outer.psi, &alphas) {
+                if self.switches.is_leading(kept[inner]) {
+                    continue;
+                }
                 // What the rates do there is another matter.
                 let is_kink = self.switches.is_kink(kept[inner]);
                 let surface = (alphas[inner], switches[inner].psi);
-                let across = classify(&[outer.psi], surface, is_kink, &sampler);
-                if across == Continuity::Discontinuous {
+                if across(&[outer.psi], surface, is_kink) == Continuity::Discontinuous {
                     diags.push(SystemError::DiscontinuousSurface {
                         outer: outer.name.clone(),
                         inner: switches[inner].name.clone(),
@@ -112,12 +129,13 @@ impl<'e> Lowering<'_, 'e> {
                 .iter()
                 .zip(&switch.psi)
                 .filter_map(|(var, &psi)| {
+                    let symbol = var.as_variable()?;
                     let direct = match switch.kind {
                         SwitchKind::Sign => psi.sign(),
                         SwitchKind::Step => psi.step(),
+                        SwitchKind::Relay(_) => *var,
                     };
-                    let var = var.as_variable()?;
-                    Some((var, self.named.get(var)?, direct))
+                    Some((symbol, self.named.get(symbol)?, direct))
                 })
         });
         let readings = self
@@ -175,6 +193,7 @@ impl<'e> Lowering<'_, 'e> {
             alpha: self.model.exprs.expr(collected.alpha),
             psi: collected.psi,
             continuity: Continuity::Discontinuous,
+            relay: collected.relay,
             named: collected.named.clone(),
             spans: match collected.spans[..] {
                 [] => vec![collected.origin],

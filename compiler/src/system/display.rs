@@ -18,6 +18,7 @@ impl fmt::Display for System<'_> {
         }
         for switch in &self.switches {
             let kind = match switch.continuity {
+                _ if switch.relay.is_some() => "relay",
                 Continuity::Discontinuous => "discontinuous",
                 Continuity::Certain => "continuous",
                 Continuity::Sampled => "continuous at sampled points",
@@ -27,6 +28,15 @@ impl fmt::Display for System<'_> {
                 "{} in step({})  // {}, {kind}",
                 switch.alpha, switch.psi, switch.name
             )?;
+            if let Some(relay) = switch.relay {
+                let start = if relay.start { "on" } else { "off" };
+                writeln!(
+                    f,
+                    "  on at {}, off at {}, starts {start}",
+                    relay.on, relay.off
+                )?;
+                continue;
+            }
             for reading in &switch.named {
                 let sign = if reading.flipped { "-" } else { "" };
                 let index = reading

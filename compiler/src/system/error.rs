@@ -109,6 +109,55 @@ pub enum SystemError {
         inner_span: Span,
     },
 
+    /// A relay without two thresholds.
+    #[error("relay `{name}` switches on at {on} and off at {off}")]
+    #[diagnostic(
+        code(E0406),
+        help("`on` and `off` are two different numbers; without memory, write `step(..)`")
+    )]
+    Thresholds {
+        name: String,
+        on: f64,
+        off: f64,
+        #[label("no memory between them")]
+        span: Span,
+    },
+
+    /// A relay that starts with another value than its two.
+    #[error("relay `{name}` cannot start at {start}")]
+    #[diagnostic(code(E0406), help("`start` is 0 or 1"))]
+    RelayStart {
+        name: String,
+        start: f64,
+        #[label("0 or 1")]
+        span: Span,
+    },
+
+    /// A relay whose value at the start is not known.
+    #[error("relay `{name}` starts between its thresholds")]
+    #[diagnostic(
+        code(E0407),
+        help("add `start = 1` or `start = 0`: there, its value depends on what was before")
+    )]
+    NoStart {
+        name: String,
+        y: f64,
+        #[label("what it watches is {y} at the start")]
+        span: Span,
+    },
+
+    /// A comparison of a relay with one of its own values.
+    #[error("`{name}` is zero at a value of what it compares")]
+    #[diagnostic(
+        code(E0408),
+        help("compare with a number between the values, as in `h > 0.5`")
+    )]
+    ZeroAtCorner {
+        name: String,
+        #[label("neither above nor below")]
+        span: Span,
+    },
+
     /// Nonlinear sliding.
     #[error("nonlinear sliding is not supported yet")]
     #[diagnostic(

@@ -9,7 +9,7 @@
 //!    conjunction, its switches have the values that the guard implies.
 //! 5. Continuous switches are recognised, interacting ones grouped, unused ones dropped.
 
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::experiment::Settings;
 use super::reading::check_reading;
@@ -19,8 +19,8 @@ use super::switches::{Entry, Switches};
 use super::values::Values;
 use super::{NamedReading, Output, System, SystemError, regions};
 use crate::diagnostics::Diagnostics;
-use crate::expr::{Expr, Substitution, Var};
-use crate::model::{Model, Named, Quantity, Rate, Sliding, SwitchKind};
+use crate::expr::{Expr, Substitution, Var, variables_of};
+use crate::model::{Model, Named, Quantity, Rate, Sliding, Surface, SwitchKind};
 use crate::source::Span;
 
 /// The system of a model under the settings of an experiment; `None` after an error.
@@ -31,8 +31,12 @@ pub fn lower<'e>(
 ) -> Option<System<'e>> {
     let errors_before = diags.errors().count();
     let mut lowering = Lowering::new(model, settings);
-    lowering.declare_surfaces();
+    let relays = lowering.declare_relays();
+    let (direct, through) = lowering.surfaces();
+    lowering.declare_surfaces(&direct);
+    lowering.finish_relays(&relays, diags);
     lowering.read_named_switches();
+    lowering.declare_surfaces(&through);
 
     let rates = lowering.rates(diags);
     let outputs: Vec<Output<'e>> = model
@@ -82,7 +86,7 @@ impl<'m, 'e> Lowering<'m, 'e> {
             .flat_map(|param| &param.vars)
             .filter_map(|var| var.as_variable());
         let numbers = params.map(|var| (var, values.numbers[&var])).collect();
-        let switches = Switches::new(model.exprs, numbers);
+        let switches = Switches::new(model.exprs, model.time, numbers);
         Lowering {
             model,
             settings,
@@ -94,14 +98,29 @@ impl<'m, 'e> Lowering<'m, 'e> {
     }
 
     /// An expression of the model in entry variables.
-    fn replace(&mut self, e: Expr<'e>, span: Span) -> Expr<'e> {
+    pub fn replace(&mut self, e: Expr<'e>, span: Span) -> Expr<'e> {
         let e = e.substitute(&self.values.signals).substitute(&self.named);
         self.switches.replace(e, span)
     }
 
+    /// The surfaces of the source: those that can be written at once, and those whose switching function
+    /// holds a named switch, which comes first.
+    fn surfaces(&self) -> (Vec<&'m Surface<'e>>, Vec<&'m Surface<'e>>) {
+        let named: FxHashSet<Var> = (self.model.switches.iter())
+            .filter(|switch| !matches!(switch.kind, SwitchKind::Relay(_)))
+            .flat_map(|switch| &switch.vars)
+            .filter_map(|var| var.as_variable())
+            .collect();
+        let is_direct = |surface: &&Surface<'e>| {
+            let psi = surface.psi.substitute(&self.values.signals);
+            variables_of(&[psi]).iter().all(|var| !named.contains(var))
+        };
+        self.model.surfaces.iter().partition(is_direct)
+    }
+
     /// Makes the switches in the order, orientation and words of the source.
-    fn declare_surfaces(&mut self) {
-        for surface in &self.model.surfaces {
+    fn declare_surfaces(&mut self, surfaces: &[&Surface<'e>]) {
+        for surface in surfaces {
             let psi = self.replace(surface.psi, surface.span);
             let psi = self.switches.merged(psi);
             self.texts
@@ -118,12 +137,15 @@ impl<'m, 'e> Lowering<'m, 'e> {
                 Some(Sliding::Linear) => Entry::Linear,
                 Some(Sliding::Nonlinear) | None => Entry::Term,
             };
+            if matches!(switch.kind, SwitchKind::Relay(_)) {
+                continue;
+            }
             for (k, (&psi, var)) in switch.psi.iter().zip(&switch.vars).enumerate() {
                 let psi = self.replace(psi, switch.span);
                 let above = self.switches.enter(psi, entry);
                 let value = match switch.kind {
-                    SwitchKind::Step => above,
                     SwitchKind::Sign => 2.0 * above - 1.0,
+                    _ => above,
                 };
                 if let Some(var) = var.as_variable() {
                     self.named.insert(var, value);
@@ -216,7 +238,7 @@ impl<'m, 'e> Lowering<'m, 'e> {
         }
     }
 
-    fn sampler(&self) -> Sampler<'e> {
+    pub fn sampler(&self) -> Sampler<'e> {
         let list = self
             .switches
             .list
@@ -227,19 +249,22 @@ impl<'m, 'e> Lowering<'m, 'e> {
     }
 
     /// Samples around the initial point with these switches.
-    pub fn sampler_of(&self, switches: Vec<(Var, Expr<'e>)>) -> Sampler<'e> {
-        let fixed = self
-            .values
-            .numbers
-            .iter()
-            .map(|(&var, &value)| (var, value));
+    pub fn sampler_of(&self, mut switches: Vec<(Var, Expr<'e>)>) -> Sampler<'e> {
+        let relays: FxHashMap<Var, f64> = (self.switches.list.iter())
+            .filter_map(|switch| Some((switch.alpha, f64::from(switch.relay?.start))))
+            .collect();
+        switches.retain(|(alpha, _)| !relays.contains_key(alpha));
+        let numbers = self.values.numbers.iter().chain(&relays);
+        let fixed = numbers.map(|(&var, &value)| (var, value));
         let states = self
             .model
             .state_vars()
             .filter_map(Expr::as_variable)
             .collect();
         let time = self.model.time.as_variable().expect("time is a variable");
-        Sampler::new(fixed, states, time, self.settings.horizon, switches)
+        let mut sides: Vec<Var> = relays.keys().copied().collect();
+        sides.sort_unstable();
+        Sampler::new(fixed, states, time, self.settings.horizon, switches).with_relays(sides)
     }
 
     fn output(&mut self, output: &Named<'e>) -> Output<'e> {
@@ -295,6 +320,7 @@ impl<'m, 'e> Lowering<'m, 'e> {
                         help,
                     }
                 }
+                Form::ZeroAtCorner => SystemError::ZeroAtCorner { name, span },
                 Form::Regular => continue,
             });
         }

@@ -14,6 +14,10 @@
 //! - ψ_i may contain α_j, but only of earlier switches (j < i) across whose surface ψ_i is
 //!   continuous: it is smooth within a mode, and on ψ_j = 0 any value of α_j in it is as good as
 //!   another. Continuity is checked by [`lower`].
+//!   It may jump with α_j only of switches that are decided before the others: relays, and switches
+//!   whose ψ depends on time only.
+//! - A relay has memory: its α is 0 or 1 and stays until ψ, which contains it, leaves its side. Relays
+//!   come before all other switches, and their y may contain α of any.
 //! - No two ψ are multiples of each other, and none is constant.
 //! - Rates, outputs and ψ contain only time, parameters, states and α.
 //! - Every α that occurs belongs to exactly one switch, every switch to exactly
@@ -35,6 +39,7 @@ mod lower;
 mod read;
 mod reading;
 mod regions;
+mod relay;
 mod sample;
 mod surface;
 mod switches;
@@ -134,10 +139,26 @@ pub struct Switch<'e> {
     pub psi: Expr<'e>,
     /// Whether the dynamics are continuous across the surface.
     pub continuity: Continuity,
+    /// What a relay remembers; none for the others.
+    pub relay: Option<Relay>,
     /// Names of `switch` statements that read this switch.
     pub named: Vec<NamedReading>,
     /// Where ψ stands in the source, in order of appearance.
     pub spans: Vec<Span>,
+}
+
+/// A switch with memory: α = 1 until y passes `off`, 0 until it passes `on`.
+///
+/// ψ = on + (off - on) α - y where on < off, y - on - (off - on) α where on > off: in either case
+/// ψ > 0 keeps α = 1, ψ < 0 keeps α = 0, and a change of α takes ψ further away from zero.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Relay {
+    /// Threshold of y for α = 1.
+    pub on: f64,
+    /// Threshold of y for α = 0.
+    pub off: f64,
+    /// Whether α = 1 at the start.
+    pub start: bool,
 }
 
 /// An entry of a `switch` statement that reads a [`Switch`].
@@ -152,14 +173,14 @@ pub struct NamedReading {
 }
 
 /// Whether f is continuous across a surface, and how that is known.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Continuity {
-    /// f jumps across the surface: the switch may slide.
-    Discontinuous,
     /// Continuous by construction, or the jump has the factor ψ.
     Certain,
     /// No jump was found at sampled points of the surface.
     Sampled,
+    /// f jumps across the surface: the switch may slide.
+    Discontinuous,
 }
 
 impl Continuity {

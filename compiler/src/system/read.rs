@@ -3,7 +3,7 @@
 use rustc_hash::FxHashMap;
 
 use super::{System, surface};
-use crate::expr::{Expr, Function, Node, Substitution, Var, rewrite};
+use crate::expr::{BinaryFunction, Expr, Function, Node, Substitution, Var, rewrite};
 
 /// Where names of the model went.
 #[derive(Clone, Debug, Default)]
@@ -40,15 +40,47 @@ impl<'e> System<'e> {
         )
     }
 
+    /// A nonsmooth term inside a switching function, in α.
+    fn inner(&self, e: Expr<'e>) -> Option<Expr<'e>> {
+        Some(match e.node() {
+            Node::Unary(Function::Step, psi) => self.alpha_of(psi)?,
+            Node::Unary(Function::Sign, psi) => 2.0 * self.alpha_of(psi)? - 1.0,
+            Node::Unary(Function::Abs, y) => (2.0 * self.alpha_of(y)? - 1.0) * y,
+            Node::Binary(BinaryFunction::Max, a, b) => {
+                let above = self.alpha_of(a - b)?;
+                above * a + (1.0 - above) * b
+            }
+            Node::Binary(BinaryFunction::Min, a, b) => {
+                let above = self.alpha_of(a - b)?;
+                (1.0 - above) * a + above * b
+            }
+            _ => return None,
+        })
+    }
+
     fn alpha_of(&self, psi: Expr<'e>) -> Option<Expr<'e>> {
-        let (k, flipped) = self.switch_of(psi)?;
+        let (k, flipped) = self.switch_of_smooth(psi)?;
         let alpha = self.readings.alphas[k];
         Some(if flipped { 1.0 - alpha } else { alpha })
     }
 
+    /// The relay that an entry of a named switch stands for.
+    pub fn relay_of(&self, entry: Expr<'e>) -> Option<usize> {
+        let alpha = self.readings.named.get(entry.as_variable()?)?;
+        let k = (self.readings.alphas.iter()).position(|other| *other == alpha)?;
+        self.switches[k].relay.map(|_| k)
+    }
+
     /// The switch with the surface ψ = 0, and whether ψ is positive where its α is 0.
     pub fn switch_of(&self, psi: Expr<'e>) -> Option<(usize, bool)> {
-        let psi = psi.substitute(&self.readings.signals);
+        let psi = psi
+            .substitute(&self.readings.named)
+            .substitute(&self.readings.signals)
+            .substitute(&self.readings.named);
+        self.switch_of_smooth(rewrite(psi, &mut |e| self.inner(e).unwrap_or(e)))
+    }
+
+    fn switch_of_smooth(&self, psi: Expr<'e>) -> Option<(usize, bool)> {
         let (scale, key) = surface::canonical(psi, &self.readings.params);
         let &(k, own_scale) = self.readings.index.get(&key)?;
         Some((k, scale * own_scale < 0.0))

@@ -53,7 +53,7 @@ pub(super) fn check_reading<'e>(
                 Some((reading, statement)) => {
                     let kind = match model.switches[statement].kind {
                         SwitchKind::Sign => "sign",
-                        SwitchKind::Step => "step",
+                        _ => "step",
                     };
                     let write =
                         |word| format!("switch {} = {kind}(..) sliding {word};", reading.name);

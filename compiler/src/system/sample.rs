@@ -16,6 +16,8 @@ pub(super) struct Sampler<'e> {
     horizon: f64,
     /// (α, ψ), inner ones first.
     switches: Vec<(Var, Expr<'e>)>,
+    /// α of relays, which have either value anywhere.
+    relays: Rc<Vec<Var>>,
     gradients: RefCell<FxHashMap<Expr<'e>, Gradient<'e>>>,
     evaluators: RefCell<FxHashMap<Expr<'e>, Evaluator<'e>>>,
 }
@@ -62,9 +64,25 @@ impl<'e> Sampler<'e> {
             time,
             horizon,
             switches,
+            relays: Rc::default(),
             gradients: RefCell::default(),
             evaluators: RefCell::default(),
         }
+    }
+
+    /// The same with relays, whose values at the start are among those that are fixed.
+    pub fn with_relays(self, relays: Vec<Var>) -> Self {
+        Sampler {
+            relays: Rc::new(relays),
+            ..self
+        }
+    }
+
+    /// The initial point.
+    pub fn start(&self) -> Point {
+        let mut point = Point(self.base.to_vec());
+        self.settle(&mut point);
+        point
     }
 
     /// The same for some functions: only the switches that they reach are settled.
@@ -87,6 +105,7 @@ impl<'e> Sampler<'e> {
             time: self.time,
             horizon: self.horizon,
             switches,
+            relays: Rc::clone(&self.relays),
             gradients: RefCell::default(),
             evaluators: RefCell::default(),
         }
@@ -116,6 +135,9 @@ impl<'e> Sampler<'e> {
                     point.set(x, point.get(x) + scale * random.symmetric());
                 }
                 point.set(self.time, self.horizon * random.symmetric().abs());
+                for &alpha in self.relays.iter() {
+                    point.set(alpha, f64::from(random.symmetric() > 0.0));
+                }
             }
             self.settle(&mut point);
             point

@@ -15,6 +15,8 @@ pub(super) enum Form<'e> {
     Definite(f64),
     /// An odd power of something with the same sign: a surface, but one that ψ crosses with zero slope.
     OddPower(Expr<'e>),
+    /// Made of relays and switches of time alone, and zero at one of their values.
+    ZeroAtCorner,
     /// Nothing that speaks against a surface.
     Regular,
 }

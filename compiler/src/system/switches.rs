@@ -11,10 +11,10 @@
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::NamedReading;
 use super::affine::{at, multi_affine};
 use super::read::Readings;
 use super::surface::{self, Form};
+use super::{NamedReading, Relay};
 use crate::expr::{
     BinaryFunction, Expr, Exprs, Function, Node, Substitution, Var, rewrite, variables_of,
 };
@@ -43,10 +43,32 @@ pub(super) struct Collected<'e> {
     /// The expression in which it was found.
     pub origin: Span,
     pub named: Vec<NamedReading>,
+    /// What a relay remembers; none for the others.
+    pub relay: Option<Relay>,
+    /// ψ depends on time only.
+    pub is_timed: bool,
     /// Scale of ψ over its canonical form.
     scale: f64,
     /// Variables of its entries.
     entries: Vec<(Entry, Var)>,
+}
+
+impl<'e> Collected<'e> {
+    /// A switch without a name.
+    pub fn new(alpha: Var, psi: Expr<'e>, origin: Span) -> Self {
+        Collected {
+            name: None,
+            alpha,
+            psi,
+            spans: Vec::new(),
+            origin,
+            named: Vec::new(),
+            relay: None,
+            is_timed: false,
+            scale: 1.0,
+            entries: Vec::new(),
+        }
+    }
 }
 
 /// A ψ that cannot be a switching function.
@@ -63,6 +85,7 @@ pub(super) struct Switches<'e> {
     /// What was refused, each ψ once.
     pub refused: Vec<Refused<'e>>,
     exprs: &'e Exprs,
+    time: Option<Var>,
     /// Values of parameters.
     params: FxHashMap<Var, f64>,
     /// Canonical ψ to its switch.
@@ -76,11 +99,12 @@ pub(super) struct Switches<'e> {
 
 impl<'e> Switches<'e> {
     /// No switches yet; `params` are the values that decide the sign of constant factors.
-    pub fn new(exprs: &'e Exprs, params: FxHashMap<Var, f64>) -> Self {
+    pub fn new(exprs: &'e Exprs, time: Expr<'e>, params: FxHashMap<Var, f64>) -> Self {
         Switches {
             list: Vec::new(),
             refused: Vec::new(),
             exprs,
+            time: time.as_variable(),
             params,
             index: FxHashMap::default(),
             merge: Substitution::new(),
@@ -115,6 +139,9 @@ impl<'e> Switches<'e> {
     /// The value of step(ψ): an entry variable, one minus it, or a number.
     pub fn enter(&mut self, psi: Expr<'e>, entry: Entry) -> Expr<'e> {
         let psi = self.merged(psi);
+        if let Some(value) = self.decided_before(psi, entry) {
+            return value;
+        }
         let mut form = surface::form(psi, &self.params);
         if let (Form::Regular, Some(sign)) = (form, self.absolute_value(psi)) {
             form = Form::Definite(sign);
@@ -169,24 +196,17 @@ impl<'e> Switches<'e> {
                 .variable("alpha")
                 .as_variable()
                 .expect("a fresh variable is one");
-            let (spans, named, entries) = (vec![], vec![], vec![]);
-            self.list.push(Collected {
-                name: None,
-                alpha,
-                psi,
-                spans,
-                origin: self.here,
-                named,
-                scale,
-                entries,
-            });
+            let mut switch = Collected::new(alpha, psi, self.here);
+            switch.is_timed = self.is_timed(psi);
+            switch.scale = scale;
+            self.list.push(switch);
         }
         (k, scale * self.list[k].scale < 0.0)
     }
 
     /// Makes the switch of a ψ that the user wrote as `name` at `span`.
     pub fn declare(&mut self, psi: Expr<'e>, name: &str, span: Span) {
-        if surface::form(psi, &self.params) != Form::Regular {
+        if surface::form(psi, &self.params) != Form::Regular || self.deciding(psi).is_some() {
             return;
         }
         let (k, flipped) = self.switch(psi);
@@ -258,7 +278,37 @@ impl<'e> Switches<'e> {
         Some((k, scale * self.list[k].scale < 0.0))
     }
 
-    fn entry_variable(&mut self, k: usize, entry: Entry) -> Expr<'e> {
+    /// The arena of all expressions.
+    pub fn exprs(&self) -> &'e Exprs {
+        self.exprs
+    }
+
+    /// The expression that is looked at.
+    pub fn here(&self) -> Span {
+        self.here
+    }
+
+    /// The value of a parameter.
+    pub fn param(&self, var: Var) -> Option<f64> {
+        self.params.get(&var).copied()
+    }
+
+    /// Whether a function depends on time only, through switches of time too.
+    pub fn is_timed(&self, e: Expr<'e>) -> bool {
+        variables_of(&[e]).into_iter().all(|var| {
+            let timed = || self.of_alpha(var).is_some_and(|k| self.list[k].is_timed);
+            Some(var) == self.time || self.params.contains_key(&var) || timed()
+        })
+    }
+
+    /// The switch that a variable is the α of.
+    pub fn of_alpha(&self, var: Var) -> Option<usize> {
+        let found = self.list.binary_search_by_key(&var, |switch| switch.alpha);
+        found.ok()
+    }
+
+    /// The variable for one kind of entry of a switch.
+    pub fn entry_variable(&mut self, k: usize, entry: Entry) -> Expr<'e> {
         if let Some(&(_, var)) = self.list[k].entries.iter().find(|known| known.0 == entry) {
             return self.exprs.expr(var);
         }

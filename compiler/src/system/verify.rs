@@ -65,7 +65,7 @@ impl<'e> System<'e> {
         }
         for (i, switch) in self.switches.iter().enumerate() {
             for j in positions(switch.psi, &alphas) {
-                if j >= i {
+                if j >= i && switch.relay.is_none() {
                     return Err(format!(
                         "ψ of `{}` holds the α of a later switch",
                         switch.name

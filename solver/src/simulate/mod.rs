@@ -14,6 +14,9 @@ mod control;
 mod field;
 mod judge;
 mod layout;
+mod lead;
+#[cfg(test)]
+mod lead_tests;
 mod mode;
 mod pivot;
 mod roots;
@@ -123,6 +126,11 @@ pub enum Status {
     TimeLimit,
     /// Events follow each other without time passing.
     Accumulation,
+    /// Relays make each other switch without end, at one instant.
+    Restless {
+        /// The switches that do.
+        switches: Vec<usize>,
+    },
     /// More than one solution continues from here; there may be more than [`MAX_NAMED`].
     NonUnique(Vec<Candidate>),
     /// No choice of sides is consistent with its own rates.
@@ -366,7 +374,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                     break Status::Accumulation;
                 }
                 let from = state.sides.clone();
-                if let Err(status) = self.select(&mut state, &step.triggers, t1) {
+                if let Err(status) = self.change(&mut state, &step.triggers, t1) {
                     break status;
                 }
                 if from != state.sides {

@@ -36,31 +36,53 @@ pub(super) struct Choices {
 impl<S: SwitchedSystem> Simulator<'_, S> {
     /// Finds the mode at the start, taking every surface that holds the state as meeting there.
     pub(super) fn start(&mut self, state: &mut State, horizon: f64) -> Result<(), Status> {
+        let relay = |i: usize| self.system.relay(i).unwrap_or(Side::Plus);
+        let all: Vec<usize> = (0..state.sides.len()).collect();
+        state.set_sides(all.iter().map(|&i| relay(i)).collect());
         // ψ of a nested max depends on the sides of the inner one: settle from the inside out.
-        self.mode.set(state.t, &state.x, &state.alpha);
-        for _ in 0..=state.sides.len() {
-            self.mode.enter_surfaces(self.system, &state.sides);
-            let sides = (0..state.sides.len()).map(|i| Side::of(self.mode.psi(i)));
-            let sides: Box<[Side]> = sides.collect();
+        for round in 0.. {
+            let psi = self.psi(state);
+            let side = |(i, &psi): (usize, &f64)| match self.system.relay(i) {
+                // A relay stays where ψ is zero.
+                Some(_) if psi == 0.0 => state.sides[i],
+                _ => Side::of(psi),
+            };
+            let sides: Box<[Side]> = psi.iter().enumerate().map(side).collect();
             if sides == state.sides {
                 break;
+            }
+            if round > all.len() {
+                let switches = (all.into_iter())
+                    .filter(|&i| sides[i] != state.sides[i])
+                    .collect();
+                return Err(Status::Restless { switches });
             }
             state.set_sides(sides);
             self.mode.set(state.t, &state.x, &state.alpha);
         }
-        let all: Vec<usize> = (0..state.sides.len()).collect();
         self.measure_bands(state, &all, horizon);
         let on = |&i: &usize| self.mode.psi(i).abs() <= state.band[i];
         let on: Vec<usize> = all.into_iter().filter(on).collect();
         if on.is_empty() {
             Ok(())
         } else {
-            self.select(state, &on, state.t + horizon)
+            self.change(state, &on, state.t + horizon)
         }
     }
 
+    /// Finds the next mode where `triggers` have reached their surface or stop to slide.
+    pub(super) fn change(
+        &mut self,
+        state: &mut State,
+        triggers: &[usize],
+        t1: f64,
+    ) -> Result<(), Status> {
+        let open = self.lead(state, triggers, t1)?;
+        self.select(state, &open, t1)
+    }
+
     /// |ψ| ≤ `BAND` (|∇ψ| scale(x) + |∂ψ/∂t| horizon) is the surface.
-    fn measure_bands(&mut self, state: &mut State, switches: &[usize], horizon: f64) {
+    pub(super) fn measure_bands(&mut self, state: &mut State, switches: &[usize], horizon: f64) {
         let mode = &mut self.mode;
         mode.set(state.t, &state.x, &state.alpha);
         for &i in switches {
@@ -72,14 +94,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     }
 
     /// Chooses the sides of all switches that meet here and interact with `triggers`.
-    pub(super) fn select(
-        &mut self,
-        state: &mut State,
-        triggers: &[usize],
-        t1: f64,
-    ) -> Result<(), Status> {
+    fn select(&mut self, state: &mut State, triggers: &[usize], t1: f64) -> Result<(), Status> {
+        let meets = |i: &usize| state.sides[*i] == Side::Slide || state.armed[*i];
         let meeting: Vec<usize> = (0..state.sides.len())
-            .filter(|i| state.sides[*i] == Side::Slide || state.armed[*i] || triggers.contains(i))
+            .filter(|i| triggers.contains(i) || meets(i) && !self.leads(*i))
             .collect();
         self.measure_bands(state, &meeting, t1 - state.t);
         let mut groups: Vec<Vec<usize>> = Vec::new();
@@ -108,7 +126,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
 
     /// The sides asked for at a non-unique point: one for all, or one for each of the switches
     /// `decided` there, in order.
-    fn wanted(&self, group: &[usize], decided: &[usize]) -> Vec<Option<Side>> {
+    pub(super) fn wanted(&self, group: &[usize], decided: &[usize]) -> Vec<Option<Side>> {
         let branch = &self.settings.branch;
         let of_switch = |i: &usize| match branch[..] {
             [side] => Some(side),
@@ -137,7 +155,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
 
     /// Decides one group of interacting surfaces and sets its sides; false, with nothing set, where
     /// that takes the series and `series` does not allow it.
-    fn choose(
+    pub(super) fn choose(
         &mut self,
         state: &mut State,
         group: &[usize],

@@ -22,11 +22,21 @@ pub trait SwitchedSystem {
     fn n_switches(&self) -> usize;
     /// True when f is continuous across the surface, so that it never slides.
     fn is_continuous(&self, switch: usize) -> bool;
+    /// True when ψ depends on time only: its side is decided before those of the others.
+    fn is_timed(&self, _switch: usize) -> bool {
+        false
+    }
+    /// The side at the start of a relay, none for other switches. A relay has memory: it never
+    /// slides, and ψ, which contains its own α, has the sign of its side until it leaves it.
+    fn relay(&self, _switch: usize) -> Option<Side> {
+        None
+    }
     /// The switches whose α the rate φ of a switch may contain, in order.
     fn couplings(&self, switch: usize) -> &[usize];
     /// The blocks; every state belongs to exactly one.
     fn blocks(&self) -> &[Block];
-    /// The other switches whose α occur in ψ of a switch, in order.
+    /// The switches whose α occur in ψ of a switch, in order. With α of relays and switches of time
+    /// ψ may jump, with that of others it is continuous.
     fn inside(&self, switch: usize) -> &[usize];
     /// The rates of a block on its local sides.
     fn rates(&self, block: usize, sides: &[Side]) -> Rates;

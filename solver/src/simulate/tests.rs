@@ -160,7 +160,7 @@ impl SwitchedSystem for Planes {
 }
 
 #[derive(Default)]
-struct Times(Vec<f64>);
+pub(super) struct Times(pub(super) Vec<f64>);
 
 impl Observer for Times {
     fn segment(&mut self, _: &Segment) -> ControlFlow<()> {

@@ -91,6 +91,17 @@ pub enum ExpectError {
         #[help]
         help: String,
     },
+    /// Relays are on or off, and other switches are not.
+    #[error("`{name}` cannot be `{word}`")]
+    #[diagnostic(code(E0609))]
+    WrongWord {
+        word: String,
+        name: String,
+        #[label("never `{word}`")]
+        span: Span,
+        #[help]
+        help: String,
+    },
     /// The ways a run can end have fixed names.
     #[error("there is no status `{name}`")]
     #[diagnostic(

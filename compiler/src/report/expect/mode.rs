@@ -9,8 +9,8 @@ use crate::report::text::significant;
 use crate::report::{ModeInterval, Side, Trajectory};
 use crate::syntax::{self, Arg, ExprKind};
 
-/// What relays, contacts and projections do.
-const NOT_YET: [&str; 7] = ["on", "off", "open", "closed", "stick", "slip", "active"];
+/// What contacts and projections do.
+const NOT_YET: [&str; 5] = ["open", "closed", "stick", "slip", "active"];
 
 /// Finds the mistakes in the description of a mode.
 pub fn check(subject: &Subject<'_, '_>, mode: &syntax::Expr, diags: &mut Diagnostics) {
@@ -89,6 +89,8 @@ fn holds(
                 "sliding" => Side::Sliding,
                 "above" => Side::Above,
                 "below" => Side::Below,
+                "on" => Side::On,
+                "off" => Side::Off,
                 _ => return Err(not_a_mode(subject, mode)),
             };
             let mut all = !args.is_empty();
@@ -100,6 +102,19 @@ fn holds(
                     return Err(not_a_mode(subject, mode));
                 }
                 for (switch, flipped) in switches_of(subject, surface)? {
+                    let is_relay = subject.system.switches[switch].relay.is_some();
+                    if is_relay != matches!(wanted, Side::On | Side::Off) {
+                        let (name, span) = (subject.sources.text(surface.span), surface.span);
+                        return Err(ExpectError::WrongWord {
+                            word: word.to_owned(),
+                            name: name.to_owned(),
+                            help: match is_relay {
+                                true => format!("`{name}` is a relay: write `on({name})`"),
+                                false => format!("only relays are `{word}`"),
+                            },
+                            span,
+                        });
+                    }
                     let side = interval.sides.get(switch).copied().unwrap_or(Side::Sliding);
                     let side = if flipped { opposite(side) } else { side };
                     all &= side == wanted;
@@ -136,6 +151,9 @@ pub fn switches_of(
         .value(surface, &mut diags)
         .ok_or_else(unknown)?;
     let switches = value.data.iter().map(|&entry| {
+        if let Some(relay) = subject.system.relay_of(entry) {
+            return Ok((relay, false));
+        }
         let psi = psi_of_named(subject, entry).unwrap_or(entry);
         subject.system.switch_of(psi).ok_or_else(unknown)
     });
@@ -155,8 +173,8 @@ fn psi_of_named<'e>(subject: &Subject<'_, 'e>, entry: Expr<'e>) -> Option<Expr<'
 fn opposite(side: Side) -> Side {
     match side {
         Side::Below => Side::Above,
-        Side::Sliding => Side::Sliding,
         Side::Above => Side::Below,
+        other => other,
     }
 }
 
@@ -178,6 +196,8 @@ fn not_a_mode(subject: &Subject<'_, '_>, mode: &syntax::Expr) -> ExpectError {
         "`sliding(..)`".into(),
         "`above(..)`".into(),
         "`below(..)`".into(),
+        "`on(..)`".into(),
+        "`off(..)`".into(),
     ]);
     ExpectError::NotAMode {
         text: subject.sources.text(mode.span).to_owned(),
