@@ -96,9 +96,9 @@ fn agrees(trajectory: &Trajectory, solution: &Solution, tolerance: f64) -> Resul
         let mut sides = vec![2; interval.sides.len()];
         for (name, side) in trajectory.switches.iter().zip(&interval.sides) {
             sides[number(name)] = match side {
-                Side::Below => -1,
+                Side::Below | Side::Off => -1,
                 Side::Sliding => 0,
-                Side::Above => 1,
+                Side::Above | Side::On => 1,
             };
         }
         (interval.from, sides)
