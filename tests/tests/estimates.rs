@@ -55,8 +55,8 @@ fn check_model(statements: &str, horizon: f64, exact: impl Fn(f64) -> Vec<f64>) 
     check(&text, "run", exact);
 }
 
-/// Largest error, relative to the largest magnitude of each state; states that are zero throughout
-/// have nothing to be relative to.
+/// Largest error at a reported instant, relative to the largest magnitude of each state, also between
+/// these instants; states that are zero throughout have nothing to be relative to.
 fn error(trajectory: &Trajectory, exact: impl Fn(f64) -> Vec<f64>) -> f64 {
     let n = trajectory.n_states();
     let (mut error, mut scale) = (vec![0.0_f64; n], vec![0.0_f64; n]);
@@ -67,6 +67,14 @@ fn error(trajectory: &Trajectory, exact: impl Fn(f64) -> Vec<f64>) -> f64 {
         for (i, (x, exact)) in found.zip(exact).enumerate() {
             error[i] = error[i].max((x - exact).abs());
             scale[i] = scale[i].max(exact.abs());
+        }
+    }
+    for pair in trajectory.time.windows(2) {
+        for share in [0.25, 0.5, 0.75] {
+            let exact = exact(pair[0] + share * (pair[1] - pair[0]));
+            for (scale, x) in scale.iter_mut().zip(exact) {
+                *scale = scale.max(x.abs());
+            }
         }
     }
     let relative = error.iter().zip(&scale).filter(|(_, scale)| **scale > 0.0);
@@ -371,4 +379,25 @@ fn forced_and_fast() {
         4.0,
         |t| vec![t.min(0.5) - (t - 1.5).max(0.0)],
     );
+}
+
+/// Every step ends at zero: flights between two stays on the surface.
+#[test]
+fn a_state_that_is_zero_whenever_it_is_looked_at() {
+    // Leaves when 1.5 sin t = 1.
+    let leaves = (2.0_f64 / 3.0).asin();
+    let flight = move |t: f64| (1.5 * (leaves.cos() - t.cos()) - (t - leaves)).max(0.0);
+    let statements = "state x = 0; x' = 1.5*sin(time) - sign(x);";
+    // Half a period later the same happens below.
+    check_model(statements, 500.0, move |t| {
+        let k = ((t - leaves) / PI).floor();
+        let side = if k % 2.0 == 0.0 { 1.0 } else { -1.0 };
+        let since = t - k * PI;
+        let before = if k > 0.0 { flight(since + PI) } else { 0.0 };
+        vec![if k < 0.0 {
+            0.0
+        } else {
+            side * (flight(since) - before)
+        }]
+    });
 }

@@ -21,9 +21,13 @@ struct Seen {
 }
 
 /// The first `count` systems from a seed on whose solutions are affine in every mode.
-fn systems(seed: u64, count: usize) -> impl Iterator<Item = (u64, Affine, Solution)> {
-    let all = (seed..).map(|seed| (seed, Affine::random(seed)));
-    let solved = all.map(|(seed, system)| {
+fn systems(
+    make: fn(u64) -> Affine,
+    seed: u64,
+    count: usize,
+) -> impl Iterator<Item = (u64, Affine, Solution)> {
+    let solved = (seed..).map(move |seed| {
+        let system = make(seed);
         let solution = solve(&system);
         (seed, system, solution)
     });
@@ -32,13 +36,20 @@ fn systems(seed: u64, count: usize) -> impl Iterator<Item = (u64, Affine, Soluti
         .take(count)
 }
 
-fn compare(first: u64) -> Seen {
+/// Compares the runs of `count` systems, each in its units.
+fn compare(
+    make: fn(u64) -> Affine,
+    units: fn(u64, usize) -> (Vec<f64>, f64),
+    first: u64,
+    count: usize,
+) -> Seen {
     let mut seen = Seen::default();
     let mut wrong = Vec::new();
-    for (seed, system, solution) in systems(first, 50) {
+    for (seed, system, solution) in systems(make, first, count) {
         let tolerance = 10.0_f64.powi(-6 - (seed % 6) as i32);
-        let text = system.text(tolerance);
-        let trajectory = run(&text, "run");
+        let (states, time) = units(seed, system.n);
+        let text = system.in_units(&states, time).text(tolerance);
+        let trajectory = in_units_of(run(&text, "run"), &states, time);
         if let Err(reason) = agrees(&trajectory, &solution, tolerance) {
             wrong.push(format!("seed {seed}: {reason}\n{text}"));
         }
@@ -48,13 +59,41 @@ fn compare(first: u64) -> Seen {
         }
         seen.branches += usize::from(matches!(solution.end, End::Branches(..)));
     }
+    let n_wrong = wrong.len();
     assert!(
         wrong.is_empty(),
-        "{} of 50\n{}",
-        wrong.len(),
+        "{n_wrong} of {count}\n{}",
         wrong.join("\n")
     );
     seen
+}
+
+/// Takes the units off again. They are powers of two, so that nothing is rounded.
+fn in_units_of(mut trajectory: Trajectory, states: &[f64], time: f64) -> Trajectory {
+    trajectory.time.iter_mut().for_each(|t| *t /= time);
+    for interval in &mut trajectory.modes {
+        interval.from /= time;
+        interval.to /= time;
+    }
+    for row in trajectory.states[0].values.chunks_mut(states.len()) {
+        row.iter_mut()
+            .zip(states)
+            .for_each(|(x, state)| *x /= state);
+    }
+    trajectory
+}
+
+fn as_they_are(_: u64, n: usize) -> (Vec<f64>, f64) {
+    (vec![1.0; n], 1.0)
+}
+
+/// Ratios of up to 1e15 between states, and of up to 1e6 in time.
+fn far_apart(seed: u64, n: usize) -> (Vec<f64>, f64) {
+    let power = |k: u64, largest: i32| {
+        let spread = (seed * 31 + k * 17) % (2 * largest as u64 + 1);
+        2.0_f64.powi(spread as i32 - largest)
+    };
+    ((0..n as u64).map(|i| power(i, 26)).collect(), power(8, 20))
 }
 
 /// Compares modes, then times and states; the reason when they differ.
@@ -148,7 +187,8 @@ fn agrees(trajectory: &Trajectory, solution: &Solution, tolerance: f64) -> Resul
 #[test]
 fn two_hundred_systems_follow_their_matrix_exponentials() {
     let seen: Vec<Seen> = thread::scope(|scope| {
-        let parts = [0, 1000, 2000, 3000].map(|seed| scope.spawn(move || compare(seed)));
+        let parts = [0, 1000, 2000, 3000]
+            .map(|seed| scope.spawn(move || compare(Affine::random, as_they_are, seed, 50)));
         let finished = parts.map(|part| part.join());
         finished.into_iter().map(Result::unwrap).collect()
     });
@@ -161,4 +201,16 @@ fn two_hundred_systems_follow_their_matrix_exponentials() {
         );
     }
     assert!(total(&|seen| seen.branches) >= 5);
+}
+
+#[test]
+fn units_change_nothing() {
+    let seen = compare(Affine::random, far_apart, 4000, 25);
+    assert!(seen.events >= 50 && seen.codimensions[2] >= 5);
+}
+
+#[test]
+fn surfaces_may_be_nearly_parallel() {
+    let seen = compare(Affine::nearly_parallel, as_they_are, 5000, 25);
+    assert!(seen.events >= 50 && seen.codimensions[2] >= 5);
 }

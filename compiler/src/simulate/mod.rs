@@ -222,8 +222,17 @@ impl<'r> Comparison<'r> {
     }
 }
 
+/// Where in a step magnitudes are looked at: a state may be zero at every end of a step.
+const BETWEEN: [f64; 3] = [0.25, 0.5, 0.75];
+
 impl Observer for Comparison<'_> {
     fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
+        for share in BETWEEN {
+            segment.state(share * segment.length, &mut self.x);
+            for (scale, x) in self.scale.iter_mut().zip(&self.x) {
+                *scale = scale.max(x.abs());
+            }
+        }
         let end = segment.start + segment.length;
         while let Some(&t) = self.points.get(self.next).filter(|t| **t <= end) {
             segment.state(t - segment.start, &mut self.x);

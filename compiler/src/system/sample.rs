@@ -206,11 +206,20 @@ impl<'e> Sampler<'e> {
         self.moved(psi, on, &OFFSETS)
     }
 
-    /// Points along ±∇ψ at small multiples of `distance`, relative to the size of the point.
+    /// Points along ±∇ψ where ψ has changed by small multiples of `distance`, relative to the size
+    /// of its terms |∂ψ/∂x_i|·|x_i|: other units of states, time or ψ give the same points.
     pub fn near(&self, psi: Expr<'e>, on: &Point, distance: f64) -> Vec<Point> {
         const MULTIPLES: [f64; 8] = [1.0, -1.0, 3.0, -3.0, 7.0, -7.0, 16.0, -16.0];
         let gradient = self.gradient(psi);
-        let size = (gradient.iter().map(|&(x, _)| on.get(x).abs())).fold(1.0, f64::max);
+        let (mut length, mut terms, mut slopes) = (0.0_f64, 0.0, 0.0);
+        for &(x, g) in gradient.iter() {
+            let slope = self.eval(g, on).abs();
+            length = length.hypot(slope);
+            slopes += slope;
+            terms += slope * on.get(x).abs().max(self.base[x.index()].abs());
+        }
+        // At the origin there is no size to be relative to.
+        let size = if terms > 0.0 { terms } else { slopes } / length;
         self.moved(psi, on, &MULTIPLES.map(|k| k * distance * size))
     }
 

@@ -35,6 +35,15 @@ fn dyadic(x: f64) -> f64 {
 impl Affine {
     /// The system of a seed: 2 to 8 states, 1 to 4 surfaces.
     pub fn random(seed: u64) -> Self {
+        Affine::generate(seed, false)
+    }
+
+    /// The same, with a second surface that is turned against the first by a thousandth.
+    pub fn nearly_parallel(seed: u64) -> Self {
+        Affine::generate(seed, true)
+    }
+
+    fn generate(seed: u64, nearly_parallel: bool) -> Self {
         let mut random = Random(seed);
         let (n, m) = (2 + random.below(7), [1, 2, 3, 4, 4][random.below(5)]);
         let form = [Form::Regions, Form::Terms, Form::Mixed][random.below(3)];
@@ -55,6 +64,7 @@ impl Affine {
         let attraction = [-1.0, 2.0, 4.0, 8.0, 12.0][random.below(5)];
         let wildness = [0.25, 1.0][random.below(2)];
         let on_surface = random.below(4) == 0;
+        let mut first: Option<DVector<f64>> = None;
         let surfaces = (0..m).map(|i| {
             let kind = match random.below(16) {
                 0 => Kind::Kink,
@@ -71,6 +81,11 @@ impl Affine {
             if on_surface && i == 0 {
                 normal[n] = -normal.rows(0, n).dot(&start);
             }
+            if let (Some(first), 1, true) = (&first, i, nearly_parallel) {
+                normal.clone_from(first);
+                normal[random.below(n)] += 1.0 / 1024.0;
+            }
+            first.get_or_insert_with(|| normal.clone());
             let x = normal.rows(0, n);
             let pull = attraction / x.norm_squared();
             let constant =

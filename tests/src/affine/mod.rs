@@ -62,6 +62,32 @@ pub struct Affine {
     pub form: Form,
 }
 
+impl Affine {
+    /// The same system with each state and time in another unit: x_i becomes S_i x_i, t becomes T t.
+    pub fn in_units(&self, states: &[f64], time: f64) -> Self {
+        let n = self.n;
+        // z in the old units is this times z in the new ones.
+        let units = states
+            .iter()
+            .map(|state| 1.0 / state)
+            .chain([1.0, 1.0 / time]);
+        let units = DMatrix::from_diagonal(&DVector::from_iterator(n + 2, units));
+        let rates = DMatrix::from_diagonal(&DVector::from_fn(n, |i, _| states[i] / time));
+        let surface = |surface: &Surface| Surface {
+            normal: &units * &surface.normal,
+            jump: &rates * &surface.jump * &units,
+            kind: surface.kind,
+        };
+        Affine {
+            field: &rates * &self.field * &units,
+            surfaces: self.surfaces.iter().map(surface).collect(),
+            start: DVector::from_fn(n, |i, _| states[i] * self.start[i]),
+            horizon: time * self.horizon,
+            ..self.clone()
+        }
+    }
+}
+
 impl Surface {
     /// An entry of J z at a z on the surface: d of J z = d + g ψ, which is the same at all of them.
     fn jump_on_it(&self, row: usize, z: &DVector<f64>) -> f64 {

@@ -1,0 +1,46 @@
+"""Time and error of other solvers, a line of JSON per run on standard output.
+
+A script gets its problem as JSON in its first argument, with the exact final state in `exact`.
+Times are medians, and leave out what is compiled once per model.
+"""
+
+import json
+import statistics
+import sys
+import time
+
+import numpy as np
+
+PROBLEM = json.loads(sys.argv[1])
+EXACT = np.array(PROBLEM["exact"])
+
+
+def measure(solver, method, tolerances, run, budget=0.5):
+    """Runs at each tolerance until repetitions have taken `budget` seconds; stops at a failure."""
+    for tolerance in tolerances:
+        try:
+            error = float(np.linalg.norm(np.asarray(run(tolerance)) - EXACT))
+            times = []
+            while len(times) < 3 or (sum(times) < budget and len(times) < 101):
+                started = time.perf_counter()
+                run(tolerance)
+                times.append(time.perf_counter() - started)
+        except Exception as failure:  # What a solver cannot do is no row of the table.
+            print(f"{solver} {method} at {tolerance}: {failure}", file=sys.stderr)
+            break
+        row = {"solver": solver, "method": method, "error": error, "seconds": statistics.median(times)}
+        print(json.dumps(row), flush=True)
+
+
+def available(name):
+    """Whether a package is there; says so where it is not."""
+    try:
+        __import__(name)
+    except ImportError:
+        print(f"{name} is not installed", file=sys.stderr)
+        return False
+    return True
+
+
+def powers(first, last):
+    return [10.0**-k for k in range(first, last + 1)]

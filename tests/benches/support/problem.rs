@@ -1,0 +1,162 @@
+//! Time to reach an error, ours beside that of other solvers.
+
+use std::hint::black_box;
+use std::process::Command;
+
+use criterion::Criterion;
+use nsd_solver::simulate::Status;
+use nsdc::Compiled;
+use nsdc::simulate::Switched;
+use serde_json::Value;
+
+use crate::support::{Silent, median, print, simulator, start};
+
+/// A run whose final state is known.
+pub struct Problem<'a> {
+    pub name: &'a str,
+    pub compiled: &'a Compiled<'a>,
+    pub exact: Vec<f64>,
+    /// Errors asked for, in the 2-norm of the final state.
+    pub errors: &'a [f64],
+    /// A script in `peers/`, and what it must know besides start, horizon and final state.
+    pub script: &'a str,
+    pub data: Value,
+}
+
+/// One way to reach an error.
+struct Row {
+    solver: String,
+    error: f64,
+    seconds: f64,
+}
+
+impl Problem<'_> {
+    /// Measures, and prints the cheapest run of each solver for each error.
+    pub fn compare(&self, criterion: &mut Criterion) {
+        let switched = Switched::new(&self.compiled.system);
+        let ours = self.ours(&switched, criterion);
+        let peers = self.peers();
+        print(&format!(
+            "\n{}\n{:>8} {:>11} {:>12} {:>8}  solver",
+            self.name, "error", "reached", "time (us)", "ratio"
+        ));
+        for (&error, own) in self.errors.iter().zip(&ours) {
+            let Some(own) = own else {
+                print(&format!(
+                    "{error:>8.0e} {:>11} {:>12} {:>8}  nsdc",
+                    "-", "never", ""
+                ));
+                continue;
+            };
+            line(error, own, 1.0);
+            let mut solvers: Vec<&str> = peers.iter().map(|row| first_word(&row.solver)).collect();
+            solvers.dedup();
+            for solver in solvers {
+                let of_solver =
+                    |row: &&Row| first_word(&row.solver) == solver && row.error <= error;
+                let cheapest = peers.iter().filter(of_solver);
+                match cheapest.min_by(|a, b| a.seconds.total_cmp(&b.seconds)) {
+                    Some(row) => line(error, row, row.seconds / own.seconds),
+                    None => print(&format!(
+                        "{error:>8.0e} {:>11} {:>12} {:>8}  {solver}",
+                        "-", "never", ""
+                    )),
+                }
+            }
+        }
+    }
+
+    /// Our cheapest run for each error, over the tolerances 10^-k.
+    fn ours(&self, switched: &Switched, criterion: &mut Criterion) -> Vec<Option<Row>> {
+        let (horizon, x0) = (self.compiled.settings.horizon, start(self.compiled));
+        let mut runs: Vec<(Row, f64)> = Vec::new();
+        for k in 2..=14 {
+            let tolerance = 10.0_f64.powi(-k);
+            let mut simulator = simulator(switched, tolerance);
+            let outcome = simulator.run(0.0, horizon, &x0, &mut Silent);
+            let row = Row {
+                solver: "nsdc".into(),
+                error: distance(&outcome.x, &self.exact),
+                seconds: median(|| {
+                    black_box(simulator.run(0.0, horizon, &x0, &mut Silent));
+                }),
+            };
+            if outcome.status == Status::Solved {
+                runs.push((row, tolerance));
+            }
+        }
+        let cheapest = |&error: &f64| {
+            let reaching = runs.iter().filter(|(row, _)| row.error <= error);
+            let (row, tolerance) =
+                reaching.min_by(|(a, _), (b, _)| a.seconds.total_cmp(&b.seconds))?;
+            let mut simulator = simulator(switched, *tolerance);
+            let label = format!("{}, error {error:.0e}", self.name);
+            criterion.bench_function(&label, |bencher| {
+                bencher.iter(|| black_box(simulator.run(0.0, horizon, &x0, &mut Silent)));
+            });
+            Some(Row {
+                solver: format!("nsdc, tolerance {tolerance:.0e}"),
+                error: row.error,
+                seconds: row.seconds,
+            })
+        };
+        self.errors.iter().map(cheapest).collect()
+    }
+
+    /// What the script measures; nothing, with a message, without an interpreter.
+    fn peers(&self) -> Vec<Row> {
+        let Ok(python) = std::env::var("NSDC_PEER_PYTHON") else {
+            print("peers skipped: NSDC_PEER_PYTHON names no Python with their packages");
+            return Vec::new();
+        };
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/peers");
+        let mut data = self.data.clone();
+        data["start"] = start(self.compiled).into();
+        data["horizon"] = self.compiled.settings.horizon.into();
+        data["exact"] = self.exact.clone().into();
+        let output = Command::new(python)
+            .args([self.script, &data.to_string()])
+            .current_dir(folder)
+            .env("PYTHONDONTWRITEBYTECODE", "1")
+            .envs([("OMP_NUM_THREADS", "1"), ("OPENBLAS_NUM_THREADS", "1")])
+            .output();
+        let output = match output {
+            Ok(output) => output,
+            Err(error) => {
+                print(&format!("peers skipped: {error}"));
+                return Vec::new();
+            }
+        };
+        print(String::from_utf8_lossy(&output.stderr).trim_end());
+        let text = String::from_utf8_lossy(&output.stdout);
+        let rows = text.lines().filter_map(|line| {
+            let row: Value = serde_json::from_str(line).ok()?;
+            let word = |key: &str| row[key].as_str().unwrap_or_default().to_owned();
+            Some(Row {
+                solver: format!("{} {}", word("solver"), word("method")),
+                error: row["error"].as_f64()?,
+                seconds: row["seconds"].as_f64()?,
+            })
+        });
+        rows.collect()
+    }
+}
+
+fn line(error: f64, row: &Row, ratio: f64) {
+    print(&format!(
+        "{error:>8.0e} {:>11.1e} {:>12.2} {ratio:>8.1}  {}",
+        row.error,
+        row.seconds * 1e6,
+        row.solver
+    ));
+}
+
+fn first_word(text: &str) -> &str {
+    text.split([' ', ',']).next().unwrap_or(text)
+}
+
+/// Distance in the 2-norm.
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    let squares = a.iter().zip(b).map(|(a, b)| (a - b).powi(2));
+    squares.sum::<f64>().sqrt()
+}
