@@ -48,6 +48,10 @@ const LIBRARY: &[&str] = &[
     "friction.nsd: breaks_loose",
     "friction.nsd: slows_down",
     "friction.nsd: stops_at_rest",
+    "friction.nsd: stops_in_time",
+    "prelude.nsd: closed_forms",
+    "prelude.nsd: follows",
+    "prelude.nsd: narrow",
     "relay.nsd: reaches_zero",
     "relay.nsd: stops_at_the_edge",
 ];
