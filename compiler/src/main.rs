@@ -7,12 +7,14 @@ use nsdc::cli::{self, Streams};
 
 fn main() -> ExitCode {
     let mut err = io::stderr();
-    let colour = err.is_terminal() && std::env::var_os("NO_COLOR").is_none();
+    let is_terminal = err.is_terminal();
+    let colour = is_terminal && std::env::var_os("NO_COLOR").is_none();
     let mut out = BufWriter::new(io::stdout().lock());
     let mut streams = Streams {
         out: &mut out,
         err: &mut err,
         colour,
+        progress: is_terminal,
         width: width(),
     };
     let exit = cli::run(std::env::args_os(), &mut streams);

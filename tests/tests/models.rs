@@ -117,6 +117,7 @@ fn test(folder: &Path) -> Outcome {
         out: &mut out,
         err: &mut err,
         colour: false,
+        progress: false,
         width: 100,
     };
     let exit = cli::run(["nsdc".into(), "test".into(), folder.into()], &mut streams);

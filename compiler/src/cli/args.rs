@@ -41,6 +41,13 @@ pub enum Command {
         #[arg(long)]
         check: bool,
     },
+    /// Make a folder with a small model, its tests and a README
+    #[command(after_help = "Example: `nsdc new slider`, then `cd slider` and `nsdc test .`.")]
+    New {
+        /// The folder, which must not be there yet
+        #[arg(value_name = "NAME")]
+        path: PathBuf,
+    },
     /// Explain a diagnostic by its code, or list all codes
     Explain {
         /// The code, such as E0203

@@ -10,6 +10,8 @@ mod explain;
 mod figure;
 mod files;
 mod fmt;
+mod new;
+mod progress;
 mod project;
 mod run;
 mod test;
@@ -42,6 +44,8 @@ pub struct Streams<'a> {
     pub err: &'a mut dyn Write,
     /// Whether diagnostics are coloured.
     pub colour: bool,
+    /// Whether standard error is a terminal, where a line may come and go.
+    pub progress: bool,
     /// Columns of the terminal.
     pub width: usize,
 }
@@ -73,6 +77,7 @@ fn dispatch(args: Args, streams: &mut Streams<'_>) -> io::Result<Exit> {
         Command::Run(args) => run::run(&args, streams),
         Command::Test(args) => test::run(&args, streams),
         Command::Fmt { files, check } => fmt::run(&files, check, streams),
+        Command::New { path } => new::run(&path, streams),
         Command::Explain { code } => explain::run(code.as_deref(), streams),
     }
 }

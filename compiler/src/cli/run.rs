@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use super::args::RunArgs;
 use super::files::{Sink, is_standard};
+use super::progress::Bar;
 use super::project::{self, Project};
 use super::{Exit, Streams, figure, io};
 use crate::clock::Clock;
@@ -126,9 +127,12 @@ fn one(
         estimate: true,
         time_limit: args.time_limit.map(Duration::from_secs_f64),
     };
+    let mut bar = Bar::new(&compiled.settings.name, streams.progress);
     let mut trajectory = clock.time("solve", || {
-        simulate::run(&compiled.system, &compiled.settings, &request)
+        let mut watch = |progress| bar.update(progress);
+        simulate::run_watched(&compiled.system, &compiled.settings, &request, &mut watch)
     });
+    drop(bar);
     let solving = ["read", "solve", "report"];
     let before = project.clock.phases().chain(clock.phases());
     trajectory.stats.compile_s = before

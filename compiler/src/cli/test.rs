@@ -4,6 +4,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use super::args::TestArgs;
+use super::progress::Bar;
 use super::project::{self, Project};
 use super::{Exit, Streams, files, io};
 use crate::clock::Clock;
@@ -223,7 +224,11 @@ fn one(
         estimate: true,
         time_limit,
     };
-    let trajectory = simulate::run(&compiled.system, &compiled.settings, &request);
+    let mut bar = Bar::new(&compiled.settings.name, streams.progress);
+    let mut watch = |progress| bar.update(progress);
+    let trajectory =
+        simulate::run_watched(&compiled.system, &compiled.settings, &request, &mut watch);
+    drop(bar);
     let mut warnings = project::warning_codes(&diags);
     warnings.extend(
         trajectory

@@ -9,6 +9,7 @@ mod modes;
 mod outcome;
 mod record;
 mod switched;
+mod watch;
 
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
@@ -24,6 +25,8 @@ use crate::system::experiment::{self, Branch, EventOptions, Settings};
 use modes::ModeNames;
 use record::Recorder;
 pub use switched::Switched;
+pub use watch::Progress;
+use watch::Watched;
 
 /// What a caller needs of a run besides the experiment's own settings.
 #[derive(Clone, Copy, Debug)]
@@ -54,6 +57,16 @@ const MAX_ATTEMPTS: usize = 3;
 
 /// Integrates the system over the horizon of the experiment.
 pub fn run(system: &System, settings: &Settings, request: &Request) -> Trajectory {
+    run_watched(system, settings, request, &mut |_| {})
+}
+
+/// [`run`], which calls `watch` every few steps.
+pub fn run_watched(
+    system: &System,
+    settings: &Settings,
+    request: &Request,
+    watch: &mut dyn FnMut(Progress),
+) -> Trajectory {
     let started = Instant::now();
     let switched = Switched::new(system);
     let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
@@ -68,13 +81,14 @@ pub fn run(system: &System, settings: &Settings, request: &Request) -> Trajector
         let solver_settings = solver_settings(&settings.method, tolerance, left());
         let mut simulator = Simulator::new(&switched, solver_settings);
         let mut recorder = Recorder::new(system, settings, request.dense);
-        let outcome = simulator.run(0.0, settings.horizon, &x0, &mut recorder);
+        let mut watched = Watched::new(&mut recorder, settings.horizon, false, watch);
+        let outcome = simulator.run(0.0, settings.horizon, &x0, &mut watched);
         let wanted = request.estimate && outcome.status != solver::Status::TimeLimit;
         let estimate = wanted.then(|| {
             let mut finer = finer(simulator.settings(), simulator.order(), tolerance);
             finer.time_limit = left();
             let simulator = Simulator::new(&switched, finer);
-            Estimate::of(simulator, settings.horizon, &x0, &recorder, &outcome)
+            Estimate::of(simulator, settings.horizon, &x0, &recorder, &outcome, watch)
         });
         let estimate = estimate.flatten();
         let missed = estimate
@@ -161,9 +175,11 @@ impl Estimate {
         x0: &[f64],
         run: &Recorder,
         outcome: &Outcome,
+        watch: &mut dyn FnMut(Progress),
     ) -> Option<Self> {
         let mut comparison = Comparison::new(run, x0);
-        let fine = finer.run(0.0, horizon, x0, &mut comparison);
+        let mut watched = Watched::new(&mut comparison, horizon, true, watch);
+        let fine = finer.run(0.0, horizon, x0, &mut watched);
         if fine.status == solver::Status::TimeLimit {
             return None;
         }

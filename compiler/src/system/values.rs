@@ -102,7 +102,7 @@ fn numbers<'e>(
     complete.then_some(numbers)
 }
 
-/// Whether every initial value is a finite number.
+/// Whether every initial value is finite, and every parameter a number, be it infinite.
 fn is_finite(
     model: &Model<'_>,
     given: &Given<'_>,
@@ -110,17 +110,24 @@ fn is_finite(
     diags: &mut Diagnostics,
 ) -> bool {
     let mut fine = true;
-    for state in &model.states {
-        for (k, var) in state.vars.iter().enumerate() {
+    let states = model.states.iter().map(|state| (state, true));
+    let params = model.params.iter().map(|param| (param, false));
+    for (quantity, is_state) in states.chain(params) {
+        for (k, var) in quantity.vars.iter().enumerate() {
             let Some(var) = var.as_variable() else {
                 continue;
             };
-            if let Some(value) = numbers.get(&var).filter(|value| !value.is_finite()) {
+            let fits = |value: f64| value.is_finite() || !(is_state || value.is_nan());
+            if let Some(value) = numbers.get(&var).filter(|&&value| !fits(value)) {
+                let (kind, expected) = match is_state {
+                    true => ("state", "finite"),
+                    false => ("parameter", "a number"),
+                };
                 diags.push(ExperimentError::OutOfRange {
-                    what: format!("state `{}`", state.shape.entry_name(&state.name, k)),
-                    expected: "finite".to_owned(),
+                    what: format!("{kind} `{}`", quantity.shape.entry_name(&quantity.name, k)),
+                    expected: expected.to_owned(),
                     found: value.to_string(),
-                    span: (given.values.get(&var)).map_or(state.span, |&(_, span)| span),
+                    span: (given.values.get(&var)).map_or(quantity.span, |&(_, span)| span),
                 });
                 fine = false;
             }

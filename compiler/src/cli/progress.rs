@@ -1,0 +1,76 @@
+//! A line that shows how far a long run is, on a terminal only.
+
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use crate::simulate::Progress;
+
+/// Runs that are over before it show nothing.
+const PATIENCE: Duration = Duration::from_millis(500);
+/// Between two drawings.
+const INTERVAL: Duration = Duration::from_millis(100);
+/// Parts of the bar.
+const LENGTH: u64 = 1000;
+const STYLE: &str = "{prefix} [{wide_bar}] {msg}";
+
+/// The line for one experiment; gone when dropped.
+pub struct Bar {
+    name: String,
+    is_shown: bool,
+    /// When it was drawn last, and what is to pass until it is again.
+    last: Instant,
+    pause: Duration,
+    line: Option<ProgressBar>,
+}
+
+impl Bar {
+    /// A line that is shown after a while, if at all.
+    pub fn new(name: &str, is_shown: bool) -> Self {
+        Bar {
+            name: name.to_owned(),
+            is_shown,
+            last: Instant::now(),
+            pause: PATIENCE,
+            line: None,
+        }
+    }
+
+    /// Shows how far the run is.
+    pub fn update(&mut self, progress: Progress) {
+        if !self.is_shown || self.last.elapsed() < self.pause {
+            return;
+        }
+        (self.last, self.pause) = (Instant::now(), INTERVAL);
+        let name = &self.name;
+        let line = self.line.get_or_insert_with(|| new_line(name));
+        let done = (progress.time / progress.horizon).clamp(0.0, 1.0);
+        line.set_position((done * LENGTH as f64) as u64);
+        let (steps, events) = (progress.steps, progress.events);
+        let what = match progress.estimates {
+            true => "second run for the error, ",
+            false => "",
+        };
+        line.set_message(format!(
+            "{what}t = {:.4}/{:.4}, {steps} steps, {events} events",
+            progress.time, progress.horizon
+        ));
+    }
+}
+
+fn new_line(name: &str) -> ProgressBar {
+    let line = ProgressBar::with_draw_target(Some(LENGTH), ProgressDrawTarget::stderr());
+    if let Ok(style) = ProgressStyle::with_template(STYLE) {
+        line.set_style(style.progress_chars("=> "));
+    }
+    line.set_prefix(name.to_owned());
+    line
+}
+
+impl Drop for Bar {
+    fn drop(&mut self) {
+        if let Some(line) = &self.line {
+            line.finish_and_clear();
+        }
+    }
+}
