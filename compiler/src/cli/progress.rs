@@ -12,7 +12,7 @@ const PATIENCE: Duration = Duration::from_millis(500);
 const INTERVAL: Duration = Duration::from_millis(100);
 /// Parts of the bar.
 const LENGTH: u64 = 1000;
-const STYLE: &str = "{prefix} [{wide_bar}] {msg}";
+const STYLE: &str = "{prefix} [{bar:24}] {wide_msg}";
 
 /// The line for one experiment; gone when dropped.
 pub struct Bar {
@@ -48,11 +48,11 @@ impl Bar {
         line.set_position((done * LENGTH as f64) as u64);
         let (steps, events) = (progress.steps, progress.events);
         let what = match progress.estimates {
-            true => "second run for the error, ",
+            true => "second run, ",
             false => "",
         };
         line.set_message(format!(
-            "{what}t = {:.4}/{:.4}, {steps} steps, {events} events",
+            "{what}t = {:.4} of {}, {steps} steps, {events} events",
             progress.time, progress.horizon
         ));
     }
