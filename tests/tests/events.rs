@@ -11,6 +11,7 @@ fn every_expectation_holds() {
         out: &mut out,
         err: &mut err,
         colour: false,
+        progress: false,
         width: 100,
     };
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("events");
