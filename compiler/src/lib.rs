@@ -21,8 +21,8 @@ use self::model::Model;
 use self::report::expect::{self, Subject};
 use self::source::SourceMap;
 use self::syntax::{Bind, Experiment, File, Item, SettingKind};
-use self::system::System;
 use self::system::experiment::Settings;
+use self::system::{Extent, System};
 
 /// An experiment that is ready to run.
 pub struct Compiled<'e> {
@@ -48,12 +48,34 @@ impl<'e> Compiled<'e> {
 
 /// From the syntax of an experiment to the system it is about: model, settings, system.
 ///
-/// `overrides` come from outside the file and replace what `with` says. `None` after an error.
+/// What its outputs and expectations do not need is left out. `overrides` come from outside the file
+/// and replace what `with` says. `None` after an error.
 pub fn compile<'e>(
     exprs: &'e Exprs,
     file: &File,
     experiment: &Experiment,
     overrides: &[Bind],
+    clock: &mut Clock,
+    diags: &mut Diagnostics,
+) -> Option<Compiled<'e>> {
+    compile_to(
+        exprs,
+        file,
+        experiment,
+        overrides,
+        Extent::Needed,
+        clock,
+        diags,
+    )
+}
+
+/// [`compile`], to some extent.
+fn compile_to<'e>(
+    exprs: &'e Exprs,
+    file: &File,
+    experiment: &Experiment,
+    overrides: &[Bind],
+    extent: Extent,
     clock: &mut Clock,
     diags: &mut Diagnostics,
 ) -> Option<Compiled<'e>> {
@@ -67,7 +89,7 @@ pub fn compile<'e>(
     clock.time("system", || {
         let settings = system::experiment::evaluate(&model, experiment, overrides, diags)?;
         model::check_experiment(file, home, definition, experiment, overrides, diags)?;
-        let system = system::lower(&model, &settings, diags)?;
+        let system = system::lower(&model, &settings, extent, diags)?;
         let lowerings = dcs::check(&system, &settings.lowerings);
         lowerings.map_err(|error| diags.push(error)).ok()?;
         Some(Compiled {
@@ -80,6 +102,7 @@ pub fn compile<'e>(
 
 /// Finds what is wrong with the models and experiments of a file, each mistake once.
 ///
+/// Nothing of a model is left out here, whatever its experiments need.
 /// What could not be read, as `diags` says, does not hide what is wrong elsewhere in the models.
 pub fn check(file: &File, sources: &SourceMap, diags: &mut Diagnostics) {
     let unreadable = diags.has_errors();
@@ -117,11 +140,12 @@ pub fn check(file: &File, sources: &SourceMap, diags: &mut Diagnostics) {
         }
         let exprs = Exprs::new();
         let mut found = Diagnostics::new();
-        let compiled = compile(
+        let compiled = compile_to(
             &exprs,
             file,
             experiment,
             &[],
+            Extent::Whole,
             &mut Clock::default(),
             &mut found,
         );

@@ -6,7 +6,6 @@ use crate::Compiled;
 use crate::expr::{Expr, Var, variables_of};
 use crate::report::plot::{self, Surface};
 use crate::report::{Trajectory, refine};
-use crate::system::experiment::Kept;
 
 /// Instants of a curve that looks smooth.
 const N_POINTS: usize = 1200;
@@ -29,13 +28,12 @@ pub fn draw(compiled: &Compiled<'_>, trajectory: &Trajectory) -> String {
         .collect();
     let time = system.time.as_variable();
 
-    let series = trajectory
-        .states
-        .iter()
-        .chain(&trajectory.outputs)
-        .chain(&trajectory.controls);
-    let exprs: Vec<Expr<'_>> = series
-        .flat_map(|series| reported(compiled, &series.name))
+    // What is reported, in time, states and α.
+    let states = system.groups.iter().flat_map(|group| &group.entries);
+    let recorded = system.outputs.iter().chain(&system.controls);
+    let exprs: Vec<Expr<'_>> = states
+        .map(|&entry| system.states[entry].var)
+        .chain(recorded.flat_map(|output| output.exprs.iter().copied()))
         .collect();
     let fine = refine(trajectory, N_POINTS, &|t, row| {
         let number = |var: Var| match rows.get(&var) {
@@ -57,46 +55,6 @@ pub fn draw(compiled: &Compiled<'_>, trajectory: &Trajectory) -> String {
         false => Vec::new(),
     };
     plot::write(&fine, &surfaces)
-}
-
-/// The entries of a reported quantity in time, states and α.
-fn reported<'e>(compiled: &Compiled<'e>, name: &str) -> Vec<Expr<'e>> {
-    let system = &compiled.system;
-    let kept = compiled
-        .settings
-        .outputs
-        .iter()
-        .flatten()
-        .find(|kept| kept.name == name);
-    let is_whole = |kept: &&Kept| {
-        let groups = system.groups.iter().map(|group| &group.name);
-        let others = system.outputs.iter().chain(&system.controls);
-        let mut names = groups.chain(others.map(|output| &output.name));
-        names.any(|name| *name == kept.name)
-    };
-    let sliced = kept.filter(|kept| !is_whole(kept));
-    let base = sliced.map_or(name, Kept::base);
-    let all: Vec<Expr<'e>> = match system.groups.iter().find(|group| group.name == base) {
-        Some(group) => system.states[group.entries.clone()]
-            .iter()
-            .map(|state| state.var)
-            .collect(),
-        None => {
-            let mut others = system.outputs.iter().chain(&system.controls);
-            others
-                .find(|output| output.name == base)
-                .map(|output| output.exprs.clone())
-                .unwrap_or_default()
-        }
-    };
-    match kept {
-        Some(kept) => kept
-            .entries
-            .iter()
-            .filter_map(|&entry| all.get(entry).copied())
-            .collect(),
-        None => all,
-    }
 }
 
 /// The switching functions of two states alone.

@@ -106,6 +106,28 @@ pub fn variables_of(roots: &[Expr]) -> Vec<Var> {
     vars
 }
 
+/// What lies below a growing set of expressions; each node is visited once.
+#[derive(Debug, Default)]
+pub struct Reach {
+    seen: FxHashSet<Id>,
+}
+
+impl Reach {
+    /// The variables below an expression that were not below any earlier one.
+    pub fn new_variables(&mut self, root: Expr) -> Vec<Var> {
+        let arena = root.exprs.arena.borrow();
+        let mut found = Vec::new();
+        let mut stack = vec![root.id];
+        while let Some(id) = stack.pop() {
+            if self.seen.insert(id) {
+                found.extend(arena.as_variable(id));
+                arena.for_each_child(id, |child| stack.push(child));
+            }
+        }
+        found
+    }
+}
+
 /// Which expression takes the place of which variable.
 #[derive(Clone, Debug, Default)]
 pub struct Substitution<'e> {

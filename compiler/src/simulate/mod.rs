@@ -299,7 +299,7 @@ fn assemble(
         skipped: system.skipped.clone(),
         ..Trajectory::default()
     };
-    recorder.fill(system, settings, &names, outcome, &mut trajectory);
+    recorder.fill(system, &names, outcome, &mut trajectory);
     trajectory
 }
 

@@ -7,8 +7,8 @@ use nsd_solver::simulate::{Event, Observer, Outcome, Segment, Side};
 use super::modes::ModeNames;
 use crate::expr;
 use crate::report::{self, ModeInterval, Piece, Series, Trajectory};
-use crate::system::experiment::{Kept, Sampling, Settings};
-use crate::system::{Output, StateGroup, System};
+use crate::system::experiment::{Sampling, Settings};
+use crate::system::{Output, System};
 
 /// When the mode changed, from what, to what.
 type Change = (f64, Box<[Side]>, Box<[Side]>);
@@ -78,7 +78,6 @@ impl Recorder {
     pub(super) fn fill(
         mut self,
         system: &System,
-        settings: &Settings,
         names: &ModeNames,
         outcome: &Outcome,
         trajectory: &mut Trajectory,
@@ -88,36 +87,25 @@ impl Recorder {
             self.alpha.copy_from_slice(&outcome.alpha);
             self.push(outcome.time);
         }
-        let kept = |group: &&StateGroup| keeps(settings, &group.name);
-        for group in system.groups.iter().filter(kept) {
+        for group in &system.groups {
             let rows = self.states.chunks(self.n.max(1));
-            let values = rows
-                .flat_map(|row| row[group.entries.clone()].iter().copied())
-                .collect();
-            let series = Series {
+            trajectory.states.push(Series {
                 name: group.name.clone(),
                 shape: group.shape.clone(),
-                values,
-            };
-            keep(settings, series, &mut trajectory.states);
+                values: rows
+                    .flat_map(|row| group.entries.iter().map(|&entry| row[entry]))
+                    .collect(),
+            });
         }
-        let kept = |output: &&Output| keeps(settings, &output.name);
-        for (from, to) in [
-            (&system.outputs, &mut trajectory.outputs),
-            (&system.controls, &mut trajectory.controls),
-        ] {
-            let outputs: Vec<&Output> = from.iter().filter(kept).collect();
-            for series in self.evaluate(system, &outputs) {
-                keep(settings, series, to);
-            }
-        }
+        trajectory.outputs = self.evaluate(system, &system.outputs);
+        trajectory.controls = self.evaluate(system, &system.controls);
         self.name_modes(system, names, outcome, trajectory);
         trajectory.dense.pieces = self.pieces.unwrap_or_default();
         trajectory.time = self.times;
     }
 
     /// Evaluates outputs at all points, in lanes.
-    fn evaluate(&self, system: &System, outputs: &[&Output]) -> Vec<Series> {
+    fn evaluate(&self, system: &System, outputs: &[Output]) -> Vec<Series> {
         if outputs.is_empty() {
             return Vec::new();
         }
@@ -143,7 +131,7 @@ impl Recorder {
         tape.eval_many(&table, &mut columns, points, &mut tape.lane_scratch());
 
         let mut first = 0;
-        let mut series = |output: &&Output| {
+        let mut series = |output: &Output| {
             let entries = first..first + output.exprs.len();
             first = entries.end;
             let values = (0..points).flat_map(|k| entries.clone().map(move |o| (o, k)));
@@ -205,35 +193,6 @@ impl Recorder {
                 }
             }
         }
-    }
-}
-
-/// Whether the experiment keeps anything of a series: it does without an `output` setting.
-fn keeps(settings: &Settings, series: &str) -> bool {
-    let kept = settings.outputs.as_ref();
-    kept.is_none_or(|kept| kept.iter().any(|kept| is_of(kept, series)))
-}
-
-fn is_of(kept: &Kept, series: &str) -> bool {
-    kept.base() == series || kept.name == series
-}
-
-/// Appends what the experiment keeps of a series: all of it without an `output` setting.
-fn keep(settings: &Settings, series: Series, to: &mut Vec<Series>) {
-    let Some(kept) = &settings.outputs else {
-        to.push(series);
-        return;
-    };
-    for kept in kept.iter().filter(|kept| is_of(kept, &series.name)) {
-        let rows = series.values.chunks(series.n_entries().max(1));
-        let values = rows
-            .flat_map(|row| kept.entries.iter().map(|&entry| row[entry]))
-            .collect();
-        to.push(Series {
-            name: kept.name.clone(),
-            shape: kept.shape.clone(),
-            values,
-        });
     }
 }
 

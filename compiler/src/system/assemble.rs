@@ -8,11 +8,11 @@ use super::lower::Lowering;
 use super::relay::at_all_sides;
 use super::{
     Continuity, Output, Param, Partition, Region, State, StateGroup, Switch, System, SystemError,
-    regions,
+    regions, skipped,
 };
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Var, variables_of};
-use crate::model::{Quantity, SwitchKind};
+use crate::model::{self, SwitchKind, TargetKind};
 use crate::source::Span;
 
 impl<'e> Lowering<'_, 'e> {
@@ -23,6 +23,7 @@ impl<'e> Lowering<'_, 'e> {
         outputs: Vec<Output<'e>>,
         controls: Vec<Output<'e>>,
         weights: Vec<Expr<'e>>,
+        named: &[Expr<'e>],
         diags: &mut Diagnostics,
     ) -> System<'e> {
         let model = self.model;
@@ -35,6 +36,7 @@ impl<'e> Lowering<'_, 'e> {
             .chain(&weights)
             .copied()
             .chain(recorded)
+            .chain(named.iter().copied())
             .collect();
         let (kept, dropped) = self.used(&roots);
         for (place, &k) in kept.iter().enumerate() {
@@ -104,7 +106,7 @@ impl<'e> Lowering<'_, 'e> {
 
         let states = self.states(&rates);
         let partitions = self.partitions(&weights, &alphas);
-        for (partition, numbers) in partitions.iter().zip(&model.partitions) {
+        for (partition, numbers) in partitions.iter().zip(self.kept_partitions()) {
             let guards: Vec<Span> = numbers
                 .regions
                 .iter()
@@ -118,10 +120,11 @@ impl<'e> Lowering<'_, 'e> {
         for subsystem in &mut subsystems {
             subsystem.regions = regions::regions_of(subsystem, &partitions, &rates, &alphas);
         }
-        let skipped = dropped
+        let dropped: Vec<(String, Expr<'e>)> = dropped
             .into_iter()
-            .map(|k| format!("switch `{}`", self.finished(k).name))
+            .map(|k| (self.switches.name_of(k), self.switches.list[k].psi))
             .collect();
+        let skipped = skipped::describe(model, &self.needs, &switches, dropped);
         let (params, groups) = (self.params(), self.groups());
         let named = model.switches.iter().flat_map(|switch| {
             switch
@@ -233,48 +236,60 @@ impl<'e> Lowering<'_, 'e> {
         for rate in statements.filter(|rate| !rate.adds) {
             set_at.entry(rate.entry).or_insert(rate.span);
         }
-        let entries = model.states.iter().flat_map(|state| {
-            state
-                .vars
-                .iter()
-                .enumerate()
-                .map(move |(k, &var)| (state.shape.entry_name(&state.name, k), var, state.span))
+        let declared = model.states.iter().flat_map(|state| {
+            let names = (0..state.vars.len()).map(|k| state.shape.entry_name(&state.name, k));
+            names.map(|name| (name, state.span))
         });
-        entries
+        let declared: Vec<(String, Span)> = declared.collect();
+        self.kept_states()
             .zip(rates)
-            .enumerate()
-            .map(|(entry, ((name, var, declared), &rate))| {
+            .map(|((entry, var), &rate)| {
                 let initial = var
                     .as_variable()
                     .and_then(|var| self.values.numbers.get(&var).copied())
                     .unwrap_or(f64::NAN);
+                let (name, span) = declared[entry].clone();
                 State {
                     name,
                     var,
                     initial,
                     rate,
-                    span: set_at.get(&entry).copied().unwrap_or(declared),
+                    span: set_at.get(&entry).copied().unwrap_or(span),
                 }
             })
             .collect()
     }
 
+    /// The states that are recorded: those of the model, or those that the experiment lists.
     fn groups(&self) -> Vec<StateGroup> {
-        let mut first = 0;
-        let group = |state: &Quantity<'e>| {
-            let entries = first..first + state.vars.len();
-            first = entries.end;
-            StateGroup {
-                name: state.name.clone(),
-                shape: state.shape.sizes(),
-                entries,
-            }
+        let vars = self.kept_states().enumerate();
+        let place: FxHashMap<Expr<'e>, usize> =
+            vars.map(|(place, (_, var))| (var, place)).collect();
+        let group = |name: &str, shape: Vec<usize>, entries: &[Expr<'e>]| StateGroup {
+            name: name.to_owned(),
+            shape,
+            entries: entries.iter().map(|var| place[var]).collect(),
         };
-        self.model.states.iter().map(group).collect()
+        match &self.settings.outputs {
+            None => (self.model.states.iter())
+                .map(|state| group(&state.name, state.shape.sizes(), &state.vars))
+                .collect(),
+            Some(listed) => (listed.iter())
+                .filter(|kept| matches!(kept.kind, TargetKind::State(_)))
+                .map(|kept| group(&kept.name, kept.shape.clone(), &kept.entries))
+                .collect(),
+        }
+    }
+
+    /// The partitions of states that are kept.
+    fn kept_partitions(&self) -> impl Iterator<Item = &model::Partition> {
+        let partitions = self.model.partitions.iter();
+        partitions.filter(|partition| partition.regions.iter().any(|&r| self.needs.regions[r]))
     }
 
     fn partitions(&self, weights: &[Expr<'e>], alphas: &[Var]) -> Vec<Partition<'e>> {
-        let partitions = self.model.partitions.iter().map(|partition| {
+        let place: Vec<usize> = self.kept_states().map(|(entry, _)| entry).collect();
+        let partitions = self.kept_partitions().map(|partition| {
             let regions: Vec<Region<'e>> = (partition.regions.iter())
                 .map(|&r| Region {
                     name: self.model.regions[r].name.clone(),
@@ -292,7 +307,9 @@ impl<'e> Lowering<'_, 'e> {
             Partition {
                 regions,
                 switches,
-                states: partition.entries.clone(),
+                states: (partition.entries.iter())
+                    .filter_map(|entry| place.binary_search(entry).ok())
+                    .collect(),
             }
         });
         partitions.collect()

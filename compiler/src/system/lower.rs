@@ -2,6 +2,8 @@
 //!
 //! x' = f(t, x, p; sign(ψ), max(..), ..) + Σ_R 1_R f_R   becomes   x' = f(t, x, p, α), α_i ∈ step(ψ_i)
 //!
+//! What the experiment does not need is left out first ([`super::needs`]).
+//!
 //! 1. Parameters get numbers; controls and inputs become functions of time and state.
 //! 2. Nonsmooth terms become switch variables ([`super::switches`]).
 //! 3. Every expression of the user must be affine in each of its switches, or a reading is asked for.
@@ -12,6 +14,7 @@
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::experiment::Settings;
+use super::needs::Needs;
 use super::reading::check_reading;
 use super::sample::Sampler;
 use super::surface::Form;
@@ -20,17 +23,28 @@ use super::values::Values;
 use super::{NamedReading, Output, System, SystemError, regions};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Substitution, Var, variables_of};
-use crate::model::{Model, Named, Quantity, Rate, Sliding, Surface, SwitchKind};
+use crate::model::{Model, Rate, Sliding, Surface, SwitchKind, TargetKind};
 use crate::source::Span;
+
+/// How much of a model is lowered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Extent {
+    /// What the outputs and expectations of the experiment need.
+    Needed,
+    /// Everything, so that every mistake is found.
+    Whole,
+}
 
 /// The system of a model under the settings of an experiment; `None` after an error.
 pub fn lower<'e>(
     model: &Model<'e>,
     settings: &Settings<'e>,
+    extent: Extent,
     diags: &mut Diagnostics,
 ) -> Option<System<'e>> {
     let errors_before = diags.errors().count();
-    let mut lowering = Lowering::new(model, settings);
+    let needs = Needs::of(model, settings, extent);
+    let mut lowering = Lowering::new(model, settings, needs);
     let relays = lowering.declare_relays();
     let (direct, through) = lowering.surfaces();
     lowering.declare_surfaces(&direct);
@@ -39,26 +53,14 @@ pub fn lower<'e>(
     lowering.declare_surfaces(&through);
 
     let rates = lowering.rates(diags);
-    let outputs: Vec<Output<'e>> = model
-        .outputs
-        .iter()
-        .map(|output| lowering.output(output))
-        .collect();
-    let controls: Vec<Output<'e>> = model
-        .controls
-        .iter()
-        .map(|control| lowering.control(control))
-        .collect();
-    let weights: Vec<Expr<'e>> = model
-        .regions
-        .iter()
-        .map(|region| lowering.weight(region.guard, region.guard_span))
-        .collect();
+    let (outputs, controls) = lowering.recorded();
+    let weights = lowering.weights();
+    let named = lowering.named_surfaces();
     lowering.report_refused(diags);
     if diags.errors().count() > errors_before {
         return None;
     }
-    let system = lowering.assemble(rates, outputs, controls, weights, diags);
+    let system = lowering.assemble(rates, outputs, controls, weights, &named, diags);
     if diags.errors().count() > errors_before {
         return None;
     }
@@ -70,6 +72,7 @@ pub(super) struct Lowering<'m, 'e> {
     pub model: &'m Model<'e>,
     pub settings: &'m Settings<'e>,
     pub values: &'m Values<'e>,
+    pub needs: Needs<'e>,
     pub switches: Switches<'e>,
     /// Values of named switches.
     pub named: Substitution<'e>,
@@ -78,7 +81,7 @@ pub(super) struct Lowering<'m, 'e> {
 }
 
 impl<'m, 'e> Lowering<'m, 'e> {
-    fn new(model: &'m Model<'e>, settings: &'m Settings<'e>) -> Self {
+    fn new(model: &'m Model<'e>, settings: &'m Settings<'e>, needs: Needs<'e>) -> Self {
         let values = &settings.values;
         let params = model
             .params
@@ -91,6 +94,7 @@ impl<'m, 'e> Lowering<'m, 'e> {
             model,
             settings,
             values,
+            needs,
             switches,
             named: Substitution::new(),
             texts: FxHashMap::default(),
@@ -115,7 +119,9 @@ impl<'m, 'e> Lowering<'m, 'e> {
             let psi = surface.psi.substitute(&self.values.signals);
             variables_of(&[psi]).iter().all(|var| !named.contains(var))
         };
-        self.model.surfaces.iter().partition(is_direct)
+        let surfaces = self.model.surfaces.iter();
+        let kept = surfaces.filter(|surface| self.needs.holds_all(surface.psi));
+        kept.partition(is_direct)
     }
 
     /// Makes the switches in the order, orientation and words of the source.
@@ -141,6 +147,9 @@ impl<'m, 'e> Lowering<'m, 'e> {
                 continue;
             }
             for (k, (&psi, var)) in switch.psi.iter().zip(&switch.vars).enumerate() {
+                if !self.needs.holds(var.as_variable()) {
+                    continue;
+                }
                 let psi = self.replace(psi, switch.span);
                 let above = self.switches.enter(psi, entry);
                 let value = match switch.kind {
@@ -162,31 +171,57 @@ impl<'m, 'e> Lowering<'m, 'e> {
         }
     }
 
+    /// α of the switches that expectations name.
+    fn named_surfaces(&mut self) -> Vec<Expr<'e>> {
+        let surfaces = self.needs.surfaces.clone();
+        let alpha = |surface: Expr<'e>| {
+            let psi = self.replace(surface, Span::default());
+            if surface
+                .as_variable()
+                .is_some_and(|var| self.named.get(var).is_some())
+            {
+                return Some(self.switches.merged(psi));
+            }
+            let (k, _) = self.switches.find(psi)?;
+            Some(self.model.exprs.expr(self.switches.list[k].alpha))
+        };
+        surfaces.into_iter().filter_map(alpha).collect()
+    }
+
     fn sliding(&self, switch: usize) -> Option<Sliding> {
         let declared = self.model.switches[switch].sliding;
         self.settings.sliding.get(&switch).copied().or(declared)
     }
 
-    /// x' by state entry, in α.
+    /// x' of the states that are kept, in α.
     fn rates(&mut self, diags: &mut Diagnostics) -> Vec<Expr<'e>> {
         let model = self.model;
         let zero = model.exprs.constant(0.0);
-        let mut rates = vec![Vec::new(); model.state_vars().count()];
+        let mut rates = vec![Vec::new(); self.needs.entries.len()];
         let mut add = |rate: &Rate<'e>, value: Expr<'e>| {
             if let Some(terms) = rates.get_mut(rate.entry) {
                 terms.push(value);
             }
         };
         for rate in &model.dynamics {
+            if !self.needs.entries[rate.entry] {
+                continue;
+            }
             let value = self.replace(rate.value, rate.span);
             self.check(value, rate.span, diags);
             add(rate, value);
         }
-        for region in &model.regions {
+        for (r, region) in model.regions.iter().enumerate() {
+            if !self.needs.regions[r] {
+                continue;
+            }
             let guard = self.replace(region.guard, region.guard_span);
             let weight = self.switches.merged(guard);
             let implied = self.implied(weight);
             for rate in &region.rates {
+                if !self.needs.entries[rate.entry] {
+                    continue;
+                }
                 let value = self.replace(rate.value, rate.span).substitute(&implied);
                 self.check(value, rate.span, diags);
                 add(rate, weight * self.switches.merged(value));
@@ -197,9 +232,9 @@ impl<'m, 'e> Lowering<'m, 'e> {
                 diags.push(SystemError::NonlinearSliding { span: hidden.span });
             }
         }
-        rates
-            .into_iter()
-            .map(|terms| {
+        let kept = rates.into_iter().zip(&self.needs.entries);
+        kept.filter(|(_, kept)| **kept)
+            .map(|(terms, _)| {
                 self.switches
                     .merged(terms.into_iter().fold(zero, |sum, term| sum + term))
             })
@@ -226,9 +261,17 @@ impl<'m, 'e> Lowering<'m, 'e> {
             .collect()
     }
 
-    fn weight(&mut self, guard: Expr<'e>, span: Span) -> Expr<'e> {
-        let guard = self.replace(guard, span);
-        self.switches.merged(guard)
+    /// By region; zero where it is skipped.
+    fn weights(&mut self) -> Vec<Expr<'e>> {
+        let model = self.model;
+        let weights = model.regions.iter().enumerate().map(|(r, region)| {
+            if !self.needs.regions[r] {
+                return model.exprs.constant(0.0);
+            }
+            let guard = self.replace(region.guard, region.guard_span);
+            self.switches.merged(guard)
+        });
+        weights.collect()
     }
 
     fn check(&self, value: Expr<'e>, span: Span, diags: &mut Diagnostics) {
@@ -248,6 +291,12 @@ impl<'m, 'e> Lowering<'m, 'e> {
         self.sampler_of(list)
     }
 
+    /// The states that are kept, with their entries in the model.
+    pub fn kept_states(&self) -> impl Iterator<Item = (usize, Expr<'e>)> + '_ {
+        let entries = self.model.state_vars().enumerate();
+        entries.filter(|(entry, _)| self.needs.entries[*entry])
+    }
+
     /// Samples around the initial point with these switches.
     pub fn sampler_of(&self, mut switches: Vec<(Var, Expr<'e>)>) -> Sampler<'e> {
         let relays: FxHashMap<Var, f64> = (self.switches.list.iter())
@@ -256,40 +305,57 @@ impl<'m, 'e> Lowering<'m, 'e> {
         switches.retain(|(alpha, _)| !relays.contains_key(alpha));
         let numbers = self.values.numbers.iter().chain(&relays);
         let fixed = numbers.map(|(&var, &value)| (var, value));
-        let states = self
-            .model
-            .state_vars()
-            .filter_map(Expr::as_variable)
-            .collect();
+        let states = self.kept_states().filter_map(|(_, var)| var.as_variable());
+        let states = states.collect();
         let time = self.model.time.as_variable().expect("time is a variable");
         let mut sides: Vec<Var> = relays.keys().copied().collect();
         sides.sort_unstable();
         Sampler::new(fixed, states, time, self.settings.horizon, switches).with_relays(sides)
     }
 
-    fn output(&mut self, output: &Named<'e>) -> Output<'e> {
-        let exprs = output.value.data.iter().map(|&e| {
-            let e = self.replace(e, output.span);
-            self.switches.merged(e)
-        });
-        Output {
-            name: output.name.clone(),
-            shape: output.value.shape.sizes(),
-            exprs: exprs.collect(),
-            span: output.span,
+    /// Outputs and controls: those of the model, or those that the experiment lists.
+    fn recorded(&mut self) -> (Vec<Output<'e>>, Vec<Output<'e>>) {
+        let (model, settings) = (self.model, self.settings);
+        let Some(listed) = &settings.outputs else {
+            let outputs = model.outputs.iter().map(|output| {
+                let shape = output.value.shape.sizes();
+                self.output(&output.name, shape, &output.value.data, output.span)
+            });
+            let outputs = outputs.collect();
+            let controls = model.controls.iter().map(|control| {
+                let shape = control.shape.sizes();
+                self.output(&control.name, shape, &control.vars, control.span)
+            });
+            return (outputs, controls.collect());
+        };
+        let (mut outputs, mut controls) = (Vec::new(), Vec::new());
+        for kept in listed {
+            let list = match kept.kind {
+                TargetKind::State(_) => continue,
+                TargetKind::Control(_) => &mut controls,
+                _ => &mut outputs,
+            };
+            list.push(self.output(&kept.name, kept.shape.clone(), &kept.entries, kept.span));
         }
+        (outputs, controls)
     }
 
-    fn control(&mut self, control: &Quantity<'e>) -> Output<'e> {
-        let exprs = control.vars.iter().map(|&e| {
-            let e = self.replace(e, control.span);
+    fn output(
+        &mut self,
+        name: &str,
+        shape: Vec<usize>,
+        entries: &[Expr<'e>],
+        span: Span,
+    ) -> Output<'e> {
+        let exprs = entries.iter().map(|&e| {
+            let e = self.replace(e, span);
             self.switches.merged(e)
         });
         Output {
-            name: control.name.clone(),
-            shape: control.shape.sizes(),
+            name: name.to_owned(),
+            shape,
             exprs: exprs.collect(),
-            span: control.span,
+            span,
         }
     }
 

@@ -36,11 +36,15 @@ mod error;
 pub mod experiment;
 mod interaction;
 mod lower;
+mod needs;
+#[cfg(test)]
+mod needs_tests;
 mod read;
 mod reading;
 mod regions;
 mod relay;
 mod sample;
+mod skipped;
 mod surface;
 mod switches;
 #[cfg(test)]
@@ -50,11 +54,9 @@ mod tests;
 mod values;
 mod verify;
 
-use std::ops::Range;
-
 pub use error::SystemError;
 pub use experiment::ExperimentError;
-pub use lower::lower;
+pub use lower::{Extent, lower};
 pub use read::Readings;
 
 use crate::expr::{Expr, Exprs};
@@ -73,15 +75,15 @@ pub struct System<'e> {
     pub params: Vec<Param<'e>>,
     /// Scalar states x with their rates.
     pub states: Vec<State<'e>>,
-    /// How scalar states make up the states of the model.
+    /// The states that are recorded, made up of scalar states.
     pub groups: Vec<StateGroup>,
     /// Switches α_i ∈ step(ψ_i).
     pub switches: Vec<Switch<'e>>,
     /// Named regions by partition.
     pub partitions: Vec<Partition<'e>>,
-    /// What is recorded besides the states.
+    /// What is recorded besides states and controls.
     pub outputs: Vec<Output<'e>>,
-    /// Controls as functions of time and state; recorded with the trajectory.
+    /// Controls that are recorded, as functions of time and state.
     pub controls: Vec<Output<'e>>,
     /// Switches that interact; a partition of all switches, in order of their first member.
     pub subsystems: Vec<Subsystem>,
@@ -117,15 +119,15 @@ pub struct State<'e> {
     pub span: Span,
 }
 
-/// A state of the model: consecutive scalar states, row by row.
+/// A recorded state of the model, or a part of one: scalar states, row by row.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StateGroup {
-    /// Name without index.
+    /// `q`, or `x[2]`, `x[1..3]` where `output` names a part.
     pub name: String,
     /// Empty for a scalar, `[n]` for a vector, `[m, n]` for a matrix.
     pub shape: Vec<usize>,
     /// Its entries in [`System::states`].
-    pub entries: Range<usize>,
+    pub entries: Vec<usize>,
 }
 
 /// A switch α ∈ step(ψ).

@@ -75,7 +75,7 @@ impl<'e> Switches<'e> {
 }
 
 impl<'e> Lowering<'_, 'e> {
-    /// Makes all relays, so that whatever reads them can be written.
+    /// Makes all relays that are needed, so that whatever reads them can be written.
     pub fn declare_relays(&mut self) -> Vec<(usize, usize, usize)> {
         let mut relays = Vec::new();
         for (s, switch) in self.model.switches.iter().enumerate() {
@@ -83,6 +83,9 @@ impl<'e> Lowering<'_, 'e> {
                 continue;
             }
             for (entry, var) in switch.vars.iter().enumerate() {
+                if !self.needs.holds(var.as_variable()) {
+                    continue;
+                }
                 let name = switch.shape.entry_name(&switch.name, entry);
                 let reading = NamedReading {
                     name: switch.name.clone(),

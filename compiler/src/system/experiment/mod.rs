@@ -35,7 +35,7 @@ pub struct Settings<'e> {
     /// Lowerings asked for by name; empty for the default.
     pub lowerings: Vec<Lowering>,
     /// What to keep; `None` for all states and outputs.
-    pub outputs: Option<Vec<Kept>>,
+    pub outputs: Option<Vec<Kept<'e>>>,
     /// When outputs are recorded.
     pub sampling: Sampling,
     /// Assertions, in order, with the span of each statement.
@@ -49,27 +49,18 @@ pub struct Settings<'e> {
 }
 
 /// A quantity that `output` names.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Kept {
+#[derive(Clone, Debug)]
+pub struct Kept<'e> {
     /// `q`, `x[2]`
     pub name: String,
     /// What it is.
     pub kind: TargetKind,
-    /// Which of its entries.
-    pub entries: Vec<usize>,
+    /// Its entries, in the variables of the model.
+    pub entries: Vec<Expr<'e>>,
     /// Their shape; empty for a scalar.
     pub shape: Vec<usize>,
     /// The path.
     pub span: Span,
-}
-
-impl Kept {
-    /// The name without the indices at its end: `ball[3].q` of `ball[3].q[1]`.
-    pub fn base(&self) -> &str {
-        let indexed = self.name.strip_suffix(']');
-        let split = indexed.and_then(|name| name.rsplit_once('['));
-        split.map_or(&self.name, |(base, _)| base)
-    }
 }
 
 /// When outputs are recorded.
@@ -350,21 +341,24 @@ impl<'e> Reader<'_, 'e> {
         }
     }
 
-    fn kept(&mut self, path: &syntax::Path) -> Option<Kept> {
+    fn kept(&mut self, path: &syntax::Path) -> Option<Kept<'e>> {
         let Some(target) = self.model.scope.target(path, self.diags) else {
             self.failed = true;
             return None;
         };
-        let has_trajectory = match target.kind {
-            TargetKind::State(_)
-            | TargetKind::Control(_)
-            | TargetKind::Input(_)
-            | TargetKind::Signal(_) => true,
-            TargetKind::Let(_) | TargetKind::Output(_) | TargetKind::Switch(_) => true,
-            TargetKind::Const | TargetKind::Param(_) | TargetKind::Sliding(_) => false,
+        let model = self.model;
+        let all: Option<&[Expr<'e>]> = match target.kind {
+            TargetKind::State(k) => Some(&model.states[k].vars),
+            TargetKind::Control(k) => Some(&model.controls[k].vars),
+            TargetKind::Input(k) => Some(&model.inputs[k].vars),
+            TargetKind::Signal(k) => Some(&model.signals[k].value.data),
+            TargetKind::Let(k) => Some(&model.lets[k].value.data),
+            TargetKind::Output(k) => Some(&model.outputs[k].value.data),
+            TargetKind::Switch(k) => Some(&model.switches[k].vars),
+            TargetKind::Const | TargetKind::Param(_) | TargetKind::Sliding(_) => None,
         };
-        let name = with::path_text(self.model, path, &target);
-        if !has_trajectory {
+        let name = with::path_text(model, path, &target);
+        let Some(all) = all else {
             let kind = target.kind.word();
             self.error(ExperimentError::NoTrajectory {
                 name,
@@ -372,13 +366,12 @@ impl<'e> Reader<'_, 'e> {
                 span: path.span,
             });
             return None;
-        }
-        let shape = target.shape.sizes();
+        };
         Some(Kept {
             name,
             kind: target.kind,
-            entries: target.entries,
-            shape,
+            entries: target.entries.iter().map(|&entry| all[entry]).collect(),
+            shape: target.shape.sizes(),
             span: path.span,
         })
     }

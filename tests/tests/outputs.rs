@@ -1,0 +1,112 @@
+//! What an `output` list keeps, and what it leaves out.
+
+use nsd_tests::{end, run};
+use nsdc::report::{Status, Trajectory};
+
+/// Friction blocks on springs beside an oscillator that nothing else reads.
+const CHAIN: &str = "
+model chain {
+  state q[3] = [0, 1, 2.5];
+  state v[3] = [1, 0, -1];
+  state p[2] = [1, 0];
+  let stretch = q[2] - q[1];
+  switch s = sign(v[1]);
+  for i in 1..3 { q[i]' = v[i]; }
+  v[1]' = q[2] - q[1] - 1 - 0.3*s;
+  v[2]' = q[1] - q[2] + 1 - 0.2*sign(v[2]);
+  v[3]' = q[2] - q[3] - 0.4*sign(v[3]);
+  p' = [p[2], -p[1] - sign(p[2] - 0.1)];
+}
+simulate full of chain { horizon 6; }
+simulate pruned of chain { horizon 6; output q[1], v[2], stretch, s every 0.25; }
+";
+
+fn solved(text: &str, experiment: &str) -> Trajectory {
+    let trajectory = run(text, experiment);
+    assert_eq!(trajectory.status, Status::Solved);
+    trajectory
+}
+
+#[test]
+fn what_is_kept_moves_as_it_does_in_the_whole() {
+    let full = solved(CHAIN, "full");
+    let pruned = solved(CHAIN, "pruned");
+    let (q, v) = (end(&full, "q"), end(&full, "v"));
+    assert!((end(&pruned, "q[1]")[0] - q[0]).abs() < 1e-8);
+    assert!((end(&pruned, "v[2]")[0] - v[1]).abs() < 1e-8);
+    assert!((end(&pruned, "stretch")[0] - (q[1] - q[0])).abs() < 1e-8);
+    assert_eq!(pruned.switches, ["v[2]", "s"]);
+    assert_eq!(
+        pruned.skipped,
+        [
+            "states q[3], v[3], p[1..2]",
+            "switch `v[3]`",
+            "switch `p[2] - 0.1`"
+        ]
+    );
+    let times = |run: &Trajectory, surface: &str| {
+        let events = run.events.iter().filter(|event| event.surface == surface);
+        events.map(|event| event.time).collect::<Vec<_>>()
+    };
+    for surface in ["s", "v[2]"] {
+        let (all, own) = (times(&full, surface), times(&pruned, surface));
+        assert_eq!(all.len(), own.len());
+        assert!(!own.is_empty());
+        assert!(all.iter().zip(&own).all(|(a, b)| (a - b).abs() < 1e-7));
+    }
+}
+
+/// A model with one of everything that can be recorded: each has a closed form.
+const KINDS: &str = "
+model drive {
+  input w; input push = 2;
+  state x = -1;
+  signal r = cos(time);
+  let double = 2*x;
+  switch s = sign(x) sliding linear;
+  output force = w - 2*s;
+  x' = force;
+}
+model whole {
+  control u = 3;
+  part d = drive { w = 0.5; }
+  let both = [d.x, d.double];
+}
+simulate all of whole {
+  horizon 1;
+  output d.x, d.w, d.push, d.r, d.double, d.s, d.force, u, both[2], both at [0, 0.2, 1];
+}";
+
+#[test]
+fn everything_that_moves_can_be_recorded() {
+    let run = solved(KINDS, "all");
+    assert_eq!(run.time, [0.0, 0.2, 1.0]);
+    // From -1 with 2.5 to the surface at 0.4, where 0.5 - 2 s = 0.
+    let expected: [(&str, &[f64]); 8] = [
+        ("d.w", &[0.5, 0.5, 0.5]),
+        ("d.push", &[2.0, 2.0, 2.0]),
+        ("d.r", &[1.0, 0.2f64.cos(), 1f64.cos()]),
+        ("d.double", &[-2.0, -1.0, 0.0]),
+        ("d.s", &[-1.0, -1.0, 0.25]),
+        ("d.force", &[2.5, 2.5, 0.0]),
+        ("both[2]", &[-2.0, -1.0, 0.0]),
+        ("both", &[-1.0, -2.0, -0.5, -1.0, 0.0, 0.0]),
+    ];
+    let names: Vec<&str> = run
+        .outputs
+        .iter()
+        .map(|series| series.name.as_str())
+        .collect();
+    assert_eq!(names, expected.map(|(name, _)| name));
+    for (series, (name, values)) in run.outputs.iter().zip(expected) {
+        let distance = series.values.iter().zip(values).map(|(a, b)| (a - b).abs());
+        assert_eq!(series.values.len(), values.len());
+        assert!(
+            distance.fold(0.0, f64::max) < 1e-8,
+            "{name}: {:?}",
+            series.values
+        );
+    }
+    assert_eq!(run.controls[0].name, "u");
+    assert_eq!(run.controls[0].values, [3.0; 3]);
+}
