@@ -117,6 +117,107 @@ impl SwitchedSystem for Rotation {
     }
 }
 
+/// x₁' = -10⁶ (x₁ - cos t), x₂' = 1 + x₁/2 - 2α on ψ₁ = x₂, and ψ₂ = x₁² - 1.1, which is never reached.
+struct Stiff {
+    blocks: [Block; 1],
+}
+
+impl Stiff {
+    fn new() -> Self {
+        Stiff {
+            blocks: [Block {
+                states: vec![0, 1],
+                switches: vec![0],
+            }],
+        }
+    }
+}
+
+/// Partial derivatives that are numbers.
+fn constants(n_inputs: usize, entries: &[((usize, usize), f64)]) -> Arc<Partials> {
+    let mut tape = Tape::builder(n_inputs);
+    let outputs: Vec<_> = entries.iter().map(|e| tape.constant(e.1)).collect();
+    Arc::new(Partials {
+        tape: tape.finish(&outputs),
+        entries: entries.iter().map(|e| e.0).collect(),
+    })
+}
+
+impl SwitchedSystem for Stiff {
+    fn n_states(&self) -> usize {
+        2
+    }
+
+    fn n_switches(&self) -> usize {
+        2
+    }
+
+    fn is_continuous(&self, _: usize) -> bool {
+        false
+    }
+
+    fn couplings(&self, switch: usize) -> &[usize] {
+        if switch == 0 { &[0] } else { &[] }
+    }
+
+    fn blocks(&self) -> &[Block] {
+        &self.blocks
+    }
+
+    fn inside(&self, _: usize) -> &[usize] {
+        &[]
+    }
+
+    fn rates(&self, _: usize, sides: &[Side]) -> Rates {
+        let mut tape = Tape::builder(3);
+        let (t, x) = (tape.input(0), tape.input(1));
+        let (_, cos) = tape.sin_cos(t);
+        let distance = tape.sub(cos, x);
+        let fast = tape.scale(1e6, distance);
+        let half = tape.scale(0.5, x);
+        let drift = tape.offset(1.0, half);
+        let rate = match sides[0] {
+            Side::Minus => drift,
+            Side::Plus => tape.offset(-2.0, drift),
+            Side::Slide => tape.add_scaled(drift, -2.0, tape.input(2)),
+        };
+        let slides = sides[0] == Side::Slide;
+        let by_alpha: &[_] = if slides { &[((1, 2), -2.0)] } else { &[] };
+        Rates {
+            inputs: vec![Input::Time, Input::State(0), Input::Alpha(0)],
+            field: Arc::new(tape.finish(&[fast, rate])),
+            by_alpha: constants(3, by_alpha),
+        }
+    }
+
+    fn surface(&self, switch: usize, _: &[Side]) -> Surface {
+        if switch == 0 {
+            return Surface::Affine(Affine {
+                terms: vec![(1, 1.0)],
+                ..Affine::default()
+            });
+        }
+        let mut psi = Tape::builder(1);
+        let square = psi.square(psi.input(0));
+        let value = psi.offset(-1.1, square);
+        let mut gradient = Tape::builder(1);
+        let twice = gradient.scale(2.0, gradient.input(0));
+        Surface::Smooth(Smooth {
+            inputs: vec![Input::State(0)],
+            psi: Arc::new(psi.finish(&[value])),
+            gradient: Arc::new(Partials {
+                tape: gradient.finish(&[twice]),
+                entries: vec![(0, 0)],
+            }),
+            mixed: constants(1, &[]),
+        })
+    }
+
+    fn jacobian(&self, _: usize, _: &[Side]) -> Arc<Partials> {
+        constants(3, &[((0, 1), -1e6), ((1, 1), 0.5)])
+    }
+}
+
 /// Counts steps, and those that slide.
 #[derive(Default)]
 struct Count {
@@ -154,5 +255,28 @@ fn steps_off_and_on_a_surface_allocate_nothing() {
         assert!(after.steps > before.steps + 20);
         assert_eq!(after.sliding, if slides { after.steps } else { 0 });
         assert_eq!(short, long, "by {} and {} steps", before.steps, after.steps);
+    }
+}
+
+#[test]
+fn implicit_steps_allocate_nothing() {
+    let system = Stiff::new();
+    for start in [1e3, 0.0] {
+        let mut simulator = Simulator::new(&system, Settings::default());
+        let mut measure = |horizon: f64| {
+            let mut steps = 0;
+            let allocations = allocation_counter::measure(|| {
+                let mut count = Count::default();
+                let outcome = simulator.run(0.0, horizon, &[1.0, start], &mut count);
+                assert_eq!(outcome.status, Status::Solved);
+                steps = outcome.stats.implicit_steps;
+            });
+            (allocations.count_total, steps)
+        };
+        // The first run compiles the mode.
+        measure(1.0);
+        let ((short, before), (long, after)) = (measure(10.0), measure(100.0));
+        assert!(after > before + 20 && before > 0);
+        assert_eq!(short, long, "by {before} and {after} implicit steps");
     }
 }

@@ -102,7 +102,7 @@ pub fn run_watched(
         }
         break (simulator, outcome, recorder, estimate);
     };
-    let order = simulator.order();
+    let (order, implicit_order) = (simulator.order(), simulator.implicit_order());
     drop(simulator);
     let mut trajectory = assemble(system, settings, &outcome, recorder);
     trajectory.method = Method {
@@ -112,6 +112,13 @@ pub fn run_watched(
             ("tolerance".into(), MethodOption::Number(settings.tolerance)),
         ],
     };
+    if outcome.stats.implicit_steps > 0 {
+        let order = MethodOption::Number(implicit_order as f64);
+        trajectory
+            .method
+            .options
+            .push(("implicit_order".into(), order));
+    }
     if let Some(estimate) = estimate {
         judge(&mut trajectory, &estimate, settings);
     }
@@ -290,6 +297,8 @@ fn assemble(
         stats: Stats {
             steps: outcome.stats.steps as u64,
             rhs_evaluations: outcome.stats.rhs_evaluations as u64,
+            newton_iterations: outcome.stats.newton_iterations as u64,
+            factorizations: outcome.stats.factorizations as u64,
             ..Stats::default()
         },
         certificate: Certificate {

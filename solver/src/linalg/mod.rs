@@ -3,10 +3,21 @@
 //! Symbolic work and memory in `new`, numbers in `factor`, then `solve`: nothing
 //! allocates in a loop.
 
+use nalgebra::ComplexField;
+
+/// A real or complex number.
+pub trait Number: ComplexField<RealField = f64> + Copy {}
+
+impl<T: ComplexField<RealField = f64> + Copy> Number for T {}
+
 /// LU factorization with partial pivoting of a small dense matrix.
-#[derive(Clone, Debug, Default)]
-pub struct DenseLu {
-    lu: BlockLu,
+#[derive(Clone, Debug)]
+pub struct DenseLu<T = f64> {
+    factors: Vec<T>,
+    pivots: Vec<usize>,
+    /// Largest entry of every row, and of every column relative to its rows.
+    row_scale: Vec<f64>,
+    column_scale: Vec<f64>,
 }
 
 /// The matrix has no usable pivot in this column.
@@ -16,39 +27,46 @@ pub struct Singular {
     pub column: usize,
 }
 
-impl DenseLu {
+impl<T: Number> DenseLu<T> {
     /// Memory for an n × n matrix.
     pub fn new(n: usize) -> Self {
-        let mut lu = BlockLu::default();
-        lu.shape(&[0, n]);
-        DenseLu { lu }
+        DenseLu {
+            factors: vec![T::zero(); n * n],
+            pivots: vec![0; n],
+            row_scale: vec![0.0; n],
+            column_scale: vec![0.0; n],
+        }
     }
 
     /// Factors the row-major `matrix`.
     ///
     /// Rows and columns may have any size of their own: a pivot below 1e-14 of that of its row times
     /// that of its column counts as zero.
-    pub fn factor(&mut self, matrix: &[f64]) -> Result<(), Singular> {
+    pub fn factor(&mut self, matrix: &[T]) -> Result<(), Singular> {
         assert_eq!(
             matrix.len(),
-            self.lu.factors.len(),
+            self.factors.len(),
             "the matrix has the size the factorization was made for"
         );
-        self.lu.factors.copy_from_slice(matrix);
-        self.lu.factor()
-    }
-
-    /// 1 or -1: the sign of the determinant of the matrix factored last.
-    pub fn determinant_sign(&self) -> f64 {
-        let blocks = self.lu.starts.len().saturating_sub(1);
-        (0..blocks)
-            .map(|block| self.lu.determinant_sign(block))
-            .product()
+        self.factors.copy_from_slice(matrix);
+        factor(
+            &mut self.factors,
+            &mut self.pivots,
+            &mut self.row_scale,
+            &mut self.column_scale,
+        )
     }
 
     /// Overwrites `rhs` with the solution.
-    pub fn solve(&self, rhs: &mut [f64]) {
-        self.lu.solve(rhs);
+    pub fn solve(&self, rhs: &mut [T]) {
+        solve(&self.factors, &self.pivots, rhs);
+    }
+}
+
+impl DenseLu {
+    /// 1 or -1: the sign of the determinant of the matrix factored last.
+    pub fn determinant_sign(&self) -> f64 {
+        determinant_sign(&self.factors, &self.pivots)
     }
 }
 
@@ -117,16 +135,10 @@ impl BlockLu {
     /// 1 or -1: the sign of the determinant of a block factored last.
     pub fn determinant_sign(&self, block: usize) -> f64 {
         let (start, end) = (self.starts[block], self.starts[block + 1]);
-        let n = end - start;
-        let factors = &self.factors[self.places[block]..];
-        let pivots = self.pivots[start..end].iter().enumerate();
-        let swaps = pivots.filter(|(row, pivot)| *pivot != row).count();
-        let negative = (0..n).filter(|&i| factors[i * n + i] < 0.0).count();
-        if (swaps + negative) % 2 == 0 {
-            1.0
-        } else {
-            -1.0
-        }
+        determinant_sign(
+            &self.factors[self.places[block]..],
+            &self.pivots[start..end],
+        )
     }
 
     /// Overwrites `rhs` with the solution.
@@ -142,8 +154,23 @@ impl BlockLu {
     }
 }
 
-fn factor(
-    a: &mut [f64],
+fn determinant_sign(factors: &[f64], pivots: &[usize]) -> f64 {
+    let n = pivots.len();
+    let swaps = pivots
+        .iter()
+        .enumerate()
+        .filter(|(row, pivot)| *pivot != row)
+        .count();
+    let negative = (0..n).filter(|&i| factors[i * n + i] < 0.0).count();
+    if (swaps + negative) % 2 == 0 {
+        1.0
+    } else {
+        -1.0
+    }
+}
+
+fn factor<T: Number>(
+    a: &mut [T],
     pivots: &mut [usize],
     row_scale: &mut [f64],
     column_scale: &mut [f64],
@@ -152,20 +179,24 @@ fn factor(
     column_scale.fill(0.0);
     for row in 0..n {
         let entries = &a[row * n..(row + 1) * n];
-        let size = entries.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        let size = entries.iter().fold(0.0_f64, |m, v| m.max(v.modulus()));
         row_scale[row] = size;
         for (scale, entry) in column_scale.iter_mut().zip(entries) {
-            *scale = scale.max(if size > 0.0 { entry.abs() / size } else { 0.0 });
+            *scale = scale.max(if size > 0.0 {
+                entry.modulus() / size
+            } else {
+                0.0
+            });
         }
     }
     for col in 0..n {
-        let relative = |row: usize| a[row * n + col].abs() / row_scale[row];
+        let relative = |row: usize| a[row * n + col].modulus() / row_scale[row];
         let pivot = (col..n)
             .max_by(|&i, &j| relative(i).total_cmp(&relative(j)))
             .unwrap_or(col);
         let value = a[pivot * n + col];
         let size = row_scale[pivot] * column_scale[col];
-        if !value.is_finite() || value.abs() <= 1e-14 * size {
+        if !value.is_finite() || value.modulus() <= 1e-14 * size {
             return Err(Singular { column: col });
         }
         pivots[col] = pivot;
@@ -175,12 +206,14 @@ fn factor(
                 a.swap(pivot * n + k, col * n + k);
             }
         }
-        for row in col + 1..n {
-            let factor = a[row * n + col] / value;
-            a[row * n + col] = factor;
-            if factor != 0.0 {
-                for k in col + 1..n {
-                    a[row * n + k] -= factor * a[col * n + k];
+        let (above, below) = a[..n * n].split_at_mut((col + 1) * n);
+        let eliminated = &above[col * n + col + 1..];
+        for row in below.chunks_exact_mut(n) {
+            let factor = row[col] / value;
+            row[col] = factor;
+            if factor != T::zero() {
+                for (entry, above) in row[col + 1..].iter_mut().zip(eliminated) {
+                    *entry -= factor * *above;
                 }
             }
         }
@@ -188,24 +221,31 @@ fn factor(
     Ok(())
 }
 
-fn solve(a: &[f64], pivots: &[usize], rhs: &mut [f64]) {
+fn solve<T: Number>(a: &[T], pivots: &[usize], rhs: &mut [T]) {
     let n = pivots.len();
     for (row, &pivot) in pivots.iter().enumerate() {
         rhs.swap(row, pivot);
     }
     for row in 1..n {
-        let sum: f64 = (0..row).map(|k| a[row * n + k] * rhs[k]).sum();
+        let sum = dot(&a[row * n..row * n + row], rhs);
         rhs[row] -= sum;
     }
     for row in (0..n).rev() {
-        let sum: f64 = (row + 1..n).map(|k| a[row * n + k] * rhs[k]).sum();
+        let sum = dot(&a[row * n + row + 1..(row + 1) * n], &rhs[row + 1..]);
         rhs[row] = (rhs[row] - sum) / a[row * n + row];
     }
+}
+
+/// Σ a_i b_i over the shorter of the two.
+fn dot<T: Number>(a: &[T], b: &[T]) -> T {
+    let products = a.iter().zip(b).map(|(a, b)| *a * *b);
+    products.fold(T::zero(), |sum, product| sum + product)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::Complex;
     use proptest::prelude::*;
 
     proptest! {
@@ -252,6 +292,17 @@ mod tests {
             lu.factor(&matrix).unwrap();
             assert_eq!(lu.determinant_sign(), sign, "{matrix:?}");
         }
+    }
+
+    #[test]
+    fn entries_may_be_complex() {
+        // (1 i; i 1)⁻¹ (1 + i, 1 + i) = (1, 1)
+        let (one, i) = (Complex::new(1.0, 0.0), Complex::new(0.0, 1.0));
+        let mut lu = DenseLu::new(2);
+        lu.factor(&[one, i, i, one]).unwrap();
+        let mut rhs = [one + i; 2];
+        lu.solve(&mut rhs);
+        assert_eq!(rhs, [one; 2]);
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Length of a step, and what its series are worth at the end and on the way.
 
 use super::Side;
+use super::dense::Dense;
 use super::mode::Mode;
 use super::series;
 use super::state::State;
@@ -9,7 +10,7 @@ use super::state::State;
 const MAX_SHRINKS: usize = 200;
 
 /// Relative change of the inputs that shows the size of the terms of a function.
-const PERTURBATION: f64 = 1e-7;
+pub(super) const PERTURBATION: f64 = 1e-7;
 
 /// Magnitudes below this are zero: products of such numbers lose their digits to underflow.
 const SMALLEST: f64 = 1e-250;
@@ -214,6 +215,24 @@ impl Mode {
         h
     }
 
+    /// A step in relation to the time scale of the solution, which the curvature of the states, α and
+    /// watched ψ shows: for c₂ h² = size it is 1.
+    pub(super) fn motion(&self, state: &State, h: f64) -> f64 {
+        let curved = |c: &[f64], size: f64| {
+            let bend = c[2].abs() * h * h;
+            let size = size.max(c[0].abs()).max(c[1].abs() * h);
+            if bend > 0.0 { bend / size } else { 0.0 }
+        };
+        let states = (0..self.n).map(|i| curved(self.x_series(i), state.scale[i]));
+        let alphas = self
+            .sliding
+            .iter()
+            .map(|&i| curved(self.alpha_series(i), 1.0));
+        let watched = self.watched.iter();
+        let psis = watched.map(|&i| curved(self.psi_series(i), state.terms[i]));
+        states.chain(alphas).chain(psis).fold(0.0, f64::max).sqrt()
+    }
+
     /// Compares x' with f, and the series of ψ and α with the functions, within and at the end of a
     /// step `tau`; the last evaluation is at the end.
     pub(super) fn defect(
@@ -233,7 +252,7 @@ impl Mode {
             for (next, x) in state.next.iter_mut().zip(&self.probed.x) {
                 *next = x[k];
             }
-            self.alpha(at, &mut state.next_alpha);
+            Dense::Taylor(self).alphas_at(at, &mut state.next_alpha);
             self.eval(state.t + at, &state.next, &state.next_alpha);
             let rates = self.probed.rates.iter().zip(&self.probed.scales);
             for (f, (rate, scale)) in self.f().iter().zip(rates) {

@@ -95,6 +95,12 @@ impl Field {
         }
     }
 
+    /// Instructions of all rates.
+    pub(super) fn operations(&self) -> usize {
+        let lengths = self.blocks.iter().map(|local| local.now().field.len());
+        lengths.sum()
+    }
+
     pub(super) fn n_blocks(&self) -> usize {
         self.blocks.len()
     }

@@ -5,13 +5,16 @@
 //! A mode fixes every switch to one side of its surface or to sliding on it.
 //! Inside a mode the system is smooth and is expanded in a Taylor series, which
 //! is at once the step, its dense output of the same order, and the series of
-//! every switching function. Each turn of the loop is one such step, cut at the
-//! first event inside it; the next mode follows from the rates on all surfaces
-//! that meet there.
+//! every switching function; where it is stiff, collocation polynomials take the
+//! place of the series. Each turn of the loop is one such step, cut at the first
+//! event inside it; the next mode follows from the rates on all surfaces that meet
+//! there.
 
 mod candidates;
 mod control;
+mod dense;
 mod field;
+mod implicit;
 mod judge;
 mod layout;
 mod lead;
@@ -19,12 +22,14 @@ mod lead;
 mod lead_tests;
 mod mode;
 mod pivot;
+mod radau;
 mod roots;
 mod select;
 mod series;
 mod sliding;
 mod state;
 mod step;
+mod stiffness;
 mod surfaces;
 mod system;
 #[cfg(test)]
@@ -33,10 +38,13 @@ mod tests;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
+use dense::Dense;
 use mode::Mode;
+use radau::Radau;
 use roots::RootFinder;
 pub use select::{Candidate, MAX_NAMED};
 use state::State;
+use stiffness::Stiffness;
 pub use system::{Affine, Block, Input, Partials, Rates, Smooth, Surface, SwitchedSystem};
 
 /// Where a switch stands relative to its surface ψ = 0.
@@ -180,33 +188,33 @@ pub struct Segment<'a> {
     pub sides: &'a [Side],
     /// State at the end, with the drift off sliding surfaces projected away.
     pub end: &'a [f64],
-    mode: &'a Mode,
+    dense: Dense<'a>,
 }
 
 impl Segment<'_> {
     /// The state `tau` after the start.
     pub fn state(&self, tau: f64, x: &mut [f64]) {
-        self.mode.state(tau, x);
+        self.dense.states_at(tau, x);
     }
 
-    /// Order of the series.
+    /// Degree of the series.
     pub fn order(&self) -> usize {
-        self.mode.order
+        self.dense.order()
     }
 
-    /// Taylor coefficients of a state around the start, constant term first.
+    /// Coefficients of the series of a state around the start, constant term first.
     pub fn state_series(&self, state: usize) -> &[f64] {
-        self.mode.x_series(state)
+        self.dense.x(state)
     }
 
-    /// Taylor coefficients of α of a sliding switch; none where α is constant.
+    /// Coefficients of the series of α of a sliding switch; none where α is constant.
     pub fn alpha_series(&self, switch: usize) -> Option<&[f64]> {
-        (self.sides[switch] == Side::Slide).then(|| self.mode.alpha_series(switch))
+        (self.sides[switch] == Side::Slide).then(|| self.dense.alpha(switch))
     }
 
     /// α of every switch `tau` after the start.
     pub fn alpha(&self, tau: f64, alpha: &mut [f64]) {
-        self.mode.alpha(tau, alpha);
+        self.dense.alphas_at(tau, alpha);
     }
 }
 
@@ -227,10 +235,27 @@ pub struct Stats {
     pub rejected: usize,
     /// Evaluations of f, a series of order p counting p.
     pub rhs_evaluations: usize,
+    /// Steps of the implicit method among them.
+    pub implicit_steps: usize,
+    /// Its Newton iterations.
+    pub newton_iterations: usize,
+    /// Its factorizations, each of one real and several complex matrices.
+    pub factorizations: usize,
     /// Changes of mode.
     pub events: usize,
     /// Functions of blocks and surfaces that were met for the first time.
     pub functions: usize,
+}
+
+impl Stats {
+    /// Takes over what an implicit step counted.
+    fn absorb(&mut self, radau: &mut Radau) {
+        let counts = std::mem::take(&mut radau.counts);
+        self.rejected += counts.rejected;
+        self.rhs_evaluations += counts.evaluations;
+        self.newton_iterations += counts.iterations;
+        self.factorizations += counts.factorizations;
+    }
 }
 
 /// The end of a run.
@@ -266,6 +291,7 @@ pub struct Simulator<'s, S> {
     /// Switches whose rates the α of a switch may occur in.
     coupled_by: Vec<Vec<usize>>,
     roots: RootFinder,
+    stiffness: Stiffness,
 }
 
 /// Events in a row without progress in time that count as an accumulation.
@@ -284,10 +310,11 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
         Simulator {
             system,
             order,
+            stiffness: Stiffness::new(settings.local_tolerance()),
             settings,
             mode: Mode::new(system, order),
             coupled_by,
-            roots: RootFinder::new(order),
+            roots: RootFinder::new(order.max(stiffness::MOST_NODES)),
         }
     }
 
@@ -299,6 +326,11 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
     /// Order of the Taylor series.
     pub fn order(&self) -> usize {
         self.order
+    }
+
+    /// Order of the implicit method that takes over where a mode is stiff.
+    pub fn implicit_order(&self) -> usize {
+        self.stiffness.order()
     }
 
     /// Calls `entry(row, column, value)` for every ∂f_row/∂x_column that is not structurally zero, at
@@ -324,6 +356,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
             .map(|limit| (Instant::now(), limit));
         let known = self.mode.n_functions();
         let mut state = State::new(t0, x0, self.system.n_switches());
+        self.stiffness.reset();
         let (mut drift, mut defect) = (0.0, 0.0);
         let status = match self.start(&mut state, t1 - t0) {
             Err(status) => status,
@@ -335,7 +368,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                     break status;
                 }
 
-                // Expand the solution in the current mode and cut the series at its first event.
+                // Find the solution in the current mode and cut it at its first event.
                 self.mode.enter(self.system, &state.sides);
                 let step = match self.step(&mut state, t1) {
                     Ok(step) => step,
@@ -358,7 +391,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                     length: step.length,
                     sides: &state.sides,
                     end: &state.x,
-                    mode: &self.mode,
+                    dense: self.dense(step.implicit),
                 };
                 if step.length > 0.0 && observer.segment(&segment).is_break() {
                     break Status::Stopped;
@@ -369,6 +402,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 if step.triggers.is_empty() {
                     continue;
                 }
+                self.stiffness.after_event();
                 state.count_event(step.length, t1 - t0);
                 if state.stalled > MAX_STALLED {
                     break Status::Accumulation;
@@ -415,6 +449,14 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
             state.stats.steps.is_multiple_of(16) && start.elapsed() > limit
         });
         late.then_some(Status::TimeLimit)
+    }
+
+    /// The polynomials of the last step.
+    fn dense(&self, implicit: bool) -> Dense<'_> {
+        match self.stiffness.method(self.mode.sliding.len()) {
+            Some(radau) if implicit => Dense::Collocation(&self.mode, radau),
+            _ => Dense::Taylor(&self.mode),
+        }
     }
 
     /// A surface left tangentially is watched again once it is outside its band.

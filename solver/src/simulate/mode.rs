@@ -11,11 +11,12 @@
 
 use super::control::Probed;
 use super::field::Field;
+use super::implicit::Workspace;
 use super::layout::Memory;
 use super::sliding::Sliding;
 use super::state::State;
 use super::surfaces::Surfaces;
-use super::{Side, Status, SwitchedSystem, series};
+use super::{Side, Status, SwitchedSystem};
 use crate::linalg::Singular;
 use crate::tape;
 
@@ -42,6 +43,7 @@ pub(crate) struct Mode {
     /// How far each state may move within the step.
     pub reach: Vec<f64>,
     pub probed: Probed,
+    pub(super) implicit: Workspace,
 }
 
 /// Newton iterations for α before the equations count as unsolvable.
@@ -67,6 +69,7 @@ impl Mode {
             watched: Vec::new(),
             reach: vec![0.0; n],
             probed: Probed::new(n),
+            implicit: Workspace::default(),
         }
     }
 
@@ -201,7 +204,7 @@ impl Mode {
     }
 
     /// Evaluates the gradients of the sliding surfaces where the point is.
-    fn linearize_surfaces(&mut self) {
+    pub(super) fn linearize_surfaces(&mut self) {
         for &i in &self.sliding {
             self.surfaces.linearize(i, &self.memory.values);
         }
@@ -240,10 +243,16 @@ impl Mode {
         Err(Singular { column: 0 })
     }
 
-    /// Expands x and α around (t, x).
-    pub(crate) fn expand(&mut self, t: f64, x: &[f64], alpha: &mut [f64]) -> Result<(), Singular> {
+    /// Solves for α where a step starts, and takes note of ∂φ_K/∂α_K there.
+    pub(crate) fn start(&mut self, t: f64, x: &[f64], alpha: &mut [f64]) -> Result<(), Singular> {
         self.solve_alpha(t, x, alpha)?;
         self.equations.expand_here();
+        Ok(())
+    }
+
+    /// Expands x and α around (t, x).
+    pub(crate) fn expand(&mut self, t: f64, x: &[f64], alpha: &mut [f64]) -> Result<(), Singular> {
+        self.start(t, x, alpha)?;
         self.field.list();
         let Memory { rows, stride, .. } = &mut self.memory;
         (rows[0], rows[1]) = (t, 1.0);
@@ -367,21 +376,6 @@ impl Mode {
     /// Series of ψ of a switch, after `expand_psi`.
     pub(crate) fn psi_series(&self, switch: usize) -> &[f64] {
         self.row(self.surfaces.row(switch))
-    }
-
-    pub(crate) fn state(&self, tau: f64, x: &mut [f64]) {
-        for (i, x) in x.iter_mut().enumerate() {
-            *x = series::value(self.x_series(i), tau);
-        }
-    }
-
-    pub(crate) fn alpha(&self, tau: f64, alpha: &mut [f64]) {
-        for (alpha, side) in alpha.iter_mut().zip(&self.sides) {
-            *alpha = if *side == Side::Plus { 1.0 } else { 0.0 };
-        }
-        for &i in &self.sliding {
-            alpha[i] = series::value(self.alpha_series(i), tau);
-        }
     }
 
     /// Projects x onto the sliding surfaces, in the norm of the states' sizes, and returns the

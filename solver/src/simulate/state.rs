@@ -1,5 +1,6 @@
 //! What changes from step to step.
 
+use super::radau::{Radau, Start};
 use super::{Side, Stats};
 
 /// Time, state and mode, with the sizes that tell motion from rounding.
@@ -30,6 +31,8 @@ pub(super) struct State {
     pub stalled: usize,
     pub next: Vec<f64>,
     pub next_alpha: Vec<f64>,
+    /// Where an implicit step starts.
+    pub start: Start,
 }
 
 impl State {
@@ -52,6 +55,7 @@ impl State {
             stalled: 0,
             next: x.to_vec(),
             next_alpha: vec![0.0; n_switches],
+            start: Start::default(),
         }
     }
 
@@ -84,6 +88,18 @@ impl State {
             *work += *activity * length;
             *activity *= kept;
         }
+    }
+
+    /// Moves to the end of an implicit step; `length` is what it would have been without an event.
+    pub(super) fn accept(&mut self, radau: &Radau, length: f64) {
+        std::mem::swap(&mut self.x, &mut self.next);
+        std::mem::swap(&mut self.alpha, &mut self.next_alpha);
+        // The terms of stiff rates are large, but what rounding does to them is damped.
+        for (i, activity) in self.activity.iter_mut().enumerate() {
+            *activity = radau.noise(i) / radau.reach();
+        }
+        self.last_step = length;
+        self.stats.implicit_steps += 1;
     }
 
     pub(super) fn count_event(&mut self, length: f64, horizon: f64) {

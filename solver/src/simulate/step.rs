@@ -1,5 +1,6 @@
 //! One step: expand, bound, cut at the first event, and check.
 
+use super::dense::Dense;
 use super::mode::Mode;
 use super::roots::{Root, RootFinder};
 use super::state::State;
@@ -13,18 +14,20 @@ pub(super) struct Step {
     pub triggers: Vec<usize>,
     /// ‖x' - f‖ h at the end, relative to the magnitude of the states.
     pub defect: f64,
+    /// Whether its polynomials are those of the implicit method.
+    pub implicit: bool,
 }
 
 /// What is watched for a root: ψ off the surface, α and 1 - α on it.
 #[derive(Clone, Copy)]
-enum Watch {
+pub(super) enum Watch {
     Surface(usize),
     /// Switch and the bound 0 or 1.
     Bound(usize, f64),
 }
 
 impl Watch {
-    fn switch(self) -> usize {
+    pub(super) fn switch(self) -> usize {
         match self {
             Watch::Surface(i) | Watch::Bound(i, ..) => i,
         }
@@ -40,6 +43,15 @@ const MAX_GROWTH: f64 = 10.0;
 impl<S: SwitchedSystem> Simulator<'_, S> {
     /// Takes the longest step that the tolerance and the next event allow.
     pub(super) fn step(&mut self, state: &mut State, t1: f64) -> Result<Step, Status> {
+        if self.stiffness.implicit
+            && let Some(step) = self.implicit_step(state, t1)?
+        {
+            return Ok(step);
+        }
+        self.explicit_step(state, t1)
+    }
+
+    fn explicit_step(&mut self, state: &mut State, t1: f64) -> Result<Step, Status> {
         let (order, tolerance) = (self.order, self.settings.local_tolerance());
         let remaining = (t1 - state.t) - state.t_low;
         let mode = &mut self.mode;
@@ -60,7 +72,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let h = mode.step_size(tolerance, state, longest);
         let mut h = mode.watch(tolerance, state, h);
         for _ in 0..MAX_HALVINGS {
-            let event = first_event(&mut self.roots, mode, state, h);
+            let event = first_event(&mut self.roots, Dense::Taylor(mode), state, h);
             let length = event.as_ref().map_or(h, |(root, _)| root.tau);
             let defect = mode.defect(state, length, tolerance, allowed);
             let unseen = event.is_none() && mode.on_wrong_side(state);
@@ -75,20 +87,26 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             }
             let (length, triggers) = match event {
                 Some((root, watch)) => {
-                    mode.verify_start(state, root.tau, watch, h)?;
+                    verify_start(Dense::Taylor(mode), state, root.tau, watch, h)?;
                     // A double root of ψ is no better known from ψ than from its series.
                     let tau = if root.crosses {
                         mode.polish(state, root.tau, watch, h)?
                     } else {
                         root.tau
                     };
-                    (tau, mode.simultaneous(state, tau, h, watch.switch()))
+                    let dense = Dense::Taylor(mode);
+                    (tau, simultaneous(dense, state, tau, h, watch.switch()))
                 }
                 None => (h, Vec::new()),
             };
-            mode.state(length, &mut state.next);
+            if triggers.is_empty() && h < longest {
+                let motion = mode.motion(state, h);
+                self.stiffness.after_explicit(h, motion, remaining);
+            }
+            let dense = Dense::Taylor(mode);
+            dense.states_at(length, &mut state.next);
             std::mem::swap(&mut state.x, &mut state.next);
-            mode.alpha(length, &mut state.alpha);
+            dense.alphas_at(length, &mut state.alpha);
             state.last_step = if triggers.is_empty() {
                 h
             } else if state.last_step > 0.0 {
@@ -101,6 +119,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 reaches_end: triggers.is_empty() && h >= remaining,
                 triggers,
                 defect: defect.rate,
+                implicit: false,
             });
         }
         Err(self.mode.stuck())
@@ -108,15 +127,16 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
 }
 
 /// The least root of everything watched in (0, h].
-fn first_event(
+pub(super) fn first_event(
     roots: &mut RootFinder,
-    mode: &Mode,
+    dense: Dense,
     state: &State,
     h: f64,
 ) -> Option<(Root, Watch)> {
     let mut first: Option<(Root, Watch)> = None;
+    let mode = dense.mode();
     for &i in &mode.sliding {
-        let alpha = mode.alpha_series(i);
+        let alpha = dense.alpha(i);
         for limit in [0.0, 1.0] {
             let reach = first.map_or(h, |(root, _)| root.tau);
             let inside = if limit == 0.0 { 1.0 } else { -1.0 };
@@ -129,7 +149,7 @@ fn first_event(
     }
     for &i in &mode.watched {
         let reach = first.map_or(h, |(root, _)| root.tau);
-        let (c, band) = (mode.psi_series(i), state.armed[i].then_some(state.band[i]));
+        let (c, band) = (dense.psi(i), state.armed[i].then_some(state.band[i]));
         if let Some(root) = first_root(roots, c[0], c, reach, mode.sides[i].sign(), band) {
             first = Some((root, Watch::Surface(i)));
         }
@@ -164,10 +184,57 @@ fn first_root(
     roots.first(start, &c[1..], h)
 }
 
+/// A root at the very start is rounding, or a switch that was missed.
+pub(super) fn verify_start(
+    dense: Dense,
+    state: &State,
+    tau: f64,
+    watch: Watch,
+    h: f64,
+) -> Result<(), Status> {
+    if let (Watch::Surface(switch), 0.0) = (watch, tau) {
+        let c = dense.psi(switch);
+        let rounding = state.band[switch].max(64.0 * f64::EPSILON * state.terms[switch]);
+        if c[0].abs() > rounding.max(1e-9 * series::magnitude(c, h, 0)) {
+            return Err(Status::MissedSwitch { switch });
+        }
+    }
+    Ok(())
+}
+
+/// `trigger` and every other switch whose own event is not told apart from it.
+pub(super) fn simultaneous(
+    dense: Dense,
+    state: &State,
+    tau: f64,
+    h: f64,
+    trigger: usize,
+) -> Vec<usize> {
+    let mode = dense.mode();
+    let together = |&i: &usize| {
+        let alpha = series::value(dense.alpha(i), tau);
+        alpha.min(1.0 - alpha).abs() <= TOGETHER
+    };
+    let mut triggers: Vec<usize> = mode.sliding.iter().copied().filter(together).collect();
+    let reached = |&i: &usize| {
+        let c = dense.psi(i);
+        let size = TOGETHER * series::magnitude(c, h, 0);
+        !state.armed[i] && series::value(c, tau).abs() <= size
+    };
+    triggers.extend(mode.watched.iter().copied().filter(reached));
+    triggers.push(trigger);
+    triggers.sort_unstable();
+    triggers.dedup();
+    triggers
+}
+
+/// Events closer than this, relative to the size of ψ in the step, are one.
+const TOGETHER: f64 = 1e-12;
+
 impl Mode {
     /// True when the last evaluation, at the end of the step, has left a surface behind that the
     /// series did not see.
-    fn on_wrong_side(&mut self, state: &State) -> bool {
+    pub(super) fn on_wrong_side(&mut self, state: &State) -> bool {
         for at in 0..self.watched.len() {
             let i = self.watched[at];
             if !state.armed[i] && self.psi(i) * self.sides[i].sign() < -state.band[i] {
@@ -175,18 +242,6 @@ impl Mode {
             }
         }
         false
-    }
-
-    /// A root at the very start is rounding, or a switch that was missed.
-    fn verify_start(&self, state: &State, tau: f64, watch: Watch, h: f64) -> Result<(), Status> {
-        if let (Watch::Surface(switch), 0.0) = (watch, tau) {
-            let c = self.psi_series(switch);
-            let rounding = state.band[switch].max(64.0 * f64::EPSILON * state.terms[switch]);
-            if c[0].abs() > rounding.max(1e-9 * series::magnitude(c, h, 0)) {
-                return Err(Status::MissedSwitch { switch });
-            }
-        }
-        Ok(())
     }
 
     /// Moves a root of the series to the root of the function itself, by Newton's method on
@@ -199,8 +254,8 @@ impl Mode {
         h: f64,
     ) -> Result<f64, Status> {
         for _ in 0..4 {
-            self.state(tau, &mut state.next);
-            self.alpha(tau, &mut state.next_alpha);
+            Dense::Taylor(self).states_at(tau, &mut state.next);
+            Dense::Taylor(self).alphas_at(tau, &mut state.next_alpha);
             let (value, slope) = match watch {
                 Watch::Surface(i) => {
                     self.set(state.t + tau, &state.next, &state.next_alpha);
@@ -232,26 +287,4 @@ impl Mode {
         }
         Ok(tau)
     }
-
-    /// `trigger` and every other switch whose own event is not told apart from it.
-    fn simultaneous(&self, state: &State, tau: f64, h: f64, trigger: usize) -> Vec<usize> {
-        let together = |&i: &usize| {
-            let alpha = series::value(self.alpha_series(i), tau);
-            alpha.min(1.0 - alpha).abs() <= TOGETHER
-        };
-        let mut triggers: Vec<usize> = self.sliding.iter().copied().filter(together).collect();
-        let reached = |&i: &usize| {
-            let c = self.psi_series(i);
-            let size = TOGETHER * series::magnitude(c, h, 0);
-            !state.armed[i] && series::value(c, tau).abs() <= size
-        };
-        triggers.extend(self.watched.iter().copied().filter(reached));
-        triggers.push(trigger);
-        triggers.sort_unstable();
-        triggers.dedup();
-        triggers
-    }
 }
-
-/// Events closer than this, relative to the size of ψ in the step, are one.
-const TOGETHER: f64 = 1e-12;

@@ -1,0 +1,447 @@
+//! One implicit step: solve, cut at the first event, and check.
+//!
+//! An event is found as a root of the step's polynomials, and then located by the length of the step
+//! that ends on it, so that it is as accurate as a step's end.
+
+use super::control::PERTURBATION;
+use super::dense::Dense;
+use super::mode::Mode;
+use super::radau::{Implicit, Radau, Shape, Start};
+use super::roots::Root;
+use super::state::State;
+use super::step::{Step, Watch, first_event, simultaneous, verify_start};
+use super::{Side, Simulator, Status, SwitchedSystem, series};
+
+/// Steps rejected in a row, for what their polynomials missed, before the method is given up.
+const MAX_REJECTED: usize = 30;
+
+/// Newton steps on the length of a step that ends at an event.
+const MAX_POLISH: usize = 8;
+
+/// Implicit steps are worth it when they are longer than Taylor steps by this factor, at equal cost.
+const WORTH: f64 = 4.0;
+
+/// Difference of a polynomial of ψ from ψ, in tolerances.
+const UNSEEN: f64 = 100.0;
+
+/// Relative length of a difference along the flow.
+const NUDGE: f64 = 1e-7;
+
+/// What implicit steps of a mode need besides the method's own memory.
+#[derive(Default)]
+pub(super) struct Workspace {
+    /// α of all switches at the point.
+    alphas: Vec<f64>,
+    y: Vec<f64>,
+    /// Polynomials of the ψ that are watched, one after another.
+    psi: Vec<f64>,
+    /// Their values at the start and the nodes.
+    values: Vec<f64>,
+    /// ∇ψ before a difference along the flow is taken.
+    gradient: Vec<f64>,
+    f: Vec<f64>,
+}
+
+impl<S: SwitchedSystem> Simulator<'_, S> {
+    /// Takes an implicit step; none where that is not possible.
+    pub(super) fn implicit_step(
+        &mut self,
+        state: &mut State,
+        t1: f64,
+    ) -> Result<Option<Step>, Status> {
+        let mode = &mut self.mode;
+        let look = self.stiffness.wants_series();
+        let mut alpha = std::mem::take(&mut state.alpha);
+        let solved = if look {
+            mode.expand(state.t, &state.x, &mut alpha)
+        } else {
+            mode.start(state.t, &state.x, &mut alpha)
+        };
+        mode.measure_terms(state, &alpha);
+        state.alpha = alpha;
+        if solved.is_err() {
+            return Err(mode.stuck());
+        }
+        if look {
+            let tolerance = self.settings.local_tolerance();
+            self.stiffness.explicit_length = mode.step_size(tolerance, state, t1 - state.t);
+        }
+        let mut start = std::mem::take(&mut state.start);
+        mode.write_start(state, &mut start);
+        let mut radau = self.stiffness.take(mode.shape());
+        let step = self.attempts(&mut radau, &start, state, t1);
+        state.stats.absorb(&mut radau);
+        self.stiffness.give_back(radau);
+        state.start = start;
+        if let Ok(None) = step {
+            self.stiffness.give_up();
+        }
+        step
+    }
+
+    fn attempts(
+        &mut self,
+        radau: &mut Radau,
+        start: &Start,
+        state: &mut State,
+        t1: f64,
+    ) -> Result<Option<Step>, Status> {
+        let tolerance = self.settings.local_tolerance();
+        let remaining = (t1 - state.t) - state.t_low;
+        if let Some(length) = self.stiffness.first_length() {
+            radau.restart(length);
+        }
+        let mut stiff = Stiff {
+            mode: &mut self.mode,
+            system: self.system,
+        };
+        for _ in 0..MAX_REJECTED {
+            // The longest step that the tolerance allows, and the first event within it.
+            let Ok(h) = radau.step(&mut stiff, start, remaining) else {
+                return Ok(None);
+            };
+            stiff.mode.watch_along(radau, start, state);
+            let mut seen = stiff.mode.is_faithful(radau, start, state, tolerance);
+            let dense = Dense::Collocation(stiff.mode, radau);
+            let event = first_event(&mut self.roots, dense, state, h);
+            let (mut length, mut triggers) = (h, Vec::new());
+            if let Some((root, watch)) = event {
+                verify_start(dense, state, root.tau, watch, h)?;
+                length = root.tau;
+                if start.t + length > start.t {
+                    match stiff.locate(radau, start, root, watch, h) {
+                        Some(tau) => length = tau,
+                        None => seen = false,
+                    }
+                    stiff.mode.watch_along(radau, start, state);
+                }
+                let dense = Dense::Collocation(stiff.mode, radau);
+                let reach = radau.reach();
+                triggers = simultaneous(dense, state, length, reach, watch.switch());
+            }
+
+            // What the polynomials did not see shows at the end.
+            let mode = &mut *stiff.mode;
+            mode.write_end(radau, start, length, state);
+            mode.eval(start.t + length, &state.next, &state.next_alpha);
+            let unseen = event.is_none() && mode.on_wrong_side(state);
+            if !seen || unseen || mode.turned_over() {
+                state.stats.rejected += 1;
+                radau.limit_next(0.5 * h);
+                continue;
+            }
+            state.accept(radau, h);
+            let worth = mode.worth(radau);
+            self.stiffness.after_implicit(h, worth);
+            return Ok(Some(Step {
+                length,
+                reaches_end: triggers.is_empty() && h >= remaining,
+                triggers,
+                defect: radau.error(),
+                implicit: true,
+            }));
+        }
+        Ok(None)
+    }
+}
+
+impl Mode {
+    fn shape(&self) -> Shape {
+        Shape {
+            states: self.n,
+            algebraic: self.sliding.len(),
+        }
+    }
+
+    /// The place of a sliding α in y = (x, α_K).
+    pub(super) fn unknown(&self, switch: usize) -> usize {
+        self.n + self.sliding.partition_point(|&i| i < switch)
+    }
+
+    /// The polynomial of a ψ that is watched.
+    pub(super) fn interpolant(&self, switch: usize, degree: usize) -> &[f64] {
+        let place = self.watched.partition_point(|&i| i < switch);
+        &self.implicit.psi[place * (degree + 1)..][..=degree]
+    }
+
+    /// Moves to a point y = (x, α_K) without evaluating anything.
+    fn place(&mut self, t: f64, y: &[f64]) {
+        let alphas = &mut self.implicit.alphas;
+        let (x, sliding) = y.split_at(self.n);
+        for (&i, &alpha) in self.sliding.iter().zip(sliding) {
+            alphas[i] = alpha;
+        }
+        self.memory.set(t, x, alphas);
+    }
+
+    fn write_start(&mut self, state: &State, start: &mut Start) {
+        start.t = state.t;
+        start.y.clear();
+        start.y.extend_from_slice(&state.x);
+        start.y.extend(self.sliding.iter().map(|&i| state.alpha[i]));
+        start.scales.clear();
+        start.scales.extend_from_slice(&state.scale);
+        start.scales.resize(start.y.len(), 1.0);
+        start.terms.clear();
+        start.terms.extend_from_slice(&self.terms);
+        let size = |state: usize| self.terms[state].max(self.field.f[state].abs());
+        start.terms.extend(self.sliding.iter().map(|&i| {
+            let gradient = self.gradient(i).iter();
+            gradient
+                .map(|&(state, g)| g.abs() * size(state))
+                .sum::<f64>()
+        }));
+        self.implicit.alphas.clone_from(&state.alpha);
+    }
+
+    /// Writes the state and α `length` after the start, which is the end of the step or within it.
+    fn write_end(&self, radau: &Radau, start: &Start, length: f64, state: &mut State) {
+        let dense = Dense::Collocation(self, radau);
+        dense.states_at(length, &mut state.next);
+        dense.alphas_at(length, &mut state.next_alpha);
+        if length == radau.reach() {
+            for (row, x) in state.next.iter_mut().enumerate() {
+                *x = radau.end(start, row);
+            }
+            for (j, &i) in self.sliding.iter().enumerate() {
+                state.next_alpha[i] = radau.end(start, self.n + j);
+            }
+        }
+    }
+
+    /// Looks for the switches off their surface that may reach it within the step solved last, and
+    /// interpolates their ψ.
+    fn watch_along(&mut self, radau: &Radau, start: &Start, state: &mut State) {
+        let (h, s) = (radau.reach(), radau.degree());
+        self.watched.clear();
+        for i in 0..self.n {
+            self.reach[i] = series::reach(radau.series(i), h);
+        }
+        self.place(start.t, &start.y);
+        let values = &self.memory.values;
+        let may_reach = |&i: &usize| {
+            self.sides[i] != Side::Slide && !self.surfaces.stays_away(i, values, &self.reach, h)
+        };
+        self.watched.extend((0..self.sides.len()).filter(may_reach));
+        for &i in &self.watched {
+            state.terms[i] = self
+                .surfaces
+                .terms(i, values, &self.perturbed, PERTURBATION);
+        }
+        let n_watched = self.watched.len();
+        self.implicit.values.resize(n_watched * (s + 1), 0.0);
+        self.implicit.psi.resize(n_watched * (s + 1), 0.0);
+        let mut y = std::mem::take(&mut self.implicit.y);
+        y.clone_from(&start.y);
+        for node in 0..=s {
+            if node > 0 {
+                for ((y, start), z) in y.iter_mut().zip(&start.y).zip(radau.displacement(node - 1))
+                {
+                    *y = start + z;
+                }
+                self.place(start.t + radau.tableau().nodes[node - 1] * h, &y);
+            }
+            for at in 0..n_watched {
+                self.implicit.values[at * (s + 1) + node] = self.psi(self.watched[at]);
+            }
+        }
+        self.implicit.y = y;
+        let Workspace { psi, values, .. } = &mut self.implicit;
+        for (series, values) in psi.chunks_mut(s + 1).zip(values.chunks(s + 1)) {
+            let displacement = |node: usize| values[node + 1] - values[0];
+            radau
+                .tableau()
+                .interpolate(values[0], displacement, h, series);
+        }
+    }
+
+    /// True when every ψ that is watched has the value of its polynomial at the probes of the step.
+    fn is_faithful(&mut self, radau: &Radau, start: &Start, state: &State, tolerance: f64) -> bool {
+        let (h, s) = (radau.reach(), radau.degree());
+        let allowed = UNSEEN * tolerance.max(f64::EPSILON);
+        for at in 0..radau.tableau().probes.len() {
+            let tau = radau.tableau().probes[at] * h;
+            let mut y = std::mem::take(&mut self.implicit.y);
+            for (row, y) in y.iter_mut().enumerate() {
+                *y = series::value(radau.series(row), tau);
+            }
+            self.place(start.t + tau, &y);
+            self.implicit.y = y;
+            for at in 0..self.watched.len() {
+                let i = self.watched[at];
+                let psi = self.psi(i);
+                let polynomial = self.interpolant(i, s);
+                let size = state.terms[i] + series::magnitude(polynomial, h, 0);
+                let difference = (series::value(polynomial, tau) - psi).abs();
+                let agrees = difference <= allowed * size;
+                if !agrees {
+                    return false;
+                }
+            }
+        }
+        true
+    }
+
+    /// Taylor steps that an implicit step must be longer than, by the operations of both.
+    fn worth(&self, radau: &Radau) -> f64 {
+        let (order, nodes) = (self.order as f64, radau.degree() as f64);
+        let (unknowns, evaluation) = (
+            self.shape().unknowns() as f64,
+            self.field.operations() as f64,
+        );
+        let series = (evaluation * 0.5 * order * order).max(1.0);
+        // A real factorization and (s - 1)/2 complex ones, and about four iterations.
+        let factors = 2.0 / 3.0 * unknowns.powi(3) * (2.0 * nodes - 1.0);
+        WORTH * ((factors + 4.0 * nodes * evaluation) / series).max(1.0)
+    }
+}
+
+/// A mode as the implicit method sees it.
+struct Stiff<'a, S> {
+    mode: &'a mut Mode,
+    system: &'a S,
+}
+
+impl<S: SwitchedSystem> Stiff<'_, S> {
+    /// The length of the step that ends where `watch` is zero, by Newton's method from the root of its
+    /// polynomial; that step is then the one solved last. None where it cannot be solved.
+    fn locate(
+        &mut self,
+        radau: &mut Radau,
+        start: &Start,
+        root: Root,
+        watch: Watch,
+        h: f64,
+    ) -> Option<f64> {
+        let (mut tau, mut last) = (root.tau, f64::INFINITY);
+        for _ in 0..MAX_POLISH {
+            radau.solve(self, start, tau).ok()?;
+            // A double root is no better known from the function than from its polynomial.
+            if !root.crosses {
+                break;
+            }
+            let (value, slope) = self.event_function(radau, start, tau, watch);
+            let next = (tau - value / slope).min(h);
+            let moved = (next - tau).abs();
+            let rounding = f64::EPSILON * (start.t.abs() + tau);
+            let settled = moved <= rounding || moved >= last;
+            if moved.is_nan() || next <= 0.0 || moved > 1e-3 * h || settled {
+                break;
+            }
+            (tau, last) = (next, moved);
+        }
+        if radau.reach() != tau {
+            radau.solve(self, start, tau).ok()?;
+        }
+        Some(tau)
+    }
+
+    /// ψ, or the distance of α to its bound, at the end of the step `tau` solved last, and its slope.
+    fn event_function(
+        &mut self,
+        radau: &Radau,
+        start: &Start,
+        tau: f64,
+        watch: Watch,
+    ) -> (f64, f64) {
+        match watch {
+            Watch::Surface(i) => {
+                let mut y = std::mem::take(&mut self.mode.implicit.y);
+                for (row, y) in y.iter_mut().enumerate() {
+                    *y = radau.end(start, row);
+                }
+                self.mode.place(start.t + tau, &y);
+                self.mode.implicit.y = y;
+                self.mode.field.eval(&self.mode.memory.values);
+                self.mode.linearize(&[i]);
+                (self.mode.psi(i), self.mode.phi(i))
+            }
+            Watch::Bound(i, limit) => {
+                let row = self.mode.unknown(i);
+                let slope = series::slope(radau.series(row), tau);
+                (radau.end(start, row) - limit, slope)
+            }
+        }
+    }
+
+    /// Adds d∇ψ/dt along the flow f to the rows of φ, by differences.
+    fn add_curvature(&mut self, t: f64, y: &[f64], rows: &mut [f64]) {
+        let (mode, width) = (&mut *self.mode, y.len());
+        let largest = |v: &[f64]| v.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        let (size, speed) = (largest(&y[..mode.n]), largest(mode.f()));
+        let over = |v: f64| if v > 0.0 { v } else { 1.0 };
+        let nudge = NUDGE * over(size) / over(speed);
+        for (row, at) in rows.chunks_mut(width).zip(0..mode.sliding.len()) {
+            let i = mode.sliding[at];
+            if mode.surfaces.is_affine(i) {
+                continue;
+            }
+            mode.place(t, y);
+            mode.linearize(&[i]);
+            let mut before = std::mem::take(&mut mode.implicit.gradient);
+            before.clear();
+            before.extend(mode.gradient(i).iter().map(|entry| entry.1));
+            mode.memory.values[0] += nudge;
+            for (value, f) in mode.memory.values[1..].iter_mut().zip(&mode.implicit.f) {
+                *value += nudge * f;
+            }
+            mode.linearize(&[i]);
+            for (&(state, after), before) in mode.gradient(i).iter().zip(&before) {
+                row[state] += (after - before) / nudge;
+            }
+            mode.implicit.gradient = before;
+        }
+    }
+}
+
+impl<S: SwitchedSystem> Implicit for Stiff<'_, S> {
+    fn eval(&mut self, t: f64, y: &[f64], values: &mut [f64]) {
+        let mode = &mut *self.mode;
+        mode.place(t, y);
+        mode.field.eval(&mode.memory.values);
+        let (f, phi) = values.split_at_mut(mode.n);
+        f.copy_from_slice(mode.f());
+        if !phi.is_empty() {
+            mode.linearize_surfaces();
+            for (phi, &i) in phi.iter_mut().zip(&mode.sliding) {
+                *phi = mode.phi(i);
+            }
+        }
+    }
+
+    /// ∂φ/∂x = ∇ψ·∂f/∂x + d∇ψ/dt, the last along the flow.
+    fn jacobian(&mut self, t: f64, y: &[f64], matrix: &mut [f64]) {
+        let (mode, width) = (&mut *self.mode, y.len());
+        let n = mode.n;
+        matrix.fill(0.0);
+        mode.place(t, y);
+        mode.jacobian(self.system, |row, column, value| {
+            matrix[row * width + column] += value;
+        });
+        if width == n {
+            return;
+        }
+        mode.field.eval(&mode.memory.values);
+        mode.implicit.f.clone_from(&mode.field.f);
+        mode.linearize_surfaces();
+        mode.field.linearize_sliding(&mode.memory.values);
+        let (by_f, by_phi) = matrix.split_at_mut(n * width);
+        for (state, row) in by_f.chunks_mut(width).enumerate() {
+            for (switch, slope) in mode.field.slopes(state) {
+                row[mode.unknown(switch)] += slope;
+            }
+        }
+        for (row, &i) in by_phi.chunks_mut(width).zip(&mode.sliding) {
+            for &(state, g) in mode.gradient(i) {
+                let of_state = &by_f[state * width..(state + 1) * width];
+                for (entry, value) in row[..n].iter_mut().zip(of_state) {
+                    *entry += g * value;
+                }
+            }
+            for (entry, &j) in row[n..].iter_mut().zip(&mode.sliding) {
+                *entry = mode.coupling(i, j);
+            }
+        }
+        self.add_curvature(t, y, by_phi);
+    }
+}

@@ -1,0 +1,167 @@
+//! Which method integrates: Taylor series, or Radau IIA where stability would keep them short.
+//!
+//! On a stiff problem Taylor steps are a few times the shortest time constant, while the solution
+//! hardly bends within them. Many such steps in a row are reason to try the implicit method; how long
+//! its own steps are says whether it was worth it.
+
+use std::sync::Arc;
+
+use super::radau::{Radau, Shape, Tableau};
+
+/// The implicit methods, and what the lengths of steps say.
+pub(super) struct Stiffness {
+    /// Error of a step, relative to the magnitude of the states.
+    tolerance: f64,
+    tableau: Option<Arc<Tableau>>,
+    /// Methods by the number of sliding switches.
+    methods: Vec<Option<Box<Radau>>>,
+    /// Whether the implicit method makes the next step.
+    pub implicit: bool,
+    /// Length of its first step, until it is taken.
+    first: Option<f64>,
+    /// Length of the last Taylor step that its series allowed.
+    pub explicit_length: f64,
+    /// Slow Taylor steps in a row, and how many are reason to try the implicit method.
+    slow: usize,
+    patience: usize,
+    /// Implicit steps in a row that were too short, and all.
+    short: usize,
+    implicit_steps: usize,
+}
+
+/// A step below this fraction of the time scale of the solution is slow: where accuracy limits a series
+/// of order 20, it is about as long as the time scale.
+const SLOW: f64 = 0.03;
+
+/// Slow steps before the implicit method is tried: at first, after an event in an implicit step, and
+/// at most.
+const PATIENCE: usize = 12;
+const WARNED: usize = 2;
+const MOST: usize = 3000;
+
+/// The largest number of nodes.
+pub(super) const MOST_NODES: usize = 11;
+
+/// Fewer Taylor steps than this are not worth another method.
+const FEW: f64 = 50.0;
+
+/// Implicit steps in a row that are too short before the series are taken up again.
+const SHORT: usize = 3;
+
+/// Implicit steps between two looks at the series.
+const UNCHECKED: usize = 20;
+
+impl Stiffness {
+    pub(super) fn new(tolerance: f64) -> Self {
+        Stiffness {
+            tolerance,
+            tableau: None,
+            methods: Vec::new(),
+            implicit: false,
+            first: None,
+            explicit_length: 0.0,
+            slow: 0,
+            patience: PATIENCE,
+            short: 0,
+            implicit_steps: 0,
+        }
+    }
+
+    /// Starts a run.
+    pub(super) fn reset(&mut self) {
+        *self = Stiffness {
+            tableau: self.tableau.take(),
+            methods: std::mem::take(&mut self.methods),
+            ..Stiffness::new(self.tolerance)
+        };
+    }
+
+    /// Order of the methods.
+    pub(super) fn order(&self) -> usize {
+        2 * nodes(self.tolerance) - 1
+    }
+
+    /// The method for a mode; to be given back after the step.
+    pub(super) fn take(&mut self, shape: Shape) -> Box<Radau> {
+        if let Some(method) = self.methods.get_mut(shape.algebraic).and_then(Option::take) {
+            return method;
+        }
+        let nodes = nodes(self.tolerance);
+        let tableau = self
+            .tableau
+            .get_or_insert_with(|| Arc::new(Tableau::new(nodes)));
+        Box::new(Radau::new(tableau.clone(), shape, self.tolerance))
+    }
+
+    pub(super) fn give_back(&mut self, method: Box<Radau>) {
+        let place = method.shape().algebraic;
+        if self.methods.len() <= place {
+            self.methods.resize_with(place + 1, || None);
+        }
+        self.methods[place] = Some(method);
+    }
+
+    /// The method that made the last implicit step of a mode with this many sliding switches.
+    pub(super) fn method(&self, sliding: usize) -> Option<&Radau> {
+        self.methods.get(sliding)?.as_deref()
+    }
+
+    /// Takes note of a Taylor step that its series and nothing else limited, the fraction `motion` of
+    /// the time scale of the solution.
+    pub(super) fn after_explicit(&mut self, length: f64, motion: f64, remaining: f64) {
+        self.explicit_length = length;
+        self.slow = if motion < SLOW { self.slow + 1 } else { 0 };
+        if self.slow >= self.patience && remaining > FEW * length {
+            self.implicit = true;
+            // A tenth of the time scale.
+            self.first = Some(remaining.min(0.1 * length / motion));
+            (self.short, self.implicit_steps) = (0, 0);
+        }
+    }
+
+    /// Takes note of an implicit step, worth it when longer than `worth` Taylor steps.
+    pub(super) fn after_implicit(&mut self, length: f64, worth: f64) {
+        self.implicit_steps += 1;
+        let short = length < worth * self.explicit_length;
+        self.short = if short { self.short + 1 } else { 0 };
+        if self.short >= SHORT {
+            self.give_up();
+        }
+    }
+
+    /// True when the length of a Taylor step should be looked at before the next implicit one.
+    pub(super) fn wants_series(&self) -> bool {
+        self.implicit_steps > 0 && self.implicit_steps.is_multiple_of(UNCHECKED)
+    }
+
+    /// The length to begin with, for the first implicit step in a row.
+    pub(super) fn first_length(&mut self) -> Option<f64> {
+        self.first.take()
+    }
+
+    /// Goes back to Taylor steps; for longer, where the trial brought nothing.
+    pub(super) fn give_up(&mut self) {
+        self.implicit = false;
+        self.slow = 0;
+        self.patience = if self.implicit_steps > 2 * SHORT {
+            PATIENCE
+        } else {
+            (4 * self.patience).min(MOST)
+        };
+    }
+
+    /// A new mode starts with Taylor steps, which are good at what moves fast there.
+    pub(super) fn after_event(&mut self) {
+        self.slow = 0;
+        if self.implicit {
+            self.implicit = false;
+            self.patience = WARNED;
+        }
+    }
+}
+
+/// Nodes that cost least for a tolerance (chosen by trial).
+fn nodes(tolerance: f64) -> usize {
+    let pairs = (-0.4 * tolerance.log10() - 0.9).round().max(1.0);
+    (2 * pairs as usize + 1).min(MOST_NODES)
+}
