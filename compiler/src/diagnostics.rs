@@ -1,5 +1,6 @@
 //! What the compiler has to say: the list of diagnostics and its one rendering.
 
+use std::collections::HashSet;
 use std::fmt;
 
 use miette::{
@@ -35,13 +36,14 @@ impl Diagnostics {
 
     /// Drops those that another list has already: same code, place and message.
     pub fn remove_known(&mut self, known: &Diagnostics) {
+        let known: HashSet<_> = known.list.iter().map(key).collect();
         self.list
-            .retain(|diagnostic| !known.list.iter().any(|known| key(known) == key(diagnostic)));
+            .retain(|diagnostic| !known.contains(&key(diagnostic)));
     }
 
     /// Drops those that come again: same code, place and message.
     pub fn remove_repeated(&mut self) {
-        let mut seen = std::collections::HashSet::new();
+        let mut seen = HashSet::new();
         self.list.retain(|diagnostic| seen.insert(key(diagnostic)));
     }
 
@@ -106,7 +108,10 @@ pub fn position(diagnostic: &dyn Diagnostic) -> Option<usize> {
     primary.or(labels.first()).map(LabeledSpan::offset)
 }
 
-/// The text of all diagnostics, as it is shown to users and kept in snapshots.
+/// Diagnostics that are shown; nobody reads more.
+const MOST_SHOWN: usize = 100;
+
+/// The text of all diagnostics, as it is shown to users and kept in snapshots; of very many, the first.
 pub fn render(
     diagnostics: &Diagnostics,
     sources: &SourceMap,
@@ -121,7 +126,7 @@ pub fn render(
         .with_links(false)
         .with_width(width);
     let mut text = String::new();
-    for diagnostic in diagnostics.iter() {
+    for diagnostic in diagnostics.iter().take(MOST_SHOWN) {
         let report = InSources {
             diagnostic: diagnostic.as_ref(),
             sources,
@@ -130,6 +135,9 @@ pub fn render(
             text.push_str(&format!("{}\n", report.diagnostic));
         }
         text.push('\n');
+    }
+    if let Some(hidden @ 1..) = diagnostics.len().checked_sub(MOST_SHOWN) {
+        text.push_str(&format!("and {hidden} more\n"));
     }
     let lines: Vec<&str> = text.trim_end().lines().map(str::trim_end).collect();
     lines.join("\n") + if lines.is_empty() { "" } else { "\n" }
@@ -186,6 +194,22 @@ mod tests {
     use crate::source::Span;
     use crate::syntax::SyntaxError;
     use insta::assert_snapshot;
+
+    #[test]
+    fn shows_the_first_of_very_many() {
+        let mut sources = SourceMap::new();
+        sources.add("a.nsd", "x");
+        let mut diagnostics = Diagnostics::new();
+        for word in 0..130 {
+            diagnostics.push(SyntaxError::ReservedName {
+                word: word.to_string(),
+                span: Span::new(0..1),
+            });
+        }
+        let text = render(&diagnostics, &sources, false, 80);
+        assert_eq!(text.matches("E0009").count(), 100);
+        assert!(text.ends_with("\nand 30 more\n"), "{text}");
+    }
 
     #[test]
     fn renders_by_file_and_position() {

@@ -20,14 +20,9 @@ pub enum SyntaxError {
     },
 
     /// The file is larger than any model.
-    #[error("file of {bytes} bytes is too large")]
-    #[diagnostic(
-        code(E0002),
-        help("files hold at most {limit} bytes; data belongs into a table read by `signal`")
-    )]
+    #[error("the file is larger than {limit} bytes")]
+    #[diagnostic(code(E0002), help("data belongs into a table that a `signal` reads"))]
     TooLarge {
-        /// Its size.
-        bytes: usize,
         /// The limit.
         limit: usize,
         /// Where the limit is reached.

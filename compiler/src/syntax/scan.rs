@@ -41,7 +41,6 @@ pub fn scan(file: &SourceFile) -> Result<Scan<'_>, SyntaxError> {
         let boundary = (0..=MAX_BYTES).rev().find(|&at| text.is_char_boundary(at));
         let limit = boundary.unwrap_or_default();
         return Err(SyntaxError::TooLarge {
-            bytes: text.len(),
             limit: MAX_BYTES,
             span: at(limit..limit),
         });
