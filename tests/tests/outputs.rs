@@ -1,4 +1,4 @@
-//! What an `output` list keeps, and what it leaves out.
+//! What an `output` list keeps and leaves out, and what a run says about bounds.
 
 use nsd_tests::{end, run};
 use nsdc::report::{Status, Trajectory};
@@ -109,4 +109,58 @@ fn everything_that_moves_can_be_recorded() {
     }
     assert_eq!(run.controls[0].name, "u");
     assert_eq!(run.controls[0].values, [3.0; 3]);
+}
+
+/// Warnings of a run, by code and message.
+fn warnings(text: &str) -> Vec<String> {
+    let run = solved(text, "run");
+    let warnings = run.warnings.iter();
+    warnings
+        .map(|warning| format!("{}: {}", warning.code, warning.message))
+        .collect()
+}
+
+#[test]
+fn a_state_that_leaves_its_bounds_is_found_between_reported_instants() {
+    // 2 t - t^2 is above 0.99 from 0.9 to 1.1.
+    let text = "
+model m { state x in [0, 0.99] = 0; x' = 2 - 2*time; }
+simulate run of m { horizon 2; output x at [0, 2]; }";
+    let expected = "W0703: state `x` leaves [0, 0.99] at t = 0.9, where it is 0.99";
+    assert_eq!(warnings(text), [expected]);
+    assert_eq!(warnings(&text.replace("0.99", "1")), [""; 0]);
+    let infinite = text.replace("[0, 0.99]", "[-1, inf]");
+    assert_eq!(warnings(&infinite), [""; 0]);
+}
+
+#[test]
+fn sliding_along_a_bound_does_not_leave_it() {
+    let text = "
+model m { state x in [0, 2] = 1; x' = -sign(x) + 0.5*sin(time); }
+simulate run of m { horizon 20; }";
+    assert_eq!(warnings(text), [""; 0]);
+}
+
+#[test]
+fn controls_are_held_against_their_domain() {
+    let model = "
+model heater { state heat = 15; control on in {0, 1} = 0; heat' = 10*on - heat/2; }
+model whole { part h = heater { on = 0.5*heat; } state heat = 2; heat' = -1; }
+";
+    let run = |with: &str| {
+        let text = format!("{model} simulate run of heater {{ with {{ {with} }} horizon 3; }}");
+        warnings(&text)
+    };
+    assert_eq!(run(""), [""; 0]);
+    assert_eq!(run("on = 1;"), [""; 0]);
+    assert_eq!(run("on = if heat < 14 then 1 else 0;").len(), 1);
+    assert_eq!(run("on = if time < 1 then 1 else 0;"), [""; 0]);
+    let warning = "W0704: control `on` is not in {0, 1} at t = 0, where it is 0.5";
+    assert_eq!(run("on = heat/30;"), [warning]);
+    let part = format!("{model} simulate run of whole {{ horizon 1; }}");
+    let found = warnings(&part);
+    assert!(
+        found[0].starts_with("W0704: input `h.on` is not in {0, 1} at t = "),
+        "{found:?}"
+    );
 }

@@ -139,12 +139,15 @@ fn one(
         .filter(|(phase, _)| !solving.contains(phase))
         .map(|(_, seconds)| seconds)
         .sum();
-    trajectory.warnings.splice(0..0, warnings);
-    if let Some(failure) = &trajectory.failure {
-        let mut diags = Diagnostics::new();
-        diags.push(failure.clone());
-        project::print(&diags, &project.sources, streams)?;
+    let mut found = Diagnostics::new();
+    for warning in &trajectory.warnings {
+        found.push(warning.clone());
     }
+    if let Some(failure) = &trajectory.failure {
+        found.push(failure.clone());
+    }
+    project::print(&found, &project.sources, streams)?;
+    trajectory.warnings.splice(0..0, warnings);
     let plot = args
         .plot
         .is_some()

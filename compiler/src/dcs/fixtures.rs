@@ -118,6 +118,7 @@ impl<'e> Builder<'e> {
                 outputs: Vec::new(),
                 controls: Vec::new(),
                 subsystems: subsystems.collect(),
+                limits: Vec::new(),
                 skipped: Vec::new(),
                 readings: Default::default(),
             },

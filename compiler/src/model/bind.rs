@@ -65,13 +65,13 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
             };
             let (shape, kind) = (value.tensor.shape, *kind);
             let default = self.default(decl, shape);
-            let bounds = self.bounds(decl, shape);
+            let domain = self.domain(decl, shape);
             let value = match part {
                 Some(part) => self.given_or(default, decl, kind, part, bound),
                 None => default,
             };
             if let Some(quantity) = self.quantity_of(kind) {
-                (quantity.value, quantity.bounds) = (value, bounds);
+                (quantity.value, quantity.domain) = (value, domain);
             }
         }
         for inner in &instance.parts {
@@ -252,9 +252,10 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
         )
     }
 
-    fn bounds(&mut self, decl: &syntax::Decl, shape: Shape) -> Option<(Tensor<'e>, Tensor<'e>)> {
-        let Some(Domain::Box(lo, hi)) = &decl.domain else {
-            return None;
+    fn domain(&mut self, decl: &syntax::Decl, shape: Shape) -> Option<super::Domain<'e>> {
+        let (lo, hi) = match decl.domain.as_ref()? {
+            Domain::Box(lo, hi) => (lo, hi),
+            Domain::Set(values) => return self.set(decl, values),
         };
         let what = format!("a bound of `{}`", decl.name.name);
         let lower = self.over_params(lo, shape, &what, &what, false)?;
@@ -268,7 +269,23 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
             });
             return None;
         }
-        Some((lower, upper))
+        Some(super::Domain::Box(lower, upper))
+    }
+
+    fn set(&mut self, decl: &syntax::Decl, values: &[syntax::Expr]) -> Option<super::Domain<'e>> {
+        if decl.kind == DeclKind::State {
+            self.diags.push(ModelError::FiniteState {
+                name: decl.name.name.clone(),
+                span: decl.span,
+            });
+            return None;
+        }
+        let what = format!("a value of `{}`", decl.name.name);
+        let values = values.iter().map(|value| {
+            let value = self.over_params(value, Shape::Scalar, &what, &what, false)?;
+            value.as_scalar()
+        });
+        Some(super::Domain::Set(values.collect::<Option<_>>()?))
     }
 
     fn over_params(

@@ -186,6 +186,12 @@ impl<'e> Connected<'e> {
                 kind(kept.len() - 1)
             } else {
                 let shape = quantity.shape;
+                if quantity.domain.is_some() {
+                    model.connected.push(Quantity {
+                        vars: data.clone(),
+                        ..quantity.clone()
+                    });
+                }
                 model.lets.push(Named {
                     name: quantity.name,
                     value: Tensor { shape, data },

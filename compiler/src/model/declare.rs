@@ -52,6 +52,7 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
             states: vec![],
             controls: vec![],
             inputs: vec![],
+            connected: vec![],
             signals: vec![],
             lets: vec![],
             outputs: vec![],
@@ -172,7 +173,7 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
             shape,
             vars,
             value: None,
-            bounds: None,
+            domain: None,
             span: decl.span,
         };
         let (list, kind): (_, fn(usize) -> TargetKind) = match decl.kind {

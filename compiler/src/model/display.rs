@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::{Model, Named, Quantity, Rate, Shape, SwitchKind, Tensor, Thresholds};
+use super::{Domain, Model, Named, Quantity, Rate, Shape, SwitchKind, Tensor, Thresholds};
 use crate::expr::Expr;
 use crate::syntax::Sliding;
 
@@ -96,8 +96,15 @@ fn write_quantity(f: &mut fmt::Formatter<'_>, word: &str, quantity: &Quantity<'_
     if !sizes.is_empty() {
         write!(f, "[{}]", sizes.join(","))?;
     }
-    if let Some((lower, upper)) = &quantity.bounds {
-        write!(f, " in [{}, {}]", uniform(lower), uniform(upper))?;
+    match &quantity.domain {
+        Some(Domain::Box(lower, upper)) => {
+            write!(f, " in [{}, {}]", uniform(lower), uniform(upper))?;
+        }
+        Some(Domain::Set(values)) => {
+            let values: Vec<String> = values.iter().map(ToString::to_string).collect();
+            write!(f, " in {{{}}}", values.join(", "))?;
+        }
+        None => {}
     }
     match &quantity.value {
         Some(value) => writeln!(f, " = {value}"),

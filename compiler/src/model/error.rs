@@ -476,6 +476,18 @@ pub enum ModelError {
         span: Span,
     },
 
+    /// A state that is to jump between values.
+    #[error("state `{name}` cannot be in a finite set")]
+    #[diagnostic(
+        code(E0223),
+        help("a state moves continuously: give bounds with `in [lo, hi]`, or make it a control")
+    )]
+    FiniteState {
+        name: String,
+        #[label("between its values, it is in none")]
+        span: Span,
+    },
+
     /// A signal that depends on more than time.
     #[error("signal `{name}` must be a function of time")]
     #[diagnostic(code(E0222), help("use `let` for what depends on states"))]

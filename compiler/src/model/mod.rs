@@ -83,6 +83,8 @@ pub struct Model<'e> {
     pub controls: Vec<Quantity<'e>>,
     /// What the enclosing model or the experiment gives.
     pub inputs: Vec<Quantity<'e>>,
+    /// Controls and inputs of parts that the model gives, where they have a domain.
+    pub connected: Vec<Quantity<'e>>,
     /// Given functions of time.
     pub signals: Vec<Named<'e>>,
     /// Named expressions.
@@ -120,10 +122,19 @@ pub struct Quantity<'e> {
     pub vars: Vec<Expr<'e>>,
     /// Default or initial value over params.
     pub value: Option<Tensor<'e>>,
-    /// Lower and upper bounds, in the quantity's shape.
-    pub bounds: Option<(Tensor<'e>, Tensor<'e>)>,
+    /// Where its values may be.
+    pub domain: Option<Domain<'e>>,
     /// The declaration.
     pub span: Span,
+}
+
+/// `in [lo, hi]` or `in {a, b}`, over params.
+#[derive(Clone, Debug)]
+pub enum Domain<'e> {
+    /// Lower and upper bounds, in the quantity's shape.
+    Box(Tensor<'e>, Tensor<'e>),
+    /// Every entry is one of these.
+    Set(Vec<Expr<'e>>),
 }
 
 /// A let, output or signal.

@@ -5,7 +5,7 @@ use thiserror::Error;
 
 use crate::diagnostics::Diagnostics;
 use crate::source::Span;
-use crate::syntax::{DeclKind, Domain, Expr, ExprKind, NamedKind, RegionGuard, Stmt};
+use crate::syntax::{DeclKind, Expr, ExprKind, NamedKind, RegionGuard, Stmt};
 
 /// A construct of the language that cannot be lowered yet (E09).
 #[derive(Clone, Debug, Diagnostic, Error)]
@@ -82,14 +82,6 @@ pub enum Unsupported {
         span: Span,
     },
 
-    /// Controls from a finite set.
-    #[error("controls from a finite set are not supported yet")]
-    #[diagnostic(code(E0911))]
-    FiniteSets {
-        #[label("a finite set")]
-        span: Span,
-    },
-
     /// Large symbolic inverses.
     #[error("the inverse of a {size} by {size} matrix is not supported yet")]
     #[diagnostic(code(E0912), help("symbolic matrices can be inverted up to 4 by 4"))]
@@ -127,10 +119,6 @@ fn refusal(stmt: &Stmt) -> Option<Unsupported> {
         Stmt::Decl(decl) if decl.kind == DeclKind::Algebraic => {
             Unsupported::Algebraic { span: decl.span }
         }
-        Stmt::Decl(decl) => match &decl.domain {
-            Some(Domain::Set(_)) => Unsupported::FiniteSets { span: decl.span },
-            _ => return None,
-        },
         Stmt::Named(named) if named.kind == NamedKind::Signal && calls(&named.value, "table") => {
             Unsupported::Tables {
                 span: named.value.span,

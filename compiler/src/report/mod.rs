@@ -204,6 +204,29 @@ pub struct Warning {
     pub span: Option<Span>,
 }
 
+impl std::fmt::Display for Warning {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.message)
+    }
+}
+
+impl std::error::Error for Warning {}
+
+impl miette::Diagnostic for Warning {
+    fn code(&self) -> Option<Box<dyn std::fmt::Display + '_>> {
+        Some(Box::new(&self.code))
+    }
+
+    fn severity(&self) -> Option<miette::Severity> {
+        Some(miette::Severity::Warning)
+    }
+
+    fn labels(&self) -> Option<Box<dyn Iterator<Item = miette::LabeledSpan> + '_>> {
+        let label = miette::LabeledSpan::new_with_span(Some("about this".to_owned()), self.span?);
+        Some(Box::new(std::iter::once(label)))
+    }
+}
+
 impl Warning {
     /// A diagnostic as it stands in a report.
     pub fn of(diagnostic: &dyn miette::Diagnostic) -> Self {

@@ -5,6 +5,7 @@
 //! modes is reported instead of being trusted.
 
 mod blocks;
+mod limits;
 mod modes;
 mod outcome;
 mod record;
@@ -80,7 +81,7 @@ pub fn run_watched(
     let (simulator, outcome, recorder, estimate) = loop {
         let solver_settings = solver_settings(&settings.method, tolerance, left());
         let mut simulator = Simulator::new(&switched, solver_settings);
-        let mut recorder = Recorder::new(system, settings, request.dense);
+        let mut recorder = Recorder::new(system, settings, tolerance, request.dense);
         let mut watched = Watched::new(&mut recorder, settings.horizon, false, watch);
         let outcome = simulator.run(0.0, settings.horizon, &x0, &mut watched);
         let wanted = request.estimate && outcome.status != solver::Status::TimeLimit;

@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 
 use nsd_solver::simulate::{Event, Observer, Outcome, Segment, Side};
 
+use super::limits::Limits;
 use super::modes::ModeNames;
 use crate::expr;
 use crate::report::{self, ModeInterval, Piece, Series, Trajectory};
@@ -14,7 +15,7 @@ use crate::system::{Output, System};
 type Change = (f64, Box<[Side]>, Box<[Side]>);
 
 /// Observes a run and keeps what the experiment asks for.
-pub(super) struct Recorder {
+pub(super) struct Recorder<'s, 'e> {
     n: usize,
     sampling: Sampling,
     horizon: f64,
@@ -24,13 +25,19 @@ pub(super) struct Recorder {
     states: Vec<f64>,
     alphas: Vec<f64>,
     pieces: Option<Vec<Piece>>,
+    limits: Limits<'s, 'e>,
     changes: Vec<Change>,
     x: Vec<f64>,
     alpha: Vec<f64>,
 }
 
-impl Recorder {
-    pub(super) fn new(system: &System, settings: &Settings, dense: bool) -> Self {
+impl<'s, 'e> Recorder<'s, 'e> {
+    pub(super) fn new(
+        system: &'s System<'e>,
+        settings: &Settings,
+        tolerance: f64,
+        dense: bool,
+    ) -> Self {
         let (n, m) = (system.states.len(), system.switches.len());
         Recorder {
             n,
@@ -41,6 +48,7 @@ impl Recorder {
             states: Vec::new(),
             alphas: Vec::new(),
             pieces: dense.then(Vec::new),
+            limits: Limits::new(system, tolerance),
             changes: Vec::new(),
             x: vec![0.0; n],
             alpha: vec![0.0; m],
@@ -99,6 +107,7 @@ impl Recorder {
         }
         trajectory.outputs = self.evaluate(system, &system.outputs);
         trajectory.controls = self.evaluate(system, &system.controls);
+        trajectory.warnings.extend(self.limits.warnings());
         self.name_modes(system, names, outcome, trajectory);
         trajectory.dense.pieces = self.pieces.unwrap_or_default();
         trajectory.time = self.times;
@@ -196,9 +205,10 @@ impl Recorder {
     }
 }
 
-impl Observer for Recorder {
+impl Observer for Recorder<'_, '_> {
     fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
         let end = segment.start + segment.length;
+        self.limits.segment(segment);
         if let Some(pieces) = &mut self.pieces {
             pieces.push(piece(segment, end));
         }

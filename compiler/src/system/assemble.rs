@@ -4,6 +4,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::continuity::classify;
 use super::interaction::{positions, subsystems};
+use super::limits::Limit;
 use super::lower::Lowering;
 use super::relay::at_all_sides;
 use super::{
@@ -20,8 +21,7 @@ impl<'e> Lowering<'_, 'e> {
     pub(super) fn assemble(
         self,
         rates: Vec<Expr<'e>>,
-        outputs: Vec<Output<'e>>,
-        controls: Vec<Output<'e>>,
+        (outputs, controls, limits): (Vec<Output<'e>>, Vec<Output<'e>>, Vec<Limit<'e>>),
         weights: Vec<Expr<'e>>,
         named: &[Expr<'e>],
         diags: &mut Diagnostics,
@@ -30,7 +30,8 @@ impl<'e> Lowering<'_, 'e> {
         let recorded = outputs
             .iter()
             .chain(&controls)
-            .flat_map(|output| output.exprs.iter().copied());
+            .flat_map(|output| output.exprs.iter().copied())
+            .chain(limits.iter().map(|limit| limit.value));
         let roots: Vec<Expr<'e>> = rates
             .iter()
             .chain(&weights)
@@ -155,6 +156,7 @@ impl<'e> Lowering<'_, 'e> {
             partitions,
             outputs,
             controls,
+            limits,
             subsystems,
             skipped,
             readings,

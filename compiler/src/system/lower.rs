@@ -56,11 +56,12 @@ pub fn lower<'e>(
     let (outputs, controls) = lowering.recorded();
     let weights = lowering.weights();
     let named = lowering.named_surfaces();
+    let limits = lowering.limits();
     lowering.report_refused(diags);
     if diags.errors().count() > errors_before {
         return None;
     }
-    let system = lowering.assemble(rates, outputs, controls, weights, &named, diags);
+    let system = lowering.assemble(rates, (outputs, controls, limits), weights, &named, diags);
     if diags.errors().count() > errors_before {
         return None;
     }

@@ -19,7 +19,7 @@
 //! - A relay has memory: its α is 0 or 1 and stays until ψ, which contains it, leaves its side. Relays
 //!   come before all other switches, and their y may contain α of any.
 //! - No two ψ are multiples of each other, and none is constant.
-//! - Rates, outputs and ψ contain only time, parameters, states and α.
+//! - Rates, outputs, limits and ψ contain only time, parameters, states and α.
 //! - Every α that occurs belongs to exactly one switch, every switch to exactly
 //!   one subsystem; α of different subsystems never multiply each other.
 //! - In every corner of α, the weights of a partition are 0 or 1, or sum to one: a region `else`
@@ -35,6 +35,7 @@ mod display;
 mod error;
 pub mod experiment;
 mod interaction;
+mod limits;
 mod lower;
 mod needs;
 #[cfg(test)]
@@ -56,6 +57,7 @@ mod verify;
 
 pub use error::SystemError;
 pub use experiment::ExperimentError;
+pub use limits::{Allowed, Limit};
 pub use lower::{Extent, lower};
 pub use read::Readings;
 
@@ -85,6 +87,8 @@ pub struct System<'e> {
     pub outputs: Vec<Output<'e>>,
     /// Controls that are recorded, as functions of time and state.
     pub controls: Vec<Output<'e>>,
+    /// What is watched during a run.
+    pub limits: Vec<Limit<'e>>,
     /// Switches that interact; a partition of all switches, in order of their first member.
     pub subsystems: Vec<Subsystem>,
     /// What the model has and this experiment does not need, as the report tells it.

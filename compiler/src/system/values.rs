@@ -4,6 +4,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::ExperimentError;
 use super::experiment::Given;
+use super::limits::Allowed;
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::model::{Model, Quantity};
@@ -48,10 +49,8 @@ pub(super) fn evaluate<'e>(
 ) -> Option<Values<'e>> {
     let numbers = numbers(model, given, diags);
     let signals = signals(model, given, diags);
-    Some(Values {
-        numbers: numbers?,
-        signals: signals?,
-    })
+    let (numbers, signals) = (numbers?, signals?);
+    in_sets(model, given, &numbers, &signals, diags).then_some(Values { numbers, signals })
 }
 
 /// Every parameter and initial value, each once the parameters it depends on are known.
@@ -136,35 +135,85 @@ fn is_finite(
     fine
 }
 
-/// Whether every parameter is within the range it was declared with.
+/// Whether every parameter is where it was declared to be.
 fn in_range<'e>(
     model: &Model<'e>,
     given: &Given<'e>,
     numbers: &FxHashMap<Var, f64>,
     diags: &mut Diagnostics,
 ) -> bool {
-    let mut fine = true;
     let number = |e: Expr<'e>| e.eval(&|var| numbers.get(&var).copied().unwrap_or(f64::NAN));
+    let mut fine = true;
     for param in &model.params {
-        let Some((lower, upper)) = &param.bounds else {
-            continue;
-        };
         for (k, &var) in param.vars.iter().enumerate() {
-            let (value, low, high) = (number(var), number(lower.data[k]), number(upper.data[k]));
+            let Some(allowed) = Allowed::of(param, k, &number) else {
+                continue;
+            };
+            let value = number(var);
             // What could not be computed is reported elsewhere.
-            if value < low || value > high {
-                let given_at = var.as_variable().and_then(|var| given.values.get(&var));
-                diags.push(ExperimentError::OutOfRange {
-                    what: format!("param `{}`", param.shape.entry_name(&param.name, k)),
-                    expected: format!("in [{low}, {high}]"),
-                    found: value.to_string(),
-                    span: given_at.map_or(param.span, |&(_, span)| span),
-                });
+            if value.is_finite() && !allowed.holds(value, 0.0) {
+                diags.push(out_of_range("param", param, k, value, &allowed, given));
                 fine = false;
             }
         }
     }
     fine
+}
+
+/// Whether controls and inputs that do not change are in the finite sets they were declared with.
+fn in_sets<'e>(
+    model: &Model<'e>,
+    given: &Given<'e>,
+    numbers: &FxHashMap<Var, f64>,
+    signals: &Substitution<'e>,
+    diags: &mut Diagnostics,
+) -> bool {
+    let number = |e: Expr<'e>| e.eval(&|var| numbers.get(&var).copied().unwrap_or(f64::NAN));
+    let params: FxHashSet<Var> = (model.params.iter().flat_map(|param| &param.vars))
+        .filter_map(|var| var.as_variable())
+        .collect();
+    let mut fine = true;
+    let quantities = (model.controls.iter().map(|c| ("control", c)))
+        .chain(model.inputs.iter().map(|i| ("input", i)))
+        .chain(model.connected.iter().map(|c| ("input", c)));
+    for (kind, quantity) in quantities {
+        for (k, var) in quantity.vars.iter().enumerate() {
+            let Some(allowed @ Allowed::OneOf(_)) = Allowed::of(quantity, k, &number) else {
+                continue;
+            };
+            let value = var.substitute(signals);
+            let changes = variables_of(&[value])
+                .iter()
+                .any(|var| !params.contains(var));
+            let value = number(value);
+            if !changes && !allowed.holds(value, 0.0) {
+                diags.push(out_of_range(kind, quantity, k, value, &allowed, given));
+                fine = false;
+            }
+        }
+    }
+    fine
+}
+
+fn out_of_range(
+    kind: &str,
+    quantity: &Quantity<'_>,
+    entry: usize,
+    value: f64,
+    allowed: &Allowed,
+    given: &Given<'_>,
+) -> ExperimentError {
+    let var = quantity.vars[entry].as_variable();
+    let given_at = var.and_then(|var| given.values.get(&var));
+    ExperimentError::OutOfRange {
+        what: format!(
+            "{kind} `{}`",
+            quantity.shape.entry_name(&quantity.name, entry)
+        ),
+        expected: format!("in {allowed}"),
+        found: value.to_string(),
+        span: given_at.map_or(quantity.span, |&(_, span)| span),
+    }
 }
 
 /// Controls and inputs, each expressed without the others.

@@ -32,6 +32,7 @@ impl<'e> System<'e> {
             .iter()
             .map(|named| named.1)
             .chain(recorded.copied())
+            .chain(self.limits.iter().map(|limit| limit.value))
             .chain(psi)
             .collect();
 

@@ -163,7 +163,6 @@ fn refuses_what_is_not_supported() {
           0 <= z perp x >= 0;
           y in argmin (y - x)^2;
           signal r = table(\"data.csv\", \"r\", fit = cubic);
-          control on in {0, 1} = 0;
           region one indicator x { x' = 1; }
           jump hit when x <= 0 { x := 1; }
           project x onto { x >= 0; }
@@ -176,7 +175,6 @@ fn refuses_what_is_not_supported() {
     E0906: algebraic states and complementarity are not supported yet | 0 <= z perp x >= 0;: algebraic | solve for the algebraic state where that is possible
     E0907: convex programs and variational inequalities are not supported yet | y in argmin (y - x)^2;: a program | projections onto boxes can be written with `min` and `max`
     E0909: signals from tables are not supported yet | table("data.csv", "r", fit = cubic): a table | write the signal as an expression in `time`
-    E0911: controls from a finite set are not supported yet | control on in {0, 1} = 0;: a finite set
     E0910: regions with indicators are not supported yet | x: an indicator | write the guard with `where`: `g1 < g2 and g1 < g3`
     E0904: state jumps are not supported yet | jump hit when x <= 0 { x := 1; }: a jump
     E0905: projected dynamics are not supported yet | project x onto { x >= 0; }: a projection
