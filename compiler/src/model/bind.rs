@@ -13,7 +13,7 @@ use super::names::Item;
 use super::parts::{Inner, Instance};
 use super::reserved::did_you_mean;
 use super::scope::{Meaning, Reported};
-use super::{ModelError, Quantity, Shape, Target, TargetKind, Tensor, order, target};
+use super::{GivenError, ModelError, Quantity, Shape, Target, TargetKind, Tensor, order, target};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Var, variables_of};
 use crate::source::Span;
@@ -167,6 +167,7 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
             self.lowering(|lowering| Ok(lowering.path_text(&bind.target)))?
         );
         if target.kind == TargetKind::Const {
+            self.whole_constant(&bind.target)?;
             // Its value has been used already.
             return here.once(&what, None, bind, self.diags);
         }
@@ -213,6 +214,17 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
             bound.values.entry(var).or_insert((value, bind.span));
         }
         Ok(())
+    }
+
+    /// Refuses `w[2] = 3;` for a structural constant.
+    fn whole_constant(&mut self, path: &syntax::Path) -> Result<(), Reported> {
+        match GivenError::constant_entry(path) {
+            Some(error) => {
+                self.diags.push(error);
+                Err(Reported)
+            }
+            None => Ok(()),
+        }
     }
 
     /// What the left side of a line in braces means, in the part.
@@ -263,7 +275,7 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
         let crossed = |(a, b): (&Expr<'e>, &Expr<'e>)| matches!((a.as_constant(), b.as_constant()), (Some(a), Some(b)) if a > b);
         if lower.data.iter().zip(&upper.data).any(crossed) {
             let name = decl.name.name.clone();
-            self.diags.push(ModelError::EmptyBounds {
+            self.diags.push(GivenError::EmptyBounds {
                 name,
                 span: lo.span.to(hi.span),
             });
@@ -274,7 +286,7 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
 
     fn set(&mut self, decl: &syntax::Decl, values: &[syntax::Expr]) -> Option<super::Domain<'e>> {
         if decl.kind == DeclKind::State {
-            self.diags.push(ModelError::FiniteState {
+            self.diags.push(GivenError::FiniteState {
                 name: decl.name.name.clone(),
                 span: decl.span,
             });

@@ -467,27 +467,6 @@ pub enum ModelError {
         span: Span,
     },
 
-    /// Bounds the wrong way round.
-    #[error("the lower bound of `{name}` is above the upper one")]
-    #[diagnostic(code(E0221), help("write `in [lower, upper]`"))]
-    EmptyBounds {
-        name: String,
-        #[label("contains no number")]
-        span: Span,
-    },
-
-    /// A state that is to jump between values.
-    #[error("state `{name}` cannot be in a finite set")]
-    #[diagnostic(
-        code(E0223),
-        help("a state moves continuously: give bounds with `in [lo, hi]`, or make it a control")
-    )]
-    FiniteState {
-        name: String,
-        #[label("between its values, it is in none")]
-        span: Span,
-    },
-
     /// A signal that depends on more than time.
     #[error("signal `{name}` must be a function of time")]
     #[diagnostic(code(E0222), help("use `let` for what depends on states"))]

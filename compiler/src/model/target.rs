@@ -128,11 +128,16 @@ pub(super) fn resolve(lowering: &mut Lowering<'_, '_>, path: &Path) -> Result<Ta
                 (TargetKind::Switch(index), "sliding") => target.kind = TargetKind::Sliding(index),
                 _ => {
                     let (name, field) = (name.clone(), field.clone());
+                    let help = match target.kind {
+                        TargetKind::Switch(_) => did_you_mean(&field.name, ["sliding"].into_iter())
+                            .unwrap_or_else(|| "of a switch, `sliding` can be given".to_owned()),
+                        _ => "only parts have fields".to_owned(),
+                    };
                     return lowering.error(ModelError::NoField {
                         name,
                         field: field.name,
                         span: field.span,
-                        help: Some("only parts have fields".to_owned()),
+                        help: Some(help),
                     });
                 }
             },

@@ -137,29 +137,38 @@ impl Series {
         &self.values[k * n..(k + 1) * n]
     }
 
-    /// The name and the first index of a slice `x[2..3]` of a vector.
-    fn slice(&self) -> Option<(&str, usize)> {
-        let (base, range) = self.name.strip_suffix(']')?.rsplit_once('[')?;
-        let (first, _) = range.split_once("..")?;
-        Some((base, first.trim().parse().ok()?))
+    /// `x` and `[2, 1]` of `x[2..3,1..2]`: what it is a part of, and its first indices.
+    fn part(&self) -> Option<(&str, Vec<usize>)> {
+        let (base, indices) = self.name.strip_suffix(']')?.rsplit_once('[')?;
+        if !indices.contains("..") {
+            return None;
+        }
+        let first = |range: &str| range.split("..").next()?.trim().parse().ok();
+        let first: Option<Vec<usize>> = indices.split(',').map(first).collect();
+        Some((base, first?))
     }
 
     /// `x`, or `x[1]`, `x[2]`, ..., or `A[1,1]`, ... in the order of the values.
     pub fn entry_names(&self) -> Vec<String> {
-        match self.shape[..] {
-            [] => vec![self.name.clone()],
-            [n] => {
-                let (base, first) = self.slice().unwrap_or((&self.name, 1));
-                (first..first + n).map(|i| format!("{base}[{i}]")).collect()
+        let (base, first) = self
+            .part()
+            .unwrap_or((&self.name, vec![1; self.shape.len()]));
+        let columns = match (&self.shape[..], &first[..]) {
+            ([], _) => return vec![self.name.clone()],
+            (&[n], &[first]) => {
+                return (first..first + n).map(|i| format!("{base}[{i}]")).collect();
             }
-            [m, n] => (1..=m)
-                .flat_map(|i| (1..=n).map(move |j| (i, j)))
-                .map(|(i, j)| format!("{}[{i},{j}]", self.name))
-                .collect(),
-            _ => (1..=self.n_entries())
-                .map(|i| format!("{}[{i}]", self.name))
-                .collect(),
-        }
+            // A column of a matrix.
+            (&[_], _) => 1,
+            (&[_, n], _) => n,
+            (_, _) => 1,
+        };
+        let (row, column) = match first[..] {
+            [row, column] => (row, column),
+            _ => (1, 1),
+        };
+        let entries = (0..self.n_entries()).map(|k| (row + k / columns, column + k % columns));
+        entries.map(|(i, j)| format!("{base}[{i},{j}]")).collect()
     }
 }
 
@@ -339,5 +348,11 @@ mod tests {
         assert_eq!(names("x", &[2]), "x[1] x[2]");
         assert_eq!(names("x[3..4]", &[2]), "x[3] x[4]");
         assert_eq!(names("A", &[2, 1]), "A[1,1] A[2,1]");
+        assert_eq!(names("A[2,1..2]", &[1, 2]), "A[2,1] A[2,2]");
+        assert_eq!(names("A[2..3,2]", &[2]), "A[2,2] A[3,2]");
+        assert_eq!(
+            names("A[2..3,1..2]", &[2, 2]),
+            "A[2,1] A[2,2] A[3,1] A[3,2]"
+        );
     }
 }

@@ -187,6 +187,10 @@ impl<'s, 'e> Recorder<'s, 'e> {
             .zip(sides)
             .map(|((from, to), sides)| interval(from, to, sides))
             .collect();
+        // A run that does not get away from its start has no mode.
+        if outcome.time == 0.0 && self.changes.is_empty() {
+            trajectory.modes.clear();
+        }
         for (time, from, to) in &self.changes {
             let (mode_from, mode_to) = (names.mode(from), names.mode(to));
             for (i, switch) in system.switches.iter().enumerate() {

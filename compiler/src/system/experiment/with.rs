@@ -2,7 +2,7 @@
 
 use super::{ExperimentError, Given, unknown_choice};
 use crate::diagnostics::Diagnostics;
-use crate::model::{Model, Quantity, Target, TargetKind};
+use crate::model::{GivenError, Model, Quantity, Target, TargetKind};
 use crate::source::Span;
 use crate::syntax::{self, Bind, ExprKind, Ident, Path, SettingKind, Sliding};
 
@@ -52,7 +52,12 @@ fn give<'e>(
             return Some(());
         }
         // Structural constants were given to the model itself.
-        TargetKind::Const => return Some(()),
+        TargetKind::Const => {
+            let error = GivenError::constant_entry(&bind.target);
+            let is_whole = error.is_none();
+            error.into_iter().for_each(|error| diags.push(error));
+            return is_whole.then_some(());
+        }
         TargetKind::Signal(_)
         | TargetKind::Let(_)
         | TargetKind::Output(_)
@@ -143,6 +148,16 @@ pub(super) fn path_text(model: &Model<'_>, path: &Path, target: &Target) -> Stri
         _ if target.entries.len() == shape.len() => name,
         [entry] => shape.entry_name(&name, entry),
         [first, .., last] if shape.rank() == 1 => format!("{name}[{}..{}]", first + 1, last + 1),
-        _ => format!("{name}[..]"),
+        [first, .., last] => {
+            // Rows and columns from the first entry to the last one.
+            let (_, columns) = shape.size();
+            let range = |from: usize, to: usize| match from == to {
+                true => format!("{}", from + 1),
+                false => format!("{}..{}", from + 1, to + 1),
+            };
+            let rows = range(first / columns, last / columns);
+            format!("{name}[{rows},{}]", range(first % columns, last % columns))
+        }
+        [] => format!("{name}[..]"),
     }
 }
