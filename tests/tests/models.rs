@@ -10,6 +10,8 @@ const EXAMPLES: &[&str] = &[
     "continuous.nsd: a",
     "continuous.nsd: b",
     "continuous.nsd: c",
+    "fast_actuator.nsd: follows",
+    "fast_actuator.nsd: slides",
     "friction_chain.nsd: longer",
     "friction_chain.nsd: to_rest",
     "impact_like.nsd: exact",

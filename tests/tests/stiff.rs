@@ -245,3 +245,31 @@ fn a_model_that_is_not_stiff_takes_no_implicit_step() {
     let trajectory = run(text, "crossing");
     assert_eq!(trajectory.stats.newton_iterations, 0);
 }
+
+/// Solutions that end before the horizon: a pole, and a slow manifold that folds back.
+#[test]
+fn what_cannot_go_on_ends_in_a_status() {
+    let pole = "model pole {
+          state x = 1;
+          state z = 1;
+          x' = x^2;
+          z' = -1e6*(z - x);
+        }
+        simulate a of pole { horizon 2; }";
+    let fold = "model fold {
+          state x = -1;
+          state z = 1;
+          x' = 1;
+          z' = 1e4*(-x - z^2);
+        }
+        simulate a of fold { horizon 3; }";
+    // z follows √-x to its fold at t = 1 and falls where the first zero of Ai(-ξ) is, as Riccati's
+    // equation has it.
+    let falls = 1.0 + 2.338_107_410_459_767 / 1e4_f64.powf(2.0 / 3.0);
+    for (text, latest) in [(pole, 1.0), (fold, falls)] {
+        let trajectory = run(text, "a");
+        assert_eq!(trajectory.status, Status::NumericalFailure);
+        let last = trajectory.time[trajectory.time.len() - 1];
+        assert!((last - latest).abs() < 1e-6, "{last} is not {latest}");
+    }
+}

@@ -21,6 +21,9 @@ const MAX_POLISH: usize = 8;
 /// Implicit steps are worth it when they are longer than Taylor steps by this factor, at equal cost.
 const WORTH: f64 = 4.0;
 
+/// Dense matrices of more rows than this take too much memory.
+const MOST_UNKNOWNS: usize = 1000;
+
 /// Difference of a polynomial of ψ from ψ, in tolerances.
 const UNSEEN: f64 = 100.0;
 
@@ -131,7 +134,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 continue;
             }
             state.accept(radau, h);
-            let worth = mode.worth(radau);
+            let worth = mode.worth(radau.degree());
             self.stiffness.after_implicit(h, worth);
             return Ok(Some(Step {
                 length,
@@ -282,16 +285,18 @@ impl Mode {
         true
     }
 
-    /// Taylor steps that an implicit step must be longer than, by the operations of both.
-    fn worth(&self, radau: &Radau) -> f64 {
-        let (order, nodes) = (self.order as f64, radau.degree() as f64);
-        let (unknowns, evaluation) = (
-            self.shape().unknowns() as f64,
-            self.field.operations() as f64,
-        );
+    /// Taylor steps that an implicit step with this many nodes must be longer than, by the operations
+    /// of both.
+    pub(super) fn worth(&self, nodes: usize) -> f64 {
+        let (order, nodes) = (self.order as f64, nodes as f64);
+        let unknowns = self.n + self.sliding.len();
+        if unknowns > MOST_UNKNOWNS {
+            return f64::INFINITY;
+        }
+        let evaluation = self.field.operations() as f64;
         let series = (evaluation * 0.5 * order * order).max(1.0);
         // A real factorization and (s - 1)/2 complex ones, and about four iterations.
-        let factors = 2.0 / 3.0 * unknowns.powi(3) * (2.0 * nodes - 1.0);
+        let factors = 2.0 / 3.0 * (unknowns as f64).powi(3) * (2.0 * nodes - 1.0);
         WORTH * ((factors + 4.0 * nodes * evaluation) / series).max(1.0)
     }
 }

@@ -453,7 +453,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
 
     /// The polynomials of the last step.
     fn dense(&self, implicit: bool) -> Dense<'_> {
-        match self.stiffness.method(self.mode.sliding.len()) {
+        match self.stiffness.method() {
             Some(radau) if implicit => Dense::Collocation(&self.mode, radau),
             _ => Dense::Taylor(&self.mode),
         }

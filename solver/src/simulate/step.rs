@@ -101,7 +101,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             };
             if triggers.is_empty() && h < longest {
                 let motion = mode.motion(state, h);
-                self.stiffness.after_explicit(h, motion, remaining);
+                self.stiffness.after_explicit(mode, h, motion, remaining);
             }
             let dense = Dense::Taylor(mode);
             dense.states_at(length, &mut state.next);

@@ -6,15 +6,16 @@
 
 use std::sync::Arc;
 
+use super::mode::Mode;
 use super::radau::{Radau, Shape, Tableau};
 
-/// The implicit methods, and what the lengths of steps say.
+/// The implicit method, and what the lengths of steps say.
 pub(super) struct Stiffness {
     /// Error of a step, relative to the magnitude of the states.
     tolerance: f64,
     tableau: Option<Arc<Tableau>>,
-    /// Methods by the number of sliding switches.
-    methods: Vec<Option<Box<Radau>>>,
+    /// The method that was used last.
+    method: Option<Box<Radau>>,
     /// Whether the implicit method makes the next step.
     pub implicit: bool,
     /// Length of its first step, until it is taken.
@@ -56,7 +57,7 @@ impl Stiffness {
         Stiffness {
             tolerance,
             tableau: None,
-            methods: Vec::new(),
+            method: None,
             implicit: false,
             first: None,
             explicit_length: 0.0,
@@ -71,47 +72,47 @@ impl Stiffness {
     pub(super) fn reset(&mut self) {
         *self = Stiffness {
             tableau: self.tableau.take(),
-            methods: std::mem::take(&mut self.methods),
+            method: self.method.take(),
             ..Stiffness::new(self.tolerance)
         };
     }
 
-    /// Order of the methods.
+    /// Order of the implicit method.
     pub(super) fn order(&self) -> usize {
         2 * nodes(self.tolerance) - 1
     }
 
     /// The method for a mode; to be given back after the step.
     pub(super) fn take(&mut self, shape: Shape) -> Box<Radau> {
-        if let Some(method) = self.methods.get_mut(shape.algebraic).and_then(Option::take) {
-            return method;
-        }
-        let nodes = nodes(self.tolerance);
-        let tableau = self
-            .tableau
-            .get_or_insert_with(|| Arc::new(Tableau::new(nodes)));
-        Box::new(Radau::new(tableau.clone(), shape, self.tolerance))
+        let fits = self.method.take_if(|method| method.shape() == shape);
+        fits.unwrap_or_else(|| {
+            let nodes = nodes(self.tolerance);
+            let tableau = self
+                .tableau
+                .get_or_insert_with(|| Arc::new(Tableau::new(nodes)));
+            Box::new(Radau::new(tableau.clone(), shape, self.tolerance))
+        })
     }
 
     pub(super) fn give_back(&mut self, method: Box<Radau>) {
-        let place = method.shape().algebraic;
-        if self.methods.len() <= place {
-            self.methods.resize_with(place + 1, || None);
-        }
-        self.methods[place] = Some(method);
+        self.method = Some(method);
     }
 
-    /// The method that made the last implicit step of a mode with this many sliding switches.
-    pub(super) fn method(&self, sliding: usize) -> Option<&Radau> {
-        self.methods.get(sliding)?.as_deref()
+    /// The method that made the last implicit step.
+    pub(super) fn method(&self) -> Option<&Radau> {
+        self.method.as_deref()
     }
 
     /// Takes note of a Taylor step that its series and nothing else limited, the fraction `motion` of
     /// the time scale of the solution.
-    pub(super) fn after_explicit(&mut self, length: f64, motion: f64, remaining: f64) {
+    pub(super) fn after_explicit(&mut self, mode: &Mode, length: f64, motion: f64, remaining: f64) {
         self.explicit_length = length;
         self.slow = if motion < SLOW { self.slow + 1 } else { 0 };
-        if self.slow >= self.patience && remaining > FEW * length {
+        if self.slow < self.patience {
+            return;
+        }
+        let worth = mode.worth(nodes(self.tolerance));
+        if remaining > FEW.max(worth) * length {
             self.implicit = true;
             // A tenth of the time scale.
             self.first = Some(remaining.min(0.1 * length / motion));
