@@ -86,7 +86,9 @@ pub enum ImportError {
     Circle {
         name: String,
         chain: String,
-        #[label("leads back to `{name}`")]
+        #[label("the circle begins here")]
+        first: Option<Span>,
+        #[label(primary, "leads back to `{name}`")]
         span: Span,
     },
 
@@ -255,18 +257,17 @@ fn circle(read: &[Read], members: &[usize]) -> ImportError {
     }
     let names = way.iter().chain(way.first());
     let names: Vec<&str> = names.map(|&index| read[index].name.as_str()).collect();
-    let first = &read[way[0]];
-    let span = match positions
-        .first()
-        .and_then(|&position| first.file.items.get(position))
-    {
+    let span = |(&index, &position): (&usize, &usize)| match read[index].file.items.get(position) {
         Some(Item::Use(item)) => item.span,
-        _ => first.file.span,
+        _ => read[index].file.span,
     };
+    let spans: Vec<Span> = way.iter().zip(&positions).map(span).collect();
+    let first = &read[way[0]];
     ImportError::Circle {
         name: first.name.clone(),
         chain: names.join(" -> "),
-        span,
+        first: spans.first().copied().filter(|_| spans.len() > 1),
+        span: spans.last().copied().unwrap_or(first.file.span),
     }
 }
 

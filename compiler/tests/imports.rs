@@ -91,17 +91,6 @@ fn mistakes_in_imported_files_show_those_files() {
        ·                              ┬
        ·                              ╰── not declared here
        ╰────
-    E0120
-
-      × `circle.nsd` imports itself: circle.nsd -> other.nsd -> circle.nsd
-       ╭─[circle.nsd:1:1]
-     1 │ use ./other; use ./gone;
-       · ──────┬─────
-       ·       ╰── leads back to `circle.nsd`
-     2 │ model m { state x = 1; x' = 1; }
-       ╰────
-      help: move what both need into a file of its own
-
     E0119
 
       × cannot import `./gone`
@@ -111,5 +100,21 @@ fn mistakes_in_imported_files_show_those_files() {
        ·                     ╰── gone.nsd: there is no such file or folder
      2 │ model m { state x = 1; x' = 1; }
        ╰────
+
+    E0120
+
+      × `circle.nsd` imports itself: circle.nsd -> other.nsd -> circle.nsd
+       ╭─[circle.nsd:1:1]
+     1 │ use ./other; use ./gone;
+       · ──────┬─────
+       ·       ╰── the circle begins here
+     2 │ model m { state x = 1; x' = 1; }
+       ╰────
+       ╭─[other.nsd:1:1]
+     1 │ use ./circle.{m};
+       · ────────┬────────
+       ·         ╰── leads back to `circle.nsd`
+       ╰────
+      help: move what both need into a file of its own
     ");
 }

@@ -43,6 +43,9 @@ const EXAMPLES: &[&str] = &[
     "thermostat.nsd: day",
     "two_gene_network.nsd: both_thresholds",
     "two_gene_network.nsd: from_below",
+    "voronoi.nsd: comes_to_rest",
+    "voronoi.nsd: passes",
+    "voronoi.nsd: slides",
 ];
 
 /// Experiments of the standard library. All of them pass.

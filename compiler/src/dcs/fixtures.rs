@@ -2,7 +2,7 @@
 
 use crate::expr::{Expr, Exprs, Substitution};
 use crate::source::Span;
-use crate::system::{Continuity, Partition, Region, State, Subsystem, Switch, System};
+use crate::system::{Continuity, Coverage, Partition, Region, State, Subsystem, Switch, System};
 
 /// A system, and the rates as the user wrote them with `sign`, `max` and so on.
 pub struct Fixture<'e> {
@@ -77,6 +77,8 @@ impl<'e> Builder<'e> {
         self.partitions.push(Partition {
             switches: (0..self.switches.len()).collect(),
             states: Vec::new(),
+            coverage: Coverage::Proven,
+            indicators: Vec::new(),
             regions,
         });
         weights

@@ -6,7 +6,7 @@
 use rustc_hash::FxHashMap;
 
 use crate::expr::{Expr, Var};
-use crate::system::System;
+use crate::system::{Partition, System};
 
 use super::{Dcs, Formulation, heaviside, stewart};
 
@@ -17,6 +17,8 @@ pub(super) struct Sides {
     pub psi: Vec<f64>,
     /// α = step(ψ), 1/2 on the surface.
     pub alpha: Vec<f64>,
+    /// The indicators of every partition.
+    pub indicators: Vec<Vec<f64>>,
 }
 
 impl Sides {
@@ -26,6 +28,7 @@ impl Sides {
         let mut sides = Sides {
             psi: Vec::new(),
             alpha: Vec::new(),
+            indicators: Vec::new(),
         };
         // ψ contains α of earlier switches only.
         for switch in &system.switches {
@@ -43,6 +46,11 @@ impl Sides {
             sides.psi.push(psi);
             sides.alpha.push(alpha);
         }
+        let values = |partition: &Partition| {
+            let indicators = partition.indicators.iter();
+            indicators.map(|&g| eval(g, &known, value)).collect()
+        };
+        sides.indicators = system.partitions.iter().map(values).collect();
         sides
     }
 

@@ -1,12 +1,12 @@
 //! The sign matrix of a subsystem: which combinations of sides are regions, and what they are called.
 //!
-//! Where ψ_i and ψ_j, each divided by a number, differ by a constant, their surfaces are parallel, and one combination
-//! of their signs cannot happen: x < 1 and x > 2. Such rows are left out, since nothing but an orthant that can be
-//! reached needs one. The constant may depend on parameters; their values decide.
+//! Combinations that cannot happen are left out, since nothing but an orthant that can be reached needs a row: x < 1 and
+//! x > 2, or x > 0, y > 0 and x + y < -1. Those that a point on several surfaces can touch are kept. ψ may depend on
+//! parameters; their values decide.
+//!
+//! Regions with indicators are rows as they are: what their switches compare is in the indicators.
 
-use rustc_hash::FxHashMap;
-
-use crate::expr::{Expr, Var};
+use crate::system::arrangement::{Side, Sides};
 use crate::system::{Subsystem, System};
 
 use super::DcsError;
@@ -15,8 +15,8 @@ use super::labels::signed;
 /// No subsystem has more regions.
 const MAX_REGIONS: usize = 1 << 10;
 
-/// Surfaces that are closer are not taken for parallel ones: the distance may be rounding.
-const MIN_DISTANCE: f64 = 1e-9;
+/// After so many linear programs, combinations are taken to be possible.
+const MOST_PROGRAMS: usize = 1000;
 
 /// A region of a subsystem with the sign of every switch.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -25,6 +25,10 @@ pub(super) struct Row {
     pub region: Option<(usize, usize)>,
     /// True for ψ > 0, by position in [`Subsystem::switches`].
     pub signs: Vec<bool>,
+    /// Positions of the signs that the row is about; the others follow from the indicator of its region.
+    pub own: Vec<usize>,
+    /// Positions of the switches that the indicator of the row's region stands for.
+    pub indicated: Vec<usize>,
 }
 
 /// Refuses the first subsystem with too many regions.
@@ -48,66 +52,108 @@ pub(super) fn is_named(system: &System, subsystem: &Subsystem) -> bool {
         .all(|row| row.region.is_some() && (subsystem.regions.is_some() || alone(row)))
 }
 
-/// The rows that can be reached: region by region where they are the user's, the last switch changing fastest.
-pub(super) fn rows(system: &System, subsystem: &Subsystem) -> Result<Vec<Row>, DcsError> {
-    let psi: Vec<Expr> = subsystem
-        .switches
-        .iter()
-        .map(|&k| system.switches[k].psi)
-        .collect();
-    let params = system.params.iter();
-    let params: FxHashMap<Var, f64> = params
-        .filter_map(|p| Some((p.var.as_variable()?, p.value)))
-        .collect();
-    let mut signs: Vec<Vec<bool>> = vec![Vec::new()];
-    for place in 0..psi.len() {
-        let impossible = (0..place).filter_map(|other| {
-            let (first, second) = impossible(psi[other], psi[place], &params)?;
-            Some((other, first, second))
-        });
-        let impossible: Vec<(usize, bool, bool)> = impossible.collect();
-        let possible = |row: &[bool], sign: bool| {
-            impossible
-                .iter()
-                .all(|&(other, first, second)| row[other] != first || sign != second)
-        };
-        let longer = signs.iter().flat_map(|row| {
-            let signs = [false, true]
-                .into_iter()
-                .filter(|&sign| possible(row, sign));
-            signs.map(|sign| row.iter().copied().chain([sign]).collect())
-        });
-        signs = longer.take(MAX_REGIONS + 1).collect();
-        if signs.len() > MAX_REGIONS {
-            let mut spans = (subsystem.switches.iter()).flat_map(|&k| &system.switches[k].spans);
-            return Err(DcsError::TooManyRegions {
-                count: psi.len(),
-                span: spans.next().copied().unwrap_or_default(),
-            });
-        }
+/// The partition with indicators whose switches are in the subsystem; none where there are several.
+fn indicated(system: &System, subsystem: &Subsystem) -> Option<usize> {
+    let own = |k: &usize| subsystem.switches.contains(k);
+    let inside = |&p: &usize| {
+        let partition = &system.partitions[p];
+        !partition.indicators.is_empty() && partition.switches.iter().all(own)
+    };
+    let mut found = (0..system.partitions.len()).filter(inside);
+    match (found.next(), found.next()) {
+        (Some(partition), None) => Some(partition),
+        _ => None,
     }
-    let rows = signs.into_iter().map(|signs| Row {
-        region: region(system, subsystem, &signs),
-        signs,
-    });
-    let mut rows: Vec<Row> = rows.collect();
-    rows.sort_by_key(|row| row.region);
-    Ok(rows)
 }
 
-/// The signs of two parallel surfaces that exclude each other.
-fn impossible(a: Expr, b: Expr, params: &FxHashMap<Var, f64>) -> Option<(bool, bool)> {
-    let ((scale_a, a), (scale_b, b)) = (a.split_scale(), b.split_scale());
-    // â - b̂ is this constant, so that b̂ > 0 implies â > 0 where it is positive; other variables give no number.
-    let distance = (a - b).eval(&|var| params.get(&var).copied().unwrap_or(f64::NAN));
-    let (plus_a, plus_b) = (scale_a > 0.0, scale_b > 0.0);
-    if distance > MIN_DISTANCE {
-        Some((!plus_a, plus_b))
-    } else if distance < -MIN_DISTANCE {
-        Some((plus_a, !plus_b))
-    } else {
-        None
+/// The rows that can be reached: region by region where they are the user's, the last switch changing fastest.
+pub(super) fn rows(system: &System, subsystem: &Subsystem) -> Result<Vec<Row>, DcsError> {
+    let Some(p) = indicated(system, subsystem) else {
+        let all: Vec<usize> = (0..subsystem.switches.len()).collect();
+        let rows = combinations(system, subsystem, &subsystem.switches)?;
+        let rows = rows.into_iter().map(|signs| Row {
+            region: region(system, subsystem, &signs),
+            signs,
+            own: all.clone(),
+            indicated: Vec::new(),
+        });
+        let mut rows: Vec<Row> = rows.collect();
+        rows.sort_by_key(|row| row.region);
+        return Ok(rows);
+    };
+    let partition = &system.partitions[p];
+    let place = |k: &usize| subsystem.switches.binary_search(k).expect("a member");
+    let indicated: Vec<usize> = partition.switches.iter().map(place).collect();
+    let others: Vec<usize> = (subsystem.switches.iter().copied())
+        .filter(|k| !partition.switches.contains(k))
+        .collect();
+    let combinations = combinations(system, subsystem, &others)?;
+    let mut rows = Vec::new();
+    for (r, region) in partition.regions.iter().enumerate() {
+        let literals = region.literals.as_deref().unwrap_or_default();
+        for combination in &combinations {
+            let decided = || literals.iter().copied();
+            let signed = decided().chain(others.iter().copied().zip(combination.iter().copied()));
+            let mut row = Row {
+                region: Some((p, r)),
+                signs: vec![false; subsystem.switches.len()],
+                own: Vec::new(),
+                indicated: indicated.clone(),
+            };
+            for (k, sign) in signed {
+                row.signs[place(&k)] = sign;
+                row.own.push(place(&k));
+            }
+            rows.push(row);
+        }
     }
+    match rows.len() > MAX_REGIONS {
+        true => Err(too_many(system, subsystem)),
+        false => Ok(rows),
+    }
+}
+
+fn too_many(system: &System, subsystem: &Subsystem) -> DcsError {
+    let mut spans = (subsystem.switches.iter()).flat_map(|&k| &system.switches[k].spans);
+    DcsError::TooManyRegions {
+        count: subsystem.switches.len(),
+        span: spans.next().copied().unwrap_or_default(),
+    }
+}
+
+/// The combinations of the sides of some switches of a subsystem that can be reached.
+fn combinations(
+    system: &System,
+    subsystem: &Subsystem,
+    switches: &[usize],
+) -> Result<Vec<Vec<bool>>, DcsError> {
+    let arrangement = system.arrangement(switches);
+    let count = switches.len();
+    let mut combinations = vec![arrangement.all()];
+    for place in 0..count {
+        // What fails or takes too long is not left out; neither is one that can only be touched.
+        let side = |sides: &Sides, above: bool| {
+            if count == 1 || arrangement.n_programs() > MOST_PROGRAMS {
+                return Some(sides.with(place, above));
+            }
+            match arrangement.side(sides, place, above) {
+                Side::Cell(part) | Side::Unknown(part) => Some(part),
+                Side::Empty => None,
+            }
+        };
+        let longer = combinations.iter().flat_map(|sides| {
+            [false, true]
+                .into_iter()
+                .filter_map(|above| side(sides, above))
+        });
+        combinations = longer.take(MAX_REGIONS + 1).collect();
+        if combinations.len() > MAX_REGIONS {
+            return Err(too_many(system, subsystem));
+        }
+    }
+    let signs = combinations.into_iter();
+    let signs = signs.map(|sides| sides.signs.iter().map(|sign| *sign == Some(true)).collect());
+    Ok(signs.collect())
 }
 
 /// The region that holds at a row, of the first partition that is about no other switches.

@@ -7,7 +7,8 @@
 //!
 //! The columns of F_s are the rates with α at the corner of {0, 1}^n that the row names. Subsystems do not multiply
 //! each other, so their regions add up instead of multiplying. A guard of the user's that leaves a sign open has a row
-//! for both, because -Sψ with an open sign prefers the wrong region; rows are found in `signs`.
+//! for both, because -Sψ with an open sign prefers the wrong region; rows are found in `signs`. Where the regions have
+//! indicators of their own, these are g, and -Σ_k S_rk ψ_k is left of the other switches of the subsystem.
 //!
 //! Stewart 1990; Nurkanović & Diehl 2022.
 
@@ -73,8 +74,9 @@ pub fn lower<'e>(system: &System<'e>) -> Result<Dcs<'e>, DcsError> {
 
     // α_k = Σ θ_r over the rows with ψ_k > 0.
     let marginals: Substitution = simplices.iter().flat_map(Simplex::marginals).collect();
+    let shares: Substitution = simplices.iter().flat_map(Simplex::shares).collect();
     dcs.alphas = (system.switches.iter())
-        .map(|switch| switch.alpha.substitute(&marginals))
+        .map(|switch| switch.alpha.substitute(&shares).substitute(&marginals))
         .collect();
     dcs.rates = (system.states.iter())
         .map(|state| combine(system.exprs, state.rate, &simplices))
@@ -86,9 +88,11 @@ pub fn lower<'e>(system: &System<'e>) -> Result<Dcs<'e>, DcsError> {
             .map(|&k| system.switches[k].psi.substitute(&marginals))
             .collect();
         for (row, &lambda) in simplex.rows.iter().zip(lambda) {
-            let g = -dcs
-                .exprs
-                .sum((psi.iter().zip(&row.signs)).map(|(&psi, &plus)| sign(plus) * psi));
+            let compared = (0..psi.len()).filter(|place| !row.indicated.contains(place));
+            let compared = compared.map(|place| sign(row.signs[place]) * psi[place]);
+            let g = indicator(system, row)
+                .map_or(dcs.exprs.constant(0.0), |g| g.substitute(&marginals))
+                - dcs.exprs.sum(compared);
             dcs.equation(g - lambda - *mu, origin(system, s, row));
         }
         let whole = subsystem_origin(system, s);
@@ -100,29 +104,38 @@ pub fn lower<'e>(system: &System<'e>) -> Result<Dcs<'e>, DcsError> {
     Ok(dcs)
 }
 
+/// The indicator of the region of a row, where it has one.
+fn indicator<'e>(system: &System<'e>, row: &Row) -> Option<Expr<'e>> {
+    let (partition, region) = row.region?;
+    system.partitions[partition]
+        .indicators
+        .get(region)
+        .copied()
+        .filter(|_| !row.indicated.is_empty())
+}
+
 /// θ, λ and μ in the order in which [`lower`] declares them: θ_r = Π α or 1-α, μ = min g, λ = g - μ.
 pub(super) fn solution(system: &System, sides: &Sides) -> Vec<f64> {
     let mut values = Vec::new();
     for subsystem in &system.subsystems {
         // `lower` refuses what has too many.
         let rows = rows(system, subsystem).unwrap_or_default();
-        let switches = || subsystem.switches.iter();
         let theta = rows.iter().map(|row| -> f64 {
-            let weight = |(&k, &plus): (&usize, &bool)| {
-                if plus {
-                    sides.alpha[k]
-                } else {
-                    1.0 - sides.alpha[k]
-                }
+            let weight = |&place: &usize| {
+                let alpha = sides.alpha[subsystem.switches[place]];
+                if row.signs[place] { alpha } else { 1.0 - alpha }
             };
-            switches().zip(&row.signs).map(weight).product()
+            row.own.iter().map(weight).product()
         });
         let theta: Vec<f64> = theta.collect();
         let g = rows.iter().map(|row| -> f64 {
-            -switches()
-                .zip(&row.signs)
-                .map(|(&k, &plus)| sign(plus) * sides.psi[k])
-                .sum::<f64>()
+            let switches = subsystem.switches.iter().enumerate();
+            let compared = switches.filter(|(place, _)| !row.indicated.contains(place));
+            let compared = compared.map(|(place, &k)| sign(row.signs[place]) * sides.psi[k]);
+            let own = row.region.filter(|_| !row.indicated.is_empty());
+            own.map_or(0.0, |(partition, region)| {
+                sides.indicators[partition][region]
+            }) - compared.sum::<f64>()
         });
         let g: Vec<f64> = g.collect();
         let mu = g.iter().copied().fold(f64::INFINITY, f64::min);
@@ -228,6 +241,26 @@ impl<'e> Simplex<'e> {
             .iter()
             .map(|column| *column * exprs.sum(shares[column].iter().copied()));
         exprs.sum(terms)
+    }
+
+    /// β_k = θ_k / Σ_{j <= k} θ_j for the comparisons that indicators stand for: where the sum is zero, any value is as
+    /// good as another.
+    fn shares(&self) -> Vec<(Var, Expr<'e>)> {
+        let exprs = self.theta[0].exprs();
+        let indicated = self.rows[0].indicated.iter();
+        let share = |&place: &usize| {
+            let wins = |row: &Row| row.signs[place];
+            let beaten = |row: &Row| !row.signs[place] && row.own.contains(&place);
+            let rows = || self.rows.iter().zip(&self.theta);
+            let won = exprs.sum(rows().filter(|(row, _)| wins(row)).map(|(_, &theta)| theta));
+            let lost = exprs.sum(
+                rows()
+                    .filter(|(row, _)| beaten(row))
+                    .map(|(_, &theta)| theta),
+            );
+            (self.alphas[place], won / (won + lost))
+        };
+        indicated.map(share).collect()
     }
 
     fn marginals(&self) -> impl Iterator<Item = (Var, Expr<'e>)> {

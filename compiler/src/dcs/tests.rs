@@ -365,6 +365,7 @@ fn check_between_corners(
     let sides = Sides {
         psi: vec![0.0; alpha.len()],
         alpha: alpha.to_vec(),
+        indicators: vec![Vec::new(); system.partitions.len()],
     };
     for formulation in [Formulation::Stewart, Formulation::Step] {
         let dcs = lower_as(system, formulation).expect("the system is small");
@@ -462,6 +463,9 @@ proptest! {
         let exprs = Exprs::new();
         let fixture = random(&exprs, &lines, &rates);
         check_two_roads(&fixture, &point)?;
-        check_between_corners(&fixture, &point, &alpha)?;
+        // Lines through one point, where all sides meet.
+        let lines: Vec<_> = lines.iter().map(|&(p, q, _)| (p, q, 0.0)).collect();
+        let exprs = Exprs::new();
+        check_between_corners(&random(&exprs, &lines, &rates), &point, &alpha)?;
     }
 }

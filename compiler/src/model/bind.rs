@@ -364,6 +364,7 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
                 what,
                 chain: order::chain(cycle, &names),
                 span: param.span,
+                others: order::others(cycle, &names, |node| self.model.params[node].span),
             });
         }
         self.model.param_order = sorted;

@@ -53,8 +53,12 @@ impl<'e> fmt::Display for Model<'e> {
         }
         self.write_rates(f, "", &self.dynamics)?;
         for region in &self.regions {
-            let word = if region.is_else { "else " } else { "" };
-            writeln!(f, "region {} {word}{}", region.name, region.guard)?;
+            write!(f, "region {} ", region.name)?;
+            match region.indicator {
+                Some(indicator) => writeln!(f, "indicator {indicator}")?,
+                None if region.is_else => writeln!(f, "else {}", region.guard)?,
+                None => writeln!(f, "{}", region.guard)?,
+            }
             self.write_rates(f, "  ", &region.rates)?;
         }
         for hidden in &self.hidden {

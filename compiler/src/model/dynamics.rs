@@ -201,11 +201,16 @@ impl<'e> Walk<'e> {
         region: &syntax::Region,
     ) -> Result<(), Reported> {
         let zero = lowering.constant(0.0);
-        let (guard, guard_span, is_else) = match &region.guard {
-            RegionGuard::Where(guard) => (self.guard(lowering, guard), guard.span, false),
-            // Refused already.
-            RegionGuard::Indicator(guard) => (Err(Reported), guard.span, false),
-            RegionGuard::Else => (Ok(zero), region.name.span, true),
+        let (guard, guard_span) = match &region.guard {
+            RegionGuard::Where(guard) => {
+                let truth = self.guard(lowering, guard);
+                (truth.map(|guard| (guard, None)), guard.span)
+            }
+            RegionGuard::Indicator(indicator) => {
+                let value = lowering.scalar(indicator, "an indicator");
+                (value.map(|value| (zero, Some(value))), indicator.span)
+            }
+            RegionGuard::Else => (Ok((zero, None)), region.name.span),
         };
         let lets = local_lets(&region.body);
         let base = lowering.open_frame(&lets);
@@ -225,13 +230,14 @@ impl<'e> Walk<'e> {
             .fold(Ok(()), Result::and);
         lowering.locals.truncate(base);
         match (guard, body.and(unread)) {
-            (Ok(guard), Ok(())) => {
+            (Ok((guard, indicator)), Ok(())) => {
                 let name = self.indexed(&region.name.name);
                 let name = format!("{}{name}", lowering.scope.prefix);
                 self.regions.push(Region {
                     name,
                     guard,
-                    is_else,
+                    indicator,
+                    is_else: region.guard == RegionGuard::Else,
                     guard_span,
                     rates,
                     span: region.span,

@@ -94,6 +94,18 @@ pub enum DynamicsError {
         span: Span,
     },
 
+    /// An indicator without others: it is compared with nothing.
+    #[error("the indicator of region `{region}` has nothing to compare with")]
+    #[diagnostic(
+        code(E0307),
+        help("set the same states in other regions, each with its indicator")
+    )]
+    LoneIndicator {
+        region: String,
+        #[label("the only region of its partition")]
+        span: Span,
+    },
+
     /// A comparison that never changes.
     #[error("this comparison is always {value}")]
     #[diagnostic(code(E0308), help("a guard must depend on the state or on time"))]
@@ -161,6 +173,38 @@ pub enum DynamicsError {
         what: String,
         #[label("here")]
         span: Span,
+    },
+
+    /// Guards and indicators in one partition.
+    #[error("region `{first}` has an indicator and region `{second}` has none")]
+    #[diagnostic(
+        code(E0316),
+        help("give every region of the partition an indicator, or every one a guard")
+    )]
+    MixedGuards {
+        first: String,
+        second: String,
+        #[label("where this is the smallest")]
+        first_span: Span,
+        #[label(primary, "sets the same states{note}")]
+        second_span: Span,
+        note: &'static str,
+    },
+
+    /// Indicators that are never equal, or always.
+    #[error("the indicators of `{first}` and `{second}` {relation}")]
+    #[diagnostic(
+        code(E0317),
+        help("their difference must change its sign across the surface between the regions")
+    )]
+    NoBoundary {
+        first: String,
+        second: String,
+        relation: String,
+        #[label("one indicator")]
+        first_span: Span,
+        #[label(primary, "the other")]
+        second_span: Span,
     },
 
     /// Dynamics of a part, written outside of it.

@@ -1,6 +1,6 @@
 //! What can be wrong with names (E01), and with shapes and types (E02).
 
-use miette::Diagnostic;
+use miette::{Diagnostic, LabeledSpan};
 use thiserror::Error;
 
 use crate::source::Span;
@@ -61,8 +61,10 @@ pub enum ModelError {
     Cycle {
         what: String,
         chain: String,
-        #[label("needed to compute itself")]
+        #[label(primary, "needed to compute itself")]
         span: Span,
+        #[label(collection)]
+        others: Vec<LabeledSpan>,
     },
 
     /// A function that calls itself.
@@ -328,6 +330,16 @@ pub enum ModelError {
         #[label("depends on {cause}")]
         span: Span,
         cause: String,
+    },
+
+    /// An expression of numbers that has no value, as `sqrt(-1)`.
+    #[error("{what} is no finite number")]
+    #[diagnostic(code(E0225))]
+    NotFinite {
+        what: String,
+        #[label("gives {value}")]
+        span: Span,
+        value: f64,
     },
 
     /// A condition where a number must stand.

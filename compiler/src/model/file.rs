@@ -7,7 +7,7 @@ use rustc_hash::FxHashMap;
 
 use super::import::{Import, import};
 use super::lower::Lowering;
-use super::order::{chain, edges, free_names, free_names_under, topological};
+use super::order::{chain, edges, free_names, free_names_under, others, topological};
 use super::parts::Files;
 use super::reserved::{FUNCTIONS, VALUES, did_you_mean, is_builtin};
 use super::scope::{Callable, Meaning, Scope};
@@ -321,6 +321,7 @@ fn constants<'e>(scope: &mut Scope<'e>, file: &FileNames<'_>, diags: &mut Diagno
             what,
             chain: chain(&cycle, &names),
             span,
+            others: others(&cycle, &names, |node| file.consts[node].name.span),
         });
     }
     for node in order.into_iter().filter(|&node| !in_cycle[node]) {

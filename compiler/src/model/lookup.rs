@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
+use miette::LabeledSpan;
+
 use super::check::plural;
 use super::lower::{Lazy, Local, Lowering};
 use super::reserved::{FUNCTIONS, VALUES, did_you_mean};
@@ -109,6 +111,10 @@ impl<'e> Lowering<'_, 'e> {
                         what: format!("`{name}`"),
                         chain,
                         span,
+                        others: vec![LabeledSpan::new_with_span(
+                            Some("while this is computed".to_owned()),
+                            statement.name.span,
+                        )],
                     });
                 }
                 Lazy::Waiting => (Rc::clone(statement), *frame),

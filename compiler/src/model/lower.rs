@@ -216,7 +216,17 @@ impl<'a, 'e> Lowering<'a, 'e> {
         match value.constants() {
             Some(constants) => Ok(constants),
             None => {
-                let cause = check::first_variable(&value.data).unwrap_or_default();
+                let Some(cause) = check::first_variable(&value.data) else {
+                    let values = value.data.iter().map(|e| e.eval(&|_| f64::NAN));
+                    return self.error(ModelError::NotFinite {
+                        what: what.to_owned(),
+                        span,
+                        value: values
+                            .into_iter()
+                            .find(|v| !v.is_finite())
+                            .unwrap_or(f64::NAN),
+                    });
+                };
                 self.error(ModelError::NotConstant {
                     what: what.to_owned(),
                     span,

@@ -32,6 +32,7 @@ mod fields;
 mod file;
 mod given_error;
 mod import;
+mod indicators;
 mod lookup;
 mod lower;
 mod names;
@@ -209,8 +210,11 @@ pub struct Rate<'e> {
 pub struct Region<'e> {
     /// Declared name, with the indices of enclosing loops.
     pub name: String,
-    /// 1 inside, 0 outside; for `else`, 1 minus the others of its partition.
+    /// 1 inside, 0 outside; for `else`, 1 minus the others of its partition; for indicators, that this one is the
+    /// smallest.
     pub guard: Expr<'e>,
+    /// g of `region R indicator g`.
+    pub indicator: Option<Expr<'e>>,
     /// True for `region R else`.
     pub is_else: bool,
     /// Where the guard stands.

@@ -1,5 +1,6 @@
 //! Dependencies between declarations: an order in which each comes after what it needs.
 
+use miette::LabeledSpan;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::source::Span;
@@ -180,6 +181,21 @@ pub(super) fn chain(cycle: &[usize], names: &[&str]) -> String {
         .map(|&node| names[node])
         .collect::<Vec<_>>()
         .join(" -> ")
+}
+
+/// What the members of a cycle but the first need, each where it is declared.
+pub(super) fn others(
+    cycle: &[usize],
+    names: &[&str],
+    span: impl Fn(usize) -> Span,
+) -> Vec<LabeledSpan> {
+    let next = cycle.iter().cycle().skip(2);
+    let pairs = cycle.iter().skip(1).zip(next);
+    let label = |(&node, &next): (&usize, &usize)| {
+        let text = format!("needs `{}`", names[next]);
+        LabeledSpan::new_with_span(Some(text), span(node))
+    };
+    pairs.map(label).collect()
 }
 
 /// Where a name first stands in an expression.

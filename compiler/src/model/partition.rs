@@ -3,7 +3,7 @@
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::check::corners_are_empty;
-use super::{DynamicsError, Model, Partition};
+use super::{DynamicsError, Model, Partition, Region, indicators};
 use crate::diagnostics::Diagnostics;
 use crate::source::Span;
 
@@ -52,11 +52,13 @@ pub(super) fn partition(
         missing(model, &outside, touched, diags);
     }
     complements(model);
+    indicators::compare(model, diags);
 }
 
 /// Guards that hold on no side of their surfaces.
 fn thin_guards(model: &Model<'_>, diags: &mut Diagnostics) {
-    for region in model.regions.iter().filter(|region| !region.is_else) {
+    let guarded = |region: &&Region<'_>| !region.is_else && region.indicator.is_none();
+    for region in model.regions.iter().filter(guarded) {
         if corners_are_empty(region.guard) {
             diags.push(DynamicsError::ThinGuard {
                 span: region.guard_span,
@@ -174,6 +176,8 @@ fn check(
                 region: name,
                 span: region(only).span,
             },
+            // Told with the indicators.
+            false if region(only).indicator.is_some() => return,
             false => DynamicsError::LoneRegion {
                 region: name,
                 entry: entry_name(model, entry),
@@ -224,7 +228,7 @@ fn entry_name(model: &Model<'_>, entry: usize) -> String {
 }
 
 /// `q[1]` of `ball[3].q[1]`
-fn local(name: &str) -> String {
+pub(super) fn local(name: &str) -> String {
     name.rsplit('.').next().unwrap_or_default().to_owned()
 }
 

@@ -9,7 +9,7 @@ use rustc_hash::FxHashSet;
 use super::declare::Declaring;
 use super::lower::Lowering;
 use super::names::{Declared, Item};
-use super::order::{chain, edges, free_names_under, topological};
+use super::order::{chain, edges, free_names_under, others, topological};
 use super::parts::{Files, Instance};
 use super::{Model, ModelError, connect, display, dynamics, import, partition, parts, units};
 use crate::diagnostics::Diagnostics;
@@ -155,6 +155,7 @@ pub(super) fn order(
             what,
             chain: chain(&cycle, &names),
             span,
+            others: others(&cycle, &names, |node| declared[node].name.span),
         });
     }
     order.into_iter().filter(|&node| !in_cycle[node]).collect()

@@ -5,7 +5,7 @@ use thiserror::Error;
 
 use crate::diagnostics::Diagnostics;
 use crate::source::Span;
-use crate::syntax::{DeclKind, Expr, ExprKind, NamedKind, RegionGuard, Stmt};
+use crate::syntax::{DeclKind, Expr, ExprKind, NamedKind, Stmt};
 
 /// A construct of the language that cannot be lowered yet (E09).
 #[derive(Clone, Debug, Diagnostic, Error)]
@@ -71,17 +71,6 @@ pub enum Unsupported {
         span: Span,
     },
 
-    /// Stewart's indicators.
-    #[error("regions with indicators are not supported yet")]
-    #[diagnostic(
-        code(E0910),
-        help("write the guard with `where`: `g1 < g2 and g1 < g3`")
-    )]
-    Indicators {
-        #[label("an indicator")]
-        span: Span,
-    },
-
     /// Large symbolic inverses.
     #[error("the inverse of a {size} by {size} matrix is not supported yet")]
     #[diagnostic(code(E0912), help("symbolic matrices can be inverted up to 4 by 4"))]
@@ -101,7 +90,7 @@ pub(super) fn check(stmt: &Stmt, diags: &mut Diagnostics) {
 
 /// True for a declaration whose name cannot be used either.
 pub(super) fn is_refused(stmt: &Stmt) -> bool {
-    !matches!(stmt, Stmt::Region(_)) && refusal(stmt).is_some()
+    refusal(stmt).is_some()
 }
 
 fn refusal(stmt: &Stmt) -> Option<Unsupported> {
@@ -124,12 +113,6 @@ fn refusal(stmt: &Stmt) -> Option<Unsupported> {
                 span: named.value.span,
             }
         }
-        Stmt::Region(region) => match &region.guard {
-            RegionGuard::Indicator(indicator) => Unsupported::Indicators {
-                span: indicator.span,
-            },
-            _ => return None,
-        },
         _ => return None,
     })
 }

@@ -183,6 +183,8 @@ pub struct ModeInterval {
     pub mode: String,
     /// Names of the regions the state is in; none while it slides between them.
     pub regions: Vec<String>,
+    /// Regions with indicators that the state slides between, by partition.
+    pub between: Vec<Vec<String>>,
     /// The side of every switch, in the order of [`Trajectory::switches`].
     pub sides: Vec<Side>,
 }

@@ -10,6 +10,7 @@ pub fn oscillator() -> Trajectory {
         to,
         mode: region.into(),
         regions: vec![region.into()],
+        between: Vec::new(),
         sides: vec![side],
     };
     Trajectory {

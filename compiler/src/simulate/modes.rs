@@ -4,6 +4,7 @@ use nsd_solver::simulate::Side;
 
 use crate::expr::Var;
 use crate::report::{self, EventKind};
+use crate::source::Span;
 use crate::system::System;
 
 /// Turns sides into the words of the language.
@@ -11,6 +12,15 @@ pub(super) struct ModeNames<'s, 'e> {
     system: &'s System<'e>,
     /// Switches that no partition shows.
     loose: Vec<usize>,
+    /// The partition of every switch that compares indicators: what it does shows in the regions only.
+    indicated: Vec<Option<usize>>,
+}
+
+/// The change of one surface, or of the regions of a partition with indicators.
+pub(super) struct Change {
+    pub kind: EventKind,
+    pub surface: String,
+    pub span: Option<Span>,
 }
 
 impl<'s, 'e> ModeNames<'s, 'e> {
@@ -21,10 +31,62 @@ impl<'s, 'e> ModeNames<'s, 'e> {
                 .iter()
                 .any(|partition| partition.switches.contains(i))
         };
+        let partition_of = |i: usize| {
+            let mut partitions = system.partitions.iter();
+            partitions.position(|p| !p.indicators.is_empty() && p.switches.contains(&i))
+        };
         ModeNames {
             system,
             loose: (0..system.switches.len()).filter(|i| !shown(i)).collect(),
+            indicated: (0..system.switches.len()).map(partition_of).collect(),
         }
+    }
+
+    /// The regions of a partition with indicators that a state is in or slides between.
+    fn between(&self, partition: usize, sides: &[Side]) -> Vec<&'s str> {
+        let fits = |&(k, on): &(usize, bool)| match sides[k] {
+            Side::Slide => true,
+            side => (side == Side::Plus) == on,
+        };
+        let regions = self.system.partitions[partition].regions.iter();
+        let present = regions.filter(|region| region.literals.iter().flatten().all(fits));
+        present.map(|region| region.name.as_str()).collect()
+    }
+
+    /// What changes between two modes: nothing where only indicators of other regions than the present ones cross.
+    pub(super) fn changes(&self, from: &[Side], to: &[Side]) -> Vec<Change> {
+        let mut found = Vec::new();
+        let mut told = vec![false; self.system.partitions.len()];
+        for (i, switch) in self.system.switches.iter().enumerate() {
+            let Some(kind) = self.kind(i, from[i], to[i]) else {
+                continue;
+            };
+            let Some(partition) = self.indicated[i] else {
+                found.push(Change {
+                    kind,
+                    surface: switch.name.clone(),
+                    span: switch.spans.first().copied(),
+                });
+                continue;
+            };
+            let (before, after) = (self.between(partition, from), self.between(partition, to));
+            if before == after || std::mem::replace(&mut told[partition], true) {
+                continue;
+            }
+            let regions = self.system.partitions[partition].regions.iter();
+            let names = regions.map(|region| region.name.as_str());
+            let met = names.filter(|name| before.contains(name) || after.contains(name));
+            found.push(Change {
+                kind: match (before.len(), after.len()) {
+                    (1, 1) => EventKind::Crossing,
+                    (before, after) if after < before => EventKind::LeaveSliding,
+                    _ => EventKind::EnterSliding,
+                },
+                surface: met.collect::<Vec<_>>().join(" | "),
+                span: switch.spans.first().copied(),
+            });
+        }
+        found
     }
 
     /// Regions the state is in: those whose weight is 1.
@@ -48,11 +110,23 @@ impl<'s, 'e> ModeNames<'s, 'e> {
             .collect()
     }
 
+    /// The regions with indicators that the state slides between, by partition.
+    pub(super) fn sliding_between(&self, sides: &[Side]) -> Vec<Vec<&'s str>> {
+        let partitions = self.system.partitions.iter().enumerate();
+        let indicated = partitions.filter(|(_, partition)| !partition.indicators.is_empty());
+        let sets = indicated.map(|(p, _)| self.between(p, sides));
+        sets.filter(|set| set.len() > 1).collect()
+    }
+
     /// `inside, sliding(x[1])`: regions, then what each remaining switch does.
     pub(super) fn mode(&self, sides: &[Side]) -> String {
         let mut words = self.regions(sides);
+        for set in self.sliding_between(sides) {
+            words.push(format!("sliding({})", set.join(", ")));
+        }
         for (i, side) in sides.iter().enumerate() {
-            if *side == Side::Slide || self.loose.contains(&i) {
+            let is_hidden = self.indicated[i].is_some();
+            if (*side == Side::Slide && !is_hidden) || self.loose.contains(&i) {
                 words.push(self.word(i, *side));
             }
         }
@@ -99,7 +173,7 @@ impl<'s, 'e> ModeNames<'s, 'e> {
     }
 
     /// What the change of one switch is called; none where it did not change.
-    pub(super) fn kind(&self, switch: usize, from: Side, to: Side) -> Option<EventKind> {
+    fn kind(&self, switch: usize, from: Side, to: Side) -> Option<EventKind> {
         match self.is_relay(switch) {
             true => (from != to).then_some(EventKind::Relay),
             false => kind(from, to),

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use nsd_solver::simulate::{Event, Observer, Outcome, Segment, Side};
 
 use super::limits::Limits;
-use super::modes::ModeNames;
+use super::modes::{self, ModeNames};
 use crate::expr;
 use crate::report::{self, ModeInterval, Piece, Series, Trajectory};
 use crate::system::experiment::{Sampling, Settings};
@@ -108,7 +108,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
         trajectory.outputs = self.evaluate(system, &system.outputs);
         trajectory.controls = self.evaluate(system, &system.controls);
         trajectory.warnings.extend(self.limits.warnings());
-        self.name_modes(system, names, outcome, trajectory);
+        self.name_modes(names, outcome, trajectory);
         trajectory.dense.pieces = self.pieces.unwrap_or_default();
         trajectory.time = self.times;
     }
@@ -153,13 +153,11 @@ impl<'s, 'e> Recorder<'s, 'e> {
         outputs.iter().map(&mut series).collect()
     }
 
-    fn name_modes(
-        &self,
-        system: &System,
-        names: &ModeNames,
-        outcome: &Outcome,
-        trajectory: &mut Trajectory,
-    ) {
+    fn name_modes(&self, names: &ModeNames, outcome: &Outcome, trajectory: &mut Trajectory) {
+        let changes: Vec<(&Change, Vec<modes::Change>)> = (self.changes.iter())
+            .map(|change| (change, names.changes(&change.1, &change.2)))
+            .filter(|(_, what)| !what.is_empty())
+            .collect();
         let first = self
             .changes
             .first()
@@ -169,19 +167,17 @@ impl<'s, 'e> Recorder<'s, 'e> {
             to,
             mode: names.mode(sides),
             regions: names.regions(sides),
+            between: (names.sliding_between(sides).into_iter())
+                .map(|set| set.into_iter().map(str::to_owned).collect())
+                .collect(),
             sides: names.sides(sides),
         };
-        let ends = self
-            .changes
-            .iter()
-            .map(|(time, ..)| *time)
-            .chain([outcome.time]);
-        let starts = [0.0]
-            .into_iter()
-            .chain(self.changes.iter().map(|(time, ..)| *time));
+        let instants = || changes.iter().map(|((time, ..), _)| *time);
+        let ends = instants().chain([outcome.time]);
+        let starts = [0.0].into_iter().chain(instants());
         let sides = [first]
             .into_iter()
-            .chain(self.changes.iter().map(|(.., to)| &to[..]));
+            .chain(changes.iter().map(|((.., to), _)| &to[..]));
         trajectory.modes = starts
             .zip(ends)
             .zip(sides)
@@ -191,19 +187,17 @@ impl<'s, 'e> Recorder<'s, 'e> {
         if outcome.time == 0.0 && self.changes.is_empty() {
             trajectory.modes.clear();
         }
-        for (time, from, to) in &self.changes {
+        for ((time, from, to), what) in changes {
             let (mode_from, mode_to) = (names.mode(from), names.mode(to));
-            for (i, switch) in system.switches.iter().enumerate() {
-                if let Some(kind) = names.kind(i, from[i], to[i]) {
-                    trajectory.events.push(report::Event {
-                        time: *time,
-                        kind,
-                        surface: switch.name.clone(),
-                        from: mode_from.clone(),
-                        to: mode_to.clone(),
-                        span: switch.spans.first().copied(),
-                    });
-                }
+            for change in what {
+                trajectory.events.push(report::Event {
+                    time: *time,
+                    kind: change.kind,
+                    surface: change.surface,
+                    from: mode_from.clone(),
+                    to: mode_to.clone(),
+                    span: change.span,
+                });
             }
         }
     }

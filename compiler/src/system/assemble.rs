@@ -3,14 +3,14 @@
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::continuity::classify;
+use super::corners::jumps_somewhere;
 use super::interaction::{positions, subsystems};
 use super::limits::Limit;
 use super::lower::Lowering;
+use super::partitions::Regions;
+use super::regions::regions_of;
 use super::relay::at_all_sides;
-use super::{
-    Continuity, Output, Param, Partition, Region, State, StateGroup, Switch, System, SystemError,
-    regions, skipped,
-};
+use super::{Continuity, Output, Param, State, StateGroup, Switch, System, SystemError, skipped};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Var, variables_of};
 use crate::model::{self, SwitchKind, TargetKind};
@@ -22,8 +22,8 @@ impl<'e> Lowering<'_, 'e> {
         self,
         rates: Vec<Expr<'e>>,
         (outputs, controls, limits): (Vec<Output<'e>>, Vec<Output<'e>>, Vec<Limit<'e>>),
-        weights: Vec<Expr<'e>>,
         named: &[Expr<'e>],
+        regions: Regions<'e>,
         diags: &mut Diagnostics,
     ) -> System<'e> {
         let model = self.model;
@@ -34,7 +34,8 @@ impl<'e> Lowering<'_, 'e> {
             .chain(limits.iter().map(|limit| limit.value));
         let roots: Vec<Expr<'e>> = rates
             .iter()
-            .chain(&weights)
+            .chain(&regions.weights)
+            .chain(&regions.guards)
             .copied()
             .chain(recorded)
             .chain(named.iter().copied())
@@ -80,11 +81,26 @@ impl<'e> Lowering<'_, 'e> {
                 .map(|(functions, psi)| classify(functions, (alpha, *psi), is_kink, &sampler));
             classes.max().unwrap_or(Continuity::Discontinuous)
         };
+        let surfaces: Vec<(Var, Expr<'e>)> = switches
+            .iter()
+            .map(Switch::surface)
+            .zip(&alphas)
+            .map(|(psi, &alpha)| (alpha, psi))
+            .collect();
+        let frame = self.frame(surfaces);
         for (k, switch) in switches.iter_mut().enumerate() {
-            let is_kink = self.switches.is_kink(kept[k]);
-            if switch.relay.is_none() {
-                switch.continuity = across(&entered[k], (alphas[k], switch.psi), is_kink);
+            if switch.relay.is_some() {
+                continue;
             }
+            let is_kink = self.switches.is_kink(kept[k]);
+            let known = across(&entered[k], (alphas[k], switch.psi), is_kink);
+            let jumps =
+                known == Continuity::Sampled && jumps_somewhere(&entered[k], k, &frame, &sampler);
+            switch.continuity = if jumps {
+                Continuity::Discontinuous
+            } else {
+                known
+            };
         }
         for outer in &switches {
             for inner in positions(outer.psi, &alphas) {
@@ -106,20 +122,12 @@ impl<'e> Lowering<'_, 'e> {
         }
 
         let states = self.states(&rates);
-        let partitions = self.partitions(&weights, &alphas);
-        for (partition, numbers) in partitions.iter().zip(self.kept_partitions()) {
-            let guards: Vec<Span> = numbers
-                .regions
-                .iter()
-                .map(|&r| model.regions[r].guard_span)
-                .collect();
-            if let Some(error) = regions::check(partition, &states, &switches, &guards, &sampler) {
-                diags.push(error);
-            }
-        }
+        let partitions = self.partitions(
+            &regions, &rates, &switches, &alphas, &sampler, &states, diags,
+        );
         let mut subsystems = subsystems(&rates, &alphas);
         for subsystem in &mut subsystems {
-            subsystem.regions = regions::regions_of(subsystem, &partitions, &rates, &alphas);
+            subsystem.regions = regions_of(subsystem, &partitions, &rates, &alphas);
         }
         let dropped: Vec<(String, Expr<'e>)> = dropped
             .into_iter()
@@ -284,36 +292,8 @@ impl<'e> Lowering<'_, 'e> {
     }
 
     /// The partitions of states that are kept.
-    fn kept_partitions(&self) -> impl Iterator<Item = &model::Partition> {
+    pub(super) fn kept_partitions(&self) -> impl Iterator<Item = &model::Partition> {
         let partitions = self.model.partitions.iter();
         partitions.filter(|partition| partition.regions.iter().any(|&r| self.needs.regions[r]))
-    }
-
-    fn partitions(&self, weights: &[Expr<'e>], alphas: &[Var]) -> Vec<Partition<'e>> {
-        let place: Vec<usize> = self.kept_states().map(|(entry, _)| entry).collect();
-        let partitions = self.kept_partitions().map(|partition| {
-            let regions: Vec<Region<'e>> = (partition.regions.iter())
-                .map(|&r| Region {
-                    name: self.model.regions[r].name.clone(),
-                    weight: weights[r],
-                    literals: regions::conjunction(weights[r], alphas),
-                    span: self.model.regions[r].span,
-                })
-                .collect();
-            let mut switches: Vec<usize> = regions
-                .iter()
-                .flat_map(|region| positions(region.weight, alphas))
-                .collect();
-            switches.sort_unstable();
-            switches.dedup();
-            Partition {
-                regions,
-                switches,
-                states: (partition.entries.iter())
-                    .filter_map(|entry| place.binary_search(entry).ok())
-                    .collect(),
-            }
-        });
-        partitions.collect()
     }
 }

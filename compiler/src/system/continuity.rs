@@ -93,6 +93,14 @@ pub(super) fn vanishes_at_samples<'e>(e: Expr<'e>, psi: Expr<'e>, sampler: &Samp
     on_samples(e, psi, ROUNDING, sampler) == Some(true)
 }
 
+/// Whether e is zero wherever ψ is, as its form shows, or at all sampled points.
+pub(super) fn is_zero_on<'e>(e: Expr<'e>, psi: Expr<'e>, sampler: &Sampler<'e>) -> bool {
+    e.is_zero() || vanishes(e, psi) || {
+        let sampler = sampler.only(&[e, psi]);
+        vanishes_at_samples(e, psi, &sampler)
+    }
+}
+
 /// Whether e is zero, to rounding, at the sampled points of the surface where it is defined;
 /// `None` without such points.
 fn on_samples<'e>(

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::{Continuity, System};
+use super::{Continuity, Coverage, System};
 
 impl fmt::Display for System<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -52,9 +52,21 @@ impl fmt::Display for System<'_> {
                 .iter()
                 .map(|&s| self.states[s].name.as_str())
                 .collect();
-            writeln!(f, "partition of {}", states.join(", "))?;
-            for region in &partition.regions {
-                writeln!(f, "  {}: {}", region.name, region.weight)?;
+            let coverage = match partition.coverage {
+                Coverage::Proven => "proven",
+                Coverage::Sampled => "no counterexample at sampled points",
+            };
+            writeln!(
+                f,
+                "partition of {}  // one region everywhere: {coverage}",
+                states.join(", ")
+            )?;
+            for (r, region) in partition.regions.iter().enumerate() {
+                write!(f, "  {}: {}", region.name, region.weight)?;
+                match partition.indicators.get(r) {
+                    Some(indicator) => writeln!(f, "  // indicator {indicator}")?,
+                    None => writeln!(f)?,
+                }
             }
         }
         for (word, list) in [("output", &self.outputs), ("control", &self.controls)] {

@@ -38,14 +38,22 @@ pub enum SystemError {
         span: Span,
     },
 
+    /// A guard whose comparisons exclude each other, or hold together on a surface only.
+    #[error("region `{region}` is a thin set at most")]
+    #[diagnostic(
+        code(E0309),
+        help("widen the region, or drop it; `<` and `<=` are the same")
+    )]
+    ThinGuard {
+        region: String,
+        #[label("{why}")]
+        span: Span,
+        why: &'static str,
+    },
+
     /// A switch that enters the dynamics nonlinearly, without a reading on its surface.
     #[error("`{name}` enters nonlinearly and has no reading on its surface")]
-    #[diagnostic(
-        code(E0401),
-        help(
-            "choose a reading: `{linear}` for Filippov's (values between those of the two sides), `{nonlinear}` for the expression as written (hidden dynamics)"
-        )
-    )]
+    #[diagnostic(code(E0401), help("choose a reading: {linear}, or {nonlinear}"))]
     NonlinearSwitch {
         name: String,
         linear: String,
@@ -53,7 +61,7 @@ pub enum SystemError {
         #[label(primary, "this switching term")]
         switch: Span,
         #[label("enters nonlinearly here")]
-        entry: Span,
+        entry: Option<Span>,
     },
 
     /// A nonlinear condition: no named switch can carry the reading.
@@ -69,7 +77,7 @@ pub enum SystemError {
         #[label(primary, "this condition")]
         condition: Span,
         #[label("enters nonlinearly here")]
-        entry: Span,
+        entry: Option<Span>,
     },
 
     /// A switching function without a state or time.

@@ -15,6 +15,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::experiment::Settings;
 use super::needs::Needs;
+use super::partitions::Regions;
 use super::reading::check_reading;
 use super::sample::Sampler;
 use super::surface::Form;
@@ -52,16 +53,17 @@ pub fn lower<'e>(
     lowering.read_named_switches();
     lowering.declare_surfaces(&through);
 
-    let rates = lowering.rates(diags);
+    let regions = lowering.regions();
+    let rates = lowering.rates(&regions, diags);
     let (outputs, controls) = lowering.recorded();
-    let weights = lowering.weights();
     let named = lowering.named_surfaces();
     let limits = lowering.limits();
     lowering.report_refused(diags);
     if diags.errors().count() > errors_before {
         return None;
     }
-    let system = lowering.assemble(rates, (outputs, controls, limits), weights, &named, diags);
+    let recorded = (outputs, controls, limits);
+    let system = lowering.assemble(rates, recorded, &named, regions, diags);
     if diags.errors().count() > errors_before {
         return None;
     }
@@ -195,7 +197,7 @@ impl<'m, 'e> Lowering<'m, 'e> {
     }
 
     /// x' of the states that are kept, in α.
-    fn rates(&mut self, diags: &mut Diagnostics) -> Vec<Expr<'e>> {
+    fn rates(&mut self, regions: &Regions<'e>, diags: &mut Diagnostics) -> Vec<Expr<'e>> {
         let model = self.model;
         let zero = model.exprs.constant(0.0);
         let mut rates = vec![Vec::new(); self.needs.entries.len()];
@@ -216,9 +218,8 @@ impl<'m, 'e> Lowering<'m, 'e> {
             if !self.needs.regions[r] {
                 continue;
             }
-            let guard = self.replace(region.guard, region.guard_span);
-            let weight = self.switches.merged(guard);
-            let implied = self.implied(weight);
+            let weight = regions.weights[r];
+            let implied = self.implied(regions.guards[r]);
             for rate in &region.rates {
                 if !self.needs.entries[rate.entry] {
                     continue;
@@ -262,17 +263,9 @@ impl<'m, 'e> Lowering<'m, 'e> {
             .collect()
     }
 
-    /// By region; zero where it is skipped.
-    fn weights(&mut self) -> Vec<Expr<'e>> {
-        let model = self.model;
-        let weights = model.regions.iter().enumerate().map(|(r, region)| {
-            if !self.needs.regions[r] {
-                return model.exprs.constant(0.0);
-            }
-            let guard = self.replace(region.guard, region.guard_span);
-            self.switches.merged(guard)
-        });
-        weights.collect()
+    pub(super) fn weight(&mut self, guard: Expr<'e>, span: Span) -> Expr<'e> {
+        let guard = self.replace(guard, span);
+        self.switches.merged(guard)
     }
 
     fn check(&self, value: Expr<'e>, span: Span, diags: &mut Diagnostics) {

@@ -24,13 +24,16 @@
 //!   one subsystem; α of different subsystems never multiply each other.
 //! - In every corner of α, the weights of a partition are 0 or 1, or sum to one: a region `else`
 //!   is 1 minus the others also in corners that no point has. (That exactly one region holds at
-//!   every point is checked at samples by [`lower`].)
+//!   every point is proven by [`lower`], or else checked at samples; see [`Coverage`].)
 
 mod affine;
 #[cfg(test)]
 mod agreement_tests;
+pub mod arrangement;
 mod assemble;
 mod continuity;
+mod corners;
+mod coverage;
 mod display;
 mod error;
 pub mod experiment;
@@ -40,6 +43,7 @@ mod lower;
 mod needs;
 #[cfg(test)]
 mod needs_tests;
+mod partitions;
 mod read;
 mod reading;
 mod regions;
@@ -205,6 +209,20 @@ pub struct Partition<'e> {
     pub switches: Vec<usize>,
     /// Indices of the scalar states it sets.
     pub states: Vec<usize>,
+    /// How it is known that exactly one region holds.
+    pub coverage: Coverage,
+    /// g_r of every region, where each is R_r = { g_r < min_{j≠r} g_j } and nothing but the region depends on the
+    /// switches; else empty.
+    pub indicators: Vec<Expr<'e>>,
+}
+
+/// How it is known that the regions of a partition neither overlap nor leave gaps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Coverage {
+    /// Every combination of sides has one region, or no point.
+    Proven,
+    /// No counterexample was found at sampled points.
+    Sampled,
 }
 
 /// A named region of a [`Partition`].

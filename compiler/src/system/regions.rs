@@ -1,9 +1,10 @@
 //! Guards of regions as weights in α: conjunctions, overlaps, gaps.
 
 use super::affine::at;
+use super::coverage::Proof;
 use super::interaction::positions;
 use super::sample::{Point, Sampler};
-use super::{Partition, State, Subsystem, Switch, SystemError};
+use super::{Coverage, Partition, State, Subsystem, Switch, SystemError};
 use crate::expr::{Expr, Node, Var};
 use crate::source::Span;
 
@@ -79,55 +80,100 @@ fn corner_value(weight: Expr<'_>, alphas: &[Var], inside: &[usize], corner: usiz
     })
 }
 
-/// Reports points at which no region of the partition holds, or two do.
+/// Looks for points at which no guard of the partition holds, or two do, by the weights of the guards: the point that a
+/// proof has found, or sampled ones where the proof is not complete.
 pub(super) fn check<'e>(
     partition: &Partition<'e>,
+    (weights, proof): (&[Expr<'e>], &Proof<'e>),
     states: &[State<'e>],
     switches: &[Switch<'e>],
     guards: &[Span],
     sampler: &Sampler<'e>,
-) -> Option<SystemError> {
+) -> Result<Coverage, SystemError> {
+    if proof.is_complete && proof.counterexample.is_none() {
+        return Ok(Coverage::Proven);
+    }
     let psi: Vec<Expr<'e>> = partition
         .switches
         .iter()
         .map(|&k| switches[k].psi)
         .collect();
-    let exprs = partition.regions.first()?.weight.exprs();
-    let name = |var| exprs.name(var);
+    let Some(first) = partition.regions.first() else {
+        return Ok(Coverage::Proven);
+    };
+    let exprs = first.weight.exprs();
+    let sampler = sampler.only(&[psi.as_slice(), weights].concat());
     // On a surface, no guard has a say.
     let is_off = |point: &Point| psi.iter().all(|&psi| sampler.eval(psi, point).abs() > 1e-9);
-    for point in sampler.points_around(&psi).filter(is_off) {
-        let holding: Vec<usize> = (0..partition.regions.len())
-            .filter(|&r| sampler.eval(partition.regions[r].weight, &point) > 0.5)
-            .collect();
-        match holding[..] {
-            [_] => {}
-            [] => {
-                let set = partition
-                    .states
-                    .iter()
-                    .map(|&s| states[s].name.as_str())
-                    .collect::<Vec<_>>();
-                return Some(SystemError::Gap {
-                    states: set.join(", "),
-                    witness: sampler.witness(&point, &psi, name),
-                    span: partition.regions.last()?.span,
-                });
-            }
-            [first, second, ..] => {
-                let (first_span, second_span) = (guards[first], guards[second]);
-                let (first, second) = (&partition.regions[first], &partition.regions[second]);
-                return Some(SystemError::Overlap {
-                    first: first.name.clone(),
-                    second: second.name.clone(),
-                    witness: sampler.witness(&point, &psi, name),
-                    first_span,
-                    second_span,
-                });
-            }
+    let holding = |point: &Point| -> Vec<usize> {
+        let holds = |&r: &usize| sampler.eval(weights[r], point) > 0.5;
+        (0..partition.regions.len()).filter(holds).collect()
+    };
+    let is_wrong = |point: &Point| holding(point).len() != 1;
+    let proven = proof.counterexample.iter();
+    let proven = proven.map(|values| sampler.point_at(values));
+    let sampled = sampler.points_around(&psi).filter(is_off);
+    let Some(point) = proven.chain(sampled).find(is_wrong) else {
+        return Ok(Coverage::Sampled);
+    };
+    let is_beside = |point: &Point| psi.iter().all(|&psi| sampler.eval(psi, point) != 0.0);
+    let point = sampler.shortened(&point, |point| is_beside(point) && is_wrong(point));
+    let witness = sampler.witness(&point, &psi, |var| exprs.name(var));
+    match holding(&point)[..] {
+        [first, second, ..] => {
+            let (first_span, second_span) = (guards[first], guards[second]);
+            let (first, second) = (&partition.regions[first], &partition.regions[second]);
+            Err(SystemError::Overlap {
+                first: first.name.clone(),
+                second: second.name.clone(),
+                witness,
+                first_span,
+                second_span,
+            })
+        }
+        _ => {
+            let set: Vec<&str> = (partition.states.iter())
+                .map(|&s| states[s].name.as_str())
+                .collect();
+            Err(SystemError::Gap {
+                states: set.join(", "),
+                witness,
+                span: partition
+                    .regions
+                    .last()
+                    .map_or(first.span, |last| last.span),
+            })
         }
     }
-    None
+}
+
+/// Whether nothing depends on the switches of a partition but through its regions: no rate, once a region has decided
+/// them, and no other ψ.
+pub(super) fn decide_all(
+    partition: &Partition<'_>,
+    rates: &[Expr<'_>],
+    switches: &[Switch<'_>],
+    alphas: &[Var],
+) -> bool {
+    let own = |k: &usize| partition.switches.contains(k);
+    let is_free = |e: Expr<'_>| !positions(e, alphas).iter().any(own);
+    let mut others = (0..switches.len()).filter(|k| !own(k));
+    let are_named = partition
+        .switches
+        .iter()
+        .any(|&k| !switches[k].named.is_empty());
+    !are_named
+        && others.all(|k| is_free(switches[k].psi))
+        && partition.regions.iter().all(|region| {
+            let Some(literals) = &region.literals else {
+                return false;
+            };
+            let inside = |rate: &Expr<'_>| {
+                let fixed = literals.iter();
+                is_free(fixed.fold(*rate, |f, &(k, on)| at(f, alphas[k], f64::from(on))))
+            };
+            rates.iter().all(inside)
+        })
 }
 
 /// The partition whose regions are all there is to a subsystem: disjoint conjunctions that cover

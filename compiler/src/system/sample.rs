@@ -144,6 +144,31 @@ impl<'e> Sampler<'e> {
         })
     }
 
+    /// The initial point with other values of some variables.
+    pub fn point_at(&self, values: &[(Var, f64)]) -> Point {
+        let mut point = Point(self.base.to_vec());
+        values
+            .iter()
+            .for_each(|&(var, value)| point.set(var, value));
+        self.settle(&mut point);
+        point
+    }
+
+    /// The point with its states and time in as few digits as it still is `right` with.
+    pub fn shortened(&self, point: &Point, right: impl Fn(&Point) -> bool) -> Point {
+        const DIGITS: [usize; 6] = [1, 2, 3, 5, 7, 10];
+        let vars = || self.states.iter().copied().chain([self.time]);
+        let mut shorter = DIGITS.iter().map(|digits| {
+            let rounded = |var| {
+                let value = point.get(var);
+                format!("{value:.digits$e}").parse().unwrap_or(value)
+            };
+            let values: Vec<(Var, f64)> = vars().map(|var| (var, rounded(var))).collect();
+            self.point_at(&values)
+        });
+        shorter.find(right).unwrap_or_else(|| point.clone())
+    }
+
     /// Sets every α to the side of its ψ.
     pub fn settle(&self, point: &mut Point) {
         for &(alpha, psi) in &self.switches {
@@ -187,17 +212,106 @@ impl<'e> Sampler<'e> {
         (last < 1e-12 * (1.0 + self.eval(psi, start).abs())).then_some(point)
     }
 
-    /// Points at all distances from the initial point, then points on both sides of each surface, from near to far.
+    /// Points at all distances from the initial point, then points on both sides of each surface, from near to far,
+    /// then points on all sides of where two surfaces meet.
     pub fn points_around<'a>(&'a self, psi: &'a [Expr<'e>]) -> impl Iterator<Item = Point> + 'a {
         const N_POINTS: usize = 200;
         const N_STARTS: usize = 8;
+        const MOST_PAIRS: usize = 45;
         let beside = psi.iter().flat_map(move |&psi| {
             let on_surface = self
                 .points(N_STARTS)
                 .filter_map(move |start| self.to_surface(psi, &start));
             on_surface.flat_map(move |point| self.beside(psi, &point))
         });
-        self.points(N_POINTS).chain(beside)
+        let pairs = (0..psi.len()).flat_map(|i| (0..i).map(move |j| (i, j)));
+        let corners = pairs.take(MOST_PAIRS).flat_map(move |(i, j)| {
+            let both = [psi[j], psi[i]];
+            let met = self
+                .points(N_STARTS)
+                .filter_map(move |start| self.to_both(both, &start));
+            met.flat_map(move |point| self.around(both, &point))
+        });
+        self.points(N_POINTS).chain(beside).chain(corners)
+    }
+
+    /// Follows the Gauss-Newton method to a point of two surfaces: the shortest step that is zero on both planes.
+    fn to_both(&self, psi: [Expr<'e>; 2], start: &Point) -> Option<Point> {
+        const MOST_STEPS: usize = 30;
+        let mut point = start.clone();
+        for _ in 0..MOST_STEPS {
+            let values = psi.map(|psi| self.eval(psi, &point));
+            if values.iter().all(|value| value.abs() < 1e-12) {
+                return Some(point);
+            }
+            for (var, step) in self.shortest(psi, &point, values.map(|value| -value))? {
+                point.set(var, point.get(var) + step);
+            }
+            self.settle(&mut point);
+        }
+        None
+    }
+
+    /// Points in the four corners where two surfaces meet, from near to far.
+    fn around(&self, psi: [Expr<'e>; 2], on: &Point) -> Vec<Point> {
+        const DISTANCES: [f64; 3] = [1e-4, 1e-2, 0.3];
+        let mut found = Vec::new();
+        for sides in [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]] {
+            let Some(steps) = self.shortest(psi, on, sides) else {
+                continue;
+            };
+            let length = steps
+                .iter()
+                .map(|(_, step)| step * step)
+                .sum::<f64>()
+                .sqrt();
+            for distance in DISTANCES {
+                let mut point = on.clone();
+                for &(var, step) in &steps {
+                    point.set(var, point.get(var) + distance * step / length);
+                }
+                self.settle(&mut point);
+                found.push(point);
+            }
+        }
+        found
+    }
+
+    /// The shortest change of the point that changes both functions by `change`, to first order.
+    fn shortest(
+        &self,
+        psi: [Expr<'e>; 2],
+        point: &Point,
+        change: [f64; 2],
+    ) -> Option<Vec<(Var, f64)>> {
+        let slopes = psi.map(|psi| -> FxHashMap<Var, f64> {
+            let gradient = self.gradient(psi);
+            let slope = gradient.iter().map(|&(var, g)| (var, self.eval(g, point)));
+            slope.collect()
+        });
+        let dot = |a: &FxHashMap<Var, f64>, b: &FxHashMap<Var, f64>| -> f64 {
+            let products = a.iter().map(|(var, g)| g * b.get(var).unwrap_or(&0.0));
+            products.sum()
+        };
+        // Δx = Jᵀ (J Jᵀ)⁻¹ Δψ
+        let [a, b, c] = [(0, 0), (0, 1), (1, 1)].map(|(i, j)| dot(&slopes[i], &slopes[j]));
+        let determinant = a * c - b * b;
+        if !(determinant.is_finite() && determinant > 1e-12 * a * c) {
+            return None;
+        }
+        let weights = [
+            (c * change[0] - b * change[1]) / determinant,
+            (a * change[1] - b * change[0]) / determinant,
+        ];
+        let mut steps: FxHashMap<Var, f64> = FxHashMap::default();
+        for (slope, weight) in slopes.iter().zip(weights) {
+            for (&var, g) in slope {
+                *steps.entry(var).or_insert(0.0) += weight * g;
+            }
+        }
+        let mut steps: Vec<(Var, f64)> = steps.into_iter().collect();
+        steps.sort_by_key(|&(var, _)| var);
+        Some(steps)
     }
 
     /// Points off the surface along ±∇ψ.
@@ -276,15 +390,9 @@ impl<'e> Sampler<'e> {
             .copied()
             .chain([self.time])
             .filter(|var| below.contains(var));
-        let values = vars.map(|x| format!("{} = {}", name(x), short(point.get(x))));
+        let values = vars.map(|x| format!("{} = {}", name(x), point.get(x)));
         values.collect::<Vec<_>>().join(", ")
     }
-}
-
-/// Three significant digits.
-fn short(value: f64) -> String {
-    let rounded: f64 = format!("{value:.2e}").parse().unwrap_or(value);
-    format!("{rounded}")
 }
 
 /// SplitMix64 (Steele, Lea & Flood 2014).

@@ -78,7 +78,7 @@ fn parameter(e: Expr<'_>, params: &FxHashMap<Var, f64>) -> Option<f64> {
 }
 
 /// The sign that e has wherever it is not zero, where its form shows it.
-fn definite(e: Expr<'_>, params: &FxHashMap<Var, f64>) -> Option<f64> {
+pub(super) fn definite(e: Expr<'_>, params: &FxHashMap<Var, f64>) -> Option<f64> {
     // Deeper nesting is not worth a look; it also bounds the recursion.
     definite_below(e, params, 6)
 }

@@ -340,13 +340,22 @@ impl<'e> Switches<'e> {
         if let Some(name) = &switch.name {
             return name.clone();
         }
+        self.in_steps(switch.psi, k).to_string()
+    }
+
+    /// The expression as a user may write it, with `step` instead of α.
+    pub fn written(&self, e: Expr<'e>) -> String {
+        self.in_steps(self.merged(e), self.list.len()).to_string()
+    }
+
+    /// The first `count` α replaced by `step`.
+    fn in_steps(&self, e: Expr<'e>, count: usize) -> Expr<'e> {
         // Outer ones first: ψ holds α of earlier switches only.
-        let inner = self.list[..k].iter().rev();
-        let written = inner.fold(switch.psi, |psi, inner| {
+        let inner = self.list[..count].iter().rev();
+        inner.fold(e, |e, inner| {
             let step = (inner.alpha, inner.psi.step());
-            psi.substitute(&Substitution::from_iter([step]))
-        });
-        written.to_string()
+            e.substitute(&Substitution::from_iter([step]))
+        })
     }
 
     /// The variable of the conditions on a switch.

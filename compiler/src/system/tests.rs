@@ -67,7 +67,7 @@ simulate crossing of oscillator { horizon pi/2; }";
     der(x[1]) = (omega*x[2] + x[1])*(1 - alpha[1]) + (-omega*x[2] + x[1])*alpha[1]
     der(x[2]) = (-omega*x[1] + x[2])*(1 - alpha[1]) + (omega*x[1] + x[2])*alpha[1]
     alpha[1] in step(x[1]^2 + x[2]^2 - 1)  // c, discontinuous
-    partition of x[1], x[2]
+    partition of x[1], x[2]  // one region everywhere: proven
       inside: 1 - alpha[1]
       outside: alpha[1]
     subsystem alpha[1]  // disjoint regions
@@ -92,7 +92,7 @@ simulate growth of branicky { horizon 20; }";
     der(x[1]) = (-x[1] + x[2])*(1 - alpha[1]) + (-x[1] + 10*x[2])*alpha[1]
     der(x[2]) = (-10*x[1] - x[2])*(1 - alpha[1]) + (-x[1] - x[2])*alpha[1]
     alpha[1] in step(x[1]*x[2])  // x[1]*x[2], discontinuous
-    partition of x[1], x[2]
+    partition of x[1], x[2]  // one region everywhere: proven
       one: 1 - alpha[1]
       two: alpha[1]
     subsystem alpha[1]  // disjoint regions
@@ -280,7 +280,7 @@ region floor where x < 0 { y' = -100*x - sign(y)*sign(x); }";
     der(y) = (-100*x + 2*alpha[2] - 1)*(1 - alpha[1]) - 10.81*alpha[1]
     alpha[1] in step(x)  // x, discontinuous
     alpha[2] in step(y)  // y, discontinuous
-    partition of y
+    partition of y  // one region everywhere: proven
       air: alpha[1]
       floor: 1 - alpha[1]
     subsystem alpha[1], alpha[2]
@@ -300,7 +300,7 @@ region rest else { x' = 1; y' = 0; }";
     der(y) = -alpha[1]*alpha[2]
     alpha[1] in step(x)  // x, discontinuous
     alpha[2] in step(y)  // y, discontinuous
-    partition of x, y
+    partition of x, y  // one region everywhere: proven
       corner: alpha[1]*alpha[2]
       rest: 1 - alpha[1]*alpha[2]
     subsystem alpha[1], alpha[2]
@@ -318,7 +318,7 @@ y' = -y;";
     der(y) = -y
     alpha[1] in step(x)  // x, discontinuous
     alpha[2] in step(y)  // y, discontinuous
-    partition of x
+    partition of x  // one region everywhere: proven
       right: alpha[1]
       above: (1 - alpha[1])*alpha[2]
       below: (1 - alpha[1])*(1 - alpha[2])
@@ -394,7 +394,7 @@ region middle else { x' = 0; }";
     der(x) = 1 - alpha[1] - alpha[2]
     alpha[1] in step(x)  // x, discontinuous
     alpha[2] in step(x - 2)  // x - 2, discontinuous
-    partition of x
+    partition of x  // one region everywhere: proven
       low: 1 - alpha[1]
       high: alpha[2]
       middle: alpha[1] - alpha[2]

@@ -28,12 +28,14 @@ impl<'e> System<'e> {
             .map(|r| (r.name.as_str(), r.weight));
         let multi_affine: Vec<(&str, Expr<'e>)> = rates.chain(weights).collect();
         let psi = self.switches.iter().map(|switch| switch.psi);
+        let indicators = self.partitions.iter().flat_map(|p| &p.indicators);
         let all: Vec<Expr<'e>> = multi_affine
             .iter()
             .map(|named| named.1)
             .chain(recorded.copied())
             .chain(self.limits.iter().map(|limit| limit.value))
             .chain(psi)
+            .chain(indicators.copied())
             .collect();
 
         if all.iter().any(|&e| has_nonsmooth_node(e)) {

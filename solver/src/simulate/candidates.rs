@@ -35,10 +35,21 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             singular: false,
         };
         for candidate in candidates {
+            self.enter_surfaces(state, group, &candidate);
             let complete = self.solve(state, group, &candidate, &mut choices.found);
             choices.singular |= !complete;
         }
         choices
+    }
+
+    /// Takes the switching functions on the sides of a choice: one may have a kink where another is zero, and then its
+    /// rate depends on the other's side.
+    pub(super) fn enter_surfaces(&mut self, state: &State, group: &[usize], choice: &[Side]) {
+        let mut sides = state.sides.clone();
+        for (&i, &side) in group.iter().zip(choice) {
+            sides[i] = side;
+        }
+        self.mode.enter_surfaces(self.system, &sides);
     }
 
     /// The sides of a switch on its surface, the present one first.

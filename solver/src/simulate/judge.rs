@@ -86,6 +86,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         choice: &Choice,
         rates: &[f64],
     ) -> Check {
+        self.enter_surfaces(state, group, &choice.sides);
         let mode = &mut self.mode;
         let mut alpha = state.alpha.clone();
         for (&i, &a) in group.iter().zip(&choice.alpha) {

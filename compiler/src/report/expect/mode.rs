@@ -20,6 +20,7 @@ pub fn check(subject: &Subject<'_, '_>, mode: &syntax::Expr, diags: &mut Diagnos
         to: subject.horizon,
         mode: String::new(),
         regions,
+        between: Vec::new(),
         sides: vec![Side::Sliding; subject.system.switches.len()],
     };
     if let Err(error) = holds(subject, mode, &anywhere) {
@@ -93,6 +94,11 @@ fn holds(
                 "off" => Side::Off,
                 _ => return Err(not_a_mode(subject, mode)),
             };
+            if wanted == Side::Sliding
+                && let Some(set) = indicated(subject, args)
+            {
+                return Ok(interval.between.contains(&set));
+            }
             let mut all = !args.is_empty();
             for arg in args {
                 let Arg::Positional(surface, binders) = arg else {
@@ -136,6 +142,25 @@ fn holds(
     }
 }
 
+/// Arguments that are regions with indicators, in order of declaration.
+fn indicated(subject: &Subject<'_, '_>, args: &[Arg]) -> Option<Vec<String>> {
+    let partitions = subject.system.partitions.iter();
+    let indicated = partitions.filter(|partition| !partition.indicators.is_empty());
+    let regions = indicated.flat_map(|partition| &partition.regions);
+    let known: Vec<&str> = regions.map(|region| region.name.as_str()).collect();
+    let place = |arg: &Arg| {
+        let Arg::Positional(name, _) = arg else {
+            return None;
+        };
+        let name: String = subject.sources.text(name.span).split_whitespace().collect();
+        known.iter().position(|known| *known == name)
+    };
+    let mut places = args.iter().map(place).collect::<Option<Vec<_>>>()?;
+    places.sort_unstable();
+    let names = places.iter().map(|&place| known[place].to_owned());
+    (!places.is_empty()).then(|| names.collect())
+}
+
 /// The switches that a name or a switching function means, and whether each is flipped.
 pub fn switches_of(
     subject: &Subject<'_, '_>,
@@ -150,12 +175,21 @@ pub fn switches_of(
     let value = Words::new(subject, &Run::Unknown)
         .value(surface, &mut diags)
         .ok_or_else(unknown)?;
+    // Where indicators cross that are not the smallest, nobody looks.
+    let is_hidden = |k: usize| {
+        let mut partitions = subject.system.partitions.iter();
+        partitions.any(|p| !p.indicators.is_empty() && p.switches.contains(&k))
+    };
     let switches = value.data.iter().map(|&entry| {
         if let Some(relay) = subject.system.relay_of(entry) {
             return Ok((relay, false));
         }
         let psi = psi_of_named(subject, entry).unwrap_or(entry);
-        subject.system.switch_of(psi).ok_or_else(unknown)
+        let found = subject
+            .system
+            .switch_of(psi)
+            .filter(|&(k, _)| !is_hidden(k));
+        found.ok_or_else(unknown)
     });
     switches.collect()
 }
@@ -207,11 +241,14 @@ fn not_a_mode(subject: &Subject<'_, '_>, mode: &syntax::Expr) -> ExpectError {
 }
 
 fn surfaces(subject: &Subject<'_, '_>) -> String {
-    let names: Vec<String> = subject
-        .system
-        .switches
-        .iter()
-        .map(|switch| format!("`{}`", switch.name))
+    let switches = subject.system.switches.iter().enumerate();
+    let indicated = |k: &usize| {
+        let mut partitions = subject.system.partitions.iter();
+        partitions.any(|p| !p.indicators.is_empty() && p.switches.contains(k))
+    };
+    let names: Vec<String> = switches
+        .filter(|(k, _)| !indicated(k))
+        .map(|(_, switch)| format!("`{}`", switch.name))
         .collect();
     match names.is_empty() {
         true => "the experiment has no switches".into(),

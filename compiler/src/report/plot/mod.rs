@@ -204,6 +204,7 @@ mod tests {
             to: (k + 1) as f64 / 50.0,
             mode: format!("mode {k}"),
             regions: Vec::new(),
+            between: Vec::new(),
             sides: Vec::new(),
         };
         trajectory.modes = (0..50).map(interval).collect();
