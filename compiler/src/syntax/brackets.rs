@@ -296,7 +296,9 @@ impl<'t> Brackets<'t> {
         while let Some((open, _)) = self.outer.last().copied() {
             let before = repair.span(keyword.start..keyword.end());
             self.report_unclosed(&open, Some(before), repair);
-            if let Some(at) = room.next().filter(|_| open.token.text == "{") {
+            if open.token.text == "{"
+                && let Some(at) = room.next()
+            {
                 repair.patch(at..at + 1, "}");
             }
             self.leave();

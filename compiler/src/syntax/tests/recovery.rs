@@ -39,6 +39,13 @@ fn codes(text: &str) -> Vec<String> {
 }
 
 #[test]
+fn a_bracket_takes_no_room_from_the_braces_before_an_item() {
+    for text in ["{[;\nmodel m", "{{}[;\nmodel m"] {
+        assert_eq!(codes(text)[..2], ["E0007", "E0007"], "{text}");
+    }
+}
+
+#[test]
 fn a_contact_after_a_missing_semicolon_is_read() {
     assert_snapshot!(in_model("mechanics q, v { mass = 1; force = f contact floor { gap = q; } }"), @r"
     E0011 at 2:37: expected `;` after this expression | end the statement with `;`
