@@ -262,3 +262,115 @@ fn touching_the_bounds_of_sliding_is_no_event() {
     let trajectory = check(model, "horizon 2;", "y", 2.0, 1e-13);
     assert!(trajectory.events.is_empty() && trajectory.warnings.is_empty());
 }
+
+/// The state ends where it should, to the tolerance asked; or else the run says that it might not.
+fn honest(model: &str, experiment: &str, state: &str, exact: f64) {
+    let trajectory = simulate(model, experiment);
+    if trajectory.failure.is_some() || !trajectory.warnings.is_empty() {
+        return;
+    }
+    let tolerance = experiment.split("tolerance 1e").nth(1);
+    let tolerance = tolerance.and_then(|rest| rest.split(';').next()?.parse().ok());
+    let tolerance = 10.0_f64.powi(tolerance.unwrap_or(-8));
+    let found = end(&trajectory, state)[0];
+    let estimate = trajectory.error_estimate.unwrap_or(0.0);
+    let error = ((found - exact) / exact).abs();
+    assert!(error <= tolerance, "{model}: {found} instead of {exact}");
+    assert!(
+        error <= 10.0 * estimate + 1e-14,
+        "{model}: error {error:e}, estimate {estimate:e}"
+    );
+}
+
+#[test]
+fn surfaces_that_are_almost_the_same() {
+    for k in 2..=14 {
+        let angle = 10.0_f64.powi(-k);
+        // On x = 0, y falls until the second surface is met there too.
+        let model = format!(
+            "state x = 0.5; state y = 1; x' = 0.3 - sign(x); y' = 0.2 - sign(x + {angle:e}*y);"
+        );
+        if k <= 11 {
+            check(&model, "horizon 1;", "y", 0.2, 1e-14);
+            check(&model, "horizon 2;", "y", 0.0, 1e-14);
+        } else {
+            honest(&model, "horizon 1;", "y", 0.2);
+        }
+    }
+}
+
+/// ψ = (t - 1)³ + s (t - 1) is crossed at the rate s.
+#[test]
+fn crossings_at_small_angles() {
+    for k in [2, 4, 6, 8, 9, 10, 12, 14] {
+        let rate = 10.0_f64.powi(-k);
+        let model = format!(
+            "state y = {:e}; state w = 0; y' = 3*(time - 1)^2 + {rate:e}; w' = step(y);",
+            -1.0 - rate
+        );
+        let experiment = "horizon 2;";
+        if k <= 8 {
+            check(&model, experiment, "w", 1.0, 1e-8);
+        } else {
+            honest(&model, experiment, "w", 1.0);
+        }
+    }
+}
+
+/// ψ = (t - 1)² - d is negative for 2 √d.
+#[test]
+fn short_visits_to_the_other_side() {
+    for k in [2, 4, 6, 8, 10, 12] {
+        let depth = 10.0_f64.powi(-k);
+        let start = 1.0 - depth;
+        let model = format!("state y = {start}; state w = 0; y' = 2*(time - 1); w' = step(y);");
+        let exact = 2.0 - 2.0 * (1.0 - start).sqrt();
+        honest(&model, "horizon 2;", "w", exact);
+    }
+}
+
+/// x = 1 + d + sin t passes the surface at the distance d, or meets it and falls.
+#[test]
+fn passing_by_and_meeting() {
+    for k in [2, 4, 6, 8, 10, 12] {
+        for tolerance in [4, 8, 11] {
+            let distance = 10.0_f64.powi(-k);
+            let experiment = format!("horizon 6; tolerance 1e-{tolerance};");
+            let model =
+                |start: f64| format!("state x = {start}; x' = if x > 0 then cos(time) else -10;");
+            let (above, below) = (1.0 + distance, 1.0 - distance);
+            honest(&model(above), &experiment, "x", above + 6.0_f64.sin());
+            let meets = PI + below.asin();
+            honest(&model(below), &experiment, "x", -10.0 * (6.0 - meets));
+        }
+    }
+}
+
+/// s = (I - P/5)⁻¹ (cos(t + i)/2)_i with P the cyclic shift, on up to ten surfaces.
+#[test]
+fn ten_surfaces_at_once() {
+    for n in [3, 6, 7, 8, 10] {
+        let mut model = format!("state x[{n}] = zeros({n}); state y = 0; y' = sign(x[1]);");
+        for i in 1..=n {
+            let next = i % n + 1;
+            model +=
+                &format!("x[{i}]' = 0.5*cos(time + {i}) - sign(x[{i}]) + 0.2*sign(x[{next}]);");
+        }
+        let share = |k: i32| {
+            let phase = f64::from(k % n + 1);
+            0.5 * 0.2_f64.powi(k) * ((3.0 + phase).sin() - phase.sin())
+        };
+        let exact = (0..60).map(share).sum();
+        let trajectory = check(&model, "horizon 3;", "y", exact, 1e-14);
+        assert!(trajectory.events.is_empty() && trajectory.warnings.is_empty());
+    }
+}
+
+/// Parabolas between crossings, 4 √2 for a period.
+#[test]
+fn five_thousand_crossings() {
+    let end = 10_000.0 * 2.0_f64.sqrt();
+    let model = "state x = 1; state v = 0; x' = v; v' = -sign(x);";
+    let trajectory = check(model, &format!("horizon {end};"), "x", 1.0, 1e-8);
+    assert_eq!(trajectory.switch_times().len(), 5000);
+}

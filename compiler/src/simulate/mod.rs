@@ -197,7 +197,10 @@ impl Estimate {
             let rounding = f64::EPSILON * outcome.activity[i] * outcome.time;
             let scale = comparison.scale[i].max(outcome.x[i].abs());
             if scale > 8.0 * rounding {
-                difference.max(4.0 * events * rounding) / scale
+                (4.0 * events * rounding)
+                    .max(outcome.moved[i])
+                    .max(difference)
+                    / scale
             } else {
                 // Cancellation holds the state at zero: there is no motion to be relative to.
                 0.0

@@ -34,6 +34,7 @@ mod surfaces;
 mod system;
 #[cfg(test)]
 mod tests;
+mod window;
 
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
@@ -274,6 +275,8 @@ pub struct Outcome {
     /// Mean size of the terms of each rate: times ε and the length of the run, what rounding may
     /// have done to a state that cancellation holds in place.
     pub activity: Vec<f64>,
+    /// What rounding may have moved each state by, through the times of events.
+    pub moved: Vec<f64>,
     /// Largest |ψ| seen on a sliding surface, relative to the size of its terms.
     pub drift: f64,
     /// Largest ‖x' - f‖ h at the end of a step, relative to the tolerance's scale.
@@ -375,6 +378,10 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                     Err(status) => break status,
                 };
                 defect = f64::max(defect, step.defect);
+                if !step.implicit {
+                    self.mode.close_window(&mut state);
+                }
+                state.window = 0.0;
 
                 // Advance, projecting the drift off the sliding surfaces.
                 let start = state.t;
@@ -403,6 +410,10 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                     continue;
                 }
                 self.stiffness.after_event();
+                if !step.implicit {
+                    self.mode
+                        .open_window(&mut state, step.length, &step.triggers);
+                }
                 state.count_event(step.length, t1 - t0);
                 if state.stalled > MAX_STALLED {
                     break Status::Accumulation;
@@ -431,6 +442,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
             sides: state.sides.into_vec(),
             alpha: state.alpha,
             activity: state.work.iter().map(|work| work / elapsed).collect(),
+            moved: state.moved.iter().map(|squares| squares.sqrt()).collect(),
             drift,
             defect,
             stats: state.stats,

@@ -35,6 +35,13 @@ pub(crate) fn curvature(c: &[f64], tau: f64) -> f64 {
         .fold(0.0, |sum, (k, c)| sum * tau + (k * (k - 1)) as f64 * c)
 }
 
+/// Coefficient k of Σ c[j] τʲ as a series around τ.
+pub(crate) fn term(c: &[f64], tau: f64, k: usize) -> f64 {
+    let binomial = |j: usize| (0..k).fold(1.0, |b, i| b * (j - i) as f64 / (i + 1) as f64);
+    let terms = c.iter().enumerate().skip(k).rev();
+    terms.fold(0.0, |sum, (j, c)| sum * tau + binomial(j) * c)
+}
+
 /// Largest |c[k]| hᵏ from k = `from`.
 pub(crate) fn magnitude(c: &[f64], h: f64, from: usize) -> f64 {
     let mut power = h.powi(from as i32);
@@ -97,6 +104,10 @@ mod tests {
         assert_eq!(
             (value(&c, 2.0), slope(&c, 2.0), magnitude(&c, 2.0, 1)),
             (17.0, 14.0, 12.0)
+        );
+        assert_eq!(
+            [0, 1, 2, 3].map(|k| term(&c, 2.0, k)),
+            [17.0, 14.0, 3.0, 0.0]
         );
     }
 }

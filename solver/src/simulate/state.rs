@@ -29,6 +29,12 @@ pub(super) struct State {
     pub stats: Stats,
     /// Events in a row without progress in time.
     pub stalled: usize,
+    /// How long the last event is uncertain; 0 once that is accounted for.
+    pub window: f64,
+    /// f before that event.
+    pub before: Vec<f64>,
+    /// Squares of what uncertain events may have moved the states by.
+    pub moved: Vec<f64>,
     pub next: Vec<f64>,
     pub next_alpha: Vec<f64>,
     /// Where an implicit step starts.
@@ -53,6 +59,9 @@ impl State {
             longest_step: 0.0,
             stats: Stats::default(),
             stalled: 0,
+            window: 0.0,
+            before: vec![0.0; x.len()],
+            moved: vec![0.0; x.len()],
             next: x.to_vec(),
             next_alpha: vec![0.0; n_switches],
             start: Start::default(),

@@ -1,0 +1,46 @@
+//! What rounding does to the states by moving events.
+//!
+//! ψ is known to its rounding ε only, and its root τ to the δ for which one term of ψ(τ + δ) is as
+//! large as that, |ψ⁽ᵏ⁾(τ)| δᵏ/k! = ε: ε/|ψ'| at a crossing, and much longer where the surface is
+//! met at a small angle. For that time one field acts for the other, and every run may be wrong
+//! there by the same |f⁺ - f⁻| δ, however accurate its steps are.
+
+use super::mode::Mode;
+use super::state::State;
+use super::{Side, series};
+
+/// Derivatives of ψ that are looked at.
+const DERIVATIVES: usize = 4;
+
+impl Mode {
+    /// Takes note of the fields before an event at `tau`, and of how long it is uncertain.
+    pub(super) fn open_window(&self, state: &mut State, tau: f64, triggers: &[usize]) {
+        let crossings = triggers.iter().filter(|i| self.sides[**i] != Side::Slide);
+        let windows = crossings.map(|&i| {
+            let c = self.psi_series(i);
+            // A few roundings of every term.
+            let sizes = c.iter().rev().fold(0.0, |sum, c| sum * tau + c.abs());
+            let rounding = 4.0 * f64::EPSILON * state.terms[i].max(sizes);
+            let reaches =
+                |k: usize| (rounding / series::term(c, tau, k).abs()).powf(1.0 / k as f64);
+            (1..=DERIVATIVES).map(reaches).fold(f64::INFINITY, f64::min)
+        });
+        let window = windows.fold(0.0, f64::max);
+        state.window = if window.is_finite() { window } else { 0.0 };
+        if state.window > 0.0 {
+            for i in 0..self.n {
+                state.before[i] = series::slope(self.x_series(i), tau);
+            }
+        }
+    }
+
+    /// Adds what the fields after the event, expanded by now, have to do with those before.
+    pub(super) fn close_window(&self, state: &mut State) {
+        if state.window > 0.0 {
+            for i in 0..self.n {
+                let moved = state.window * (self.x_series(i)[1] - state.before[i]);
+                state.moved[i] += moved * moved;
+            }
+        }
+    }
+}
