@@ -13,6 +13,8 @@ def automaton(slip, stick):
     sign = 1.0
     while True:
         if mode == "slip":
+            # A speed of zero would be found as the next event.
+            x[1] = x[1] if abs(x[1]) > 1e-14 else 1e-14 * sign
             t, x, early = slip(t, x, sign)
             if not early:
                 return x
@@ -81,9 +83,7 @@ def diffsol(method):
             ode.rtol = ode.atol = tolerance
 
         def slip(t, x, sign):
-            # A stop function that starts at zero would stop at once.
-            v = x[1] if abs(x[1]) > 1e-14 else sign * 1e-13
-            r = slipping.solve(np.array([x[0], v, sign]), T - t)
+            r = slipping.solve(np.array([x[0], x[1], sign]), T - t)
             t += r.ts[-1]
             return t, np.asarray(r.ys)[:, -1].copy(), t < T - 1e-12
 

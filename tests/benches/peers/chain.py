@@ -34,11 +34,9 @@ def automaton(integrate):
             return x
         i = int(np.argmin(inside(x) / np.where(slips, np.abs(x[N:]).max() + 1e-300, GRIP)))
         pull = PULL[i] @ x[:N]
-        if slips[i]:
-            x[N + i] = 0.0
-            sign[i] = 0.0 if abs(pull) <= GRIP else np.sign(pull)
-        else:
-            sign[i] = np.sign(pull)
+        sign[i] = 0.0 if slips[i] and abs(pull) <= GRIP else np.sign(pull)
+        # A speed of zero would be found as the next event.
+        x[N + i] = 1e-15 * sign[i]
 
 
 def scipy_run(method, tolerance):

@@ -24,11 +24,9 @@ def automaton(integrate):
         t, x, early = integrate(*mode(sign), t, x)
         if not early:
             return x
-        if sign != 0.0:
-            x[0] = 0.0
-            sign = 0.0 if abs(x[2]) <= 1.0 else np.sign(x[2])
-        else:
-            sign = np.sign(x[2])
+        sign = 0.0 if sign != 0.0 and abs(x[2]) <= 1.0 else np.sign(x[2])
+        # A start on the surface would be found as the next event.
+        x[0] = 1e-15 * sign
 
 
 def scipy_run(method, tolerance):
