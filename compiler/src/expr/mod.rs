@@ -33,6 +33,7 @@ pub use derivative::{SparseJacobian, gradient, hessian, jacobian};
 pub use evaluate::Evaluator;
 pub use function::{BinaryFunction, Function};
 pub use operators::{dot, sum};
+pub(crate) use rewrite::transform;
 pub use rewrite::{Reach, Substitution, rewrite, rewrite_all, variables_of};
 
 /// The owner of all nodes.

@@ -69,7 +69,7 @@ pub fn rewrite_all<'e>(
 }
 
 /// Rewrites bottom-up by a function of a node and of that node over rewritten children.
-fn transform<'e>(
+pub(crate) fn transform<'e>(
     roots: &[Expr<'e>],
     f: &mut impl FnMut(Expr<'e>, Expr<'e>) -> Expr<'e>,
 ) -> Vec<Expr<'e>> {

@@ -113,7 +113,7 @@ impl<'e> Cutter<'e> {
 }
 
 /// What an expression is made of.
-fn children(e: Expr<'_>) -> Vec<Expr<'_>> {
+pub(super) fn children(e: Expr<'_>) -> Vec<Expr<'_>> {
     match e.node() {
         Node::Constant(_) | Node::Variable(_) => Vec::new(),
         Node::Sum { terms, .. } => terms.into_iter().map(|(_, term)| term).collect(),

@@ -5,6 +5,7 @@
 //! modes is reported instead of being trusted.
 
 mod blocks;
+mod forms;
 mod limits;
 mod modes;
 mod outcome;

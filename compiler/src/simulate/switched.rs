@@ -2,9 +2,11 @@
 //!
 //! Parameters are numbers by now, and α of a switch that does not slide is 0 or 1. Both are
 //! substituted before anything is compiled, so that a function holds what its sides need and
-//! nothing else. What was compiled is kept, and serves every simulator of the system.
+//! nothing else. What was compiled is kept: it serves every simulator of the system, and all blocks
+//! and surfaces of one form.
 
 use std::cell::RefCell;
+use std::collections::hash_map::Entry;
 use std::sync::Arc;
 
 use nsd_solver::simulate::{
@@ -14,10 +16,11 @@ use nsd_solver::tape::Tape;
 use rustc_hash::FxHashMap;
 
 use super::blocks;
+use super::forms::{self, Copy, Form};
 use crate::expr::{self, Expr, Exprs, Node, Substitution, Var};
 use crate::system::System;
 
-/// Functions by block or switch and its local sides.
+/// Functions by form and the sides of the α in it, in order.
 type Known<T> = RefCell<FxHashMap<(usize, Box<[Side]>), T>>;
 
 /// x' = f(t, x, α) with the parameters of one experiment.
@@ -25,9 +28,6 @@ pub struct Switched<'e> {
     exprs: &'e Exprs,
     /// What every variable stands for.
     inputs: FxHashMap<Var, Input>,
-    alphas: Vec<Var>,
-    rates: Vec<Expr<'e>>,
-    switching: Vec<Expr<'e>>,
     continuous: Vec<bool>,
     blocks: Vec<Block>,
     /// Switches whose α is in ψ_i.
@@ -38,8 +38,43 @@ pub struct Switched<'e> {
     timed: Vec<bool>,
     /// Switches whose α the rate φ_i may contain.
     couplings: Vec<Vec<usize>>,
-    known_rates: Known<Rates>,
-    known_surfaces: Known<Surface>,
+    rates: Shared<'e>,
+    switching: Shared<'e>,
+    known_rates: Known<CompiledRates>,
+    known_surfaces: Known<CompiledSurface>,
+    known_jacobians: Known<Arc<Partials>>,
+}
+
+/// Functions by their forms.
+struct Shared<'e> {
+    forms: Vec<Form<'e>>,
+    copies: Vec<Copy>,
+}
+
+/// An input of a form.
+#[derive(Clone, std::marker::Copy)]
+enum Place {
+    Var(usize),
+    Hole(usize),
+}
+
+/// Rates of a form on certain sides.
+struct CompiledRates {
+    inputs: Vec<Place>,
+    field: Arc<Tape>,
+    by_alpha: Arc<Partials>,
+}
+
+/// ψ of a form on certain sides.
+enum CompiledSurface {
+    /// (factors, coefficient) of every term.
+    Affine(Vec<(Vec<Place>, f64)>),
+    Smooth {
+        inputs: Vec<Place>,
+        psi: Arc<Tape>,
+        gradient: Arc<Partials>,
+        mixed: Arc<Partials>,
+    },
 }
 
 impl<'e> Switched<'e> {
@@ -108,118 +143,199 @@ impl<'e> Switched<'e> {
             true => Some(Side::Plus),
             false => Some(Side::Minus),
         };
+        let couplings = in_psi.iter().map(coupled).collect();
+        let continuous = system.switches.iter();
+        let continuous: Vec<bool> = continuous
+            .map(|switch| switch.continuity.is_continuous())
+            .collect();
+        let blocks = blocks::cut(&rates, &in_rates, &alphas);
+        let kind = |var: Var| match inputs[&var] {
+            Input::Time => 0,
+            Input::Alpha(switch) => 1 + u64::from(continuous[switch]),
+            _ => 3,
+        };
+        let share = |groups: &[Vec<Expr<'e>>]| {
+            let (forms, copies) = forms::share(exprs, groups, kind);
+            Shared { forms, copies }
+        };
+        let groups = blocks.iter().map(|block| {
+            let states = block.states.iter();
+            states.map(|&state| rates[state]).collect()
+        });
+        let groups: Vec<Vec<_>> = groups.collect();
+        let surfaces: Vec<_> = switching.iter().map(|&psi| vec![psi]).collect();
         Switched {
             relays: system.switches.iter().map(start).collect(),
             timed,
-            couplings: in_psi.iter().map(coupled).collect(),
-            blocks: blocks::cut(&rates, &in_rates, &alphas),
-            continuous: (system.switches.iter())
-                .map(|switch| switch.continuity.is_continuous())
-                .collect(),
+            rates: share(&groups),
+            switching: share(&surfaces),
             exprs,
+            couplings,
+            blocks,
+            continuous,
             inputs,
-            alphas,
-            rates,
-            switching,
             inside,
             known_rates: RefCell::default(),
             known_surfaces: RefCell::default(),
+            known_jacobians: RefCell::default(),
         }
     }
 
-    /// The rates of a block on its local sides.
-    fn block(&self, block: usize, sides: &[Side]) -> Vec<Expr<'e>> {
-        let Block { states, switches } = &self.blocks[block];
+    /// The number of functions compiled so far, which blocks and surfaces of one form share.
+    pub fn n_compiled(&self) -> usize {
+        self.known_rates.borrow().len() + self.known_surfaces.borrow().len()
+    }
+
+    /// What a variable of a form stands for in the first of its copies; none for a hole.
+    fn input(&self, var: Var) -> Option<Input> {
+        self.inputs.get(&var).copied()
+    }
+
+    fn is_alpha(&self, var: Var) -> bool {
+        matches!(self.input(var), Some(Input::Alpha(_)))
+    }
+
+    /// The key of what is compiled for a copy whose `switches` are on these sides: its form, and the
+    /// sides in the order of the form.
+    fn key(&self, copy: &Copy, switches: &[usize], sides: &[Side]) -> (usize, Box<[Side]>) {
+        let side = |&var: &Var| match self.inputs[&var] {
+            Input::Alpha(switch) => Some(sides[switches.binary_search(&switch).ok()?]),
+            _ => None,
+        };
+        (copy.form, copy.vars.iter().filter_map(side).collect())
+    }
+
+    /// The functions of a form on certain sides.
+    fn on_sides(&self, form: &Form<'e>, sides: &[Side]) -> Vec<Expr<'e>> {
+        let alphas = form.vars.iter().filter(|var| self.is_alpha(**var));
         let mut fixed = Substitution::new();
-        for (&switch, side) in switches.iter().zip(sides) {
-            if *side != Side::Slide {
-                fixed.insert(self.alphas[switch], self.alpha(*side));
+        for (&alpha, side) in alphas.zip(sides) {
+            match side {
+                Side::Minus => fixed.insert(alpha, self.exprs.constant(0.0)),
+                Side::Plus => fixed.insert(alpha, self.exprs.constant(1.0)),
+                Side::Slide => {}
             }
         }
-        let rates: Vec<_> = states.iter().map(|&state| self.rates[state]).collect();
-        fixed.apply(&rates)
+        fixed.apply(&form.functions)
     }
 
-    /// α off the surface.
-    fn alpha(&self, side: Side) -> Expr<'e> {
-        self.exprs
-            .constant(if side == Side::Minus { 0.0 } else { 1.0 })
+    /// Where the variables of a function are in its form.
+    fn places(&self, form: &Form, vars: &[Var]) -> Vec<Place> {
+        let of_vars = form.vars.iter().enumerate();
+        let of_vars = of_vars.map(|(at, &var)| (var, Place::Var(at)));
+        let of_holes = form.holes.iter().enumerate();
+        let of_holes = of_holes.map(|(at, &var)| (var, Place::Hole(at)));
+        let places: FxHashMap<Var, Place> = of_vars.chain(of_holes).collect();
+        vars.iter().map(|var| places[var]).collect()
     }
 
-    fn inputs_of(&self, vars: &[Var]) -> Vec<Input> {
-        vars.iter().map(|var| self.inputs[var]).collect()
+    /// What inputs of a form stand for in a copy.
+    fn resolve(&self, copy: &Copy, places: &[Place]) -> Vec<Input> {
+        let resolve = |place: &Place| match place {
+            Place::Var(at) => self.inputs[&copy.vars[*at]],
+            Place::Hole(at) => Input::Number(copy.numbers[*at]),
+        };
+        places.iter().map(resolve).collect()
     }
 
-    /// Those variables that stand for what is wanted.
-    fn those(&self, vars: &[Var], wanted: impl Fn(Input) -> bool) -> Vec<Var> {
-        let wanted = |var: &Var| wanted(self.inputs[var]);
-        vars.iter().copied().filter(wanted).collect()
-    }
-
-    fn compile_rates(&self, block: usize, sides: &[Side]) -> Rates {
-        let rates = self.block(block, sides);
+    fn compile_rates(&self, form: &Form<'e>, sides: &[Side]) -> CompiledRates {
+        let rates = self.on_sides(form, sides);
         let vars = expr::variables_of(&rates);
-        let sliding = self.those(&vars, |input| matches!(input, Input::Alpha(_)));
-        Rates {
-            inputs: self.inputs_of(&vars),
+        let (sliding, _) = self.split(&vars);
+        CompiledRates {
+            inputs: self.places(form, &vars),
             field: Arc::new(tape(&vars, &rates)),
             by_alpha: Arc::new(partials(&vars, &rates, &sliding)),
         }
     }
 
-    fn compile_surface(&self, switch: usize, sides: &[Side]) -> Surface {
-        let mut fixed = Substitution::new();
-        for (&inner, side) in self.inside[switch].iter().zip(sides) {
-            match side {
-                Side::Slide if self.continuous[inner] => {}
-                // ψ is continuous here, so either branch of it will do while the other slides.
-                side => fixed.insert(self.alphas[inner], self.alpha(*side)),
-            }
-        }
-        let psi = self.switching[switch].substitute(&fixed);
-        if let Some(affine) = self.affine(psi) {
-            return Surface::Affine(affine);
+    fn compile_jacobian(&self, form: &Form<'e>, sides: &[Side]) -> Arc<Partials> {
+        let rates = self.on_sides(form, sides);
+        let vars = expr::variables_of(&rates);
+        let states = vars.iter().copied();
+        let states = states.filter(|&var| matches!(self.input(var), Some(Input::State(_))));
+        let states: Vec<Var> = states.collect();
+        Arc::new(partials(&vars, &rates, &states))
+    }
+
+    /// α, and states and time, among the variables of a form.
+    fn split(&self, vars: &[Var]) -> (Vec<Var>, Vec<Var>) {
+        let known = vars
+            .iter()
+            .copied()
+            .filter(|&var| self.input(var).is_some());
+        known.partition(|&var| self.is_alpha(var))
+    }
+
+    fn compile_surface(&self, form: &Form<'e>, sides: &[Side]) -> CompiledSurface {
+        let psi = self.on_sides(form, sides)[0];
+        if let Some(terms) = self.affine(form, psi) {
+            return CompiledSurface::Affine(terms);
         }
         let vars = expr::variables_of(&[psi]);
-        let smooth = self.those(&vars, |input| !matches!(input, Input::Alpha(_)));
-        let alphas = self.those(&vars, |input| matches!(input, Input::Alpha(_)));
-        let gradient = partials(&vars, &[psi], &smooth);
+        let (alphas, smooth) = self.split(&vars);
         let entries = expr::jacobian(&[psi], &smooth).entries;
         let slopes: Vec<_> = entries.iter().map(|&(.., entry)| entry).collect();
+        let gradient = partials(&vars, &[psi], &smooth);
         let mut mixed = partials(&vars, &slopes, &alphas);
         for (function, _) in &mut mixed.entries {
             *function = gradient.entries[*function].1;
         }
-        Surface::Smooth(Smooth {
-            inputs: self.inputs_of(&vars),
+        CompiledSurface::Smooth {
+            inputs: self.places(form, &vars),
             psi: Arc::new(tape(&vars, &[psi])),
             gradient: Arc::new(gradient),
             mixed: Arc::new(mixed),
-        })
+        }
     }
 
     /// ψ as a sum of multiples of states and time, where it is one.
-    fn affine(&self, psi: Expr<'e>) -> Option<Affine> {
+    fn affine(&self, form: &Form<'e>, psi: Expr<'e>) -> Option<Vec<(Vec<Place>, f64)>> {
         let (constant, terms) = match psi.node() {
             Node::Constant(constant) => (constant, Vec::new()),
-            Node::Variable(_) => (0.0, vec![(1.0, psi)]),
             Node::Sum { constant, terms } => (constant, terms),
-            _ => return None,
+            _ => (0.0, vec![(1.0, psi)]),
         };
-        let mut affine = Affine {
-            constant,
-            ..Affine::default()
-        };
+        let mut found = vec![(Vec::new(), constant)];
         for (c, term) in terms {
-            match self.inputs[&term.as_variable()?] {
-                Input::Time => affine.time = c,
-                Input::State(state) => affine.terms.push((state, c)),
+            let factors = match term.node() {
+                Node::Variable(var) => vec![var],
+                Node::Product(factors) => {
+                    let linear =
+                        |(factor, power): (Expr, i32)| factor.as_variable().filter(|_| power == 1);
+                    factors.into_iter().map(linear).collect::<Option<_>>()?
+                }
                 _ => return None,
+            };
+            let moving = factors.iter().filter(|&&var| self.input(var).is_some());
+            if moving.count() > 1 || factors.iter().any(|&var| self.is_alpha(var)) {
+                return None;
+            }
+            found.push((self.places(form, &factors), c));
+        }
+        Some(found)
+    }
+}
+
+/// Collects the terms of an affine ψ.
+fn affine(terms: impl IntoIterator<Item = (Vec<Input>, f64)>) -> Affine {
+    let mut affine = Affine::default();
+    for (factors, mut c) in terms {
+        let mut moving = None;
+        for factor in factors {
+            match factor {
+                Input::Number(number) => c *= number,
+                other => moving = Some(other),
             }
         }
-        affine.terms.sort_unstable_by_key(|&(state, _)| state);
-        Some(affine)
+        match moving {
+            Some(Input::State(state)) => affine.terms.push((state, c)),
+            Some(_) => affine.time += c,
+            None => affine.constant += c,
+        }
     }
+    affine.terms.sort_unstable_by_key(|&(state, _)| state);
+    affine
 }
 
 fn tape(inputs: &[Var], outputs: &[Expr]) -> Tape {
@@ -250,11 +366,11 @@ fn variable(expr: Expr) -> Var {
 
 impl SwitchedSystem for Switched<'_> {
     fn n_states(&self) -> usize {
-        self.rates.len()
+        self.blocks.iter().map(|block| block.states.len()).sum()
     }
 
     fn n_switches(&self) -> usize {
-        self.alphas.len()
+        self.continuous.len()
     }
 
     fn is_continuous(&self, switch: usize) -> bool {
@@ -282,25 +398,169 @@ impl SwitchedSystem for Switched<'_> {
     }
 
     fn rates(&self, block: usize, sides: &[Side]) -> Rates {
+        let copy = &self.rates.copies[block];
+        let key = self.key(copy, &self.blocks[block].switches, sides);
         let mut known = self.known_rates.borrow_mut();
-        let known = known.entry((block, sides.into()));
-        known
-            .or_insert_with(|| self.compile_rates(block, sides))
-            .clone()
+        let rates = match known.entry(key) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(new) => {
+                let rates = self.compile_rates(&self.rates.forms[copy.form], &new.key().1);
+                new.insert(rates)
+            }
+        };
+        Rates {
+            inputs: self.resolve(copy, &rates.inputs),
+            field: rates.field.clone(),
+            by_alpha: rates.by_alpha.clone(),
+        }
     }
 
     fn surface(&self, switch: usize, sides: &[Side]) -> Surface {
+        let copy = &self.switching.copies[switch];
+        let inside = &self.inside[switch];
+        // ψ is continuous where another switch slides, so either branch of it will do.
+        let sides = inside.iter().zip(sides).map(|(&inner, side)| match side {
+            Side::Slide if !self.continuous[inner] => Side::Plus,
+            side => *side,
+        });
+        let key = self.key(copy, inside, &sides.collect::<Vec<_>>());
         let mut known = self.known_surfaces.borrow_mut();
-        let known = known.entry((switch, sides.into()));
-        known
-            .or_insert_with(|| self.compile_surface(switch, sides))
-            .clone()
+        let surface = match known.entry(key) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(new) => {
+                let form = &self.switching.forms[copy.form];
+                let surface = self.compile_surface(form, &new.key().1);
+                new.insert(surface)
+            }
+        };
+        match surface {
+            CompiledSurface::Affine(terms) => {
+                let terms = terms
+                    .iter()
+                    .map(|(factors, c)| (self.resolve(copy, factors), *c));
+                Surface::Affine(affine(terms))
+            }
+            CompiledSurface::Smooth {
+                inputs,
+                psi,
+                gradient,
+                mixed,
+            } => Surface::Smooth(Smooth {
+                inputs: self.resolve(copy, inputs),
+                psi: psi.clone(),
+                gradient: gradient.clone(),
+                mixed: mixed.clone(),
+            }),
+        }
     }
 
     fn jacobian(&self, block: usize, sides: &[Side]) -> Arc<Partials> {
-        let rates = self.block(block, sides);
-        let vars = expr::variables_of(&rates);
-        let states = self.those(&vars, |input| matches!(input, Input::State(_)));
-        Arc::new(partials(&vars, &rates, &states))
+        let copy = &self.rates.copies[block];
+        let key = self.key(copy, &self.blocks[block].switches, sides);
+        let mut known = self.known_jacobians.borrow_mut();
+        let jacobian = match known.entry(key) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(new) => {
+                let form = &self.rates.forms[copy.form];
+                let jacobian = self.compile_jacobian(form, &new.key().1);
+                new.insert(jacobian)
+            }
+        };
+        jacobian.clone()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nsd_solver::simulate::{Settings, Side, Simulator, SwitchedSystem};
+
+    use super::Switched;
+    use crate::clock::Clock;
+    use crate::diagnostics::Diagnostics;
+    use crate::expr::Exprs;
+    use crate::source::SourceMap;
+    use crate::syntax::{self, Item};
+
+    fn with_switched<T>(text: &str, use_it: impl FnOnce(&Switched, &[f64]) -> T) -> T {
+        let (mut sources, mut diags) = (SourceMap::new(), Diagnostics::new());
+        let source = sources.add("test.nsd", text);
+        let file = syntax::parse(&source, &mut diags);
+        let experiment = file.items.iter().find_map(|item| match item {
+            Item::Experiment(found) => Some(found),
+            _ => None,
+        });
+        let exprs = Exprs::new();
+        let experiment = experiment.expect("the text has an experiment");
+        let clock = &mut Clock::default();
+        let compiled = crate::compile(&exprs, &file, experiment, &[], clock, &mut diags);
+        let system = compiled.expect("the text compiles").system;
+        let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
+        use_it(&Switched::new(&system), &x0)
+    }
+
+    /// 30 instances of a part with other numbers in each, whose friction is a nonlinear function.
+    const PARTS: &str = "
+        model mass {
+          param k = 1; param c = 1; state q = 1; state v = 0;
+          q' = v;
+          v' = -k*sin(q) - 0.1*sign(v*(1 + c*q^2) - 0.01);
+        }
+        model many { part b[i in 1..30] = mass { k = 1 + i/30; c = i; } }
+        simulate a of many { horizon 1; }";
+
+    #[test]
+    fn instances_of_one_part_share_their_functions() {
+        with_switched(PARTS, |switched, x0| {
+            assert_eq!(switched.blocks().len(), 60);
+            let rates = [Side::Plus, Side::Minus].map(|side| switched.rates(1, &[side]));
+            let other = switched.rates(3, &[Side::Plus]);
+            assert!(std::sync::Arc::ptr_eq(&rates[0].field, &other.field));
+            assert_ne!(rates[0].inputs, other.inputs);
+            let compiled = switched.n_compiled();
+            assert_eq!(compiled, 2);
+            // A run meets q', v' on each side and sliding, and ψ.
+            let mut simulator = Simulator::new(switched, Settings::default());
+            let outcome = simulator.run(0.0, 1.0, x0, &mut Silent);
+            assert!(outcome.stats.functions >= 90);
+            assert!(switched.n_compiled() <= 5);
+            // A second run, with another order, meets nothing new.
+            let compiled = switched.n_compiled();
+            let settings = Settings {
+                order: Some(20),
+                ..Settings::default()
+            };
+            Simulator::new(switched, settings).run(0.0, 1.0, x0, &mut Silent);
+            assert_eq!(switched.n_compiled(), compiled);
+        });
+    }
+
+    struct Silent;
+
+    impl nsd_solver::simulate::Observer for Silent {
+        fn segment(&mut self, _: &nsd_solver::simulate::Segment) -> std::ops::ControlFlow<()> {
+            std::ops::ControlFlow::Continue(())
+        }
+
+        fn event(&mut self, _: &nsd_solver::simulate::Event) {}
+    }
+
+    #[test]
+    fn a_switch_concerns_the_rates_that_contain_it() {
+        let text = "
+            model m {
+              state x[6] = 1; state y = 0;
+              let heavy = sin(x[1]*x[2] + exp(x[3]));
+              x[1]' = -sign(x[1]); x[2]' = heavy; x[3]' = heavy*x[1] - x[3];
+              x[4]' = -sign(x[4] - x[5]); x[5]' = sign(x[4] - x[5]) - x[6]; x[6]' = -x[6];
+              y' = sum(sign(x[i]) for i in [1, 6]);
+            }
+            simulate a of m { horizon 1; }";
+        with_switched(text, |switched, _| {
+            let blocks = switched.blocks().iter();
+            let blocks: Vec<_> = blocks
+                .map(|b| (b.states.clone(), b.switches.clone()))
+                .collect();
+            insta::assert_snapshot!(format!("{blocks:?}"), @"");
+        });
     }
 }

@@ -142,7 +142,9 @@ impl Mode {
     /// Looks for the switches off their surface that may reach it within a step h, and expands their
     /// ψ. Those that are no affine functions may shorten the step, which is returned.
     ///
-    /// |ψ(x)| > Σ |∂ψ/∂x_j| R_j, R_j = Σ_k |x_{j,k}| hᵏ from k = 1, proves that an affine ψ has no root.
+    /// No state moves by more than R_j = Σ_k |x_{j,k}| hᵏ from k = 1. An enclosure of ψ over this box,
+    /// Σ |c_j| R_j around its value where it is affine, that does not hold zero proves that ψ has no
+    /// root.
     pub(crate) fn watch(&mut self, tolerance: f64, state: &mut State, h: f64) -> f64 {
         self.watched.clear();
         if self.sides.len() == self.sliding.len() {

@@ -6,7 +6,7 @@ use super::field::gather;
 use super::layout::Memory;
 use super::system::{Affine, Input, Smooth, Surface};
 use super::{Side, SwitchedSystem};
-use crate::tape::{self, Recurrences, Tape};
+use crate::tape::{self, Ball, Lane, Recurrences, Tape};
 
 pub(super) struct Surfaces {
     surfaces: Vec<Local>,
@@ -15,6 +15,7 @@ pub(super) struct Surfaces {
     /// The sides taken last; none before the first time.
     sides: Option<Box<[Side]>>,
     registers: Vec<f64>,
+    balls: Vec<Ball>,
     /// Functions taken up so far.
     pub n_functions: usize,
 }
@@ -74,6 +75,7 @@ impl Surfaces {
             around,
             sides: None,
             registers: Vec::new(),
+            balls: Vec::new(),
             n_functions: 0,
         }
     }
@@ -135,6 +137,7 @@ impl Surfaces {
             let wanted = wanted.into_iter().max().unwrap_or(0);
             if self.registers.len() < wanted {
                 self.registers.resize(wanted, 0.0);
+                self.balls.resize(wanted, Ball::splat(0.0));
             }
         }
         self.n_functions += 1;
@@ -243,17 +246,36 @@ impl Surfaces {
         if size.is_finite() { size } else { 0.0 }
     }
 
-    /// True when the constant term of an affine ψ outweighs all that states which move by no more
-    /// than `reach` within a step h can add to it.
-    pub(super) fn stays_away(&self, switch: usize, values: &[f64], reach: &[f64], h: f64) -> bool {
-        let Form::Affine(affine) = &self.surfaces[switch].now().form else {
-            return false;
-        };
-        let moves = affine
-            .terms
-            .iter()
-            .map(|&(state, c)| c.abs() * reach[state]);
-        affine.value(values).abs() > moves.sum::<f64>() + affine.time.abs() * h
+    /// True when ψ cannot vanish within a step h in which no state moves by more than its `reach`.
+    pub(super) fn stays_away(
+        &mut self,
+        switch: usize,
+        values: &[f64],
+        reach: &[f64],
+        h: f64,
+    ) -> bool {
+        let local = &self.surfaces[switch];
+        match &local.known[local.now].form {
+            Form::Affine(affine) => {
+                let terms = affine.terms.iter();
+                let moves = terms.map(|&(state, c)| c.abs() * reach[state]);
+                affine.value(values).abs() > moves.sum::<f64>() + affine.time.abs() * h
+            }
+            Form::Smooth(tapes) => {
+                let n = reach.len();
+                for (ball, &slot) in self.balls.iter_mut().zip(&tapes.gather) {
+                    let radius = match slot {
+                        0 => h,
+                        slot if slot <= n => reach[slot - 1],
+                        _ => 0.0,
+                    };
+                    *ball = Ball::new(values[slot], radius);
+                }
+                let psi = &tapes.functions.psi;
+                psi.run(&mut self.balls);
+                psi.results(&self.balls).all(Ball::excludes_zero)
+            }
+        }
     }
 }
 

@@ -10,6 +10,7 @@
 //! - no operation is fused: results do not depend on the processor.
 
 mod allocate;
+mod ball;
 mod builder;
 mod jet;
 mod lanes;
@@ -17,6 +18,7 @@ mod recurrence;
 
 use std::fmt;
 
+pub(crate) use ball::Ball;
 pub use builder::{TapeBuilder, Value};
 pub use jet::Jet;
 pub(crate) use jet::{Recurrences, Row, Step, UNBOUNDED, advance_all, start_all, weights};

@@ -1,0 +1,199 @@
+//! Enclosures: what a function may be while its inputs stay within radii of their values.
+//!
+//! A ball m ± r holds every number within r of m. Each operation gives a ball that holds all its
+//! results, but for rounding. Where a function has no simple bound the radius is infinite.
+
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+use super::Lane;
+
+/// All numbers within `radius` of `middle`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Ball {
+    pub middle: f64,
+    pub radius: f64,
+}
+
+impl Ball {
+    pub(crate) fn new(middle: f64, radius: f64) -> Self {
+        Ball { middle, radius }
+    }
+
+    /// True when every number in it has the sign of the middle.
+    pub(crate) fn excludes_zero(self) -> bool {
+        self.middle.abs() > self.radius
+    }
+
+    /// The image by a function that changes at most `slope` times as much as its argument, and by
+    /// no more than `range`.
+    fn image(self, middle: f64, slope: f64, range: f64) -> Self {
+        Ball::new(middle, (slope * self.radius).min(range))
+    }
+
+    /// The least number in it.
+    fn low(self) -> f64 {
+        self.middle - self.radius
+    }
+}
+
+impl Neg for Ball {
+    type Output = Ball;
+
+    fn neg(self) -> Ball {
+        Ball::new(-self.middle, self.radius)
+    }
+}
+
+impl Add for Ball {
+    type Output = Ball;
+
+    fn add(self, other: Ball) -> Ball {
+        Ball::new(self.middle + other.middle, self.radius + other.radius)
+    }
+}
+
+impl Sub for Ball {
+    type Output = Ball;
+
+    fn sub(self, other: Ball) -> Ball {
+        Ball::new(self.middle - other.middle, self.radius + other.radius)
+    }
+}
+
+impl Mul for Ball {
+    type Output = Ball;
+
+    fn mul(self, other: Ball) -> Ball {
+        let radius = self.middle.abs() * other.radius
+            + other.middle.abs() * self.radius
+            + self.radius * other.radius;
+        Ball::new(self.middle * other.middle, radius)
+    }
+}
+
+impl Div for Ball {
+    type Output = Ball;
+
+    /// a/b - a₀/b₀ = ((a - a₀) - a₀/b₀ (b - b₀)) / b
+    fn div(self, other: Ball) -> Ball {
+        let middle = self.middle / other.middle;
+        let least = other.middle.abs() - other.radius;
+        if least > 0.0 {
+            Ball::new(middle, (self.radius + middle.abs() * other.radius) / least)
+        } else {
+            Ball::new(middle, f64::INFINITY)
+        }
+    }
+}
+
+impl Lane for Ball {
+    const WIDTH: usize = 1;
+
+    fn splat(value: f64) -> Self {
+        Ball::new(value, 0.0)
+    }
+
+    fn load(from: &[f64]) -> Self {
+        Ball::splat(from[0])
+    }
+
+    fn store(self, to: &mut [f64]) {
+        to[0] = self.middle;
+    }
+
+    fn map(self, f: impl Fn(f64) -> f64) -> Self {
+        let radius = if self.radius == 0.0 {
+            0.0
+        } else {
+            f64::INFINITY
+        };
+        Ball::new(f(self.middle), radius)
+    }
+
+    fn zip(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
+        let known = self.radius == 0.0 && other.radius == 0.0;
+        let radius = if known { 0.0 } else { f64::INFINITY };
+        Ball::new(f(self.middle, other.middle), radius)
+    }
+
+    fn sqrt(self) -> Self {
+        let root = self.middle.sqrt();
+        // √a - √(a - r) is the larger of the two differences.
+        Ball::new(root, root - self.low().max(0.0).sqrt()).where_positive(self)
+    }
+
+    fn exp(self) -> Self {
+        let middle = self.middle.exp();
+        Ball::new(middle, middle * self.radius.exp_m1())
+    }
+
+    fn log(self) -> Self {
+        let ratio = self.radius / self.middle;
+        Ball::new(self.middle.ln(), -(-ratio).ln_1p()).where_positive(self)
+    }
+
+    fn sin_cos(self) -> (Self, Self) {
+        let (sine, cosine) = self.middle.sin_cos();
+        // |sin(a + δ) - sin a| ≤ |cos a| δ + δ²/2
+        let curved = 0.5 * self.radius;
+        (
+            self.image(sine, (cosine.abs() + curved).min(1.0), 2.0),
+            self.image(cosine, (sine.abs() + curved).min(1.0), 2.0),
+        )
+    }
+
+    fn tanh(self) -> Self {
+        self.image(self.middle.tanh(), 1.0, 2.0)
+    }
+
+    fn atan(self) -> Self {
+        self.image(self.middle.atan(), 1.0, std::f64::consts::PI)
+    }
+}
+
+impl Ball {
+    /// Itself where the argument is positive as a whole, else nothing is known.
+    fn where_positive(self, argument: Ball) -> Self {
+        let known = argument.low() > 0.0;
+        Ball::new(self.middle, if known { self.radius } else { f64::INFINITY })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::tape::Tape;
+
+    proptest! {
+        /// What a tape gives anywhere within the radii lies in its enclosure.
+        #[test]
+        fn holds_all_results(x in -2.0..2.0_f64, y in 0.5..2.0_f64, r in 0.0..0.4_f64, s in -1.0..1.0_f64, u in -1.0..1.0_f64) {
+            let mut tape = Tape::builder(2);
+            let (a, b) = (tape.input(0), tape.input(1));
+            let (sine, cosine) = tape.sin_cos(a);
+            let product = tape.mul(sine, b);
+            let quotient = tape.div(cosine, b);
+            let root = tape.sqrt(b);
+            let log = tape.log(b);
+            let exp = tape.exp(a);
+            let (tanh, atan) = (tape.tanh(a), tape.atan(product));
+            let square = tape.square(a);
+            let scaled = tape.add_scaled(square, -3.0, b);
+            let recip = tape.recip(b);
+            let outputs = [product, quotient, root, log, exp, tanh, atan, scaled, recip];
+            let tape = tape.finish(&outputs);
+
+            let mut balls = vec![Ball::splat(0.0); tape.n_registers()];
+            let mut enclosures = vec![Ball::splat(0.0); outputs.len()];
+            let around = [Ball::new(x, r), Ball::new(y, r)];
+            tape.eval_lanes(&around, &mut enclosures, &mut balls);
+            let mut values = vec![0.0; outputs.len()];
+            tape.eval(&[x + s * r, y + u * r], &mut values, &mut tape.scratch());
+            for (ball, value) in enclosures.iter().zip(&values) {
+                prop_assert!((value - ball.middle).abs() <= ball.radius * (1.0 + 1e-12) + 1e-14, "{ball:?} and {value}");
+            }
+        }
+    }
+}
