@@ -115,7 +115,6 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         }
         let mut zeros = Zeros {
             mode,
-            state,
             alpha,
             unknowns,
             found: Vec::new(),
@@ -126,11 +125,12 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             for (&i, a) in unknowns.iter().zip(solution) {
                 alpha[i] = a;
             }
-            mode.eval(state.t, &state.x, &alpha);
+            mode.vary(&alpha);
+            let states = mode.states_in_focus().iter();
             found.push(Choice {
                 sides: sides.to_vec(),
                 alpha: group.iter().map(|&i| alpha[i]).collect(),
-                f: mode.f().to_vec(),
+                f: states.map(|&state| mode.f()[state]).collect(),
             });
         }
         complete
@@ -174,7 +174,6 @@ fn product(options: &[Vec<Side>]) -> Vec<Vec<Side>> {
 /// The zeros of φ_S(α_S) in the unit cube.
 struct Zeros<'m> {
     mode: &'m mut Mode,
-    state: &'m State,
     /// Of all switches; the unknown ones start where Newton's method does.
     alpha: Vec<f64>,
     /// The switches S.
@@ -205,7 +204,7 @@ impl Zeros<'_> {
         for (&i, &value) in self.unknowns.iter().zip(values) {
             self.alpha[i] = value;
         }
-        self.mode.eval(self.state.t, &self.state.x, &self.alpha);
+        self.mode.vary(&self.alpha);
         self.mode.linearize(&self.unknowns);
     }
 

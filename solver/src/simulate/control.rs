@@ -1,5 +1,7 @@
 //! Length of a step, and what its series are worth at the end and on the way.
 
+use wide::f64x4;
+
 use super::Side;
 use super::dense::Dense;
 use super::mode::Mode;
@@ -19,14 +21,12 @@ const SMALLEST: f64 = 1e-250;
 /// does not know of must be seen in between.
 const PROBES: [f64; 4] = [0.23, 0.51, 0.77, 1.0];
 
-/// One number for every probe.
-type AtProbes = [f64; PROBES.len()];
-
 /// What the series of a step say at the probes, and what differences from it are relative to.
 #[derive(Default)]
 pub(super) struct Probed {
-    x: Vec<AtProbes>,
-    rates: Vec<AtProbes>,
+    /// t, x, α and numbers, as the inputs of functions.
+    values: Vec<f64x4>,
+    rates: Vec<f64x4>,
     /// Error scales of the states.
     scales: Vec<f64>,
 }
@@ -34,8 +34,8 @@ pub(super) struct Probed {
 impl Probed {
     pub(super) fn new(n_states: usize) -> Self {
         Probed {
-            x: vec![Default::default(); n_states],
-            rates: vec![Default::default(); n_states],
+            values: Vec::new(),
+            rates: vec![f64x4::splat(0.0); n_states],
             scales: vec![0.0; n_states],
         }
     }
@@ -77,8 +77,7 @@ impl Mode {
     /// Measures Σ |∂f/∂(t, x, α)|·|(t, x, α)| of every rate, as one perturbation of all inputs by
     /// different amounts shows it: the size of its terms, which may cancel, and with it its rounding
     /// error.
-    pub(crate) fn measure_terms(&mut self, state: &mut State, alpha: &[f64]) {
-        self.eval(state.t, &state.x, alpha);
+    pub(crate) fn measure_terms(&mut self, state: &mut State) {
         self.terms.copy_from_slice(&self.field.f);
         self.perturbed.clone_from(&self.memory.values);
         let mut share = 0.0_f64;
@@ -239,50 +238,74 @@ impl Mode {
     /// step `tau`; the last evaluation is at the end.
     pub(super) fn defect(
         &mut self,
-        state: &mut State,
+        state: &State,
         tau: f64,
         tolerance: f64,
         allowed: f64,
     ) -> Defect {
         self.probe(state, tau, tolerance);
+        self.field.eval_lanes(&self.probed.values);
         let mut defect = Defect {
             rate: 0.0,
             switches_agree: true,
         };
-        for (k, probe) in PROBES.iter().enumerate() {
-            let at = probe * tau;
-            for (next, x) in state.next.iter_mut().zip(&self.probed.x) {
-                *next = x[k];
+        let rates = self.probed.rates.iter().zip(&self.probed.scales);
+        for (f, (rate, scale)) in self.field.wide.iter().zip(rates) {
+            let differences = (*rate - *f).abs() * f64x4::splat(tau / scale);
+            for relative in differences.to_array() {
+                // NaN must not be lost to `max`.
+                defect.rate = if defect.rate >= relative {
+                    defect.rate
+                } else {
+                    relative
+                };
             }
-            Dense::Taylor(self).alphas_at(at, &mut state.next_alpha);
-            self.eval(state.t + at, &state.next, &state.next_alpha);
-            let rates = self.probed.rates.iter().zip(&self.probed.scales);
-            for (f, (rate, scale)) in self.f().iter().zip(rates) {
-                let difference = (rate[k] - f).abs() * tau;
-                if difference != 0.0 {
-                    let relative = difference / scale;
-                    // NaN must not be lost to `max`.
-                    defect.rate = if defect.rate >= relative {
-                        defect.rate
-                    } else {
-                        relative
-                    };
-                }
+        }
+        if !self.sliding.is_empty() || !self.watched.is_empty() {
+            for (k, probe) in PROBES.iter().enumerate() {
+                self.take_probe(k);
+                let at = probe * tau;
+                defect.switches_agree &= self.switches_agree(state, at, tau, allowed);
             }
-            defect.switches_agree &= self.switches_agree(state, at, tau, allowed);
         }
         defect
     }
 
-    /// Evaluates the series of the states at all probes.
+    /// Evaluates the series of states and α at all probes.
     fn probe(&mut self, state: &State, tau: f64, tolerance: f64) {
         let at = PROBES.map(|probe| probe * tau);
         let mut probed = std::mem::take(&mut self.probed);
+        for i in probed.values.len()..self.memory.values.len() {
+            // Numbers of functions stay what they are.
+            probed.values.push(f64x4::splat(self.memory.values[i]));
+        }
+        probed.values[0] = f64x4::from(at.map(|at| state.t + at));
         for i in 0..self.n {
-            [probed.x[i], probed.rates[i]] = series::values_and_slopes(self.x_series(i), at);
+            let [values, slopes] = series::values_and_slopes(self.x_series(i), at);
+            probed.values[1 + i] = f64x4::from(values);
+            probed.rates[i] = f64x4::from(slopes);
             probed.scales[i] = self.error_scale(i, tau, tolerance, state);
         }
+        for &i in &self.sliding {
+            let alpha = at.map(|at| series::value(self.alpha_series(i), at));
+            probed.values[1 + self.n + i] = f64x4::from(alpha);
+        }
         self.probed = probed;
+    }
+
+    /// Moves to a probe that has been evaluated.
+    fn take_probe(&mut self, k: usize) {
+        let moving = 1 + self.n;
+        let values = self.memory.values[..moving].iter_mut();
+        for (value, probed) in values.zip(&self.probed.values) {
+            *value = probed.as_array()[k];
+        }
+        for &i in &self.sliding {
+            self.memory.values[moving + i] = self.probed.values[moving + i].as_array()[k];
+        }
+        for (f, wide) in self.field.f.iter_mut().zip(&self.field.wide) {
+            *f = wide.as_array()[k];
+        }
     }
 
     /// True when at the point φ_K vanishes and every other ψ that is watched has the value of its

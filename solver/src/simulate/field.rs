@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use rustc_hash::FxHashMap;
+use wide::f64x4;
 
 use super::layout::Memory;
 use super::system::{Block, Input, Partials};
@@ -27,6 +28,9 @@ pub(super) struct Field {
     /// Whether the lists above are those of the present sides.
     listed: bool,
     registers: Vec<f64>,
+    /// f at the lanes evaluated last.
+    pub wide: Vec<f64x4>,
+    wide_registers: Vec<f64x4>,
     /// Functions taken up so far.
     pub n_functions: usize,
 }
@@ -91,6 +95,8 @@ impl Field {
             sliding_states: Vec::new(),
             listed: false,
             registers: Vec::new(),
+            wide: vec![f64x4::splat(0.0); n],
+            wide_registers: Vec::new(),
             n_functions: 0,
         }
     }
@@ -108,6 +114,11 @@ impl Field {
     /// The blocks whose rates contain the α of a switch.
     pub(super) fn of_switch(&self, switch: usize) -> &[usize] {
         &self.of_switch[switch]
+    }
+
+    /// The block of a state.
+    pub(super) fn block_of(&self, state: usize) -> usize {
+        self.place[state].0
     }
 
     /// Takes the function of a block on the present sides, compiling it at its first use.
@@ -136,6 +147,7 @@ impl Field {
                     .max(rates.by_alpha.tape.n_registers());
                 if self.registers.len() < wanted {
                     self.registers.resize(wanted, 0.0);
+                    self.wide_registers.resize(wanted, f64x4::splat(0.0));
                 }
                 local.known.push(Compiled {
                     sides: sides.clone(),
@@ -165,6 +177,21 @@ impl Field {
         }
     }
 
+    /// Evaluates f at all lanes of `values`.
+    pub(super) fn eval_lanes(&mut self, values: &[f64x4]) {
+        for local in &self.blocks {
+            let compiled = local.now();
+            for (register, &slot) in self.wide_registers.iter_mut().zip(&compiled.gather) {
+                *register = values[slot];
+            }
+            compiled.field.run(&mut self.wide_registers);
+            let results = compiled.field.results(&self.wide_registers);
+            for (&state, result) in local.block.states.iter().zip(results) {
+                self.wide[state] = result;
+            }
+        }
+    }
+
     /// Evaluates the rates that contain a sliding α.
     pub(super) fn eval_sliding(&mut self, values: &[f64]) {
         for block in 0..self.blocks.len() {
@@ -174,7 +201,8 @@ impl Field {
         }
     }
 
-    fn eval_block(&mut self, block: usize, values: &[f64]) {
+    /// Evaluates the rates of one block.
+    pub(super) fn eval_block(&mut self, block: usize, values: &[f64]) {
         let local = &self.blocks[block];
         let compiled = local.now();
         gather(&compiled.gather, values, &mut self.registers);

@@ -59,10 +59,13 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     /// cancel, and what would move ψ by its own size within a step.
     pub(super) fn rates(&mut self, state: &State, group: &[usize], choices: &[Choice]) -> Vec<f64> {
         let mode = &mut self.mode;
-        mode.eval(state.t, &state.x, &state.alpha);
+        mode.vary(&state.alpha);
         mode.linearize(group);
         let largest = |component: usize| {
-            let values = choices.iter().map(|choice| choice.f[component].abs());
+            let at = mode
+                .states_in_focus()
+                .partition_point(|&state| state < component);
+            let values = choices.iter().map(|choice| choice.f[at].abs());
             values.fold(state.activity[component], f64::max)
         };
         let rate = |i: &usize| {
@@ -92,7 +95,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         for (&i, &a) in group.iter().zip(&choice.alpha) {
             alpha[i] = a;
         }
-        mode.eval(state.t, &state.x, &alpha);
+        mode.vary(&alpha);
         mode.linearize(group);
         let mut tie = false;
         for (at, &i) in group.iter().enumerate() {
@@ -127,7 +130,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let mode = &mut self.mode;
         mode.enter(self.system, &sides);
         mode.expand(state.t, &state.x, &mut alpha).ok()?;
-        mode.measure_terms(state, &alpha);
+        mode.measure_terms(state);
         mode.watched.clear();
         for &i in group.iter().filter(|&&i| sides[i] != Side::Slide) {
             mode.expand_psi(i, state);

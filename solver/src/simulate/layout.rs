@@ -48,6 +48,7 @@ impl Memory {
 
     /// The row of an input; a number gets a new one.
     pub(super) fn row(&mut self, input: Input) -> Row {
+        let moves = matches!(input, Input::State(_) | Input::Alpha(_));
         let (start, degree) = match input {
             Input::Time => (0, 1),
             Input::State(state) => (self.state(state), UNBOUNDED),
@@ -58,7 +59,11 @@ impl Memory {
                 (start, 0)
             }
         };
-        Row { start, degree }
+        Row {
+            start,
+            degree,
+            moves,
+        }
     }
 
     /// New rows behind all others; where they start.

@@ -129,7 +129,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         if mode.expand(state.t, &state.x, &mut alpha).is_err() {
             return true;
         }
-        mode.measure_terms(state, &alpha);
+        mode.measure_terms(state);
         mode.expand_psi(relay, state);
         mode.watched.clear();
         mode.watched.push(relay);

@@ -42,8 +42,17 @@ pub(crate) struct Mode {
     pub watched: Vec<usize>,
     /// How far each state may move within the step.
     pub reach: Vec<f64>,
+    focus: Focus,
     pub probed: Probed,
     pub(super) implicit: Workspace,
+}
+
+/// A few switches whose α are varied while all else stays as it is.
+#[derive(Default)]
+struct Focus {
+    switches: Vec<usize>,
+    states: Vec<usize>,
+    blocks: Vec<usize>,
 }
 
 /// Newton iterations for α before the equations count as unsolvable.
@@ -68,6 +77,7 @@ impl Mode {
             perturbed: Vec::new(),
             watched: Vec::new(),
             reach: vec![0.0; n],
+            focus: Focus::default(),
             probed: Probed::new(n),
             implicit: Workspace::default(),
         }
@@ -99,6 +109,42 @@ impl Mode {
         let slides = |&i: &usize| sides[i] == Side::Slide;
         self.sliding.extend((0..sides.len()).filter(slides));
         self.arranged = false;
+    }
+
+    /// Moves to a point where the α of some switches are to be varied.
+    pub(crate) fn focus(&mut self, t: f64, x: &[f64], alpha: &[f64], switches: &[usize]) {
+        self.set(t, x, alpha);
+        let focus = &mut self.focus;
+        focus.switches.clear();
+        focus.switches.extend_from_slice(switches);
+        focus.states.clear();
+        focus.blocks.clear();
+        for &i in switches {
+            let states = self.surfaces.gradient(i).iter().map(|&(state, _)| state);
+            focus.states.extend(states);
+            focus.blocks.extend_from_slice(self.field.of_switch(i));
+        }
+        focus.states.sort_unstable();
+        focus.states.dedup();
+        let blocks = focus.states.iter().map(|&state| self.field.block_of(state));
+        focus.blocks.extend(blocks);
+        focus.blocks.sort_unstable();
+        focus.blocks.dedup();
+    }
+
+    /// Evaluates what the α in focus and their rates φ depend on.
+    pub(crate) fn vary(&mut self, alpha: &[f64]) {
+        for &i in &self.focus.switches {
+            self.memory.values[1 + self.n + i] = alpha[i];
+        }
+        for &block in &self.focus.blocks {
+            self.field.eval_block(block, &self.memory.values);
+        }
+    }
+
+    /// States that the ψ in focus depend on, in order.
+    pub(crate) fn states_in_focus(&self) -> &[usize] {
+        &self.focus.states
     }
 
     /// Takes the switching functions of these sides, and no rates.
@@ -306,12 +352,13 @@ impl Mode {
             return;
         }
         for (at, &i) in self.equations.switches.iter().enumerate() {
-            if !self.surfaces.is_affine(i) {
-                // What is kept of lower orders must be that of the states as they are by now.
-                if k == 1 {
+            // What is kept of lower orders must be that of the states as they are by now.
+            match k {
+                1 if !self.surfaces.is_affine(i) => {
                     self.surfaces.advance(i, &mut self.memory, 0);
+                    self.surfaces.advance(i, &mut self.memory, 1);
                 }
-                self.surfaces.advance(i, &mut self.memory, k);
+                _ => self.surfaces.correct(i, &mut self.memory, k),
             }
             self.surfaces.advance(i, &mut self.memory, k + 1);
             let psi = self.memory.rows[self.surfaces.row(i) + k + 1];

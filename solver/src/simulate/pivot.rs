@@ -42,8 +42,7 @@ impl Problem<'_> {
 
     /// True when -A is proved to be a P-matrix here, so that there is exactly one solution.
     pub(super) fn is_unique(&mut self) -> bool {
-        self.mode
-            .eval(self.state.t, &self.state.x, &self.state.alpha);
+        self.mode.vary(&self.state.alpha);
         self.mode.linearize(self.group);
         let (matrix, _) = self.matrix();
         lcp::is_p_matrix(&matrix, self.group.len()) == Some(true)
@@ -58,7 +57,7 @@ impl Problem<'_> {
         let mut alpha = self.state.alpha.clone();
         let mut last = Vec::new();
         for _ in 0..20 {
-            self.mode.eval(self.state.t, &self.state.x, &alpha);
+            self.mode.vary(&alpha);
             self.mode.linearize(self.group);
             let (matrix, sizes) = self.matrix();
             let size = 2 * n;
@@ -100,8 +99,7 @@ impl Problem<'_> {
     /// sliding switches do.
     pub(super) fn search(&mut self, options: &[Vec<Side>]) -> Vec<Vec<Side>> {
         let n = self.group.len();
-        self.mode
-            .eval(self.state.t, &self.state.x, &self.state.alpha);
+        self.mode.vary(&self.state.alpha);
         self.mode.linearize(self.group);
         let (matrix, sizes) = self.matrix();
         let (mut low, mut high) = (vec![0.0; n], vec![0.0; n]);

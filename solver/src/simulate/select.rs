@@ -23,6 +23,7 @@ pub const MAX_NAMED: usize = 27;
 pub(super) struct Choice {
     pub sides: Vec<Side>,
     pub alpha: Vec<f64>,
+    /// f of the states that ψ of the group depend on.
     pub f: Vec<f64>,
 }
 
@@ -168,6 +169,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             sides[i] = Side::Slide;
         }
         self.mode.enter(self.system, &sides);
+        self.mode.focus(state.t, &state.x, &state.alpha, group);
         let choices = self.choices(state, group);
         let rates = self.rates(state, group, &choices.found);
         let mut verdicts = Vec::new();

@@ -58,9 +58,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         if mode.expand(state.t, &state.x, &mut state.alpha).is_err() {
             return Err(mode.stuck());
         }
-        let alpha = std::mem::take(&mut state.alpha);
-        mode.measure_terms(state, &alpha);
-        state.alpha = alpha;
+        mode.measure_terms(state);
         state.stats.rhs_evaluations += order;
         let longest = if state.last_step > 0.0 {
             remaining.min(MAX_GROWTH * state.last_step)

@@ -216,6 +216,21 @@ impl Surfaces {
         local.known[local.now].advance(memory, k);
     }
 
+    /// Computes the coefficient of order k ≥ 1 again, after that of the states has changed.
+    pub(super) fn correct(&self, switch: usize, memory: &mut Memory, k: usize) {
+        if let Form::Smooth(tapes) = &self.surfaces[switch].now().form
+            && let Some(series) = &tapes.series
+        {
+            let Memory {
+                rows,
+                weights,
+                stride,
+                ..
+            } = memory;
+            tape::advance_all(&series.moving, rows, weights, k, *stride);
+        }
+    }
+
     /// Where the series of ψ starts, after `advance`.
     pub(super) fn row(&self, switch: usize) -> usize {
         self.surfaces[switch].now().row.unwrap_or(0)

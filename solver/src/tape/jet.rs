@@ -33,6 +33,8 @@ pub(crate) struct Row {
     pub start: usize,
     /// Degree as a polynomial in time.
     pub degree: u32,
+    /// Whether the coefficients depend on anything but time and numbers.
+    pub moves: bool,
 }
 
 /// The recurrences of a tape on rows of memory that it may share with other tapes: its inputs are
@@ -40,6 +42,8 @@ pub(crate) struct Row {
 #[derive(Clone, Debug)]
 pub(crate) struct Recurrences {
     pub steps: Vec<Step>,
+    /// Those whose results move.
+    pub moving: Vec<Step>,
     /// Where the rows of the outputs start.
     pub outputs: Vec<usize>,
     /// Where the rows behind its own start.
@@ -52,11 +56,13 @@ impl Recurrences {
         let unknown = Row {
             start: 0,
             degree: UNBOUNDED,
+            moves: false,
         };
         let mut row_of = inputs.to_vec();
         row_of.resize(tape.n_values, unknown);
         let mut end = base;
         let mut steps = Vec::with_capacity(tape.values.len());
+        let mut moving = Vec::new();
         for instruction in &tape.values {
             let ([a, b], c) = instruction.op.parts();
             let row = |value: Slot| match value {
@@ -64,9 +70,11 @@ impl Recurrences {
                 _ => row_of[value as usize],
             };
             let step = Step::new(Kind::of(instruction.op), end, [row(a), row(b)], c);
+            let moves = row(a).moves || row(b).moves;
             let result = |start: usize| Row {
                 start,
                 degree: step.degree,
+                moves,
             };
             row_of[instruction.out as usize] = result(end);
             if instruction.second != UNUSED {
@@ -74,11 +82,15 @@ impl Recurrences {
             }
             end += (1 + step.kind.n_helpers()) * stride;
             steps.push(step);
+            if moves {
+                moving.push(step);
+            }
         }
         let outputs = tape.outputs.iter();
         Recurrences {
             outputs: outputs.map(|&value| row_of[value as usize].start).collect(),
             steps,
+            moving,
             end,
         }
     }
@@ -283,6 +295,7 @@ fn place(tape: &Tape, degrees: &[u32], stride: usize) -> Recurrences {
     let row = |(input, &degree)| Row {
         start: input * stride,
         degree,
+        moves: true,
     };
     let inputs: Vec<Row> = degrees.iter().enumerate().map(row).collect();
     Recurrences::new(tape, &inputs, inputs.len() * stride, stride)
@@ -351,7 +364,10 @@ fn advance(step: &Step, data: &mut [f64], weights: &[f64], k: usize, stride: usi
     let d = k.min(step.short as usize);
     let row = |start: usize| &done[start..=start + k];
     // Σ j a_j v_{k-j} over j = 1..=k, for a row v that is known below k.
-    let chain = |v: &[f64]| convolve_weighted(&weights[1..=d], &done[a + 1..=a + d], &v[k - d..k]);
+    let chain = |v: &[f64]| match d {
+        1 => done[a + 1] * v[k - 1],
+        _ => convolve_weighted(&weights[1..=d], &done[a + 1..=a + d], &v[k - d..k]),
+    };
     // Σ j w_j v_{k-j} over j = 1..k.
     let inner = |w: &[f64], v: &[f64]| convolve_weighted(&weights[1..k], &w[1..k], &v[1..k]);
     match step.kind {
