@@ -11,6 +11,8 @@ mod modes;
 mod outcome;
 mod record;
 mod switched;
+#[cfg(test)]
+mod switched_tests;
 mod watch;
 
 use std::ops::ControlFlow;

@@ -3,7 +3,6 @@
 use wide::f64x4;
 
 use super::Side;
-use super::dense::Dense;
 use super::mode::Mode;
 use super::series;
 use super::state::State;

@@ -60,7 +60,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         } else {
             mode.start(state.t, &state.x, &mut alpha)
         };
-        mode.measure_terms(state, &alpha);
+        mode.measure_terms(state);
         state.alpha = alpha;
         if solved.is_err() {
             return Err(mode.stuck());

@@ -1,0 +1,93 @@
+//! Blocks, and what they share.
+
+use nsd_solver::simulate::{Settings, Side, Simulator, SwitchedSystem};
+
+use super::Switched;
+use crate::clock::Clock;
+use crate::diagnostics::Diagnostics;
+use crate::expr::Exprs;
+use crate::source::SourceMap;
+use crate::syntax::{self, Item};
+
+fn with_switched<T>(text: &str, use_it: impl FnOnce(&Switched, &[f64]) -> T) -> T {
+    let (mut sources, mut diags) = (SourceMap::new(), Diagnostics::new());
+    let source = sources.add("test.nsd", text);
+    let file = syntax::parse(&source, &mut diags);
+    let experiment = file.items.iter().find_map(|item| match item {
+        Item::Experiment(found) => Some(found),
+        _ => None,
+    });
+    let exprs = Exprs::new();
+    let experiment = experiment.expect("the text has an experiment");
+    let clock = &mut Clock::default();
+    let compiled = crate::compile(&exprs, &file, experiment, &[], clock, &mut diags);
+    let system = compiled.expect("the text compiles").system;
+    let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
+    use_it(&Switched::new(&system), &x0)
+}
+
+/// 30 instances of a part with other numbers in each, whose friction is a nonlinear function.
+const PARTS: &str = "
+    model mass {
+      param k = 1; param c = 1; state q = 1; state v = 0;
+      q' = v;
+      v' = -k*sin(q) - 0.1*sign(v*(1 + c*q^2) - 0.01);
+    }
+    model many { part b[i in 1..30] = mass { k = 1 + i/30; c = i; } }
+    simulate a of many { horizon 1; }";
+
+#[test]
+fn instances_of_one_part_share_their_functions() {
+    with_switched(PARTS, |switched, x0| {
+        assert_eq!(switched.blocks().len(), 60);
+        let rates = [Side::Plus, Side::Minus].map(|side| switched.rates(1, &[side]));
+        let other = switched.rates(3, &[Side::Plus]);
+        assert!(std::sync::Arc::ptr_eq(&rates[0].field, &other.field));
+        assert_ne!(rates[0].inputs, other.inputs);
+        let compiled = switched.n_compiled();
+        assert_eq!(compiled, 2);
+        // A run meets q', v' on each side and sliding, and ψ.
+        let mut simulator = Simulator::new(switched, Settings::default());
+        let outcome = simulator.run(0.0, 1.0, x0, &mut Silent);
+        assert!(outcome.stats.functions >= 90);
+        assert!(switched.n_compiled() <= 5);
+        // A second run, with another order, meets nothing new.
+        let compiled = switched.n_compiled();
+        let settings = Settings {
+            order: Some(20),
+            ..Settings::default()
+        };
+        Simulator::new(switched, settings).run(0.0, 1.0, x0, &mut Silent);
+        assert_eq!(switched.n_compiled(), compiled);
+    });
+}
+
+struct Silent;
+
+impl nsd_solver::simulate::Observer for Silent {
+    fn segment(&mut self, _: &nsd_solver::simulate::Segment) -> std::ops::ControlFlow<()> {
+        std::ops::ControlFlow::Continue(())
+    }
+
+    fn event(&mut self, _: &nsd_solver::simulate::Event) {}
+}
+
+#[test]
+fn a_switch_concerns_the_rates_that_contain_it() {
+    let text = "
+        model m {
+          state x[6] = 1; state y = 0;
+          let heavy = sin(x[1]*x[2] + exp(x[3]));
+          x[1]' = -sign(x[1]); x[2]' = heavy; x[3]' = heavy*x[1] - x[3];
+          x[4]' = -sign(x[4] - x[5]); x[5]' = sign(x[4] - x[5]) - x[6]; x[6]' = -x[6];
+          y' = sum(sign(x[i]) for i in [1, 6]);
+        }
+        simulate a of m { horizon 1; }";
+    with_switched(text, |switched, _| {
+        let blocks = switched.blocks().iter();
+        let blocks: Vec<_> = blocks
+            .map(|b| (b.states.clone(), b.switches.clone()))
+            .collect();
+        insta::assert_snapshot!(format!("{blocks:?}"), @"[([0], [0]), ([1, 2], []), ([3], [1]), ([4], [1]), ([5], []), ([6], [0, 2])]");
+    });
+}
