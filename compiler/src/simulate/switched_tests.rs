@@ -76,11 +76,11 @@ impl nsd_solver::simulate::Observer for Silent {
 fn a_switch_concerns_the_rates_that_contain_it() {
     let text = "
         model m {
-          state x[6] = 1; state y = 0;
+          state x[6] = ones(6); state y = 0;
           let heavy = sin(x[1]*x[2] + exp(x[3]));
           x[1]' = -sign(x[1]); x[2]' = heavy; x[3]' = heavy*x[1] - x[3];
           x[4]' = -sign(x[4] - x[5]); x[5]' = sign(x[4] - x[5]) - x[6]; x[6]' = -x[6];
-          y' = sum(sign(x[i]) for i in [1, 6]);
+          y' = sign(x[1]) + sign(x[6]);
         }
         simulate a of m { horizon 1; }";
     with_switched(text, |switched, _| {
