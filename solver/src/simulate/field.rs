@@ -147,6 +147,9 @@ impl Field {
                     .max(rates.by_alpha.tape.n_registers());
                 if self.registers.len() < wanted {
                     self.registers.resize(wanted, 0.0);
+                }
+                // A Jacobian may have taken more of the others.
+                if self.wide_registers.len() < wanted {
                     self.wide_registers.resize(wanted, f64x4::splat(0.0));
                 }
                 local.known.push(Compiled {
