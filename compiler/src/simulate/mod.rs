@@ -313,6 +313,7 @@ fn assemble(
             ..Certificate::default()
         },
         skipped: system.skipped.clone(),
+        warnings: outcome::warnings(system, outcome),
         ..Trajectory::default()
     };
     recorder.fill(system, &names, outcome, &mut trajectory);

@@ -1,10 +1,10 @@
 //! How a run ended, in the words of the language.
 
 use miette::LabeledSpan;
-use nsd_solver::simulate::{Candidate, MAX_NAMED, Outcome, Side, Status};
+use nsd_solver::simulate::{Candidate, MAX_NAMED, Note, Outcome, Side, Status};
 
 use super::modes::ModeNames;
-use crate::report::Failure;
+use crate::report::{Failure, Warning};
 use crate::source::Span;
 use crate::system::System;
 
@@ -54,6 +54,31 @@ pub(super) fn failure(
         },
         Status::NotFinite => Failure::NotFinite { time, span },
     })
+}
+
+/// What the run went on from although it could not be sure.
+pub(super) fn warnings(system: &System, outcome: &Outcome) -> Vec<Warning> {
+    let warning = |Note::Unsearched { time, switches }: &Note| {
+        let names = (switches.iter().take(MAX_SHOWN))
+            .map(|&i| format!("`{}`", system.switches[i].name))
+            .collect::<Vec<_>>();
+        let more = match switches.len() {
+            n if n > MAX_SHOWN => ", ..",
+            _ => "",
+        };
+        Warning {
+            code: "W0706".into(),
+            message: format!(
+                "at t = {time}, {} surfaces meet: {}{more}; a solution was found, others were not ruled out",
+                switches.len(),
+                names.join(", ")
+            ),
+            span: switches
+                .first()
+                .and_then(|&i| system.switches[i].spans.first().copied()),
+        }
+    };
+    outcome.notes.iter().map(warning).collect()
 }
 
 /// Branches in a message before the rest is left out.

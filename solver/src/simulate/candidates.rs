@@ -25,19 +25,21 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     /// All choices of sides with their α.
     pub(super) fn choices(&mut self, state: &State, group: &[usize]) -> Choices {
         let options: Vec<Vec<Side>> = group.iter().map(|&i| self.options(state, i)).collect();
-        let candidates = if group.len() > MAX_ENUMERATED {
+        let (candidates, all) = if group.len() > MAX_ENUMERATED {
             self.pivots(state, group, &options)
         } else {
-            product(&options)
+            (product(&options), true)
         };
         let mut choices = Choices {
             found: Vec::new(),
             singular: false,
+            all,
         };
         for candidate in candidates {
             self.enter_surfaces(state, group, &candidate);
-            let complete = self.solve(state, group, &candidate, &mut choices.found);
-            choices.singular |= !complete;
+            let outcome = self.solve(state, group, &candidate, &mut choices.found);
+            choices.singular |= outcome == Search::Singular;
+            choices.all &= outcome != Search::Bounded;
         }
         choices
     }
@@ -64,8 +66,14 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         options
     }
 
-    /// Solutions by Lemke's method and, where there may be others, by search.
-    fn pivots(&mut self, state: &State, group: &[usize], options: &[Vec<Side>]) -> Vec<Vec<Side>> {
+    /// Solutions by Lemke's method and, where there may be others, by search; true when these are
+    /// all that need to be looked at.
+    fn pivots(
+        &mut self,
+        state: &State,
+        group: &[usize],
+        options: &[Vec<Side>],
+    ) -> (Vec<Vec<Side>>, bool) {
         let mut problem = Problem {
             mode: &mut self.mode,
             state,
@@ -75,8 +83,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let mut candidates = problem
             .pivot(options)
             .map_or(Vec::new(), |sides| alternatives(&sides));
+        let mut all = true;
         if !unique {
-            let others = problem.search(options);
+            let others;
+            (others, all) = problem.search(options);
             candidates.extend(
                 others
                     .into_iter()
@@ -84,18 +94,17 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                     .collect::<Vec<_>>(),
             );
         }
-        candidates
+        (candidates, all)
     }
 
-    /// Adds every solution of φ_S = 0 for the sliding switches S of a candidate; false where that
-    /// is singular.
+    /// Adds every solution of φ_S = 0 for the sliding switches S of a candidate.
     fn solve(
         &mut self,
         state: &State,
         group: &[usize],
         sides: &[Side],
         found: &mut Vec<Choice>,
-    ) -> bool {
+    ) -> Search {
         let mode = &mut self.mode;
         let mut alpha = state.alpha.clone();
         let mut unknowns = Vec::new();
@@ -119,7 +128,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             unknowns,
             found: Vec::new(),
         };
-        let complete = zeros.find();
+        let outcome = zeros.find();
         let (solutions, mut alpha, unknowns) = (zeros.found, zeros.alpha, zeros.unknowns);
         for solution in solutions {
             for (&i, a) in unknowns.iter().zip(solution) {
@@ -133,8 +142,19 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 f: states.map(|&state| mode.f()[state]).collect(),
             });
         }
-        complete
+        outcome
     }
+}
+
+/// What a search for zeros has seen.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Search {
+    /// Everything.
+    Complete,
+    /// Equations that leave α undetermined.
+    Singular,
+    /// A part, up to the bound on its effort.
+    Bounded,
 }
 
 /// Combinations of one option each: all of them, or where that is too many, those that take the
@@ -182,18 +202,23 @@ struct Zeros<'m> {
 }
 
 impl Zeros<'_> {
-    /// Finds them; false where the equations are singular.
-    fn find(&mut self) -> bool {
+    /// Finds them.
+    fn find(&mut self) -> Search {
         let start = self.values();
         if self.unknowns.is_empty() {
             self.found.push(start);
-            return true;
+            return Search::Complete;
         }
         if self.unknowns.len() == 1 || self.is_affine() {
-            return self.newton(&start);
+            return match self.newton(&start) {
+                true => Search::Complete,
+                false => Search::Singular,
+            };
         }
-        self.subdivide();
-        true
+        match self.subdivide() {
+            true => Search::Complete,
+            false => Search::Bounded,
+        }
     }
 
     fn values(&self) -> Vec<f64> {
@@ -275,8 +300,10 @@ impl Zeros<'_> {
     }
 
     /// All zeros of rates with products of α: a multi-affine function has its extremes over a box at
-    /// the corners, so that corners of one sign prove that the box holds none.
-    fn subdivide(&mut self) {
+    /// the corners, so that corners of one sign prove that the box holds none. False where boxes were
+    /// left that are too large for Newton's method alone.
+    fn subdivide(&mut self) -> bool {
+        let mut all = true;
         let k = self.unknowns.len();
         let outside = 2.0 * TIE;
         let mut boxes = vec![(vec![-outside; k], 1.0 + 2.0 * outside, 0)];
@@ -284,12 +311,14 @@ impl Zeros<'_> {
         while let Some((corner, width, depth)) = boxes.pop() {
             looked_at += 1;
             if looked_at > MAX_BOXES {
-                break;
+                return false;
             }
             if self.has_no_zero(&corner, width) {
                 continue;
             }
-            if depth == MAX_DEPTH || looked_at + (1 << k) > MAX_BOXES {
+            let bounded = looked_at + (1 << k) > MAX_BOXES;
+            if depth == MAX_DEPTH || bounded {
+                all &= depth == MAX_DEPTH;
                 let middle: Vec<f64> = corner.iter().map(|c| c + 0.5 * width).collect();
                 self.newton(&middle);
                 continue;
@@ -304,6 +333,7 @@ impl Zeros<'_> {
                 ));
             }
         }
+        all
     }
 
     fn has_no_zero(&mut self, corner: &[f64], width: f64) -> bool {

@@ -166,6 +166,29 @@ pub enum Status {
     NotFinite,
 }
 
+/// What a run went on from although it could not be sure.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Note {
+    /// A solution was found and taken, and the search for others met the bound on its effort.
+    Unsearched {
+        /// When.
+        time: f64,
+        /// The switches that met there.
+        switches: Vec<usize>,
+    },
+}
+
+impl Note {
+    /// True when both say the same of the same switches.
+    fn is_like(&self, other: &Note) -> bool {
+        let Note::Unsearched { switches, .. } = self;
+        let Note::Unsearched {
+            switches: others, ..
+        } = other;
+        switches == others
+    }
+}
+
 /// A change of mode.
 #[derive(Clone, Debug)]
 pub struct Event<'a> {
@@ -281,6 +304,8 @@ pub struct Outcome {
     pub drift: f64,
     /// Largest ‖x' - f‖ h at the end of a step, relative to the tolerance's scale.
     pub defect: f64,
+    /// What it went on from although it could not be sure.
+    pub notes: Vec<Note>,
     /// Counts.
     pub stats: Stats,
 }
@@ -445,6 +470,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
             moved: state.moved.iter().map(|squares| squares.sqrt()).collect(),
             drift,
             defect,
+            notes: state.notes,
             stats: state.stats,
         }
     }

@@ -94,10 +94,10 @@ impl Problem<'_> {
         Some(last)
     }
 
-    /// Choices that the ranges of the rates do not exclude, up to a number of them: side by side, the
-    /// rate of a switch must be able to have the sign its side asks for, whatever the undecided and
+    /// Choices that the ranges of the rates do not exclude, and whether these are all of them: the
+    /// search is bounded. Side by side, the rate of a switch must be able to have the sign its side asks for, whatever the undecided and
     /// sliding switches do.
-    pub(super) fn search(&mut self, options: &[Vec<Side>]) -> Vec<Vec<Side>> {
+    pub(super) fn search(&mut self, options: &[Vec<Side>]) -> (Vec<Vec<Side>>, bool) {
         let n = self.group.len();
         self.mode.vary(&self.state.alpha);
         self.mode.linearize(self.group);
@@ -147,7 +147,7 @@ impl Problem<'_> {
                 left.push(([sides.as_slice(), &[side]].concat(), low, high));
             }
         }
-        found
+        (found, left.is_empty())
     }
 }
 

@@ -7,7 +7,7 @@
 
 use super::judge::{Check, Verdict};
 use super::state::State;
-use super::{Side, Simulator, Status, SwitchedSystem};
+use super::{Note, Side, Simulator, Status, SwitchedSystem};
 
 /// One way to go on: the sides of the switches that meet.
 pub type Candidate = Vec<(usize, Side)>;
@@ -32,6 +32,8 @@ pub(super) struct Choices {
     pub found: Vec<Choice>,
     /// Some choice of sides leaves its α undetermined.
     pub singular: bool,
+    /// No bound of a search was met, so that there are no others.
+    pub all: bool,
 }
 
 impl<S: SwitchedSystem> Simulator<'_, S> {
@@ -181,6 +183,12 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             }
         }
         let mut valid = self.confirm(state, group, verdicts, t1);
+        if !choices.all && valid.len() == 1 {
+            state.note(Note::Unsearched {
+                time: state.t,
+                switches: group.to_vec(),
+            });
+        }
         if valid.len() > 1 {
             let matches = |choice: &Choice| {
                 let mut pairs = choice.sides.iter().zip(wanted);

@@ -1,7 +1,7 @@
 //! What changes from step to step.
 
 use super::radau::{Radau, Start};
-use super::{Side, Stats};
+use super::{Note, Side, Stats};
 
 /// Time, state and mode, with the sizes that tell motion from rounding.
 pub(super) struct State {
@@ -27,6 +27,8 @@ pub(super) struct State {
     pub last_step: f64,
     pub longest_step: f64,
     pub stats: Stats,
+    /// What the caller should know, up to a number of them.
+    pub notes: Vec<Note>,
     /// Events in a row without progress in time.
     pub stalled: usize,
     /// How long the last event is uncertain; 0 once that is accounted for.
@@ -58,6 +60,7 @@ impl State {
             last_step: 0.0,
             longest_step: 0.0,
             stats: Stats::default(),
+            notes: Vec::new(),
             stalled: 0,
             window: 0.0,
             before: vec![0.0; x.len()],
@@ -109,6 +112,14 @@ impl State {
         }
         self.last_step = length;
         self.stats.implicit_steps += 1;
+    }
+
+    /// Takes note of something the caller should know, once for the same switches.
+    pub(super) fn note(&mut self, note: Note) {
+        const MAX_NOTES: usize = 8;
+        if self.notes.len() < MAX_NOTES && self.notes.iter().all(|known| !known.is_like(&note)) {
+            self.notes.push(note);
+        }
     }
 
     pub(super) fn count_event(&mut self, length: f64, horizon: f64) {
