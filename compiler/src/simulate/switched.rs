@@ -7,6 +7,7 @@
 
 use std::cell::RefCell;
 use std::collections::hash_map::Entry;
+use std::ops::Range;
 use std::sync::Arc;
 
 use nsd_solver::simulate::{
@@ -36,9 +37,13 @@ pub struct Switched<'e> {
     relays: Vec<Option<Side>>,
     /// Switches whose ψ depends on time only.
     timed: Vec<bool>,
-    /// Switches whose α the rate φ_i may contain.
+    /// Switches whose α the rate φ_i may contain, or that of its last derivative.
     couplings: Vec<Vec<usize>>,
+    /// Where the derivatives of ψ_i along the solution stand in `switching`, up to the one whose rate
+    /// contains an α.
+    derivatives: Vec<Range<usize>>,
     rates: Shared<'e>,
+    /// All ψ, and behind them their derivatives.
     switching: Shared<'e>,
     known_rates: Known<CompiledRates>,
     known_surfaces: Known<CompiledSurface>,
@@ -76,6 +81,9 @@ enum CompiledSurface {
         mixed: Arc<Partials>,
     },
 }
+
+/// Derivatives that are looked at for one that contains an α.
+const MAX_DERIVATIVES: usize = 6;
 
 impl<'e> Switched<'e> {
     /// Substitutes the parameters.
@@ -120,7 +128,7 @@ impl<'e> Switched<'e> {
         let in_psi: Vec<_> = switching.iter().map(occurring).collect();
         let inside: Vec<_> = in_psi.iter().map(|inputs| switches_of(inputs)).collect();
         // φ_i = Σ ∂ψ_i/∂x_k f_k + ∂ψ_i/∂t
-        let coupled = |inputs: &Vec<Input>| {
+        let coupled = |inputs: &[Input]| {
             let mut found = switches_of(inputs);
             for input in inputs {
                 if let Input::State(state) = input {
@@ -143,7 +151,33 @@ impl<'e> Switched<'e> {
             true => Some(Side::Plus),
             false => Some(Side::Minus),
         };
-        let couplings = in_psi.iter().map(coupled).collect();
+        // dψ/dt = Σ ∂ψ/∂x_k f_k + ∂ψ/∂t, again and again until its rate contains an α.
+        let time = variable(system.time);
+        let derivative = |e: Expr<'e>| {
+            let by_state = expr::variables_of(&[e]).into_iter().filter_map(|var| {
+                let &Input::State(state) = inputs.get(&var)? else {
+                    return None;
+                };
+                Some(e.diff(var) * rates[state])
+            });
+            exprs.sum(by_state) + e.diff(time)
+        };
+        let (mut couplings, mut chains) = (Vec::new(), Vec::new());
+        for (i, switch) in system.switches.iter().enumerate() {
+            let (mut e, mut found) = (switching[i], coupled(&in_psi[i]));
+            let mut chain = Vec::new();
+            let slides = !switch.continuity.is_continuous() && !timed[i] && switch.relay.is_none();
+            while slides && found.is_empty() && chain.len() < MAX_DERIVATIVES {
+                e = derivative(e);
+                found = coupled(&occurring(&e));
+                chain.push(e);
+            }
+            if found.is_empty() {
+                chain.clear();
+            }
+            couplings.push(found);
+            chains.push(chain);
+        }
         let continuous = system.switches.iter();
         let continuous: Vec<bool> = continuous
             .map(|switch| switch.continuity.is_continuous())
@@ -163,12 +197,19 @@ impl<'e> Switched<'e> {
             states.map(|&state| rates[state]).collect()
         });
         let groups: Vec<Vec<_>> = groups.collect();
-        let surfaces: Vec<_> = switching.iter().map(|&psi| vec![psi]).collect();
+        let mut surfaces: Vec<_> = switching.iter().map(|&psi| vec![psi]).collect();
+        let mut derivatives = Vec::new();
+        for chain in chains {
+            let first = surfaces.len();
+            surfaces.extend(chain.into_iter().map(|e| vec![e]));
+            derivatives.push(first..surfaces.len());
+        }
         Switched {
             relays: system.switches.iter().map(start).collect(),
             timed,
             rates: share(&groups),
             switching: share(&surfaces),
+            derivatives,
             exprs,
             couplings,
             blocks,
@@ -289,6 +330,40 @@ impl<'e> Switched<'e> {
         }
     }
 
+    /// A ψ, or a derivative of one, with the switches in it on these sides.
+    fn function(&self, at: usize, switches: &[usize], sides: &[Side]) -> Surface {
+        let copy = &self.switching.copies[at];
+        let key = self.key(copy, switches, sides);
+        let mut known = self.known_surfaces.borrow_mut();
+        let surface = match known.entry(key) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(new) => {
+                let form = &self.switching.forms[copy.form];
+                let surface = self.compile_surface(form, &new.key().1);
+                new.insert(surface)
+            }
+        };
+        match surface {
+            CompiledSurface::Affine(terms) => {
+                let terms = terms
+                    .iter()
+                    .map(|(factors, c)| (self.resolve(copy, factors), *c));
+                Surface::Affine(affine(terms))
+            }
+            CompiledSurface::Smooth {
+                inputs,
+                psi,
+                gradient,
+                mixed,
+            } => Surface::Smooth(Smooth {
+                inputs: self.resolve(copy, inputs),
+                psi: psi.clone(),
+                gradient: gradient.clone(),
+                mixed: mixed.clone(),
+            }),
+        }
+    }
+
     /// ψ as a sum of multiples of states and time, where it is one.
     fn affine(&self, form: &Form<'e>, psi: Expr<'e>) -> Option<Vec<(Vec<Place>, f64)>> {
         let (constant, terms) = match psi.node() {
@@ -385,6 +460,10 @@ impl SwitchedSystem for Switched<'_> {
         &self.blocks
     }
 
+    fn n_derivatives(&self, switch: usize) -> usize {
+        self.derivatives[switch].len()
+    }
+
     fn is_timed(&self, switch: usize) -> bool {
         self.timed[switch]
     }
@@ -416,42 +495,17 @@ impl SwitchedSystem for Switched<'_> {
     }
 
     fn surface(&self, switch: usize, sides: &[Side]) -> Surface {
-        let copy = &self.switching.copies[switch];
         let inside = &self.inside[switch];
         // ψ is continuous where another switch slides, so either branch of it will do.
         let sides = inside.iter().zip(sides).map(|(&inner, side)| match side {
             Side::Slide if !self.continuous[inner] => Side::Plus,
             side => *side,
         });
-        let key = self.key(copy, inside, &sides.collect::<Vec<_>>());
-        let mut known = self.known_surfaces.borrow_mut();
-        let surface = match known.entry(key) {
-            Entry::Occupied(known) => known.into_mut(),
-            Entry::Vacant(new) => {
-                let form = &self.switching.forms[copy.form];
-                let surface = self.compile_surface(form, &new.key().1);
-                new.insert(surface)
-            }
-        };
-        match surface {
-            CompiledSurface::Affine(terms) => {
-                let terms = terms
-                    .iter()
-                    .map(|(factors, c)| (self.resolve(copy, factors), *c));
-                Surface::Affine(affine(terms))
-            }
-            CompiledSurface::Smooth {
-                inputs,
-                psi,
-                gradient,
-                mixed,
-            } => Surface::Smooth(Smooth {
-                inputs: self.resolve(copy, inputs),
-                psi: psi.clone(),
-                gradient: gradient.clone(),
-                mixed: mixed.clone(),
-            }),
-        }
+        self.function(switch, inside, &sides.collect::<Vec<_>>())
+    }
+
+    fn derivative(&self, switch: usize, order: usize) -> Surface {
+        self.function(self.derivatives[switch].start + order - 1, &[], &[])
     }
 
     fn jacobian(&self, block: usize, sides: &[Side]) -> Arc<Partials> {

@@ -233,11 +233,23 @@ impl Zeros<'_> {
         self.mode.linearize(&self.unknowns);
     }
 
+    /// What must vanish for an unknown: its rate, or what ties it to another one.
+    fn residual(&self, row: usize) -> f64 {
+        match self.mode.tie(row, &self.unknowns) {
+            Some(tie) => tie.residual(&self.alpha),
+            None => self.mode.phi(row),
+        }
+    }
+
     fn matrix(&self) -> Vec<f64> {
         let mut matrix = Vec::new();
         for &row in &self.unknowns {
-            let columns = self.unknowns.iter();
-            matrix.extend(columns.map(|&col| self.mode.coupling(row, col)));
+            let tie = self.mode.tie(row, &self.unknowns);
+            let entry = |&col: &usize| match tie {
+                Some(tie) => tie.derivative(col),
+                None => self.mode.coupling(row, col),
+            };
+            matrix.extend(self.unknowns.iter().map(entry));
         }
         matrix
     }
@@ -269,7 +281,7 @@ impl Zeros<'_> {
         for _ in 0..30 {
             let matrix = self.matrix();
             for (rhs, &row) in rhs.iter_mut().zip(&self.unknowns) {
-                *rhs = self.mode.phi(row);
+                *rhs = self.residual(row);
             }
             if lu.factor(&matrix).is_err() {
                 return false;
@@ -344,7 +356,7 @@ impl Zeros<'_> {
             let values: Vec<f64> = corner.iter().enumerate().map(shift).collect();
             self.set(&values);
             for (j, &row) in self.unknowns.iter().enumerate() {
-                let rate = self.mode.phi(row);
+                let rate = self.residual(row);
                 least[j] = least[j].min(rate);
                 largest[j] = largest[j].max(rate);
             }

@@ -71,8 +71,14 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let rate = |i: &usize| {
             let terms = mode.gradient(*i).iter();
             let terms: f64 = terms.map(|&(j, g)| g.abs() * largest(j)).sum();
+            let size = if mode.surfaces.is_deep(*i) {
+                let terms = mode.gradient(*i).iter();
+                terms.map(|&(j, g)| g.abs() * state.size(j)).sum()
+            } else {
+                state.band[*i] / BAND
+            };
             let within_a_step = if state.last_step > 0.0 {
-                state.band[*i] / BAND / state.last_step
+                size / state.last_step
             } else {
                 0.0
             };
@@ -111,6 +117,19 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             tie |= margin <= TIE;
         }
         if tie { Check::Tie } else { Check::Consistent }
+    }
+
+    /// Sizes of the terms of all rates, with those that reach a rate through other states within a
+    /// step h, `rounds` times: a position is as uncertain as the acceleration makes it.
+    fn spread(&mut self, state: &State, rounds: usize, h: f64) -> Vec<f64> {
+        let mut spread = state.activity.clone();
+        for _ in 0..rounds {
+            let before = spread.clone();
+            self.mode.jacobian(self.system, |row, column, value| {
+                spread[row] += value.abs() * before[column] * h;
+            });
+        }
+        spread
     }
 
     /// What the series in the choice's own mode say; nothing where that mode is singular.
@@ -165,12 +184,14 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 c * power
             }));
         }
-        let rounding = state.activity.iter().map(|a| 64.0 * f64::EPSILON * a * h);
+        let derivatives = group.iter().map(|&i| mode.surfaces.n_derivatives(i));
+        let rounds = derivatives.max().unwrap_or(0);
+        let spread = self.spread(state, rounds, h);
         Some(Verdict {
             agrees,
             h,
             terms,
-            rounding: rounding.collect(),
+            rounding: spread.iter().map(|a| 64.0 * f64::EPSILON * a * h).collect(),
         })
     }
 }

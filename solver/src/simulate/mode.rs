@@ -13,7 +13,7 @@ use super::control::Probed;
 use super::field::Field;
 use super::implicit::Workspace;
 use super::layout::Memory;
-use super::sliding::Sliding;
+use super::sliding::{Sliding, Tie};
 use super::state::State;
 use super::surfaces::Surfaces;
 use super::{Side, Status, SwitchedSystem};
@@ -86,6 +86,7 @@ impl Mode {
     /// Takes the functions of these sides.
     pub(crate) fn enter(&mut self, system: &impl SwitchedSystem, sides: &[Side]) {
         self.enter_surfaces(system, sides);
+        self.surfaces.stand(sides);
         if self.entered && *self.sides == *sides {
             return;
         }
@@ -219,6 +220,22 @@ impl Mode {
         by_alpha.sum::<f64>() + self.surfaces.mixed(switch, alpha, &self.field.f)
     }
 
+    /// What ties α of a switch to that of another one before it in a list, where both surfaces are
+    /// kept by one equation.
+    pub(super) fn tie(&self, switch: usize, among: &[usize]) -> Option<Tie> {
+        let before = among.iter().take_while(|&&other| other != switch);
+        let other = before
+            .copied()
+            .find(|&other| self.surfaces.is_same(switch, other))?;
+        let product = self.coupling(other, switch) * self.coupling(other, other);
+        let sign = if product < 0.0 { -1.0 } else { 1.0 };
+        Some(Tie {
+            switch,
+            other,
+            sign,
+        })
+    }
+
     /// (j, ∂ψ/∂x_j), where it was last linearized.
     pub(crate) fn gradient(&self, switch: usize) -> &[(usize, f64)] {
         self.surfaces.gradient(switch)
@@ -241,6 +258,13 @@ impl Mode {
                 .arrange(&self.sliding, &self.field, &self.surfaces);
             self.arranged = true;
         }
+    }
+
+    /// Finds what interacts where a mode begins.
+    pub(super) fn start_equations(&mut self, state: &State) {
+        self.set(state.t, &state.x, &state.alpha);
+        self.linearize_surfaces();
+        self.arrange();
     }
 
     /// Factors A where the point is.
@@ -267,12 +291,15 @@ impl Mode {
         if self.sliding.is_empty() {
             return Ok(());
         }
-        self.arrange();
         self.linearize_surfaces();
+        self.arrange();
         for _ in 0..MAX_NEWTON {
             self.factor()?;
             for at in 0..self.sliding.len() {
-                self.equations.rhs[at] = self.phi(self.equations.switches[at]);
+                self.equations.rhs[at] = match self.equations.tie(at) {
+                    None => self.phi(self.equations.switches[at]),
+                    Some(tie) => tie.residual(alpha),
+                };
             }
             self.equations.solve();
             let mut change = 0.0_f64;
@@ -352,6 +379,10 @@ impl Mode {
             return;
         }
         for (at, &i) in self.equations.switches.iter().enumerate() {
+            if self.equations.tie(at).is_some() {
+                self.equations.rhs[at] = 0.0;
+                continue;
+            }
             // What is kept of lower orders must be that of the states as they are by now.
             match k {
                 1 if !self.surfaces.is_affine(i) => {
@@ -425,6 +456,29 @@ impl Mode {
         self.row(self.surfaces.row(switch))
     }
 
+    /// Projects x onto ψ and its lower derivatives of sliding switches of higher relative degree, one
+    /// after the other.
+    fn project_lower(&mut self, state: &mut State) {
+        for at in 0..self.sliding.len() {
+            let i = self.sliding[at];
+            let order = self.surfaces.n_derivatives(i);
+            for lower in 0..order {
+                self.set(state.t, &state.x, &state.alpha);
+                self.surfaces.stand_for(i, lower);
+                self.surfaces.linearize(i, &self.memory.values);
+                let psi = self.psi(i);
+                let gradient = self.surfaces.gradient(i).iter();
+                let square: f64 = gradient.map(|&(j, g)| (g * state.size(j)).powi(2)).sum();
+                if square > 0.0 {
+                    for &(j, g) in self.surfaces.gradient(i) {
+                        state.x[j] -= g * psi / square * state.size(j).powi(2);
+                    }
+                }
+            }
+            self.surfaces.stand_for(i, order);
+        }
+    }
+
     /// Projects x onto the sliding surfaces, in the norm of the states' sizes, and returns the
     /// largest |ψ| found, relative to the size of its terms.
     pub(crate) fn project(&mut self, state: &mut State) -> f64 {
@@ -433,6 +487,7 @@ impl Mode {
             return drift;
         }
         for round in 0..3 {
+            self.project_lower(state);
             self.set(state.t, &state.x, &state.alpha);
             self.linearize_surfaces();
             let mut worst = 0.0_f64;
@@ -441,7 +496,11 @@ impl Mode {
                 let psi = self.psi(i);
                 let terms = self.gradient(i).iter();
                 let size: f64 = terms.map(|&(j, g)| g.abs() * state.size(j)).sum();
-                self.equations.rhs[at] = psi;
+                self.equations.rhs[at] = if self.equations.tie(at).is_some() {
+                    0.0
+                } else {
+                    psi
+                };
                 if size > 0.0 {
                     worst = worst.max(psi.abs() / size);
                 }

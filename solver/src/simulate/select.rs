@@ -89,6 +89,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let mode = &mut self.mode;
         mode.set(state.t, &state.x, &state.alpha);
         for &i in switches {
+            mode.surfaces.stand_for(i, 0);
             mode.surfaces.linearize(i, &mode.memory.values);
             let terms = mode.gradient(i).iter();
             let size: f64 = terms.map(|&(j, g)| g.abs() * state.size(j)).sum();
@@ -121,8 +122,15 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         for (group, wanted) in tied {
             self.choose(state, &group, &wanted, t1, true)?;
         }
-        for i in meeting {
+        for &i in &meeting {
             state.armed[i] = true;
+        }
+        // What was small before the event is zero after it.
+        let deep = |&i: &usize| self.mode.surfaces.n_derivatives(i) > 0;
+        if meeting.iter().any(deep) {
+            self.mode.enter(self.system, &state.sides);
+            self.mode.start_equations(state);
+            self.mode.project(state);
         }
         Ok(())
     }
@@ -171,6 +179,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             sides[i] = Side::Slide;
         }
         self.mode.enter(self.system, &sides);
+        for &i in group {
+            self.take_order(state, i);
+        }
         self.mode.focus(state.t, &state.x, &state.alpha, group);
         let choices = self.choices(state, group);
         let rates = self.rates(state, group, &choices.found);
@@ -222,6 +233,27 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         Ok(true)
     }
 
+    /// Lets a switch of higher relative degree that is free be decided by its highest derivative where
+    /// the lower ones vanish, else by its rate.
+    fn take_order(&mut self, state: &State, switch: usize) {
+        let mode = &mut self.mode;
+        let highest = mode.surfaces.n_derivatives(switch);
+        mode.set(state.t, &state.x, &state.alpha);
+        let vanishes = |order: usize| {
+            mode.surfaces.stand_for(switch, order);
+            mode.surfaces.linearize(switch, &mode.memory.values);
+            let terms = mode.surfaces.gradient(switch).iter();
+            let size: f64 = terms.map(|&(j, g)| g.abs() * state.size(j)).sum();
+            mode.surfaces.value(switch, &mode.memory.values).abs() <= BAND * size
+        };
+        let order = if (1..=highest).all(vanishes) {
+            highest
+        } else {
+            0
+        };
+        mode.surfaces.stand_for(switch, order);
+    }
+
     /// The choices that their series confirm, one for each solution.
     fn confirm(
         &mut self,
@@ -231,6 +263,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         t1: f64,
     ) -> Vec<Choice> {
         let alone = choices.len() == 1;
+        let deep = (group.iter()).any(|&i| self.mode.surfaces.n_derivatives(i) > 0);
         let mut valid: Vec<(Choice, Option<Verdict>)> = Vec::new();
         for (choice, check) in choices {
             if alone && matches!(check, Check::Consistent) {
@@ -245,8 +278,16 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 (Some(a), Some(b)) => a.same_motion(b),
                 _ => false,
             };
-            if consistent && !valid.iter().any(known) {
-                valid.push((choice, verdict));
+            let slides =
+                |choice: &Choice| choice.sides.iter().filter(|s| **s == Side::Slide).count();
+            match valid.iter().position(known) {
+                _ if !consistent => {}
+                None => valid.push((choice, verdict)),
+                // Where a surface is kept by what keeps another one, it slides as well.
+                Some(at) if deep && slides(&choice) > slides(&valid[at].0) => {
+                    valid[at] = (choice, verdict);
+                }
+                Some(_) => {}
             }
             // Without a choice of branch, it is enough to know that there are several.
             if valid.len() >= MAX_NAMED && self.settings.branch.is_empty() {

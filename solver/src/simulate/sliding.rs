@@ -29,6 +29,34 @@ pub(super) struct Sliding {
     owner: Vec<usize>,
     scaled: Vec<f64>,
     parent: Vec<usize>,
+    /// By place: what takes the place of the equation of a switch whose surface another one has.
+    ties: Vec<Option<Tie>>,
+}
+
+/// α_i - ½ = σ (α_j - ½): the choice where one equation is all there is for two α.
+///
+/// If σ is the sign of the product of their coefficients, both stay in [0, 1] as long as any choice does.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Tie {
+    pub switch: usize,
+    pub other: usize,
+    pub sign: f64,
+}
+
+impl Tie {
+    /// What is zero.
+    pub(super) fn residual(&self, alpha: &[f64]) -> f64 {
+        alpha[self.switch] - 0.5 - self.sign * (alpha[self.other] - 0.5)
+    }
+
+    /// Its derivative by an α.
+    pub(super) fn derivative(&self, alpha: usize) -> f64 {
+        match alpha {
+            alpha if alpha == self.switch => 1.0,
+            alpha if alpha == self.other => -self.sign,
+            _ => 0.0,
+        }
+    }
 }
 
 impl Sliding {
@@ -80,6 +108,16 @@ impl Sliding {
             self.starts.push(members.len());
         }
         self.lu.shape(&self.starts);
+        self.ties.clear();
+        for &switch in &self.switches {
+            let before = &self.switches[..self.place[switch]];
+            let same = |&&other: &&usize| surfaces.is_same(switch, other);
+            self.ties.push(before.iter().find(same).map(|&other| Tie {
+                switch,
+                other,
+                sign: 1.0,
+            }));
+        }
         self.rhs.clear();
         self.rhs.resize(sliding.len(), 0.0);
         self.row_sums.clear();
@@ -90,10 +128,30 @@ impl Sliding {
 
     /// Factors A where gradients and slopes were last evaluated.
     pub(super) fn factor(&mut self, field: &Field, surfaces: &Surfaces) -> Result<(), Singular> {
+        for tie in self.ties.iter_mut().flatten() {
+            // ∂φ/∂α of both in the one equation.
+            let coefficient = |alpha: usize| -> f64 {
+                let gradient = surfaces.gradient(tie.other).iter();
+                let terms = gradient.flat_map(|&(state, g)| {
+                    let of_alpha = field.slopes(state).filter(move |(j, _)| *j == alpha);
+                    of_alpha.map(move |(_, slope)| g * slope)
+                });
+                terms.sum()
+            };
+            let product = coefficient(tie.switch) * coefficient(tie.other);
+            tie.sign = if product < 0.0 { -1.0 } else { 1.0 };
+        }
         for component in 0..self.starts.len() - 1 {
             let (start, end) = (self.starts[component], self.starts[component + 1]);
             let matrix = self.lu.matrix(component);
             for row in start..end {
+                if let Some(tie) = self.ties[row] {
+                    for col in start..end {
+                        let entry = tie.derivative(self.switches[col]);
+                        matrix[(row - start) * (end - start) + col - start] = entry;
+                    }
+                    continue;
+                }
                 for &(state, g) in surfaces.gradient(self.switches[row]) {
                     for (j, slope) in field.slopes(state) {
                         matrix[(row - start) * (end - start) + self.place[j] - start] += g * slope;
@@ -104,7 +162,10 @@ impl Sliding {
                 let row_of = matrix[(row - start) * (end - start)..]
                     .iter()
                     .take(end - start);
-                self.row_sums[row] = row_of.map(|v| v.abs()).sum();
+                self.row_sums[row] = match self.ties[row] {
+                    None => row_of.map(|v| v.abs()).sum(),
+                    Some(tie) => self.row_sums[self.place[tie.other]],
+                };
             }
         }
         self.lu.factor()
@@ -126,6 +187,11 @@ impl Sliding {
         changed.any(|changed| changed)
     }
 
+    /// What takes the place of an equation.
+    pub(super) fn tie(&self, place: usize) -> Option<Tie> {
+        self.ties[place]
+    }
+
     /// Solves for `rhs`, with what was factored last.
     pub(super) fn solve(&mut self) {
         self.lu.solve(&mut self.rhs);
@@ -141,6 +207,10 @@ impl Sliding {
             let (start, end) = (self.starts[component], self.starts[component + 1]);
             let matrix = self.lu.matrix(component);
             for row in start..end {
+                if self.ties[row].is_some() {
+                    matrix[(row - start) * (end - start) + row - start] = 1.0;
+                    continue;
+                }
                 let gradient = surfaces.gradient(self.switches[row]);
                 for &(state, g) in gradient {
                     self.scaled[state] = g * size(state).powi(2);

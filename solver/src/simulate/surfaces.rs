@@ -9,7 +9,14 @@ use super::{Side, SwitchedSystem};
 use crate::tape::{self, Ball, Lane, Recurrences, Tape};
 
 pub(super) struct Surfaces {
+    /// All ψ, and behind them the derivatives of those of higher relative degree.
     surfaces: Vec<Local>,
+    /// (switch, order) of these derivatives.
+    derivatives: Vec<(usize, usize)>,
+    /// The first derivative of every switch, and how many there are.
+    of_switch: Vec<(usize, usize)>,
+    /// What stands for a switch at present: its ψ, or the derivative that has its α in its rate.
+    slot: Vec<usize>,
     /// Switches in whose ψ the α of a switch occurs.
     around: Vec<Vec<usize>>,
     /// The sides taken last; none before the first time.
@@ -64,14 +71,26 @@ impl Surfaces {
                 around[inner].push(i);
             }
         }
-        let local = |i: usize| Local {
-            inside: system.inside(i).to_vec(),
+        let local = |inside: &[usize]| Local {
+            inside: inside.to_vec(),
             known: Vec::new(),
             index: FxHashMap::default(),
             now: 0,
         };
+        let mut derivatives = Vec::new();
+        let mut of_switch = Vec::new();
+        for i in 0..m {
+            let count = system.n_derivatives(i);
+            of_switch.push((m + derivatives.len(), count));
+            derivatives.extend((1..=count).map(|order| (i, order)));
+        }
+        let own = (0..m).map(|i| local(system.inside(i)));
+        let surfaces: Vec<Local> = own.chain(derivatives.iter().map(|_| local(&[]))).collect();
         Surfaces {
-            surfaces: (0..m).map(local).collect(),
+            surfaces,
+            derivatives,
+            of_switch,
+            slot: (0..m).collect(),
             around,
             sides: None,
             registers: Vec::new(),
@@ -89,7 +108,7 @@ impl Surfaces {
     ) {
         match self.sides.take() {
             None => {
-                for i in 0..sides.len() {
+                for i in 0..self.surfaces.len() {
                     self.enter_one(system, memory, i, sides);
                 }
                 self.sides = Some(sides.into());
@@ -121,7 +140,14 @@ impl Surfaces {
             local.now = known;
             return;
         }
-        let compiled = Compiled::new(system.surface(switch, &sides), memory);
+        let surface = match switch.checked_sub(self.slot.len()) {
+            None => system.surface(switch, &sides),
+            Some(at) => {
+                let (switch, order) = self.derivatives[at];
+                system.derivative(switch, order)
+            }
+        };
+        let compiled = Compiled::new(surface, memory);
         if let Form::Smooth(tapes) = &compiled.form {
             let Smooth {
                 psi,
@@ -146,9 +172,63 @@ impl Surfaces {
         local.index.insert(sides, local.now);
     }
 
+    /// Lets every switch that slides stand for its highest derivative without α, the others for
+    /// their ψ.
+    pub(super) fn stand(&mut self, sides: &[Side]) {
+        for (i, side) in sides.iter().enumerate() {
+            let (first, count) = self.of_switch[i];
+            self.slot[i] = match side {
+                Side::Slide if count > 0 => first + count - 1,
+                _ => i,
+            };
+        }
+    }
+
+    /// Lets a switch stand for its ψ, or one of its derivatives.
+    pub(super) fn stand_for(&mut self, switch: usize, order: usize) {
+        self.slot[switch] = match order {
+            0 => switch,
+            _ => self.of_switch[switch].0 + order - 1,
+        };
+    }
+
+    /// How many derivatives of ψ contain no α.
+    pub(super) fn n_derivatives(&self, switch: usize) -> usize {
+        self.of_switch[switch].1
+    }
+
+    /// Whether a switch stands for a derivative.
+    pub(super) fn is_deep(&self, switch: usize) -> bool {
+        self.slot[switch] != switch
+    }
+
+    /// True when two switches stand for multiples of one affine function, and one of them for a
+    /// derivative: then keeping one at zero keeps the other there too.
+    pub(super) fn is_same(&self, a: usize, b: usize) -> bool {
+        if !self.is_deep(a) && !self.is_deep(b) {
+            return false;
+        }
+        let form = |i: usize| match &self.now(i).form {
+            Form::Affine(affine) => affine.terms.first().map(|first| (affine, first.1)),
+            Form::Smooth(_) => None,
+        };
+        let (Some((a, first)), Some((b, second))) = (form(a), form(b)) else {
+            return false;
+        };
+        let ratio = second / first;
+        let same = |x: f64, y: f64| (x * ratio - y).abs() <= 1e-14 * y.abs();
+        a.terms.len() == b.terms.len()
+            && same(a.time, b.time)
+            && (a.terms.iter().zip(&b.terms)).all(|(x, y)| x.0 == y.0 && same(x.1, y.1))
+    }
+
+    fn now(&self, switch: usize) -> &Compiled {
+        self.surfaces[self.slot[switch]].now()
+    }
+
     /// ψ where `values` say.
     pub(super) fn value(&mut self, switch: usize, values: &[f64]) -> f64 {
-        let local = &self.surfaces[switch];
+        let local = &self.surfaces[self.slot[switch]];
         match &local.known[local.now].form {
             Form::Affine(affine) => affine.value(values),
             Form::Smooth(tapes) => {
@@ -166,7 +246,7 @@ impl Surfaces {
 
     /// Evaluates ∂ψ/∂x and ∂ψ/∂t where `values` say.
     pub(super) fn linearize(&mut self, switch: usize, values: &[f64]) {
-        let local = &mut self.surfaces[switch];
+        let local = &mut self.surfaces[self.slot[switch]];
         let compiled = &mut local.known[local.now];
         let Form::Smooth(tapes) = &mut compiled.form else {
             return;
@@ -191,17 +271,17 @@ impl Surfaces {
 
     /// (j, ∂ψ/∂x_j) where it was last linearized.
     pub(super) fn gradient(&self, switch: usize) -> &[(usize, f64)] {
-        &self.surfaces[switch].now().gradient
+        &self.now(switch).gradient
     }
 
     /// ∂ψ/∂t where it was last linearized.
     pub(super) fn time_gradient(&self, switch: usize) -> f64 {
-        self.surfaces[switch].now().by_time
+        self.now(switch).by_time
     }
 
     /// What α of a continuous switch changes in the rate φ through ∇ψ: Σ ∂²ψ/∂x∂α f + ∂²ψ/∂t∂α.
     pub(super) fn mixed(&self, switch: usize, alpha: usize, f: &[f64]) -> f64 {
-        let compiled = self.surfaces[switch].now();
+        let compiled = self.now(switch);
         let Form::Smooth(tapes) = &compiled.form else {
             return 0.0;
         };
@@ -212,13 +292,13 @@ impl Surfaces {
 
     /// Computes the coefficient of order k of ψ along the series of the states, from all lower ones.
     pub(super) fn advance(&mut self, switch: usize, memory: &mut Memory, k: usize) {
-        let local = &mut self.surfaces[switch];
+        let local = &mut self.surfaces[self.slot[switch]];
         local.known[local.now].advance(memory, k);
     }
 
     /// Computes the coefficient of order k ≥ 1 again, after that of the states has changed.
     pub(super) fn correct(&self, switch: usize, memory: &mut Memory, k: usize) {
-        if let Form::Smooth(tapes) = &self.surfaces[switch].now().form
+        if let Form::Smooth(tapes) = &self.now(switch).form
             && let Some(series) = &tapes.series
         {
             let Memory {
@@ -233,12 +313,12 @@ impl Surfaces {
 
     /// Where the series of ψ starts, after `advance`.
     pub(super) fn row(&self, switch: usize) -> usize {
-        self.surfaces[switch].now().row.unwrap_or(0)
+        self.now(switch).row.unwrap_or(0)
     }
 
     /// Whether ψ is affine in the present mode.
     pub(super) fn is_affine(&self, switch: usize) -> bool {
-        matches!(self.surfaces[switch].now().form, Form::Affine(_))
+        matches!(self.now(switch).form, Form::Affine(_))
     }
 
     /// Size of the terms of ψ, which may cancel, from a perturbation of all inputs by a small
@@ -250,7 +330,7 @@ impl Surfaces {
         perturbed: &[f64],
         share: f64,
     ) -> f64 {
-        let local = &self.surfaces[switch];
+        let local = &self.surfaces[self.slot[switch]];
         if let Form::Affine(affine) = &local.known[local.now].form {
             let terms = affine.terms.iter();
             let sizes = terms.map(|&(state, c)| (c * values[1 + state]).abs());
@@ -269,7 +349,7 @@ impl Surfaces {
         reach: &[f64],
         h: f64,
     ) -> bool {
-        let local = &self.surfaces[switch];
+        let local = &self.surfaces[self.slot[switch]];
         match &local.known[local.now].form {
             Form::Affine(affine) => {
                 let terms = affine.terms.iter();

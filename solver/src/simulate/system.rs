@@ -31,7 +31,18 @@ pub trait SwitchedSystem {
     fn relay(&self, _switch: usize) -> Option<Side> {
         None
     }
-    /// The switches whose α the rate φ of a switch may contain, in order.
+    /// How many derivatives of ψ along the solution contain no α, so that sliding keeps them at zero
+    /// too: the relative degree less one.
+    fn n_derivatives(&self, _switch: usize) -> usize {
+        0
+    }
+    /// The derivative of ψ of an order from 1 to `n_derivatives`.
+    fn derivative(&self, switch: usize, order: usize) -> Surface {
+        debug_assert_eq!(order, 0, "a switch without derivatives has none");
+        self.surface(switch, &[])
+    }
+    /// The switches whose α the rate φ of a switch may contain, in order; where the relative degree
+    /// is higher, those in the rate of its highest derivative.
     fn couplings(&self, switch: usize) -> &[usize];
     /// The blocks; every state belongs to exactly one.
     fn blocks(&self) -> &[Block];
