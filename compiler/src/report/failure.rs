@@ -40,16 +40,16 @@ pub enum Failure {
         surfaces: Vec<LabeledSpan>,
     },
 
-    /// The rate of a switching function does not contain its own switch.
-    #[error("at t = {time}, sliding needs more than first derivatives")]
+    /// The rates of the switching functions do not determine what keeps them at zero.
+    #[error("at t = {time}, no solution goes on for sure: sliding is not determined here")]
     #[diagnostic(
         code(E0703),
         help(
-            "a switching function whose first derivative contains its own switch is supported \
-             (relative degree 1)"
+            "the rates of these switching functions do not depend on their own switches independently; \
+             look for two surfaces that coincide, or for both sides being tangent"
         )
     )]
-    HigherDegree {
+    Undetermined {
         time: f64,
         #[label(collection)]
         surfaces: Vec<LabeledSpan>,

@@ -40,7 +40,7 @@ pub(super) fn failure(
             time,
             surfaces: at(switches),
         },
-        Status::HigherDegree { switches } => Failure::HigherDegree {
+        Status::Undetermined { switches } => Failure::Undetermined {
             time,
             surfaces: at(switches),
         },

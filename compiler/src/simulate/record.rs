@@ -7,7 +7,7 @@ use nsd_solver::simulate::{Event, Observer, Outcome, Segment, Side};
 use super::limits::Limits;
 use super::modes::{self, ModeNames};
 use crate::expr;
-use crate::report::{self, ModeInterval, Piece, Series, Trajectory};
+use crate::report::{self, EventKind, ModeInterval, Piece, Series, Trajectory};
 use crate::system::experiment::{Sampling, Settings};
 use crate::system::{Output, System};
 
@@ -27,6 +27,8 @@ pub(super) struct Recorder<'s, 'e> {
     pieces: Option<Vec<Piece>>,
     limits: Limits<'s, 'e>,
     changes: Vec<Change>,
+    /// Instants at which infinitely many of them accumulate.
+    accumulations: Vec<f64>,
     x: Vec<f64>,
     alpha: Vec<f64>,
 }
@@ -50,6 +52,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
             pieces: dense.then(Vec::new),
             limits: Limits::new(system, tolerance),
             changes: Vec::new(),
+            accumulations: Vec::new(),
             x: vec![0.0; n],
             alpha: vec![0.0; m],
         }
@@ -189,15 +192,19 @@ impl<'s, 'e> Recorder<'s, 'e> {
         }
         for ((time, from, to), what) in changes {
             let (mode_from, mode_to) = (names.mode(from), names.mode(to));
+            let limit = self.accumulations.contains(time);
+            let limit = limit.then_some(EventKind::Zeno);
             for change in what {
-                trajectory.events.push(report::Event {
-                    time: *time,
-                    kind: change.kind,
-                    surface: change.surface,
-                    from: mode_from.clone(),
-                    to: mode_to.clone(),
-                    span: change.span,
-                });
+                for kind in [Some(change.kind), limit].into_iter().flatten() {
+                    trajectory.events.push(report::Event {
+                        time: *time,
+                        kind,
+                        surface: change.surface.clone(),
+                        from: mode_from.clone(),
+                        to: mode_to.clone(),
+                        span: change.span,
+                    });
+                }
             }
         }
     }
@@ -233,6 +240,9 @@ impl Observer for Recorder<'_, '_> {
     }
 
     fn event(&mut self, event: &Event) {
+        if event.accumulates {
+            self.accumulations.push(event.time);
+        }
         self.changes
             .push((event.time, event.from.into(), event.to.into()));
     }

@@ -35,6 +35,7 @@ mod system;
 #[cfg(test)]
 mod tests;
 mod window;
+mod zeno;
 
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
@@ -147,8 +148,9 @@ pub enum Status {
         /// The switches that meet here.
         switches: Vec<usize>,
     },
-    /// A rate does not depend on its own switch, so sliding is not defined by first derivatives.
-    HigherDegree {
+    /// No choice of sides is consistent, and sliding is not determined: rates do not depend on their
+    /// own switches independently.
+    Undetermined {
         /// The switches that meet here.
         switches: Vec<usize>,
     },
@@ -200,6 +202,8 @@ pub struct Event<'a> {
     pub from: &'a [Side],
     /// Mode after.
     pub to: &'a [Side],
+    /// Infinitely many events accumulate here: the time is the limit of a series.
+    pub accumulates: bool,
 }
 
 /// One accepted step with its dense output.
@@ -386,6 +390,9 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
         let mut state = State::new(t0, x0, self.system.n_switches());
         self.stiffness.reset();
         let (mut drift, mut defect) = (0.0, 0.0);
+        let mut events = zeno::Events::default();
+        // The mode before an accumulation of events, and where it ends.
+        let mut limit: Option<(Box<[Side]>, f64)> = None;
         let status = match self.start(&mut state, t1 - t0) {
             Err(status) => status,
             Ok(()) => loop {
@@ -398,7 +405,8 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
 
                 // Find the solution in the current mode and cut it at its first event.
                 self.mode.enter(self.system, &state.sides);
-                let step = match self.step(&mut state, t1) {
+                let goal = limit.as_ref().map_or(t1, |(_, end)| *end);
+                let step = match self.step(&mut state, goal) {
                     Ok(step) => step,
                     Err(status) => break status,
                 };
@@ -411,7 +419,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 // Advance, projecting the drift off the sliding surfaces.
                 let start = state.t;
                 if step.reaches_end {
-                    state.t = t1;
+                    state.t = goal;
                 } else {
                     state.advance(step.length);
                 }
@@ -427,6 +435,19 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 };
                 if step.length > 0.0 && observer.segment(&segment).is_break() {
                     break Status::Stopped;
+                }
+
+                // Where events accumulate, the mode changes at their limit.
+                if let Some((from, _)) =
+                    limit.take_if(|_| step.reaches_end || !step.triggers.is_empty())
+                {
+                    observer.event(&Event {
+                        time: state.t,
+                        x: &state.x,
+                        from: &from,
+                        to: &state.sides,
+                        accumulates: true,
+                    });
                 }
 
                 // At an event, the rates on all surfaces that meet decide the next mode.
@@ -447,14 +468,22 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 if let Err(status) = self.change(&mut state, &step.triggers, t1) {
                     break status;
                 }
-                if from != state.sides {
-                    state.stats.events += 1;
-                    observer.event(&Event {
+                if from == state.sides {
+                    continue;
+                }
+                state.stats.events += 1;
+                events.record(state.t, &from);
+                let slides = |sides: &[Side]| sides.iter().filter(|s| **s == Side::Slide).count();
+                let more = slides(&state.sides) > slides(&from);
+                match events.limit().filter(|end| more && *end < t1) {
+                    Some(end) if end > state.t => limit = Some((from, end)),
+                    accumulates => observer.event(&Event {
                         time: state.t,
                         x: &state.x,
                         from: &from,
                         to: &state.sides,
-                    });
+                        accumulates: accumulates.is_some(),
+                    }),
                 }
             },
         };

@@ -217,7 +217,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let Some(choice) = valid.pop() else {
             let switches = group.to_vec();
             return Err(if choices.singular {
-                Status::HigherDegree { switches }
+                Status::Undetermined { switches }
             } else {
                 Status::NoSolution { switches }
             });
