@@ -456,6 +456,12 @@ impl Mode {
         self.row(self.surfaces.row(switch))
     }
 
+    /// True when a switch of higher relative degree slides.
+    pub(super) fn slides_deeply(&self) -> bool {
+        let mut sliding = self.sliding.iter();
+        sliding.any(|&i| self.surfaces.n_derivatives(i) > 0)
+    }
+
     /// Projects x onto ψ and its lower derivatives of sliding switches of higher relative degree, one
     /// after the other.
     fn project_lower(&mut self, state: &mut State) {

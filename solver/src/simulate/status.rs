@@ -1,0 +1,73 @@
+//! How a run ended, and what it went on from.
+
+use super::Candidate;
+
+/// How a run ended.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Status {
+    /// The end of the horizon was reached.
+    Solved,
+    /// The observer asked to stop.
+    Stopped,
+    /// `max_steps` was reached.
+    StepLimit,
+    /// `max_events` was reached.
+    EventLimit,
+    /// `time_limit` was reached.
+    TimeLimit,
+    /// Events follow each other without time passing.
+    Accumulation,
+    /// Relays make each other switch without end, at one instant.
+    Restless {
+        /// The switches that do.
+        switches: Vec<usize>,
+    },
+    /// More than one solution continues from here; there may be more than [`MAX_NAMED`].
+    NonUnique(Vec<Candidate>),
+    /// No choice of sides is consistent with its own rates.
+    NoSolution {
+        /// The switches that meet here.
+        switches: Vec<usize>,
+    },
+    /// No choice of sides is consistent, and sliding is not determined: rates do not depend on their
+    /// own switches independently.
+    Undetermined {
+        /// The switches that meet here.
+        switches: Vec<usize>,
+    },
+    /// While sliding, the equations for α became singular.
+    SingularSliding {
+        /// The sliding switches.
+        switches: Vec<usize>,
+    },
+    /// The state was found on the wrong side of a surface.
+    MissedSwitch {
+        /// The switch.
+        switch: usize,
+    },
+    /// The vector field is not finite, or no step is small enough.
+    NotFinite,
+}
+
+/// What a run went on from although it could not be sure.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Note {
+    /// A solution was found and taken, and the search for others met the bound on its effort.
+    Unsearched {
+        /// When.
+        time: f64,
+        /// The switches that met there.
+        switches: Vec<usize>,
+    },
+}
+
+impl Note {
+    /// True when both say the same of the same switches.
+    pub(super) fn is_like(&self, other: &Note) -> bool {
+        let Note::Unsearched { switches, .. } = self;
+        let Note::Unsearched {
+            switches: others, ..
+        } = other;
+        switches == others
+    }
+}
