@@ -6,6 +6,7 @@
 
 mod blocks;
 mod forms;
+mod functions;
 mod limits;
 mod modes;
 mod outcome;

@@ -10,14 +10,12 @@ use std::collections::hash_map::Entry;
 use std::ops::Range;
 use std::sync::Arc;
 
-use nsd_solver::simulate::{
-    Affine, Block, Input, Partials, Rates, Side, Smooth, Surface, SwitchedSystem,
-};
-use nsd_solver::tape::Tape;
+use nsd_solver::simulate::{Block, Input, Partials, Rates, Side, Smooth, Surface, SwitchedSystem};
 use rustc_hash::FxHashMap;
 
 use super::blocks;
 use super::forms::{self, Copy, Form};
+use super::functions::{CompiledRates, CompiledSurface, Place, affine, partials, tape};
 use crate::expr::{self, Expr, Exprs, Node, Substitution, Var};
 use crate::system::System;
 
@@ -54,32 +52,6 @@ pub struct Switched<'e> {
 struct Shared<'e> {
     forms: Vec<Form<'e>>,
     copies: Vec<Copy>,
-}
-
-/// An input of a form.
-#[derive(Clone, std::marker::Copy)]
-enum Place {
-    Var(usize),
-    Hole(usize),
-}
-
-/// Rates of a form on certain sides.
-struct CompiledRates {
-    inputs: Vec<Place>,
-    field: Arc<Tape>,
-    by_alpha: Arc<Partials>,
-}
-
-/// ψ of a form on certain sides.
-enum CompiledSurface {
-    /// (factors, coefficient) of every term.
-    Affine(Vec<(Vec<Place>, f64)>),
-    Smooth {
-        inputs: Vec<Place>,
-        psi: Arc<Tape>,
-        gradient: Arc<Partials>,
-        mixed: Arc<Partials>,
-    },
 }
 
 /// Derivatives that are looked at for one that contains an α.
@@ -389,48 +361,6 @@ impl<'e> Switched<'e> {
             found.push((self.places(form, &factors), c));
         }
         Some(found)
-    }
-}
-
-/// Collects the terms of an affine ψ.
-fn affine(terms: impl IntoIterator<Item = (Vec<Input>, f64)>) -> Affine {
-    let mut affine = Affine::default();
-    for (factors, mut c) in terms {
-        let mut moving = None;
-        for factor in factors {
-            match factor {
-                Input::Number(number) => c *= number,
-                other => moving = Some(other),
-            }
-        }
-        match moving {
-            Some(Input::State(state)) => affine.terms.push((state, c)),
-            Some(_) => affine.time += c,
-            None => affine.constant += c,
-        }
-    }
-    affine.terms.sort_unstable_by_key(|&(state, _)| state);
-    affine
-}
-
-fn tape(inputs: &[Var], outputs: &[Expr]) -> Tape {
-    expr::compile(inputs, outputs)
-        .expect("a verified system holds smooth functions of time, states and α only")
-}
-
-/// The derivatives of functions of `inputs` by some of these.
-fn partials(inputs: &[Var], functions: &[Expr], by: &[Var]) -> Partials {
-    let entries = expr::jacobian(functions, by).entries;
-    let values: Vec<_> = entries.iter().map(|&(.., value)| value).collect();
-    let place = |var: &Var| {
-        let place = inputs.binary_search(var);
-        place.expect("functions are differentiated by their inputs")
-    };
-    Partials {
-        tape: tape(inputs, &values),
-        entries: (entries.iter())
-            .map(|&(function, column, _)| (function, place(&by[column])))
-            .collect(),
     }
 }
 

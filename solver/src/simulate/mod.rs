@@ -13,6 +13,7 @@
 mod candidates;
 mod control;
 mod dense;
+mod drift;
 mod field;
 mod implicit;
 mod judge;
