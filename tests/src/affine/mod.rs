@@ -37,7 +37,7 @@ pub struct Surface {
 /// How a system is written down.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Form {
-    /// One region for each combination of sides.
+    /// One region for each combination of sides, where all of them occur.
     Regions,
     /// `sign(psi)`, `step(psi)`, `abs(psi)` and `if` in one equation.
     Terms,

@@ -28,8 +28,9 @@ impl Affine {
             );
         }
         text += &match self.form {
-            Form::Regions => self.regions(),
-            Form::Terms => self.terms(),
+            // Only of surfaces that do not depend on each other do all combinations of sides occur.
+            Form::Regions if self.has_independent_surfaces() => self.regions(),
+            Form::Regions | Form::Terms => self.terms(),
             Form::Mixed => self.mixed(),
         };
         let horizon = self.horizon;
@@ -38,6 +39,20 @@ impl Affine {
             "}}\nsimulate run of m {{ horizon {horizon}; tolerance {tolerance:e}; }}"
         );
         text
+    }
+
+    /// Whether the gradients of all surfaces, in states and time, are linearly independent.
+    fn has_independent_surfaces(&self) -> bool {
+        let m = self.surfaces.len();
+        let gradients = DMatrix::from_fn(m, self.n + 1, |i, k| {
+            let normal = &self.surfaces[i].normal;
+            if k < self.n {
+                normal[k]
+            } else {
+                normal[self.n + 1]
+            }
+        });
+        m <= self.n + 1 && gradients.rank(1e-9) == m
     }
 
     fn regions(&self) -> String {
