@@ -22,7 +22,7 @@ pub enum Status {
         /// The switches that do.
         switches: Vec<usize>,
     },
-    /// More than one solution continues from here; there may be more than [`MAX_NAMED`].
+    /// More than one solution continues from here; there may be more than [`MAX_NAMED`](super::MAX_NAMED).
     NonUnique(Vec<Candidate>),
     /// No choice of sides is consistent with its own rates.
     NoSolution {
