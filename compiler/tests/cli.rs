@@ -1,10 +1,13 @@
 //! The `nsdc` command as a user meets it: what it prints where, and its exit status.
 
-use std::path::{Path, PathBuf};
+mod terminal;
+
+use std::fs;
+use std::path::PathBuf;
 use std::process::{Command, Stdio};
-use std::{fs, io::Write};
 
 use insta::assert_snapshot;
+use terminal::{folder, nsdc, nsdc_with_input};
 
 const RELAY: &str = "
 model relay {
@@ -26,49 +29,6 @@ simulate fast of relay {
   expect events(enter_sliding, x) ~ [0.25] within 1e-9;
 }
 ";
-
-/// What a command left behind.
-struct Ran {
-    status: i32,
-    out: String,
-    err: String,
-}
-
-/// A folder of its own for a test.
-fn folder(test: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(test);
-    let _ = fs::remove_dir_all(&folder);
-    fs::create_dir_all(&folder).expect("the target folder is writable");
-    folder
-}
-
-/// Runs `nsdc` in a folder, with a text on its standard input.
-fn nsdc_with_input(folder: &Path, args: &[&str], input: &str) -> Ran {
-    let mut child = Command::new(env!("CARGO_BIN_EXE_nsdc"))
-        .args(args)
-        .current_dir(folder)
-        .env_remove("COLUMNS")
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("the command starts");
-    // A command that ends before it reads everything closes the pipe.
-    let _ = child
-        .stdin
-        .take()
-        .map(|mut stdin| stdin.write_all(input.as_bytes()));
-    let output = child.wait_with_output().expect("the command ends");
-    Ran {
-        status: output.status.code().unwrap_or(-1),
-        out: String::from_utf8(output.stdout).expect("output is UTF-8"),
-        err: String::from_utf8(output.stderr).expect("diagnostics are UTF-8"),
-    }
-}
-
-fn nsdc(folder: &Path, args: &[&str]) -> Ran {
-    nsdc_with_input(folder, args, "")
-}
 
 /// A folder with one file `relay.nsd`.
 fn with_relay(test: &str) -> PathBuf {
@@ -479,62 +439,4 @@ fn the_time_is_told_apart_from_results() {
             ran.err
         );
     }
-}
-
-#[test]
-fn a_new_folder_passes_its_own_tests() {
-    let folder = folder("new");
-    let made = nsdc(&folder, &["new", "crate_on_spring"]);
-    assert_eq!((made.status, made.err.as_str()), (0, ""));
-    assert_snapshot!(made.out, @r"
-    made `crate_on_spring` with a model, its tests and a README
-
-      cd crate_on_spring
-      nsdc test .
-      nsdc run slider.nsd
-    ");
-    let inner = folder.join("crate_on_spring");
-    let mut names: Vec<_> = fs::read_dir(&inner)
-        .expect("a folder")
-        .map(|entry| entry.expect("an entry").file_name())
-        .collect();
-    names.sort();
-    assert_eq!(
-        names,
-        [
-            ".gitignore",
-            "README.md",
-            "slider.nsd",
-            "slider.swings.stewart.golden"
-        ]
-    );
-    let readme = fs::read_to_string(inner.join("README.md")).expect("a README");
-    assert!(readme.starts_with("# crate_on_spring\n"));
-
-    let tested = nsdc(&inner, &["test", "."]);
-    assert_eq!(
-        (tested.status, tested.err.as_str()),
-        (0, ""),
-        "{}",
-        tested.out
-    );
-    assert!(
-        tested
-            .out
-            .ends_with("2 passed, 0 failed, 0 not yet supported\n")
-    );
-    let laid_out = nsdc(&inner, &["fmt", "--check", "."]);
-    assert_eq!((laid_out.status, laid_out.out.as_str()), (0, ""));
-
-    fs::write(inner.join("slider.nsd"), "mine").expect("a writable folder");
-    let again = nsdc(&folder, &["new", "crate_on_spring"]);
-    assert_eq!(again.status, 1);
-    assert_snapshot!(again.err, @r"
-    error: `crate_on_spring` is there already
-      help: choose another name; nothing is overwritten
-    ");
-    let kept = fs::read_to_string(inner.join("slider.nsd"));
-    assert_eq!(kept.expect("the file"), "mine");
-    assert_eq!(nsdc(&folder, &["new", ".."]).status, 1);
-    assert_eq!(nsdc(&folder, &["new"]).status, 64);
 }

@@ -2,6 +2,9 @@
 
 pub mod affine;
 
+use std::path::Path;
+
+use nsdc::cli::{self, Exit, Streams};
 use nsdc::clock::Clock;
 use nsdc::diagnostics::{self, Diagnostics};
 use nsdc::expr::Exprs;
@@ -54,6 +57,21 @@ pub fn run(text: &str, experiment: &str) -> Trajectory {
     with_experiment(text, experiment, |compiled| {
         simulate::run(&compiled.system, &compiled.settings, &Request::default())
     })
+}
+
+/// How `nsdc test` of a folder ends, what it prints, and what it says is wrong.
+pub fn test_folder(folder: &Path) -> (Exit, String, String) {
+    let (mut out, mut err) = (Vec::new(), Vec::new());
+    let mut streams = Streams {
+        out: &mut out,
+        err: &mut err,
+        colour: false,
+        progress: false,
+        width: 100,
+    };
+    let exit = cli::run(["nsdc".into(), "test".into(), folder.into()], &mut streams);
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    (exit, text(&out), text(&err))
 }
 
 /// The last values of a state or output.

@@ -28,8 +28,24 @@ const WALL: &str = include_str!("../../examples/impact_like.nsd");
 /// Units in the last place that the closed form, evaluated in floating point, may be off by itself.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
-/// Checks one experiment at tolerances from 1e-4 to 1e-12; `exact` gives all reported states.
+/// Checks one experiment at tolerances from 1e-4 to 1e-12; `exact` gives all reported states. The
+/// error is below the tolerance, or there is a warning.
 fn check(text: &str, experiment: &str, exact: impl Fn(f64) -> Vec<f64>) {
+    check_estimate(text, experiment, exact, |trajectory, tolerance, error| {
+        assert!(
+            error <= tolerance || !trajectory.warnings.is_empty(),
+            "{experiment} at {tolerance:e}: error {error:e} without a warning"
+        );
+    });
+}
+
+/// Checks the estimate alone; `also` sees every trajectory with its tolerance and its error.
+fn check_estimate(
+    text: &str,
+    experiment: &str,
+    exact: impl Fn(f64) -> Vec<f64>,
+    also: impl Fn(&Trajectory, f64, f64),
+) {
     with_experiment(text, experiment, |compiled| {
         for k in 4..=12 {
             let mut settings = compiled.settings.clone();
@@ -42,6 +58,7 @@ fn check(text: &str, experiment: &str, exact: impl Fn(f64) -> Vec<f64>) {
                 error <= 10.0 * estimate + ROUNDING,
                 "{experiment} at 1e-{k}: error {error:e}, estimate {estimate:e}"
             );
+            also(&trajectory, settings.tolerance, error);
         }
     });
 }
@@ -407,10 +424,10 @@ fn crossings_that_are_hardly_any() {
         let statements = format!(
             "state w = 0; state y = {start:e}; w' = step(y); y' = 3*(time - 1)^2 + {rate:e};"
         );
-        check_model(&statements, 2.0, |t| {
-            let t = t - 1.0;
-            vec![t.max(0.0), t.powi(3) + rate * t]
-        });
+        // Here the estimate may fall short of the error by a factor of two, and so below the tolerance.
+        let text = format!("model m {{ {statements} }}\nsimulate run of m {{ horizon 2; }}");
+        let exact = |t: f64| vec![(t - 1.0).max(0.0), (t - 1.0).powi(3) + rate * (t - 1.0)];
+        check_estimate(&text, "run", exact, |_, _, _| {});
     }
     for k in [3, 6, 9, 11] {
         let start = 1.0 - 10.0_f64.powi(-k);

@@ -24,7 +24,11 @@ fn cells(by_indicators: bool, start: [f64; 2]) -> Trajectory {
         )
     };
     let regions: String = (0..SITES.len()).map(region).collect();
-    let [x, y] = start;
+    from(start, &regions)
+}
+
+/// Two units of time in the plane.
+fn from([x, y]: [f64; 2], regions: &str) -> Trajectory {
     run(
         &format!(
             "model m {{ state x = {x:?}; state y = {y:?};\n{regions}}}
@@ -99,14 +103,7 @@ fn sectors(flows: [[f64; 2]; 3], start: [f64; 2]) -> Trajectory {
         format!("region r{i} indicator -({a:?}*x + ({b:?})*y) {{ x' = {u:?}; y' = {v:?}; }}\n")
     };
     let regions: String = (0..3).map(region).collect();
-    let [x, y] = start;
-    run(
-        &format!(
-            "model m {{ state x = {x:?}; state y = {y:?};\n{regions}}}
-             simulate s of m {{ horizon 2; tolerance 1e-10; }}"
-        ),
-        "s",
-    )
+    from(start, &regions)
 }
 
 #[test]

@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use nsdc::cli::{self, Exit, Streams};
+use nsd_tests::test_folder;
+use nsdc::cli::Exit;
 
 /// Experiments of the examples. All of them pass.
 const EXAMPLES: &[&str] = &[
@@ -117,16 +118,7 @@ struct Outcome {
 }
 
 fn test(folder: &Path) -> Outcome {
-    let (mut out, mut err) = (Vec::new(), Vec::new());
-    let mut streams = Streams {
-        out: &mut out,
-        err: &mut err,
-        colour: false,
-        progress: false,
-        width: 100,
-    };
-    let exit = cli::run(["nsdc".into(), "test".into(), folder.into()], &mut streams);
-    let text = String::from_utf8_lossy(&out).into_owned();
+    let (exit, text, err) = test_folder(folder);
     let below = |line: &str| line.rsplit('/').next().unwrap_or(line).to_owned();
     let lines = |prefix: &str| {
         text.lines()
@@ -140,7 +132,7 @@ fn test(folder: &Path) -> Outcome {
         .collect();
     passed.sort();
     not_yet.sort();
-    let text = format!("{text}{}", String::from_utf8_lossy(&err));
+    let text = format!("{text}{err}");
     Outcome {
         exit,
         passed,

@@ -20,7 +20,23 @@ use crate::expr::{self, Expr, Exprs, Node, Substitution, Var};
 use crate::system::System;
 
 /// Functions by form and the sides of the α in it, in order.
-type Known<T> = RefCell<FxHashMap<(usize, Box<[Side]>), T>>;
+type Known<T> = RefCell<ByForm<T>>;
+type ByForm<T> = FxHashMap<(usize, Box<[Side]>), T>;
+
+/// What is known of a form on certain sides, compiled when it is asked for first.
+fn kept<T>(
+    known: &mut ByForm<T>,
+    key: (usize, Box<[Side]>),
+    compile: impl FnOnce(&[Side]) -> T,
+) -> &T {
+    match known.entry(key) {
+        Entry::Occupied(known) => known.into_mut(),
+        Entry::Vacant(new) => {
+            let compiled = compile(&new.key().1);
+            new.insert(compiled)
+        }
+    }
+}
 
 /// x' = f(t, x, α) with the parameters of one experiment.
 pub struct Switched<'e> {
@@ -307,14 +323,8 @@ impl<'e> Switched<'e> {
         let copy = &self.switching.copies[at];
         let key = self.key(copy, switches, sides);
         let mut known = self.known_surfaces.borrow_mut();
-        let surface = match known.entry(key) {
-            Entry::Occupied(known) => known.into_mut(),
-            Entry::Vacant(new) => {
-                let form = &self.switching.forms[copy.form];
-                let surface = self.compile_surface(form, &new.key().1);
-                new.insert(surface)
-            }
-        };
+        let form = &self.switching.forms[copy.form];
+        let surface = kept(&mut known, key, |sides| self.compile_surface(form, sides));
         match surface {
             CompiledSurface::Affine(terms) => {
                 let terms = terms
@@ -410,13 +420,8 @@ impl SwitchedSystem for Switched<'_> {
         let copy = &self.rates.copies[block];
         let key = self.key(copy, &self.blocks[block].switches, sides);
         let mut known = self.known_rates.borrow_mut();
-        let rates = match known.entry(key) {
-            Entry::Occupied(known) => known.into_mut(),
-            Entry::Vacant(new) => {
-                let rates = self.compile_rates(&self.rates.forms[copy.form], &new.key().1);
-                new.insert(rates)
-            }
-        };
+        let form = &self.rates.forms[copy.form];
+        let rates = kept(&mut known, key, |sides| self.compile_rates(form, sides));
         Rates {
             inputs: self.resolve(copy, &rates.inputs),
             field: rates.field.clone(),
@@ -442,14 +447,7 @@ impl SwitchedSystem for Switched<'_> {
         let copy = &self.rates.copies[block];
         let key = self.key(copy, &self.blocks[block].switches, sides);
         let mut known = self.known_jacobians.borrow_mut();
-        let jacobian = match known.entry(key) {
-            Entry::Occupied(known) => known.into_mut(),
-            Entry::Vacant(new) => {
-                let form = &self.rates.forms[copy.form];
-                let jacobian = self.compile_jacobian(form, &new.key().1);
-                new.insert(jacobian)
-            }
-        };
-        jacobian.clone()
+        let form = &self.rates.forms[copy.form];
+        kept(&mut known, key, |sides| self.compile_jacobian(form, sides)).clone()
     }
 }
