@@ -5,4 +5,5 @@ pub mod lcp;
 pub mod linalg;
 pub mod qp;
 pub mod simulate;
+pub mod tableau;
 pub mod tape;

@@ -1,14 +1,14 @@
-//! The numbers of the Radau IIA method with s nodes, computed from its definition.
+//! The numbers of the Radau IIA method with s nodes.
 //!
-//! The nodes c are the zeros of P_{s-1}(2c - 1) - P_s(2c - 1), the last of which is 1. The method
-//! collocates: A⁻¹ is the derivative, at the nodes, of the polynomial that is 0 at 0 and z_i at c_i.
-//! Its eigenvalues, one real and (s - 1)/2 complex pairs for odd s, split the linear systems of
+//! The method collocates: A⁻¹ is the derivative, at the nodes, of the polynomial that is 0 at 0 and z_i
+//! at c_i. Its eigenvalues, one real and (s - 1)/2 complex pairs for odd s, split the linear systems of
 //! Newton's method into blocks (Hairer & Wanner 1996, section IV.8).
 
 use nalgebra::{Complex, DMatrix, DVector};
 
 use crate::linalg::DenseLu;
 use crate::simulate::series;
+use crate::tableau::{differentiation, monomials, radau_iia_nodes};
 
 /// Radau IIA with an odd number of nodes; all matrices are row major.
 #[derive(Debug)]
@@ -36,17 +36,21 @@ impl Tableau {
     /// The method with `s` nodes, which must be odd.
     pub(in crate::simulate) fn new(s: usize) -> Self {
         assert!(s % 2 == 1, "an even number of nodes has no real eigenvalue");
-        let nodes = nodes(s);
-        let inverse = differentiation(&nodes);
-        let (gamma, pairs) = eigenvalues(s, &inverse);
+        let nodes = radau_iia_nodes(s);
+        let mut with_start = vec![0.0];
+        with_start.extend(&nodes);
+        let inverse = without_start(&differentiation(&with_start), s);
         let mut transform = DMatrix::zeros(s, s);
-        let real = eigenvector(s, &inverse, Complex::new(gamma, 0.0));
-        transform.set_column(0, &real.map(|v| v.re));
-        for (j, &pair) in pairs.iter().enumerate() {
+        let (real, complex) = eigenvalues(s, &inverse);
+        let (gamma, vector) = eigenpair(s, &inverse, Complex::new(real, 0.0));
+        transform.set_column(0, &vector.map(|v| v.re));
+        let mut pairs = Vec::with_capacity(complex.len());
+        for (j, &guess) in complex.iter().enumerate() {
             // From A⁻¹ (p - iq) = (a + ib)(p - iq): A⁻¹ (p q) = (p q) (a -b; b a).
-            let vector = eigenvector(s, &inverse, pair);
+            let (pair, vector) = eigenpair(s, &inverse, guess);
             transform.set_column(1 + 2 * j, &vector.map(|v| v.re));
             transform.set_column(2 + 2 * j, &vector.map(|v| -v.im));
+            pairs.push(pair);
         }
         let back = transform
             .clone()
@@ -54,13 +58,13 @@ impl Tableau {
             .expect("the eigenvalues are distinct");
         Tableau {
             s,
-            powers: powers(&nodes),
+            powers: without_start(&monomials(&with_start), s),
             probes: probes(&nodes),
             nodes,
             inverse,
             transform: row_major(&transform),
             back: row_major(&back),
-            gamma,
+            gamma: gamma.re,
             pairs,
         }
     }
@@ -98,55 +102,10 @@ fn row_major(matrix: &DMatrix<f64>) -> Vec<f64> {
     matrix.transpose().as_slice().to_vec()
 }
 
-/// Zeros of P_{s-1}(2c - 1) - P_s(2c - 1), by Newton's method.
-fn nodes(s: usize) -> Vec<f64> {
-    let legendre = |x: f64| {
-        let (mut last, mut value) = (1.0, x);
-        for k in 2..=s {
-            let k = k as f64;
-            (last, value) = (value, ((2.0 * k - 1.0) * x * value - (k - 1.0) * last) / k);
-        }
-        (last, value)
-    };
-    let mut nodes: Vec<f64> = (1..s)
-        .map(|k| {
-            let mut x = (2.0 * std::f64::consts::PI * k as f64 / (2 * s - 1) as f64).cos();
-            for _ in 0..20 {
-                // (1 - x²) P_s' = s (P_{s-1} - x P_s), (1 - x²) P_{s-1}' = s (x P_{s-1} - P_s)
-                let (below, value) = legendre(x);
-                let slope = -(s as f64) * (below + value) * (1.0 - x) / (1.0 - x * x);
-                x -= (below - value) / slope;
-            }
-            0.5 * (1.0 + x)
-        })
-        .collect();
-    nodes.reverse();
-    nodes.push(1.0);
-    nodes
-}
-
-/// Derivatives, at the nodes, of the Lagrange polynomials of the nodes and 0, without that of 0
-/// (Berrut & Trefethen 2004).
-fn differentiation(nodes: &[f64]) -> Vec<f64> {
-    let s = nodes.len();
-    // w_j of the nodes after 0.
-    let weight = |j: usize| {
-        let others = (0..s).filter(|m| *m != j);
-        others.fold(1.0 / nodes[j], |w, m| w / (nodes[j] - nodes[m]))
-    };
-    let weights: Vec<f64> = (0..s).map(weight).collect();
-    let mut matrix = vec![0.0; s * s];
-    for i in 0..s {
-        for j in 0..s {
-            matrix[i * s + j] = if i == j {
-                let others = (0..s).filter(|m| *m != i);
-                others.fold(1.0 / nodes[i], |d, m| d + 1.0 / (nodes[i] - nodes[m]))
-            } else {
-                weights[j] / weights[i] / (nodes[i] - nodes[j])
-            };
-        }
-    }
-    matrix
+/// A square matrix of the nodes and 0 in front of them, without the row and the column of 0.
+fn without_start(matrix: &[f64], s: usize) -> Vec<f64> {
+    let rows = matrix.chunks(s + 1).skip(1);
+    rows.flat_map(|row| &row[1..]).copied().collect()
 }
 
 /// The real eigenvalue, and one of each complex pair.
@@ -161,9 +120,13 @@ fn eigenvalues(s: usize, matrix: &[f64]) -> (f64, Vec<Complex<f64>>) {
     (values[0].re, pairs.collect())
 }
 
-/// The eigenvector of a known eigenvalue, by inverse iteration.
-fn eigenvector(s: usize, matrix: &[f64], value: Complex<f64>) -> DVector<Complex<f64>> {
-    let shift = value * (1.0 + 1e-9);
+/// An eigenvalue that is known roughly, and its eigenvector, by inverse iteration.
+fn eigenpair(
+    s: usize,
+    matrix: &[f64],
+    guess: Complex<f64>,
+) -> (Complex<f64>, DVector<Complex<f64>>) {
+    let shift = guess * (1.0 + 1e-9);
     let mut shifted: Vec<Complex<f64>> = matrix.iter().map(|&entry| entry.into()).collect();
     for i in 0..s {
         shifted[i * s + i] -= shift;
@@ -172,12 +135,15 @@ fn eigenvector(s: usize, matrix: &[f64], value: Complex<f64>) -> DVector<Complex
     lu.factor(&shifted)
         .expect("the shift is no eigenvalue itself");
     let mut vector = DVector::from_element(s, Complex::new(1.0, 0.0));
+    let mut value = guess;
     for _ in 0..4 {
+        let last = vector.normalize();
+        vector.copy_from(&last);
         lu.solve(vector.as_mut_slice());
-        let norm = vector.norm();
-        vector.unscale_mut(norm);
+        // (A⁻¹ - shift)⁻¹ multiplies the eigenvector by 1/(value - shift).
+        value = shift + last.dotc(&vector).inv();
     }
-    vector
+    (value, vector.normalize())
 }
 
 /// The middle of an early, a central and the last interval between nodes.
@@ -187,29 +153,6 @@ fn probes(nodes: &[f64]) -> Vec<f64> {
     intervals.dedup();
     let middle = |i: usize| 0.5 * (nodes[i] + nodes[i + 1]);
     intervals.into_iter().map(middle).collect()
-}
-
-/// Coefficients of the Lagrange polynomials of the nodes and 0. All nodes are positive, so the
-/// coefficients of a product of (θ - c) are sums of terms of one sign and lose no digits.
-fn powers(nodes: &[f64]) -> Vec<f64> {
-    let s = nodes.len();
-    let mut matrix = vec![0.0; s * s];
-    for j in 0..s {
-        let mut product = vec![1.0];
-        let mut scale = nodes[j];
-        for m in (0..s).filter(|m| *m != j) {
-            scale *= nodes[j] - nodes[m];
-            product.push(0.0);
-            for k in (0..product.len()).rev() {
-                let lower = if k > 0 { product[k - 1] } else { 0.0 };
-                product[k] = lower - nodes[m] * product[k];
-            }
-        }
-        for k in 0..s {
-            matrix[k * s + j] = product[k] / scale;
-        }
-    }
-    matrix
 }
 
 #[cfg(test)]
@@ -294,7 +237,7 @@ mod tests {
             let product = matrix(s, &tableau.transform) * blocks * matrix(s, &tableau.back);
             let difference = (product - matrix(s, &tableau.inverse)).amax();
             // What is missing only slows Newton's method down.
-            assert!(difference < 1e-5, "{s} nodes: {difference:e}");
+            assert!(difference < 1e-8, "{s} nodes: {difference:e}");
         }
     }
 
