@@ -15,6 +15,7 @@ use thiserror::Error;
 use crate::diagnostics::Diagnostics;
 use crate::source::{SourceMap, Span};
 use crate::syntax::{self, File, Ident, Item, Link, Use, UseSource};
+use crate::table::{self, Source};
 
 /// The standard library: names of modules and their texts.
 pub const STANDARD: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/stdlib.rs"));
@@ -26,6 +27,8 @@ const MAX_DEPTH: usize = 64;
 pub trait Loader {
     /// The file that `path` means in the file known as `from`: the text between `use` and what follows.
     fn load(&mut self, from: &str, path: &str) -> Result<Loaded, NotLoaded>;
+    /// The bytes of the file of data that `path` names in the file known as `from`.
+    fn data(&mut self, from: &str, path: &str) -> Result<Vec<u8>, NotLoaded>;
 }
 
 /// A file that has been read.
@@ -56,6 +59,13 @@ impl Loader for NoFiles {
     fn load(&mut self, _: &str, path: &str) -> Result<Loaded, NotLoaded> {
         Err(NotLoaded {
             tried: format!("{path}.nsd"),
+            reason: "files are not read here".to_owned(),
+        })
+    }
+
+    fn data(&mut self, _: &str, path: &str) -> Result<Vec<u8>, NotLoaded> {
+        Err(NotLoaded {
+            tried: path.to_owned(),
             reason: "files are not read here".to_owned(),
         })
     }
@@ -110,7 +120,8 @@ struct Read {
     imports: Vec<(usize, usize)>,
 }
 
-/// Reads what `file` imports, directly or not, and links it; `key` is what a loader calls the file.
+/// Reads what `file` imports, directly or not, and links it, and the data that their signals name; `key`
+/// is what a loader calls the file.
 pub fn link(
     file: &mut File,
     key: &str,
@@ -119,12 +130,14 @@ pub fn link(
     diags: &mut Diagnostics,
 ) {
     if !file.items.iter().any(|item| matches!(item, Item::Use(_))) {
+        read_data(file, key, loader);
         return;
     }
     let main = std::mem::replace(
         file,
         File {
             items: vec![],
+            data: table::Sources::new(),
             span: file.span,
         },
     );
@@ -164,6 +177,8 @@ pub fn link(
                 None => set_link(&mut read[next].file, position, Link::Failed),
             }
         }
+        let one = &mut read[next];
+        read_data(&mut one.file, &one.key, loader);
         next += 1;
     }
     *file = join(read, diags);
@@ -212,6 +227,7 @@ fn join(mut read: Vec<Read>, diags: &mut Diagnostics) -> File {
             }
             let empty = File {
                 items: vec![],
+                data: table::Sources::new(),
                 span: read[index].file.span,
             };
             let file = std::mem::replace(&mut read[index].file, empty);
@@ -223,6 +239,7 @@ fn join(mut read: Vec<Read>, diags: &mut Diagnostics) -> File {
     main.map_or_else(
         || File {
             items: vec![],
+            data: table::Sources::new(),
             span: read[0].file.span,
         },
         Rc::unwrap_or_clone,
@@ -269,6 +286,25 @@ fn circle(read: &[Read], members: &[usize]) -> ImportError {
         first: spans.first().copied().filter(|_| spans.len() > 1),
         span: spans.last().copied().unwrap_or(first.file.span),
     }
+}
+
+/// Reads the data that the signals of a file name.
+fn read_data(file: &mut File, key: &str, loader: &mut dyn Loader) {
+    let models = file.items.iter().filter_map(|item| match item {
+        Item::Model(model) => Some(&model.body),
+        _ => None,
+    });
+    let mut data = table::Sources::new();
+    for path in models.flatten().filter_map(syntax::data_of) {
+        data.entry(path.to_owned()).or_insert_with(|| {
+            let source = match loader.data(key, path) {
+                Ok(bytes) => Source::read(bytes),
+                Err(error) => Source::missing(error.tried, error.reason),
+            };
+            Rc::new(source)
+        });
+    }
+    file.data = data;
 }
 
 fn set_link(file: &mut File, position: usize, link: Link) {

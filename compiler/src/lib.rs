@@ -13,6 +13,7 @@ pub mod simulate;
 pub mod source;
 pub mod syntax;
 pub mod system;
+pub mod table;
 
 use self::clock::Clock;
 use self::diagnostics::Diagnostics;

@@ -19,10 +19,12 @@ pub fn draw(compiled: &Compiled<'_>, trajectory: &Trajectory) -> String {
         .filter_map(|param| Some((param.var.as_variable()?, param.value)))
         .collect();
 
-    // The row of every variable: states, then α.
+    // The row of every variable: states, α, then data.
     let state_vars: Vec<Expr<'_>> = system.states.iter().map(|state| state.var).collect();
     let alphas = system.switches.iter().map(|switch| switch.alpha);
-    let rows = state_vars.iter().copied().chain(alphas).enumerate();
+    let data = system.data.iter().map(|data| data.var);
+    let rows = state_vars.iter().copied().chain(alphas).chain(data);
+    let rows = rows.enumerate();
     let rows: HashMap<Var, usize> = rows
         .filter_map(|(row, var)| Some((var.as_variable()?, row)))
         .collect();

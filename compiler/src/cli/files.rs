@@ -8,6 +8,7 @@ use std::path::{Component, Path, PathBuf};
 use super::Streams;
 use crate::imports::{Loaded, Loader, NotLoaded};
 use crate::syntax;
+use crate::table;
 
 /// Extension of model files.
 const EXTENSION: &str = "nsd";
@@ -100,6 +101,21 @@ impl Imports {
 }
 
 impl Loader for Imports {
+    fn data(&mut self, from: &str, path: &str) -> Result<Vec<u8>, NotLoaded> {
+        let folder = self.paths.get(from).and_then(|from| from.parent());
+        let found = folder.map_or_else(|| path.into(), |folder| folder.join(path));
+        let failed = |tried: String, reason: String| NotLoaded { tried, reason };
+        let bytes = read(&found, table::MAX_BYTES);
+        let bytes = bytes.map_err(|error| failed(error.name, error.reason))?;
+        match bytes.len() > table::MAX_BYTES {
+            true => {
+                let reason = format!("it is larger than {} MiB", table::MAX_BYTES >> 20);
+                Err(failed(found.display().to_string(), reason))
+            }
+            false => Ok(bytes),
+        }
+    }
+
     fn load(&mut self, from: &str, path: &str) -> Result<Loaded, NotLoaded> {
         let folder = self.paths.get(from).and_then(|from| from.parent());
         let mut found = folder.map(Path::to_owned).unwrap_or_default();

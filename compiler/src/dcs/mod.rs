@@ -58,6 +58,8 @@ pub struct Dcs<'e> {
     pub reason: Option<String>,
     /// Physical time t, a variable.
     pub time: Expr<'e>,
+    /// Functions of time from data that occur, as variables.
+    pub data: Vec<Expr<'e>>,
     /// Scalar parameters p with their values.
     pub params: Vec<Param<'e>>,
     /// Scalar states x.
@@ -188,6 +190,7 @@ impl<'e> Dcs<'e> {
             formulation,
             reason: None,
             time: system.time,
+            data: system.data.iter().map(|data| data.var).collect(),
             params: system.params.clone(),
             states: system.states.iter().map(state).collect(),
             rates: Vec::new(),

@@ -22,7 +22,7 @@ pub(super) struct Sides {
 }
 
 impl Sides {
-    /// `value` gives time, parameters and states.
+    /// `value` gives time, data, parameters and states.
     pub fn at(system: &System, value: &impl Fn(Var) -> f64) -> Self {
         let mut known = FxHashMap::default();
         let mut sides = Sides {
@@ -61,6 +61,7 @@ impl Sides {
         let start: FxHashMap<Var, f64> = params
             .chain(states)
             .chain([(system.time, 0.0)])
+            .chain(system.data.iter().map(|data| (data.var, data.table.value(0.0))))
             .filter_map(|(var, value)| Some((var.as_variable()?, value)))
             .collect();
         Sides::at(system, &|var| start.get(&var).copied().unwrap_or(f64::NAN))
@@ -78,7 +79,7 @@ pub struct Pointwise {
     pub residual: f64,
 }
 
-/// Solves `dcs`, a lowering of `system`, where `value` gives time, parameters and states.
+/// Solves `dcs`, a lowering of `system`, where `value` gives time, data, parameters and states.
 pub fn solve_pointwise<'e>(
     system: &System<'e>,
     dcs: &Dcs<'e>,

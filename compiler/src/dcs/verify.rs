@@ -53,6 +53,7 @@ impl<'e> Dcs<'e> {
         let mut declared: HashSet<Var> = HashSet::new();
         for var in [self.time]
             .into_iter()
+            .chain(self.data.iter().copied())
             .chain(params)
             .chain(states)
             .chain(algebraics)

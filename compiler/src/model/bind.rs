@@ -327,10 +327,14 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
 
     /// What some expressions depend on besides params, and time where that is allowed.
     pub fn depends(&self, entries: &[Expr<'e>], of_time: bool) -> Option<String> {
-        let time = self.model.time.as_variable();
+        let data = self.model.data.iter().map(|data| data.var);
+        let given = |var: Var| {
+            let mut of_time = data.clone().chain([self.model.time]);
+            of_time.any(|given| given.as_variable() == Some(var))
+        };
         let other = variables_of(entries)
             .into_iter()
-            .find(|var| !self.param_of.contains_key(var) && (!of_time || Some(*var) != time))?;
+            .find(|&var| !self.param_of.contains_key(&var) && !(of_time && given(var)))?;
         Some(format!("`{}`", self.model.exprs.name(other)))
     }
 

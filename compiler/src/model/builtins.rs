@@ -3,7 +3,7 @@
 use super::calls::{Call, arguments, reduce, wrong};
 use super::lower::Lowering;
 use super::scope::Reported;
-use super::{ModelError, Shape, Tensor, Unsupported, algebra, check};
+use super::{ModelError, Shape, TableError, Tensor, algebra, check};
 use crate::expr::{BinaryFunction, Expr, Function};
 use crate::source::Span;
 
@@ -67,7 +67,12 @@ fn check_arity(lowering: &mut Lowering<'_, '_>, call: &Call) -> Result<(), Repor
         return wrong(lowering, call, &expected, &arguments(count));
     }
     if call.name == "table" {
-        return lowering.error(Unsupported::Tables { span: call.span });
+        return lowering.error(TableError::Form {
+            what: "`table` stands alone as the value of a `signal`".to_owned(),
+            span: call.span,
+            why: "inside an expression",
+            help: "give the table a name with `signal r = table(..);`, and use `r`".to_owned(),
+        });
     }
     Ok(())
 }

@@ -54,6 +54,7 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
             inputs: vec![],
             connected: vec![],
             signals: vec![],
+            data: vec![],
             lets: vec![],
             outputs: vec![],
             switches: vec![],
@@ -192,7 +193,10 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
         Ok(Meaning::Value(value.into(), kind(index)))
     }
 
-    fn named(&mut self, named: &syntax::Named) -> Result<Meaning<'e>, Reported> {
+    fn named(&mut self, named: &'f syntax::Named) -> Result<Meaning<'e>, Reported> {
+        if let Some(args) = syntax::table_of(named) {
+            return self.table(named, args);
+        }
         let value = self.lowering(|lowering| match named.kind {
             NamedKind::Let => lowering.expr(&named.value),
             _ => lowering.numbers(&named.value).map(Value::from),

@@ -20,9 +20,14 @@ impl<'e> fmt::Display for Model<'e> {
                 write_quantity(f, word, quantity)?;
             }
         }
-        for (word, list) in [("signal", &self.signals), ("let", &self.lets)] {
-            write_named(f, word, list)?;
+        for signal in &self.signals {
+            let data = self.data.iter().find(|data| data.name == signal.name);
+            match data {
+                Some(data) => writeln!(f, "signal {} = {}", data.name, data.text)?,
+                None => write_named(f, "signal", std::slice::from_ref(signal))?,
+            }
         }
+        write_named(f, "let", &self.lets)?;
         for switch in &self.switches {
             let tensor = |data: &[Expr<'e>]| Tensor {
                 shape: switch.shape,

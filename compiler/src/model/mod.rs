@@ -12,7 +12,7 @@
 //!
 //! Invariants
 //! - A tensor has as many entries as its shape says, row by row.
-//! - Variables of params, states, controls, inputs and switches are distinct.
+//! - Variables of params, states, controls, inputs, switches and data are distinct.
 //! - Defaults and initial values depend on params only, and on each other without a cycle.
 //! - Every state entry is set once: outside regions, or in each region of one partition.
 //! - A region stands in at most one partition; one that only adds stands in none.
@@ -44,6 +44,8 @@ mod reserved;
 mod resolve;
 mod scope;
 mod switch;
+mod table_error;
+mod tables;
 mod target;
 mod tensor;
 #[cfg(test)]
@@ -60,14 +62,18 @@ pub use given_error::GivenError;
 pub use import::find;
 pub use resolve::resolve;
 pub use scope::{Hook, Scope};
+pub use table_error::TableError;
 pub use target::{Target, TargetKind};
 pub use tensor::{Shape, Tensor};
 pub use units::UnitError;
 pub(crate) use units::check_experiment;
 pub use unsupported::Unsupported;
 
+use std::sync::Arc;
+
 use crate::expr::{Expr, Exprs};
 use crate::source::Span;
+use crate::table::Table;
 pub use crate::syntax::Sliding;
 
 /// A model with its names resolved.
@@ -90,6 +96,8 @@ pub struct Model<'e> {
     pub connected: Vec<Quantity<'e>>,
     /// Given functions of time.
     pub signals: Vec<Named<'e>>,
+    /// The data of those that come from files; each column of a file once.
+    pub data: Vec<Data<'e>>,
     /// Named expressions.
     pub lets: Vec<Named<'e>>,
     /// Recorded expressions.
@@ -147,6 +155,21 @@ pub struct Named<'e> {
     pub name: String,
     /// What it stands for.
     pub value: Tensor<'e>,
+    /// The declaration.
+    pub span: Span,
+}
+
+/// A function of time from data.
+#[derive(Clone, Debug)]
+pub struct Data<'e> {
+    /// Name of the first signal that is this function.
+    pub name: String,
+    /// The variable that stands for its value.
+    pub var: Expr<'e>,
+    /// As it is printed: `table("data.csv", "r", linear): 12 rows on [0, 10]`.
+    pub text: String,
+    /// The function.
+    pub table: Arc<Table>,
     /// The declaration.
     pub span: Span,
 }

@@ -98,18 +98,9 @@ impl<'f> Collector<'_, 'f> {
                 }
                 Stmt::Named(named) if named.kind == NamedKind::Let && place.is_some() => {}
                 Stmt::Named(named) => {
-                    let item = if unsupported::is_refused(stmt) {
-                        Item::Unsupported
-                    } else {
-                        Item::Named(named)
-                    };
-                    self.top(
-                        &named.name,
-                        item,
-                        "an `output` or `signal`",
-                        place,
-                        named.span,
-                    );
+                    let item = Item::Named(named);
+                    let what = "an `output` or `signal`";
+                    self.top(&named.name, item, what, place, named.span);
                 }
                 Stmt::Part(part) => {
                     self.top(&part.name, Item::Part(part), "a `part`", place, part.span)

@@ -166,6 +166,8 @@ fn needs(declared: &Declared<'_>, file: &File, with: &[Bind]) -> Vec<String> {
     match declared.item {
         Item::Const(item) => free_names_under(&[], std::iter::once(given(item, with))),
         Item::Decl(decl) => free_names_under(&[], decl.shape.iter()),
+        // The words of a table are no names.
+        Item::Named(named) if syntax::table_of(named).is_some() => vec![],
         Item::Named(named) => free_names_under(&[], std::iter::once(&named.value)),
         Item::Switch(switch) => {
             // Indices hide names in the body; bounds are seen from outside them.

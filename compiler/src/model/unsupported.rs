@@ -5,7 +5,7 @@ use thiserror::Error;
 
 use crate::diagnostics::Diagnostics;
 use crate::source::Span;
-use crate::syntax::{DeclKind, Expr, ExprKind, NamedKind, Stmt};
+use crate::syntax::{DeclKind, Stmt};
 
 /// A construct of the language that cannot be lowered yet (E09).
 #[derive(Clone, Debug, Diagnostic, Error)]
@@ -63,14 +63,6 @@ pub enum Unsupported {
         span: Span,
     },
 
-    /// Signals from data.
-    #[error("signals from tables are not supported yet")]
-    #[diagnostic(code(E0909), help("write the signal as an expression in `time`"))]
-    Tables {
-        #[label("a table")]
-        span: Span,
-    },
-
     /// Large symbolic inverses.
     #[error("the inverse of a {size} by {size} matrix is not supported yet")]
     #[diagnostic(code(E0912), help("symbolic matrices can be inverted up to 4 by 4"))]
@@ -108,16 +100,6 @@ fn refusal(stmt: &Stmt) -> Option<Unsupported> {
         Stmt::Decl(decl) if decl.kind == DeclKind::Algebraic => {
             Unsupported::Algebraic { span: decl.span }
         }
-        Stmt::Named(named) if named.kind == NamedKind::Signal && calls(&named.value, "table") => {
-            Unsupported::Tables {
-                span: named.value.span,
-            }
-        }
         _ => return None,
     })
-}
-
-/// True for a call of a function of that name.
-fn calls(expr: &Expr, name: &str) -> bool {
-    matches!(&expr.kind, ExprKind::Call(function, _) if matches!(&function.kind, ExprKind::Name(n) if n == name))
 }

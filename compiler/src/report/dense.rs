@@ -16,7 +16,7 @@ pub struct Piece {
     pub to: f64,
     /// Coefficients per row, constant term first.
     pub n_coefficients: usize,
-    /// One row per state entry, then one per switch with its value α in [0, 1].
+    /// One row per state entry, one per switch with its value α in [0, 1], one per function from data.
     pub coefficients: Vec<f64>,
 }
 

@@ -7,6 +7,7 @@ use nsd_solver::simulate::Segment;
 use nsd_solver::tape::{Scratch, Tape};
 
 use crate::expr;
+use crate::model::Data;
 use crate::report::{Warning, text::significant};
 use crate::system::{Allowed, Limit, System};
 
@@ -28,12 +29,13 @@ pub(super) struct Limits<'s, 'e> {
     tolerance: f64,
     /// When each was left first, and its value there.
     left: Vec<Option<(f64, f64)>>,
-    /// (t, x, α) to what is evaluated, in order.
+    /// (t, x, α, data) to what is evaluated, in order.
     tape: Tape,
     scratch: Scratch,
     inputs: Vec<f64>,
     values: Vec<f64>,
     n_states: usize,
+    data: &'s [Data<'e>],
     shifted: Vec<f64>,
 }
 
@@ -64,6 +66,7 @@ impl<'s, 'e> Limits<'s, 'e> {
             values: vec![0.0; evaluated.len()],
             tape,
             n_states: system.states.len(),
+            data: &system.data,
             shifted: Vec::new(),
             state,
         }
@@ -95,10 +98,15 @@ impl<'s, 'e> Limits<'s, 'e> {
         }
         for share in SHARES {
             let tau = share * segment.length;
-            let (x, alpha) = self.inputs[1..].split_at_mut(self.n_states);
+            let (x, rest) = self.inputs[1..].split_at_mut(self.n_states);
+            let (alpha, data) = rest.split_at_mut(segment.sides.len());
             segment.state(tau, x);
             segment.alpha(tau, alpha);
-            self.inputs[0] = segment.start + tau;
+            let time = segment.start + tau;
+            for (value, data) in data.iter_mut().zip(self.data) {
+                *value = data.table.piece(segment.start).value(time);
+            }
+            self.inputs[0] = time;
             self.tape
                 .eval(&self.inputs, &mut self.values, &mut self.scratch);
             let evaluated = (0..self.left.len()).filter(|&k| self.state[k].is_none());
@@ -136,7 +144,7 @@ impl<'s, 'e> Limits<'s, 'e> {
     }
 }
 
-/// A tape of (t, x, α) with the parameters put in.
+/// A tape of (t, x, α, data) with the parameters put in.
 fn tape_of<'e>(system: &System<'e>, exprs: &[expr::Expr<'e>]) -> (Tape, usize) {
     let variable = |e: expr::Expr<'e>| e.as_variable().expect("a declared quantity is a variable");
     let numbers = system.params.iter();
@@ -145,10 +153,12 @@ fn tape_of<'e>(system: &System<'e>, exprs: &[expr::Expr<'e>]) -> (Tape, usize) {
         .collect();
     let states = system.states.iter().map(|state| state.var);
     let alphas = system.switches.iter().map(|switch| switch.alpha);
+    let data = system.data.iter().map(|data| data.var);
     let inputs = [system.time].into_iter().chain(states).chain(alphas);
+    let inputs = inputs.chain(data);
     let inputs: Vec<_> = inputs.map(variable).collect();
     let tape = expr::compile(&inputs, &numbers.apply(exprs))
-        .expect("a verified limit is smooth in time, states and α");
+        .expect("a verified limit is smooth in time, states, α and data");
     (tape, inputs.len())
 }
 

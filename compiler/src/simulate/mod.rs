@@ -5,6 +5,7 @@
 //! modes is reported instead of being trusted.
 
 mod blocks;
+mod data;
 mod forms;
 mod functions;
 mod limits;

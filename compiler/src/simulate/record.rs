@@ -7,6 +7,7 @@ use nsd_solver::simulate::{Event, Observer, Outcome, Segment, Side};
 use super::limits::Limits;
 use super::modes::{self, ModeNames};
 use crate::expr;
+use crate::model::Data;
 use crate::report::{self, EventKind, ModeInterval, Piece, Series, Trajectory};
 use crate::system::experiment::{Sampling, Settings};
 use crate::system::{Output, System};
@@ -26,6 +27,7 @@ pub(super) struct Recorder<'s, 'e> {
     alphas: Vec<f64>,
     pieces: Option<Vec<Piece>>,
     limits: Limits<'s, 'e>,
+    data: &'s [Data<'e>],
     changes: Vec<Change>,
     /// Instants at which infinitely many of them accumulate.
     accumulations: Vec<f64>,
@@ -51,6 +53,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
             alphas: Vec::new(),
             pieces: dense.then(Vec::new),
             limits: Limits::new(system, tolerance),
+            data: &system.data,
             changes: Vec::new(),
             accumulations: Vec::new(),
             x: vec![0.0; n],
@@ -127,16 +130,20 @@ impl<'s, 'e> Recorder<'s, 'e> {
             numbers.insert(variable(&param.var), system.exprs.constant(param.value));
         }
         let mut inputs = vec![variable(&system.time)];
+        inputs.extend(system.data.iter().map(|data| variable(&data.var)));
         inputs.extend(system.states.iter().map(|state| variable(&state.var)));
         inputs.extend(system.switches.iter().map(|switch| variable(&switch.alpha)));
         let exprs = outputs.iter().flat_map(|output| &output.exprs);
         let exprs: Vec<_> = exprs.map(|e| e.substitute(&numbers)).collect();
         let tape = expr::compile(&inputs, &exprs)
-            .expect("a verified output is smooth in time, states and α");
+            .expect("a verified output is smooth in time, data, states and α");
 
         // Structure of arrays: one row per input, one column per point.
         let (points, n, m) = (self.times.len(), self.n, self.alpha.len());
         let mut table = self.times.clone();
+        for data in &system.data {
+            table.extend(self.times.iter().map(|&t| data.table.value(t)));
+        }
         table.extend((0..n).flat_map(|i| (0..points).map(move |k| self.states[k * n + i])));
         table.extend((0..m).flat_map(|i| (0..points).map(move |k| self.alphas[k * m + i])));
         let mut columns = vec![0.0; exprs.len() * points];
@@ -215,7 +222,7 @@ impl Observer for Recorder<'_, '_> {
         let end = segment.start + segment.length;
         self.limits.segment(segment);
         if let Some(pieces) = &mut self.pieces {
-            pieces.push(piece(segment, end));
+            pieces.push(piece(segment, end, self.data));
         }
         if self.sampling == Sampling::Method {
             if self.times.is_empty() {
@@ -248,10 +255,10 @@ impl Observer for Recorder<'_, '_> {
     }
 }
 
-/// The segment's polynomials: states, then α of every switch.
-fn piece(segment: &Segment, end: f64) -> Piece {
+/// The segment's polynomials: states, then α of every switch, then data.
+fn piece(segment: &Segment, end: f64, data: &[Data]) -> Piece {
     let n_coefficients = segment.order() + 1;
-    let n_series = segment.end.len() + segment.sides.len();
+    let n_series = segment.end.len() + segment.sides.len() + data.len();
     let mut coefficients = Vec::with_capacity(n_series * n_coefficients);
     for i in 0..segment.end.len() {
         coefficients.extend_from_slice(segment.state_series(i));
@@ -264,6 +271,12 @@ fn piece(segment: &Segment, end: f64) -> Piece {
                 coefficients.resize(coefficients.len() + n_coefficients - 1, 0.0);
             }
         }
+    }
+    for data in data {
+        let known = data.table.piece(segment.start).around(segment.start);
+        let rest = n_coefficients - known.len();
+        coefficients.extend(known);
+        coefficients.resize(coefficients.len() + rest, 0.0);
     }
     Piece {
         from: segment.start,

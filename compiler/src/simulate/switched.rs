@@ -14,6 +14,7 @@ use nsd_solver::simulate::{Block, Input, Partials, Rates, Side, Smooth, Surface,
 use rustc_hash::FxHashMap;
 
 use super::blocks;
+use super::data::Pieces;
 use super::forms::{self, Copy, Form};
 use super::functions::{CompiledRates, CompiledSurface, Place, affine, partials, tape};
 use crate::expr::{self, Expr, Exprs, Node, Substitution, Var};
@@ -53,6 +54,9 @@ pub struct Switched<'e> {
     timed: Vec<bool>,
     /// Switches whose α the rate φ_i may contain, or that of its last derivative.
     couplings: Vec<Vec<usize>>,
+    data: Pieces,
+    /// Switches whose ψ contains data, and those whose rate φ does.
+    with_data: [Vec<bool>; 2],
     /// Where the derivatives of ψ_i along the solution stand in `switching`, up to the one whose rate
     /// contains an α.
     derivatives: Vec<Range<usize>>,
@@ -74,7 +78,7 @@ struct Shared<'e> {
 const MAX_DERIVATIVES: usize = 6;
 
 impl<'e> Switched<'e> {
-    /// Substitutes the parameters.
+    /// Substitutes the parameters and the polynomials of data.
     pub fn new(system: &System<'e>) -> Self {
         let exprs = system.exprs;
         let mut numbers = Substitution::new();
@@ -82,9 +86,12 @@ impl<'e> Switched<'e> {
             numbers.insert(variable(param.var), exprs.constant(param.value));
         }
         let rates: Vec<_> = system.states.iter().map(|state| state.rate).collect();
-        let rates = numbers.apply(&rates);
+        let folded = numbers.apply(&rates);
         let switching: Vec<_> = system.switches.iter().map(|switch| switch.psi).collect();
         let switching = numbers.apply(&switching);
+        let (data, coefficients, polynomials) = Pieces::new(system);
+        let rates = polynomials.apply(&folded);
+        let switching = polynomials.apply(&switching);
         let alphas = system.switches.iter().map(|switch| variable(switch.alpha));
         let alphas: Vec<Var> = alphas.collect();
         let mut inputs = FxHashMap::default();
@@ -94,6 +101,9 @@ impl<'e> Switched<'e> {
         }
         for (i, &alpha) in alphas.iter().enumerate() {
             inputs.insert(alpha, Input::Alpha(i));
+        }
+        for (i, &coefficient) in coefficients.iter().enumerate() {
+            inputs.insert(coefficient, Input::Coefficient(i));
         }
         let occurring = |e: &Expr<'e>| {
             let found = expr::variables_of(&[*e]).into_iter();
@@ -113,7 +123,12 @@ impl<'e> Switched<'e> {
             .iter()
             .map(|rate| switches_of(&occurring(rate)))
             .collect();
+        let is_coefficient = |input: &Input| matches!(input, Input::Coefficient(_));
+        let has_data = |e: &Expr<'e>| occurring(e).iter().any(is_coefficient);
+        let data_in_rates: Vec<bool> = rates.iter().map(has_data).collect();
         let in_psi: Vec<_> = switching.iter().map(occurring).collect();
+        let with_data = in_psi.iter().map(|inputs| inputs.iter().any(is_coefficient));
+        let with_data: Vec<bool> = with_data.collect();
         let inside: Vec<_> = in_psi.iter().map(|inputs| switches_of(inputs)).collect();
         // φ_i = Σ ∂ψ_i/∂x_k f_k + ∂ψ_i/∂t
         let coupled = |inputs: &[Input]| {
@@ -132,7 +147,7 @@ impl<'e> Switched<'e> {
             // Inner switches come first; a relay holds its own α and is none of time.
             timed.push(inputs.iter().all(|input| match input {
                 Input::Alpha(k) => timed.get(*k) == Some(&true),
-                input => *input == Input::Time,
+                input => *input == Input::Time || is_coefficient(input),
             }));
         }
         let start = |switch: &crate::system::Switch| match switch.relay?.start {
@@ -150,30 +165,40 @@ impl<'e> Switched<'e> {
             });
             exprs.sum(by_state) + e.diff(time)
         };
+        let drives = |input: &Input| match input {
+            Input::State(state) => data_in_rates[*state],
+            input => is_coefficient(input),
+        };
         let (mut couplings, mut chains) = (Vec::new(), Vec::new());
+        let mut data_in_phi = Vec::new();
         for (i, switch) in system.switches.iter().enumerate() {
             let (mut e, mut found) = (switching[i], coupled(&in_psi[i]));
             let mut chain = Vec::new();
+            let mut driven = in_psi[i].iter().any(drives);
             let slides = !switch.continuity.is_continuous() && !timed[i] && switch.relay.is_none();
             while slides && found.is_empty() && chain.len() < MAX_DERIVATIVES {
                 e = derivative(e);
                 found = coupled(&occurring(&e));
+                driven |= occurring(&e).iter().any(drives);
                 chain.push(e);
             }
             if found.is_empty() {
                 chain.clear();
             }
             couplings.push(found);
+            data_in_phi.push(driven);
             chains.push(chain);
         }
         let continuous = system.switches.iter();
         let continuous: Vec<bool> = continuous
             .map(|switch| switch.continuity.is_continuous())
             .collect();
-        let blocks = blocks::cut(&rates, &in_rates, &alphas);
+        // To have data in common is no reason to be in one block.
+        let blocks = blocks::cut(&folded, &in_rates, &alphas);
         let kind = |var: Var| match inputs[&var] {
             Input::Time => 0,
             Input::Alpha(switch) => 1 + u64::from(continuous[switch]),
+            Input::Coefficient(_) => 4,
             _ => 3,
         };
         let share = |groups: &[Vec<Expr<'e>>]| {
@@ -195,6 +220,8 @@ impl<'e> Switched<'e> {
         Switched {
             relays: system.switches.iter().map(start).collect(),
             timed,
+            data,
+            with_data: [with_data, data_in_phi],
             rates: share(&groups),
             switching: share(&surfaces),
             derivatives,
@@ -289,11 +316,12 @@ impl<'e> Switched<'e> {
 
     /// α, and states and time, among the variables of a form.
     fn split(&self, vars: &[Var]) -> (Vec<Var>, Vec<Var>) {
-        let known = vars
-            .iter()
-            .copied()
-            .filter(|&var| self.input(var).is_some());
-        known.partition(|&var| self.is_alpha(var))
+        let varies = |var: &Var| {
+            let input = self.input(*var);
+            input.is_some_and(|input| !matches!(input, Input::Coefficient(_)))
+        };
+        let varying = vars.iter().copied().filter(varies);
+        varying.partition(|&var| self.is_alpha(var))
     }
 
     fn compile_surface(&self, form: &Form<'e>, sides: &[Side]) -> CompiledSurface {
@@ -346,7 +374,7 @@ impl<'e> Switched<'e> {
         }
     }
 
-    /// ψ as a sum of multiples of states and time, where it is one.
+    /// ψ as a sum of fixed multiples of states and time, where it is one.
     fn affine(&self, form: &Form<'e>, psi: Expr<'e>) -> Option<Vec<(Vec<Place>, f64)>> {
         let (constant, terms) = match psi.node() {
             Node::Constant(constant) => (constant, Vec::new()),
@@ -365,7 +393,11 @@ impl<'e> Switched<'e> {
                 _ => return None,
             };
             let moving = factors.iter().filter(|&&var| self.input(var).is_some());
-            if moving.count() > 1 || factors.iter().any(|&var| self.is_alpha(var)) {
+            let changes = |&var: &Var| {
+                let input = self.input(var);
+                matches!(input, Some(Input::Alpha(_) | Input::Coefficient(_)))
+            };
+            if moving.count() > 1 || factors.iter().any(changes) {
                 return None;
             }
             found.push((self.places(form, &factors), c));
@@ -414,6 +446,22 @@ impl SwitchedSystem for Switched<'_> {
 
     fn inside(&self, switch: usize) -> &[usize] {
         &self.inside[switch]
+    }
+
+    fn n_coefficients(&self) -> usize {
+        self.data.n_coefficients()
+    }
+
+    fn coefficients(&self, t: f64, coefficients: &mut [f64]) -> f64 {
+        self.data.write(t, coefficients)
+    }
+
+    fn is_piecewise(&self, switch: usize) -> bool {
+        self.with_data[0][switch]
+    }
+
+    fn has_piecewise_rate(&self, switch: usize) -> bool {
+        self.with_data[1][switch]
     }
 
     fn rates(&self, block: usize, sides: &[Side]) -> Rates {

@@ -24,6 +24,7 @@ mod tests;
 
 use crate::diagnostics::Diagnostics;
 use crate::source::{SourceFile, Span};
+use crate::table;
 
 /// Deepest nesting of brackets, blocks and operators that is accepted.
 pub const MAX_DEPTH: usize = 128;
@@ -43,6 +44,7 @@ pub fn parse(file: &SourceFile, diagnostics: &mut Diagnostics) -> File {
             let span = file.span();
             return File {
                 items: Vec::new(),
+                data: table::Sources::new(),
                 span,
             };
         }

@@ -108,7 +108,8 @@ impl<'e> System<'e> {
             .iter()
             .filter_map(|param| Some((param.var.as_variable()?, self.exprs.constant(param.value))));
         let states = self.states.iter().map(|state| (state.var, state.initial));
-        let origin = states.chain([(self.time, 0.0)]);
+        let data = self.data.iter().map(|data| (data.var, data.table.value(0.0)));
+        let origin = states.chain([(self.time, 0.0)]).chain(data);
         let origin = origin.filter_map(|(var, value)| Some((var.as_variable()?, value)));
         Arrangement::new(&surfaces.collect::<Vec<_>>(), &params.collect(), origin)
     }
@@ -116,7 +117,7 @@ impl<'e> System<'e> {
 
 impl<'e> Arrangement<'e> {
     /// `surfaces` are (α, ψ), inner ones first, `params` the numbers of parameters, and `origin` gives the initial
-    /// values of states and time, all variables that points consist of.
+    /// values of states, time and data, all variables that points consist of.
     pub fn new(
         surfaces: &[(Var, Expr<'e>)],
         params: &Substitution<'e>,

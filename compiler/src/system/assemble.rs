@@ -13,7 +13,7 @@ use super::relay::at_all_sides;
 use super::{Continuity, Output, Param, State, StateGroup, Switch, System, SystemError, skipped};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Var, variables_of};
-use crate::model::{self, SwitchKind, TargetKind};
+use crate::model::{self, Data, SwitchKind, TargetKind};
 use crate::source::Span;
 
 impl<'e> Lowering<'_, 'e> {
@@ -135,6 +135,7 @@ impl<'e> Lowering<'_, 'e> {
             .collect();
         let skipped = skipped::describe(model, &self.needs, &switches, dropped);
         let (params, groups) = (self.params(), self.groups());
+        let data = self.data(diags);
         let named = model.switches.iter().flat_map(|switch| {
             switch
                 .vars
@@ -157,6 +158,7 @@ impl<'e> Lowering<'_, 'e> {
             exprs: model.exprs,
             name: model.name.clone(),
             time: model.time,
+            data,
             params,
             states,
             groups,
@@ -234,6 +236,29 @@ impl<'e> Lowering<'_, 'e> {
                 value: value(var).unwrap_or(f64::NAN),
             })
             .collect()
+    }
+
+    /// The data that the experiment needs, which must reach as far as the run.
+    fn data(&self, diags: &mut Diagnostics) -> Vec<Data<'e>> {
+        let horizon = self.settings.horizon;
+        let data: Vec<Data<'e>> = self.kept_data().cloned().collect();
+        for Data {
+            name, table, span, ..
+        } in &data
+        {
+            let (first, last) = table.range;
+            if first > 0.0 || table.end() < horizon {
+                diags.push(SystemError::ShortData {
+                    name: name.clone(),
+                    first,
+                    last,
+                    horizon,
+                    span: *span,
+                    run: self.settings.span,
+                });
+            }
+        }
+        data
     }
 
     fn states(&self, rates: &[Expr<'e>]) -> Vec<State<'e>> {

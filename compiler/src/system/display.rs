@@ -10,6 +10,9 @@ impl fmt::Display for System<'_> {
         for param in &self.params {
             writeln!(f, "param {} = {}", param.name, param.value)?;
         }
+        for data in &self.data {
+            writeln!(f, "signal {} = {}", data.var, data.text)?;
+        }
         for state in &self.states {
             writeln!(f, "state {} = {}", state.name, state.initial)?;
         }

@@ -166,6 +166,23 @@ pub enum SystemError {
         span: Span,
     },
 
+    /// Data that does not reach as far as the run.
+    #[error("the data of `{name}` is on [{first}, {last}], the run on [0, {horizon}]")]
+    #[diagnostic(
+        code(E0511),
+        help("shorten the horizon, or add rows; `fit = hold` goes on after its last row")
+    )]
+    ShortData {
+        name: String,
+        first: f64,
+        last: f64,
+        horizon: f64,
+        #[label("no data for the whole run")]
+        span: Span,
+        #[label("this run")]
+        run: Span,
+    },
+
     /// Nonlinear sliding.
     #[error("nonlinear sliding is not supported yet")]
     #[diagnostic(

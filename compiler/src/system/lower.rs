@@ -24,7 +24,7 @@ use super::values::Values;
 use super::{NamedReading, Output, System, SystemError, regions};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Substitution, Var, variables_of};
-use crate::model::{Model, Rate, Sliding, Surface, SwitchKind, TargetKind};
+use crate::model::{Data, Model, Rate, Sliding, Surface, SwitchKind, TargetKind};
 use crate::source::Span;
 
 /// How much of a model is lowered.
@@ -92,7 +92,9 @@ impl<'m, 'e> Lowering<'m, 'e> {
             .flat_map(|param| &param.vars)
             .filter_map(|var| var.as_variable());
         let numbers = params.map(|var| (var, values.numbers[&var])).collect();
-        let switches = Switches::new(model.exprs, model.time, numbers);
+        let data = model.data.iter().map(|data| data.var);
+        let given = data.chain([model.time]).filter_map(Expr::as_variable);
+        let switches = Switches::new(model.exprs, given.collect(), numbers);
         Lowering {
             model,
             settings,
@@ -291,6 +293,12 @@ impl<'m, 'e> Lowering<'m, 'e> {
         entries.filter(|(entry, _)| self.needs.entries[*entry])
     }
 
+    /// The data that is kept.
+    pub fn kept_data(&self) -> impl Iterator<Item = &'m Data<'e>> {
+        let data = self.model.data.iter();
+        data.filter(|data| self.needs.holds(data.var.as_variable()))
+    }
+
     /// Samples around the initial point with these switches.
     pub fn sampler_of(&self, mut switches: Vec<(Var, Expr<'e>)>) -> Sampler<'e> {
         let relays: FxHashMap<Var, f64> = (self.switches.list.iter())
@@ -304,7 +312,11 @@ impl<'m, 'e> Lowering<'m, 'e> {
         let time = self.model.time.as_variable().expect("time is a variable");
         let mut sides: Vec<Var> = relays.keys().copied().collect();
         sides.sort_unstable();
-        Sampler::new(fixed, states, time, self.settings.horizon, switches).with_relays(sides)
+        let data = self.kept_data();
+        let data = data.filter_map(|data| Some((data.var.as_variable()?, data.table.clone())));
+        Sampler::new(fixed, states, time, self.settings.horizon, switches)
+            .with_relays(sides)
+            .with_data(data.collect())
     }
 
     /// Outputs and controls: those of the model, or those that the experiment lists.

@@ -19,7 +19,7 @@
 //! - A relay has memory: its α is 0 or 1 and stays until ψ, which contains it, leaves its side. Relays
 //!   come before all other switches, and their y may contain α of any.
 //! - No two ψ are multiples of each other, and none is constant.
-//! - Rates, outputs, limits and ψ contain only time, parameters, states and α.
+//! - Rates, outputs, limits and ψ contain only time, parameters, data, states and α.
 //! - Every α that occurs belongs to exactly one switch, every switch to exactly
 //!   one subsystem; α of different subsystems never multiply each other.
 //! - In every corner of α, the weights of a partition are 0 or 1, or sum to one: a region `else`
@@ -66,6 +66,7 @@ pub use lower::{Extent, lower};
 pub use read::Readings;
 
 use crate::expr::{Expr, Exprs};
+use crate::model::Data;
 use crate::source::Span;
 
 /// x' = f(t, x, p, α), α ∈ step(ψ(t, x, p)).
@@ -79,6 +80,8 @@ pub struct System<'e> {
     pub time: Expr<'e>,
     /// Scalar parameters p with their values in this experiment.
     pub params: Vec<Param<'e>>,
+    /// Functions of time from data that occur.
+    pub data: Vec<Data<'e>>,
     /// Scalar states x with their rates.
     pub states: Vec<State<'e>>,
     /// The states that are recorded, made up of scalar states.

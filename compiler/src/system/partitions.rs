@@ -91,13 +91,15 @@ impl<'e> Lowering<'_, 'e> {
         let params = self.model.params.iter().flat_map(|param| &param.vars);
         let states: Vec<Expr<'e>> = self.model.state_vars().collect();
         let initial = states.iter().filter_map(number);
+        let data = self.kept_data();
+        let data = data.filter_map(|data| Some((data.var.as_variable()?, data.table.value(0.0))));
         Frame {
             switches,
             params: params
                 .filter_map(number)
                 .map(|(var, value)| (var, exprs.constant(value)))
                 .collect(),
-            origin: initial.chain([(time, 0.0)]).collect(),
+            origin: initial.chain([(time, 0.0)]).chain(data).collect(),
             time: (time, self.settings.horizon),
         }
     }

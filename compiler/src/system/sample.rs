@@ -2,10 +2,12 @@
 
 use std::cell::RefCell;
 use std::rc::Rc;
+use std::sync::Arc;
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::expr::{Evaluator, Expr, Var, variables_of};
+use crate::table::Table;
 
 /// Values of all variables, and how the switches follow from the others.
 pub(super) struct Sampler<'e> {
@@ -18,6 +20,8 @@ pub(super) struct Sampler<'e> {
     switches: Vec<(Var, Expr<'e>)>,
     /// α of relays, which have either value anywhere.
     relays: Rc<Vec<Var>>,
+    /// Functions of time.
+    data: Rc<Vec<(Var, Arc<Table>)>>,
     gradients: RefCell<FxHashMap<Expr<'e>, Gradient<'e>>>,
     evaluators: RefCell<FxHashMap<Expr<'e>, Evaluator<'e>>>,
 }
@@ -65,6 +69,7 @@ impl<'e> Sampler<'e> {
             horizon,
             switches,
             relays: Rc::default(),
+            data: Rc::default(),
             gradients: RefCell::default(),
             evaluators: RefCell::default(),
         }
@@ -75,6 +80,35 @@ impl<'e> Sampler<'e> {
         Sampler {
             relays: Rc::new(relays),
             ..self
+        }
+    }
+
+    /// The same with functions of time.
+    pub fn with_data(self, data: Vec<(Var, Arc<Table>)>) -> Self {
+        let mut base = Point(self.base.to_vec());
+        data.iter()
+            .for_each(|(var, table)| base.set(*var, table.value(0.0)));
+        Sampler {
+            base: Rc::new(base.0),
+            data: Rc::new(data),
+            ..self
+        }
+    }
+
+    /// Moves to an instant.
+    fn set_time(&self, point: &mut Point, time: f64) {
+        point.set(self.time, time);
+        for (var, table) in self.data.iter() {
+            point.set(*var, table.value(time));
+        }
+    }
+
+    /// Moves along one variable; data goes with time.
+    fn shift(&self, point: &mut Point, var: Var, by: f64) {
+        let value = point.get(var) + by;
+        match var == self.time {
+            true => self.set_time(point, value),
+            false => point.set(var, value),
         }
     }
 
@@ -106,6 +140,7 @@ impl<'e> Sampler<'e> {
             horizon: self.horizon,
             switches,
             relays: Rc::clone(&self.relays),
+            data: Rc::clone(&self.data),
             gradients: RefCell::default(),
             evaluators: RefCell::default(),
         }
@@ -134,7 +169,7 @@ impl<'e> Sampler<'e> {
                 for &x in self.states.iter() {
                     point.set(x, point.get(x) + scale * random.symmetric());
                 }
-                point.set(self.time, self.horizon * random.symmetric().abs());
+                self.set_time(&mut point, self.horizon * random.symmetric().abs());
                 for &alpha in self.relays.iter() {
                     point.set(alpha, f64::from(random.symmetric() > 0.0));
                 }
@@ -147,6 +182,10 @@ impl<'e> Sampler<'e> {
     /// The initial point with other values of some variables.
     pub fn point_at(&self, values: &[(Var, f64)]) -> Point {
         let mut point = Point(self.base.to_vec());
+        let time = values.iter().find(|(var, _)| *var == self.time);
+        if let Some(&(_, time)) = time {
+            self.set_time(&mut point, time);
+        }
         values
             .iter()
             .for_each(|&(var, value)| point.set(var, value));
@@ -205,7 +244,7 @@ impl<'e> Sampler<'e> {
                 return None;
             }
             for (&(x, _), g) in gradient.iter().zip(g) {
-                point.set(x, point.get(x) - value * g / squared);
+                self.shift(&mut point, x, -value * g / squared);
             }
             self.settle(&mut point);
         }
@@ -245,7 +284,7 @@ impl<'e> Sampler<'e> {
                 return Some(point);
             }
             for (var, step) in self.shortest(psi, &point, values.map(|value| -value))? {
-                point.set(var, point.get(var) + step);
+                self.shift(&mut point, var, step);
             }
             self.settle(&mut point);
         }
@@ -268,7 +307,7 @@ impl<'e> Sampler<'e> {
             for distance in DISTANCES {
                 let mut point = on.clone();
                 for &(var, step) in &steps {
-                    point.set(var, point.get(var) + distance * step / length);
+                    self.shift(&mut point, var, distance * step / length);
                 }
                 self.settle(&mut point);
                 found.push(point);
@@ -347,7 +386,7 @@ impl<'e> Sampler<'e> {
         let moved = offsets.iter().map(|offset| {
             let mut point = on.clone();
             for (&(x, _), g) in gradient.iter().zip(&slope) {
-                point.set(x, point.get(x) + offset * g / length);
+                self.shift(&mut point, x, offset * g / length);
             }
             self.settle(&mut point);
             point
@@ -367,12 +406,14 @@ impl<'e> Sampler<'e> {
             .filter(|var| self.states.contains(var))
             .map(slope)
             .collect();
+        // Without states it is one of time, which data may stand for.
         if entries.is_empty() {
-            entries = below
-                .iter()
-                .filter(|var| **var == self.time)
-                .map(slope)
-                .collect();
+            let is_data = |var: &Var| self.data.iter().any(|(data, _)| data == var);
+            let of_time = below.iter().filter(|var| **var == self.time);
+            entries = of_time.map(slope).collect();
+            if entries.is_empty() {
+                entries = below.iter().filter(|var| is_data(var)).map(slope).collect();
+            }
         }
         let gradient = Rc::new(entries);
         self.gradients
@@ -389,6 +430,7 @@ impl<'e> Sampler<'e> {
             .iter()
             .copied()
             .chain([self.time])
+            .chain(self.data.iter().map(|(var, _)| *var))
             .filter(|var| below.contains(var));
         let values = vars.map(|x| format!("{} = {}", name(x), point.get(x)));
         values.collect::<Vec<_>>().join(", ")

@@ -85,7 +85,8 @@ pub(super) struct Switches<'e> {
     /// What was refused, each ψ once.
     pub refused: Vec<Refused<'e>>,
     exprs: &'e Exprs,
-    time: Option<Var>,
+    /// Time, and data.
+    given: Vec<Var>,
     /// Values of parameters.
     params: FxHashMap<Var, f64>,
     /// Canonical ψ to its switch.
@@ -98,13 +99,14 @@ pub(super) struct Switches<'e> {
 }
 
 impl<'e> Switches<'e> {
-    /// No switches yet; `params` are the values that decide the sign of constant factors.
-    pub fn new(exprs: &'e Exprs, time: Expr<'e>, params: FxHashMap<Var, f64>) -> Self {
+    /// No switches yet; `given` are time and data, and `params` the values that decide the sign of constant
+    /// factors.
+    pub fn new(exprs: &'e Exprs, given: Vec<Var>, params: FxHashMap<Var, f64>) -> Self {
         Switches {
             list: Vec::new(),
             refused: Vec::new(),
             exprs,
-            time: time.as_variable(),
+            given,
             params,
             index: FxHashMap::default(),
             merge: Substitution::new(),
@@ -297,7 +299,7 @@ impl<'e> Switches<'e> {
     pub fn is_timed(&self, e: Expr<'e>) -> bool {
         variables_of(&[e]).into_iter().all(|var| {
             let timed = || self.of_alpha(var).is_some_and(|k| self.list[k].is_timed);
-            Some(var) == self.time || self.params.contains_key(&var) || timed()
+            self.given.contains(&var) || self.params.contains_key(&var) || timed()
         })
     }
 

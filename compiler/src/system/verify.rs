@@ -43,6 +43,7 @@ impl<'e> System<'e> {
         }
         let known: FxHashSet<Var> = (self.params.iter().map(|param| param.var))
             .chain(self.states.iter().map(|state| state.var))
+            .chain(self.data.iter().map(|data| data.var))
             .chain([self.time])
             .filter_map(Expr::as_variable)
             .chain(alphas.iter().copied())
@@ -52,7 +53,7 @@ impl<'e> System<'e> {
             .find(|var| !known.contains(var))
         {
             return Err(format!(
-                "`{}` is no time, parameter, state or α",
+                "`{}` is no time, parameter, data, state or α",
                 self.exprs.name(var)
             ));
         }

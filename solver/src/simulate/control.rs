@@ -3,6 +3,7 @@
 use wide::f64x4;
 
 use super::Side;
+use super::layout::Memory;
 use super::mode::Mode;
 use super::series;
 use super::state::State;
@@ -36,6 +37,15 @@ impl Probed {
             values: Vec::new(),
             rates: vec![f64x4::splat(0.0); n_states],
             scales: vec![0.0; n_states],
+        }
+    }
+
+    /// Takes other coefficients of pieces.
+    pub(super) fn load(&mut self, memory: &Memory) {
+        for place in memory.coefficients() {
+            if let Some(lanes) = self.values.get_mut(place) {
+                *lanes = f64x4::splat(memory.values[place]);
+            }
         }
     }
 }

@@ -6,6 +6,7 @@
 use super::control::PERTURBATION;
 use super::dense::Dense;
 use super::mode::Mode;
+use super::pieces::is_at_end;
 use super::radau::{Implicit, Radau, Shape, Start};
 use super::roots::Root;
 use super::state::State;
@@ -110,8 +111,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             let (mut length, mut triggers) = (h, Vec::new());
             if let Some((root, watch)) = event {
                 verify_start(dense, state, root.tau, watch, h)?;
-                length = root.tau;
-                if start.t + length > start.t {
+                let at_end = is_at_end(dense, root.tau, h, watch);
+                length = if at_end { h } else { root.tau };
+                if !at_end && start.t + length > start.t {
                     match stiff.locate(radau, start, root, watch, h) {
                         Some(tau) => length = tau,
                         None => seen = false,
@@ -138,7 +140,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             self.stiffness.after_implicit(h, worth);
             return Ok(Some(Step {
                 length,
-                reaches_end: triggers.is_empty() && h >= remaining,
+                reaches_end: length >= remaining,
                 triggers,
                 defect: radau.error(),
                 implicit: true,

@@ -1,7 +1,9 @@
-//! Where numbers are: one place per time, state and α for values at a point, one row each for
-//! series, and behind them what functions need for themselves.
+//! Where numbers are: one place per time, state, α and coefficient for values at a point, one row each
+//! for series, and behind them what functions need for themselves.
 
-use super::system::Input;
+use std::ops::Range;
+
+use super::system::{Input, SwitchedSystem};
 use crate::tape::{self, Row, UNBOUNDED};
 
 /// The order to which ψ is needed beyond that of α, which follows from it.
@@ -10,9 +12,11 @@ pub(super) const LOOKAHEAD: usize = 1;
 /// Values at a point and Taylor coefficients around one.
 pub(super) struct Memory {
     pub n_states: usize,
+    n_switches: usize,
+    n_coefficients: usize,
     /// Length of a row: the orders of a series.
     pub stride: usize,
-    /// t, x, α, and then numbers of functions.
+    /// t, x, α, the coefficients of pieces, and then numbers of functions.
     pub values: Vec<f64>,
     /// One row after another, in the same order; then the rows of functions.
     pub rows: Vec<f64>,
@@ -21,11 +25,15 @@ pub(super) struct Memory {
 }
 
 impl Memory {
-    pub(super) fn new(n_states: usize, n_switches: usize, order: usize) -> Self {
+    pub(super) fn new(system: &impl SwitchedSystem, order: usize) -> Self {
+        let (n_states, n_switches) = (system.n_states(), system.n_switches());
+        let n_coefficients = system.n_coefficients();
         let stride = order + LOOKAHEAD + 1;
-        let n_slots = 1 + n_states + n_switches;
+        let n_slots = 1 + n_states + n_switches + n_coefficients;
         Memory {
             n_states,
+            n_switches,
+            n_coefficients,
             stride,
             values: vec![0.0; n_slots],
             rows: vec![0.0; n_slots * stride],
@@ -39,6 +47,7 @@ impl Memory {
             Input::Time => 0,
             Input::State(state) => 1 + state,
             Input::Alpha(switch) => 1 + self.n_states + switch,
+            Input::Coefficient(at) => self.coefficients().start + at,
             Input::Number(number) => {
                 self.values.push(number);
                 self.values.len() - 1
@@ -53,6 +62,7 @@ impl Memory {
             Input::Time => (0, 1),
             Input::State(state) => (self.state(state), UNBOUNDED),
             Input::Alpha(switch) => (self.alpha(switch), UNBOUNDED),
+            Input::Coefficient(at) => ((self.coefficients().start + at) * self.stride, 0),
             Input::Number(number) => {
                 let start = self.grow(1);
                 self.rows[start] = number;
@@ -81,6 +91,22 @@ impl Memory {
     /// Where the row of an α starts.
     pub(super) fn alpha(&self, switch: usize) -> usize {
         (1 + self.n_states + switch) * self.stride
+    }
+
+    /// The places of the coefficients among the values, and their rows among the rows.
+    pub(super) fn coefficients(&self) -> Range<usize> {
+        let start = 1 + self.n_states + self.n_switches;
+        start..start + self.n_coefficients
+    }
+
+    /// Takes the coefficients that hold from `t` on, and gives the instant at which they change.
+    pub(super) fn load(&mut self, system: &impl SwitchedSystem, t: f64) -> f64 {
+        let places = self.coefficients();
+        let until = system.coefficients(t, &mut self.values[places.clone()]);
+        for place in places {
+            self.rows[place * self.stride] = self.values[place];
+        }
+        until
     }
 
     /// Sets t, x and α at a point.

@@ -37,7 +37,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         }
         self.measure_bands(state, &leading, t1 - state.t);
         let before = state.sides.clone();
-        let mut psi = self.psi(state);
+        let psi = self.psi(state);
         let flips: Vec<usize> = (leading.iter().copied())
             .filter(|&i| self.system.relay(i).is_some() && self.leaves(state, i, t1))
             .collect();
@@ -49,27 +49,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             }
         }
         self.flip(state, &flips);
-
-        let mut seen = vec![before.clone()];
-        while state.sides != *seen.last().unwrap_or(&before) {
-            if seen.contains(&state.sides) {
-                let differs = |i: &usize| seen.iter().any(|sides| sides[*i] != state.sides[*i]);
-                let switches = (0..before.len()).filter(differs).collect();
-                return Err(Status::Restless { switches });
-            }
-            let changed = changes(seen.last().unwrap_or(&before), &state.sides);
-            seen.push(state.sides.clone());
-            let last = std::mem::replace(&mut psi, self.psi(state));
-            let holds = |&i: &usize| {
-                let inside = self.system.inside(i);
-                (changed.iter()).any(|j| *j != i && inside.binary_search(j).is_ok())
-            };
-            let held: Vec<usize> = (0..before.len()).filter(holds).collect();
-            self.measure_bands(state, &held, t1 - state.t);
-            for i in held {
-                self.jump(state, i, last[i], psi[i], &mut open);
-            }
-        }
+        self.cascade(state, &before, psi, &mut open, t1)?;
         let changed = changes(&before, &state.sides);
         open.extend((0..before.len()).filter(|&i| {
             let meets = state.sides[i] == Side::Slide || state.armed[i];
@@ -82,8 +62,43 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         Ok(open)
     }
 
+    /// Follows what jumps with the switches that are on other sides than `before`, where ψ were `psi`,
+    /// to the end.
+    pub(super) fn cascade(
+        &mut self,
+        state: &mut State,
+        before: &[Side],
+        mut psi: Vec<f64>,
+        open: &mut Vec<usize>,
+        t1: f64,
+    ) -> Result<(), Status> {
+        let mut seen: Vec<Box<[Side]>> = Vec::new();
+        while *state.sides != *seen.last().map_or(before, |sides| &**sides) {
+            let last = seen.last().map_or(before, |sides| &**sides);
+            if *state.sides == *before || seen.contains(&state.sides) {
+                let all = || seen.iter().map(|sides| &**sides).chain([before]);
+                let differs = |i: &usize| all().any(|sides| sides[*i] != state.sides[*i]);
+                let switches = (0..before.len()).filter(differs).collect();
+                return Err(Status::Restless { switches });
+            }
+            let changed = changes(last, &state.sides);
+            seen.push(state.sides.clone());
+            let last = std::mem::replace(&mut psi, self.psi(state));
+            let holds = |&i: &usize| {
+                let inside = self.system.inside(i);
+                (changed.iter()).any(|j| *j != i && inside.binary_search(j).is_ok())
+            };
+            let held: Vec<usize> = (0..before.len()).filter(holds).collect();
+            self.measure_bands(state, &held, t1 - state.t);
+            for i in held {
+                self.jump(state, i, last[i], psi[i], open);
+            }
+        }
+        Ok(())
+    }
+
     /// What the jump of ψ of a switch from `last` to `psi` does to it.
-    fn jump(&self, state: &mut State, i: usize, last: f64, psi: f64, open: &mut Vec<usize>) {
+    pub(super) fn jump(&self, state: &mut State, i: usize, last: f64, psi: f64, open: &mut Vec<usize>) {
         let band = state.band[i];
         if self.system.relay(i).is_some() {
             state.armed[i] = psi.abs() <= band;

@@ -22,6 +22,7 @@ mod lead;
 #[cfg(test)]
 mod lead_tests;
 mod mode;
+mod pieces;
 mod pivot;
 mod radau;
 mod roots;
@@ -44,6 +45,7 @@ use std::time::{Duration, Instant};
 
 use dense::Dense;
 use mode::Mode;
+use pieces::Pieces;
 use radau::Radau;
 use roots::RootFinder;
 pub use select::{Candidate, MAX_NAMED};
@@ -255,6 +257,7 @@ pub struct Simulator<'s, S> {
     mode: Mode,
     /// Switches whose rates the α of a switch may occur in.
     coupled_by: Vec<Vec<usize>>,
+    pieces: Pieces,
     roots: RootFinder,
     stiffness: Stiffness,
 }
@@ -279,6 +282,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
             settings,
             mode: Mode::new(system, order),
             coupled_by,
+            pieces: Pieces::new(system),
             roots: RootFinder::new(order.max(stiffness::MOST_NODES)),
         }
     }
@@ -339,7 +343,8 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 // Find the solution in the current mode and cut it at its first event.
                 self.mode.enter(self.system, &state.sides);
                 let goal = limit.as_ref().map_or(t1, |(_, end)| *end);
-                let step = match self.step(&mut state, goal) {
+                let goal = goal.min(self.pieces.until);
+                let step = match self.step(&mut state, goal, t1) {
                     Ok(step) => step,
                     Err(status) => break status,
                 };
@@ -352,7 +357,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 // Advance, projecting the drift off the sliding surfaces.
                 let start = state.t;
                 if step.reaches_end {
-                    state.t = goal;
+                    (state.t, state.t_low) = (goal, 0.0);
                 } else {
                     state.advance(step.length);
                 }
@@ -385,25 +390,34 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
 
                 // At an event, the rates on all surfaces that meet decide the next mode.
                 self.disarm(&mut state);
-                if step.triggers.is_empty() {
+                let passes = state.t >= self.pieces.until && state.t < t1;
+                if step.triggers.is_empty() && !passes {
                     continue;
                 }
-                self.stiffness.after_event();
-                if !step.implicit {
-                    self.mode
-                        .open_window(&mut state, step.length, &step.triggers);
-                }
-                state.count_event(step.length, t1 - t0);
-                if state.stalled > MAX_STALLED {
-                    break Status::Accumulation;
+                if !step.triggers.is_empty() {
+                    self.stiffness.after_event();
+                    if !step.implicit && !passes {
+                        self.mode
+                            .open_window(&mut state, step.length, &step.triggers);
+                    }
+                    state.count_event(step.length, t1 - t0);
+                    if state.stalled > MAX_STALLED {
+                        break Status::Accumulation;
+                    }
                 }
                 let from = state.sides.clone();
-                if let Err(status) = self.change(&mut state, &step.triggers, t1) {
+                let changed = if passes {
+                    self.pass_breakpoint(&mut state, &step.triggers, t1)
+                } else {
+                    self.change(&mut state, &step.triggers, t1)
+                };
+                if let Err(status) = changed {
                     break status;
                 }
                 if from == state.sides {
                     continue;
                 }
+                self.stiffness.after_event();
                 state.stats.events += 1;
                 events.record(state.t, &from);
                 let slides = |sides: &[Side]| sides.iter().filter(|s| **s == Side::Slide).count();

@@ -67,7 +67,7 @@ impl Mode {
             sliding: Vec::new(),
             n,
             order,
-            memory: Memory::new(n, m, order),
+            memory: Memory::new(system, order),
             field: Field::new(system),
             surfaces: Surfaces::new(system),
             equations: Sliding::new(n, m),
@@ -156,6 +156,14 @@ impl Mode {
     /// Functions taken up so far.
     pub(crate) fn n_functions(&self) -> usize {
         self.field.n_functions + self.surfaces.n_functions
+    }
+
+    /// Takes the coefficients of the pieces that hold from `t` on, and gives the instant at which
+    /// they change.
+    pub(super) fn load(&mut self, system: &impl SwitchedSystem, t: f64) -> f64 {
+        let until = self.memory.load(system, t);
+        self.probed.load(&self.memory);
+        until
     }
 
     /// Moves to a point without evaluating anything.

@@ -39,6 +39,7 @@ pub(super) struct Choices {
 impl<S: SwitchedSystem> Simulator<'_, S> {
     /// Finds the mode at the start, taking every surface that holds the state as meeting there.
     pub(super) fn start(&mut self, state: &mut State, horizon: f64) -> Result<(), Status> {
+        self.load(state);
         let relay = |i: usize| self.system.relay(i).unwrap_or(Side::Plus);
         let all: Vec<usize> = (0..state.sides.len()).collect();
         state.set_sides(all.iter().map(|&i| relay(i)).collect());

@@ -2,6 +2,7 @@
 
 use super::dense::Dense;
 use super::mode::Mode;
+use super::pieces::is_at_end;
 use super::roots::{Root, RootFinder};
 use super::state::State;
 use super::{Simulator, Status, SwitchedSystem, series};
@@ -41,21 +42,22 @@ const MAX_HALVINGS: usize = 60;
 const MAX_GROWTH: f64 = 10.0;
 
 impl<S: SwitchedSystem> Simulator<'_, S> {
-    /// Takes the longest step that the tolerance and the next event allow.
-    pub(super) fn step(&mut self, state: &mut State, t1: f64) -> Result<Step, Status> {
+    /// Takes the longest step up to `goal` that the tolerance and the next event allow; the run goes
+    /// on to `t1`.
+    pub(super) fn step(&mut self, state: &mut State, goal: f64, t1: f64) -> Result<Step, Status> {
         // The implicit method solves φ_K = 0 as it stands, which lower derivatives have no part in.
         if self.stiffness.implicit
             && !self.mode.slides_deeply()
-            && let Some(step) = self.implicit_step(state, t1)?
+            && let Some(step) = self.implicit_step(state, goal)?
         {
             return Ok(step);
         }
-        self.explicit_step(state, t1)
+        self.explicit_step(state, goal, t1)
     }
 
-    fn explicit_step(&mut self, state: &mut State, t1: f64) -> Result<Step, Status> {
+    fn explicit_step(&mut self, state: &mut State, goal: f64, t1: f64) -> Result<Step, Status> {
         let (order, tolerance) = (self.order, self.settings.local_tolerance());
-        let remaining = (t1 - state.t) - state.t_low;
+        let remaining = (goal - state.t) - state.t_low;
         let mode = &mut self.mode;
         if mode.expand(state.t, &state.x, &mut state.alpha).is_err() {
             return Err(mode.stuck());
@@ -89,7 +91,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 Some((root, watch)) => {
                     verify_start(Dense::Taylor(mode), state, root.tau, watch, h)?;
                     // A double root of ψ is no better known from ψ than from its series.
-                    let tau = if root.crosses {
+                    let tau = if is_at_end(Dense::Taylor(mode), root.tau, h, watch) {
+                        h
+                    } else if root.crosses {
                         mode.polish(state, root.tau, watch, h)?
                     } else {
                         root.tau
@@ -101,22 +105,23 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             };
             if triggers.is_empty() && h < longest {
                 let motion = mode.motion(state, h);
-                self.stiffness.after_explicit(mode, h, motion, remaining);
+                let left = [remaining, t1 - state.t];
+                self.stiffness.after_explicit(mode, h, motion, left);
             }
             let dense = Dense::Taylor(mode);
             dense.states_at(length, &mut state.next);
             std::mem::swap(&mut state.x, &mut state.next);
             dense.alphas_at(length, &mut state.alpha);
-            state.last_step = if triggers.is_empty() {
-                h
-            } else if state.last_step > 0.0 {
+            let reaches_end = length >= remaining;
+            let is_cut = reaches_end || !triggers.is_empty();
+            state.last_step = if is_cut && state.last_step > 0.0 {
                 state.last_step.max(length)
             } else {
                 h
             };
             return Ok(Step {
                 length,
-                reaches_end: triggers.is_empty() && h >= remaining,
+                reaches_end,
                 triggers,
                 defect: defect.rate,
                 implicit: false,
@@ -229,7 +234,7 @@ pub(super) fn simultaneous(
 }
 
 /// Events closer than this, relative to the size of ψ in the step, are one.
-const TOGETHER: f64 = 1e-12;
+pub(super) const TOGETHER: f64 = 1e-12;
 
 impl Mode {
     /// True when the last evaluation, at the end of the step, has left a surface behind that the

@@ -104,18 +104,24 @@ impl Stiffness {
     }
 
     /// Takes note of a Taylor step that its series and nothing else limited, the fraction `motion` of
-    /// the time scale of the solution.
-    pub(super) fn after_explicit(&mut self, mode: &Mode, length: f64, motion: f64, remaining: f64) {
+    /// the time scale of the solution; `left` is what is left to the next breakpoint and of the run.
+    pub(super) fn after_explicit(
+        &mut self,
+        mode: &Mode,
+        length: f64,
+        motion: f64,
+        [next, left]: [f64; 2],
+    ) {
         self.explicit_length = length;
         self.slow = if motion < SLOW { self.slow + 1 } else { 0 };
         if self.slow < self.patience {
             return;
         }
         let worth = mode.worth(nodes(self.tolerance));
-        if remaining > FEW.max(worth) * length {
+        if left > FEW.max(worth) * length {
             self.implicit = true;
             // A tenth of the time scale.
-            self.first = Some(remaining.min(0.1 * length / motion));
+            self.first = Some(next.min(0.1 * length / motion));
             (self.short, self.implicit_steps) = (0, 0);
         }
     }

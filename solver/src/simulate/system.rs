@@ -5,6 +5,9 @@
 //! them that a run meets it has one function, in which α is 0 at `Minus`, 1 at `Plus` and an input
 //! at `Slide`. So a switch that changes sides concerns the blocks that contain its α and no others.
 //! The same holds for every ψ, which may contain α of earlier switches.
+//!
+//! A function of time that is made of pieces, each a polynomial in t, has their coefficients as inputs:
+//! they change at breakpoints, and no step goes beyond one.
 
 use std::sync::Arc;
 
@@ -57,6 +60,24 @@ pub trait SwitchedSystem {
     /// ∂f/∂x of a block on its local sides, by the inputs of its [`Rates`]. Only implicit methods
     /// ask for it.
     fn jacobian(&self, block: usize, sides: &[Side]) -> Arc<Partials>;
+    /// How many numbers change at given instants only: the coefficients of functions of time that are
+    /// made of pieces.
+    fn n_coefficients(&self) -> usize {
+        0
+    }
+    /// The coefficients from `t` on, and how long they hold: the next instant at which one of them
+    /// changes, infinity where there is none.
+    fn coefficients(&self, _t: f64, _coefficients: &mut [f64]) -> f64 {
+        f64::INFINITY
+    }
+    /// Whether ψ of a switch contains a coefficient, so that it may jump or bend where they change.
+    fn is_piecewise(&self, _switch: usize) -> bool {
+        false
+    }
+    /// Whether the rate φ of a switch, or that of its last derivative, contains a coefficient.
+    fn has_piecewise_rate(&self, _switch: usize) -> bool {
+        false
+    }
 }
 
 /// Rates that are computed together.
@@ -77,6 +98,8 @@ pub enum Input {
     State(usize),
     /// α_i.
     Alpha(usize),
+    /// A coefficient of a piece.
+    Coefficient(usize),
     /// A number that functions of the same form have different values of.
     Number(f64),
 }

@@ -73,6 +73,8 @@ impl<'f> Checker<'f, '_> {
                 Dim::Number
             }
             "eye" | "zeros" | "ones" => Dim::Number,
+            // Words and texts; the data has the unit that its signal declares.
+            "table" => Dim::Unknown,
             // Instants of a run.
             "switches" | "events" => Dim::Known(Dimension::TIME),
             _ => {

@@ -191,7 +191,8 @@ impl Point {
             .map(|state| state.var)
             .chain(system.switches.iter().map(|switch| switch.alpha));
         let row = trajectory.row_at(time)?;
-        let entries = variables.zip(row).chain([(system.time, time)]);
+        let data = (system.data.iter()).map(|data| (data.var, data.table.value(time)));
+        let entries = variables.zip(row).chain([(system.time, time)]).chain(data);
         point
             .numbers
             .extend(entries.filter_map(|(var, value)| Some((var.as_variable()?, value))));

@@ -15,12 +15,15 @@ pub use statement::*;
 use std::rc::Rc;
 
 use crate::source::Span;
+use crate::table;
 
 /// A whole file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct File {
     /// Items in order of appearance.
     pub items: Vec<Item>,
+    /// The files of data that its signals name, once they have been looked for.
+    pub data: table::Sources,
     /// The whole text.
     pub span: Span,
 }

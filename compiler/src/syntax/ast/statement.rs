@@ -1,6 +1,6 @@
 //! Statements of models, and the rows and settings inside them.
 
-use super::{Const, Expr, Ident, Path};
+use super::{Arg, Const, Expr, ExprKind, Ident, Path};
 use crate::source::Span;
 
 /// A statement of a model, region or hidden block.
@@ -128,6 +128,29 @@ pub enum Domain {
     Box(Expr, Expr),
     /// A finite set.
     Set(Vec<Expr>),
+}
+
+/// The arguments of `table` where a signal comes from data.
+pub fn table_of(named: &Named) -> Option<&[Arg]> {
+    let ExprKind::Call(function, args) = &named.value.kind else {
+        return None;
+    };
+    let is_table = matches!(&function.kind, ExprKind::Name(name) if name == "table");
+    (named.kind == NamedKind::Signal && is_table).then_some(args)
+}
+
+/// The file that a signal from data names.
+pub fn data_of(stmt: &Stmt) -> Option<&str> {
+    let Stmt::Named(named) = stmt else {
+        return None;
+    };
+    match &table_of(named)?.first()? {
+        Arg::Positional(path, _) => match &path.kind {
+            ExprKind::String(path) => Some(path),
+            _ => None,
+        },
+        Arg::Named(..) => None,
+    }
 }
 
 /// Which statement a [`Named`] is.

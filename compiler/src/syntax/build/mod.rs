@@ -21,6 +21,7 @@ use super::ast::*;
 use super::scan::Scan;
 use super::{MAX_ERRORS, SyntaxError};
 use crate::source::{SourceFile, Span};
+use crate::table;
 use recover::Place;
 
 /// Builds the abstract syntax of a scanned file and reports what is wrong in it.
@@ -37,7 +38,8 @@ pub fn build(file: &SourceFile, scan: &Scan) -> (File, Vec<SyntaxError>) {
         Err(error) => unreachable!("grammar: any balanced text is a file, with bad items: {error}"),
     };
     let span = file.span();
-    (File { items, span }, builder.errors)
+    let data = table::Sources::new();
+    (File { items, data, span }, builder.errors)
 }
 
 struct Builder<'b> {

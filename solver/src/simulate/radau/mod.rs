@@ -201,6 +201,8 @@ impl Radau {
         problem.eval(start.t, &start.y, &mut self.start);
         self.counts.evaluations += 1;
         let mut h = self.next.min(longest);
+        // A step that ends early says nothing against longer ones.
+        let wanted = if h == longest { self.next } else { 0.0 };
         let mut first = self.accepted.is_none();
         for _ in 0..MAX_ATTEMPTS {
             if h.is_nan() || start.t + h <= start.t {
@@ -220,7 +222,11 @@ impl Radau {
             let proposed = self.propose(h, error);
             if error < 1.0 {
                 self.accepted = Some((h, error.max(1e-2)));
-                self.next = proposed;
+                self.next = if h == longest {
+                    proposed.max(wanted)
+                } else {
+                    proposed
+                };
                 return Ok(h);
             }
             self.counts.rejected += 1;

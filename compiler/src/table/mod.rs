@@ -1,0 +1,183 @@
+//! Functions of time from data, shared by every form after the syntax.
+//!
+//! r(t) = Σ_j c_kj (t - t_k)^j from row k on, of degree 0 for `hold`, 1 for `linear`, at most 3 for `cubic`.
+//!
+//! `hold` is continuous from the right and goes on after its last row; the others end there.
+
+mod read;
+mod source;
+mod spline;
+#[cfg(test)]
+mod tests;
+
+use std::fmt;
+
+pub use read::Fault;
+pub use source::{MAX_BYTES, Source, Sources};
+
+/// What is between the rows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Fit {
+    /// The value of the last row.
+    Hold,
+    /// The straight line to the next row.
+    Linear,
+    /// The not-a-knot cubic spline.
+    Cubic,
+}
+
+impl Fit {
+    /// All of them, by their words.
+    pub const ALL: [Fit; 3] = [Fit::Linear, Fit::Hold, Fit::Cubic];
+
+    /// The word of the language.
+    pub fn word(self) -> &'static str {
+        match self {
+            Fit::Hold => "hold",
+            Fit::Linear => "linear",
+            Fit::Cubic => "cubic",
+        }
+    }
+
+    /// The rows it takes.
+    pub fn n_rows(self) -> usize {
+        match self {
+            Fit::Hold => 1,
+            Fit::Linear | Fit::Cubic => 2,
+        }
+    }
+
+    /// Coefficients of a piece.
+    fn n_coefficients(self) -> usize {
+        match self {
+            Fit::Hold => 1,
+            Fit::Linear => 2,
+            Fit::Cubic => 4,
+        }
+    }
+}
+
+impl fmt::Display for Fit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.word())
+    }
+}
+
+/// A function of time that is made of pieces.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Table {
+    /// What is between the rows.
+    pub fit: Fit,
+    /// Rows of data.
+    pub n_rows: usize,
+    /// Times of the first and the last row.
+    pub range: (f64, f64),
+    /// Where pieces begin.
+    starts: Vec<f64>,
+    /// Their coefficients, one after another, constant terms first.
+    coefficients: Vec<f64>,
+}
+
+/// A polynomial in `t - start`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Piece<'t> {
+    /// Where it begins.
+    pub start: f64,
+    /// Where the next one begins; infinity for the last one.
+    pub end: f64,
+    /// Its coefficients, constant term first.
+    pub coefficients: &'t [f64],
+}
+
+impl Piece<'_> {
+    /// The value at `t`.
+    pub fn value(&self, t: f64) -> f64 {
+        let s = t - self.start;
+        (self.coefficients.iter().rev()).fold(0.0, |sum, c| sum * s + c)
+    }
+
+    /// The coefficients around another instant.
+    pub fn around(&self, t: f64) -> Vec<f64> {
+        let (s, mut c) = (t - self.start, self.coefficients.to_vec());
+        // Horner's scheme, again and again.
+        for first in 0..c.len() {
+            for k in (first + 1..c.len()).rev() {
+                c[k - 1] += s * c[k];
+            }
+        }
+        c
+    }
+}
+
+impl Table {
+    /// The function through rows whose times increase; there are as many as the fit takes.
+    pub fn new(fit: Fit, times: &[f64], values: &[f64]) -> Self {
+        let n = times.len();
+        let (mut starts, coefficients) = match fit {
+            Fit::Hold => {
+                let changes = |&k: &usize| k == 0 || values[k] != values[k - 1];
+                let kept: Vec<usize> = (0..n).filter(changes).collect();
+                let of = |list: &[f64]| kept.iter().map(|&k| list[k]).collect();
+                (of(times), of(values))
+            }
+            Fit::Linear => {
+                let slope = |k: usize| (values[k + 1] - values[k]) / (times[k + 1] - times[k]);
+                let pieces = (0..n - 1).flat_map(|k| [values[k], slope(k)]);
+                (times[..n - 1].to_vec(), pieces.collect())
+            }
+            Fit::Cubic => (times[..n - 1].to_vec(), spline::coefficients(times, values)),
+        };
+        starts.shrink_to_fit();
+        Table {
+            fit,
+            n_rows: n,
+            range: (times[0], times[n - 1]),
+            starts,
+            coefficients,
+        }
+    }
+
+    /// Coefficients of every piece.
+    pub fn n_coefficients(&self) -> usize {
+        self.fit.n_coefficients()
+    }
+
+    /// The last instant at which it has a value.
+    pub fn end(&self) -> f64 {
+        match self.fit {
+            Fit::Hold => f64::INFINITY,
+            _ => self.range.1,
+        }
+    }
+
+    /// The piece that holds from `t` on; beyond the data, the nearest one.
+    pub fn piece(&self, t: f64) -> Piece<'_> {
+        let after = self.starts.partition_point(|&start| start <= t);
+        let k = after.max(1) - 1;
+        let n = self.n_coefficients();
+        Piece {
+            start: self.starts[k],
+            end: self.starts.get(k + 1).copied().unwrap_or(f64::INFINITY),
+            coefficients: &self.coefficients[k * n..(k + 1) * n],
+        }
+    }
+
+    /// The value at `t`.
+    pub fn value(&self, t: f64) -> f64 {
+        self.piece(t).value(t)
+    }
+
+    /// Whether all coefficients are finite.
+    fn is_finite(&self) -> bool {
+        self.coefficients.iter().all(|c| c.is_finite())
+    }
+}
+
+/// `linear: 12 rows on [0, 10]`
+impl fmt::Display for Table {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let rows = if self.n_rows == 1 { "row" } else { "rows" };
+        let (first, last) = self.range;
+        write!(f, "{} {rows} on [{first}, {last}]", self.n_rows)
+    }
+}
