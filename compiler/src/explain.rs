@@ -1,7 +1,8 @@
 //! The pages of `nsdc explain`: one for each code of a diagnostic.
 //!
 //! A page is a Markdown file `explain/E0203.md`: the title `# E0203: ...`, some
-//! prose, and two complete files, fenced as `nsd wrong` and `nsd right`.
+//! prose, and two complete files, fenced as `nsd wrong` and `nsd right`; data that
+//! they read is fenced as `csv NAME`.
 
 /// Codes and pages, in the order of the codes.
 pub static PAGES: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/pages.rs"));

@@ -11,10 +11,13 @@ use nsdc::source::SourceMap;
 use nsdc::syntax::{self, File, Item};
 use nsdc::{check, compile};
 
-/// The folder of a page, with the page in it.
-struct Beside(Vec<u8>);
+/// The folder of a page, with an example and the data of the page in it.
+struct Beside<'p> {
+    example: &'p str,
+    page: &'p str,
+}
 
-impl Loader for Beside {
+impl Loader for Beside<'_> {
     fn load(&mut self, from: &str, path: &str) -> Result<Loaded, NotLoaded> {
         let key = path.trim_start_matches("./").to_owned();
         let name = format!("{key}.nsd");
@@ -22,20 +25,30 @@ impl Loader for Beside {
             true => Ok(Loaded {
                 key,
                 name,
-                bytes: self.0.clone(),
+                bytes: self.example.as_bytes().to_vec(),
             }),
             false => NoFiles.load(from, path),
         }
     }
+
+    fn data(&mut self, from: &str, path: &str) -> Result<Vec<u8>, NotLoaded> {
+        let opening = format!("```csv {path}\n");
+        let fence = self.page.split(&opening).nth(1);
+        let text = fence.and_then(|rest| rest.split("```").next());
+        text.map_or_else(|| NoFiles.data(from, path), |text| Ok(text.into()))
+    }
 }
 
 /// The codes that a file gives, and the errors as they are shown.
-fn diagnose(text: &str) -> (Vec<String>, bool, String) {
+fn diagnose(page: &str, text: &str) -> (Vec<String>, bool, String) {
     let mut sources = SourceMap::new();
     let mut diags = Diagnostics::new();
     let source = sources.add("page.nsd", text);
     let mut file = syntax::parse(&source, &mut diags);
-    let mut beside = Beside(text.as_bytes().to_vec());
+    let mut beside = Beside {
+        example: text,
+        page,
+    };
     imports::link(&mut file, "page", &mut beside, &mut sources, &mut diags);
     if !diags.has_errors() {
         check(&file, &sources, &mut diags);
@@ -74,22 +87,22 @@ fn run(file: &File) -> Vec<String> {
 }
 
 /// Applies `judge` to all examples of a kind, and shows all that it finds.
-fn for_all(word: &str, judge: impl Fn(&str, &str) -> Option<String>) {
+fn for_all(word: &str, judge: impl Fn(&str, &str, &str) -> Option<String>) {
     let examples = PAGES.iter().flat_map(|(code, page)| {
         examples(page, word)
             .into_iter()
-            .map(move |text| (code, text))
+            .map(move |text| (code, page, text))
     });
     let found: Vec<String> = examples
-        .filter_map(|(code, text)| judge(code, text))
+        .filter_map(|(code, page, text)| judge(code, page, text))
         .collect();
     assert!(found.is_empty(), "{}", found.join("\n"));
 }
 
 #[test]
 fn wrong_examples_give_the_code() {
-    for_all("wrong", |code, text| {
-        let (codes, _, shown) = diagnose(text);
+    for_all("wrong", |code, page, text| {
+        let (codes, _, shown) = diagnose(page, text);
         let is_given = codes.iter().any(|got| got == code);
         (!is_given).then(|| format!("{code}: got {codes:?}\n{text}\n{shown}"))
     });
@@ -97,8 +110,8 @@ fn wrong_examples_give_the_code() {
 
 #[test]
 fn right_examples_have_no_errors() {
-    for_all("right", |code, text| {
-        let (_, has_errors, shown) = diagnose(text);
+    for_all("right", |code, page, text| {
+        let (_, has_errors, shown) = diagnose(page, text);
         has_errors.then(|| format!("{code}:\n{text}\n{shown}"))
     });
 }

@@ -8,12 +8,30 @@ use nsdc::cli::{self, Exit, Streams};
 use nsdc::clock::Clock;
 use nsdc::diagnostics::{self, Diagnostics};
 use nsdc::expr::Exprs;
-use nsdc::imports::{self, NoFiles};
+use nsdc::imports::{self, Loaded, Loader, NoFiles, NotLoaded};
 use nsdc::report::Trajectory;
 use nsdc::simulate::{self, Request};
 use nsdc::source::SourceMap;
 use nsdc::syntax::{self, Item};
 use nsdc::{Compiled, compile};
+
+/// Files of data by name, and no others.
+#[derive(Clone, Debug, Default)]
+pub struct DataFiles<'d>(pub Vec<(&'d str, String)>);
+
+impl Loader for DataFiles<'_> {
+    fn load(&mut self, from: &str, path: &str) -> Result<Loaded, NotLoaded> {
+        NoFiles.load(from, path)
+    }
+
+    fn data(&mut self, from: &str, path: &str) -> Result<Vec<u8>, NotLoaded> {
+        let found = self.0.iter().find(|(name, _)| *name == path);
+        found.map_or_else(
+            || NoFiles.data(from, path),
+            |(_, text)| Ok(text.clone().into_bytes()),
+        )
+    }
+}
 
 /// Compiles one experiment of a text and hands it to `use_it`.
 ///
@@ -25,17 +43,25 @@ pub fn with_experiment<T>(
     experiment: &str,
     use_it: impl FnOnce(&Compiled<'_>) -> T,
 ) -> T {
+    with_data(text, &mut DataFiles::default(), experiment, use_it)
+}
+
+/// The same for a text with data beside it.
+///
+/// # Panics
+///
+/// With the rendered diagnostics, when the text does not compile.
+pub fn with_data<T>(
+    text: &str,
+    data: &mut DataFiles<'_>,
+    experiment: &str,
+    use_it: impl FnOnce(&Compiled<'_>) -> T,
+) -> T {
     let mut sources = SourceMap::new();
     let mut diags = Diagnostics::new();
     let source = sources.add("test.nsd", text);
     let mut file = syntax::parse(&source, &mut diags);
-    imports::link(
-        &mut file,
-        "test.nsd",
-        &mut NoFiles,
-        &mut sources,
-        &mut diags,
-    );
+    imports::link(&mut file, "test.nsd", data, &mut sources, &mut diags);
     let item = file.items.iter().find_map(|item| match item {
         Item::Experiment(found) if found.name.name == experiment => Some(found),
         _ => None,

@@ -112,6 +112,7 @@ impl<'e> Builder<'e> {
                 exprs: self.exprs,
                 name: "fixture".to_owned(),
                 time: self.time,
+                data: Vec::new(),
                 params: Vec::new(),
                 states: states.collect(),
                 groups: Vec::new(),

@@ -61,7 +61,12 @@ impl Sides {
         let start: FxHashMap<Var, f64> = params
             .chain(states)
             .chain([(system.time, 0.0)])
-            .chain(system.data.iter().map(|data| (data.var, data.table.value(0.0))))
+            .chain(
+                system
+                    .data
+                    .iter()
+                    .map(|data| (data.var, data.table.value(0.0))),
+            )
             .filter_map(|(var, value)| Some((var.as_variable()?, value)))
             .collect();
         Sides::at(system, &|var| start.get(&var).copied().unwrap_or(f64::NAN))

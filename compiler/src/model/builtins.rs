@@ -55,6 +55,14 @@ pub(super) fn builtin<'e>(
 
 #[inline(never)]
 fn check_arity(lowering: &mut Lowering<'_, '_>, call: &Call) -> Result<(), Reported> {
+    if call.name == "table" {
+        return lowering.error(TableError::Form {
+            what: "`table` stands alone as the value of a `signal`".to_owned(),
+            span: call.span,
+            why: "in another place",
+            help: "give the table a name with `signal r = table(..);`, and use `r`".to_owned(),
+        });
+    }
     let (least, most) = arity(call.name);
     let count = call.args.len();
     if count < least || count > most || (call.name == "sat" && count == 2) {
@@ -65,14 +73,6 @@ fn check_arity(lowering: &mut Lowering<'_, '_>, call: &Call) -> Result<(), Repor
             _ => arguments(least),
         };
         return wrong(lowering, call, &expected, &arguments(count));
-    }
-    if call.name == "table" {
-        return lowering.error(TableError::Form {
-            what: "`table` stands alone as the value of a `signal`".to_owned(),
-            span: call.span,
-            why: "inside an expression",
-            help: "give the table a name with `signal r = table(..);`, and use `r`".to_owned(),
-        });
     }
     Ok(())
 }

@@ -73,8 +73,8 @@ use std::sync::Arc;
 
 use crate::expr::{Expr, Exprs};
 use crate::source::Span;
-use crate::table::Table;
 pub use crate::syntax::Sliding;
+use crate::table::Table;
 
 /// A model with its names resolved.
 pub struct Model<'e> {

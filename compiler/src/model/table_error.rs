@@ -55,7 +55,9 @@ pub enum TableError {
     #[error("the times in `{path}` do not increase: {time} comes after {before}")]
     #[diagnostic(
         code(E0241),
-        help("sort the rows by time, and keep one row for each instant; `fit = hold` jumps at a row")
+        help(
+            "sort the rows by time, and keep one row for each instant; `fit = hold` jumps at a row"
+        )
     )]
     Order {
         path: String,
@@ -146,12 +148,11 @@ impl TableError {
                 "as many cells in every line".into(),
                 "a number has a point, not a comma; text with commas stands in quotes",
             ),
-            Fault::Cell {
-                line,
-                column,
-                text,
-            } => data(
-                format!("line {line} of `{path}`, column `{column}`: {}", shown(&text)),
+            Fault::Cell { line, column, text } => data(
+                format!(
+                    "line {line} of `{path}`, column `{column}`: {}",
+                    shown(&text)
+                ),
                 "a cell that holds no finite number".into(),
                 "numbers are written as `1`, `-2.5`, `1e-3`; leave out rows without a value",
             ),

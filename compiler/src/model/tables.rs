@@ -55,7 +55,8 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
         let (path, column, fit) = (parts.path, parts.column, parts.fit);
         let table =
             table.map_err(|fault| TableError::of(fault, path, column, fit, parts.places))?;
-        let known = (self.model.data.iter()).find(|data| std::sync::Arc::ptr_eq(&data.table, &table));
+        let known =
+            (self.model.data.iter()).find(|data| std::sync::Arc::ptr_eq(&data.table, &table));
         if let Some(data) = known {
             return Ok(Tensor::scalar(data.var));
         }

@@ -52,7 +52,9 @@ impl Pieces {
         let mut places = coefficients.iter_mut();
         let ends = self.tables.iter().map(|table| {
             let piece = table.piece(t);
-            let numbers = [piece.start].into_iter().chain(piece.coefficients.iter().copied());
+            let numbers = [piece.start]
+                .into_iter()
+                .chain(piece.coefficients.iter().copied());
             for (number, place) in numbers.zip(places.by_ref()) {
                 *place = number;
             }

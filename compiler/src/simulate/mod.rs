@@ -12,6 +12,7 @@ mod limits;
 mod modes;
 mod outcome;
 mod record;
+mod structure;
 mod switched;
 #[cfg(test)]
 mod switched_tests;

@@ -17,6 +17,7 @@ use super::blocks;
 use super::data::Pieces;
 use super::forms::{self, Copy, Form};
 use super::functions::{CompiledRates, CompiledSurface, Place, affine, partials, tape};
+use super::structure::Structure;
 use crate::expr::{self, Expr, Exprs, Node, Substitution, Var};
 use crate::system::System;
 
@@ -55,7 +56,6 @@ pub struct Switched<'e> {
     /// Switches whose α the rate φ_i may contain, or that of its last derivative.
     couplings: Vec<Vec<usize>>,
     data: Pieces,
-    /// Switches whose ψ contains data, and those whose rate φ does.
     with_data: [Vec<bool>; 2],
     /// Where the derivatives of ψ_i along the solution stand in `switching`, up to the one whose rate
     /// contains an α.
@@ -73,9 +73,6 @@ struct Shared<'e> {
     forms: Vec<Form<'e>>,
     copies: Vec<Copy>,
 }
-
-/// Derivatives that are looked at for one that contains an α.
-const MAX_DERIVATIVES: usize = 6;
 
 impl<'e> Switched<'e> {
     /// Substitutes the parameters and the polynomials of data.
@@ -105,90 +102,18 @@ impl<'e> Switched<'e> {
         for (i, &coefficient) in coefficients.iter().enumerate() {
             inputs.insert(coefficient, Input::Coefficient(i));
         }
-        let occurring = |e: &Expr<'e>| {
-            let found = expr::variables_of(&[*e]).into_iter();
-            let found: Vec<Input> = found.filter_map(|var| inputs.get(&var).copied()).collect();
-            found
-        };
-        let switches_of = |inputs: &[Input]| {
-            let found = inputs.iter().filter_map(|input| match input {
-                Input::Alpha(switch) => Some(*switch),
-                _ => None,
-            });
-            let mut found: Vec<usize> = found.collect();
-            found.sort_unstable();
-            found
-        };
-        let in_rates: Vec<_> = rates
-            .iter()
-            .map(|rate| switches_of(&occurring(rate)))
-            .collect();
-        let is_coefficient = |input: &Input| matches!(input, Input::Coefficient(_));
-        let has_data = |e: &Expr<'e>| occurring(e).iter().any(is_coefficient);
-        let data_in_rates: Vec<bool> = rates.iter().map(has_data).collect();
-        let in_psi: Vec<_> = switching.iter().map(occurring).collect();
-        let with_data = in_psi.iter().map(|inputs| inputs.iter().any(is_coefficient));
-        let with_data: Vec<bool> = with_data.collect();
-        let inside: Vec<_> = in_psi.iter().map(|inputs| switches_of(inputs)).collect();
-        // φ_i = Σ ∂ψ_i/∂x_k f_k + ∂ψ_i/∂t
-        let coupled = |inputs: &[Input]| {
-            let mut found = switches_of(inputs);
-            for input in inputs {
-                if let Input::State(state) = input {
-                    found.extend(&in_rates[*state]);
-                }
-            }
-            found.sort_unstable();
-            found.dedup();
-            found
-        };
-        let mut timed: Vec<bool> = Vec::new();
-        for inputs in &in_psi {
-            // Inner switches come first; a relay holds its own α and is none of time.
-            timed.push(inputs.iter().all(|input| match input {
-                Input::Alpha(k) => timed.get(*k) == Some(&true),
-                input => *input == Input::Time || is_coefficient(input),
-            }));
-        }
+        let Structure {
+            in_rates,
+            inside,
+            timed,
+            couplings,
+            chains,
+            with_data,
+        } = Structure::of(system, &inputs, &rates, &switching);
         let start = |switch: &crate::system::Switch| match switch.relay?.start {
             true => Some(Side::Plus),
             false => Some(Side::Minus),
         };
-        // dψ/dt = Σ ∂ψ/∂x_k f_k + ∂ψ/∂t, again and again until its rate contains an α.
-        let time = variable(system.time);
-        let derivative = |e: Expr<'e>| {
-            let by_state = expr::variables_of(&[e]).into_iter().filter_map(|var| {
-                let &Input::State(state) = inputs.get(&var)? else {
-                    return None;
-                };
-                Some(e.diff(var) * rates[state])
-            });
-            exprs.sum(by_state) + e.diff(time)
-        };
-        let drives = |input: &Input| match input {
-            Input::State(state) => data_in_rates[*state],
-            input => is_coefficient(input),
-        };
-        let (mut couplings, mut chains) = (Vec::new(), Vec::new());
-        let mut data_in_phi = Vec::new();
-        for (i, switch) in system.switches.iter().enumerate() {
-            let (mut e, mut found) = (switching[i], coupled(&in_psi[i]));
-            let mut chain = Vec::new();
-            let mut driven = in_psi[i].iter().any(drives);
-            let slides = !switch.continuity.is_continuous() && !timed[i] && switch.relay.is_none();
-            while slides && found.is_empty() && chain.len() < MAX_DERIVATIVES {
-                e = derivative(e);
-                found = coupled(&occurring(&e));
-                driven |= occurring(&e).iter().any(drives);
-                chain.push(e);
-            }
-            if found.is_empty() {
-                chain.clear();
-            }
-            couplings.push(found);
-            data_in_phi.push(driven);
-            chains.push(chain);
-        }
         let continuous = system.switches.iter();
         let continuous: Vec<bool> = continuous
             .map(|switch| switch.continuity.is_continuous())
@@ -221,7 +146,7 @@ impl<'e> Switched<'e> {
             relays: system.switches.iter().map(start).collect(),
             timed,
             data,
-            with_data: [with_data, data_in_phi],
+            with_data,
             rates: share(&groups),
             switching: share(&surfaces),
             derivatives,
@@ -406,7 +331,7 @@ impl<'e> Switched<'e> {
     }
 }
 
-fn variable(expr: Expr) -> Var {
+pub(super) fn variable(expr: Expr) -> Var {
     expr.as_variable()
         .expect("a declared quantity is a variable")
 }

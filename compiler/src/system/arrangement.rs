@@ -108,7 +108,10 @@ impl<'e> System<'e> {
             .iter()
             .filter_map(|param| Some((param.var.as_variable()?, self.exprs.constant(param.value))));
         let states = self.states.iter().map(|state| (state.var, state.initial));
-        let data = self.data.iter().map(|data| (data.var, data.table.value(0.0)));
+        let data = self
+            .data
+            .iter()
+            .map(|data| (data.var, data.table.value(0.0)));
         let origin = states.chain([(self.time, 0.0)]).chain(data);
         let origin = origin.filter_map(|(var, value)| Some((var.as_variable()?, value)));
         Arrangement::new(&surfaces.collect::<Vec<_>>(), &params.collect(), origin)

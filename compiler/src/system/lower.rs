@@ -93,8 +93,7 @@ impl<'m, 'e> Lowering<'m, 'e> {
             .filter_map(|var| var.as_variable());
         let numbers = params.map(|var| (var, values.numbers[&var])).collect();
         let data = model.data.iter().map(|data| data.var);
-        let given = data.chain([model.time]).filter_map(Expr::as_variable);
-        let switches = Switches::new(model.exprs, given.collect(), numbers);
+        let switches = Switches::new(model.exprs, data.chain([model.time]), numbers);
         Lowering {
             model,
             settings,

@@ -101,12 +101,16 @@ pub(super) struct Switches<'e> {
 impl<'e> Switches<'e> {
     /// No switches yet; `given` are time and data, and `params` the values that decide the sign of constant
     /// factors.
-    pub fn new(exprs: &'e Exprs, given: Vec<Var>, params: FxHashMap<Var, f64>) -> Self {
+    pub fn new(
+        exprs: &'e Exprs,
+        given: impl IntoIterator<Item = Expr<'e>>,
+        params: FxHashMap<Var, f64>,
+    ) -> Self {
         Switches {
             list: Vec::new(),
             refused: Vec::new(),
             exprs,
-            given,
+            given: given.into_iter().filter_map(Expr::as_variable).collect(),
             params,
             index: FxHashMap::default(),
             merge: Substitution::new(),

@@ -97,10 +97,11 @@ pub(super) fn table(bytes: &[u8], column: &str, fit: Fit) -> Result<Table, Fault
             Ok(false) => break,
             Err(_) => return Err(Fault::NotText),
         }
-        let line = record.position().map_or(0, csv::Position::line);
+        let start = record.position().map_or(0, csv::Position::byte) as usize;
+        let line = || line_at(bytes, start);
         if record.len() != names.len() {
             return Err(Fault::Ragged {
-                line,
+                line: line(),
                 found: record.len(),
                 expected: names.len(),
             });
@@ -109,13 +110,14 @@ pub(super) fn table(bytes: &[u8], column: &str, fit: Fit) -> Result<Table, Fault
             let text = &record[at];
             let number = text.parse().ok().filter(|number: &f64| number.is_finite());
             number.ok_or_else(|| Fault::Cell {
-                line,
+                line: line(),
                 column: names[at].to_owned(),
                 text: text.to_owned(),
             })
         };
         let (time, value) = (number(0)?, number(place)?);
         if let Some(&before) = times.last().filter(|before| **before >= time) {
+            let line = line();
             return Err(Fault::Order { line, time, before });
         }
         if times.len() == MAX_ROWS {
@@ -138,6 +140,20 @@ pub(super) fn table(bytes: &[u8], column: &str, fit: Fit) -> Result<Table, Fault
         true => Ok(table),
         false => Err(Fault::Steep),
     }
+}
+
+/// The number of the line that a record is in, which begins at `start` or after empty lines there.
+fn line_at(bytes: &[u8], start: usize) -> u64 {
+    let is_end = |byte: &u8| matches!(byte, b'\n' | b'\r');
+    let empty = bytes[start..]
+        .iter()
+        .take_while(|byte| is_end(byte))
+        .count();
+    let before = &bytes[..start + empty];
+    let ends = (0..before.len()).filter(|&at| {
+        before[at] == b'\n' || before[at] == b'\r' && bytes.get(at + 1) != Some(&b'\n')
+    });
+    1 + ends.count() as u64
 }
 
 /// The place of a column in the first line.

@@ -98,7 +98,14 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     }
 
     /// What the jump of ψ of a switch from `last` to `psi` does to it.
-    pub(super) fn jump(&self, state: &mut State, i: usize, last: f64, psi: f64, open: &mut Vec<usize>) {
+    pub(super) fn jump(
+        &self,
+        state: &mut State,
+        i: usize,
+        last: f64,
+        psi: f64,
+        open: &mut Vec<usize>,
+    ) {
         let band = state.band[i];
         if self.system.relay(i).is_some() {
             state.armed[i] = psi.abs() <= band;

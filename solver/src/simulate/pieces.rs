@@ -88,9 +88,7 @@ pub(super) fn is_at_end(dense: Dense, tau: f64, h: f64, watch: Watch) -> bool {
             let c = dense.psi(i);
             series::value(c, h).abs() <= TOGETHER * series::magnitude(c, h, 0)
         }
-        Watch::Bound(i, limit) => {
-            (series::value(dense.alpha(i), h) - limit).abs() <= TOGETHER
-        }
+        Watch::Bound(i, limit) => (series::value(dense.alpha(i), h) - limit).abs() <= TOGETHER,
     };
     at_end && h - tau <= NEAR * h
 }

@@ -1,0 +1,128 @@
+//! What occurs where: which α in which rates and ψ, and what a change of one concerns.
+
+use nsd_solver::simulate::Input;
+use rustc_hash::FxHashMap;
+
+use super::switched::variable;
+use crate::expr::{self, Expr, Var};
+use crate::system::System;
+
+/// Derivatives that are looked at for one that contains an α.
+const MAX_DERIVATIVES: usize = 6;
+
+/// The structure of x' = f, ψ.
+pub(super) struct Structure<'e> {
+    /// Switches whose α is in a rate.
+    pub in_rates: Vec<Vec<usize>>,
+    /// Switches whose α is in ψ_i.
+    pub inside: Vec<Vec<usize>>,
+    /// Switches whose ψ depends on time and data only.
+    pub timed: Vec<bool>,
+    /// Switches whose α the rate φ_i may contain, or that of its last derivative.
+    pub couplings: Vec<Vec<usize>>,
+    /// The derivatives of ψ_i along the solution, up to the one whose rate contains an α.
+    pub chains: Vec<Vec<Expr<'e>>>,
+    /// Switches whose ψ contains data, and those whose rate φ does, or that of a derivative.
+    pub with_data: [Vec<bool>; 2],
+}
+
+impl<'e> Structure<'e> {
+    /// `inputs` are what the variables of rates and ψ stand for.
+    pub fn of(
+        system: &System<'e>,
+        inputs: &FxHashMap<Var, Input>,
+        rates: &[Expr<'e>],
+        switching: &[Expr<'e>],
+    ) -> Self {
+        let occurring = |e: &Expr<'e>| {
+            let found = expr::variables_of(&[*e]).into_iter();
+            let found: Vec<Input> = found.filter_map(|var| inputs.get(&var).copied()).collect();
+            found
+        };
+        let in_f: Vec<_> = rates.iter().map(occurring).collect();
+        let in_psi: Vec<_> = switching.iter().map(occurring).collect();
+        let in_rates: Vec<_> = in_f.iter().map(|inputs| switches_of(inputs)).collect();
+        let inside: Vec<_> = in_psi.iter().map(|inputs| switches_of(inputs)).collect();
+        // φ_i = Σ ∂ψ_i/∂x_k f_k + ∂ψ_i/∂t
+        let coupled = |inputs: &[Input]| {
+            let mut found = switches_of(inputs);
+            for input in inputs {
+                if let Input::State(state) = input {
+                    found.extend(&in_rates[*state]);
+                }
+            }
+            found.sort_unstable();
+            found.dedup();
+            found
+        };
+        let is_driven = |inputs: &[Input]| {
+            inputs.iter().any(|input| match input {
+                Input::State(state) => in_f[*state].iter().any(is_data),
+                input => is_data(input),
+            })
+        };
+        let mut timed: Vec<bool> = Vec::new();
+        for inputs in &in_psi {
+            // Inner switches come first; a relay holds its own α and is none of time.
+            timed.push(inputs.iter().all(|input| match input {
+                Input::Alpha(k) => timed.get(*k) == Some(&true),
+                input => *input == Input::Time || is_data(input),
+            }));
+        }
+        // dψ/dt = Σ ∂ψ/∂x_k f_k + ∂ψ/∂t, again and again until its rate contains an α.
+        let time = variable(system.time);
+        let derivative = |e: Expr<'e>| {
+            let by_state = expr::variables_of(&[e]).into_iter().filter_map(|var| {
+                let &Input::State(state) = inputs.get(&var)? else {
+                    return None;
+                };
+                Some(e.diff(var) * rates[state])
+            });
+            system.exprs.sum(by_state) + e.diff(time)
+        };
+        let (mut couplings, mut chains, mut driven) = (Vec::new(), Vec::new(), Vec::new());
+        for (i, switch) in system.switches.iter().enumerate() {
+            let (mut e, mut found) = (switching[i], coupled(&in_psi[i]));
+            let mut is_among = is_driven(&in_psi[i]);
+            let mut chain = Vec::new();
+            let slides = !switch.continuity.is_continuous() && !timed[i] && switch.relay.is_none();
+            while slides && found.is_empty() && chain.len() < MAX_DERIVATIVES {
+                e = derivative(e);
+                let inputs = occurring(&e);
+                found = coupled(&inputs);
+                is_among |= is_driven(&inputs);
+                chain.push(e);
+            }
+            if found.is_empty() {
+                chain.clear();
+            }
+            couplings.push(found);
+            chains.push(chain);
+            driven.push(is_among);
+        }
+        let in_psi = in_psi.iter().map(|inputs| inputs.iter().any(is_data));
+        Structure {
+            with_data: [in_psi.collect(), driven],
+            in_rates,
+            inside,
+            timed,
+            couplings,
+            chains,
+        }
+    }
+}
+
+fn is_data(input: &Input) -> bool {
+    matches!(input, Input::Coefficient(_))
+}
+
+/// The switches whose α are among some inputs, in order.
+fn switches_of(inputs: &[Input]) -> Vec<usize> {
+    let found = inputs.iter().filter_map(|input| match input {
+        Input::Alpha(switch) => Some(*switch),
+        _ => None,
+    });
+    let mut found: Vec<usize> = found.collect();
+    found.sort_unstable();
+    found
+}
