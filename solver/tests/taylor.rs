@@ -306,6 +306,46 @@ fn known_series_come_out_exactly() {
     );
 }
 
+/// An input with coefficients of all orders, and time with two.
+#[test]
+fn all_orders_at_once_are_those_computed_one_by_one() {
+    for Case {
+        name,
+        tape,
+        centres,
+        ..
+    } in cases()
+    {
+        for (&centre, bounded) in centres.iter().flat_map(|c| [(c, true), (c, false)]) {
+            let mut jet = Jet::new(&tape, 30);
+            if bounded {
+                jet.bound_degree(0, 1);
+            }
+            jet.set_input(0, 0, centre);
+            for k in 1..=if bounded { 1 } else { 30 } {
+                jet.set_input(0, k, 0.3 / (1 + k * k) as f64);
+            }
+            let mut at_once = jet.clone();
+            (0..=30).for_each(|k| jet.advance(k));
+            at_once.fill();
+            let mut size = 0.0_f64;
+            for (k, (one, all)) in jet
+                .output_row(0)
+                .iter()
+                .zip(at_once.output_row(0))
+                .enumerate()
+            {
+                size = size.max(one.abs());
+                let difference = (one - all).abs();
+                assert!(
+                    difference <= 1e-13 * size,
+                    "{name} at {centre}, order {k}: {all}, not {one}"
+                );
+            }
+        }
+    }
+}
+
 #[test]
 fn an_order_may_be_computed_again() {
     let tape = of_time(|b, t| {

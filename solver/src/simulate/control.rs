@@ -183,9 +183,8 @@ impl Mode {
 
     /// Computes the series of ψ of a switch along the expansion, and the size of its terms.
     pub(crate) fn expand_psi(&mut self, switch: usize, state: &mut State) {
-        for k in 0..=self.order {
-            self.surfaces.advance(switch, &mut self.memory, k);
-        }
+        self.surfaces
+            .expand(switch, &mut self.memory, self.order + 1);
         let (values, perturbed) = (&self.memory.values, &self.perturbed);
         state.terms[switch] = self.surfaces.terms(switch, values, perturbed, PERTURBATION);
     }

@@ -20,9 +20,11 @@ pub(super) struct Field {
     pub f: Vec<f64>,
     /// Where the series of every rate is.
     pub rows: Vec<usize>,
-    /// The recurrences of all blocks, and of those alone that contain a sliding α.
+    /// The recurrences of all blocks: those of time alone, all others, and of these what depends on a
+    /// sliding α.
+    timed: Vec<Step>,
     steps: Vec<Step>,
-    sliding_steps: Vec<Step>,
+    by_alpha: Vec<Step>,
     /// States whose rates contain a sliding α.
     sliding_states: Vec<usize>,
     /// Whether the lists above are those of the present sides.
@@ -90,8 +92,9 @@ impl Field {
             of_switch,
             f: vec![0.0; n],
             rows: vec![0; n],
+            timed: Vec::new(),
             steps: Vec::new(),
-            sliding_steps: Vec::new(),
+            by_alpha: Vec::new(),
             sliding_states: Vec::new(),
             listed: false,
             registers: Vec::new(),
@@ -294,33 +297,40 @@ impl Field {
         }
     }
 
-    /// The recurrences of all blocks one after another, and those with a sliding α.
+    /// Lists the recurrences of all blocks one after another.
     pub(super) fn list(&mut self) {
         if self.listed {
             return;
         }
         self.listed = true;
+        self.timed.clear();
         self.steps.clear();
-        self.sliding_steps.clear();
+        self.by_alpha.clear();
         self.sliding_states.clear();
         for local in &self.blocks {
             let compiled = local.now();
-            self.steps.extend_from_slice(&compiled.series.steps);
+            self.timed.extend_from_slice(&compiled.series.timed);
+            self.steps.extend_from_slice(&compiled.series.moving);
             if compiled.slides() {
-                self.sliding_steps.extend_from_slice(&compiled.series.steps);
+                self.by_alpha.extend_from_slice(&compiled.series.by_alpha);
                 self.sliding_states.extend_from_slice(&local.block.states);
             }
         }
     }
 
-    /// The recurrences of all rates, after `list`.
+    /// The recurrences that depend on time alone, after `list`.
+    pub(super) fn timed(&self) -> &[Step] {
+        &self.timed
+    }
+
+    /// All others, after `list`.
     pub(super) fn steps(&self) -> &[Step] {
         &self.steps
     }
 
-    /// The recurrences of rates with a sliding α, after `list`.
-    pub(super) fn sliding_steps(&self) -> &[Step] {
-        &self.sliding_steps
+    /// Those that depend on a sliding α, after `list`.
+    pub(super) fn by_alpha(&self) -> &[Step] {
+        &self.by_alpha
     }
 
     /// The states of these rates.

@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use super::system::{Input, SwitchedSystem};
-use crate::tape::{self, Row, UNBOUNDED};
+use crate::tape::{self, Depends, Row, UNBOUNDED};
 
 /// The order to which ψ is needed beyond that of α, which follows from it.
 pub(super) const LOOKAHEAD: usize = 1;
@@ -57,7 +57,11 @@ impl Memory {
 
     /// The row of an input; a number gets a new one.
     pub(super) fn row(&mut self, input: Input) -> Row {
-        let moves = matches!(input, Input::State(_) | Input::Alpha(_));
+        let depends = match input {
+            Input::Time | Input::Coefficient(_) | Input::Number(_) => Depends::Time,
+            Input::State(_) => Depends::State,
+            Input::Alpha(_) => Depends::Alpha,
+        };
         let (start, degree) = match input {
             Input::Time => (0, 1),
             Input::State(state) => (self.state(state), UNBOUNDED),
@@ -72,7 +76,7 @@ impl Memory {
         Row {
             start,
             degree,
-            moves,
+            depends,
         }
     }
 

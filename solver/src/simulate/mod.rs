@@ -24,6 +24,7 @@ mod lead_tests;
 mod mode;
 mod pieces;
 mod pivot;
+mod psi;
 mod radau;
 mod roots;
 mod select;

@@ -335,7 +335,12 @@ impl Mode {
     pub(crate) fn expand(&mut self, t: f64, x: &[f64], alpha: &mut [f64]) -> Result<(), Singular> {
         self.start(t, x, alpha)?;
         self.field.list();
-        let Memory { rows, stride, .. } = &mut self.memory;
+        let Memory {
+            rows,
+            weights,
+            stride,
+            ..
+        } = &mut self.memory;
         (rows[0], rows[1]) = (t, 1.0);
         for (i, &x) in x.iter().enumerate() {
             rows[(1 + i) * *stride] = x;
@@ -343,6 +348,7 @@ impl Mode {
         for &i in &self.sliding {
             rows[(1 + self.n + i) * *stride] = alpha[i];
         }
+        tape::fill_all(self.field.timed(), rows, weights, self.order + 1, *stride);
         tape::start_all(self.field.steps(), rows, *stride);
         self.raise_states(0);
         for k in 1..self.order {
@@ -413,7 +419,7 @@ impl Mode {
         for (&i, alpha) in self.equations.switches.iter().zip(&self.equations.rhs) {
             rows[(1 + self.n + i) * *stride + k] = *alpha;
         }
-        tape::advance_all(self.field.sliding_steps(), rows, weights, k, *stride);
+        tape::advance_all(self.field.by_alpha(), rows, weights, k, *stride);
         for &i in self.field.sliding_states() {
             rows[(1 + i) * *stride + k + 1] = rows[self.field.rows[i] + k] / (k + 1) as f64;
         }

@@ -2,11 +2,11 @@
 
 use rustc_hash::FxHashMap;
 
-use super::field::gather;
 use super::layout::Memory;
-use super::system::{Affine, Input, Smooth, Surface};
+use super::psi::{Compiled, Form, run};
+use super::system::Smooth;
 use super::{Side, SwitchedSystem};
-use crate::tape::{self, Ball, Lane, Recurrences, Tape};
+use crate::tape::{self, Ball, Lane};
 
 pub(super) struct Surfaces {
     /// All ψ, and behind them the derivatives of those of higher relative degree.
@@ -33,32 +33,6 @@ struct Local {
     known: Vec<Compiled>,
     index: FxHashMap<Box<[Side]>, usize>,
     now: usize,
-}
-
-/// ψ for certain sides inside it.
-struct Compiled {
-    form: Form,
-    /// (j, ∂ψ/∂x_j) where it was last linearized.
-    gradient: Vec<(usize, f64)>,
-    /// ∂ψ/∂t there.
-    by_time: f64,
-    /// Where its series is, once it was needed.
-    row: Option<usize>,
-}
-
-enum Form {
-    Affine(Affine),
-    Smooth(Box<Tapes>),
-}
-
-struct Tapes {
-    functions: Smooth,
-    gather: Vec<usize>,
-    /// The places in the gradient of its entries; none for time.
-    places: Vec<Option<usize>>,
-    series: Option<Recurrences>,
-    /// (place in the gradient or none for time, switch, ∂²ψ).
-    mixed: Vec<(Option<usize>, usize, f64)>,
 }
 
 impl Surfaces {
@@ -296,6 +270,12 @@ impl Surfaces {
         local.known[local.now].advance(memory, k);
     }
 
+    /// Computes the coefficients of all orders below `n` of ψ.
+    pub(super) fn expand(&mut self, switch: usize, memory: &mut Memory, n: usize) {
+        let local = &mut self.surfaces[self.slot[switch]];
+        local.known[local.now].expand(memory, n);
+    }
+
     /// Computes the coefficient of order k ≥ 1 again, after that of the states has changed.
     pub(super) fn correct(&self, switch: usize, memory: &mut Memory, k: usize) {
         if let Form::Smooth(tapes) = &self.now(switch).form
@@ -378,96 +358,4 @@ impl Local {
     fn now(&self) -> &Compiled {
         &self.known[self.now]
     }
-}
-
-impl Compiled {
-    fn new(surface: Surface, memory: &mut Memory) -> Self {
-        match surface {
-            Surface::Affine(affine) => Compiled {
-                gradient: affine.terms.clone(),
-                by_time: affine.time,
-                row: None,
-                form: Form::Affine(affine),
-            },
-            Surface::Smooth(functions) => {
-                let mut gradient = Vec::new();
-                let mut place_of = vec![None; functions.inputs.len()];
-                for &(_, input) in &functions.gradient.entries {
-                    if let Input::State(state) = functions.inputs[input] {
-                        place_of[input] = Some(gradient.len());
-                        gradient.push((state, 0.0));
-                    }
-                }
-                let entries = functions.gradient.entries.iter();
-                let mixed = functions.mixed.entries.iter();
-                let mixed = mixed.filter_map(|&(by, alpha)| match functions.inputs[alpha] {
-                    Input::Alpha(switch) => Some((place_of[by], switch, 0.0)),
-                    _ => None,
-                });
-                let tapes = Tapes {
-                    places: entries.map(|&(_, input)| place_of[input]).collect(),
-                    mixed: mixed.collect(),
-                    gather: functions.inputs.iter().map(|&i| memory.slot(i)).collect(),
-                    series: None,
-                    functions,
-                };
-                Compiled {
-                    gradient,
-                    by_time: 0.0,
-                    row: None,
-                    form: Form::Smooth(Box::new(tapes)),
-                }
-            }
-        }
-    }
-
-    fn advance(&mut self, memory: &mut Memory, k: usize) {
-        match &mut self.form {
-            Form::Affine(affine) => {
-                let row = *self.row.get_or_insert_with(|| memory.grow(1));
-                let terms = affine.terms.iter();
-                let sum: f64 = terms
-                    .map(|&(state, c)| c * memory.rows[memory.state(state) + k])
-                    .sum();
-                memory.rows[row + k] = match k {
-                    0 => sum + affine.time * memory.rows[0] + affine.constant,
-                    1 => sum + affine.time,
-                    _ => sum,
-                };
-            }
-            Form::Smooth(tapes) => {
-                let functions = &tapes.functions;
-                let series = tapes.series.get_or_insert_with(|| {
-                    let inputs: Vec<_> = functions.inputs.iter().map(|&i| memory.row(i)).collect();
-                    let base = memory.rows.len();
-                    let series = Recurrences::new(&functions.psi, &inputs, base, memory.stride);
-                    memory.grow((series.end - base) / memory.stride);
-                    series
-                });
-                self.row = series.outputs.first().copied();
-                let Memory {
-                    rows,
-                    weights,
-                    stride,
-                    ..
-                } = memory;
-                match k {
-                    0 => tape::start_all(&series.steps, rows, *stride),
-                    _ => tape::advance_all(&series.steps, rows, weights, k, *stride),
-                }
-            }
-        }
-    }
-}
-
-impl Affine {
-    fn value(&self, values: &[f64]) -> f64 {
-        let terms = self.terms.iter().map(|&(state, c)| c * values[1 + state]);
-        terms.sum::<f64>() + self.time * values[0] + self.constant
-    }
-}
-
-fn run(tape: &Tape, from: &[usize], values: &[f64], registers: &mut [f64]) {
-    gather(from, values, registers);
-    tape.run(registers);
 }

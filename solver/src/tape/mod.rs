@@ -12,17 +12,21 @@
 mod allocate;
 mod ball;
 mod builder;
+mod bulk;
 mod jet;
 mod lanes;
 mod recurrence;
+mod steps;
 
 use std::fmt;
 
 pub(crate) use ball::Ball;
 pub use builder::{TapeBuilder, Value};
+pub(crate) use bulk::fill_all;
 pub use jet::Jet;
-pub(crate) use jet::{Recurrences, Row, Step, UNBOUNDED, advance_all, start_all, weights};
+pub(crate) use jet::{Depends, Recurrences, Row, UNBOUNDED, weights};
 pub use lanes::{Lane, LaneScratch};
+pub(crate) use steps::{Step, advance_all, start_all};
 
 /// The number of a value or of a register.
 pub(crate) type Slot = u32;
