@@ -1,6 +1,7 @@
 //! The arguments of each command.
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::{Args as Arguments, Parser, Subcommand, ValueEnum};
 
@@ -139,7 +140,7 @@ pub struct RunArgs {
     pub method: Option<String>,
     /// Stop solving an experiment after so many seconds
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
-    pub time_limit: Option<f64>,
+    pub time_limit: Option<Duration>,
     /// Say where the time went
     #[arg(long)]
     pub time: bool,
@@ -156,7 +157,7 @@ pub struct TestArgs {
     pub accept: bool,
     /// Stop solving an experiment after so many seconds
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
-    pub time_limit: Option<f64>,
+    pub time_limit: Option<Duration>,
 }
 
 /// A name and its value; what they are is for the compiler to say.
@@ -169,12 +170,12 @@ fn assignment(text: &str) -> Result<String, String> {
     }
 }
 
-/// A positive, finite number of seconds.
-fn seconds(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(seconds) if f64::is_finite(seconds) && seconds > 0.0 => Ok(seconds),
-        _ => Err("expected a positive number of seconds".into()),
-    }
+/// A positive number of seconds, no more than a duration holds.
+fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds = text.parse().ok().filter(|seconds| *seconds > 0.0);
+    seconds
+        .and_then(|seconds| Duration::try_from_secs_f64(seconds).ok())
+        .ok_or_else(|| "expected a positive number of seconds".into())
 }
 
 #[cfg(test)]

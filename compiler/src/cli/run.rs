@@ -1,7 +1,6 @@
 //! `nsdc run`
 
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use super::args::RunArgs;
 use super::files::{Sink, is_standard};
@@ -125,7 +124,7 @@ fn one(
     let request = Request {
         dense: args.plot.is_some(),
         estimate: true,
-        time_limit: args.time_limit.map(Duration::from_secs_f64),
+        time_limit: args.time_limit,
     };
     let mut bar = Bar::new(&compiled.settings.name, streams.progress);
     let mut trajectory = clock.time("solve", || {

@@ -1,7 +1,6 @@
 //! `nsdc test`
 
 use std::path::Path;
-use std::time::Duration;
 
 use super::args::TestArgs;
 use super::progress::Bar;
@@ -218,7 +217,7 @@ fn one(
         Ok(lowering) => lowering,
         Err(error) => return Ok(Outcome::Failed(vec![error], Exit::Wrong)),
     };
-    let time_limit = args.time_limit.map(Duration::from_secs_f64);
+    let time_limit = args.time_limit;
     let request = Request {
         dense: true,
         estimate: true,

@@ -106,6 +106,11 @@ pub fn variables_of(roots: &[Expr]) -> Vec<Var> {
     vars
 }
 
+/// How many different nodes an expression consists of.
+pub fn n_nodes_of(root: Expr) -> usize {
+    root.exprs.arena.borrow().below([root.id]).len()
+}
+
 /// What lies below a growing set of expressions; each node is visited once.
 #[derive(Debug, Default)]
 pub struct Reach {

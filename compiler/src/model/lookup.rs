@@ -11,9 +11,9 @@ use super::reserved::{FUNCTIONS, VALUES, did_you_mean};
 use super::scope::{Meaning, Reported, Value};
 use super::{ModelError, TargetKind, Tensor, places};
 use crate::source::Span;
-use crate::syntax::{self, Index};
+use crate::syntax::{self, ExprKind, Index};
 
-impl<'e> Lowering<'_, 'e> {
+impl<'a, 'e> Lowering<'a, 'e> {
     #[inline(never)]
     pub fn name(&mut self, name: &str, span: Span) -> Result<Value<'e>, Reported> {
         if let Some(position) = self.locals.iter().rposition(|local| local.name() == name) {
@@ -140,6 +140,22 @@ impl<'e> Lowering<'_, 'e> {
         }
     }
 
+    /// The value of a name that no loop, function or hook gives another meaning.
+    fn declared(&self, expr: &syntax::Expr) -> Option<&'a Value<'e>> {
+        let ExprKind::Name(name) = &expr.kind else {
+            return None;
+        };
+        let scope = self.scope;
+        let hidden = self.hook.is_some() || self.in_function;
+        if hidden || self.locals.iter().any(|local| local.name() == name) {
+            return None;
+        }
+        match scope.names.get(name) {
+            Some(Meaning::Value(value, _)) => Some(value),
+            _ => None,
+        }
+    }
+
     #[inline(never)]
     pub fn index(
         &mut self,
@@ -154,7 +170,15 @@ impl<'e> Lowering<'_, 'e> {
                 None => self.no_member(name, &indices, members, span),
             };
         }
-        let value = self.expr(base)?;
+        // Looked into where it is: a loop over the entries must not copy all of them in every round.
+        let computed;
+        let value = match self.declared(base) {
+            Some(value) => value,
+            None => {
+                computed = self.expr(base)?;
+                &computed
+            }
+        };
         let what = format!("`{}`", self.text(base));
         let places = places::select(self, value.tensor.shape, indices, &what, span)?;
         let data = places

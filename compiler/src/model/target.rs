@@ -117,18 +117,16 @@ pub(super) fn resolve(lowering: &mut Lowering<'_, '_>, path: &Path) -> Result<Ta
         (scope, name, span) = (inner, &field.name, field.span);
     };
     let name = &path.head.name;
-    let mut target = Target {
-        kind,
-        entries: (0..shape.len()).collect(),
-        shape,
-    };
+    let (mut kind, mut shape) = (kind, shape);
+    // All of them, as long as there is no index: a loop over entries must not list the others.
+    let mut entries: Option<Vec<usize>> = None;
     for segment in rest {
         match segment {
-            Segment::Field(field) => match (target.kind, field.name.as_str()) {
-                (TargetKind::Switch(index), "sliding") => target.kind = TargetKind::Sliding(index),
+            Segment::Field(field) => match (kind, field.name.as_str()) {
+                (TargetKind::Switch(index), "sliding") => kind = TargetKind::Sliding(index),
                 _ => {
                     let (name, field) = (name.clone(), field.clone());
-                    let help = match target.kind {
+                    let help = match kind {
                         TargetKind::Switch(_) => did_you_mean(&field.name, ["sliding"].into_iter())
                             .unwrap_or_else(|| "of a switch, `sliding` can be given".to_owned()),
                         _ => "only parts have fields".to_owned(),
@@ -142,21 +140,23 @@ pub(super) fn resolve(lowering: &mut Lowering<'_, '_>, path: &Path) -> Result<Ta
                 }
             },
             Segment::Index(indices) => {
-                let places = places::select(
-                    lowering,
-                    target.shape,
-                    indices,
-                    &format!("`{name}`"),
-                    path.span,
-                )?;
-                target.entries = places
-                    .positions
-                    .iter()
-                    .map(|&position| target.entries[position])
-                    .collect();
-                target.shape = places.shape;
+                let what = format!("`{name}`");
+                let places = places::select(lowering, shape, indices, &what, path.span)?;
+                let among = |entries: Vec<usize>| {
+                    let chosen = places.positions.iter();
+                    chosen.map(|&position| entries[position]).collect()
+                };
+                entries = Some(match entries {
+                    Some(entries) => among(entries),
+                    None => places.positions,
+                });
+                shape = places.shape;
             }
         }
     }
-    Ok(target)
+    Ok(Target {
+        kind,
+        entries: entries.unwrap_or_else(|| (0..shape.len()).collect()),
+        shape,
+    })
 }

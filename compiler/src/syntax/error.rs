@@ -30,6 +30,20 @@ pub enum SyntaxError {
         span: Span,
     },
 
+    /// The file declares more than any collection of models does.
+    #[error("the file has more than {limit} declarations")]
+    #[diagnostic(
+        code(E0002),
+        help("put models, functions and constants into files of their own, and import them")
+    )]
+    TooManyItems {
+        /// The limit.
+        limit: usize,
+        /// The first one beyond it.
+        #[label("the limit is reached here")]
+        span: Span,
+    },
+
     /// Brackets, blocks or operators are nested too deeply.
     #[error("nesting is deeper than {limit} levels")]
     #[diagnostic(

@@ -30,7 +30,10 @@ use crate::table;
 pub const MAX_DEPTH: usize = 128;
 
 /// Largest file that is accepted, in bytes.
-pub const MAX_BYTES: usize = 4 << 20;
+pub const MAX_BYTES: usize = 1 << 20;
+
+/// Most declarations of a file: each model sees the names of all others.
+pub const MAX_ITEMS: usize = 500;
 
 /// More errors than this are not shown for one file.
 pub const MAX_ERRORS: usize = 100;
@@ -49,9 +52,17 @@ pub fn parse(file: &SourceFile, diagnostics: &mut Diagnostics) -> File {
             };
         }
     };
-    let (ast, wrong_statements) = build::build(file, &scan);
+    let (mut ast, wrong_statements) = build::build(file, &scan);
     let mut errors = scan.errors;
     errors.extend(wrong_statements);
+    let mut names = ast.items.iter().filter_map(name_of);
+    if let Some(name) = names.nth(MAX_ITEMS) {
+        errors.push(SyntaxError::TooManyItems {
+            limit: MAX_ITEMS,
+            span: name.span,
+        });
+        ast.items.clear();
+    }
     if ast.items.is_empty() && errors.is_empty() {
         let span = Span::new(file.start..file.start);
         errors.push(SyntaxError::EmptyFile { span });
@@ -66,4 +77,15 @@ pub fn parse(file: &SourceFile, diagnostics: &mut Diagnostics) -> File {
         diagnostics.push(error);
     }
     ast
+}
+
+/// The name that an item declares.
+fn name_of(item: &Item) -> Option<&Ident> {
+    match item {
+        Item::Const(item) => Some(&item.name),
+        Item::Fn(item) => Some(&item.name),
+        Item::Model(item) => Some(&item.name),
+        Item::Experiment(item) => Some(&item.name),
+        Item::Use(_) | Item::ExpectDiagnostic(_) | Item::Bad(_) => None,
+    }
 }

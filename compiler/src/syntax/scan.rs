@@ -242,8 +242,9 @@ impl<'t> Repair<'t> {
                 "or" | "and" => "+",
                 "not" => "-",
                 "perp" => "<=",
-                // A lone quote would open a string.
+                // A lone quote would open a string, and two slashes a comment.
                 "\"" => "",
+                "/" if self.text[..token.start].ends_with('/') => "",
                 word => word,
             };
             return self.replace(range, instead, error);

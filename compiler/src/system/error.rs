@@ -183,6 +183,31 @@ pub enum SystemError {
         run: Span,
     },
 
+    /// More switches than can be looked at one by one in what they act on.
+    #[error("{count} switches act together")]
+    #[diagnostic(
+        code(E0422),
+        help("use fewer switches, or let each act on fewer states and shorter terms")
+    )]
+    TooManySwitches {
+        count: usize,
+        #[label("one of the {count} switches")]
+        span: Span,
+    },
+
+    /// More regions than can be compared with each other.
+    #[error("{count} regions in one partition")]
+    #[diagnostic(
+        code(E0422),
+        help("a partition has at most {limit} regions; write repeated terms as a sum")
+    )]
+    TooManyRegions {
+        count: usize,
+        limit: usize,
+        #[label("the limit is reached here")]
+        span: Span,
+    },
+
     /// Nonlinear sliding.
     #[error("nonlinear sliding is not supported yet")]
     #[diagnostic(

@@ -52,9 +52,14 @@ pub fn lower<'e>(
     lowering.finish_relays(&relays, diags);
     lowering.read_named_switches();
     lowering.declare_surfaces(&through);
+    lowering.check_counts(diags);
+    if diags.errors().count() > errors_before {
+        return None;
+    }
 
     let regions = lowering.regions();
     let rates = lowering.rates(&regions, diags);
+    lowering.check_effort(&rates, diags);
     let (outputs, controls) = lowering.recorded();
     let named = lowering.named_surfaces();
     let limits = lowering.limits();

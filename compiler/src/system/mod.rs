@@ -35,6 +35,7 @@ mod continuity;
 mod corners;
 mod coverage;
 mod display;
+mod effort;
 mod error;
 pub mod experiment;
 mod interaction;

@@ -337,7 +337,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 if state.t >= t1 {
                     break Status::Solved;
                 }
-                if let Some(status) = self.limit(&state, started) {
+                if let Some(status) = self.limit(&mut state, started) {
                     break status;
                 }
 
@@ -452,17 +452,18 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
         }
     }
 
-    fn limit(&self, state: &State, started: Option<(Instant, Duration)>) -> Option<Status> {
+    fn limit(&self, state: &mut State, started: Option<(Instant, Duration)>) -> Option<Status> {
         if state.stats.steps >= self.settings.max_steps {
             return Some(Status::StepLimit);
         }
         if state.stats.events >= self.settings.max_events {
             return Some(Status::EventLimit);
         }
-        // A look at the clock costs as much as a small step.
-        let late = started.is_some_and(|(start, limit)| {
-            state.stats.steps.is_multiple_of(16) && start.elapsed() > limit
-        });
+        // A look at the clock costs as much as a small step; functions may take long to compile.
+        let known = self.mode.n_functions();
+        let compiled = std::mem::replace(&mut state.functions, known) < known;
+        let due = compiled || state.stats.steps.is_multiple_of(16);
+        let late = started.is_some_and(|(start, limit)| due && start.elapsed() > limit);
         late.then_some(Status::TimeLimit)
     }
 

@@ -27,6 +27,8 @@ pub(super) struct State {
     pub last_step: f64,
     pub longest_step: f64,
     pub stats: Stats,
+    /// Functions taken up when the clock was looked at.
+    pub functions: usize,
     /// What the caller should know, up to a number of them.
     pub notes: Vec<Note>,
     /// Events in a row without progress in time.
@@ -60,6 +62,7 @@ impl State {
             last_step: 0.0,
             longest_step: 0.0,
             stats: Stats::default(),
+            functions: 0,
             notes: Vec::new(),
             stalled: 0,
             window: 0.0,

@@ -4,7 +4,7 @@ use insta::assert_snapshot;
 
 use crate::diagnostics::Diagnostics;
 use crate::source::{SourceMap, Span};
-use crate::syntax::{MAX_BYTES, MAX_DEPTH, MAX_ERRORS, parse};
+use crate::syntax::{MAX_BYTES, MAX_DEPTH, MAX_ERRORS, MAX_ITEMS, parse};
 
 /// One line per error, and what could be read.
 fn check(text: &str) -> String {
@@ -43,6 +43,30 @@ fn a_bracket_takes_no_room_from_the_braces_before_an_item() {
     for text in ["{[;\nmodel m", "{{}[;\nmodel m"] {
         assert_eq!(codes(text)[..2], ["E0007", "E0007"], "{text}");
     }
+}
+
+#[test]
+fn signs_of_division_make_no_comment() {
+    assert_eq!(codes("{ø/÷}"), ["E0015"]);
+    assert_snapshot!(in_model("let a = 1/÷2; let b = 1÷/2; let c = 1÷÷2;"), @r"
+    E0015 at 2:11: `÷` is written `/` | write `/` instead of `÷`
+    E0015 at 2:24: `÷` is written `/` | write `/` instead of `÷`
+    E0015 at 2:38: `÷` is written `/` | write `/` instead of `÷`
+    E0015 at 2:39: `÷` is written `/` | write `/` instead of `÷`
+    model m {
+      // a statement that could not be read
+      // a statement that could not be read
+      // a statement that could not be read
+    }
+    ");
+}
+
+#[test]
+fn more_declarations_than_a_file_may_have_are_refused() {
+    let declare =
+        |count: usize| -> String { (0..count).map(|i| format!("const c{i} = {i};\n")).collect() };
+    assert_eq!(codes(&declare(MAX_ITEMS)), [""; 0]);
+    assert_eq!(codes(&declare(MAX_ITEMS + 1)), ["E0002"]);
 }
 
 #[test]
