@@ -2,6 +2,7 @@
 
 pub mod cell;
 pub mod lcp;
+pub mod fesd;
 pub mod linalg;
 pub mod qp;
 pub mod simulate;

@@ -31,8 +31,8 @@ pub fn lower<'e>(system: &System<'e>) -> Dcs<'e> {
     let mut multipliers = Vec::with_capacity(labels.len());
     for label in &labels {
         alphas.push(dcs.algebraic(&format!("{alpha}[{label}]"), guess()));
-        let lambda_p = dcs.algebraic(&format!("{lambda_p}[{label}]"), guess());
-        let lambda_n = dcs.algebraic(&format!("{lambda_n}[{label}]"), guess());
+        let lambda_p = dcs.multiplier(&format!("{lambda_p}[{label}]"), guess());
+        let lambda_n = dcs.multiplier(&format!("{lambda_n}[{label}]"), guess());
         multipliers.push((lambda_p, lambda_n));
     }
 
@@ -80,6 +80,7 @@ pub fn lower<'e>(system: &System<'e>) -> Dcs<'e> {
         dcs.algebraics.push(Algebraic {
             var: product.beta,
             guess: if value.is_finite() { value } else { 0.0 },
+            continuous: false,
         });
     }
     dcs.alphas = alphas;

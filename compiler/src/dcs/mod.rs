@@ -103,6 +103,8 @@ pub struct Algebraic<'e> {
     pub var: Expr<'e>,
     /// Its value at the initial point; where that is on a surface, every side has the same share.
     pub guess: f64,
+    /// Whether it is continuous along solutions, as what depends on t and x alone is.
+    pub continuous: bool,
 }
 
 /// 0 <= `left` ⟂ `right` >= 0.
@@ -205,11 +207,22 @@ impl<'e> Dcs<'e> {
         }
     }
 
+    /// Declares a variable that may jump where the mode changes.
     fn algebraic(&mut self, name: &str, guess: f64) -> Expr<'e> {
+        self.declare(name, guess, false)
+    }
+
+    /// Declares a variable that is continuous along solutions.
+    fn multiplier(&mut self, name: &str, guess: f64) -> Expr<'e> {
+        self.declare(name, guess, true)
+    }
+
+    fn declare(&mut self, name: &str, guess: f64, continuous: bool) -> Expr<'e> {
         let var = self.exprs.variable(name);
         self.algebraics.push(Algebraic {
             var,
             guess: if guess.is_finite() { guess } else { 0.0 },
+            continuous,
         });
         var
     }

@@ -48,20 +48,20 @@ pub fn lower<'e>(system: &System<'e>) -> Result<Dcs<'e>, DcsError> {
             .map(|row| row_name(system, subsystem, &rows, row, &labels))
             .map(|name| labels::unique(name, &mut taken))
             .collect();
-        let mut declare = |prefix: &str| -> Vec<Expr<'e>> {
-            let names = names.iter();
-            names
-                .map(|name| dcs.algebraic(&format!("{prefix}[{name}]"), guess()))
-                .collect()
+        let named = |prefix: &str| -> Vec<String> {
+            names.iter().map(|name| format!("{prefix}[{name}]")).collect()
         };
-        let (theta, lambda) = (declare(&theta), declare(&lambda));
+        let theta = named(&theta).into_iter();
+        let theta: Vec<Expr> = theta.map(|name| dcs.algebraic(&name, guess())).collect();
+        let lambda = named(&lambda).into_iter();
+        let lambda: Vec<Expr> = lambda.map(|name| dcs.multiplier(&name, guess())).collect();
         let alone = system.subsystems.len() == 1;
         let mu = if alone {
             mu.clone()
         } else {
             format!("{mu}[{}]", s + 1)
         };
-        multipliers.push((lambda, dcs.algebraic(&mu, guess())));
+        multipliers.push((lambda, dcs.multiplier(&mu, guess())));
         let alphas = (subsystem.switches.iter())
             .filter_map(|&k| system.switches[k].alpha.as_variable())
             .collect();

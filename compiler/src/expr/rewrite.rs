@@ -145,6 +145,16 @@ impl<'e> Substitution<'e> {
         Self::default()
     }
 
+    /// Replaces one variable.
+    pub fn one(var: Var, value: Expr<'e>) -> Self {
+        [(var, value)].into_iter().collect()
+    }
+
+    /// Whether a variable is replaced.
+    pub fn contains(&self, var: &Var) -> bool {
+        self.values.contains_key(var)
+    }
+
     /// Replaces `var` by `value`; all variables are replaced at once.
     pub fn insert(&mut self, var: Var, value: Expr<'e>) {
         self.values.insert(var, value);

@@ -116,6 +116,47 @@ pub enum Failure {
         surfaces: Vec<LabeledSpan>,
     },
 
+    /// A finite element without a solution.
+    #[error("at t = {time}, the equations of a finite element were not solved")]
+    #[diagnostic(
+        code(E0711),
+        help("take more `steps`, or give a `tolerance` instead and leave their lengths to the method")
+    )]
+    Unsolved {
+        time: f64,
+        #[label("this run")]
+        span: Span,
+    },
+
+    /// A Runge-Kutta method that does not hold a state on a surface.
+    #[error("at t = {time}, a sliding mode begins, which this scheme cannot hold")]
+    #[diagnostic(
+        code(E0712),
+        help("take a scheme whose matrix is invertible, such as `scheme = radau_iia(4);`")
+    )]
+    CannotSlide {
+        time: f64,
+        #[label(collection)]
+        surfaces: Vec<LabeledSpan>,
+    },
+
+    /// A grid that is too coarse for the model.
+    #[error("the steps are too long: {}", if *modes {
+        "a run with steps half as long goes through other modes".to_owned()
+    } else {
+        format!("steps half as long change the result by {error} of its size")
+    })]
+    #[diagnostic(
+        code(E0713),
+        help("take more `steps`, or give a `tolerance` instead and leave their lengths to the method")
+    )]
+    Coarse {
+        error: String,
+        modes: bool,
+        #[label("this run")]
+        span: Span,
+    },
+
     /// Out of steps or events.
     #[error("at t = {time}, the limit of {what} was reached")]
     #[diagnostic(

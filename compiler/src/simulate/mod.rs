@@ -6,6 +6,7 @@
 
 mod blocks;
 mod data;
+pub mod fesd;
 mod forms;
 mod functions;
 mod limits;
@@ -69,6 +70,19 @@ pub fn run(system: &System, settings: &Settings, request: &Request) -> Trajector
 
 /// [`run`], which calls `watch` every few steps.
 pub fn run_watched(
+    system: &System,
+    settings: &Settings,
+    request: &Request,
+    watch: &mut dyn FnMut(Progress),
+) -> Trajectory {
+    match &settings.method {
+        experiment::Method::Fesd(options) => fesd::run(system, settings, options, request, watch),
+        _ => run_events(system, settings, request, watch),
+    }
+}
+
+/// Integrates from event to event.
+fn run_events(
     system: &System,
     settings: &Settings,
     request: &Request,

@@ -53,6 +53,11 @@ pub(super) fn failure(
             surfaces: at(&[*switch]),
         },
         Status::NotFinite => Failure::NotFinite { time, span },
+        Status::Unsolved => Failure::Unsolved { time, span },
+        Status::CannotSlide { switches } => Failure::CannotSlide {
+            time,
+            surfaces: at(switches),
+        },
     })
 }
 

@@ -64,6 +64,22 @@ impl<T: Number> DenseLu<T> {
 }
 
 impl DenseLu {
+    /// Overwrites `rhs` with the solution for the transposed matrix.
+    pub fn solve_transposed(&self, rhs: &mut [f64]) {
+        let (n, a) = (rhs.len(), &self.factors);
+        for col in 0..n {
+            let known: f64 = (0..col).map(|row| a[row * n + col] * rhs[row]).sum();
+            rhs[col] = (rhs[col] - known) / a[col * n + col];
+        }
+        for col in (0..n).rev() {
+            let known: f64 = (col + 1..n).map(|row| a[row * n + col] * rhs[row]).sum();
+            rhs[col] -= known;
+        }
+        for (row, &pivot) in self.pivots.iter().enumerate().rev() {
+            rhs.swap(row, pivot);
+        }
+    }
+
     /// 1 or -1: the sign of the determinant of the matrix factored last.
     pub fn determinant_sign(&self) -> f64 {
         determinant_sign(&self.factors, &self.pivots)
@@ -262,6 +278,19 @@ mod tests {
             for (found, exact) in rhs.iter().zip(&x) {
                 prop_assert!((found - exact).abs() < 1e-14);
             }
+        }
+    }
+
+    #[test]
+    fn solves_the_transposed_system() {
+        let matrix = [0.0, 2.0, 1.0, 3.0, 1.0, -1.0, 1.0, 4.0, 2.0];
+        let x = [1.0, -2.0, 0.5];
+        let mut rhs = [0, 1, 2].map(|col| (0..3).map(|row| matrix[row * 3 + col] * x[row]).sum());
+        let mut lu = DenseLu::new(3);
+        lu.factor(&matrix).unwrap();
+        lu.solve_transposed(&mut rhs);
+        for (found, exact) in rhs.iter().zip(&x) {
+            assert!((found - exact).abs() < 1e-14);
         }
     }
 

@@ -70,3 +70,66 @@ impl<'a> Dense<'a> {
         }
     }
 }
+
+/// The polynomials of a segment.
+pub(crate) trait Polynomials {
+    /// Their degree.
+    fn degree(&self) -> usize;
+    /// Series of state i.
+    fn x(&self, i: usize) -> &[f64];
+    /// Series of α of a sliding switch.
+    fn alpha(&self, switch: usize) -> &[f64];
+}
+
+impl Polynomials for Dense<'_> {
+    fn degree(&self) -> usize {
+        self.order()
+    }
+
+    fn x(&self, i: usize) -> &[f64] {
+        Dense::x(*self, i)
+    }
+
+    fn alpha(&self, switch: usize) -> &[f64] {
+        Dense::alpha(*self, switch)
+    }
+}
+
+/// Series of states and of α, one row each, around the start of a finite element.
+#[derive(Default)]
+pub(crate) struct ElementSeries {
+    n: usize,
+    degree: usize,
+    coefficients: Vec<f64>,
+}
+
+impl ElementSeries {
+    /// Memory for n states and m switches, zero.
+    pub(crate) fn shape(&mut self, n: usize, m: usize, degree: usize) {
+        (self.n, self.degree) = (n, degree);
+        self.coefficients.clear();
+        self.coefficients.resize((n + m) * (degree + 1), 0.0);
+    }
+
+    pub(crate) fn row(&self, at: usize) -> &[f64] {
+        &self.coefficients[at * (self.degree + 1)..(at + 1) * (self.degree + 1)]
+    }
+
+    pub(crate) fn row_mut(&mut self, at: usize) -> &mut [f64] {
+        &mut self.coefficients[at * (self.degree + 1)..(at + 1) * (self.degree + 1)]
+    }
+}
+
+impl Polynomials for ElementSeries {
+    fn degree(&self) -> usize {
+        self.degree
+    }
+
+    fn x(&self, i: usize) -> &[f64] {
+        self.row(i)
+    }
+
+    fn alpha(&self, switch: usize) -> &[f64] {
+        self.row(self.n + switch)
+    }
+}

@@ -12,7 +12,7 @@
 
 mod candidates;
 mod control;
-mod dense;
+pub(crate) mod dense;
 mod drift;
 mod field;
 mod implicit;
@@ -26,9 +26,9 @@ mod pieces;
 mod pivot;
 mod psi;
 mod radau;
-mod roots;
+pub(crate) mod roots;
 mod select;
-mod series;
+pub(crate) mod series;
 mod sliding;
 mod state;
 mod status;
@@ -44,7 +44,7 @@ mod zeno;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
-use dense::Dense;
+use dense::{Dense, Polynomials};
 use mode::Mode;
 use pieces::Pieces;
 use radau::Radau;
@@ -152,18 +152,20 @@ pub struct Segment<'a> {
     pub sides: &'a [Side],
     /// State at the end, with the drift off sliding surfaces projected away.
     pub end: &'a [f64],
-    dense: Dense<'a>,
+    pub(crate) dense: &'a dyn Polynomials,
 }
 
 impl Segment<'_> {
     /// The state `tau` after the start.
     pub fn state(&self, tau: f64, x: &mut [f64]) {
-        self.dense.states_at(tau, x);
+        for (i, x) in x.iter_mut().enumerate() {
+            *x = series::value(self.dense.x(i), tau);
+        }
     }
 
     /// Degree of the series.
     pub fn order(&self) -> usize {
-        self.dense.order()
+        self.dense.degree()
     }
 
     /// Coefficients of the series of a state around the start, constant term first.
@@ -178,7 +180,13 @@ impl Segment<'_> {
 
     /// α of every switch `tau` after the start.
     pub fn alpha(&self, tau: f64, alpha: &mut [f64]) {
-        self.dense.alphas_at(tau, alpha);
+        for (i, alpha) in alpha.iter_mut().enumerate() {
+            *alpha = match self.sides[i] {
+                Side::Minus => 0.0,
+                Side::Slide => series::value(self.dense.alpha(i), tau),
+                Side::Plus => 1.0,
+            };
+        }
     }
 }
 
@@ -370,7 +378,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                     length: step.length,
                     sides: &state.sides,
                     end: &state.x,
-                    dense: self.dense(step.implicit),
+                    dense: &self.dense(step.implicit),
                 };
                 if step.length > 0.0 && observer.segment(&segment).is_break() {
                     break Status::Stopped;

@@ -47,6 +47,14 @@ pub enum Status {
     },
     /// The vector field is not finite, or no step is small enough.
     NotFinite,
+    /// The equations of a finite element have no solution that Newton's method finds, or the
+    /// element is too long to see what switches in it.
+    Unsolved,
+    /// The Runge-Kutta method cannot hold a state on a surface.
+    CannotSlide {
+        /// The switches that slide.
+        switches: Vec<usize>,
+    },
 }
 
 /// What a run went on from although it could not be sure.

@@ -17,7 +17,7 @@ use crate::source::Span;
 use crate::syntax::{self, Bind, Expect, ExperimentKind, OutputWhen, SettingKind, Sliding};
 
 pub use error::ExperimentError;
-pub use method::{Branch, EventOptions, Lowering, Method};
+pub use method::{Branch, EventOptions, FesdOptions, Lowering, Method};
 
 /// What a `simulate` experiment asks for.
 #[derive(Clone, Debug)]

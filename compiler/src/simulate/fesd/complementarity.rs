@@ -1,0 +1,323 @@
+//! A [`Dcs`] as the solver of finite elements sees it.
+//!
+//! Parameters are numbers by now. What all active sets share is compiled at once, the functions of
+//! one active set when it is met first.
+
+use std::cell::RefCell;
+use std::sync::Arc;
+
+use nsd_solver::fesd::{ComplementaritySystem, Full, Member, Pair, Reduced, Watched, Zero};
+use nsd_solver::simulate::{Partials, Side};
+use nsd_solver::tape::Tape;
+use rustc_hash::FxHashMap;
+
+use super::reduce::{Remainder, eliminate};
+use crate::dcs::{Cause, Dcs, Origin};
+use crate::expr::{self, Expr, Exprs, Substitution, Var, variables_of};
+use crate::system::System;
+
+/// x' = f(t, x, z), 0 = g(t, x, z), 0 <= a ⟂ b >= 0 with the parameters of one experiment.
+pub struct Complementarity<'e> {
+    exprs: &'e Exprs,
+    time: Var,
+    states: Vec<Var>,
+    algebraics: Vec<Var>,
+    continuous: Vec<bool>,
+    start: Vec<f64>,
+    rates: Vec<Expr<'e>>,
+    equations: Vec<Expr<'e>>,
+    alphas: Vec<Expr<'e>>,
+    pairs: Vec<Pair>,
+    switches_of: Vec<Vec<usize>>,
+    full: Full,
+    known: RefCell<FxHashMap<Vec<Zero>, Option<Arc<Reduced>>>>,
+}
+
+/// Derivatives that are looked at for one that contains an unknown.
+const MAX_DERIVATIVES: usize = 6;
+
+impl<'e> Complementarity<'e> {
+    /// Substitutes the parameters of a lowering of `system`.
+    pub fn new(system: &System<'e>, dcs: &Dcs<'e>) -> Self {
+        let exprs = dcs.exprs;
+        let params = dcs.params.iter();
+        let numbers: Substitution = params
+            .map(|param| (variable(param.var), exprs.constant(param.value)))
+            .collect();
+        let (rates, equations) = (numbers.apply(&dcs.rates), numbers.apply(&dcs.equations));
+        let algebraics: Vec<Var> = dcs.algebraics.iter().map(|z| variable(z.var)).collect();
+        let place: FxHashMap<Var, usize> = algebraics.iter().enumerate().map(|(i, &z)| (z, i)).collect();
+        let groups = groups(&equations, &place);
+        let pair = |pair: &crate::dcs::Pair<'e>| {
+            let (left, right) = (member(pair.left, &place), member(pair.right, &place));
+            Pair { left, right, group: groups[left.variable] }
+        };
+        let continuous: Vec<bool> = dcs.algebraics.iter().map(|z| z.continuous).collect();
+        let mut system = Complementarity {
+            exprs,
+            time: variable(dcs.time),
+            states: dcs.states.iter().map(|state| variable(state.var)).collect(),
+            continuous,
+            start: dcs.algebraics.iter().map(|z| z.guess).collect(),
+            alphas: dcs.alphas.clone(),
+            pairs: dcs.pairs.iter().map(pair).collect(),
+            switches_of: (dcs.origins.pairs.iter())
+                .map(|origin| switches(system, origin))
+                .collect(),
+            full: Full {
+                equations: Tape::builder(0).finish(&[]),
+                slopes: Partials::none(0),
+                directional: Tape::builder(0).finish(&[]),
+                directional_slopes: Partials::none(0),
+                rates: Tape::builder(0).finish(&[]),
+                is_affine: true,
+            },
+            algebraics,
+            rates,
+            equations,
+            known: RefCell::default(),
+        };
+        system.full = system.compile_full();
+        system
+    }
+
+    /// Names of z, in order.
+    pub fn names(&self) -> Vec<String> {
+        self.algebraics.iter().map(|&z| self.exprs.name(z)).collect()
+    }
+
+    /// Time, states, and some more variables.
+    fn inputs(&self, more: &[Var]) -> Vec<Var> {
+        let mut inputs = vec![self.time];
+        inputs.extend_from_slice(&self.states);
+        inputs.extend_from_slice(more);
+        inputs
+    }
+
+    fn compile_full(&self) -> Full {
+        let exprs = self.exprs;
+        let inputs = self.inputs(&self.algebraics);
+        let all: Vec<Expr> = self.rates.iter().chain(&self.equations).copied().collect();
+
+        // u is z of what jumps and z' of what is continuous.
+        let u = exprs.variables("u", self.algebraics.len());
+        let jumps = self.algebraics.iter().zip(&u).zip(&self.continuous);
+        let jumps: Substitution = jumps
+            .filter(|(_, continuous)| !**continuous)
+            .map(|((&z, &u), _)| (z, u))
+            .collect();
+        let rates = jumps.apply(&self.rates);
+        let directional = self.equations.iter().map(|&row| {
+            let vars = variables_of(&[row]);
+            let inside = self.algebraics.iter().zip(&u).zip(&self.continuous);
+            let inside = inside.filter(|((z, _), continuous)| **continuous && vars.contains(z));
+            let along: Vec<Expr> = inside.map(|((&z, &u), _)| row.diff(z) * u).collect();
+            if along.is_empty() {
+                return row.substitute(&jumps);
+            }
+            let along = exprs.sum(along.into_iter().chain([self.drift(row, &vars)]));
+            along.substitute(&jumps)
+        });
+        let directional: Vec<Expr> = directional.collect();
+        let u: Vec<Var> = u.into_iter().map(variable).collect();
+        let mut with_u = inputs.clone();
+        with_u.extend_from_slice(&u);
+        let by_u = expr::jacobian(&directional, &u).entries;
+        let slopes: Vec<Expr> = by_u.iter().map(|&(.., slope)| slope).collect();
+        let in_slopes = variables_of(&slopes);
+        Full {
+            equations: tape(&inputs, &all),
+            slopes: partials(&inputs, &all, &inputs),
+            directional: tape(&with_u, &directional),
+            directional_slopes: partials(&with_u, &directional, &u),
+            is_affine: !u.iter().any(|u| in_slopes.contains(u)),
+            rates: tape(&with_u, &rates),
+        }
+    }
+
+    /// ∂e/∂t + Σ ∂e/∂x_i f_i, for an expression in these variables.
+    fn drift(&self, e: Expr<'e>, vars: &[Var]) -> Expr<'e> {
+        self.along(e, vars, &self.rates)
+    }
+
+    fn along(&self, e: Expr<'e>, vars: &[Var], rates: &[Expr<'e>]) -> Expr<'e> {
+        let states = self.states.iter().zip(rates);
+        let states = states.filter(|(state, _)| vars.contains(state));
+        let by_state = states.map(|(&state, &rate)| e.diff(state) * rate);
+        self.exprs.sum(by_state.chain([e.diff(self.time)]))
+    }
+
+    /// The functions while these members are zero.
+    fn compile(&self, zeros: &[Zero]) -> Option<Reduced> {
+        let exprs = self.exprs;
+        let mut fixed = Substitution::new();
+        for (pair, &zero) in self.pairs.iter().zip(zeros) {
+            let (member, _) = pair.split(zero);
+            let value = if member.complement { 1.0 } else { 0.0 };
+            let var = self.algebraics[member.variable];
+            match fixed.get(var).and_then(Expr::as_constant) {
+                Some(other) if other != value => return None,
+                _ => fixed.insert(var, exprs.constant(value)),
+            }
+        }
+        let Remainder { unknowns, residuals, given } = eliminate(&self.equations, &self.algebraics, &fixed)?;
+        let inputs = self.inputs(&unknowns);
+        let rates = given.apply(&self.rates);
+        let contains_unknown = |vars: &[Var]| vars.iter().any(|var| unknowns.binary_search(var).is_ok());
+
+        // At the nodes stands the last derivative of a residual before an unknown appears in one.
+        let (mut at_nodes, mut hidden) = (Vec::new(), Vec::new());
+        for mut residual in residuals {
+            let mut next = residual;
+            let mut vars = variables_of(&[next]);
+            for _ in 0..MAX_DERIVATIVES {
+                if contains_unknown(&vars) {
+                    break;
+                }
+                residual = next;
+                next = self.along(next, &vars, &rates);
+                vars = variables_of(&[next]);
+            }
+            at_nodes.push(residual);
+            hidden.push(next);
+        }
+
+        let functions: Vec<Expr> = rates.iter().chain(&at_nodes).copied().collect();
+        let algebraics: Vec<Expr> = (self.algebraics.iter())
+            .map(|&z| given.get(z).unwrap_or_else(|| exprs.expr(z)))
+            .collect();
+        let (mut watched, mut members) = (Vec::new(), Vec::new());
+        for (at, (pair, &zero)) in self.pairs.iter().zip(zeros).enumerate() {
+            let (_, member) = pair.split(zero);
+            let z = algebraics[member.variable];
+            let value = if member.complement { 1.0 - z } else { z };
+            match value.as_constant() {
+                Some(constant) if constant < 0.0 => return None,
+                Some(_) => {}
+                None => {
+                    let jumps = contains_unknown(&variables_of(&[value]));
+                    watched.push(Watched { pair: at, jumps });
+                    members.push(value);
+                }
+            }
+        }
+        let alphas = given.apply(&self.alphas);
+        let side = |alpha: &Expr| match alpha.as_constant() {
+            Some(alpha) if alpha > 0.5 => Side::Plus,
+            Some(_) => Side::Minus,
+            None => Side::Slide,
+        };
+        let sides: Box<[Side]> = alphas.iter().map(side).collect();
+        let sliding: Vec<Expr> = (alphas.iter().zip(&sides))
+            .filter(|(_, side)| **side == Side::Slide)
+            .map(|(&alpha, _)| alpha)
+            .collect();
+        let slopes = partials(&inputs, &functions, &inputs);
+        let constant = expr::jacobian(&functions, &inputs[1..]).entries;
+        Some(Reduced {
+            unknowns: (unknowns.iter())
+                .filter_map(|var| self.algebraics.iter().position(|z| z == var))
+                .collect(),
+            equations: tape(&inputs, &functions),
+            slopes,
+            hidden: tape(&inputs, &hidden),
+            hidden_slopes: partials(&inputs, &hidden, &inputs),
+            algebraics: tape(&inputs, &algebraics),
+            members: tape(&inputs, &members),
+            member_slopes: partials(&inputs, &members, &inputs),
+            watched,
+            sides,
+            alphas: tape(&inputs, &sliding),
+            is_linear: constant.iter().all(|(.., slope)| slope.as_constant().is_some()),
+        })
+    }
+}
+
+impl ComplementaritySystem for Complementarity<'_> {
+    fn n_states(&self) -> usize {
+        self.states.len()
+    }
+
+    fn n_switches(&self) -> usize {
+        self.alphas.len()
+    }
+
+    fn pairs(&self) -> &[Pair] {
+        &self.pairs
+    }
+
+    fn switches_of(&self, pair: usize) -> &[usize] {
+        &self.switches_of[pair]
+    }
+
+    fn full(&self) -> &Full {
+        &self.full
+    }
+
+    fn reduced(&self, zeros: &[Zero]) -> Option<Arc<Reduced>> {
+        let mut known = self.known.borrow_mut();
+        let compile = || self.compile(zeros).map(Arc::new);
+        known.entry(zeros.to_vec()).or_insert_with(compile).clone()
+    }
+
+    fn start(&self) -> &[f64] {
+        &self.start
+    }
+
+    fn is_continuous(&self, algebraic: usize) -> bool {
+        self.continuous[algebraic]
+    }
+}
+
+fn variable(e: Expr) -> Var {
+    e.as_variable().expect("what a DCS declares is a variable")
+}
+
+/// z_i or 1 - z_i.
+fn member(e: Expr, place: &FxHashMap<Var, usize>) -> Member {
+    let var = variables_of(&[e])[0];
+    Member {
+        variable: place[&var],
+        complement: e.as_variable().is_none(),
+    }
+}
+
+/// A number for each z, the same for those that share an equation.
+fn groups(equations: &[Expr], place: &FxHashMap<Var, usize>) -> Vec<usize> {
+    let mut sets = petgraph::unionfind::UnionFind::<usize>::new(place.len());
+    for &row in equations {
+        let vars = variables_of(&[row]).into_iter();
+        let vars: Vec<usize> = vars.filter_map(|var| place.get(&var).copied()).collect();
+        for pair in vars.windows(2) {
+            sets.union(pair[0], pair[1]);
+        }
+    }
+    sets.into_labeling()
+}
+
+/// The switches that a row is about.
+fn switches(system: &System, origin: &Origin) -> Vec<usize> {
+    match origin.cause {
+        Cause::Switch(switch) => vec![switch],
+        Cause::Region { partition, .. } => system.partitions[partition].switches.clone(),
+        Cause::Subsystem(subsystem) | Cause::Product(subsystem) => system.subsystems[subsystem].switches.clone(),
+        Cause::State(_) => Vec::new(),
+    }
+}
+
+fn tape(inputs: &[Var], outputs: &[Expr]) -> Tape {
+    expr::compile(inputs, outputs).expect("a verified DCS holds smooth functions of its own variables only")
+}
+
+/// The derivatives of functions of `inputs` by some of these.
+fn partials(inputs: &[Var], functions: &[Expr], by: &[Var]) -> Partials {
+    let entries = expr::jacobian(functions, by).entries;
+    let values: Vec<Expr> = entries.iter().map(|&(.., value)| value).collect();
+    let place: FxHashMap<Var, usize> = inputs.iter().enumerate().map(|(i, &var)| (var, i)).collect();
+    Partials {
+        tape: tape(inputs, &values),
+        entries: (entries.iter())
+            .map(|&(function, column, _)| (function, place[&by[column]]))
+            .collect(),
+    }
+}

@@ -1,0 +1,169 @@
+//! The road of finite elements: a system becomes a complementarity system, and that a trajectory.
+//!
+//! A second run, on a grid twice as fine or with a smaller tolerance, gives the estimate of the
+//! global error.
+
+mod complementarity;
+mod reduce;
+
+use std::time::Instant;
+
+use nsd_solver::fesd::{self, Grid, Simulator, Solution};
+use nsd_solver::simulate::{Observer, Status};
+
+pub use complementarity::Complementarity;
+
+use super::watch::{Progress, Watched};
+use super::{Comparison, Estimate, MAX_ATTEMPTS, REFINEMENT, Recorder, Request, assemble, judge};
+use crate::dcs;
+use crate::report::{Failure, Method, MethodOption, Trajectory};
+use crate::system::System;
+use crate::system::experiment::{FesdOptions, Settings};
+
+/// An estimate above this says that the grid is too coarse for the model.
+const COARSE: f64 = 0.01;
+
+impl<O: Observer> fesd::Observer for Watched<'_, O> {}
+
+/// Integrates the system by finite elements over the horizon of the experiment.
+pub(super) fn run(
+    system: &System,
+    settings: &Settings,
+    options: &FesdOptions,
+    request: &Request,
+    watch: &mut dyn FnMut(Progress),
+) -> Trajectory {
+    let started = Instant::now();
+    let dcs = dcs::lower(system, &settings.lowerings);
+    let dcs = dcs.expect("compilation has checked that the system can be lowered");
+    let complementarity = Complementarity::new(system, &dcs);
+    let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
+    let left = || {
+        let limit = request.time_limit?;
+        Some(limit.saturating_sub(started.elapsed()))
+    };
+    let simulator = |grid: Grid| {
+        let settings = fesd::Settings {
+            time_limit: left(),
+            grid,
+            ..fesd::Settings::new(options.scheme.0, options.scheme.1)
+        };
+        let simulator = Simulator::new(&complementarity, settings);
+        simulator.expect("the number of nodes has been checked")
+    };
+    let (mut tolerance, mut attempt) = (settings.tolerance, 1);
+    let (order, solution, recorder, estimate) = loop {
+        let grid = grid(options, tolerance);
+        let mut first = simulator(grid);
+        let mut recorder = Recorder::new(system, settings, tolerance, request.dense);
+        let mut watched = Watched::new(&mut recorder, settings.horizon, false, watch);
+        let solution = first.run(0.0, settings.horizon, &x0, &mut watched);
+        let wanted = request.estimate && solution.outcome.status != Status::TimeLimit;
+        let estimate = wanted.then(|| {
+            let mut comparison = Comparison::new(&recorder, &x0);
+            let mut watched = Watched::new(&mut comparison, settings.horizon, true, watch);
+            let fine = simulator(finer(grid)).run(0.0, settings.horizon, &x0, &mut watched);
+            estimate(&comparison, &recorder, &solution, &fine)
+        });
+        let missed = options.steps.is_none()
+            && estimate.as_ref().is_some_and(|e| e.error > settings.tolerance && e.same_modes);
+        if missed && attempt < MAX_ATTEMPTS && tolerance > 1e-15 {
+            let error = estimate.as_ref().map_or(tolerance, |e| e.error);
+            tolerance *= (0.1 * settings.tolerance / error).max(1e-4);
+            attempt += 1;
+            continue;
+        }
+        break (first.order(), solution, recorder, estimate);
+    };
+    let mut trajectory = assemble(system, settings, &solution.outcome, recorder);
+    trajectory.method = method(settings, options, order, dcs.formulation.word(), &solution);
+    trajectory.certificate.max_violation = -solution.least_member;
+    if let Some(estimate) = estimate {
+        match options.steps {
+            None => judge(&mut trajectory, &estimate, settings),
+            Some(_) => judge_grid(&mut trajectory, &estimate, settings),
+        }
+    }
+    trajectory.stats.solve_s = started.elapsed().as_secs_f64();
+    trajectory
+}
+
+fn grid(options: &FesdOptions, tolerance: f64) -> Grid {
+    match options.steps {
+        Some(steps) => Grid::Steps {
+            steps,
+            elements: options.elements,
+        },
+        None => Grid::Adaptive { tolerance },
+    }
+}
+
+/// The grid of the run that shows the error of another.
+fn finer(grid: Grid) -> Grid {
+    match grid {
+        Grid::Steps { steps, elements } => Grid::Steps {
+            steps: 2 * steps,
+            elements,
+        },
+        Grid::Adaptive { tolerance } => Grid::Adaptive {
+            tolerance: REFINEMENT * tolerance,
+        },
+    }
+}
+
+fn estimate(comparison: &Comparison, run: &Recorder, solution: &Solution, fine: &Solution) -> Estimate {
+    let scales = comparison.scale.iter().zip(&solution.outcome.x);
+    let relative = |(difference, (scale, x)): (&f64, (&f64, &f64))| {
+        let scale = scale.max(x.abs());
+        if scale > 0.0 { difference / scale } else { 0.0 }
+    };
+    let error = comparison.difference.iter().zip(scales).map(relative);
+    let rounding = f64::EPSILON * (solution.outcome.stats.steps as f64).sqrt();
+    Estimate {
+        error: error.fold(rounding, f64::max),
+        same_modes: comparison.modes == run.n_modes() && fine.outcome.status == solution.outcome.status,
+    }
+}
+
+fn method(settings: &Settings, options: &FesdOptions, order: usize, lowering: &str, solution: &Solution) -> Method {
+    let (family, nodes) = options.scheme;
+    let number = |name: &str, value: usize| (name.to_owned(), MethodOption::Number(value as f64));
+    let word = |name: &str, value: &str| (name.to_owned(), MethodOption::Text(value.to_owned()));
+    let mut shown = vec![
+        word("scheme", &format!("{}({nodes})", family.word())),
+        number("order", order),
+        word("lowering", lowering),
+    ];
+    match options.steps {
+        Some(steps) => {
+            shown.push(number("steps", steps));
+            shown.push(number("elements", options.elements));
+        }
+        None => shown.push(("tolerance".into(), MethodOption::Number(settings.tolerance))),
+    }
+    if solution.added_elements > 0 {
+        shown.push(number("added_elements", solution.added_elements));
+    }
+    Method {
+        name: "fesd".into(),
+        options: shown,
+    }
+}
+
+/// What a grid of the user's choice is worth: no warning for what it was chosen for, but none that
+/// is too coarse to show what the model does passes for a solution.
+fn judge_grid(trajectory: &mut Trajectory, estimate: &Estimate, settings: &Settings) {
+    trajectory.error_estimate = Some(estimate.error);
+    if trajectory.failure.is_some() {
+        return;
+    }
+    if !estimate.same_modes || estimate.error > COARSE {
+        let failure = Failure::Coarse {
+            error: format!("{:.1e}", estimate.error),
+            modes: !estimate.same_modes,
+            span: settings.span,
+        };
+        trajectory.status = failure.status();
+        trajectory.failure = Some(failure);
+    }
+}

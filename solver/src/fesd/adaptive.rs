@@ -1,0 +1,105 @@
+//! Elements as long as a tolerance allows.
+//!
+//! Between its nodes the polynomial of an element misses x' = f by a defect of order h^s, and
+//! misses x by about h times that, a local error of order s + 1; at the end of the element the
+//! method is of order p > s. The length keeps the defect at ε^((s+1)/(p+1)), so that what the end is
+//! off by is about the local tolerance ε.
+
+use super::emit::Observer;
+use super::system::ComplementaritySystem;
+use super::{Run, Simulator};
+use crate::simulate::Status;
+
+/// A hundredth of the global aim, which the growth of errors along well-conditioned runs does not
+/// use up.
+const LOCAL: f64 = 0.01;
+
+/// Bounds of the change of length from one element to the next, and what it stays below the best.
+const GROWTH: [f64; 2] = [0.2, 4.0];
+const SAFETY: f64 = 0.85;
+
+/// Lengths below this part of the horizon count as none.
+const SHORTEST: f64 = 1e-14;
+
+impl<S: ComplementaritySystem> Simulator<'_, S> {
+    /// Integrates to `t1` with a global error of about `tolerance`.
+    pub(super) fn adapt(
+        &mut self,
+        run: &mut Run,
+        t1: f64,
+        tolerance: f64,
+        observer: &mut impl Observer,
+    ) -> Result<(), Status> {
+        let order = self.scheme.tableau.order as f64;
+        let exponent = (self.scheme.s + 1) as f64;
+        let local = (LOCAL * tolerance).max(f64::EPSILON);
+        let target = local.powf(exponent / (order + 1.0));
+        let horizon = t1 - run.t;
+        let mut h = 0.01 * horizon;
+        while run.t < t1 {
+            self.limit(run)?;
+            let left = t1 - run.t;
+            // No sliver is left at the end.
+            let length = match h {
+                h if h >= left => left,
+                h if h >= 0.5 * left => 0.5 * left,
+                h => h,
+            };
+            let (last, starts) = (run.last, run.starts.clone());
+            let event = match self.element(run, 0, length) {
+                Ok(event) => event,
+                Err(Status::Unsolved) if length > SHORTEST * horizon => {
+                    run.last = 0.0;
+                    h = 0.25 * length;
+                    continue;
+                }
+                Err(status) => return Err(status),
+            };
+            let error = self.defect(run);
+            let taken = self.solved[0].h;
+            let best = SAFETY * (target / error.max(f64::MIN_POSITIVE)).powf(1.0 / exponent);
+            let next = taken * best.clamp(GROWTH[0], GROWTH[1]);
+            if error > target && taken > SHORTEST * horizon {
+                run.stats.rejected += 1;
+                (run.last, run.starts) = (if last > 0.0 { 0.0 } else { last }, starts);
+                h = next.min(0.9 * taken);
+                continue;
+            }
+            let reaches_end = event.is_none() && length == left;
+            self.report(run, 1, reaches_end.then_some(t1), observer)?;
+            h = if event.is_some() { next.max(h) } else { next };
+            if event.is_some() {
+                self.change(run, t1 - run.t, observer)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// ‖x' - f‖ h between the nodes of the element just solved, relative to the size of each state.
+    fn defect(&mut self, run: &mut Run) -> f64 {
+        self.series(run, 0);
+        let mode = &mut self.modes[run.mode];
+        let (solved, scheme) = (&self.solved[0], &self.scheme);
+        let reduced = &mode.element.reduced;
+        let (n, h) = (run.x.len(), solved.h);
+        let mut worst = 0.0_f64;
+        for sigma in scheme.probes() {
+            let tau = sigma * h;
+            let x = (0..n).map(|i| crate::simulate::series::value(self.series.row(i), tau));
+            mode.hidden.set(solved.t + tau, x, mode.element.w(scheme.s / 2));
+            if mode.hidden.solve(reduced).is_err() {
+                return f64::INFINITY;
+            }
+            for (i, f) in mode.hidden.eval(&reduced.equations).take(n).enumerate() {
+                let rate = crate::simulate::series::slope(self.series.row(i), tau);
+                let scale = run.scale[i].max((h * rate).abs()).max(f64::MIN_POSITIVE);
+                let relative = h * (rate - f).abs() / scale;
+                if relative > worst || relative.is_nan() {
+                    worst = relative;
+                }
+            }
+        }
+        run.defect = run.defect.max(worst);
+        worst
+    }
+}

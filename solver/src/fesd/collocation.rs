@@ -1,0 +1,137 @@
+//! The equations of an element and their derivatives, evaluated in lanes over the nodes.
+
+use wide::f64x4;
+
+use super::element::{Element, Unsolved};
+use super::scheme::{Scheme, WIDTH};
+use crate::linalg::DenseLu;
+
+impl Element {
+    /// X_m = x₀ + h Σ_j a_mj V_j
+    pub(super) fn place(&mut self, scheme: &Scheme) {
+        let (per_node, groups) = (self.per_node(), scheme.groups);
+        for i in 0..self.n {
+            for g in 0..groups {
+                let mut sum = f64x4::splat(0.0);
+                for j in 0..scheme.s {
+                    sum += scheme.columns[j * groups + g] * self.unknowns[j * per_node + i];
+                }
+                self.x[i * groups + g] = f64x4::splat(self.x0[i]) + sum * self.h;
+            }
+        }
+    }
+
+    /// Puts t, X and w of a group of nodes into the registers.
+    pub(super) fn load(&mut self, scheme: &Scheme, g: usize) {
+        let (n, per_node) = (self.n, self.per_node());
+        self.registers[0] = f64x4::splat(self.t) + scheme.nodes[g] * self.h;
+        for i in 0..n {
+            self.registers[1 + i] = self.x[i * scheme.groups + g];
+        }
+        for k in n..per_node {
+            let at = |lane: usize| {
+                let node = (g * WIDTH + lane).min(scheme.s - 1);
+                self.unknowns[node * per_node + k]
+            };
+            self.registers[1 + k] = f64x4::from(std::array::from_fn(at));
+        }
+    }
+
+    /// The negative residual: f - V and -r of every node, into `rhs`.
+    pub(super) fn residual(&mut self, scheme: &Scheme) {
+        self.place(scheme);
+        let (n, per_node) = (self.n, self.per_node());
+        for g in 0..scheme.groups {
+            self.load(scheme, g);
+            let tape = &self.reduced.equations;
+            tape.run(&mut self.registers);
+            let first = g * WIDTH;
+            let last = (first + WIDTH).min(scheme.s);
+            for (i, value) in tape.results(&self.registers).enumerate() {
+                let values = value.to_array();
+                for node in first..last {
+                    let at = node * per_node + i;
+                    self.rhs[at] = match i < n {
+                        true => values[node - first] - self.unknowns[at],
+                        false => -values[node - first],
+                    };
+                }
+            }
+        }
+        self.evaluations += scheme.s;
+    }
+
+    /// ∂(f, r)/∂(t, x, w) at all nodes.
+    fn differentiate(&mut self, scheme: &Scheme) {
+        self.place(scheme);
+        for g in 0..scheme.groups {
+            self.load(scheme, g);
+            let tape = &self.reduced.slopes.tape;
+            tape.run(&mut self.registers);
+            for (e, value) in tape.results(&self.registers).enumerate() {
+                self.slopes[e * scheme.groups + g] = value;
+            }
+        }
+    }
+
+    fn slope(&self, scheme: &Scheme, entry: usize, node: usize) -> f64 {
+        self.slopes[entry * scheme.groups + node / WIDTH].as_array()[node % WIDTH]
+    }
+
+    /// Factors the Jacobian of V - f and r at the present unknowns, for elements of length h.
+    pub(super) fn factor(&mut self, scheme: &Scheme, h: f64) -> Result<(), Unsolved> {
+        self.differentiate(scheme);
+        let (n, s, per_node) = (self.n, scheme.s, self.per_node());
+        let size = s * per_node;
+        self.matrix.fill(0.0);
+        for m in 0..s {
+            for i in 0..n {
+                self.matrix[(m * per_node + i) * (size + 1)] = 1.0;
+            }
+            for (e, &(row, input)) in self.reduced.slopes.entries.iter().enumerate() {
+                if input == 0 {
+                    continue;
+                }
+                let slope = self.slope(scheme, e, m);
+                let sign = if row < n { -1.0 } else { 1.0 };
+                let start = (m * per_node + row) * size;
+                if input <= n {
+                    for j in 0..s {
+                        let a = scheme.tableau.a[m * s + j];
+                        self.matrix[start + j * per_node + input - 1] += sign * h * a * slope;
+                    }
+                } else {
+                    self.matrix[start + m * per_node + input - 1] += sign * slope;
+                }
+            }
+        }
+        let lu = self.lu.get_or_insert_with(|| DenseLu::new(size));
+        self.factored = 0.0;
+        self.factorizations += 1;
+        lu.factor(&self.matrix).map_err(|_| Unsolved::Singular)?;
+        self.factored = h;
+        Ok(())
+    }
+
+    /// Minus the derivative of V - f and r by h, into `by_length`.
+    pub(super) fn slope_by_length(&mut self, scheme: &Scheme) {
+        let (n, s, per_node) = (self.n, scheme.s, self.per_node());
+        self.by_length.fill(0.0);
+        for m in 0..s {
+            for (e, &(row, input)) in self.reduced.slopes.entries.iter().enumerate() {
+                let moved = match input {
+                    0 => scheme.tableau.nodes[m],
+                    _ if input <= n => {
+                        let terms = (0..s).map(|j| {
+                            scheme.tableau.a[m * s + j] * self.unknowns[j * per_node + input - 1]
+                        });
+                        terms.sum()
+                    }
+                    _ => continue,
+                };
+                let sign = if row < n { 1.0 } else { -1.0 };
+                self.by_length[m * per_node + row] += sign * self.slope(scheme, e, m) * moved;
+            }
+        }
+    }
+}

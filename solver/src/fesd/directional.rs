@@ -1,0 +1,267 @@
+//! Which active sets go on from a point.
+//!
+//! Where several members vanish at once, the right derivatives decide (Stewart 1990): with u_i = z_i
+//! of what jumps and u_i = z_i' of what is continuous,
+//!
+//! 0 = g or g' at (t, x, u),   and for each pair with members J, which jumps, and C = 0:   0 ≤ J ⟂ C' ≥ 0
+//!
+//! For Stewart's form this is his linear complementarity problem for θ, with λ' and μ' as slacks.
+//! All choices of the pairs that meet are tried, which finds every solution.
+
+use super::system::{ComplementaritySystem, Full, Zero};
+use super::watch::Start;
+use crate::linalg::DenseLu;
+
+/// Pairs that are decided together by trying all choices.
+const MAX_OPEN: usize = 12;
+
+/// Values and rates below this, relative to their size, are zero: what comes next decides.
+const TIE: f64 = 1e-9;
+
+/// An active set that the first derivatives allow.
+#[derive(Clone, Debug)]
+pub(super) struct Choice {
+    pub zeros: Vec<Zero>,
+    pub u: Vec<f64>,
+    pub rates: Vec<f64>,
+    /// How the member of every pair that is not zero starts.
+    pub starts: Vec<Start>,
+    /// Whether no member that could vanish is zero with its rate.
+    pub strict: bool,
+}
+
+/// What was found.
+pub(super) struct Found {
+    pub choices: Vec<Choice>,
+    /// Whether all choices of the pairs that meet were tried.
+    pub complete: bool,
+    /// The pairs that meet.
+    pub open: Vec<usize>,
+}
+
+/// Solves the directional problem.
+pub(super) struct Directional {
+    inputs: Vec<f64>,
+    registers: Vec<f64>,
+    matrix: Vec<f64>,
+    rhs: Vec<f64>,
+    lu: DenseLu,
+    n: usize,
+}
+
+impl Directional {
+    pub fn new(system: &impl ComplementaritySystem) -> Self {
+        let (n, n_z, full) = (system.n_states(), system.start().len(), system.full());
+        let tapes = [&full.directional, &full.directional_slopes.tape, &full.rates];
+        let registers = tapes.map(|tape| tape.n_registers().max(tape.n_inputs()));
+        Directional {
+            inputs: vec![0.0; 1 + n + 2 * n_z],
+            registers: vec![0.0; registers.into_iter().max().unwrap_or(0)],
+            matrix: vec![0.0; n_z * n_z],
+            rhs: vec![0.0; n_z],
+            lu: DenseLu::new(n_z),
+            n,
+        }
+    }
+
+    /// The active sets that go on from (t, x), where the system is at z with the set `zeros`.
+    /// `bands` are the values of each pair's continuous member below which it is zero.
+    pub fn choices(
+        &mut self,
+        system: &impl ComplementaritySystem,
+        (t, x, z): (f64, &[f64], &[f64]),
+        zeros: &[Zero],
+        bands: &[f64],
+    ) -> Found {
+        let open = open_pairs(system, z, bands);
+        let n_z = z.len();
+        self.inputs[0] = t;
+        self.inputs[1..=self.n].copy_from_slice(x);
+        self.inputs[1 + self.n..][..n_z].copy_from_slice(z);
+        if open.len() > MAX_OPEN {
+            return Found { choices: Vec::new(), complete: false, open };
+        }
+        let mut found: Vec<(Vec<Zero>, Vec<f64>)> = Vec::new();
+        for mask in 0..1_usize << open.len() {
+            let mut tried = zeros.to_vec();
+            for (bit, &pair) in open.iter().enumerate() {
+                tried[pair] = if mask >> bit & 1 == 1 { Zero::Left } else { Zero::Right };
+            }
+            for guess in guesses(system.full()) {
+                let Some(u) = self.solve(system, &tried, z, &open, guess) else {
+                    continue;
+                };
+                let known = |(zeros, other): &(Vec<Zero>, Vec<f64>)| *zeros == tried && is_near(other, &u);
+                if !found.iter().any(known) {
+                    found.push((tried.clone(), u));
+                }
+            }
+        }
+        let rate_scale = found.iter().flat_map(|(_, u)| {
+            let continuous = u.iter().enumerate();
+            continuous.filter(|(i, _)| system.is_continuous(*i)).map(|(_, rate)| rate.abs())
+        });
+        let rate_scale = rate_scale.fold(f64::MIN_POSITIVE, f64::max);
+        let choices = found.into_iter().filter_map(|(zeros, u)| {
+            let (starts, strict) = self.judge(system, &zeros, &u, z, bands, rate_scale)?;
+            let rates = self.rates(system, &u);
+            Some(Choice { zeros, u, rates, starts, strict })
+        });
+        Found { choices: choices.collect(), complete: true, open }
+    }
+
+    /// How the members that are not zero start; none where one is negative or becomes so.
+    fn judge(
+        &self,
+        system: &impl ComplementaritySystem,
+        zeros: &[Zero],
+        u: &[f64],
+        z: &[f64],
+        bands: &[f64],
+        rate_scale: f64,
+    ) -> Option<(Vec<Start>, bool)> {
+        let mut strict = true;
+        let mut starts = Vec::with_capacity(zeros.len());
+        for ((pair, &zero), &band) in system.pairs().iter().zip(zeros).zip(bands) {
+            let (_, member) = pair.split(zero);
+            let start = if system.is_continuous(member.variable) {
+                let rate = member.slope() * u[member.variable] / rate_scale;
+                match rate {
+                    _ if member.value(z) > band => Start::Inside,
+                    _ if rate > TIE => Start::Rising,
+                    _ if rate >= -TIE => Start::Tangent,
+                    _ => return None,
+                }
+            } else {
+                match member.value(u) {
+                    value if value > TIE => Start::Inside,
+                    value if value >= -TIE => Start::Tangent,
+                    _ => return None,
+                }
+            };
+            strict &= start != Start::Tangent;
+            starts.push(start);
+        }
+        Some((starts, strict))
+    }
+
+    /// f where the problem was solved.
+    fn rates(&mut self, system: &impl ComplementaritySystem, u: &[f64]) -> Vec<f64> {
+        let full = system.full();
+        let n_z = u.len();
+        self.inputs[1 + self.n + n_z..].copy_from_slice(u);
+        self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
+        full.rates.run(&mut self.registers);
+        full.rates.results(&self.registers).collect()
+    }
+
+    /// u with these members zero; none where the equations contradict that or do not determine u.
+    fn solve(
+        &mut self,
+        system: &impl ComplementaritySystem,
+        zeros: &[Zero],
+        z: &[f64],
+        open: &[usize],
+        guess: [f64; 2],
+    ) -> Option<Vec<f64>> {
+        let (full, n_z, n) = (system.full(), z.len(), self.n);
+        let n_equations = full.directional.n_outputs();
+        let mut u: Vec<f64> = (0..n_z)
+            .map(|i| if system.is_continuous(i) { 0.0 } else { z[i] })
+            .collect();
+        for (at, &pair) in open.iter().enumerate() {
+            let pair = &system.pairs()[pair];
+            for member in [pair.left, pair.right] {
+                if !system.is_continuous(member.variable) {
+                    u[member.variable] = guess[at % 2];
+                }
+            }
+        }
+        let iterations = if full.is_affine { 2 } else { 40 };
+        for iteration in 0..iterations {
+            self.inputs[1 + n + n_z..].copy_from_slice(&u);
+            self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
+            full.directional.run(&mut self.registers);
+            for (rhs, value) in self.rhs.iter_mut().zip(full.directional.results(&self.registers)) {
+                *rhs = -value;
+            }
+            let mut largest = 0.0_f64;
+            for (row, (pair, &zero)) in system.pairs().iter().zip(zeros).enumerate() {
+                let (member, _) = pair.split(zero);
+                self.rhs[n_equations + row] = match system.is_continuous(member.variable) {
+                    true => -member.slope() * u[member.variable],
+                    false => -member.value(&u),
+                };
+            }
+            self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
+            full.directional_slopes.tape.run(&mut self.registers);
+            self.matrix.fill(0.0);
+            let slopes = full.directional_slopes.tape.results(&self.registers);
+            for (&(row, input), slope) in full.directional_slopes.entries.iter().zip(slopes) {
+                self.matrix[row * n_z + input - (1 + n + n_z)] = slope;
+            }
+            for (row, (pair, &zero)) in system.pairs().iter().zip(zeros).enumerate() {
+                let (member, _) = pair.split(zero);
+                self.matrix[(n_equations + row) * n_z + member.variable] = member.slope();
+            }
+            self.lu.factor(&self.matrix).ok()?;
+            self.lu.solve(&mut self.rhs);
+            for (u, step) in u.iter_mut().zip(&self.rhs) {
+                *u += step;
+                largest = largest.max(step.abs() / (1.0 + u.abs()));
+            }
+            if !u.iter().all(|u| u.is_finite()) {
+                return None;
+            }
+            if largest <= 1e-13 || (full.is_affine && iteration == 1) {
+                return Some(u);
+            }
+        }
+        None
+    }
+}
+
+/// Where Newton's method starts, for every other pair: a system that is not affine may have several
+/// solutions.
+fn guesses(full: &Full) -> impl Iterator<Item = [f64; 2]> {
+    const GUESSES: [[f64; 2]; 3] = [[0.5, 0.5], [0.2, 0.8], [0.8, 0.2]];
+    let wanted = if full.is_affine { 1 } else { GUESSES.len() };
+    GUESSES.into_iter().take(wanted)
+}
+
+fn is_near(a: &[f64], b: &[f64]) -> bool {
+    let difference = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-8 * (1.0 + a.abs());
+    a.iter().zip(b).all(difference)
+}
+
+/// True when two choices have the same rates: they are one solution, as far as first derivatives say.
+pub(super) fn agree(a: &Choice, b: &Choice) -> bool {
+    let size = a.rates.iter().chain(&b.rates).fold(0.0_f64, |s, r| s.max(r.abs()));
+    let near = |(a, b): (&f64, &f64)| (a - b).abs() <= TIE * size;
+    a.rates.iter().zip(&b.rates).all(near)
+}
+
+/// Pairs whose continuous member is zero, of the groups in which such a pair could be on another
+/// branch: its other member is not at the end of its range.
+fn open_pairs(system: &impl ComplementaritySystem, z: &[f64], bands: &[f64]) -> Vec<usize> {
+    let pairs = system.pairs();
+    let vanishes = |&at: &usize| {
+        let members = [pairs[at].left, pairs[at].right].into_iter();
+        let mut continuous = members.filter(|member| system.is_continuous(member.variable));
+        continuous.any(|member| member.value(z) <= bands[at])
+    };
+    let undecided = |at: &usize| {
+        let members = [pairs[*at].left, pairs[*at].right].into_iter();
+        let mut jumping = members.filter(|member| !system.is_continuous(member.variable));
+        jumping.any(|member| member.value(z) < 1.0 - TIE)
+    };
+    let vanishing: Vec<usize> = (0..pairs.len()).filter(vanishes).collect();
+    let mut groups: Vec<usize> = (vanishing.iter().copied())
+        .filter(undecided)
+        .map(|at| pairs[at].group)
+        .collect();
+    groups.sort_unstable();
+    groups.dedup();
+    let is_open = |at: &usize| groups.binary_search(&pairs[*at].group).is_ok();
+    vanishing.into_iter().filter(is_open).collect()
+}

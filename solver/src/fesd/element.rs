@@ -1,0 +1,318 @@
+//! One finite element in one active set.
+//!
+//! With X_m = x₀ + h Σ_j a_mj V_j, Newton's method solves at all nodes
+//!
+//! V_m = f(t_m, X_m, w_m),   0 = r(t_m, X_m, w_m)
+//!
+//! for V and w, and where the element ends on a boundary of the active set, for h too, with the
+//! member that vanishes there as one more equation.
+
+use std::sync::Arc;
+
+use wide::f64x4;
+
+use super::hidden::Hidden;
+use super::scheme::{Scheme, WIDTH};
+use super::system::Reduced;
+use crate::linalg::DenseLu;
+
+/// Why an element was not solved.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Unsolved {
+    /// The Jacobian is singular.
+    Singular,
+    /// Newton's method does not converge.
+    Diverged,
+}
+
+/// Newton iterations before a fresh Jacobian, and before giving up.
+const MAX_CHORDS: usize = 6;
+const MAX_NEWTON: usize = 25;
+
+/// Relative change of h up to which a factorization is tried again.
+const REUSE: f64 = 0.2;
+
+/// Contraction above which a factorization is given up.
+const SLOW: f64 = 0.1;
+
+/// Change of the unknowns, relative to their size, at which Newton's method has converged.
+const CONVERGED: f64 = 4.0 * f64::EPSILON;
+
+/// A change that no iteration makes smaller counts as rounding below this.
+const ROUNDING: f64 = 1e-11;
+
+/// An element and the memory to solve it.
+pub(super) struct Element {
+    pub(super) n: usize,
+    pub reduced: Arc<Reduced>,
+    /// Start and length.
+    pub t: f64,
+    pub h: f64,
+    /// x₀.
+    pub x0: Vec<f64>,
+    /// V and w of every node, one after the other.
+    pub unknowns: Vec<f64>,
+    /// Σ b_j V_j.
+    pub mean: Vec<f64>,
+    /// X at the nodes, in lanes: state i at `i * groups`.
+    pub(super) x: Vec<f64x4>,
+    pub(super) registers: Vec<f64x4>,
+    pub(super) slopes: Vec<f64x4>,
+    pub(super) matrix: Vec<f64>,
+    pub(super) lu: Option<DenseLu>,
+    /// The h that is factored, zero where nothing is.
+    pub(super) factored: f64,
+    /// Contraction of the last iterations with this factorization.
+    contraction: f64,
+    pub(super) rhs: Vec<f64>,
+    by_x: Vec<f64>,
+    pub(super) by_length: Vec<f64>,
+    /// Counts.
+    pub iterations: usize,
+    pub factorizations: usize,
+    pub evaluations: usize,
+}
+
+impl Element {
+    /// Memory for elements of an active set.
+    pub fn new(scheme: &Scheme, n: usize, reduced: Arc<Reduced>) -> Self {
+        let per_node = n + reduced.unknowns.len();
+        let size = scheme.s * per_node;
+        let zero = f64x4::splat(0.0);
+        let registers = [&reduced.equations, &reduced.slopes.tape, &reduced.members];
+        let registers = registers.map(|tape| tape.n_registers().max(tape.n_inputs()));
+        Element {
+            n,
+            t: 0.0,
+            h: 0.0,
+            x0: vec![0.0; n],
+            unknowns: vec![0.0; size],
+            mean: vec![0.0; n],
+            x: vec![zero; n * scheme.groups],
+            registers: vec![zero; registers.into_iter().max().unwrap_or(0)],
+            slopes: vec![zero; reduced.slopes.entries.len() * scheme.groups],
+            matrix: vec![0.0; size * size],
+            lu: None,
+            factored: 0.0,
+            contraction: 1.0,
+            rhs: vec![0.0; size],
+            by_x: vec![0.0; n],
+            by_length: vec![0.0; size],
+            iterations: 0,
+            factorizations: 0,
+            evaluations: 0,
+            reduced,
+        }
+    }
+
+    /// Unknowns per node: V, then w.
+    pub fn per_node(&self) -> usize {
+        self.n + self.reduced.unknowns.len()
+    }
+
+    /// Length of x.
+    pub fn n_states(&self) -> usize {
+        self.n
+    }
+
+    /// State i at a point of the scheme.
+    pub fn state_at(&self, scheme: &Scheme, point: usize, i: usize) -> f64 {
+        match scheme.node_at(point) {
+            Some(node) => self.x[i * scheme.groups + node / WIDTH].as_array()[node % WIDTH],
+            None if point == 0 => self.x0[i],
+            None => self.x0[i] + self.h * self.mean[i],
+        }
+    }
+
+    /// w of a node.
+    pub fn w(&self, node: usize) -> &[f64] {
+        let per_node = self.per_node();
+        &self.unknowns[node * per_node + self.n..(node + 1) * per_node]
+    }
+
+    /// Takes constant rates as the first guess.
+    pub fn guess(&mut self, rates: &[f64], w: &[f64]) {
+        let per_node = self.per_node();
+        for node in self.unknowns.chunks_exact_mut(per_node) {
+            node[..self.n].copy_from_slice(rates);
+            node[self.n..].copy_from_slice(w);
+        }
+    }
+
+    /// Takes the polynomials of an element of the same active set as the guess of one that starts
+    /// `shift` behind its start and is `ratio` times as long, both in units of its length.
+    pub fn extrapolate(&mut self, scheme: &Scheme, shift: f64, ratio: f64) {
+        let per_node = self.per_node();
+        let (s, unknowns) = (scheme.s, &self.unknowns);
+        let coefficients = &mut self.rhs[..s];
+        let values = &mut self.by_length;
+        for i in 0..per_node {
+            scheme.series(|j| unknowns[j * per_node + i], coefficients);
+            for (m, c) in scheme.tableau.nodes.iter().enumerate() {
+                let sigma = shift + ratio * c;
+                let value = coefficients.iter().rev().fold(0.0, |v, c| v * sigma + c);
+                values[m * per_node + i] = value;
+            }
+        }
+        std::mem::swap(&mut self.unknowns, &mut self.by_length);
+    }
+
+    /// Takes the first part of the present element as the guess of a shorter one.
+    pub fn shorten(&mut self, scheme: &Scheme, sigma: f64) {
+        self.extrapolate(scheme, 0.0, sigma);
+        self.h *= sigma;
+    }
+
+    /// Takes the unknowns of an element of the same active set as a guess.
+    pub fn restore(&mut self, unknowns: &[f64]) {
+        self.unknowns.copy_from_slice(unknowns);
+    }
+
+    /// Solves for an element of the length h.
+    pub fn solve(&mut self, scheme: &Scheme, t: f64, h: f64, x0: &[f64], scale: &[f64]) -> Result<(), Unsolved> {
+        (self.t, self.h) = (t, h);
+        self.x0.copy_from_slice(x0);
+        let mut fresh = self.prepare(scheme, h)?;
+        let (mut last, mut chords) = (f64::INFINITY, 0);
+        for _ in 0..MAX_NEWTON {
+            self.residual(scheme);
+            let lu = self.lu.as_ref().ok_or(Unsolved::Singular)?;
+            lu.solve(&mut self.rhs);
+            let change = self.advance(scale);
+            self.iterations += 1;
+            if !change.is_finite() {
+                return Err(Unsolved::Diverged);
+            }
+            let exact = self.reduced.is_linear && self.factored == h;
+            if exact || change <= CONVERGED {
+                self.finish(scheme);
+                return Ok(());
+            }
+            if last.is_finite() {
+                let rate = change / last;
+                if rate >= 0.5 && change <= ROUNDING {
+                    self.finish(scheme);
+                    return Ok(());
+                }
+                self.contraction = rate;
+                chords += 1;
+                if rate > SLOW || chords > MAX_CHORDS {
+                    if fresh && rate > 2.0 && chords > MAX_CHORDS {
+                        return Err(Unsolved::Diverged);
+                    }
+                    self.factor(scheme, h)?;
+                    (fresh, chords) = (true, 0);
+                }
+            }
+            let rate = self.contraction;
+            if rate < SLOW && rate / (1.0 - rate) * change <= CONVERGED {
+                self.finish(scheme);
+                return Ok(());
+            }
+            last = change;
+        }
+        Err(Unsolved::Diverged)
+    }
+
+    /// Solves for an element that ends where a watched member vanishes, from the present one as a
+    /// guess. Returns its length.
+    pub fn solve_to(&mut self, scheme: &Scheme, hidden: &mut Hidden, member: usize, scale: &[f64]) -> Result<f64, Unsolved> {
+        let longest = self.h;
+        let mut last = f64::INFINITY;
+        for _ in 0..MAX_NEWTON {
+            self.finish(scheme);
+            self.factor(scheme, self.h)?;
+            self.residual(scheme);
+            self.slope_by_length(scheme);
+            let lu = self.lu.as_ref().ok_or(Unsolved::Singular)?;
+            lu.solve(&mut self.rhs);
+            lu.solve(&mut self.by_length);
+            // G + ∂G/∂y Δy + ∂G/∂h Δh = 0 with Δy = rhs + by_length Δh.
+            let w = (scheme.s - 1) * self.per_node() + self.n;
+            let x = self.x0.iter().zip(&self.mean);
+            let x = x.map(|(x0, mean)| x0 + self.h * mean);
+            hidden.set(self.t + self.h, x, &self.unknowns[w..]);
+            hidden.solve(&self.reduced)?;
+            let (value, rate) = hidden.member(&self.reduced, member, &mut self.by_x)?;
+            // dx = mean dh + h Σ b_j dV_j at the end.
+            let by_mean = self.by_x.iter().zip(&self.mean).map(|(g, mean)| g * mean);
+            let rate = rate + by_mean.sum::<f64>();
+            let along = |direction: &[f64]| {
+                let per_node = self.per_node();
+                let terms = scheme.tableau.weights.iter().enumerate();
+                let terms = terms.map(|(j, b)| {
+                    let node = &direction[j * per_node..][..self.n];
+                    let by_x = self.by_x.iter().zip(node).map(|(g, v)| g * v);
+                    b * by_x.sum::<f64>()
+                });
+                self.h * terms.sum::<f64>()
+            };
+            let by_h = rate + along(&self.by_length);
+            let step = -(value + along(&self.rhs)) / by_h;
+            if !step.is_finite() {
+                return Err(Unsolved::Singular);
+            }
+            let step = step.clamp(-0.9 * self.h, 0.5 * longest);
+            for (y, by_length) in self.rhs.iter_mut().zip(&self.by_length) {
+                *y += by_length * step;
+            }
+            let change = self.advance(scale).max(step.abs() / longest);
+            self.h += step;
+            self.iterations += 1;
+            if !change.is_finite() {
+                return Err(Unsolved::Diverged);
+            }
+            if change <= CONVERGED || (change >= 0.5 * last && change <= ROUNDING) {
+                self.factored = 0.0;
+                self.finish(scheme);
+                return Ok(self.h);
+            }
+            last = change;
+        }
+        Err(Unsolved::Diverged)
+    }
+
+    /// Makes sure that there is a factorization for elements about as long as h.
+    fn prepare(&mut self, scheme: &Scheme, h: f64) -> Result<bool, Unsolved> {
+        let near = (self.factored - h).abs() <= REUSE * h;
+        let usable = near && (!self.reduced.is_linear || self.factored == h);
+        if !usable {
+            self.factor(scheme, h)?;
+            self.contraction = 1.0;
+        }
+        Ok(!usable)
+    }
+
+    /// Adds the solution in `rhs` to the unknowns. Returns the change relative to their size.
+    fn advance(&mut self, scale: &[f64]) -> f64 {
+        let per_node = self.per_node();
+        let mut largest = 0.0_f64;
+        for (at, (y, change)) in self.unknowns.iter_mut().zip(&self.rhs).enumerate() {
+            *y += change;
+            let place = at % per_node;
+            let relative = if place < self.n {
+                let moved = self.h * change.abs();
+                if moved == 0.0 {
+                    continue;
+                }
+                moved / scale[place].max((self.h * *y).abs())
+            } else {
+                change.abs() / (1.0 + y.abs())
+            };
+            // NaN must not be passed over.
+            if relative > largest || relative.is_nan() {
+                largest = relative;
+            }
+        }
+        largest
+    }
+
+    /// Σ b_j V_j
+    fn finish(&mut self, scheme: &Scheme) {
+        let per_node = self.per_node();
+        for (i, mean) in self.mean.iter_mut().enumerate() {
+            let terms = scheme.tableau.weights.iter().enumerate();
+            *mean = terms.map(|(j, b)| b * self.unknowns[j * per_node + i]).sum();
+        }
+    }
+}

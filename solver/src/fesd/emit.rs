@@ -1,0 +1,157 @@
+//! What a run tells its observer: elements as polynomials, and multipliers at their points.
+
+use std::ops::ControlFlow;
+
+use super::system::ComplementaritySystem;
+use super::watch::BAND;
+use super::{Run, Simulator};
+use crate::simulate::{Segment, Side, Status, series};
+
+/// z at the points of an element.
+pub struct Multipliers<'a> {
+    /// Instants, ascending.
+    pub times: &'a [f64],
+    /// One row of z per instant.
+    pub z: &'a [f64],
+}
+
+/// Sees a run while it happens.
+pub trait Observer: crate::simulate::Observer {
+    /// Whether [`Observer::multipliers`] is to be called.
+    fn wants_multipliers(&self) -> bool {
+        false
+    }
+    /// z in an element that was accepted.
+    fn multipliers(&mut self, _multipliers: &Multipliers) {}
+}
+
+impl<S: ComplementaritySystem> Simulator<'_, S> {
+    /// Reports the elements solved since the last report, and moves the run to their end, which is
+    /// `end` where the step ends there too.
+    pub(super) fn report(
+        &mut self,
+        run: &mut Run,
+        count: usize,
+        end: Option<f64>,
+        observer: &mut impl Observer,
+    ) -> Result<(), Status> {
+        for at in 0..count {
+            let solved = &self.solved[at];
+            solved.end(&mut run.x, &mut run.low);
+            let start = solved.t;
+            let length = match end.filter(|_| at + 1 == count) {
+                Some(end) => end - start,
+                None => solved.h,
+            };
+            run.t = match end.filter(|_| at + 1 == count) {
+                Some(end) => end,
+                None => start + length,
+            };
+            for (scale, x) in run.scale.iter_mut().zip(&run.x) {
+                *scale = scale.max(x.abs());
+            }
+            run.stats.steps += 1;
+            if !run.x.iter().all(|x| x.is_finite()) {
+                return Err(Status::NotFinite);
+            }
+            self.series(run, at);
+            let segment = Segment {
+                start,
+                length,
+                sides: &self.modes[run.mode].element.reduced.sides,
+                end: &run.x,
+                dense: &self.series,
+            };
+            if length > 0.0 && observer.segment(&segment) == ControlFlow::Break(()) {
+                return Err(Status::Stopped);
+            }
+            if observer.wants_multipliers() {
+                self.tell_multipliers(run, at, observer);
+            }
+        }
+        run.starts.fill(super::Start::Inside);
+        Ok(())
+    }
+
+    /// Writes the polynomials of an element: x(τ) = x₀ + ∫ V, and α through its values at the points.
+    pub(super) fn series(&mut self, run: &Run, at: usize) {
+        let (scheme, solved) = (&self.scheme, &self.solved[at]);
+        let element = &self.modes[run.mode].element;
+        let (n, s, per_node) = (run.x.len(), scheme.s, element.per_node());
+        let sides = &element.reduced.sides;
+        let n_points = scheme.points.len();
+        let degree = s.max(n_points - 1);
+        let series = &mut self.series;
+        series.shape(n, sides.len(), degree);
+        for i in 0..n {
+            let c = series.row_mut(i);
+            scheme.series(|j| solved.unknowns[j * per_node + i], &mut c[1..=s]);
+            // ∫ σᵏ dσ = σᵏ⁺¹/(k + 1), and σ = τ/h.
+            let mut scale = 1.0;
+            for (k, c) in c[1..=s].iter_mut().enumerate() {
+                *c *= scale / (k + 1) as f64;
+                scale /= solved.h;
+            }
+            c[0] = solved.x[i];
+        }
+        let sliding = (0..sides.len()).filter(|i| sides[*i] == Side::Slide);
+        for (place, switch) in sliding.enumerate() {
+            let values = &solved.alphas[place * n_points..(place + 1) * n_points];
+            let c = series.row_mut(n + switch);
+            scheme.point_series(values, c);
+            let mut scale = 1.0;
+            for c in &mut c[..n_points] {
+                *c *= scale;
+                scale /= solved.h;
+            }
+        }
+    }
+
+    /// α of all switches where the run is.
+    pub(super) fn alphas(&mut self, run: &Run, alpha: &mut [f64]) {
+        let mode = &mut self.modes[run.mode];
+        let reduced = mode.element.reduced.clone();
+        let w = run.z_of(&reduced.unknowns);
+        mode.hidden.set(run.t, run.x.iter().copied(), &w);
+        if mode.hidden.solve(&reduced).is_err() {
+            return;
+        }
+        let sliding = (0..alpha.len()).filter(|i| reduced.sides[*i] == Side::Slide);
+        for (switch, value) in sliding.zip(mode.hidden.eval(&reduced.alphas)) {
+            alpha[switch] = value;
+        }
+    }
+
+    fn tell_multipliers(&mut self, run: &Run, at: usize, observer: &mut impl Observer) {
+        let (scheme, solved) = (&self.scheme, &self.solved[at]);
+        let mode = &mut self.modes[run.mode];
+        let reduced = mode.element.reduced.clone();
+        let w = solved.unknowns[mode.element.n..mode.element.per_node()].to_vec();
+        let mut x = vec![0.0; run.x.len()];
+        let (mut times, mut z) = (Vec::new(), Vec::new());
+        for sigma in &scheme.points {
+            let tau = sigma * solved.h;
+            for (i, x) in x.iter_mut().enumerate() {
+                *x = series::value(self.series.row(i), tau);
+            }
+            mode.hidden.set(solved.t + tau, x.iter().copied(), &w);
+            if mode.hidden.solve(&reduced).is_err() {
+                return;
+            }
+            times.push(solved.t + tau);
+            z.extend(mode.hidden.eval(&reduced.algebraics));
+        }
+        observer.multipliers(&Multipliers { times: &times, z: &z });
+    }
+
+    /// Takes note of how far below zero members are in the element just evaluated.
+    pub(super) fn measure(&self, run: &mut Run) {
+        for (member, size) in run.sizes.iter().enumerate() {
+            for &value in self.values.of(&self.scheme, member) {
+                if value < 0.0 {
+                    run.least_member = run.least_member.min(value / size.max(BAND));
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,254 @@
+//! One step of the grid: elements of equal length from switch to switch.
+
+use super::element::Unsolved;
+use super::emit::Observer;
+use super::system::ComplementaritySystem;
+use super::watch::Verdict;
+use super::{Run, Simulator};
+use crate::simulate::Status;
+
+/// An element that is solved.
+#[derive(Default)]
+pub(super) struct Solved {
+    pub t: f64,
+    pub h: f64,
+    /// x₀, and what rounding took from it.
+    pub x: Vec<f64>,
+    pub low: Vec<f64>,
+    pub unknowns: Vec<f64>,
+    pub mean: Vec<f64>,
+    /// α of the sliding switches at the points of the scheme, one row each.
+    pub alphas: Vec<f64>,
+}
+
+impl Solved {
+    /// x₀ + h Σ b_j V_j, added up with what rounding takes.
+    pub fn end(&self, x: &mut [f64], low: &mut [f64]) {
+        for i in 0..x.len() {
+            let step = self.h * self.mean[i] + self.low[i];
+            let sum = self.x[i] + step;
+            let taken = sum - self.x[i];
+            low[i] = (self.x[i] - (sum - taken)) + (step - taken);
+            x[i] = sum;
+        }
+    }
+}
+
+/// Elements from one switch, or end of a step, to the next.
+struct Piece {
+    elements: usize,
+    /// The watched member that vanishes at its end.
+    event: Option<usize>,
+}
+
+/// Halvings of an element in which a member is negative from the start although it must rise.
+const MAX_HALVINGS: usize = 30;
+
+/// Rounds that make the lengths before a switch equal, and how equal they become.
+const MAX_ROUNDS: usize = 8;
+const EQUAL: f64 = 1e-13;
+
+/// Events in a row without progress in time that count as an accumulation.
+const MAX_STALLED: usize = 100;
+
+impl<S: ComplementaritySystem> Simulator<'_, S> {
+    /// Integrates over one step of the grid.
+    pub(super) fn interval(
+        &mut self,
+        run: &mut Run,
+        end: f64,
+        elements: usize,
+        observer: &mut impl Observer,
+    ) -> Result<(), Status> {
+        let length = end - run.t;
+        let mut left = elements;
+        while run.t < end {
+            self.limit(run)?;
+            let piece = self.piece(run, end, left, length)?;
+            let count = piece.elements;
+            // A step with more switches than elements less one has elements added.
+            run.added += (count + usize::from(piece.event.is_some())).saturating_sub(left);
+            left = left.saturating_sub(count).max(1);
+            let reaches_end = piece.event.is_none();
+            self.report(run, count, reaches_end.then_some(end), observer)?;
+            if piece.event.is_some() {
+                self.change(run, end - run.t, observer)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Solves for up to `left` elements of equal length that end with the step, or with a switch.
+    fn piece(&mut self, run: &mut Run, end: f64, left: usize, length: f64) -> Result<Piece, Status> {
+        let h = (end - run.t) / left as f64;
+        for at in 0..left {
+            let Some(member) = self.element(run, at, h)? else {
+                continue;
+            };
+            let switch = self.solved[at].t + self.solved[at].h;
+            // The last element of the step is kept for what comes after the switch.
+            let count = match at + 1 {
+                count if count == left && count > 1 => count - 1,
+                count => count,
+            };
+            if at > 0 {
+                self.equalize(run, count, (switch - run.t) / count as f64, member)?;
+            }
+            // A switch within rounding of the end is one at the end.
+            if end - switch <= 4.0 * f64::EPSILON * (end.abs() + length) {
+                self.snap(run, count, end);
+            }
+            return Ok(Piece { elements: count, event: Some(member) });
+        }
+        Ok(Piece { elements: left, event: None })
+    }
+
+    /// Solves for element `at` since the last report, which is h long unless a member vanishes in
+    /// it. Returns that member.
+    pub(super) fn element(&mut self, run: &mut Run, at: usize, h: f64) -> Result<Option<usize>, Status> {
+        self.place(run, at);
+        let mut tried = h;
+        for _ in 0..MAX_HALVINGS {
+            let Solved { t, ref x, .. } = self.solved[at];
+            let mode = &mut self.modes[run.mode];
+            if run.last > 0.0 {
+                mode.element.extrapolate(&self.scheme, 1.0, tried / run.last);
+            } else {
+                mode.element.guess(&run.rates, &run.z_of(&mode.element.reduced.unknowns));
+            }
+            let solved = mode.element.solve(&self.scheme, t, tried, x, &run.scale);
+            solved.map_err(|_| Status::Unsolved)?;
+            self.evaluate(run)?;
+            // Only the first element after a switch has members that start at zero.
+            let starts = if at == 0 { &run.starts[..] } else { &[] };
+            let verdict = self.values.judge(&self.scheme, starts, &run.sizes, &mut self.roots);
+            match verdict {
+                Verdict::Stays => {
+                    run.last = tried;
+                    if tried < h {
+                        // Found nothing in a part of the element only: the whole is too long.
+                        return Err(Status::Unsolved);
+                    }
+                    self.keep(run, at);
+                    return Ok(None);
+                }
+                Verdict::Leaves { sigma, member } => {
+                    let mode = &mut self.modes[run.mode];
+                    mode.element.shorten(&self.scheme, sigma);
+                    let length = mode.element.solve_to(&self.scheme, &mut mode.hidden, member, &run.scale);
+                    let length = length.map_err(|_| Status::Unsolved)?;
+                    if !(length > 0.0 && length <= tried * (1.0 + 1e-9)) {
+                        return Err(Status::Unsolved);
+                    }
+                    run.last = length;
+                    self.evaluate(run)?;
+                    self.keep(run, at);
+                    return Ok(Some(member));
+                }
+                Verdict::Wrong { .. } => {
+                    run.last = 0.0;
+                    tried *= 0.5;
+                }
+            }
+        }
+        Err(Status::Unsolved)
+    }
+
+    /// Makes `count` elements equal that end where a member vanishes, near a length `h` each.
+    fn equalize(&mut self, run: &mut Run, count: usize, mut h: f64, member: usize) -> Result<(), Status> {
+        let unsolved = |_: Unsolved| Status::Unsolved;
+        for _ in 0..MAX_ROUNDS {
+            for at in 0..count {
+                self.place(run, at);
+                let Solved { t, ref x, .. } = self.solved[at];
+                let mode = &mut self.modes[run.mode];
+                mode.element.restore(&self.solved[at].unknowns);
+                mode.element.solve(&self.scheme, t, h, x, &run.scale).map_err(unsolved)?;
+                if at + 1 == count {
+                    let hidden = &mut mode.hidden;
+                    mode.element.solve_to(&self.scheme, hidden, member, &run.scale).map_err(unsolved)?;
+                }
+                self.evaluate(run)?;
+                self.keep(run, at);
+            }
+            let last = self.solved[count - 1].h;
+            run.last = last;
+            if (last - h).abs() <= EQUAL * h || count == 1 {
+                return Ok(());
+            }
+            h += (last - h) / count as f64;
+        }
+        Ok(())
+    }
+
+    /// Where element `at` since the last report starts.
+    fn place(&mut self, run: &Run, at: usize) {
+        if self.solved.len() <= at {
+            self.solved.resize_with(at + 1, Solved::default);
+        }
+        let n = run.x.len();
+        let (before, here) = self.solved.split_at_mut(at);
+        let here = &mut here[0];
+        here.x.resize(n, 0.0);
+        here.low.resize(n, 0.0);
+        match before.last() {
+            None => {
+                here.t = run.t;
+                here.x.copy_from_slice(&run.x);
+                here.low.copy_from_slice(&run.low);
+            }
+            Some(last) => {
+                here.t = last.t + last.h;
+                last.end(&mut here.x, &mut here.low);
+            }
+        }
+    }
+
+    /// Takes over the element that the mode has solved, and `values` evaluated.
+    fn keep(&mut self, run: &mut Run, at: usize) {
+        self.measure(run);
+        let mode = &mut self.modes[run.mode];
+        let (element, solved) = (&mode.element, &mut self.solved[at]);
+        solved.h = element.h;
+        solved.unknowns.clone_from(&element.unknowns);
+        solved.mean.clone_from(&element.mean);
+        self.values.alphas(&self.scheme, element, &mut mode.hidden, &mut solved.alphas);
+    }
+
+    /// Evaluates the watched members of the element that the mode has solved.
+    fn evaluate(&mut self, run: &Run) -> Result<(), Status> {
+        let mode = &mut self.modes[run.mode];
+        let evaluated = self.values.evaluate(&self.scheme, &mode.element, &mut mode.hidden);
+        evaluated.map_err(|_| Status::Unsolved)
+    }
+
+    /// Moves the end of the last of `count` elements, which is within rounding, to the end of a step.
+    fn snap(&mut self, run: &Run, count: usize, end: f64) {
+        debug_assert!(run.t < end, "a step has a length");
+        let last = &mut self.solved[count - 1];
+        last.h = end - last.t;
+    }
+
+    /// Chooses the next active set where the last element ended, and reports the change.
+    pub(super) fn change(&mut self, run: &mut Run, left: f64, observer: &mut impl Observer) -> Result<(), Status> {
+        run.stalled = if run.last <= 1e-13 * left.abs() { run.stalled + 1 } else { 0 };
+        if run.stalled > MAX_STALLED {
+            return Err(Status::Accumulation);
+        }
+        let before = self.modes[run.mode].element.reduced.sides.clone();
+        self.select(run, left)?;
+        run.last = 0.0;
+        let after = &self.modes[run.mode].element.reduced.sides;
+        if before != *after {
+            run.stats.events += 1;
+            observer.event(&crate::simulate::Event {
+                time: run.t,
+                x: &run.x,
+                from: &before,
+                to: after,
+                accumulates: false,
+            });
+        }
+        Ok(())
+    }
+}

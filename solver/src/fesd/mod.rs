@@ -1,0 +1,325 @@
+//! Simulation by finite elements with switch detection (FESD)
+//!
+//! x' = f(t, x, z),   0 = g(t, x, z),   0 ≤ a ⟂ b ≥ 0
+//!
+//! Every step of the grid is cut into finite elements with a Runge-Kutta method each, whose lengths
+//! are unknowns: a switch is the end of an element (Nurkanović et al. 2024). The complementarity
+//! problem that this is needs no mathematical program. In each element one member of every pair is
+//! zero throughout, so the active set of the element before predicts the next one: Newton's method
+//! solves what is left, the signs of the other members say whether the set was right, and where one
+//! of them vanishes the element ends. There the derivatives of the members say which set is next.
+
+mod adaptive;
+mod collocation;
+mod directional;
+mod element;
+mod emit;
+mod hidden;
+mod march;
+mod scheme;
+mod select;
+mod system;
+mod watch;
+
+use std::time::{Duration, Instant};
+
+use rustc_hash::FxHashMap;
+
+use crate::simulate::dense::ElementSeries;
+use crate::simulate::roots::RootFinder;
+use crate::simulate::{Candidate, Outcome, Side, Stats, Status};
+use crate::tableau::{Family, Tableau, TableauError};
+use directional::Directional;
+use element::Element;
+pub use emit::{Multipliers, Observer};
+use hidden::Hidden;
+use scheme::Scheme;
+pub use system::{ComplementaritySystem, Full, Member, Pair, Reduced, Watched, Zero};
+use watch::{Start, Values};
+
+/// What the user may choose.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// The family of Runge-Kutta methods.
+    pub family: Family,
+    /// Its number of nodes.
+    pub nodes: usize,
+    /// How time is divided.
+    pub grid: Grid,
+    /// Largest number of elements.
+    pub max_elements: usize,
+    /// Largest number of events.
+    pub max_events: usize,
+    /// Wall time after which the run stops.
+    pub time_limit: Option<Duration>,
+}
+
+impl Settings {
+    /// A family with a number of nodes, and defaults.
+    pub fn new(family: Family, nodes: usize) -> Self {
+        Settings {
+            family,
+            nodes,
+            grid: Grid::Adaptive { tolerance: 1e-8 },
+            max_elements: 10_000_000,
+            max_events: 1_000_000,
+            time_limit: None,
+        }
+    }
+}
+
+/// How time is divided.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Grid {
+    /// Steps of one length, with as many elements each; at most that many switches less one fit in
+    /// a step before elements are added.
+    Steps {
+        /// Number of steps, at least 1.
+        steps: usize,
+        /// Elements per step, at least 1.
+        elements: usize,
+    },
+    /// One element after the other, as long as the aim for the global error allows.
+    Adaptive {
+        /// Relative to the largest magnitude of each state; in (0, 1).
+        tolerance: f64,
+    },
+}
+
+/// How the active set after a switch was found; each is tried where those before it fail.
+#[derive(Clone, Copy, Default, Debug, PartialEq, Eq)]
+pub struct Rungs {
+    /// By the first derivatives of the members.
+    pub predicted: usize,
+    /// By trial elements.
+    pub tried: usize,
+}
+
+/// The end of a run, with what concerns elements only.
+#[derive(Clone, Debug)]
+pub struct Solution {
+    /// As of every simulation.
+    pub outcome: Outcome,
+    /// Elements added to steps with more switches than elements.
+    pub added_elements: usize,
+    /// How active sets were found.
+    pub rungs: Rungs,
+    /// Least member at a node, relative to the size of its pair: zero or rounding.
+    pub least_member: f64,
+}
+
+/// What has been compiled and factored for an active set.
+struct Mode {
+    element: Element,
+    hidden: Hidden,
+}
+
+/// Runs a system, keeping the functions it has met from one run to the next.
+pub struct Simulator<'s, S> {
+    system: &'s S,
+    settings: Settings,
+    scheme: Scheme,
+    /// Places in `modes`; none for sets without functions.
+    known: FxHashMap<Vec<Zero>, Option<usize>>,
+    modes: Vec<Mode>,
+    directional: Directional,
+    values: Values,
+    roots: RootFinder,
+    /// The elements solved since the last one that was reported.
+    solved: Vec<march::Solved>,
+    series: ElementSeries,
+}
+
+/// A run on its way.
+struct Run {
+    t: f64,
+    x: Vec<f64>,
+    /// What rounding took from x, so that sums over many elements stay exact.
+    low: Vec<f64>,
+    z: Vec<f64>,
+    zeros: Vec<Zero>,
+    mode: usize,
+    /// How the watched members of the mode start in the next element.
+    starts: Vec<Start>,
+    /// Values of the watched members that count as zero, over [`watch::BAND`].
+    sizes: Vec<f64>,
+    /// Largest magnitude of each state so far.
+    scale: Vec<f64>,
+    /// Length of the last element in this mode, zero before the first.
+    last: f64,
+    rates: Vec<f64>,
+    started: Instant,
+    stats: Stats,
+    added: usize,
+    rungs: Rungs,
+    least_member: f64,
+    defect: f64,
+    /// Events in a row that took no time.
+    stalled: usize,
+}
+
+impl Run {
+    /// The values of some algebraic variables.
+    fn z_of(&self, variables: &[usize]) -> Vec<f64> {
+        variables.iter().map(|&i| self.z[i]).collect()
+    }
+}
+
+impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
+    /// A simulator that has met no active set yet.
+    pub fn new(system: &'s S, settings: Settings) -> Result<Self, TableauError> {
+        let scheme = Scheme::new(Tableau::new(settings.family, settings.nodes)?);
+        Ok(Simulator {
+            system,
+            settings,
+            known: FxHashMap::default(),
+            modes: Vec::new(),
+            directional: Directional::new(system),
+            values: Values::default(),
+            roots: RootFinder::new(scheme.points.len()),
+            scheme,
+            solved: Vec::new(),
+            series: ElementSeries::default(),
+        })
+    }
+
+    /// The settings in force.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Order of the method where nothing switches.
+    pub fn order(&self) -> usize {
+        self.scheme.tableau.order
+    }
+
+    /// Integrates from `x0` at `t0` to `t1`.
+    pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut impl Observer) -> Solution {
+        let counts = |mode: &Mode| {
+            let element = &mode.element;
+            [element.iterations, element.factorizations, element.evaluations]
+        };
+        let total = |modes: &[Mode]| {
+            let all = modes.iter().map(counts);
+            all.fold([0; 3], |sum, next| std::array::from_fn(|i| sum[i] + next[i]))
+        };
+        let before = total(&self.modes);
+        let known = self.modes.len();
+        let mut run = Run {
+            t: t0,
+            x: x0.to_vec(),
+            low: vec![0.0; x0.len()],
+            z: self.system.start().to_vec(),
+            zeros: Vec::new(),
+            mode: 0,
+            starts: Vec::new(),
+            sizes: Vec::new(),
+            scale: x0.iter().map(|x| x.abs()).collect(),
+            last: 0.0,
+            rates: vec![0.0; x0.len()],
+            started: Instant::now(),
+            stats: Stats::default(),
+            added: 0,
+            rungs: Rungs::default(),
+            least_member: 0.0,
+            defect: 0.0,
+            stalled: 0,
+        };
+        let status = match self.integrate(&mut run, t0, t1, observer) {
+            Ok(()) => Status::Solved,
+            Err(status) => status,
+        };
+        let after = total(&self.modes);
+        run.stats.newton_iterations = after[0] - before[0];
+        run.stats.factorizations = after[1] - before[1];
+        run.stats.rhs_evaluations = after[2] - before[2];
+        run.stats.functions = self.modes.len() - known;
+        let n = x0.len();
+        let alive = !run.zeros.is_empty() || self.system.pairs().is_empty();
+        let sides = match self.modes.get(run.mode).filter(|_| alive) {
+            Some(mode) => mode.element.reduced.sides.to_vec(),
+            None => vec![Side::Plus; self.system.n_switches()],
+        };
+        let mut alpha: Vec<f64> = sides.iter().map(|side| 0.5 + 0.5 * side.sign()).collect();
+        if alive && !self.modes.is_empty() {
+            self.alphas(&run, &mut alpha);
+        }
+        Solution {
+            outcome: Outcome {
+                status,
+                time: run.t,
+                x: run.x,
+                sides,
+                alpha,
+                activity: vec![0.0; n],
+                moved: vec![0.0; n],
+                drift: 0.0,
+                defect: run.defect,
+                notes: Vec::new(),
+                stats: run.stats,
+            },
+            added_elements: run.added,
+            rungs: run.rungs,
+            least_member: run.least_member,
+        }
+    }
+
+    fn integrate(&mut self, run: &mut Run, t0: f64, t1: f64, observer: &mut impl Observer) -> Result<(), Status> {
+        self.begin(run, t1 - t0)?;
+        match self.settings.grid {
+            Grid::Steps { steps, elements } => {
+                for k in 1..=steps {
+                    let end = if k == steps { t1 } else { t0 + (t1 - t0) * (k as f64 / steps as f64) };
+                    self.interval(run, end, elements, observer)?;
+                }
+                Ok(())
+            }
+            Grid::Adaptive { tolerance } => self.adapt(run, t1, tolerance, observer),
+        }
+    }
+
+    /// Whether a run has to stop.
+    fn limit(&self, run: &Run) -> Result<(), Status> {
+        if run.stats.steps >= self.settings.max_elements {
+            return Err(Status::StepLimit);
+        }
+        if run.stats.events >= self.settings.max_events {
+            return Err(Status::EventLimit);
+        }
+        match self.settings.time_limit {
+            Some(limit) if run.started.elapsed() > limit => Err(Status::TimeLimit),
+            _ => Ok(()),
+        }
+    }
+
+    /// The place of the functions of an active set.
+    fn mode(&mut self, zeros: &[Zero]) -> Option<usize> {
+        if let Some(&known) = self.known.get(zeros) {
+            return known;
+        }
+        let n = self.system.n_states();
+        let place = self.system.reduced(zeros).map(|reduced| {
+            self.modes.push(Mode {
+                hidden: Hidden::new(n, &reduced),
+                element: Element::new(&self.scheme, n, reduced),
+            });
+            self.modes.len() - 1
+        });
+        self.known.insert(zeros.to_vec(), place);
+        place
+    }
+
+    /// The switches that slide in some of several modes, or are on different sides, with their sides
+    /// in each.
+    fn candidates(&self, modes: &[usize]) -> Vec<Candidate> {
+        let sides = |mode: &usize| &self.modes[*mode].element.reduced.sides;
+        let differs = |switch: &usize| {
+            let mut all = modes.iter().map(|mode| sides(mode)[*switch]);
+            let first = all.next();
+            all.any(|side| Some(side) != first)
+        };
+        let open: Vec<usize> = (0..self.system.n_switches()).filter(differs).collect();
+        let candidate = |mode: &usize| open.iter().map(|&switch| (switch, sides(mode)[switch])).collect();
+        modes.iter().map(candidate).collect()
+    }
+}

@@ -1,0 +1,188 @@
+//! The active set that goes on from the start or from a switch.
+
+use super::directional::{self, Choice, Found};
+use super::system::{ComplementaritySystem, Pair, Zero};
+use super::watch::{BAND, Start, Verdict};
+use super::{Run, Simulator};
+use crate::simulate::Status;
+
+/// Length of a trial element, relative to what is left of the step.
+const TRIAL: f64 = 1e-3;
+
+impl<S: ComplementaritySystem> Simulator<'_, S> {
+    /// Finds the set that a run starts with.
+    pub(super) fn begin(&mut self, run: &mut Run, horizon: f64) -> Result<(), Status> {
+        let bands = self.bands(run);
+        // Off its surface the continuous member is positive, and the other one zero.
+        let zero = |(pair, band): (&Pair, &f64)| {
+            let side = match self.system.is_continuous(pair.left.variable) {
+                true => Zero::Left,
+                false => Zero::Right,
+            };
+            let (continuous, _) = pair.split(side);
+            if continuous.value(&run.z) > *band { side.other() } else { side }
+        };
+        run.zeros = self.system.pairs().iter().zip(&bands).map(zero).collect();
+        self.select_from(run, &bands, horizon)
+    }
+
+    /// Finds the set that goes on where an element has ended on its boundary.
+    pub(super) fn select(&mut self, run: &mut Run, left: f64) -> Result<(), Status> {
+        let mode = &mut self.modes[run.mode];
+        let w = run.z_of(&mode.element.reduced.unknowns);
+        mode.hidden.set(run.t, run.x.iter().copied(), &w);
+        mode.hidden.solve(&mode.element.reduced).map_err(|_| Status::Unsolved)?;
+        let reduced = mode.element.reduced.clone();
+        for (z, value) in run.z.iter_mut().zip(mode.hidden.eval(&reduced.algebraics)) {
+            *z = value;
+        }
+        let bands = self.bands(run);
+        self.select_from(run, &bands, left)
+    }
+
+    fn select_from(&mut self, run: &mut Run, bands: &[f64], left: f64) -> Result<(), Status> {
+        let point = (run.t, &run.x[..], &run.z[..]);
+        let found = self.directional.choices(self.system, point, &run.zeros, bands);
+        // Choices with the same rates are one solution.
+        let mut classes: Vec<Vec<Choice>> = Vec::new();
+        for choice in found.choices.iter().cloned() {
+            match classes.iter_mut().find(|class| directional::agree(&class[0], &choice)) {
+                Some(class) => class.push(choice),
+                None => classes.push(vec![choice]),
+            }
+        }
+        let is_certain = |class: &&Vec<Choice>| class.iter().any(|choice| choice.strict);
+        if let [class] = &classes[..]
+            && let Some(choice) = class.iter().find(|choice| choice.strict)
+        {
+            run.rungs.predicted += 1;
+            return self.take(run, choice.clone(), bands);
+        }
+        // Where a derivative vanishes, a short element of the set itself says what comes next.
+        let mut accepted: Vec<Choice> = Vec::new();
+        for class in &classes {
+            let certain = is_certain(&class);
+            let mut members = class.iter().filter(|choice| choice.strict || !certain);
+            let passes = members.find(|choice| choice.strict || self.passes(run, choice, bands, TRIAL * left));
+            accepted.extend(passes.cloned());
+        }
+        match accepted.len() {
+            1 => {
+                run.rungs.tried += 1;
+                self.take(run, accepted.swap_remove(0), bands)
+            }
+            0 => Err(self.nothing(run, &found)),
+            _ => {
+                let modes = accepted.iter().filter_map(|choice| self.mode(&choice.zeros));
+                let modes: Vec<usize> = modes.collect();
+                Err(Status::NonUnique(self.candidates(&modes)))
+            }
+        }
+    }
+
+    /// Whether the members of a set stay positive in a short element.
+    fn passes(&mut self, run: &Run, choice: &Choice, bands: &[f64], h: f64) -> bool {
+        let Some(place) = self.mode(&choice.zeros) else {
+            return false;
+        };
+        let mode = &mut self.modes[place];
+        let w: Vec<f64> = mode.element.reduced.unknowns.iter().map(|&i| choice.u[i]).collect();
+        mode.element.guess(&choice.rates, &w);
+        if mode.element.solve(&self.scheme, run.t, h, &run.x, &run.scale).is_err() {
+            return false;
+        }
+        let evaluated = self.values.evaluate(&self.scheme, &mode.element, &mut mode.hidden);
+        if evaluated.is_err() {
+            return false;
+        }
+        let watched = &mode.element.reduced.watched;
+        let starts: Vec<Start> = watched.iter().map(|w| choice.starts[w.pair]).collect();
+        let sizes: Vec<f64> = watched.iter().map(|w| bands[w.pair] / BAND).collect();
+        let verdict = self.values.judge(&self.scheme, &starts, &sizes, &mut self.roots);
+        !matches!(verdict, Verdict::Wrong { .. })
+    }
+
+    /// Goes on with a set.
+    fn take(&mut self, run: &mut Run, choice: Choice, bands: &[f64]) -> Result<(), Status> {
+        let Some(mode) = self.mode(&choice.zeros) else {
+            return Err(Status::Undetermined { switches: self.switches_of(&choice.zeros, &run.zeros) });
+        };
+        let reduced = &self.modes[mode].element.reduced;
+        if reduced.slides() && !self.scheme.tableau.is_invertible() {
+            let slides = |i: &usize| reduced.sides[*i] == crate::simulate::Side::Slide;
+            let switches = (0..reduced.sides.len()).filter(slides).collect();
+            return Err(Status::CannotSlide { switches });
+        }
+        run.starts.clear();
+        run.starts.extend(reduced.watched.iter().map(|w| choice.starts[w.pair]));
+        run.sizes.clear();
+        run.sizes.extend(reduced.watched.iter().map(|w| bands[w.pair] / BAND));
+        for (i, (z, u)) in run.z.iter_mut().zip(&choice.u).enumerate() {
+            if !self.system.is_continuous(i) {
+                *z = *u;
+            }
+        }
+        run.mode = mode;
+        run.zeros = choice.zeros;
+        run.rates = choice.rates;
+        Ok(())
+    }
+
+    /// Values of the continuous member of each pair below which it is zero: what rounding leaves of
+    /// its terms.
+    fn bands(&mut self, run: &Run) -> Vec<f64> {
+        let (n, full) = (run.x.len(), self.system.full());
+        let mut inputs = vec![run.t];
+        inputs.extend_from_slice(&run.x);
+        inputs.extend_from_slice(&run.z);
+        let mut slopes = vec![0.0; full.slopes.entries.len()];
+        full.slopes.tape.eval(&inputs, &mut slopes, &mut full.slopes.tape.scratch());
+        let n_rows = full.equations.n_outputs() - n;
+        let mut sizes = vec![0.0; n_rows];
+        for (&(row, input), slope) in full.slopes.entries.iter().zip(&slopes) {
+            let scale = match input {
+                0 => run.t.abs(),
+                _ if input <= n => run.scale[input - 1],
+                _ => continue,
+            };
+            if row >= n {
+                sizes[row - n] += slope.abs() * scale;
+            }
+        }
+        let mut of_variable = vec![0.0_f64; run.z.len()];
+        for (&(row, input), slope) in full.slopes.entries.iter().zip(&slopes) {
+            if row >= n && input > n && *slope != 0.0 {
+                let size = &mut of_variable[input - 1 - n];
+                *size = size.max(sizes[row - n]);
+            }
+        }
+        let band = |pair: &Pair| {
+            let members = [pair.left, pair.right].into_iter();
+            let continuous = members.filter(|m| self.system.is_continuous(m.variable));
+            BAND * continuous.fold(0.0, |size: f64, m| size.max(of_variable[m.variable]))
+        };
+        self.system.pairs().iter().map(band).collect()
+    }
+
+    fn nothing(&mut self, run: &Run, found: &Found) -> Status {
+        let switches = match self.modes.get(run.mode) {
+            Some(_) => self.switches_of_pairs(&found.open),
+            None => Vec::new(),
+        };
+        Status::NoSolution { switches }
+    }
+
+    fn switches_of(&self, a: &[Zero], b: &[Zero]) -> Vec<usize> {
+        let differing = a.iter().zip(b).enumerate().filter(|(_, (a, b))| a != b);
+        let pairs: Vec<usize> = differing.map(|(pair, _)| pair).collect();
+        self.switches_of_pairs(&pairs)
+    }
+
+    fn switches_of_pairs(&self, pairs: &[usize]) -> Vec<usize> {
+        let switches = pairs.iter().flat_map(|&pair| self.system.switches_of(pair));
+        let mut switches: Vec<usize> = switches.copied().collect();
+        switches.sort_unstable();
+        switches.dedup();
+        switches
+    }
+}

@@ -1,0 +1,164 @@
+//! A complementarity system, one active set at a time.
+//!
+//! x' = f(t, x, z),   0 = g(t, x, z),   0 ≤ a ⟂ b ≥ 0
+//!
+//! Each member of a pair is an algebraic variable z_i or 1 - z_i, and at least one of them is
+//! *continuous* along solutions: a function of t and x, as λ is in the reformulations of switches.
+//! The other, like θ or α, jumps where the active set changes.
+
+use std::sync::Arc;
+
+use crate::simulate::{Partials, Side};
+use crate::tape::Tape;
+
+/// A complementarity system whose functions are compiled when they are needed.
+pub trait ComplementaritySystem {
+    /// Length of x.
+    fn n_states(&self) -> usize;
+    /// Length of ψ and α of the switches that the pairs state.
+    fn n_switches(&self) -> usize;
+    /// The pairs.
+    fn pairs(&self) -> &[Pair];
+    /// The switches that a pair is about.
+    fn switches_of(&self, pair: usize) -> &[usize];
+    /// All functions, with every z an input.
+    fn full(&self) -> &Full;
+    /// The functions while these members are zero; none where that contradicts the equations, or
+    /// leaves a z undetermined whatever x is.
+    fn reduced(&self, zeros: &[Zero]) -> Option<Arc<Reduced>>;
+    /// z where t = 0, with every side's share where that is on a surface.
+    fn start(&self) -> &[f64];
+    /// Whether a variable is continuous along solutions.
+    fn is_continuous(&self, algebraic: usize) -> bool;
+}
+
+/// Which member of a pair is zero while an active set lasts.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
+pub enum Zero {
+    /// a = 0, b ≥ 0.
+    Left,
+    /// b = 0, a ≥ 0.
+    Right,
+}
+
+impl Zero {
+    /// The other member.
+    pub fn other(self) -> Self {
+        match self {
+            Zero::Left => Zero::Right,
+            Zero::Right => Zero::Left,
+        }
+    }
+}
+
+/// A member of a pair: z_i, or 1 - z_i.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Member {
+    /// i.
+    pub variable: usize,
+    /// True for 1 - z_i.
+    pub complement: bool,
+}
+
+impl Member {
+    /// Its value.
+    pub fn value(self, z: &[f64]) -> f64 {
+        if self.complement {
+            1.0 - z[self.variable]
+        } else {
+            z[self.variable]
+        }
+    }
+
+    /// ∂/∂z_i, and so its rate over that of z_i.
+    pub fn slope(self) -> f64 {
+        if self.complement { -1.0 } else { 1.0 }
+    }
+}
+
+/// 0 ≤ a ⟂ b ≥ 0.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Pair {
+    /// a.
+    pub left: Member,
+    /// b.
+    pub right: Member,
+    /// Pairs of different groups share no equation.
+    pub group: usize,
+}
+
+impl Pair {
+    /// The member that is zero, and the one that is not negative.
+    pub fn split(&self, zero: Zero) -> (Member, Member) {
+        match zero {
+            Zero::Left => (self.left, self.right),
+            Zero::Right => (self.right, self.left),
+        }
+    }
+}
+
+/// Functions of (t, x, z).
+#[derive(Clone, Debug)]
+pub struct Full {
+    /// To (f, g).
+    pub equations: Tape,
+    /// Their partial derivatives by all inputs.
+    pub slopes: Partials,
+    /// (t, x, z, u) to the directional form of g, in which u_i is z_i, or z_i' of a continuous
+    /// one: rows with a continuous variable are differentiated along x' = f(t, x, u).
+    pub directional: Tape,
+    /// Its partial derivatives by u: entries (row, u_i).
+    pub directional_slopes: Partials,
+    /// Whether the directional form is affine in u, so that it has one solution per active set.
+    pub is_affine: bool,
+    /// (t, x, z, u) to f.
+    pub rates: Tape,
+}
+
+/// The functions of an active set: zero members are substituted, and every z that an equation
+/// gives explicitly is eliminated. What stays unknown is w, with as many residuals r.
+#[derive(Clone, Debug)]
+pub struct Reduced {
+    /// The place in z of every w.
+    pub unknowns: Vec<usize>,
+    /// (t, x, w) to (f, r).
+    pub equations: Tape,
+    /// Their partial derivatives by all inputs.
+    pub slopes: Partials,
+    /// (t, x, w) to what determines w in a single point: r, or its derivative along f where it
+    /// contains no w.
+    pub hidden: Tape,
+    /// ∂hidden/∂w: entries (row, input).
+    pub hidden_slopes: Partials,
+    /// (t, x, w) to z.
+    pub algebraics: Tape,
+    /// What must not be negative.
+    pub watched: Vec<Watched>,
+    /// (t, x, w) to the watched members.
+    pub members: Tape,
+    /// Their partial derivatives by all inputs.
+    pub member_slopes: Partials,
+    /// Where the switches stand.
+    pub sides: Box<[Side]>,
+    /// (t, x, w) to α of the switches that slide.
+    pub alphas: Tape,
+    /// Whether f and r are affine in (x, w), with constant coefficients: one factorization serves
+    /// all elements of one length.
+    pub is_linear: bool,
+}
+
+impl Reduced {
+    /// Whether a switch slides.
+    pub fn slides(&self) -> bool {
+        self.sides.contains(&Side::Slide)
+    }
+}
+
+/// A member that is not zero by itself.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Watched {
+    /// Its pair.
+    pub pair: usize,
+    /// Whether it contains a w, and so may jump.
+    pub jumps: bool,
+}

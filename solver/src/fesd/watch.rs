@@ -1,0 +1,168 @@
+//! Members along an element: do they stay positive, and which is the first that does not?
+
+use wide::f64x4;
+
+use super::element::{Element, Unsolved};
+use super::hidden::Hidden;
+use super::scheme::{Scheme, WIDTH};
+use crate::simulate::roots::RootFinder;
+
+/// How a member starts.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub(super) enum Start {
+    /// Above zero.
+    #[default]
+    Inside,
+    /// At zero, and it rises.
+    Rising,
+    /// At zero, and so is its rate.
+    Tangent,
+}
+
+/// What members do in an element.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub(super) enum Verdict {
+    /// None vanishes.
+    Stays,
+    /// One vanishes at this fraction of the element, the first to do so.
+    Leaves { sigma: f64, member: usize },
+    /// One is negative from the start: this is not the active set.
+    Wrong { member: usize },
+}
+
+/// Below this, relative to the largest value of its pair so far, a member is zero.
+pub(super) const BAND: f64 = 1e-12;
+
+/// Values of the watched members of an element.
+#[derive(Default)]
+pub(super) struct Values {
+    /// One row per member, one column per point of the scheme.
+    pub at_points: Vec<f64>,
+    series: Vec<f64>,
+    quotients: Vec<f64>,
+    registers: Vec<f64x4>,
+    /// w at the points, from the hidden equations.
+    w: Vec<f64>,
+}
+
+impl Values {
+    /// Evaluates the watched members at all points of an element that is solved.
+    pub fn evaluate(&mut self, scheme: &Scheme, element: &Element, hidden: &mut Hidden) -> Result<(), Unsolved> {
+        let reduced = &element.reduced;
+        let (n, n_w, n_points) = (element.n_states(), reduced.unknowns.len(), scheme.points.len());
+        self.w.resize(n_w * n_points, 0.0);
+        if n_w > 0 {
+            for p in 0..n_points {
+                let node = scheme.node_at(p).unwrap_or(if p == 0 { 0 } else { scheme.s - 1 });
+                let x = (0..n).map(|i| element.state_at(scheme, p, i));
+                hidden.set(element.t + scheme.points[p] * element.h, x, element.w(node));
+                hidden.solve(reduced)?;
+                self.w[p * n_w..(p + 1) * n_w].copy_from_slice(hidden.w());
+            }
+        }
+        let tape = &reduced.members;
+        self.at_points.resize(tape.n_outputs() * n_points, 0.0);
+        self.registers.resize(tape.n_registers().max(tape.n_inputs()), f64x4::splat(0.0));
+        for first in (0..n_points).step_by(WIDTH) {
+            let point = |lane: usize| (first + lane).min(n_points - 1);
+            let lanes = |value: &dyn Fn(usize) -> f64| f64x4::from(std::array::from_fn(|k| value(point(k))));
+            self.registers[0] = lanes(&|p| element.t + scheme.points[p] * element.h);
+            for i in 0..n {
+                self.registers[1 + i] = lanes(&|p| element.state_at(scheme, p, i));
+            }
+            for k in 0..n_w {
+                self.registers[1 + n + k] = lanes(&|p| self.w[p * n_w + k]);
+            }
+            tape.run(&mut self.registers);
+            for (member, value) in tape.results(&self.registers).enumerate() {
+                let values = value.to_array();
+                let last = (first + WIDTH).min(n_points);
+                self.at_points[member * n_points + first..member * n_points + last]
+                    .copy_from_slice(&values[..last - first]);
+            }
+        }
+        Ok(())
+    }
+
+    /// α of the switches that slide at the points, one row each, after [`Values::evaluate`].
+    pub fn alphas(&mut self, scheme: &Scheme, element: &Element, hidden: &mut Hidden, alphas: &mut Vec<f64>) {
+        let reduced = &element.reduced;
+        let (n_points, n_w) = (scheme.points.len(), reduced.unknowns.len());
+        alphas.resize(reduced.alphas.n_outputs() * n_points, 0.0);
+        if alphas.is_empty() {
+            return;
+        }
+        for p in 0..n_points {
+            let x = (0..element.n_states()).map(|i| element.state_at(scheme, p, i));
+            let t = element.t + scheme.points[p] * element.h;
+            hidden.set(t, x, &self.w[p * n_w..(p + 1) * n_w]);
+            for (row, value) in hidden.eval(&reduced.alphas).enumerate() {
+                alphas[row * n_points + p] = value;
+            }
+        }
+    }
+
+    /// Values of a member at the points.
+    pub fn of(&self, scheme: &Scheme, member: usize) -> &[f64] {
+        let n_points = scheme.points.len();
+        &self.at_points[member * n_points..(member + 1) * n_points]
+    }
+
+    /// Whether the members stay positive; `starts` says how each begins, above zero where it does not.
+    pub fn judge(&mut self, scheme: &Scheme, starts: &[Start], scales: &[f64], roots: &mut RootFinder) -> Verdict {
+        let n_points = scheme.points.len();
+        let mut first: Option<(f64, usize)> = None;
+        for (member, values) in self.at_points.chunks_exact(n_points).enumerate() {
+            let start = starts.get(member).unwrap_or(&Start::Inside);
+            let sigma = match start {
+                Start::Inside if stays_positive(values, scheme.lebesgue) => continue,
+                Start::Inside => {
+                    if values[0] <= -BAND * scales[member] {
+                        return Verdict::Wrong { member };
+                    }
+                    self.series.resize(n_points, 0.0);
+                    scheme.point_series(values, &mut self.series);
+                    let start = values[0].max(f64::MIN_POSITIVE);
+                    roots.first(start, &self.series[1..], 1.0).map(|root| root.tau)
+                }
+                // What is zero at the start is divided by its leading power of σ.
+                Start::Rising | Start::Tangent => {
+                    let power = if *start == Start::Rising { 1 } else { 2 };
+                    let quotients = scheme.points[1..].iter().zip(&values[1..]);
+                    self.quotients.clear();
+                    self.quotients.extend(quotients.map(|(sigma, v)| v / sigma.powi(power)));
+                    let size = values.iter().fold(0.0_f64, |s, v| s.max(v.abs()));
+                    if size <= BAND * scales[member] || stays_positive(&self.quotients, scheme.inner_lebesgue) {
+                        continue;
+                    }
+                    if self.quotients[0] <= 0.0 {
+                        return Verdict::Wrong { member };
+                    }
+                    self.series.resize(n_points - 1, 0.0);
+                    scheme.inner_series(|j| self.quotients[j], &mut self.series);
+                    let width = 1.0 - scheme.points[1];
+                    let root = roots.first(self.quotients[0], &self.series[1..], width);
+                    root.map(|root| scheme.points[1] + root.tau)
+                }
+            };
+            if let Some(sigma) = sigma.filter(|s| first.is_none_or(|(least, _)| *s < least)) {
+                first = Some((sigma, member));
+            }
+        }
+        match first {
+            Some((sigma, member)) => Verdict::Leaves { sigma, member },
+            None => Verdict::Stays,
+        }
+    }
+}
+
+/// True when no polynomial with these values comes down to zero: it leaves the middle of its values
+/// by no more than the Lebesgue constant times half their range.
+fn stays_positive(values: &[f64], lebesgue: f64) -> bool {
+    let (mut least, mut largest) = (f64::INFINITY, f64::NEG_INFINITY);
+    for &value in values {
+        least = least.min(value);
+        largest = largest.max(value);
+    }
+    least * (1.0 + lebesgue) > largest * (lebesgue - 1.0)
+}
