@@ -22,7 +22,7 @@ use self::model::Model;
 use self::report::expect::{self, Subject};
 use self::source::SourceMap;
 use self::syntax::{Bind, Experiment, File, Item, SettingKind};
-use self::system::experiment::Settings;
+use self::system::experiment::{Method, Settings};
 use self::system::{Extent, System};
 
 /// An experiment that is ready to run.
@@ -91,7 +91,8 @@ fn compile_to<'e>(
         let settings = system::experiment::evaluate(&model, experiment, overrides, diags)?;
         model::check_experiment(file, home, definition, experiment, overrides, diags)?;
         let system = system::lower(&model, &settings, extent, diags)?;
-        let lowerings = dcs::check(&system, &settings.lowerings);
+        let needs = matches!(settings.method, Method::Fesd(_));
+        let lowerings = dcs::check(&system, &settings.lowerings, needs);
         lowerings.map_err(|error| diags.push(error)).ok()?;
         Some(Compiled {
             model,

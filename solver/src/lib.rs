@@ -1,8 +1,8 @@
 #![doc = include_str!("../README.md")]
 
 pub mod cell;
-pub mod lcp;
 pub mod fesd;
+pub mod lcp;
 pub mod linalg;
 pub mod qp;
 pub mod simulate;

@@ -32,10 +32,13 @@ pub fn lower<'e>(system: &System<'e>, lowerings: &[Lowering]) -> Result<Dcs<'e>,
     Ok(dcs)
 }
 
-/// Whether [`lower`] would succeed; for those who need no DCS and still tell the user.
-pub fn check(system: &System, lowerings: &[Lowering]) -> Result<(), DcsError> {
-    let Some(formulation) = asked(lowerings) else {
-        return Ok(());
+/// Whether [`lower`] would succeed; for those who need no DCS and still tell the user. Where nothing
+/// is asked for, only what `needs` one is told.
+pub fn check(system: &System, lowerings: &[Lowering], needs: bool) -> Result<(), DcsError> {
+    let formulation = match asked(lowerings) {
+        None if !needs => return Ok(()),
+        None => choose(system).formulation,
+        Some(formulation) => formulation,
     };
     has_no_relay(system)?;
     match formulation {

@@ -49,7 +49,10 @@ pub fn lower<'e>(system: &System<'e>) -> Result<Dcs<'e>, DcsError> {
             .map(|name| labels::unique(name, &mut taken))
             .collect();
         let named = |prefix: &str| -> Vec<String> {
-            names.iter().map(|name| format!("{prefix}[{name}]")).collect()
+            names
+                .iter()
+                .map(|name| format!("{prefix}[{name}]"))
+                .collect()
         };
         let theta = named(&theta).into_iter();
         let theta: Vec<Expr> = theta.map(|name| dcs.algebraic(&name, guess())).collect();

@@ -120,7 +120,9 @@ pub enum Failure {
     #[error("at t = {time}, the equations of a finite element were not solved")]
     #[diagnostic(
         code(E0711),
-        help("take more `steps`, or give a `tolerance` instead and leave their lengths to the method")
+        help(
+            "take more `steps`, or give a `tolerance` instead and leave their lengths to the method"
+        )
     )]
     Unsolved {
         time: f64,
@@ -140,6 +142,18 @@ pub enum Failure {
         surfaces: Vec<LabeledSpan>,
     },
 
+    /// Stewart's form where it leaves the vector field open.
+    #[error("at t = {time}, Stewart's form does not determine the sliding field")]
+    #[diagnostic(
+        code(E0714),
+        help("write `lower step;`, which takes the field that is affine in each switch")
+    )]
+    Unweighted {
+        time: f64,
+        #[label(collection)]
+        surfaces: Vec<LabeledSpan>,
+    },
+
     /// A grid that is too coarse for the model.
     #[error("the steps are too long: {}", if *modes {
         "a run with steps half as long goes through other modes".to_owned()
@@ -148,7 +162,9 @@ pub enum Failure {
     })]
     #[diagnostic(
         code(E0713),
-        help("take more `steps`, or give a `tolerance` instead and leave their lengths to the method")
+        help(
+            "take more `steps`, or give a `tolerance` instead and leave their lengths to the method"
+        )
     )]
     Coarse {
         error: String,

@@ -54,6 +54,10 @@ pub(super) fn failure(
         },
         Status::NotFinite => Failure::NotFinite { time, span },
         Status::Unsolved => Failure::Unsolved { time, span },
+        Status::Unweighted { switches } => Failure::Unweighted {
+            time,
+            surfaces: at(switches),
+        },
         Status::CannotSlide { switches } => Failure::CannotSlide {
             time,
             surfaces: at(switches),

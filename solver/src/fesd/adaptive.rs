@@ -86,7 +86,8 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         for sigma in scheme.probes() {
             let tau = sigma * h;
             let x = (0..n).map(|i| crate::simulate::series::value(self.series.row(i), tau));
-            mode.hidden.set(solved.t + tau, x, mode.element.w(scheme.s / 2));
+            mode.hidden
+                .set(solved.t + tau, x, mode.element.w(scheme.s / 2));
             if mode.hidden.solve(reduced).is_err() {
                 return f64::INFINITY;
             }

@@ -8,12 +8,15 @@
 //! For Stewart's form this is his linear complementarity problem for θ, with λ' and μ' as slacks.
 //! All choices of the pairs that meet are tried, which finds every solution.
 
-use super::system::{ComplementaritySystem, Full, Zero};
+use super::system::{ComplementaritySystem, Full, Member, Zero};
 use super::watch::Start;
 use crate::linalg::DenseLu;
 
 /// Pairs that are decided together by trying all choices.
 const MAX_OPEN: usize = 12;
+
+/// Newton iterations for one active set.
+const MAX_NEWTON: usize = 40;
 
 /// Values and rates below this, relative to their size, are zero: what comes next decides.
 const TIE: f64 = 1e-9;
@@ -43,8 +46,8 @@ pub(super) struct Found {
 pub(super) struct Directional {
     inputs: Vec<f64>,
     registers: Vec<f64>,
-    matrix: Vec<f64>,
-    rhs: Vec<f64>,
+    pub(super) matrix: Vec<f64>,
+    pub(super) rhs: Vec<f64>,
     lu: DenseLu,
     n: usize,
 }
@@ -52,7 +55,11 @@ pub(super) struct Directional {
 impl Directional {
     pub fn new(system: &impl ComplementaritySystem) -> Self {
         let (n, n_z, full) = (system.n_states(), system.start().len(), system.full());
-        let tapes = [&full.directional, &full.directional_slopes.tape, &full.rates];
+        let tapes = [
+            &full.directional,
+            &full.directional_slopes.tape,
+            &full.rates,
+        ];
         let registers = tapes.map(|tape| tape.n_registers().max(tape.n_inputs()));
         Directional {
             inputs: vec![0.0; 1 + n + 2 * n_z],
@@ -78,36 +85,125 @@ impl Directional {
         self.inputs[0] = t;
         self.inputs[1..=self.n].copy_from_slice(x);
         self.inputs[1 + self.n..][..n_z].copy_from_slice(z);
-        if open.len() > MAX_OPEN {
-            return Found { choices: Vec::new(), complete: false, open };
-        }
-        let mut found: Vec<(Vec<Zero>, Vec<f64>)> = Vec::new();
-        for mask in 0..1_usize << open.len() {
-            let mut tried = zeros.to_vec();
-            for (bit, &pair) in open.iter().enumerate() {
-                tried[pair] = if mask >> bit & 1 == 1 { Zero::Left } else { Zero::Right };
-            }
-            for guess in guesses(system.full()) {
-                let Some(u) = self.solve(system, &tried, z, &open, guess) else {
-                    continue;
-                };
-                let known = |(zeros, other): &(Vec<Zero>, Vec<f64>)| *zeros == tried && is_near(other, &u);
-                if !found.iter().any(known) {
-                    found.push((tried.clone(), u));
-                }
-            }
-        }
+        let complete = open.len() <= MAX_OPEN;
+        let found = match complete {
+            true => self.all(system, zeros, z, &open),
+            false => self.one(system, zeros, z, &open),
+        };
         let rate_scale = found.iter().flat_map(|(_, u)| {
             let continuous = u.iter().enumerate();
-            continuous.filter(|(i, _)| system.is_continuous(*i)).map(|(_, rate)| rate.abs())
+            continuous
+                .filter(|(i, _)| system.is_continuous(*i))
+                .map(|(_, rate)| rate.abs())
         });
         let rate_scale = rate_scale.fold(f64::MIN_POSITIVE, f64::max);
         let choices = found.into_iter().filter_map(|(zeros, u)| {
             let (starts, strict) = self.judge(system, &zeros, &u, z, bands, rate_scale)?;
             let rates = self.rates(system, &u);
-            Some(Choice { zeros, u, rates, starts, strict })
+            Some(Choice {
+                zeros,
+                u,
+                rates,
+                starts,
+                strict,
+            })
         });
-        Found { choices: choices.collect(), complete: true, open }
+        Found {
+            choices: choices.collect(),
+            complete,
+            open,
+        }
+    }
+
+    /// The solutions for all choices of the open pairs.
+    fn all(
+        &mut self,
+        system: &impl ComplementaritySystem,
+        zeros: &[Zero],
+        z: &[f64],
+        open: &[usize],
+    ) -> Vec<(Vec<Zero>, Vec<f64>)> {
+        let mut found: Vec<(Vec<Zero>, Vec<f64>)> = Vec::new();
+        for mask in 0..1_usize << open.len() {
+            let mut tried = zeros.to_vec();
+            for (bit, &pair) in open.iter().enumerate() {
+                tried[pair] = if mask >> bit & 1 == 1 {
+                    Zero::Left
+                } else {
+                    Zero::Right
+                };
+            }
+            for guess in guesses(system.full()) {
+                let u = self.start(system, z, open, guess);
+                let Some(u) = self.solve(system, &tried, u) else {
+                    continue;
+                };
+                let known =
+                    |(zeros, other): &(Vec<Zero>, Vec<f64>)| *zeros == tried && is_near(other, &u);
+                if !found.iter().any(known) {
+                    found.push((tried.clone(), u));
+                }
+            }
+        }
+        found
+    }
+
+    /// One solution, where there are too many choices to try them all.
+    fn one(
+        &mut self,
+        system: &impl ComplementaritySystem,
+        zeros: &[Zero],
+        z: &[f64],
+        open: &[usize],
+    ) -> Vec<(Vec<Zero>, Vec<f64>)> {
+        let start = self.start(system, z, open, [0.5, 0.5]);
+        let Some(u) = self.smooth(system, zeros, open, start) else {
+            return Vec::new();
+        };
+        let mut zeros = zeros.to_vec();
+        for &pair in open {
+            let (a, b) = self.members(system, pair, &u);
+            zeros[pair] = if a <= b { Zero::Left } else { Zero::Right };
+        }
+        let solved = self.solve(system, &zeros, u);
+        solved.map(|u| vec![(zeros, u)]).unwrap_or_default()
+    }
+
+    /// Where Newton's method starts: what is open stands at `guess`, every other pair at the second.
+    fn start(
+        &self,
+        system: &impl ComplementaritySystem,
+        z: &[f64],
+        open: &[usize],
+        guess: [f64; 2],
+    ) -> Vec<f64> {
+        let mut u: Vec<f64> = (0..z.len())
+            .map(|i| if system.is_continuous(i) { 0.0 } else { z[i] })
+            .collect();
+        for (at, &pair) in open.iter().enumerate() {
+            let pair = &system.pairs()[pair];
+            for member in [pair.left, pair.right] {
+                if !system.is_continuous(member.variable) {
+                    u[member.variable] = guess[at % 2];
+                }
+            }
+        }
+        u
+    }
+
+    /// The members of a pair in the directional form: a value, or the rate of what is continuous.
+    pub(super) fn members(
+        &self,
+        system: &impl ComplementaritySystem,
+        pair: usize,
+        u: &[f64],
+    ) -> (f64, f64) {
+        let value = |member: Member| match system.is_continuous(member.variable) {
+            true => member.slope() * u[member.variable],
+            false => member.value(u),
+        };
+        let pair = &system.pairs()[pair];
+        (value(pair.left), value(pair.right))
     }
 
     /// How the members that are not zero start; none where one is negative or becomes so.
@@ -155,69 +251,66 @@ impl Directional {
         full.rates.results(&self.registers).collect()
     }
 
-    /// u with these members zero; none where the equations contradict that or do not determine u.
+    /// u with these members zero, from a guess; none where the equations contradict that or do not
+    /// determine u.
     fn solve(
         &mut self,
         system: &impl ComplementaritySystem,
         zeros: &[Zero],
-        z: &[f64],
-        open: &[usize],
-        guess: [f64; 2],
+        mut u: Vec<f64>,
     ) -> Option<Vec<f64>> {
-        let (full, n_z, n) = (system.full(), z.len(), self.n);
-        let n_equations = full.directional.n_outputs();
-        let mut u: Vec<f64> = (0..n_z)
-            .map(|i| if system.is_continuous(i) { 0.0 } else { z[i] })
-            .collect();
-        for (at, &pair) in open.iter().enumerate() {
-            let pair = &system.pairs()[pair];
-            for member in [pair.left, pair.right] {
-                if !system.is_continuous(member.variable) {
-                    u[member.variable] = guess[at % 2];
-                }
+        let is_affine = system.full().is_affine;
+        let n_equations = system.full().directional.n_outputs();
+        for iteration in 0..if is_affine { 2 } else { MAX_NEWTON } {
+            self.linearize(system, &u);
+            for (row, &zero) in zeros.iter().enumerate() {
+                let (member, _) = system.pairs()[row].split(zero);
+                let (left, right) = self.members(system, row, &u);
+                self.rhs[n_equations + row] = -if zero == Zero::Left { left } else { right };
+                self.matrix[(n_equations + row) * u.len() + member.variable] = member.slope();
             }
-        }
-        let iterations = if full.is_affine { 2 } else { 40 };
-        for iteration in 0..iterations {
-            self.inputs[1 + n + n_z..].copy_from_slice(&u);
-            self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
-            full.directional.run(&mut self.registers);
-            for (rhs, value) in self.rhs.iter_mut().zip(full.directional.results(&self.registers)) {
-                *rhs = -value;
-            }
-            let mut largest = 0.0_f64;
-            for (row, (pair, &zero)) in system.pairs().iter().zip(zeros).enumerate() {
-                let (member, _) = pair.split(zero);
-                self.rhs[n_equations + row] = match system.is_continuous(member.variable) {
-                    true => -member.slope() * u[member.variable],
-                    false => -member.value(&u),
-                };
-            }
-            self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
-            full.directional_slopes.tape.run(&mut self.registers);
-            self.matrix.fill(0.0);
-            let slopes = full.directional_slopes.tape.results(&self.registers);
-            for (&(row, input), slope) in full.directional_slopes.entries.iter().zip(slopes) {
-                self.matrix[row * n_z + input - (1 + n + n_z)] = slope;
-            }
-            for (row, (pair, &zero)) in system.pairs().iter().zip(zeros).enumerate() {
-                let (member, _) = pair.split(zero);
-                self.matrix[(n_equations + row) * n_z + member.variable] = member.slope();
-            }
-            self.lu.factor(&self.matrix).ok()?;
-            self.lu.solve(&mut self.rhs);
-            for (u, step) in u.iter_mut().zip(&self.rhs) {
-                *u += step;
-                largest = largest.max(step.abs() / (1.0 + u.abs()));
-            }
-            if !u.iter().all(|u| u.is_finite()) {
-                return None;
-            }
-            if largest <= 1e-13 || (full.is_affine && iteration == 1) {
+            let largest = self.step(&mut u, 1.0)?;
+            if largest <= 1e-13 || (is_affine && iteration == 1) {
                 return Some(u);
             }
         }
         None
+    }
+
+    /// The directional form of g at u into the first rows of `rhs`, with its negative sign, and of
+    /// `matrix`; the rows of the pairs stay empty.
+    pub(super) fn linearize(&mut self, system: &impl ComplementaritySystem, u: &[f64]) {
+        let (full, n_z) = (system.full(), u.len());
+        let first = self.inputs.len() - n_z;
+        self.inputs[first..].copy_from_slice(u);
+        self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
+        full.directional.run(&mut self.registers);
+        for (rhs, value) in self
+            .rhs
+            .iter_mut()
+            .zip(full.directional.results(&self.registers))
+        {
+            *rhs = -value;
+        }
+        self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
+        full.directional_slopes.tape.run(&mut self.registers);
+        self.matrix.fill(0.0);
+        let slopes = full.directional_slopes.tape.results(&self.registers);
+        for (&(row, input), slope) in full.directional_slopes.entries.iter().zip(slopes) {
+            self.matrix[row * n_z + input - first] = slope;
+        }
+    }
+
+    /// Solves the linear equations and moves u by that share of the step. Returns its size.
+    pub(super) fn step(&mut self, u: &mut [f64], share: f64) -> Option<f64> {
+        self.lu.factor(&self.matrix).ok()?;
+        self.lu.solve(&mut self.rhs);
+        let mut largest = 0.0_f64;
+        for (u, step) in u.iter_mut().zip(&self.rhs) {
+            *u += share * step;
+            largest = largest.max(step.abs() / (1.0 + u.abs()));
+        }
+        u.iter().all(|u| u.is_finite()).then_some(largest)
     }
 }
 
@@ -236,7 +329,11 @@ fn is_near(a: &[f64], b: &[f64]) -> bool {
 
 /// True when two choices have the same rates: they are one solution, as far as first derivatives say.
 pub(super) fn agree(a: &Choice, b: &Choice) -> bool {
-    let size = a.rates.iter().chain(&b.rates).fold(0.0_f64, |s, r| s.max(r.abs()));
+    let size = a
+        .rates
+        .iter()
+        .chain(&b.rates)
+        .fold(0.0_f64, |s, r| s.max(r.abs()));
     let near = |(a, b): (&f64, &f64)| (a - b).abs() <= TIE * size;
     a.rates.iter().zip(&b.rates).all(near)
 }

@@ -169,7 +169,14 @@ impl Element {
     }
 
     /// Solves for an element of the length h.
-    pub fn solve(&mut self, scheme: &Scheme, t: f64, h: f64, x0: &[f64], scale: &[f64]) -> Result<(), Unsolved> {
+    pub fn solve(
+        &mut self,
+        scheme: &Scheme,
+        t: f64,
+        h: f64,
+        x0: &[f64],
+        scale: &[f64],
+    ) -> Result<(), Unsolved> {
         (self.t, self.h) = (t, h);
         self.x0.copy_from_slice(x0);
         let mut fresh = self.prepare(scheme, h)?;
@@ -216,7 +223,13 @@ impl Element {
 
     /// Solves for an element that ends where a watched member vanishes, from the present one as a
     /// guess. Returns its length.
-    pub fn solve_to(&mut self, scheme: &Scheme, hidden: &mut Hidden, member: usize, scale: &[f64]) -> Result<f64, Unsolved> {
+    pub fn solve_to(
+        &mut self,
+        scheme: &Scheme,
+        hidden: &mut Hidden,
+        member: usize,
+        scale: &[f64],
+    ) -> Result<f64, Unsolved> {
         let longest = self.h;
         let mut last = f64::INFINITY;
         for _ in 0..MAX_NEWTON {
@@ -312,7 +325,9 @@ impl Element {
         let per_node = self.per_node();
         for (i, mean) in self.mean.iter_mut().enumerate() {
             let terms = scheme.tableau.weights.iter().enumerate();
-            *mean = terms.map(|(j, b)| b * self.unknowns[j * per_node + i]).sum();
+            *mean = terms
+                .map(|(j, b)| b * self.unknowns[j * per_node + i])
+                .sum();
         }
     }
 }

@@ -141,7 +141,10 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             times.push(solved.t + tau);
             z.extend(mode.hidden.eval(&reduced.algebraics));
         }
-        observer.multipliers(&Multipliers { times: &times, z: &z });
+        observer.multipliers(&Multipliers {
+            times: &times,
+            z: &z,
+        });
     }
 
     /// Takes note of how far below zero members are in the element just evaluated.

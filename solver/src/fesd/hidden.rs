@@ -21,7 +21,15 @@ pub(super) struct Hidden {
 impl Hidden {
     pub fn new(n: usize, reduced: &Reduced) -> Self {
         let n_w = reduced.unknowns.len();
-        let tapes = [&reduced.hidden, &reduced.hidden_slopes.tape, &reduced.members, &reduced.member_slopes.tape, &reduced.algebraics, &reduced.alphas, &reduced.equations];
+        let tapes = [
+            &reduced.hidden,
+            &reduced.hidden_slopes.tape,
+            &reduced.members,
+            &reduced.member_slopes.tape,
+            &reduced.algebraics,
+            &reduced.alphas,
+            &reduced.equations,
+        ];
         let registers = tapes.map(|tape| tape.n_registers().max(tape.n_inputs()));
         Hidden {
             inputs: vec![0.0; 1 + n + n_w],
@@ -64,12 +72,19 @@ impl Hidden {
             self.factor(reduced)?;
             self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
             reduced.hidden.run(&mut self.registers);
-            for (value, found) in self.values.iter_mut().zip(reduced.hidden.results(&self.registers)) {
+            for (value, found) in self
+                .values
+                .iter_mut()
+                .zip(reduced.hidden.results(&self.registers))
+            {
                 *value = found;
             }
             self.lu.solve(&mut self.values[..n_w]);
             let mut change = 0.0_f64;
-            for (w, step) in self.inputs[1 + self.n..].iter_mut().zip(&self.values[..n_w]) {
+            for (w, step) in self.inputs[1 + self.n..]
+                .iter_mut()
+                .zip(&self.values[..n_w])
+            {
                 *w -= step;
                 change = change.max(step.abs() / (1.0 + w.abs()));
             }
@@ -99,13 +114,23 @@ impl Hidden {
 
     /// A watched member where the point is, with w solved for; its derivatives by x are those along
     /// the surface hidden = 0, and go to `by_x`. Returns the value and ∂/∂t.
-    pub fn member(&mut self, reduced: &Reduced, member: usize, by_x: &mut [f64]) -> Result<(f64, f64), Unsolved> {
+    pub fn member(
+        &mut self,
+        reduced: &Reduced,
+        member: usize,
+        by_x: &mut [f64],
+    ) -> Result<(f64, f64), Unsolved> {
         let n_w = reduced.unknowns.len();
         let value = self.eval(&reduced.members).nth(member).unwrap_or(f64::NAN);
         by_x.fill(0.0);
         let (mut rate, mut by_w) = (0.0, vec![0.0; n_w]);
         let n = self.n;
-        for (&(row, input), slope) in reduced.member_slopes.entries.iter().zip(self.eval(&reduced.member_slopes.tape)) {
+        for (&(row, input), slope) in reduced
+            .member_slopes
+            .entries
+            .iter()
+            .zip(self.eval(&reduced.member_slopes.tape))
+        {
             match input {
                 _ if row != member => {}
                 0 => rate = slope,
@@ -119,7 +144,8 @@ impl Hidden {
             let mut row = by_w;
             self.lu.solve_transposed(&mut row);
             let slopes = reduced.hidden_slopes.tape.clone();
-            for (&(k, input), slope) in reduced.hidden_slopes.entries.iter().zip(self.eval(&slopes)) {
+            for (&(k, input), slope) in reduced.hidden_slopes.entries.iter().zip(self.eval(&slopes))
+            {
                 match input {
                     0 => rate -= row[k] * slope,
                     _ if input <= n => by_x[input - 1] -= row[k] * slope,

@@ -79,7 +79,13 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
     }
 
     /// Solves for up to `left` elements of equal length that end with the step, or with a switch.
-    fn piece(&mut self, run: &mut Run, end: f64, left: usize, length: f64) -> Result<Piece, Status> {
+    fn piece(
+        &mut self,
+        run: &mut Run,
+        end: f64,
+        left: usize,
+        length: f64,
+    ) -> Result<Piece, Status> {
         let h = (end - run.t) / left as f64;
         for at in 0..left {
             let Some(member) = self.element(run, at, h)? else {
@@ -98,30 +104,45 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             if end - switch <= 4.0 * f64::EPSILON * (end.abs() + length) {
                 self.snap(run, count, end);
             }
-            return Ok(Piece { elements: count, event: Some(member) });
+            return Ok(Piece {
+                elements: count,
+                event: Some(member),
+            });
         }
-        Ok(Piece { elements: left, event: None })
+        Ok(Piece {
+            elements: left,
+            event: None,
+        })
     }
 
     /// Solves for element `at` since the last report, which is h long unless a member vanishes in
     /// it. Returns that member.
-    pub(super) fn element(&mut self, run: &mut Run, at: usize, h: f64) -> Result<Option<usize>, Status> {
+    pub(super) fn element(
+        &mut self,
+        run: &mut Run,
+        at: usize,
+        h: f64,
+    ) -> Result<Option<usize>, Status> {
         self.place(run, at);
         let mut tried = h;
         for _ in 0..MAX_HALVINGS {
             let Solved { t, ref x, .. } = self.solved[at];
             let mode = &mut self.modes[run.mode];
             if run.last > 0.0 {
-                mode.element.extrapolate(&self.scheme, 1.0, tried / run.last);
+                mode.element
+                    .extrapolate(&self.scheme, 1.0, tried / run.last);
             } else {
-                mode.element.guess(&run.rates, &run.z_of(&mode.element.reduced.unknowns));
+                mode.element
+                    .guess(&run.rates, &run.z_of(&mode.element.reduced.unknowns));
             }
             let solved = mode.element.solve(&self.scheme, t, tried, x, &run.scale);
             solved.map_err(|_| Status::Unsolved)?;
             self.evaluate(run)?;
             // Only the first element after a switch has members that start at zero.
             let starts = if at == 0 { &run.starts[..] } else { &[] };
-            let verdict = self.values.judge(&self.scheme, starts, &run.sizes, &mut self.roots);
+            let verdict = self
+                .values
+                .judge(&self.scheme, starts, &run.sizes, &mut self.roots);
             match verdict {
                 Verdict::Stays => {
                     run.last = tried;
@@ -135,7 +156,9 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 Verdict::Leaves { sigma, member } => {
                     let mode = &mut self.modes[run.mode];
                     mode.element.shorten(&self.scheme, sigma);
-                    let length = mode.element.solve_to(&self.scheme, &mut mode.hidden, member, &run.scale);
+                    let length =
+                        mode.element
+                            .solve_to(&self.scheme, &mut mode.hidden, member, &run.scale);
                     let length = length.map_err(|_| Status::Unsolved)?;
                     if !(length > 0.0 && length <= tried * (1.0 + 1e-9)) {
                         return Err(Status::Unsolved);
@@ -155,7 +178,13 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
     }
 
     /// Makes `count` elements equal that end where a member vanishes, near a length `h` each.
-    fn equalize(&mut self, run: &mut Run, count: usize, mut h: f64, member: usize) -> Result<(), Status> {
+    fn equalize(
+        &mut self,
+        run: &mut Run,
+        count: usize,
+        mut h: f64,
+        member: usize,
+    ) -> Result<(), Status> {
         let unsolved = |_: Unsolved| Status::Unsolved;
         for _ in 0..MAX_ROUNDS {
             for at in 0..count {
@@ -163,10 +192,14 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 let Solved { t, ref x, .. } = self.solved[at];
                 let mode = &mut self.modes[run.mode];
                 mode.element.restore(&self.solved[at].unknowns);
-                mode.element.solve(&self.scheme, t, h, x, &run.scale).map_err(unsolved)?;
+                mode.element
+                    .solve(&self.scheme, t, h, x, &run.scale)
+                    .map_err(unsolved)?;
                 if at + 1 == count {
                     let hidden = &mut mode.hidden;
-                    mode.element.solve_to(&self.scheme, hidden, member, &run.scale).map_err(unsolved)?;
+                    mode.element
+                        .solve_to(&self.scheme, hidden, member, &run.scale)
+                        .map_err(unsolved)?;
                 }
                 self.evaluate(run)?;
                 self.keep(run, at);
@@ -212,13 +245,16 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         solved.h = element.h;
         solved.unknowns.clone_from(&element.unknowns);
         solved.mean.clone_from(&element.mean);
-        self.values.alphas(&self.scheme, element, &mut mode.hidden, &mut solved.alphas);
+        self.values
+            .alphas(&self.scheme, element, &mut mode.hidden, &mut solved.alphas);
     }
 
     /// Evaluates the watched members of the element that the mode has solved.
     fn evaluate(&mut self, run: &Run) -> Result<(), Status> {
         let mode = &mut self.modes[run.mode];
-        let evaluated = self.values.evaluate(&self.scheme, &mode.element, &mut mode.hidden);
+        let evaluated = self
+            .values
+            .evaluate(&self.scheme, &mode.element, &mut mode.hidden);
         evaluated.map_err(|_| Status::Unsolved)
     }
 
@@ -230,8 +266,17 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
     }
 
     /// Chooses the next active set where the last element ended, and reports the change.
-    pub(super) fn change(&mut self, run: &mut Run, left: f64, observer: &mut impl Observer) -> Result<(), Status> {
-        run.stalled = if run.last <= 1e-13 * left.abs() { run.stalled + 1 } else { 0 };
+    pub(super) fn change(
+        &mut self,
+        run: &mut Run,
+        left: f64,
+        observer: &mut impl Observer,
+    ) -> Result<(), Status> {
+        run.stalled = if run.last <= 1e-13 * left.abs() {
+            run.stalled + 1
+        } else {
+            0
+        };
         if run.stalled > MAX_STALLED {
             return Err(Status::Accumulation);
         }

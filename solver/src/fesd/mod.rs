@@ -18,6 +18,7 @@ mod hidden;
 mod march;
 mod scheme;
 mod select;
+mod smooth;
 mod system;
 mod watch;
 
@@ -27,7 +28,7 @@ use rustc_hash::FxHashMap;
 
 use crate::simulate::dense::ElementSeries;
 use crate::simulate::roots::RootFinder;
-use crate::simulate::{Candidate, Outcome, Side, Stats, Status};
+use crate::simulate::{Candidate, Note, Outcome, Side, Stats, Status};
 use crate::tableau::{Family, Tableau, TableauError};
 use directional::Directional;
 use element::Element;
@@ -91,8 +92,10 @@ pub enum Grid {
 pub struct Rungs {
     /// By the first derivatives of the members.
     pub predicted: usize,
-    /// By trial elements.
+    /// By trial elements, where a rate vanishes.
     pub tried: usize,
+    /// By a smoothed complementarity problem, where too many pairs meet to try all sets.
+    pub smoothed: usize,
 }
 
 /// The end of a run, with what concerns elements only.
@@ -156,6 +159,7 @@ struct Run {
     defect: f64,
     /// Events in a row that took no time.
     stalled: usize,
+    notes: Vec<Note>,
 }
 
 impl Run {
@@ -197,11 +201,17 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
     pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut impl Observer) -> Solution {
         let counts = |mode: &Mode| {
             let element = &mode.element;
-            [element.iterations, element.factorizations, element.evaluations]
+            [
+                element.iterations,
+                element.factorizations,
+                element.evaluations,
+            ]
         };
         let total = |modes: &[Mode]| {
             let all = modes.iter().map(counts);
-            all.fold([0; 3], |sum, next| std::array::from_fn(|i| sum[i] + next[i]))
+            all.fold([0; 3], |sum, next| {
+                std::array::from_fn(|i| sum[i] + next[i])
+            })
         };
         let before = total(&self.modes);
         let known = self.modes.len();
@@ -224,6 +234,7 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
             least_member: 0.0,
             defect: 0.0,
             stalled: 0,
+            notes: Vec::new(),
         };
         let status = match self.integrate(&mut run, t0, t1, observer) {
             Ok(()) => Status::Solved,
@@ -255,7 +266,7 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
                 moved: vec![0.0; n],
                 drift: 0.0,
                 defect: run.defect,
-                notes: Vec::new(),
+                notes: run.notes,
                 stats: run.stats,
             },
             added_elements: run.added,
@@ -264,12 +275,22 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
         }
     }
 
-    fn integrate(&mut self, run: &mut Run, t0: f64, t1: f64, observer: &mut impl Observer) -> Result<(), Status> {
+    fn integrate(
+        &mut self,
+        run: &mut Run,
+        t0: f64,
+        t1: f64,
+        observer: &mut impl Observer,
+    ) -> Result<(), Status> {
         self.begin(run, t1 - t0)?;
         match self.settings.grid {
             Grid::Steps { steps, elements } => {
                 for k in 1..=steps {
-                    let end = if k == steps { t1 } else { t0 + (t1 - t0) * (k as f64 / steps as f64) };
+                    let end = if k == steps {
+                        t1
+                    } else {
+                        t0 + (t1 - t0) * (k as f64 / steps as f64)
+                    };
                     self.interval(run, end, elements, observer)?;
                 }
                 Ok(())
@@ -319,7 +340,11 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
             all.any(|side| Some(side) != first)
         };
         let open: Vec<usize> = (0..self.system.n_switches()).filter(differs).collect();
-        let candidate = |mode: &usize| open.iter().map(|&switch| (switch, sides(mode)[switch])).collect();
+        let candidate = |mode: &usize| {
+            open.iter()
+                .map(|&switch| (switch, sides(mode)[switch]))
+                .collect()
+        };
         modes.iter().map(candidate).collect()
     }
 }

@@ -18,8 +18,6 @@ pub(super) struct Scheme {
     pub nodes: Vec<f64x4>,
     /// Column j of A in lanes, at `j * groups`.
     pub columns: Vec<f64x4>,
-    /// Whether the end of an element is none of its nodes, so that it is looked at besides them.
-    pub extra_end: bool,
     /// Values at the nodes to the coefficients of 1, σ, σ², .. with σ = τ/h, s × s.
     pub powers: Vec<f64>,
     /// Where members are looked at: 0, the nodes behind it, and 1.
@@ -45,13 +43,12 @@ impl Scheme {
             (0..groups).map(lane).collect()
         };
         let starts_at_node = tableau.nodes[0] == 0.0;
-        let extra_end = !tableau.ends_at_node();
         let mut points = Vec::with_capacity(s + 2);
         if !starts_at_node {
             points.push(0.0);
         }
         points.extend_from_slice(&tableau.nodes);
-        if extra_end && tableau.nodes[s - 1] < 1.0 {
+        if tableau.nodes[s - 1] < 1.0 {
             points.push(1.0);
         }
         points.dedup();
@@ -63,7 +60,6 @@ impl Scheme {
             columns: (0..s)
                 .flat_map(|j| lanes(&|m| tableau.a[m * s + j]))
                 .collect(),
-            extra_end,
             powers: powers(&tableau.nodes),
             point_powers: monomials(&points),
             lebesgue: lebesgue(&points),
@@ -95,12 +91,22 @@ impl Scheme {
 
     /// Coefficients in σ of the polynomial with these values at the points.
     pub fn point_series(&self, values: &[f64], coefficients: &mut [f64]) {
-        interpolate(&self.point_powers, self.points.len(), |j| values[j], coefficients);
+        interpolate(
+            &self.point_powers,
+            self.points.len(),
+            |j| values[j],
+            coefficients,
+        );
     }
 
     /// Coefficients in σ - σ₁ of the polynomial with these values at the points behind 0.
     pub fn inner_series(&self, values: impl Fn(usize) -> f64, coefficients: &mut [f64]) {
-        interpolate(&self.inner_powers, self.points.len() - 1, values, coefficients);
+        interpolate(
+            &self.inner_powers,
+            self.points.len() - 1,
+            values,
+            coefficients,
+        );
     }
 }
 

@@ -4,7 +4,7 @@ use super::directional::{self, Choice, Found};
 use super::system::{ComplementaritySystem, Pair, Zero};
 use super::watch::{BAND, Start, Verdict};
 use super::{Run, Simulator};
-use crate::simulate::Status;
+use crate::simulate::{Note, Status};
 
 /// Length of a trial element, relative to what is left of the step.
 const TRIAL: f64 = 1e-3;
@@ -20,7 +20,11 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 false => Zero::Right,
             };
             let (continuous, _) = pair.split(side);
-            if continuous.value(&run.z) > *band { side.other() } else { side }
+            if continuous.value(&run.z) > *band {
+                side.other()
+            } else {
+                side
+            }
         };
         run.zeros = self.system.pairs().iter().zip(&bands).map(zero).collect();
         self.select_from(run, &bands, horizon)
@@ -31,7 +35,9 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         let mode = &mut self.modes[run.mode];
         let w = run.z_of(&mode.element.reduced.unknowns);
         mode.hidden.set(run.t, run.x.iter().copied(), &w);
-        mode.hidden.solve(&mode.element.reduced).map_err(|_| Status::Unsolved)?;
+        mode.hidden
+            .solve(&mode.element.reduced)
+            .map_err(|_| Status::Unsolved)?;
         let reduced = mode.element.reduced.clone();
         for (z, value) in run.z.iter_mut().zip(mode.hidden.eval(&reduced.algebraics)) {
             *z = value;
@@ -42,20 +48,32 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
 
     fn select_from(&mut self, run: &mut Run, bands: &[f64], left: f64) -> Result<(), Status> {
         let point = (run.t, &run.x[..], &run.z[..]);
-        let found = self.directional.choices(self.system, point, &run.zeros, bands);
+        let found = self
+            .directional
+            .choices(self.system, point, &run.zeros, bands);
         // Choices with the same rates are one solution.
         let mut classes: Vec<Vec<Choice>> = Vec::new();
         for choice in found.choices.iter().cloned() {
-            match classes.iter_mut().find(|class| directional::agree(&class[0], &choice)) {
+            match classes
+                .iter_mut()
+                .find(|class| directional::agree(&class[0], &choice))
+            {
                 Some(class) => class.push(choice),
                 None => classes.push(vec![choice]),
             }
+        }
+        if !found.complete && !classes.is_empty() {
+            run.rungs.smoothed += 1;
+            run.notes.push(Note::Unsearched {
+                time: run.t,
+                switches: self.switches_of_pairs(&found.open),
+            });
         }
         let is_certain = |class: &&Vec<Choice>| class.iter().any(|choice| choice.strict);
         if let [class] = &classes[..]
             && let Some(choice) = class.iter().find(|choice| choice.strict)
         {
-            run.rungs.predicted += 1;
+            run.rungs.predicted += usize::from(found.complete);
             return self.take(run, choice.clone(), bands);
         }
         // Where a derivative vanishes, a short element of the set itself says what comes next.
@@ -63,7 +81,8 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         for class in &classes {
             let certain = is_certain(&class);
             let mut members = class.iter().filter(|choice| choice.strict || !certain);
-            let passes = members.find(|choice| choice.strict || self.passes(run, choice, bands, TRIAL * left));
+            let passes = members
+                .find(|choice| choice.strict || self.passes(run, choice, bands, TRIAL * left));
             accepted.extend(passes.cloned());
         }
         match accepted.len() {
@@ -73,9 +92,17 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             }
             0 => Err(self.nothing(run, &found)),
             _ => {
-                let modes = accepted.iter().filter_map(|choice| self.mode(&choice.zeros));
+                let modes = accepted
+                    .iter()
+                    .filter_map(|choice| self.mode(&choice.zeros));
                 let modes: Vec<usize> = modes.collect();
-                Err(Status::NonUnique(self.candidates(&modes)))
+                let candidates = self.candidates(&modes);
+                Err(match candidates.iter().all(Vec::is_empty) {
+                    true => Status::Unweighted {
+                        switches: self.switches_of_pairs(&found.open),
+                    },
+                    false => Status::NonUnique(candidates),
+                })
             }
         }
     }
@@ -86,26 +113,42 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             return false;
         };
         let mode = &mut self.modes[place];
-        let w: Vec<f64> = mode.element.reduced.unknowns.iter().map(|&i| choice.u[i]).collect();
+        let w: Vec<f64> = mode
+            .element
+            .reduced
+            .unknowns
+            .iter()
+            .map(|&i| choice.u[i])
+            .collect();
         mode.element.guess(&choice.rates, &w);
-        if mode.element.solve(&self.scheme, run.t, h, &run.x, &run.scale).is_err() {
+        if mode
+            .element
+            .solve(&self.scheme, run.t, h, &run.x, &run.scale)
+            .is_err()
+        {
             return false;
         }
-        let evaluated = self.values.evaluate(&self.scheme, &mode.element, &mut mode.hidden);
+        let evaluated = self
+            .values
+            .evaluate(&self.scheme, &mode.element, &mut mode.hidden);
         if evaluated.is_err() {
             return false;
         }
         let watched = &mode.element.reduced.watched;
         let starts: Vec<Start> = watched.iter().map(|w| choice.starts[w.pair]).collect();
         let sizes: Vec<f64> = watched.iter().map(|w| bands[w.pair] / BAND).collect();
-        let verdict = self.values.judge(&self.scheme, &starts, &sizes, &mut self.roots);
+        let verdict = self
+            .values
+            .judge(&self.scheme, &starts, &sizes, &mut self.roots);
         !matches!(verdict, Verdict::Wrong { .. })
     }
 
     /// Goes on with a set.
     fn take(&mut self, run: &mut Run, choice: Choice, bands: &[f64]) -> Result<(), Status> {
         let Some(mode) = self.mode(&choice.zeros) else {
-            return Err(Status::Undetermined { switches: self.switches_of(&choice.zeros, &run.zeros) });
+            return Err(Status::Undetermined {
+                switches: self.switches_of(&choice.zeros, &run.zeros),
+            });
         };
         let reduced = &self.modes[mode].element.reduced;
         if reduced.slides() && !self.scheme.tableau.is_invertible() {
@@ -114,9 +157,11 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             return Err(Status::CannotSlide { switches });
         }
         run.starts.clear();
-        run.starts.extend(reduced.watched.iter().map(|w| choice.starts[w.pair]));
+        run.starts
+            .extend(reduced.watched.iter().map(|w| choice.starts[w.pair]));
         run.sizes.clear();
-        run.sizes.extend(reduced.watched.iter().map(|w| bands[w.pair] / BAND));
+        run.sizes
+            .extend(reduced.watched.iter().map(|w| bands[w.pair] / BAND));
         for (i, (z, u)) in run.z.iter_mut().zip(&choice.u).enumerate() {
             if !self.system.is_continuous(i) {
                 *z = *u;
@@ -136,7 +181,9 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         inputs.extend_from_slice(&run.x);
         inputs.extend_from_slice(&run.z);
         let mut slopes = vec![0.0; full.slopes.entries.len()];
-        full.slopes.tape.eval(&inputs, &mut slopes, &mut full.slopes.tape.scratch());
+        full.slopes
+            .tape
+            .eval(&inputs, &mut slopes, &mut full.slopes.tape.scratch());
         let n_rows = full.equations.n_outputs() - n;
         let mut sizes = vec![0.0; n_rows];
         for (&(row, input), slope) in full.slopes.entries.iter().zip(&slopes) {

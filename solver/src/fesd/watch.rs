@@ -47,13 +47,24 @@ pub(super) struct Values {
 
 impl Values {
     /// Evaluates the watched members at all points of an element that is solved.
-    pub fn evaluate(&mut self, scheme: &Scheme, element: &Element, hidden: &mut Hidden) -> Result<(), Unsolved> {
+    pub fn evaluate(
+        &mut self,
+        scheme: &Scheme,
+        element: &Element,
+        hidden: &mut Hidden,
+    ) -> Result<(), Unsolved> {
         let reduced = &element.reduced;
-        let (n, n_w, n_points) = (element.n_states(), reduced.unknowns.len(), scheme.points.len());
+        let (n, n_w, n_points) = (
+            element.n_states(),
+            reduced.unknowns.len(),
+            scheme.points.len(),
+        );
         self.w.resize(n_w * n_points, 0.0);
         if n_w > 0 {
             for p in 0..n_points {
-                let node = scheme.node_at(p).unwrap_or(if p == 0 { 0 } else { scheme.s - 1 });
+                let node = scheme
+                    .node_at(p)
+                    .unwrap_or(if p == 0 { 0 } else { scheme.s - 1 });
                 let x = (0..n).map(|i| element.state_at(scheme, p, i));
                 hidden.set(element.t + scheme.points[p] * element.h, x, element.w(node));
                 hidden.solve(reduced)?;
@@ -62,10 +73,13 @@ impl Values {
         }
         let tape = &reduced.members;
         self.at_points.resize(tape.n_outputs() * n_points, 0.0);
-        self.registers.resize(tape.n_registers().max(tape.n_inputs()), f64x4::splat(0.0));
+        self.registers
+            .resize(tape.n_registers().max(tape.n_inputs()), f64x4::splat(0.0));
         for first in (0..n_points).step_by(WIDTH) {
             let point = |lane: usize| (first + lane).min(n_points - 1);
-            let lanes = |value: &dyn Fn(usize) -> f64| f64x4::from(std::array::from_fn(|k| value(point(k))));
+            let lanes = |value: &dyn Fn(usize) -> f64| {
+                f64x4::from(std::array::from_fn(|k| value(point(k))))
+            };
             self.registers[0] = lanes(&|p| element.t + scheme.points[p] * element.h);
             for i in 0..n {
                 self.registers[1 + i] = lanes(&|p| element.state_at(scheme, p, i));
@@ -85,7 +99,13 @@ impl Values {
     }
 
     /// α of the switches that slide at the points, one row each, after [`Values::evaluate`].
-    pub fn alphas(&mut self, scheme: &Scheme, element: &Element, hidden: &mut Hidden, alphas: &mut Vec<f64>) {
+    pub fn alphas(
+        &mut self,
+        scheme: &Scheme,
+        element: &Element,
+        hidden: &mut Hidden,
+        alphas: &mut Vec<f64>,
+    ) {
         let reduced = &element.reduced;
         let (n_points, n_w) = (scheme.points.len(), reduced.unknowns.len());
         alphas.resize(reduced.alphas.n_outputs() * n_points, 0.0);
@@ -109,7 +129,13 @@ impl Values {
     }
 
     /// Whether the members stay positive; `starts` says how each begins, above zero where it does not.
-    pub fn judge(&mut self, scheme: &Scheme, starts: &[Start], scales: &[f64], roots: &mut RootFinder) -> Verdict {
+    pub fn judge(
+        &mut self,
+        scheme: &Scheme,
+        starts: &[Start],
+        scales: &[f64],
+        roots: &mut RootFinder,
+    ) -> Verdict {
         let n_points = scheme.points.len();
         let mut first: Option<(f64, usize)> = None;
         for (member, values) in self.at_points.chunks_exact(n_points).enumerate() {
@@ -123,16 +149,21 @@ impl Values {
                     self.series.resize(n_points, 0.0);
                     scheme.point_series(values, &mut self.series);
                     let start = values[0].max(f64::MIN_POSITIVE);
-                    roots.first(start, &self.series[1..], 1.0).map(|root| root.tau)
+                    roots
+                        .first(start, &self.series[1..], 1.0)
+                        .map(|root| root.tau)
                 }
                 // What is zero at the start is divided by its leading power of σ.
                 Start::Rising | Start::Tangent => {
                     let power = if *start == Start::Rising { 1 } else { 2 };
                     let quotients = scheme.points[1..].iter().zip(&values[1..]);
                     self.quotients.clear();
-                    self.quotients.extend(quotients.map(|(sigma, v)| v / sigma.powi(power)));
+                    self.quotients
+                        .extend(quotients.map(|(sigma, v)| v / sigma.powi(power)));
                     let size = values.iter().fold(0.0_f64, |s, v| s.max(v.abs()));
-                    if size <= BAND * scales[member] || stays_positive(&self.quotients, scheme.inner_lebesgue) {
+                    if size <= BAND * scales[member]
+                        || stays_positive(&self.quotients, scheme.inner_lebesgue)
+                    {
                         continue;
                     }
                     if self.quotients[0] <= 0.0 {

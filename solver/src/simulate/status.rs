@@ -50,6 +50,12 @@ pub enum Status {
     /// The equations of a finite element have no solution that Newton's method finds, or the
     /// element is too long to see what switches in it.
     Unsolved,
+    /// Several weights of the regions that meet keep the state on their surfaces, with different
+    /// rates: in Stewart's form they are not determined where switches do not just add up.
+    Unweighted {
+        /// The switches that meet here.
+        switches: Vec<usize>,
+    },
     /// The Runge-Kutta method cannot hold a state on a surface.
     CannotSlide {
         /// The switches that slide.

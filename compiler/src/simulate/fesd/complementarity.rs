@@ -46,11 +46,19 @@ impl<'e> Complementarity<'e> {
             .collect();
         let (rates, equations) = (numbers.apply(&dcs.rates), numbers.apply(&dcs.equations));
         let algebraics: Vec<Var> = dcs.algebraics.iter().map(|z| variable(z.var)).collect();
-        let place: FxHashMap<Var, usize> = algebraics.iter().enumerate().map(|(i, &z)| (z, i)).collect();
+        let place: FxHashMap<Var, usize> = algebraics
+            .iter()
+            .enumerate()
+            .map(|(i, &z)| (z, i))
+            .collect();
         let groups = groups(&equations, &place);
         let pair = |pair: &crate::dcs::Pair<'e>| {
             let (left, right) = (member(pair.left, &place), member(pair.right, &place));
-            Pair { left, right, group: groups[left.variable] }
+            Pair {
+                left,
+                right,
+                group: groups[left.variable],
+            }
         };
         let continuous: Vec<bool> = dcs.algebraics.iter().map(|z| z.continuous).collect();
         let mut system = Complementarity {
@@ -83,7 +91,10 @@ impl<'e> Complementarity<'e> {
 
     /// Names of z, in order.
     pub fn names(&self) -> Vec<String> {
-        self.algebraics.iter().map(|&z| self.exprs.name(z)).collect()
+        self.algebraics
+            .iter()
+            .map(|&z| self.exprs.name(z))
+            .collect()
     }
 
     /// Time, states, and some more variables.
@@ -160,10 +171,15 @@ impl<'e> Complementarity<'e> {
                 _ => fixed.insert(var, exprs.constant(value)),
             }
         }
-        let Remainder { unknowns, residuals, given } = eliminate(&self.equations, &self.algebraics, &fixed)?;
+        let Remainder {
+            unknowns,
+            residuals,
+            given,
+        } = eliminate(&self.equations, &self.algebraics, &fixed)?;
         let inputs = self.inputs(&unknowns);
         let rates = given.apply(&self.rates);
-        let contains_unknown = |vars: &[Var]| vars.iter().any(|var| unknowns.binary_search(var).is_ok());
+        let contains_unknown =
+            |vars: &[Var]| vars.iter().any(|var| unknowns.binary_search(var).is_ok());
 
         // At the nodes stands the last derivative of a residual before an unknown appears in one.
         let (mut at_nodes, mut hidden) = (Vec::new(), Vec::new());
@@ -228,7 +244,9 @@ impl<'e> Complementarity<'e> {
             watched,
             sides,
             alphas: tape(&inputs, &sliding),
-            is_linear: constant.iter().all(|(.., slope)| slope.as_constant().is_some()),
+            is_linear: constant
+                .iter()
+                .all(|(.., slope)| slope.as_constant().is_some()),
         })
     }
 }
@@ -300,20 +318,27 @@ fn switches(system: &System, origin: &Origin) -> Vec<usize> {
     match origin.cause {
         Cause::Switch(switch) => vec![switch],
         Cause::Region { partition, .. } => system.partitions[partition].switches.clone(),
-        Cause::Subsystem(subsystem) | Cause::Product(subsystem) => system.subsystems[subsystem].switches.clone(),
+        Cause::Subsystem(subsystem) | Cause::Product(subsystem) => {
+            system.subsystems[subsystem].switches.clone()
+        }
         Cause::State(_) => Vec::new(),
     }
 }
 
 fn tape(inputs: &[Var], outputs: &[Expr]) -> Tape {
-    expr::compile(inputs, outputs).expect("a verified DCS holds smooth functions of its own variables only")
+    expr::compile(inputs, outputs)
+        .expect("a verified DCS holds smooth functions of its own variables only")
 }
 
 /// The derivatives of functions of `inputs` by some of these.
 fn partials(inputs: &[Var], functions: &[Expr], by: &[Var]) -> Partials {
     let entries = expr::jacobian(functions, by).entries;
     let values: Vec<Expr> = entries.iter().map(|&(.., value)| value).collect();
-    let place: FxHashMap<Var, usize> = inputs.iter().enumerate().map(|(i, &var)| (var, i)).collect();
+    let place: FxHashMap<Var, usize> = inputs
+        .iter()
+        .enumerate()
+        .map(|(i, &var)| (var, i))
+        .collect();
     Partials {
         tape: tape(inputs, &values),
         entries: (entries.iter())

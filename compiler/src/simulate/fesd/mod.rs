@@ -66,7 +66,9 @@ pub(super) fn run(
             estimate(&comparison, &recorder, &solution, &fine)
         });
         let missed = options.steps.is_none()
-            && estimate.as_ref().is_some_and(|e| e.error > settings.tolerance && e.same_modes);
+            && estimate
+                .as_ref()
+                .is_some_and(|e| e.error > settings.tolerance && e.same_modes);
         if missed && attempt < MAX_ATTEMPTS && tolerance > 1e-15 {
             let error = estimate.as_ref().map_or(tolerance, |e| e.error);
             tolerance *= (0.1 * settings.tolerance / error).max(1e-4);
@@ -111,7 +113,12 @@ fn finer(grid: Grid) -> Grid {
     }
 }
 
-fn estimate(comparison: &Comparison, run: &Recorder, solution: &Solution, fine: &Solution) -> Estimate {
+fn estimate(
+    comparison: &Comparison,
+    run: &Recorder,
+    solution: &Solution,
+    fine: &Solution,
+) -> Estimate {
     let scales = comparison.scale.iter().zip(&solution.outcome.x);
     let relative = |(difference, (scale, x)): (&f64, (&f64, &f64))| {
         let scale = scale.max(x.abs());
@@ -121,11 +128,18 @@ fn estimate(comparison: &Comparison, run: &Recorder, solution: &Solution, fine: 
     let rounding = f64::EPSILON * (solution.outcome.stats.steps as f64).sqrt();
     Estimate {
         error: error.fold(rounding, f64::max),
-        same_modes: comparison.modes == run.n_modes() && fine.outcome.status == solution.outcome.status,
+        same_modes: comparison.modes == run.n_modes()
+            && fine.outcome.status == solution.outcome.status,
     }
 }
 
-fn method(settings: &Settings, options: &FesdOptions, order: usize, lowering: &str, solution: &Solution) -> Method {
+fn method(
+    settings: &Settings,
+    options: &FesdOptions,
+    order: usize,
+    lowering: &str,
+    solution: &Solution,
+) -> Method {
     let (family, nodes) = options.scheme;
     let number = |name: &str, value: usize| (name.to_owned(), MethodOption::Number(value as f64));
     let word = |name: &str, value: &str| (name.to_owned(), MethodOption::Text(value.to_owned()));

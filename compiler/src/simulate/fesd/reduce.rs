@@ -31,7 +31,11 @@ pub(super) fn eliminate<'e>(
     variables: &[Var],
     fixed: &Substitution<'e>,
 ) -> Option<Remainder<'e>> {
-    let free: FxHashSet<Var> = variables.iter().copied().filter(|var| !fixed.contains(var)).collect();
+    let free: FxHashSet<Var> = variables
+        .iter()
+        .copied()
+        .filter(|var| !fixed.contains(var))
+        .collect();
     let mut rows: Vec<Option<Expr<'e>>> = fixed.apply(equations).into_iter().map(Some).collect();
     let mut holders: FxHashMap<Var, Vec<usize>> = FxHashMap::default();
     for (at, row) in rows.iter().enumerate() {
@@ -78,9 +82,16 @@ pub(super) fn eliminate<'e>(
             None => residuals.push(row),
         }
     }
-    let mut unknowns: Vec<Var> = free.into_iter().filter(|var| !given.contains(var)).collect();
+    let mut unknowns: Vec<Var> = free
+        .into_iter()
+        .filter(|var| !given.contains(var))
+        .collect();
     unknowns.sort_unstable();
-    (unknowns.len() == residuals.len()).then_some(Remainder { unknowns, residuals, given })
+    (unknowns.len() == residuals.len()).then_some(Remainder {
+        unknowns,
+        residuals,
+        given,
+    })
 }
 
 /// The variable that a row gives, and its value: one that occurs in the fewest other rows.
@@ -89,13 +100,18 @@ fn alone<'e>(
     free: &FxHashSet<Var>,
     holders: &FxHashMap<Var, Vec<usize>>,
 ) -> Option<(Var, Expr<'e>)> {
-    let candidates = variables_of(&[row]).into_iter().filter(|var| free.contains(var));
+    let candidates = variables_of(&[row])
+        .into_iter()
+        .filter(|var| free.contains(var));
     let mut candidates: Vec<(usize, Var)> = candidates
         .map(|var| (holders.get(&var).map_or(0, Vec::len), var))
         .collect();
     candidates.sort_unstable();
     candidates.into_iter().find_map(|(_, var)| {
-        let factor = row.diff(var).as_constant().filter(|factor| *factor != 0.0)?;
+        let factor = row
+            .diff(var)
+            .as_constant()
+            .filter(|factor| *factor != 0.0)?;
         let zero = row.exprs().constant(0.0);
         let rest = row.substitute(&Substitution::one(var, zero));
         Some((var, rest * (-1.0 / factor)))

@@ -168,9 +168,13 @@ fn scheme(reader: &mut Reader<'_, '_>, value: &syntax::Expr) -> Option<(Family, 
         _ => None,
     };
     let Some((name, span, nodes)) = named else {
+        let found = match &value.kind {
+            ExprKind::Name(name) => name.as_str(),
+            _ => "..",
+        };
         reader.error(ExperimentError::UnknownChoice {
             what: "scheme".into(),
-            found: "..".into(),
+            found: found.into(),
             span: value.span,
             choices: "a family with its number of nodes".into(),
             help: Some("write for example `scheme = radau_iia(4);`".into()),
@@ -182,7 +186,11 @@ fn scheme(reader: &mut Reader<'_, '_>, value: &syntax::Expr) -> Option<(Family, 
             name: name.clone(),
             span,
         };
-        reader.error(unknown_choice("scheme", &name, &Family::ALL.map(Family::word)));
+        reader.error(unknown_choice(
+            "scheme",
+            &name,
+            &Family::ALL.map(Family::word),
+        ));
         return None;
     };
     let range = family.nodes();

@@ -1,0 +1,257 @@
+//! `method fesd` against closed forms, its orders, and the event road on the same models.
+
+use std::f64::consts::PI;
+
+use nsd_tests::run;
+use nsdc::report::{Status, Trajectory};
+
+const OSCILLATOR: &str = "model oscillator { \
+  param omega = 2*pi; state x[2] = [exp(-1), 0]; let c = dot(x, x) - 1; \
+  region inside where c < 0 { x' = [1, omega; -omega, 1]*x; } \
+  region outside where c > 0 { x' = [1, -omega; omega, 1]*x; } }";
+
+/// A block on a belt: it slips twice, sticks, and is released.
+const BELT: &str = "model belt { const c = 0.3; state x = 2.4; state u = 1; \
+  x' = u - 1; u' = -sign(u) - x - c*(u - 1); }";
+
+fn simulate(model: &str, settings: &str) -> Trajectory {
+    let name = model.split_whitespace().nth(1).expect("`model NAME`");
+    run(
+        &format!("{model}\nsimulate run of {name} {{ {settings} }}"),
+        "run",
+    )
+}
+
+fn end(trajectory: &Trajectory) -> Vec<f64> {
+    let last = |series: &nsdc::report::Series| {
+        let size = series.values.len() / trajectory.time.len();
+        series.values[series.values.len() - size..].to_vec()
+    };
+    trajectory.states.iter().flat_map(last).collect()
+}
+
+/// Of the oscillator: e^(T-1) (cos 2π(T-1), sin 2π(T-1)), after its switch at t = 1.
+fn exact(t: f64) -> [f64; 2] {
+    let (radius, angle) = ((t - 1.0).exp(), 2.0 * PI * (t - 1.0));
+    [radius * angle.cos(), radius * angle.sin()]
+}
+
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter()
+        .zip(b)
+        .map(|(a, b)| (a - b) * (a - b))
+        .sum::<f64>()
+        .sqrt()
+}
+
+fn oscillator_error(scheme: &str, steps: usize) -> f64 {
+    let settings = format!(
+        "horizon pi/2; method fesd {{ scheme = {scheme}; elements = 2; steps = {steps}; }}"
+    );
+    let found = simulate(OSCILLATOR, &settings);
+    assert_eq!(
+        found.events.len(),
+        1,
+        "{scheme} with {steps} steps: {:?}",
+        found.failure
+    );
+    distance(&end(&found), &exact(PI / 2.0))
+}
+
+/// Slope of the least squares line through (ln steps, -ln error).
+fn fitted_order(errors: &[(usize, f64)]) -> f64 {
+    let points: Vec<(f64, f64)> = errors
+        .iter()
+        .map(|&(n, e)| ((n as f64).ln(), -e.ln()))
+        .collect();
+    let n = points.len() as f64;
+    let (mx, my) = points
+        .iter()
+        .fold((0.0, 0.0), |(x, y), p| (x + p.0 / n, y + p.1 / n));
+    let covariance: f64 = points.iter().map(|p| (p.0 - mx) * (p.1 - my)).sum();
+    covariance / points.iter().map(|p| (p.0 - mx) * (p.0 - mx)).sum::<f64>()
+}
+
+#[test]
+fn orders_hold_across_the_switch() {
+    for (scheme, grids, least) in [
+        (
+            "radau_iia(2)",
+            &[40, 49, 61, 75, 93, 115, 142, 176][..],
+            2.9,
+        ),
+        ("radau_iia(3)", &[16, 19, 23, 29, 35, 43, 53, 65], 4.8),
+        ("radau_iia(4)", &[9, 11, 13, 16, 19, 23, 27, 31], 6.7),
+        ("gauss(2)", &[24, 29, 35, 43, 53, 65, 79, 97], 3.8),
+        ("gauss(3)", &[10, 12, 15, 18, 22, 27, 33, 40], 5.7),
+        ("gauss(4)", &[6, 7, 8, 10, 12, 14, 16, 19], 7.6),
+    ] {
+        let errors: Vec<(usize, f64)> = grids
+            .iter()
+            .map(|&n| (n, oscillator_error(scheme, n)))
+            .collect();
+        let order = fitted_order(&errors);
+        assert!(order >= least, "{scheme}: order {order:.2} from {errors:?}");
+    }
+}
+
+#[test]
+fn the_error_comes_down_to_rounding_and_stays_there() {
+    for steps in [200, 400, 800, 1600] {
+        let error = oscillator_error("radau_iia(4)", steps);
+        assert!(error <= 1e-13, "{steps} steps: {error:e}");
+    }
+}
+
+#[test]
+fn large_steps_are_right_or_refused() {
+    for scheme in [
+        "radau_iia(2)",
+        "radau_iia(4)",
+        "radau_iia(9)",
+        "gauss(4)",
+        "lobatto_iiic(4)",
+        "explicit(4)",
+    ] {
+        for steps in [1, 2, 3, 5, 8] {
+            for elements in [1, 2, 3] {
+                let settings = format!(
+                    "horizon pi/2; method fesd {{ scheme = {scheme}; elements = {elements}; steps = {steps}; }}"
+                );
+                let found = simulate(OSCILLATOR, &settings);
+                if found.status == Status::Solved {
+                    let error = distance(&end(&found), &exact(PI / 2.0));
+                    let estimate = found.error_estimate.expect("a run has an estimate");
+                    assert!(error <= 0.05, "{scheme}, {steps} x {elements}: {error:e}");
+                    assert!(
+                        error <= 10.0 * estimate,
+                        "{scheme}, {steps} x {elements}: {error:e}, {estimate:e}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_tangential_exit_is_exact() {
+    let reference = simulate(BELT, "horizon 20; tolerance 1e-13;");
+    let mut least = f64::INFINITY;
+    for steps in [50, 100, 200] {
+        let settings =
+            format!("horizon 20; method fesd {{ scheme = radau_iia(4); steps = {steps}; }}");
+        let found = simulate(BELT, &settings);
+        assert_eq!(found.events.len(), 3);
+        least = least.min(distance(&end(&found), &end(&reference)));
+    }
+    assert!(least < 1e-11, "{least:e}");
+}
+
+#[test]
+fn both_roads_agree() {
+    let models: [(&str, &str, f64); 8] = [
+        (OSCILLATOR, "horizon pi/2;", 1e-9),
+        (BELT, "horizon 20;", 1e-9),
+        (
+            "model slide { state x = -sqrt(2); x' = -sign(x); }",
+            "horizon 2;",
+            1e-12,
+        ),
+        (
+            "model enter { state x = -1; state y = 0; x' = 1 - 2*step(x) - 0.5*cos(y); y' = 1; }",
+            "horizon 3;",
+            1e-9,
+        ),
+        (
+            "model kink { state x = 1; state v = 0; x' = v; v' = -abs(x) - x; }",
+            "horizon 4;",
+            1e-9,
+        ),
+        (
+            "model corner { state x = 0.2; state y = 0.3; state z = 0; \
+             x' = 0.5 - sign(x); y' = -sign(y) + 0.2*sign(x); z' = sign(x) + sign(y); }",
+            "horizon 2;",
+            1e-12,
+        ),
+        (
+            "model space { state x[3] = [0.3, -0.2, 0.4]; state y = 0; \
+             x' = [0.2*cos(time); 0.1; -0.3] - sign(x); y' = dot(x, x) + sign(x[1]); }",
+            "horizon 2;",
+            1e-9,
+        ),
+        (
+            "model genes { state x[2] = [5, 6]; let a = step(4 - x[2]); let b = step(x[1] - 4); \
+             x' = [40*a - 4.5*x[1]; 20*b - 1.5*x[2]]; }",
+            "horizon 1;",
+            1e-9,
+        ),
+    ];
+    for (model, settings, tolerance) in models {
+        let event = simulate(model, &format!("{settings} tolerance 1e-11;"));
+        assert_eq!(event.status, Status::Solved, "{model}");
+        for lower in ["stewart", "step"] {
+            let settings = format!("{settings} tolerance 1e-11; method fesd; lower {lower};");
+            let fesd = simulate(model, &settings);
+            assert_eq!(
+                fesd.status,
+                Status::Solved,
+                "{model} {lower}: {:?}",
+                fesd.failure
+            );
+            let difference = distance(&end(&event), &end(&fesd));
+            assert!(difference <= tolerance, "{model} {lower}: {difference:e}");
+            let what = |t: &Trajectory| -> Vec<String> {
+                t.events
+                    .iter()
+                    .map(|e| format!("{:?} {}", e.kind, e.surface))
+                    .collect()
+            };
+            assert_eq!(what(&event), what(&fesd), "{model} {lower}");
+            for (a, b) in event.events.iter().zip(&fesd.events) {
+                assert!(
+                    (a.time - b.time).abs() <= tolerance,
+                    "{model} {lower}: {} {}",
+                    a.time,
+                    b.time
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn stewarts_form_refuses_a_field_that_it_leaves_open() {
+    let model = "model product { state x = 0.2; state y = 0.3; state z = 0; \
+      x' = 0.5 - sign(x); y' = -sign(y); z' = sign(x)*sign(y); }";
+    let settings = "horizon 2; method fesd { steps = 10; }";
+    let stewart = simulate(model, &format!("{settings} lower stewart;"));
+    let failure = stewart
+        .failure
+        .expect("θ is not determined where both slide");
+    assert!(
+        failure.to_string().contains("does not determine"),
+        "{failure}"
+    );
+    // The step form takes α = (3/4, 1/2), so that z stands still.
+    let step = simulate(model, &format!("{settings} lower step;"));
+    let z = end(&step)[2];
+    assert!((z - 0.3).abs() < 1e-13, "{z}");
+}
+
+#[test]
+fn accumulating_switches_are_reported() {
+    let spiral = "model spiral { state x[2] = [1, 0.2]; \
+      x' = [-sign(x[1]) + 2*sign(x[2]); -2*sign(x[1]) - sign(x[2])]; }";
+    let found = simulate(spiral, "horizon 2; method fesd { steps = 10; }");
+    assert_ne!(found.status, Status::Solved);
+}
+
+#[test]
+fn a_scheme_that_cannot_slide_says_so() {
+    for scheme in ["explicit(4)", "lobatto_iiia(3)"] {
+        let settings = format!("horizon 2; method fesd {{ scheme = {scheme}; steps = 10; }}");
+        let found = simulate("model m { state x = -1; x' = -sign(x); }", &settings);
+        let failure = found.failure.expect("ψ = 0 at the first node says nothing");
+        assert!(failure.to_string().contains("cannot hold"), "{failure}");
+    }
+}
