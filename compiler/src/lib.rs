@@ -22,7 +22,7 @@ use self::model::Model;
 use self::report::expect::{self, Subject};
 use self::source::SourceMap;
 use self::syntax::{Bind, Experiment, File, Item, SettingKind};
-use self::system::experiment::{Method, Settings};
+use self::system::experiment::{ExperimentError, Method, Settings};
 use self::system::{Extent, System};
 
 /// An experiment that is ready to run.
@@ -92,6 +92,11 @@ fn compile_to<'e>(
         model::check_experiment(file, home, definition, experiment, overrides, diags)?;
         let system = system::lower(&model, &settings, extent, diags)?;
         let needs = matches!(settings.method, Method::Fesd(_));
+        if let Some(data) = system.data.first().filter(|_| needs) {
+            let (name, span) = (data.name.clone(), settings.span);
+            diags.push(ExperimentError::Data { name, span });
+            return None;
+        }
         let lowerings = dcs::check(&system, &settings.lowerings, needs);
         lowerings.map_err(|error| diags.push(error)).ok()?;
         Some(Compiled {

@@ -134,6 +134,15 @@ pub enum ExperimentError {
         span: Span,
     },
 
+    /// Data in a method that has no breakpoints.
+    #[error("`method fesd` does not take signals from tables yet")]
+    #[diagnostic(code(E0909), help("use `method event`, which is the default"))]
+    Data {
+        name: String,
+        #[label("needs `{name}`, which is data")]
+        span: Span,
+    },
+
     /// Optimal control.
     #[error("`optimize` is not supported yet")]
     #[diagnostic(code(E0922))]
