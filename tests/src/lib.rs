@@ -2,7 +2,7 @@
 
 pub mod affine;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use nsdc::cli::{self, Exit, Streams};
 use nsdc::clock::Clock;
@@ -30,6 +30,23 @@ impl Loader for DataFiles<'_> {
             || NoFiles.data(from, path),
             |(_, text)| Ok(text.clone().into_bytes()),
         )
+    }
+}
+
+/// The data in a folder, and no other files.
+#[derive(Clone, Debug)]
+pub struct DataFolder(pub PathBuf);
+
+impl Loader for DataFolder {
+    fn load(&mut self, from: &str, path: &str) -> Result<Loaded, NotLoaded> {
+        NoFiles.load(from, path)
+    }
+
+    fn data(&mut self, _: &str, path: &str) -> Result<Vec<u8>, NotLoaded> {
+        std::fs::read(self.0.join(path)).map_err(|_| NotLoaded {
+            tried: path.to_owned(),
+            reason: "there is no such file or folder".to_owned(),
+        })
     }
 }
 
@@ -81,6 +98,13 @@ pub fn with_data<T>(
 /// Compiles and runs one experiment of a text.
 pub fn run(text: &str, experiment: &str) -> Trajectory {
     with_experiment(text, experiment, |compiled| {
+        simulate::run(&compiled.system, &compiled.settings, &Request::default())
+    })
+}
+
+/// The same for a text with data beside it.
+pub fn run_with_data(text: &str, data: &DataFiles<'_>, experiment: &str) -> Trajectory {
+    with_data(text, &mut data.clone(), experiment, |compiled| {
         simulate::run(&compiled.system, &compiled.settings, &Request::default())
     })
 }

@@ -5,26 +5,11 @@
 use std::fs;
 use std::path::Path;
 
+use nsd_tests::DataFolder;
 use nsdc::diagnostics::{Diagnostics, render};
-use nsdc::imports::{self, Loaded, Loader, NoFiles, NotLoaded};
+use nsdc::imports;
 use nsdc::source::SourceMap;
 use nsdc::{check, syntax};
-
-/// The data in the folder of the cases.
-struct Beside<'p>(&'p Path);
-
-impl Loader for Beside<'_> {
-    fn load(&mut self, from: &str, path: &str) -> Result<Loaded, NotLoaded> {
-        NoFiles.load(from, path)
-    }
-
-    fn data(&mut self, _: &str, path: &str) -> Result<Vec<u8>, NotLoaded> {
-        fs::read(self.0.join(path)).map_err(|_| NotLoaded {
-            tried: path.to_owned(),
-            reason: "there is no such file or folder".to_owned(),
-        })
-    }
-}
 
 #[test]
 fn every_mistake_is_reported_as_it_was() {
@@ -43,7 +28,7 @@ fn every_mistake_is_reported_as_it_was() {
         let mut diags = Diagnostics::new();
         let source = sources.add_bytes(format!("{stem}.nsd"), bytes);
         let mut file = syntax::parse(&source, &mut diags);
-        let mut beside = Beside(&folder);
+        let mut beside = DataFolder(folder.clone());
         imports::link(&mut file, &stem, &mut beside, &mut sources, &mut diags);
         check(&file, &sources, &mut diags);
 

@@ -3,18 +3,24 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use nsd_tests::DataFolder;
 use nsdc::dcs::{Dcs, Formulation, lower_as, solve_pointwise};
 use nsdc::diagnostics::{self, Diagnostics};
 use nsdc::expr::{Exprs, Var};
+use nsdc::imports;
 use nsdc::source::SourceMap;
 use nsdc::syntax::{DeclKind, Experiment, Item, Model, Stmt};
 use nsdc::system::System;
 
 const FORMULATIONS: [Formulation; 2] = [Formulation::Stewart, Formulation::Step];
 
+fn examples() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples")
+}
+
 /// Calls `check` with every example model, in order: the file stem, and the system of a plain experiment.
 fn for_each_example(mut check: impl FnMut(&str, &System)) {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples");
+    let folder = examples();
     let entries = fs::read_dir(&folder).expect("the examples are there");
     let mut paths: Vec<PathBuf> = entries
         .filter_map(|entry| Some(entry.ok()?.path()))
@@ -58,7 +64,9 @@ fn for_each_model(stem: &str, text: &str, check: &mut impl FnMut(&str, &System))
         let with_experiment = format!("{text}\nsimulate {name} of {model} {{ horizon 1; }}\n");
         let mut sources = SourceMap::new();
         let mut found = Diagnostics::new();
-        let file = nsdc::syntax::parse(&sources.add(stem, with_experiment), &mut found);
+        let mut file = nsdc::syntax::parse(&sources.add(stem, with_experiment), &mut found);
+        let mut data = DataFolder(examples());
+        imports::link(&mut file, stem, &mut data, &mut sources, &mut found);
         let is_it = |item: &&Item| matches!(item, Item::Experiment(experiment) if experiment.name.name == name);
         let experiment: Option<&Experiment> =
             file.items.iter().find(is_it).and_then(|item| match item {
@@ -118,10 +126,13 @@ fn both_lowerings_give_the_same_rates() {
             let states = system.states.iter().enumerate();
             let states =
                 states.map(|(i, state)| (state.var, state.initial + 2.0 * scatter(97 * point + i)));
-            let time = (system.time, scatter(31 * point).abs());
+            let t = scatter(31 * point).abs();
+            let data = (system.data.iter()).map(|data| (data.var, data.table.value(t)));
+            let time = (system.time, t);
             let values: Vec<(Option<Var>, f64)> = params
                 .chain(states)
                 .chain([time])
+                .chain(data)
                 .map(|(var, value)| (var.as_variable(), value))
                 .collect();
             let value = |var| {

@@ -26,6 +26,7 @@ const EXAMPLES: &[&str] = &[
     "parts.nsd: on_ice",
     "parts.nsd: pulled",
     "parts.nsd: to_rest",
+    "schedule.nsd: day",
     "spiral.nsd: zeno",
     "stick_slip.nsd: coulomb",
     "stick_slip.nsd: cycles",
