@@ -334,7 +334,7 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
         };
         let other = variables_of(entries)
             .into_iter()
-            .find(|&var| !self.param_of.contains_key(&var) && !(of_time && given(var)))?;
+            .find(|&var| !(self.param_of.contains_key(&var) || of_time && given(var)))?;
         Some(format!("`{}`", self.model.exprs.name(other)))
     }
 

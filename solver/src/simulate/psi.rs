@@ -139,8 +139,8 @@ impl Compiled {
                         *sum += c * x;
                     }
                 }
-                for k in 0..2 {
-                    own[k] += affine.term(k, states[0]);
+                for (k, sum) in own.iter_mut().enumerate().take(2) {
+                    *sum += affine.term(k, states[0]);
                 }
             }
             Form::Smooth(tapes) => {
