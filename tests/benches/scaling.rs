@@ -56,11 +56,11 @@ fn relays(n: usize) -> String {
     )
 }
 
-/// A relay that switches 64 times, and 199 that stay above; `term` is what they take from their side.
+/// A relay that switches 63 times, and 199 that stay above; `term` is what they take from their side.
 fn idle(term: &str) -> String {
     format!(
         "model relays {{ \
-           const n = 200; state x[n] = ones(n); \
+           const n = 200; state x[n] = 3*ones(n); \
            x[1]' = sign(sin(20*time)); \
            for i in 2..n {{ x[i]' = cos(time) + 0.1*x[i - 1] - 0.1*x[i] - 0.1*{term}; }} \
          }}\n\

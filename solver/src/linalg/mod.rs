@@ -195,24 +195,24 @@ fn factor<T: Number>(
     column_scale.fill(0.0);
     for row in 0..n {
         let entries = &a[row * n..(row + 1) * n];
-        let size = entries.iter().fold(0.0_f64, |m, v| m.max(v.modulus()));
+        let size = entries.iter().fold(0.0_f64, |m, v| m.max(v.norm1()));
         row_scale[row] = size;
         for (scale, entry) in column_scale.iter_mut().zip(entries) {
             *scale = scale.max(if size > 0.0 {
-                entry.modulus() / size
+                entry.norm1() / size
             } else {
                 0.0
             });
         }
     }
     for col in 0..n {
-        let relative = |row: usize| a[row * n + col].modulus() / row_scale[row];
+        let relative = |row: usize| a[row * n + col].norm1() / row_scale[row];
         let pivot = (col..n)
             .max_by(|&i, &j| relative(i).total_cmp(&relative(j)))
             .unwrap_or(col);
         let value = a[pivot * n + col];
         let size = row_scale[pivot] * column_scale[col];
-        if !value.is_finite() || value.modulus() <= 1e-14 * size {
+        if !value.is_finite() || value.norm1() <= 1e-14 * size {
             return Err(Singular { column: col });
         }
         pivots[col] = pivot;

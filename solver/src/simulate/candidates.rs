@@ -21,6 +21,9 @@ const MAX_BOXES: usize = 4000;
 /// Halvings of the unit cube before Newton's method takes over.
 const MAX_DEPTH: usize = 4;
 
+/// No α of this size is looked for: those of solutions are in [0, 1].
+const FAR: f64 = 1e6;
+
 impl<S: SwitchedSystem> Simulator<'_, S> {
     /// All choices of sides with their α.
     pub(super) fn choices(&mut self, state: &State, group: &[usize]) -> Choices {
@@ -209,7 +212,10 @@ impl Zeros<'_> {
             self.found.push(start);
             return Search::Complete;
         }
-        if self.unknowns.len() == 1 || self.is_affine() {
+        if let [switch] = self.unknowns[..] {
+            return self.solve_one(switch, start[0]);
+        }
+        if self.is_affine() {
             return match self.newton(&start) {
                 true => Search::Complete,
                 false => Search::Singular,
@@ -219,6 +225,21 @@ impl Zeros<'_> {
             true => Search::Complete,
             false => Search::Bounded,
         }
+    }
+
+    /// The zero of the rate of one switch, which is affine in its α.
+    fn solve_one(&mut self, switch: usize, start: f64) -> Search {
+        self.set(&[start]);
+        let change = self.mode.phi(switch) / self.mode.coupling(switch, switch);
+        if !change.is_finite() {
+            return Search::Singular;
+        }
+        // Far outside, rounding is all that there is of the dependence on α.
+        if (start - change).abs() <= FAR {
+            self.set(&[start - change]);
+            self.found.push(vec![start - change]);
+        }
+        Search::Complete
     }
 
     fn values(&self) -> Vec<f64> {
@@ -304,7 +325,7 @@ impl Zeros<'_> {
                 return true;
             }
             // NaN, or far outside.
-            if change.is_nan() || values.iter().any(|value| value.abs() > 1e6) {
+            if change.is_nan() || values.iter().any(|value| value.abs() > FAR) {
                 break;
             }
         }

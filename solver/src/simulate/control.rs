@@ -281,22 +281,20 @@ impl Mode {
 
     /// Evaluates the series of states and α at all probes.
     fn probe(&mut self, state: &State, tau: f64, tolerance: f64) {
-        let at = PROBES.map(|probe| probe * tau);
+        let at = f64x4::from(PROBES.map(|probe| probe * tau));
         let mut probed = std::mem::take(&mut self.probed);
         for i in probed.values.len()..self.memory.values.len() {
             // Numbers of functions stay what they are.
             probed.values.push(f64x4::splat(self.memory.values[i]));
         }
-        probed.values[0] = f64x4::from(at.map(|at| state.t + at));
+        probed.values[0] = f64x4::splat(state.t) + at;
         for i in 0..self.n {
-            let [values, slopes] = series::values_and_slopes(self.x_series(i), at);
-            probed.values[1 + i] = f64x4::from(values);
-            probed.rates[i] = f64x4::from(slopes);
+            let series = series::values_and_slopes(self.x_series(i), at);
+            [probed.values[1 + i], probed.rates[i]] = series;
             probed.scales[i] = self.error_scale(i, tau, tolerance, state);
         }
         for &i in &self.sliding {
-            let alpha = at.map(|at| series::value(self.alpha_series(i), at));
-            probed.values[1 + self.n + i] = f64x4::from(alpha);
+            probed.values[1 + self.n + i] = series::values(self.alpha_series(i), at);
         }
         self.probed = probed;
     }

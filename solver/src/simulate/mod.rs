@@ -29,6 +29,7 @@ mod radau;
 pub(crate) mod roots;
 mod select;
 pub(crate) mod series;
+mod settings;
 mod sliding;
 mod state;
 mod status;
@@ -50,6 +51,7 @@ use pieces::Pieces;
 use radau::Radau;
 use roots::RootFinder;
 pub use select::{Candidate, MAX_NAMED};
+pub use settings::Settings;
 use state::State;
 pub use status::{Note, Status};
 use stiffness::Stiffness;
@@ -78,52 +80,6 @@ impl Side {
 
     fn of(value: f64) -> Side {
         if value < 0.0 { Side::Minus } else { Side::Plus }
-    }
-}
-
-/// What the user may choose.
-#[derive(Clone, Debug)]
-pub struct Settings {
-    /// Aim for the global error, relative to the largest magnitude of each state; in (0, 1).
-    pub tolerance: f64,
-    /// Order of the Taylor series, from 4 to 40; chosen from the tolerance when absent.
-    pub order: Option<usize>,
-    /// Largest number of steps.
-    pub max_steps: usize,
-    /// Largest number of events.
-    pub max_events: usize,
-    /// Wall time after which the run stops.
-    pub time_limit: Option<Duration>,
-    /// Sides to take at a non-unique point: one for all switches that are decided there, or one for
-    /// each, in order.
-    pub branch: Vec<Side>,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Settings {
-            tolerance: 1e-8,
-            order: None,
-            max_steps: 10_000_000,
-            max_events: 1_000_000,
-            time_limit: None,
-            branch: Vec::new(),
-        }
-    }
-}
-
-impl Settings {
-    /// Local tolerance of a step: a hundredth of the global aim, which the growth of
-    /// errors along well-conditioned runs does not use up.
-    fn local_tolerance(&self) -> f64 {
-        (0.01 * self.tolerance).max(1e-18)
-    }
-
-    /// Order that costs least for a tolerance: -½ ln ε + 1 (Jorba & Zou 2005, section 3.2),
-    /// and seven more because a step has costs of its own (chosen by trial).
-    fn series_order(&self) -> usize {
-        let optimal = (-0.5 * self.local_tolerance().ln()).ceil() as usize + 8;
-        self.order.unwrap_or(optimal).clamp(4, 40)
     }
 }
 
@@ -269,6 +225,8 @@ pub struct Simulator<'s, S> {
     pieces: Pieces,
     roots: RootFinder,
     stiffness: Stiffness,
+    /// Memory that one run leaves to the next.
+    state: State,
 }
 
 /// Events in a row without progress in time that count as an accumulation.
@@ -293,6 +251,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
             coupled_by,
             pieces: Pieces::new(system),
             roots: RootFinder::new(order.max(stiffness::MOST_NODES)),
+            state: State::default(),
         }
     }
 
@@ -333,7 +292,8 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
             .time_limit
             .map(|limit| (Instant::now(), limit));
         let known = self.mode.n_functions();
-        let mut state = State::new(t0, x0, self.system.n_switches());
+        let mut state = std::mem::take(&mut self.state);
+        state.begin(t0, x0, self.system.n_switches());
         self.stiffness.reset();
         let (mut drift, mut defect) = (0.0, 0.0);
         let mut events = zeno::Events::default();
@@ -445,19 +405,21 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
         };
         state.stats.functions = self.mode.n_functions() - known;
         let elapsed = if state.t > t0 { state.t - t0 } else { 1.0 };
-        Outcome {
+        let outcome = Outcome {
             status,
             time: state.t,
-            x: state.x,
-            sides: state.sides.into_vec(),
-            alpha: state.alpha,
+            x: state.x.clone(),
+            sides: state.sides.to_vec(),
+            alpha: state.alpha.clone(),
             activity: state.work.iter().map(|work| work / elapsed).collect(),
             moved: state.moved.iter().map(|squares| squares.sqrt()).collect(),
             drift,
             defect,
-            notes: state.notes,
+            notes: std::mem::take(&mut state.notes),
             stats: state.stats,
-        }
+        };
+        self.state = state;
+        outcome
     }
 
     fn limit(&self, state: &mut State, started: Option<(Instant, Duration)>) -> Option<Status> {

@@ -71,6 +71,9 @@ impl RootFinder {
             power *= h;
             self.scaled.push(c * power);
         }
+        if self.low_terms_decide() {
+            return None;
+        }
         // b_j = Σ_k C(j, k) / C(degree, k) c_k
         let scaled = &self.scaled;
         self.weighted.clear();
@@ -127,6 +130,31 @@ impl RootFinder {
         None
     }
 }
+
+impl RootFinder {
+    /// True when the lowest terms stay away from zero, as their own Bernstein form shows, by more than
+    /// all others add up to.
+    fn low_terms_decide(&self) -> bool {
+        let start = self.scaled[0];
+        // The least degree whose rest is small.
+        let (mut degree, mut rest) = (self.scaled.len() - 1, 0.0);
+        while degree > 0 && rest + self.scaled[degree].abs() <= SMALL_REST * start.abs() {
+            rest += self.scaled[degree].abs();
+            degree -= 1;
+        }
+        let side = start.signum();
+        2 * degree <= self.scaled.len()
+            && (1..=degree).all(|j| {
+                let binomials = self.binomials[j].iter().zip(&self.binomials[degree]);
+                let terms = binomials.zip(&self.scaled);
+                let b: f64 = terms.map(|((of_j, of_all), c)| of_j / of_all * c).sum();
+                side * b > rest
+            })
+    }
+}
+
+/// Terms that add up to less than this fraction of the constant one are left out at first.
+const SMALL_REST: f64 = 0.02;
 
 /// True when the constant term outweighs all others on the interval.
 fn stays_away(start: f64, rest: &[f64], h: f64) -> bool {

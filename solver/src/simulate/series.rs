@@ -1,18 +1,26 @@
 //! Signs and sizes of truncated Taylor series.
 
+use wide::f64x4;
+
 /// Σ c[k] τᵏ.
 pub(crate) fn value(c: &[f64], tau: f64) -> f64 {
     c.iter().rev().fold(0.0, |sum, c| sum * tau + c)
 }
 
+/// Σ c[k] τᵏ at several τ side by side.
+pub(crate) fn values(c: &[f64], tau: f64x4) -> f64x4 {
+    let sum = f64x4::splat(0.0);
+    c.iter()
+        .rev()
+        .fold(sum, |sum, &c| sum * tau + f64x4::splat(c))
+}
+
 /// Σ c[k] τᵏ and its derivative at several τ side by side.
-pub(crate) fn values_and_slopes<const N: usize>(c: &[f64], tau: [f64; N]) -> [[f64; N]; 2] {
-    let (mut values, mut slopes) = ([0.0; N], [0.0; N]);
-    for c in c.iter().rev() {
-        for at in 0..N {
-            slopes[at] = slopes[at] * tau[at] + values[at];
-            values[at] = values[at] * tau[at] + c;
-        }
+pub(crate) fn values_and_slopes(c: &[f64], tau: f64x4) -> [f64x4; 2] {
+    let (mut values, mut slopes) = (f64x4::splat(0.0), f64x4::splat(0.0));
+    for &c in c.iter().rev() {
+        slopes = slopes * tau + values;
+        values = values * tau + f64x4::splat(c);
     }
     [values, slopes]
 }
@@ -97,10 +105,11 @@ mod tests {
     #[test]
     fn value_and_slope() {
         let c = [1.0, 2.0, 3.0];
-        assert_eq!(
-            values_and_slopes(&c, [2.0, 0.0]),
-            [[17.0, 1.0], [14.0, 2.0]]
-        );
+        let tau = f64x4::from([2.0, 0.0, 1.0, -1.0]);
+        let [values, slopes] = values_and_slopes(&c, tau);
+        assert_eq!(values.to_array(), [17.0, 1.0, 6.0, 2.0]);
+        assert_eq!(slopes.to_array(), [14.0, 2.0, 8.0, -4.0]);
+        assert_eq!(super::values(&c, tau).to_array(), values.to_array());
         assert_eq!(
             (value(&c, 2.0), slope(&c, 2.0), magnitude(&c, 2.0, 1)),
             (17.0, 14.0, 12.0)

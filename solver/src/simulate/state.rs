@@ -4,6 +4,7 @@ use super::radau::{Radau, Start};
 use super::{Note, Side, Stats};
 
 /// Time, state and mode, with the sizes that tell motion from rounding.
+#[derive(Default)]
 pub(super) struct State {
     pub t: f64,
     /// What rounding has kept out of `t`.
@@ -46,32 +47,38 @@ pub(super) struct State {
 }
 
 impl State {
-    pub(super) fn new(t: f64, x: &[f64], n_switches: usize) -> Self {
-        State {
-            t,
-            t_low: 0.0,
-            x: x.to_vec(),
-            sides: vec![Side::Plus; n_switches].into(),
-            alpha: vec![1.0; n_switches],
-            scale: x.iter().map(|v| v.abs()).collect(),
-            activity: vec![0.0; x.len()],
-            work: vec![0.0; x.len()],
-            terms: vec![0.0; n_switches],
-            armed: vec![false; n_switches],
-            band: vec![0.0; n_switches],
-            last_step: 0.0,
-            longest_step: 0.0,
-            stats: Stats::default(),
-            functions: 0,
-            notes: Vec::new(),
-            stalled: 0,
-            window: 0.0,
-            before: vec![0.0; x.len()],
-            moved: vec![0.0; x.len()],
-            next: x.to_vec(),
-            next_alpha: vec![0.0; n_switches],
-            start: Start::default(),
+    /// Starts a run, in the memory of the one before.
+    pub(super) fn begin(&mut self, t: f64, x: &[f64], n_switches: usize) {
+        for copy in [&mut self.x, &mut self.next, &mut self.scale] {
+            copy.clear();
+            copy.extend_from_slice(x);
         }
+        self.scale.iter_mut().for_each(|v| *v = v.abs());
+        let of_states = [
+            &mut self.activity,
+            &mut self.work,
+            &mut self.before,
+            &mut self.moved,
+        ];
+        for zeros in of_states {
+            refill(zeros, x.len(), 0.0);
+        }
+        for zeros in [&mut self.terms, &mut self.band, &mut self.next_alpha] {
+            refill(zeros, n_switches, 0.0);
+        }
+        refill(&mut self.alpha, n_switches, 1.0);
+        refill(&mut self.armed, n_switches, false);
+        if self.sides.len() == n_switches {
+            self.sides.fill(Side::Plus);
+        } else {
+            self.sides = vec![Side::Plus; n_switches].into();
+        }
+        (self.t, self.t_low) = (t, 0.0);
+        (self.last_step, self.longest_step) = (0.0, 0.0);
+        (self.functions, self.stalled, self.window) = (0, 0, 0.0);
+        self.stats = Stats::default();
+        self.notes.clear();
+        self.start = Start::default();
     }
 
     /// Moves time on. Rounding of a sum of many steps would be a drift of phase: it is kept.
@@ -141,4 +148,9 @@ impl State {
         }
         self.sides = sides;
     }
+}
+
+fn refill<T: Clone>(memory: &mut Vec<T>, n: usize, value: T) {
+    memory.clear();
+    memory.resize(n, value);
 }

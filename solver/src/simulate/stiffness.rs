@@ -34,6 +34,10 @@ pub(super) struct Stiffness {
 /// of order 20, it is about as long as the time scale.
 const SLOW: f64 = 0.03;
 
+/// The same by the root of a tolerance: where steps are at the bound of stability, errors of that size
+/// in what is stiff bend the solution too, and c₂ h² is some ten times as large.
+const ROUGH: f64 = 10.0;
+
 /// Slow steps before the implicit method is tried: at first, after an event in an implicit step, and
 /// at most.
 const PATIENCE: usize = 12;
@@ -113,7 +117,8 @@ impl Stiffness {
         [next, left]: [f64; 2],
     ) {
         self.explicit_length = length;
-        self.slow = if motion < SLOW { self.slow + 1 } else { 0 };
+        let slow = SLOW.max(ROUGH * self.tolerance.sqrt());
+        self.slow = if motion < slow { self.slow + 1 } else { 0 };
         if self.slow < self.patience {
             return;
         }

@@ -17,9 +17,12 @@ pub(super) struct Surfaces {
     of_switch: Vec<(usize, usize)>,
     /// What stands for a switch at present: its ψ, or the derivative that has its α in its rate.
     slot: Vec<usize>,
-    /// Switches in whose ψ the α of a switch occurs.
+    /// Switches in whose ψ the α of a switch occurs, and the switches that have any.
     around: Vec<Vec<usize>>,
-    /// The sides taken last; none before the first time.
+    inner: Vec<usize>,
+    /// Switches of higher relative degree.
+    deep: Vec<usize>,
+    /// The sides taken last, of the switches inside others; none before the first time.
     sides: Option<Box<[Side]>>,
     registers: Vec<f64>,
     balls: Vec<Ball>,
@@ -63,6 +66,8 @@ impl Surfaces {
         Surfaces {
             surfaces,
             derivatives,
+            inner: (0..m).filter(|&i| !around[i].is_empty()).collect(),
+            deep: (0..m).filter(|&i| of_switch[i].1 > 0).collect(),
             of_switch,
             slot: (0..m).collect(),
             around,
@@ -88,14 +93,15 @@ impl Surfaces {
                 self.sides = Some(sides.into());
             }
             Some(mut present) => {
-                for i in 0..sides.len() {
+                for inner in 0..self.inner.len() {
+                    let i = self.inner[inner];
                     if present[i] != sides[i] {
+                        present[i] = sides[i];
                         for at in 0..self.around[i].len() {
                             self.enter_one(system, memory, self.around[i][at], sides);
                         }
                     }
                 }
-                present.copy_from_slice(sides);
                 self.sides = Some(present);
             }
         }
@@ -149,10 +155,10 @@ impl Surfaces {
     /// Lets every switch that slides stand for its highest derivative without α, the others for
     /// their ψ.
     pub(super) fn stand(&mut self, sides: &[Side]) {
-        for (i, side) in sides.iter().enumerate() {
+        for &i in &self.deep {
             let (first, count) = self.of_switch[i];
-            self.slot[i] = match side {
-                Side::Slide if count > 0 => first + count - 1,
+            self.slot[i] = match sides[i] {
+                Side::Slide => first + count - 1,
                 _ => i,
             };
         }

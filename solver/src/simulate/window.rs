@@ -29,7 +29,7 @@ impl Mode {
         state.window = if window.is_finite() { window } else { 0.0 };
         if state.window > 0.0 {
             for i in 0..self.n {
-                state.before[i] = series::slope(self.x_series(i), tau);
+                state.before[i] = series::value(&self.rate_series(i)[..self.order], tau);
             }
         }
     }

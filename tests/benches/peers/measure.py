@@ -5,6 +5,7 @@ Times are medians, and leave out what is compiled once per model.
 """
 
 import json
+import signal
 import statistics
 import sys
 import time
@@ -15,17 +16,35 @@ PROBLEM = json.loads(sys.argv[1])
 EXACT = np.array(PROBLEM["exact"])
 
 
+# Seconds after which a run counts as one that never ends: a mode may follow a mode without progress.
+LONGEST = 5
+
+
+class Expired(BaseException):
+    """Nothing that a solver would take for an error of its own."""
+
+
+def expire(*_):
+    raise Expired(f"still running after {LONGEST} s")
+
+
+signal.signal(signal.SIGALRM, expire)
+
+
 def measure(solver, method, tolerances, run, budget=0.5):
     """Runs at each tolerance until repetitions have taken `budget` seconds; what fails is left out."""
     for tolerance in tolerances:
+        signal.alarm(LONGEST)
         try:
             error = float(np.linalg.norm(np.asarray(run(tolerance)) - EXACT))
+            signal.alarm(0)
             times = []
             while len(times) < 3 or (sum(times) < budget and len(times) < 101):
                 started = time.perf_counter()
                 run(tolerance)
                 times.append(time.perf_counter() - started)
-        except Exception as failure:  # What a solver cannot do is no row of the table.
+        except (Exception, Expired) as failure:  # What a solver cannot do is no row of the table.
+            signal.alarm(0)
             print(f"{solver} {method} at {tolerance}: {failure}", file=sys.stderr)
             continue
         row = {"solver": solver, "method": method, "error": error, "seconds": statistics.median(times)}

@@ -130,7 +130,31 @@ pub fn solve(system: &Affine) -> Solution {
         decide.extend([surface]);
         decide.sort_unstable();
         decide.dedup();
+        // What slides goes on where its rate has nothing to do with what changes.
+        let linked = interacting(system, &decide, surface);
+        decide.retain(|i| sides[*i] != 0 || linked.contains(i));
     }
+}
+
+/// The surfaces among some that a first one interacts with: the sign of one occurs in the rate of the
+/// other.
+fn interacting(system: &Affine, among: &[usize], first: usize) -> Vec<usize> {
+    let acts_on = |j: usize, i: usize| {
+        let normal = system.surfaces[i].normal.rows(0, system.n).transpose();
+        (normal * &system.surfaces[j].jump).amax() > 0.0
+    };
+    let mut found = vec![first];
+    let mut next = 0;
+    while next < found.len() {
+        let i = found[next];
+        for &j in among {
+            if !found.contains(&j) && (acts_on(i, j) || acts_on(j, i)) {
+                found.push(j);
+            }
+        }
+        next += 1;
+    }
+    found
 }
 
 impl Solution {

@@ -1,0 +1,51 @@
+//! What a run is told.
+
+use std::time::Duration;
+
+use super::Side;
+
+/// What the user may choose.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// Aim for the global error, relative to the largest magnitude of each state; in (0, 1).
+    pub tolerance: f64,
+    /// Order of the Taylor series, from 4 to 40; chosen from the tolerance when absent.
+    pub order: Option<usize>,
+    /// Largest number of steps.
+    pub max_steps: usize,
+    /// Largest number of events.
+    pub max_events: usize,
+    /// Wall time after which the run stops.
+    pub time_limit: Option<Duration>,
+    /// Sides to take at a non-unique point: one for all switches that are decided there, or one for
+    /// each, in order.
+    pub branch: Vec<Side>,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Settings {
+            tolerance: 1e-8,
+            order: None,
+            max_steps: 10_000_000,
+            max_events: 1_000_000,
+            time_limit: None,
+            branch: Vec::new(),
+        }
+    }
+}
+
+impl Settings {
+    /// Local tolerance of a step: a hundredth of the global aim, which the growth of
+    /// errors along well-conditioned runs does not use up.
+    pub(super) fn local_tolerance(&self) -> f64 {
+        (0.01 * self.tolerance).max(1e-18)
+    }
+
+    /// Order that costs least for a tolerance: -½ ln ε + 1 (Jorba & Zou 2005, section 3.2),
+    /// and seven more because a step has costs of its own (chosen by trial).
+    pub(super) fn series_order(&self) -> usize {
+        let optimal = (-0.5 * self.local_tolerance().ln()).ceil() as usize + 8;
+        self.order.unwrap_or(optimal).clamp(4, 40)
+    }
+}
