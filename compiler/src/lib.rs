@@ -8,6 +8,7 @@ pub mod explain;
 pub mod expr;
 pub mod imports;
 pub mod model;
+pub mod order;
 pub mod report;
 pub mod simulate;
 pub mod source;

@@ -55,6 +55,7 @@ fn help_names_the_commands() {
       emit     Print what the compiler makes of a model
       run      Run experiments and report what came out
       test     Run every `expect` of files and folders
+      order    Measure the error of every method over step size and time
       fmt      Lay files out in the standard way
       new      Make a folder with a small model, its tests and a README
       explain  Explain a diagnostic by its code, or list all codes

@@ -33,6 +33,9 @@ pub enum Command {
     Run(RunArgs),
     /// Run every `expect` of files and folders
     Test(TestArgs),
+    /// Measure the error of every method over step size and time
+    #[command(after_help = ORDER_HELP)]
+    Order(OrderArgs),
     /// Lay files out in the standard way
     Fmt {
         /// Files, and folders with all .nsd files below them; `-` is standard input to output
@@ -144,6 +147,38 @@ pub struct RunArgs {
     /// Say where the time went
     #[arg(long)]
     pub time: bool,
+}
+
+/// What `order --help` ends with.
+const ORDER_HELP: &str = "\
+The error is the distance of the last state from the one that the experiment expects at its end, \
+where `expect x at end ~ ..` gives all states, and else from a run that is more accurate than all \
+others; the output says which. A grid is refined until its error is that of the reference. Times \
+are medians of solves with compiled functions.
+
+Example: `nsdc order oscillator.nsd crossing --csv errors.csv` prints a table and writes \
+errors.csv, crossing.error-step.svg and crossing.error-time.svg.";
+
+/// Arguments of `order`.
+#[derive(Debug, Arguments)]
+pub struct OrderArgs {
+    /// The file; `-` is standard input
+    pub file: PathBuf,
+    /// The experiment; may be left out where the file has one
+    pub experiment: Option<String>,
+    /// Write all runs as CSV; `-` is standard output, instead of the table
+    #[arg(long, value_name = "PATH")]
+    pub csv: Option<PathBuf>,
+    /// Write the figures to PREFIX.error-step.svg and PREFIX.error-time.svg, instead of beginning
+    /// their names with that of the experiment
+    #[arg(long, value_name = "PREFIX")]
+    pub plot: Option<PathBuf>,
+    /// Override a parameter, initial value or input
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = assignment)]
+    pub set: Vec<String>,
+    /// Begin no more runs after so many seconds; finer grids take longer
+    #[arg(long, value_name = "SECONDS", value_parser = seconds, default_value = "8")]
+    pub time_limit: Duration,
 }
 
 /// Arguments of `test`.

@@ -11,6 +11,7 @@ mod figure;
 mod files;
 mod fmt;
 mod new;
+mod order;
 mod progress;
 mod project;
 mod run;
@@ -76,6 +77,7 @@ fn dispatch(args: Args, streams: &mut Streams<'_>) -> io::Result<Exit> {
         Command::Emit(args) => emit::run(&args, streams),
         Command::Run(args) => run::run(&args, streams),
         Command::Test(args) => test::run(&args, streams),
+        Command::Order(args) => order::run(&args, streams),
         Command::Fmt { files, check } => fmt::run(&files, check, streams),
         Command::New { path } => new::run(&path, streams),
         Command::Explain { code } => explain::run(code.as_deref(), streams),

@@ -38,23 +38,29 @@ impl Bar {
 
     /// Shows how far the run is.
     pub fn update(&mut self, progress: Progress) {
+        self.show(progress.time / progress.horizon, || {
+            let (steps, events) = (progress.steps, progress.events);
+            let what = match progress.estimates {
+                true => "second run, ",
+                false => "",
+            };
+            format!(
+                "{what}t = {:.4} of {}, {steps} steps, {events} events",
+                progress.time, progress.horizon
+            )
+        });
+    }
+
+    /// Shows the share that is done, and what it is, now and then.
+    pub fn show(&mut self, done: f64, message: impl FnOnce() -> String) {
         if !self.is_shown || self.last.elapsed() < self.pause {
             return;
         }
         (self.last, self.pause) = (Instant::now(), INTERVAL);
         let name = &self.name;
         let line = self.line.get_or_insert_with(|| new_line(name));
-        let done = (progress.time / progress.horizon).clamp(0.0, 1.0);
-        line.set_position((done * LENGTH as f64) as u64);
-        let (steps, events) = (progress.steps, progress.events);
-        let what = match progress.estimates {
-            true => "second run, ",
-            false => "",
-        };
-        line.set_message(format!(
-            "{what}t = {:.4} of {}, {steps} steps, {events} events",
-            progress.time, progress.horizon
-        ));
+        line.set_position((done.clamp(0.0, 1.0) * LENGTH as f64) as u64);
+        line.set_message(message());
     }
 }
 

@@ -4,6 +4,7 @@
 //! difference is the estimate of the global error, and a different sequence of
 //! modes is reported instead of being trusted.
 
+mod bench;
 mod blocks;
 mod data;
 pub mod fesd;
@@ -30,6 +31,7 @@ use crate::report::{
 };
 use crate::system::System;
 use crate::system::experiment::{self, Branch, EventOptions, Settings};
+pub use bench::{Bench, End, Variant};
 use modes::ModeNames;
 use record::Recorder;
 pub use switched::Switched;

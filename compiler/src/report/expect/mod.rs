@@ -130,6 +130,24 @@ pub fn evaluate(
     checks
 }
 
+/// The state at the end that the expectations give, in order of the states of the system; none where
+/// an entry is missing.
+pub fn final_state(subject: &Subject<'_, '_>, expects: &[(Expect, Span)]) -> Option<Vec<f64>> {
+    let states = &subject.system.states;
+    let mut found: Vec<Option<f64>> = vec![None; states.len()];
+    for (expect, span) in expects {
+        let Expect::Relation(relation) = expect else {
+            continue;
+        };
+        for (left, number) in relation::at_end(subject, relation, *span) {
+            if let Some(state) = states.iter().position(|state| state.var == left) {
+                found[state] = Some(number);
+            }
+        }
+    }
+    found.into_iter().collect()
+}
+
 fn verdict(
     subject: &Subject<'_, '_>,
     expect: &Expect,

@@ -75,6 +75,34 @@ pub fn resolve<'e>(
     })
 }
 
+/// What `left ~ right` says of the end of a run: entries of the left side with their numbers; nothing
+/// where they are not known before the run.
+pub fn at_end<'e>(
+    subject: &Subject<'_, 'e>,
+    relation: &ExpectRelation,
+    span: Span,
+) -> Vec<(Expr<'e>, f64)> {
+    let mut diags = Diagnostics::new();
+    let words = Words::new(subject, &Run::Unknown);
+    words.value(&relation.right, &mut diags);
+    let sides = resolve(subject, relation, span, &Run::Unknown, &mut diags);
+    let Some(Sides { left, right, .. }) = sides.filter(|sides| {
+        let params = Point::of_params(subject);
+        relation.relation == ExpectOp::Close
+            && sides.left_when == When::At(subject.horizon)
+            && !words.has_list.get()
+            && params.unknown(&sides.right.data).is_none()
+    }) else {
+        return Vec::new();
+    };
+    let params = Point::of_params(subject);
+    let numbers = right.data.iter().map(|&entry| params.eval(entry));
+    match right.shape {
+        Shape::Scalar => left.data.into_iter().zip(numbers.cycle()).collect(),
+        _ => left.data.into_iter().zip(numbers).collect(),
+    }
+}
+
 fn side<'e>(
     subject: &Subject<'_, 'e>,
     words: &Words<'_, '_, 'e>,

@@ -89,14 +89,7 @@ impl Ticks {
     pub fn title(&self, name: &str) -> String {
         match self.exponent {
             0 => name.to_owned(),
-            exponent => {
-                let power = exponent
-                    .to_string()
-                    .chars()
-                    .map(superscript)
-                    .collect::<String>();
-                format!("{name}  (×10{power})")
-            }
+            exponent => format!("{name}  (×10{})", superscripts(exponent)),
         }
     }
 }
@@ -117,6 +110,11 @@ fn minus(label: &str) -> String {
         Some(digits) => format!("\u{2212}{digits}"),
         None => label.to_owned(),
     }
+}
+
+/// A whole number as an exponent.
+pub fn superscripts(exponent: i32) -> String {
+    exponent.to_string().chars().map(superscript).collect()
 }
 
 fn superscript(digit: char) -> char {

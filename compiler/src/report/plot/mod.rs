@@ -6,11 +6,14 @@
 mod axis;
 mod canvas;
 mod contour;
+mod loglog;
 mod marks;
 mod panel;
 mod phase;
 
 use self::axis::Axis;
+pub use self::loglog::{Curve, LogLog};
+
 use self::canvas::{Align, Canvas, INK, Stroke};
 use self::marks::{Bands, Legend};
 use self::panel::Panel;

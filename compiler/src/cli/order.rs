@@ -1,0 +1,102 @@
+//! `nsdc order`
+
+use std::path::{Path, PathBuf};
+
+use super::args::OrderArgs;
+use super::files::{Sink, is_standard};
+use super::progress::Bar;
+use super::project::{self, Project};
+use super::{Exit, Streams, io};
+use crate::clock::Clock;
+use crate::compile;
+use crate::diagnostics::Diagnostics;
+use crate::expr::Exprs;
+use crate::order::{self, Progress, Study};
+
+/// Measures the errors of all methods for one experiment.
+pub fn run(args: &OrderArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
+    let Some((project, overrides)) = Project::open(&args.file, &args.set, streams)? else {
+        return Ok(Exit::Wrong);
+    };
+    let Some(experiments) = project.selected(args.experiment.as_deref(), streams)? else {
+        return Ok(Exit::Wrong);
+    };
+    let [experiment] = &experiments[..] else {
+        let names = experiments.iter().map(|e| format!("`{}`", e.name.name));
+        let names = names.collect::<Vec<_>>().join(", ");
+        writeln!(
+            streams.err,
+            "error: `nsdc order` takes one experiment\n  help: name one of {names}"
+        )?;
+        return Ok(Exit::Wrong);
+    };
+
+    let exprs = Exprs::new();
+    let mut diags = Diagnostics::new();
+    let (file, mut clock) = (&project.file, Clock::default());
+    let compiled = compile(&exprs, file, experiment, &overrides, &mut clock, &mut diags);
+    let failed = diags.has_errors();
+    project::print(&diags, &project.sources, streams)?;
+    let Some(compiled) = compiled.filter(|_| !failed) else {
+        return Ok(Exit::Wrong);
+    };
+
+    let mut bar = Bar::new(&compiled.settings.name, streams.progress);
+    let mut watch = |progress: Progress| {
+        let Progress { name, knob, done } = progress;
+        bar.show(done, || format!("{name}, {knob:.1e}"));
+    };
+    let study = order::study(&compiled, &project.sources, args.time_limit, &mut watch);
+    drop(bar);
+    let study = match study {
+        Ok(study) => study,
+        Err(failure) => {
+            writeln!(
+                streams.err,
+                "error: there is nothing to measure errors against\n  {failure}\n  \
+                 help: give the exact state, `expect x at end ~ .. within ..;`"
+            )?;
+            return Ok(Exit::Failed);
+        }
+    };
+    match write(&study, args, streams)? {
+        false => Ok(Exit::Wrong),
+        true if study.has_errors() => Ok(Exit::Success),
+        true => Ok(Exit::Failed),
+    }
+}
+
+/// The table, or CSV in its place, and the figures; whether all could be written.
+fn write(study: &Study, args: &OrderArgs, streams: &mut Streams<'_>) -> io::Result<bool> {
+    let csv = args.csv.as_deref();
+    let tables = !csv.is_some_and(is_standard);
+    if tables {
+        streams.out.write_all(order::text(study).as_bytes())?;
+    }
+    let prefix = match &args.plot {
+        Some(prefix) => prefix.clone(),
+        None => PathBuf::from(&study.experiment),
+    };
+    let figures = [
+        ("error-step", study.error_step()),
+        ("error-time", study.error_time()),
+    ];
+    let figures = figures.map(|(what, svg)| (named(&prefix, what), svg));
+    let csv = csv.map(|path| (path.to_owned(), order::csv(study)));
+    let mut all_written = true;
+    for (path, text) in csv.into_iter().chain(figures) {
+        let is_written = Sink::with(&path, text).finish(streams)?;
+        if is_written && tables {
+            writeln!(streams.out, "  {}", path.display())?;
+        }
+        all_written &= is_written;
+    }
+    Ok(all_written)
+}
+
+/// `results/crossing` becomes `results/crossing.error-step.svg`.
+fn named(prefix: &Path, what: &str) -> PathBuf {
+    let mut name = prefix.as_os_str().to_owned();
+    name.push(format!(".{what}.svg"));
+    PathBuf::from(name)
+}

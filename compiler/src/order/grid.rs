@@ -1,0 +1,116 @@
+//! The methods of a study, and the grids and tolerances of each from coarse to fine.
+
+use nsd_solver::tableau::Family;
+
+use super::Knob;
+use crate::simulate::{Bench, Variant};
+use crate::system::experiment::{FesdOptions, Method, Settings};
+
+/// Runs of one method.
+pub struct Sweep {
+    pub name: String,
+    pub knob: Knob,
+    /// Family of methods in the figures, and place in it.
+    pub place: (usize, usize),
+    /// Step size or tolerance, and the run, from coarse to fine.
+    pub runs: Vec<(f64, Variant)>,
+}
+
+/// Schemes that are compared.
+const SCHEMES: [(Family, usize); 6] = [
+    (Family::RadauIia, 2),
+    (Family::RadauIia, 3),
+    (Family::RadauIia, 4),
+    (Family::GaussLegendre, 2),
+    (Family::GaussLegendre, 3),
+    (Family::GaussLegendre, 4),
+];
+/// Tolerances are powers of ten with these exponents.
+const EXPONENTS: std::ops::RangeInclusive<i32> = 2..=13;
+/// Steps of the coarsest grid, at least.
+const FEWEST_STEPS: usize = 4;
+/// Taylor steps of a very accurate run for one step of the coarsest grid.
+const SHARE: usize = 8;
+/// Doublings of the coarsest grid, in two refinements each.
+const DOUBLINGS: u32 = 12;
+
+/// What is run, and what cannot be run, with the reason. `steps` of a very accurate run say how long
+/// the steps of the coarsest grid may be.
+pub fn sweeps(
+    bench: &Bench<'_, '_>,
+    settings: &Settings,
+    steps: usize,
+) -> (Vec<Sweep>, Vec<(String, String)>) {
+    let mut sweeps = vec![event()];
+    let mut left_out = Vec::new();
+    match bench.without_elements() {
+        Some(reason) => left_out.push(("fesd".to_owned(), reason.to_owned())),
+        None => {
+            let coarsest = FEWEST_STEPS.max(steps.div_ceil(SHARE));
+            sweeps.extend(fesd(settings, coarsest));
+        }
+    }
+    (sweeps, left_out)
+}
+
+fn event() -> Sweep {
+    let run = |exponent: i32| {
+        let tolerance = 10f64.powi(-exponent);
+        let variant = Variant::Event {
+            tolerance,
+            more_orders: 0,
+        };
+        (tolerance, variant)
+    };
+    Sweep {
+        name: "event".into(),
+        knob: Knob::Tolerance,
+        place: (0, 0),
+        runs: EXPONENTS.map(run).collect(),
+    }
+}
+
+/// All schemes, and the one that the experiment asks for.
+fn fesd(settings: &Settings, coarsest: usize) -> Vec<Sweep> {
+    let own = match settings.method {
+        Method::Fesd(options) => Some(options),
+        _ => None,
+    };
+    let elements = own.unwrap_or_default().elements;
+    let asked = own.map(|FesdOptions { scheme, .. }| scheme);
+    let asked = asked.filter(|scheme| !SCHEMES.contains(scheme));
+    let sweep = |(scheme, place): ((Family, usize), _)| {
+        let (family, nodes) = scheme;
+        let run = |steps: usize| {
+            let variant = Variant::Fesd {
+                scheme,
+                steps,
+                elements,
+            };
+            (settings.horizon / (steps * elements) as f64, variant)
+        };
+        Sweep {
+            name: format!("fesd {}({nodes})", family.word()),
+            knob: Knob::Step,
+            place,
+            runs: grids(coarsest).map(run).collect(),
+        }
+    };
+    let places = (0..SCHEMES.len()).map(|k| (1 + k / 3, k % 3));
+    let all = SCHEMES.into_iter().zip(places);
+    all.chain(asked.map(|scheme| (scheme, (1, 3))))
+        .map(sweep)
+        .collect()
+}
+
+/// Numbers of steps, each √2 times the one before.
+fn grids(coarsest: usize) -> impl Iterator<Item = usize> {
+    let steps = move |k: u32| {
+        let doubled = coarsest << (k / 2);
+        match k % 2 {
+            0 => doubled,
+            _ => (doubled as f64 * std::f64::consts::SQRT_2).round() as usize,
+        }
+    };
+    (0..=2 * DOUBLINGS).map(steps)
+}

@@ -1,0 +1,184 @@
+//! Runs for their end state and their time alone, as a study of convergence makes many of them.
+//!
+//! The first run of a solver compiles its functions. Those after it are timed: they are the solve
+//! and nothing else.
+
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+use nsd_solver::fesd::{self, Grid};
+use nsd_solver::simulate as solver;
+use nsd_solver::tableau::Family;
+use solver::{Observer, Outcome, Segment, Simulator};
+
+use super::fesd::Complementarity;
+use super::modes::ModeNames;
+use super::switched::Switched;
+use super::{outcome, solver_settings};
+use crate::dcs;
+use crate::system::System;
+use crate::system::experiment::Settings;
+
+/// A method with all of its options.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Variant {
+    /// Integration from event to event.
+    Event {
+        /// Aim for the global error, in (0, 1).
+        tolerance: f64,
+        /// Orders above the usual one, so that two runs share no error.
+        more_orders: usize,
+    },
+    /// Finite elements on a grid.
+    Fesd {
+        /// Family of Runge-Kutta methods, and number of nodes.
+        scheme: (Family, usize),
+        /// Steps of equal length.
+        steps: usize,
+        /// Finite elements per step.
+        elements: usize,
+    },
+}
+
+/// The end of a run.
+#[derive(Clone, Debug)]
+pub struct End {
+    /// The state that was reached.
+    pub x: Vec<f64>,
+    /// Steps that were taken.
+    pub steps: usize,
+    /// Why the run ended before its horizon.
+    pub failure: Option<String>,
+    /// Median time of a solve in seconds.
+    pub seconds: f64,
+}
+
+/// An experiment that is run by several methods.
+pub struct Bench<'s, 'e> {
+    system: &'s System<'e>,
+    settings: &'s Settings<'e>,
+    x0: Vec<f64>,
+    switched: Switched<'e>,
+    /// Or why there is none.
+    complementarity: Result<Complementarity<'e>, String>,
+}
+
+/// Most solves that are timed.
+const MOST_REPETITIONS: usize = 9;
+/// Time for the repetitions of one run.
+const REPETITIONS: Duration = Duration::from_millis(60);
+
+impl<'s, 'e> Bench<'s, 'e> {
+    /// Prepares what the methods share.
+    pub fn new(system: &'s System<'e>, settings: &'s Settings<'e>) -> Self {
+        Bench {
+            system,
+            settings,
+            x0: system.states.iter().map(|state| state.initial).collect(),
+            switched: Switched::new(system),
+            complementarity: complementarity(system, settings),
+        }
+    }
+
+    /// The state at the start.
+    pub fn start(&self) -> &[f64] {
+        &self.x0
+    }
+
+    /// Why the system has no finite elements.
+    pub fn without_elements(&self) -> Option<&str> {
+        self.complementarity.as_ref().err().map(String::as_str)
+    }
+
+    /// Runs to the horizon. A run that takes longer than `limit` fails.
+    pub fn run(&self, variant: Variant, limit: Duration) -> End {
+        let horizon = self.settings.horizon;
+        let (outcome, seconds) = match variant {
+            Variant::Event {
+                tolerance,
+                more_orders,
+            } => {
+                let mut settings = solver_settings(&self.settings.method, tolerance, Some(limit));
+                if more_orders > 0 {
+                    let order = Simulator::new(&self.switched, settings.clone()).order();
+                    settings.order = Some(order + more_orders);
+                }
+                let mut simulator = Simulator::new(&self.switched, settings);
+                measure(|| simulator.run(0.0, horizon, &self.x0, &mut Unseen))
+            }
+            Variant::Fesd {
+                scheme: (family, nodes),
+                steps,
+                elements,
+            } => {
+                let settings = fesd::Settings {
+                    grid: Grid::Steps { steps, elements },
+                    time_limit: Some(limit),
+                    ..fesd::Settings::new(family, nodes)
+                };
+                let system = self.complementarity.as_ref();
+                let system = system.expect("only systems with finite elements are run by them");
+                let simulator = fesd::Simulator::new(system, settings);
+                let mut simulator = simulator.expect("the number of nodes has been checked");
+                measure(|| {
+                    let solution = simulator.run(0.0, horizon, &self.x0, &mut Unseen);
+                    solution.outcome
+                })
+            }
+        };
+        let names = ModeNames::new(self.system);
+        let failure = outcome::failure(self.system, &names, &outcome, self.settings.span);
+        End {
+            failure: failure.map(|failure| failure.to_string()),
+            x: outcome.x,
+            steps: outcome.stats.steps,
+            seconds,
+        }
+    }
+}
+
+/// The system as finite elements see it, or why they do not.
+fn complementarity<'e>(
+    system: &System<'e>,
+    settings: &Settings,
+) -> Result<Complementarity<'e>, String> {
+    if let Some(data) = system.data.first() {
+        return Err(format!("`{}` is a signal from a table", data.name));
+    }
+    let lowerings = &settings.lowerings;
+    dcs::check(system, lowerings, true).map_err(|error| error.to_string())?;
+    let dcs = dcs::lower(system, lowerings).map_err(|error| error.to_string())?;
+    Ok(Complementarity::new(system, &dcs))
+}
+
+/// The outcome of a solve, and the median time of those after the first.
+fn measure(mut solve: impl FnMut() -> Outcome) -> (Outcome, f64) {
+    let started = Instant::now();
+    let outcome = solve();
+    let first = started.elapsed();
+    if outcome.status != solver::Status::Solved || first > 4 * REPETITIONS {
+        return (outcome, first.as_secs_f64());
+    }
+    let started = Instant::now();
+    let mut times = Vec::with_capacity(MOST_REPETITIONS);
+    while times.is_empty() || times.len() < MOST_REPETITIONS && started.elapsed() < REPETITIONS {
+        let started = Instant::now();
+        solve();
+        times.push(started.elapsed().as_secs_f64());
+    }
+    times.sort_by(f64::total_cmp);
+    (outcome, times[times.len() / 2])
+}
+
+/// Sees nothing.
+struct Unseen;
+
+impl Observer for Unseen {
+    fn segment(&mut self, _: &Segment) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+
+    fn event(&mut self, _: &solver::Event) {}
+}
+
+impl fesd::Observer for Unseen {}

@@ -1,0 +1,138 @@
+//! `nsdc order`: errors against steps and times, as a table, CSV and figures.
+
+mod terminal;
+
+use std::fs;
+use std::path::Path;
+
+use terminal::{folder, nsdc};
+
+const OSCILLATOR: &str = include_str!("../../examples/oscillator.nsd");
+
+/// The number behind `order` or `tol^` in the summary of a method.
+fn order(text: &str, method: &str) -> f64 {
+    let mut lines = text.lines().filter(|line| line.contains("least error"));
+    let line = lines.find(|line| line.trim_start().starts_with(method));
+    let line = line.unwrap_or_else(|| panic!("no summary of {method} in\n{text}"));
+    let rest = line.split_once("order ").or(line.split_once("tol^"));
+    let (_, rest) = rest.unwrap_or_else(|| panic!("no order in {line}"));
+    let end = rest.find([' ', ';']).unwrap_or(rest.len());
+    rest[..end].parse().expect("orders are numbers")
+}
+
+fn svg(path: &Path) -> String {
+    fs::read_to_string(path).expect("the figure was written")
+}
+
+#[test]
+fn methods_have_their_orders_on_the_oscillator() {
+    let folder = folder("order_oscillator");
+    fs::write(folder.join("oscillator.nsd"), OSCILLATOR).expect("the folder is writable");
+    let args = ["order", "oscillator.nsd", "crossing", "--csv", "errors.csv"];
+    let ran = nsdc(&folder, &args);
+    assert_eq!(ran.status, 0, "{}", ran.err);
+    assert!(
+        ran.out.contains("against the expected state"),
+        "{}",
+        ran.out
+    );
+
+    // Radau IIA has order 2n - 1, Gauss-Legendre 2n.
+    let mut methods = vec![("event".to_owned(), 1.0)];
+    for n in 2..=4 {
+        methods.push((format!("fesd radau_iia({n})"), f64::from(2 * n - 1)));
+        methods.push((format!("fesd gauss({n})"), f64::from(2 * n)));
+    }
+    for (method, expected) in &methods {
+        let found = order(&ran.out, method);
+        assert!((found - expected).abs() < 0.7, "{method}: {found}");
+    }
+
+    let mut csv = csv::Reader::from_path(folder.join("errors.csv")).expect("it was written");
+    let rows: Vec<csv::StringRecord> = csv.records().map(|row| row.expect("a row")).collect();
+    let number = |row: &csv::StringRecord, column: usize| row[column].parse::<f64>();
+    for (method, _) in &methods {
+        let solved = |row: &&csv::StringRecord| row[0] == *method && &row[8] == "solved";
+        let solved: Vec<_> = rows.iter().filter(solved).collect();
+        assert!(solved.len() > 5, "{method}");
+        let least = solved.iter().map(|row| number(row, 5).expect("an error"));
+        assert!(least.fold(1.0, f64::min) < 1e-6, "{method}");
+    }
+    // What failed has no error.
+    let failed: Vec<_> = rows.iter().filter(|row| &row[8] != "solved").collect();
+    assert!(failed.iter().all(|row| row[5].is_empty()));
+    assert_eq!(failed.len(), ran.out.matches("failed: ").count());
+
+    for (figure, title) in [("step", "step size h"), ("time", "time of the solve in s")] {
+        let svg = svg(&folder.join(format!("crossing.error-{figure}.svg")));
+        assert!(svg.contains(title));
+        for (method, _) in &methods {
+            assert!(svg.contains(&format!(">\n{method}\n<")), "{method}");
+        }
+    }
+}
+
+#[test]
+fn without_an_expected_state_a_run_is_the_reference() {
+    let folder = folder("order_reference");
+    let text = "model m { state x = 1; state y = 0; x' = -x; y' = -2*sign(y - time + 0.3); }
+        simulate part of m { horizon 1; output x, y; expect x at end ~ exp(-1) within 1e-9; }
+        simulate wrong of m { horizon 1; expect x at end ~ 0.3679 within 1e-3;
+          expect y at end ~ 0.7 within 1e-3; }
+        optimize best of m { horizon 1; minimize final(x); }";
+    fs::write(folder.join("m.nsd"), text).expect("the folder is writable");
+    let args = |name: &'static str| ["order", "m.nsd", name, "--time-limit", "0.5"];
+    let ran = nsdc(&folder, &args("part"));
+    assert_eq!(ran.status, 0, "{}", ran.err);
+    assert!(ran.out.contains("against a run of `event`"), "{}", ran.out);
+    let ran = nsdc(&folder, &args("wrong"));
+    assert_eq!(ran.status, 0, "{}", ran.err);
+    assert!(ran.out.contains("too far for a reference"), "{}", ran.out);
+
+    let ran = nsdc(&folder, &args("best"));
+    assert!(ran.status == 1 && ran.err.contains("E0922"), "{}", ran.err);
+    let ran = nsdc(&folder, &args("parts"));
+    assert!(
+        ran.status == 1 && ran.err.contains("did you mean `part`?"),
+        "{}",
+        ran.err
+    );
+    let ran = nsdc(&folder, &["order", "m.nsd"]);
+    assert!(
+        ran.status == 1 && ran.err.contains("name one of `part`, `wrong`, `best`"),
+        "{}",
+        ran.err
+    );
+    let ran = nsdc(&folder, &["order", "missing.nsd", "part"]);
+    assert!(ran.status == 1 && ran.err.contains("no such file"));
+    let ran = nsdc(&folder, &["order", "m.nsd", "part", "--csv", "no/e.csv"]);
+    assert!(ran.status == 1 && ran.err.contains("no/e.csv"));
+}
+
+#[test]
+fn where_nothing_runs_there_is_no_table() {
+    let folder = folder("order_nothing");
+    let text = "model m { state x = 0; x' = sign(x); } simulate s of m { horizon 1; }";
+    fs::write(folder.join("m.nsd"), text).expect("the folder is writable");
+    let ran = nsdc(&folder, &["order", "m.nsd", "--csv", "-"]);
+    assert_eq!((ran.status, ran.out.as_str()), (2, ""));
+    assert!(
+        ran.err.contains("nothing to measure errors against"),
+        "{}",
+        ran.err
+    );
+}
+
+#[test]
+fn relays_are_run_from_event_to_event_only() {
+    let folder = folder("order_relay");
+    let text = "model m { state x = 19; x' = if h > 0.5 then 5 else -x/10;
+          switch h = hysteresis(x, on = 18, off = 20, start = 1); }
+        simulate s of m { horizon 3; }";
+    fs::write(folder.join("m.nsd"), text).expect("the folder is writable");
+    let ran = nsdc(&folder, &["order", "m.nsd", "--csv", "-", "--plot", "f"]);
+    assert_eq!(ran.status, 0, "{}", ran.err);
+    let methods: Vec<&str> = ran.out.lines().skip(1).map(|l| &l[..6]).collect();
+    assert!(methods.len() > 1 && methods.iter().all(|m| *m == "event,"));
+    assert!(svg(&folder.join("f.error-time.svg")).contains("event"));
+}
