@@ -1,0 +1,304 @@
+//! Complementarity across the nodes of an element.
+//!
+//! 0 <= a_i(z_m) ⟂ b_i(z_l) >= 0   for all nodes m, all nodes and ends l, and all pairs i
+//!
+//! a jumps and b is continuous along solutions. If b_i is positive anywhere in an element, ends included, a_i vanishes
+//! in all of it, so no switch is inside. All terms are non-negative, so sums over m, over l or over both say the same
+//! with fewer rows (Nurkanović et al. 2024, section 4.3).
+//! A pair of which neither or both are continuous is stated at each node alone.
+
+use std::fmt;
+
+use super::block::{Builder, variable};
+use super::{Cross, Problem};
+use crate::dcs::Origin;
+use crate::expr::{Expr, Substitution, Var};
+use crate::mpcc::{Kind, Mpcc, Source, Span};
+
+/// 0 <= `jump` ⟂ `continuous` >= 0.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Members<'e> {
+    pub jump: Expr<'e>,
+    pub continuous: Expr<'e>,
+    origin: Origin,
+}
+
+/// Pairs with the same nodes.
+pub(super) struct Group<'e> {
+    /// What a and b are called where they are printed.
+    pub names: (&'static str, &'static str),
+    block: &'static str,
+    /// The last m.
+    pub last: usize,
+    /// Whether b is taken at all nodes and ends, or at the node of a alone.
+    is_crossed: bool,
+    pub members: Vec<Members<'e>>,
+}
+
+/// One vector of formal arguments with its node.
+pub(super) type Copy<'e> = (usize, Vec<Expr<'e>>);
+
+impl fmt::Display for Members<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} perp {}", self.jump, self.continuous)
+    }
+}
+
+impl<'e> Problem<'_, 'e> {
+    /// All pairs: those whose a is there at the nodes, those whose a is there at a right end that is no node too, and
+    /// those that are not stated across nodes.
+    pub(super) fn groups(&self) -> Vec<Group<'e>> {
+        let layout = &self.layout;
+        let group = |names, block, last, is_crossed| Group {
+            names,
+            block,
+            last,
+            is_crossed,
+            members: Vec::new(),
+        };
+        let mut groups = [
+            group(("a", "b"), "complementarity", layout.nodes, true),
+            group(("a_end", "b_end"), "complementarity_end", layout.end, true),
+            group(
+                ("a_node", "b_node"),
+                "complementarity_node",
+                layout.nodes,
+                false,
+            ),
+        ];
+        for (pair, &origin) in self.dcs.pairs.iter().zip(&self.dcs.origins.pairs) {
+            let [left, right] = [pair.left, pair.right].map(|member| self.algebraic(member));
+            let is_continuous = |i: usize| self.dcs.algebraics[i].continuous;
+            let detected = self.detection.is_some();
+            let (jump, continuous, group) = match (is_continuous(left), is_continuous(right)) {
+                (false, true) if detected => (pair.left, pair.right, self.group(left)),
+                (true, false) if detected => (pair.right, pair.left, self.group(right)),
+                _ => (pair.left, pair.right, 2),
+            };
+            groups[group].members.push(Members {
+                jump,
+                continuous,
+                origin,
+            });
+        }
+        groups
+            .into_iter()
+            .filter(|group| !group.members.is_empty())
+            .collect()
+    }
+
+    fn group(&self, jump: usize) -> usize {
+        usize::from(self.layout.at_end.contains(&jump))
+    }
+
+    /// The number of the variable that a member contains.
+    fn algebraic(&self, member: Expr<'e>) -> usize {
+        let contains = |z: &crate::dcs::Algebraic| z.var == member || z.var == 1.0 - member;
+        let place = self.dcs.algebraics.iter().position(contains);
+        place.expect("members of pairs are algebraic variables, or 1 minus one")
+    }
+
+    /// The pairs.
+    pub(super) fn complementarity(&self, mpcc: &mut Mpcc<'e>) {
+        for group in self.groups() {
+            let cross = self.detection.map(|detection| detection.cross);
+            match cross.filter(|_| group.is_crossed) {
+                None => self.nodewise(&group, mpcc),
+                Some(Cross::All) => self.all(&group, mpcc),
+                Some(Cross::SumJumps) => self.sum_jumps(&group, mpcc),
+                Some(Cross::SumContinuous) => self.sum_continuous(&group, mpcc),
+                Some(Cross::SumBoth) => self.sum_both(&group, mpcc),
+            }
+        }
+    }
+
+    fn nodewise(&self, group: &Group<'e>, mpcc: &mut Mpcc<'e>) {
+        let ranges = [self.steps(), self.elements(), Span::new("m", 1, group.last)];
+        let (a, b) = (group.jumps(), group.continuous());
+        let block = self.bind(Builder::new(group.block, ranges), &a, &a, |[k, j, m]| {
+            (k, j, m)
+        });
+        let block = self.bind(block, &b, &b, |[k, j, m]| (k, j, m));
+        self.push(group, block, (a, b), ("(z[k,j,m])", "(z[k,j,m])"), mpcc);
+    }
+
+    fn all(&self, group: &Group<'e>, mpcc: &mut Mpcc<'e>) {
+        let [m, l] = self.spans(group);
+        let ranges = [self.steps(), self.elements(), m, l];
+        let (a, b) = (group.jumps(), group.continuous());
+        let block = Builder::new(group.block, ranges);
+        let block = self.bind(block, &a, &a, |[k, j, m, _]| (k, j, m));
+        let block = self.bind(block, &b, &b, |[k, j, _, l]| (k, j, l));
+        self.push(group, block, (a, b), ("(z[k,j,m])", "(z[k,j,l])"), mpcc);
+    }
+
+    fn sum_jumps(&self, group: &Group<'e>, mpcc: &mut Mpcc<'e>) {
+        let [m, l] = self.spans(group);
+        let (a, b) = (group.jumps(), group.continuous());
+        let mut block = Builder::new(group.block, [self.steps(), self.elements(), l]);
+        let copies = self.copied(&a, m);
+        for (m, copy) in &copies {
+            block = self.bind(block, &a, copy, |[k, j, _]| (k, j, *m));
+        }
+        let block = self.bind(block, &b, &b, |[k, j, l]| (k, j, l));
+        let text = (summed(m), "(z[k,j,l])");
+        self.push(
+            group,
+            block,
+            (self.sum(&copies), b),
+            (&text.0, text.1),
+            mpcc,
+        );
+    }
+
+    fn sum_continuous(&self, group: &Group<'e>, mpcc: &mut Mpcc<'e>) {
+        let [m, l] = self.spans(group);
+        let (a, b) = (group.jumps(), group.continuous());
+        let mut block = Builder::new(group.block, [self.steps(), self.elements(), m]);
+        let copies = self.copied(&b, l);
+        for (l, copy) in &copies {
+            block = self.bind(block, &b, copy, |[k, j, _]| (k, j, *l));
+        }
+        let block = self.bind(block, &a, &a, |[k, j, m]| (k, j, m));
+        let text = ("(z[k,j,m])", summed(l));
+        self.push(
+            group,
+            block,
+            (a, self.sum(&copies)),
+            (text.0, &text.1),
+            mpcc,
+        );
+    }
+
+    fn sum_both(&self, group: &Group<'e>, mpcc: &mut Mpcc<'e>) {
+        let [m, l] = self.spans(group);
+        let (a, b) = (group.jumps(), group.continuous());
+        let mut block = Builder::new(group.block, [self.steps(), self.elements()]);
+        let (jumps, continuous) = (self.copied(&a, m), self.copied(&b, l));
+        for (m, copy) in &jumps {
+            block = self.bind(block, &a, copy, |[k, j]| (k, j, *m));
+        }
+        for (l, copy) in &continuous {
+            block = self.bind(block, &b, copy, |[k, j]| (k, j, *l));
+        }
+        let sums = (self.sum(&jumps), self.sum(&continuous));
+        self.push(group, block, sums, (&summed(m), &summed(l)), mpcc);
+    }
+
+    /// Where a and b are taken.
+    pub(super) fn spans(&self, group: &Group) -> [Span; 2] {
+        [
+            Span::new("m", 1, group.last),
+            Span::new("l", 0, self.layout.end),
+        ]
+    }
+
+    /// Members in variables of their own for each node.
+    pub(super) fn copied(&self, members: &[Expr<'e>], nodes: Span) -> Vec<Copy<'e>> {
+        let copy = |node| {
+            let fresh = |&member: &Expr<'e>| {
+                let z = self.dcs.algebraics[self.algebraic(member)].var;
+                let mut renamed = Substitution::new();
+                renamed.insert(variable(z), self.dcs.exprs.variable(&z.to_string()));
+                member.substitute(&renamed)
+            };
+            (node, members.iter().map(fresh).collect())
+        };
+        (nodes.first..=nodes.last).map(copy).collect()
+    }
+
+    /// Sums of members over the nodes.
+    pub(super) fn sum(&self, copies: &[Copy<'e>]) -> Vec<Expr<'e>> {
+        let n = copies.first().map_or(0, |(_, members)| members.len());
+        let sum = |i| {
+            self.dcs
+                .exprs
+                .sum(copies.iter().map(|(_, members)| members[i]))
+        };
+        (0..n).map(sum).collect()
+    }
+
+    /// Binds the variables of members, or of their copies, at a node.
+    pub(super) fn bind<const N: usize>(
+        &self,
+        block: Builder<N>,
+        members: &[Expr<'e>],
+        copies: &[Expr<'e>],
+        node: impl Fn([usize; N]) -> (usize, usize, usize),
+    ) -> Builder<N> {
+        let mut bound: Vec<Var> = Vec::new();
+        members
+            .iter()
+            .zip(copies)
+            .fold(block, |block, (&member, &copy)| {
+                let i = self.algebraic(member);
+                let formal = crate::expr::variables_of(&[copy])[0];
+                // One variable may be in several members, as α is.
+                if bound.contains(&formal) {
+                    return block;
+                }
+                bound.push(formal);
+                block.variable(self.dcs.exprs.expr(formal), |place| {
+                    let (k, j, m) = node(place);
+                    let index = self.layout.z(k, j, m, i);
+                    index.expect("members are taken where they are declared")
+                })
+            })
+    }
+
+    fn push<const N: usize>(
+        &self,
+        group: &Group<'e>,
+        block: Builder<N>,
+        (a, b): (Vec<Expr<'e>>, Vec<Expr<'e>>),
+        (at_a, at_b): (&str, &str),
+        mpcc: &mut Mpcc<'e>,
+    ) {
+        let member = |name: &str, at: &str| match at.strip_prefix("sum") {
+            Some(rest) => format!("sum({name}{rest}"),
+            None => format!("{name}{at}"),
+        };
+        let (a_name, b_name) = match self.detection {
+            Some(_) => group.names,
+            None => ("a", "b"),
+        };
+        let text = format!(
+            "0 <= {} perp {} >= 0",
+            member(a_name, at_a),
+            member(b_name, at_b)
+        );
+        let sources = group
+            .members
+            .iter()
+            .map(|pair| Source::Dcs(pair.origin))
+            .collect();
+        let outputs = a.into_iter().chain(b).collect();
+        mpcc.blocks
+            .push(block.finish(Kind::Pair, outputs, sources, text));
+    }
+}
+
+/// `sum(z[k,j,m]), m in 1..4)`, where the name of the function belongs behind `sum(`.
+fn summed(nodes: Span) -> String {
+    let name = nodes.name;
+    format!(
+        "sum(z[k,j,{name}]), {name} in {}..{})",
+        nodes.first, nodes.last
+    )
+}
+
+impl<'e> Group<'e> {
+    /// a.
+    pub fn jumps(&self) -> Vec<Expr<'e>> {
+        self.members.iter().map(|pair| pair.jump).collect()
+    }
+
+    /// b.
+    pub fn continuous(&self) -> Vec<Expr<'e>> {
+        self.members.iter().map(|pair| pair.continuous).collect()
+    }
+
+    pub fn is_crossed(&self) -> bool {
+        self.is_crossed
+    }
+}

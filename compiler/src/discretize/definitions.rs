@@ -1,0 +1,87 @@
+//! What the printed blocks refer to: how the program was made, f, g, and the members of pairs.
+
+use super::cross::Members;
+use super::{Cross, Equilibration, Form, Grid, Options, Problem};
+use crate::dcs::Dcs;
+use crate::mpcc::{Definition, Mpcc};
+
+/// The first lines of the printed form.
+pub(super) fn remarks(dcs: &Dcs, grid: Grid, form: Form, options: &Options) -> Vec<String> {
+    let (family, nodes) = options.scheme;
+    let form = match form {
+        Form::Integral => "integral",
+        Form::Differential => "differential",
+    };
+    let steps = counted(grid.steps, "step");
+    let method = format!("{}({nodes}), {form} form", family.word());
+    let grid = match options.detection {
+        None => format!("time stepping, {steps} to T = {}", grid.horizon),
+        Some(detection) => {
+            let cross = match detection.cross {
+                Cross::All => "pairs across all nodes",
+                Cross::SumJumps => "pairs with sums of what jumps",
+                Cross::SumContinuous => "pairs with sums of what is continuous",
+                Cross::SumBoth => "pairs of sums",
+            };
+            let elements = counted(detection.elements, "element");
+            format!("{steps} of {elements} to T = {}, {cross}", grid.horizon)
+        }
+    };
+    let reason = dcs.reason.as_ref();
+    let reason = reason.map_or_else(String::new, |reason| format!(": {reason}"));
+    vec![
+        format!("{}{reason}", dcs.formulation),
+        format!("{method}, {grid}"),
+    ]
+}
+
+fn counted(n: usize, word: &str) -> String {
+    match n {
+        1 => format!("1 {word}"),
+        _ => format!("{n} {word}s"),
+    }
+}
+
+impl Problem<'_, '_> {
+    /// `(t, x, z)`, without what does not occur.
+    pub(super) fn arguments(&self, t: &str, x: &str, z: &str) -> String {
+        let t = self.layout.t(1, 1).map(|_| t);
+        let z = (!self.dcs.algebraics.is_empty()).then_some(z);
+        let all: Vec<&str> = t.into_iter().chain([x]).chain(z).collect();
+        format!("({})", all.join(", "))
+    }
+
+    /// The rates f, the equations g, and the members a and b of pairs.
+    pub(super) fn define(&self, mpcc: &mut Mpcc) {
+        let dcs = self.dcs;
+        let mut define = |head: String, lines: Vec<String>| {
+            if !lines.is_empty() {
+                mpcc.definitions.push(Definition { head, lines });
+            }
+        };
+        let arguments = self.arguments(&dcs.time.to_string(), "x", "z");
+        let rates = dcs.states.iter().zip(&dcs.rates);
+        let rates = rates.map(|(state, rate)| format!("der({}) = {rate}", state.var));
+        define(format!("f{arguments}"), rates.collect());
+        let equations = dcs.equations.iter().map(|row| format!("0 = {row}"));
+        define(format!("g{arguments}"), equations.collect());
+        if self.detection.is_none() {
+            let pairs = dcs.pairs.iter();
+            let pairs = pairs.map(|pair| format!("{} perp {}", pair.left, pair.right));
+            return define("a(z), b(z)".to_owned(), pairs.collect());
+        }
+        for group in self.groups() {
+            let lines = group.members.iter().map(Members::to_string).collect();
+            define(format!("{}(z), {}(z)", group.names.0, group.names.1), lines);
+        }
+        let is_equilibrated = self.detection.is_some_and(|detection| {
+            matches!(
+                detection.equilibration,
+                Equilibration::Switch { .. } | Equilibration::Exact
+            ) && detection.elements > 1
+        });
+        if is_equilibrated {
+            define("eta[k,j]".to_owned(), self.eta_text());
+        }
+    }
+}

@@ -1,0 +1,111 @@
+//! Equal lengths of elements between which there is no switch.
+//!
+//! η = Π_i (Σ_l b_il Σ_l b⁺_il + Σ_m a_im Σ_m a⁺_im),   sums over the element before (b, a) and behind (b⁺, a⁺)
+//!
+//! η is positive exactly when every pair has the same positive member on both sides, and then the lengths have to be
+//! equal: η Δh = 0. For the step formulation these are both pairs of a switch: with λ alone η would vanish while
+//! sliding, and leave the lengths free there (Nurkanović et al. 2024, section 4.5).
+
+use super::block::Builder;
+use super::{Equilibration, Problem};
+use crate::expr::Expr;
+use crate::mpcc::{Kind, Mpcc, Source, Span};
+
+impl<'e> Problem<'_, 'e> {
+    /// Rows or terms of the objective that say so.
+    pub(super) fn equilibrate(&self, mpcc: &mut Mpcc<'e>) {
+        let Some(detection) = self.detection.filter(|detection| detection.elements > 1) else {
+            return;
+        };
+        match detection.equilibration {
+            Equilibration::None => {}
+            Equilibration::Mean { weight } => self.mean(weight, mpcc),
+            Equilibration::Switch { weight, scale } => {
+                let text = format!("{weight}*tanh(eta[k,j]/{scale})*(h[k,j+1] - h[k,j])^2");
+                let term = |eta: Expr<'e>, change: Expr<'e>| {
+                    weight * (eta / scale).tanh() * change.powi(2)
+                };
+                self.between(Kind::Objective, text, term, mpcc);
+            }
+            Equilibration::Exact => {
+                let text = "0 = eta[k,j]*(h[k,j+1] - h[k,j])".to_owned();
+                self.between(Kind::Equation, text, |eta, change| eta * change, mpcc);
+            }
+        }
+    }
+
+    fn mean(&self, weight: f64, mpcc: &mut Mpcc<'e>) {
+        let mean = self.grid.horizon / (self.layout.steps * self.layout.elements) as f64;
+        let h = mpcc.exprs.variable("h");
+        let block = Builder::new("equilibration", [self.steps(), self.elements()])
+            .variable(h, |[k, j]| self.layout.h(k, j));
+        let text = format!("{weight}*(h[k,j] - {mean})^2");
+        let term = weight * (h - mean).powi(2);
+        mpcc.blocks
+            .push(block.finish(Kind::Objective, vec![term], vec![Source::Grid], text));
+    }
+
+    /// A row or term in η and Δh for each two elements of a step.
+    fn between(
+        &self,
+        kind: Kind,
+        text: String,
+        row: impl Fn(Expr<'e>, Expr<'e>) -> Expr<'e>,
+        mpcc: &mut Mpcc<'e>,
+    ) {
+        let (exprs, layout) = (mpcc.exprs, &self.layout);
+        let ranges = [self.steps(), Span::new("j", 1, layout.elements - 1)];
+        let h = exprs.variables("h", 2);
+        let mut block = Builder::new("equilibration", ranges)
+            .variable(h[0], |[k, j]| layout.h(k, j))
+            .variable(h[1], |[k, j]| layout.h(k, j + 1));
+        let mut factors = Vec::new();
+        for group in self.groups().iter().filter(|group| group.is_crossed()) {
+            let [m, l] = self.spans(group);
+            let mut sides = Vec::new();
+            for (members, nodes) in [(group.jumps(), m), (group.continuous(), l)] {
+                let [before, behind] = [0, 1].map(|_| self.copied(&members, nodes));
+                for (next, copies) in [(0, &before), (1, &behind)] {
+                    for (node, copy) in copies {
+                        block = self.bind(block, &members, copy, |[k, j]| (k, j + next, *node));
+                    }
+                }
+                sides.push((self.sum(&before), self.sum(&behind)));
+            }
+            factors.extend((0..group.members.len()).map(|i| {
+                let products = sides.iter().map(|(before, behind)| before[i] * behind[i]);
+                exprs.sum(products)
+            }));
+        }
+        let row = row(exprs.product(factors), h[1] - h[0]);
+        mpcc.blocks
+            .push(block.finish(kind, vec![row], vec![Source::Grid], text));
+    }
+
+    /// η as it is printed.
+    pub(super) fn eta_text(&self) -> Vec<String> {
+        let groups = self.groups();
+        let crossed = groups.iter().filter(|group| group.is_crossed());
+        let lines = crossed.map(|group| {
+            let [m, l] = self.spans(group);
+            let (a, b) = group.names;
+            let product = |name: &str, nodes: Span| {
+                let side = |element: &str| {
+                    let (index, first, last) = (nodes.name, nodes.first, nodes.last);
+                    format!("sum({name}(z[k,{element},{index}]), {index} in {first}..{last})")
+                };
+                format!("{}*{}", side("j"), side("j+1"))
+            };
+            format!(
+                "product over pairs of {} + {}",
+                product(b, l),
+                product(a, m)
+            )
+        });
+        let lines: Vec<String> = lines.collect();
+        if lines.is_empty() {
+            return vec!["1".to_owned()];
+        }
+        lines
+    }
+}

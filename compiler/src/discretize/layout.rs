@@ -1,0 +1,292 @@
+//! Which variable is what: the way from the program back to the trajectory.
+
+use nsd_solver::tableau::Tableau;
+use rustc_hash::FxHashSet;
+
+use super::block::variable;
+use super::{Detection, Form, Grid};
+use crate::dcs::Dcs;
+use crate::expr::{Expr, Var, variables_of};
+use crate::mpcc::{Bounds, Mpcc, Span, Variables, n_places};
+
+/// Indices of the variables of a discretized system.
+///
+/// Steps k and elements j count from 1; node 0 is the left end of an element, and [`Layout::end`] its right end.
+#[derive(Clone, Debug)]
+pub struct Layout {
+    /// N.
+    pub steps: usize,
+    /// Elements per step.
+    pub elements: usize,
+    /// Runge-Kutta nodes per element.
+    pub nodes: usize,
+    /// The number of the node that is the right end: that of the last node, or one more.
+    pub end: usize,
+    n_states: usize,
+    n_algebraics: usize,
+    /// First indices.
+    lengths: usize,
+    times: Option<usize>,
+    initial_states: usize,
+    states: usize,
+    slopes: Option<usize>,
+    initial_algebraics: usize,
+    algebraics: usize,
+    end_algebraics: usize,
+    /// Which z are continuous, and thus there at the left end.
+    pub(super) continuous: Vec<usize>,
+    /// Which z are there at a right end that is no node.
+    pub(super) at_end: Vec<usize>,
+}
+
+impl Layout {
+    /// The number of an element, from 0.
+    fn element(&self, k: usize, j: usize) -> usize {
+        (k - 1) * self.elements + (j - 1)
+    }
+
+    /// h_kj.
+    pub fn h(&self, k: usize, j: usize) -> usize {
+        self.lengths + self.element(k, j)
+    }
+
+    /// The start of an element, where the system depends on time.
+    pub fn t(&self, k: usize, j: usize) -> Option<usize> {
+        self.times.map(|times| times + self.element(k, j))
+    }
+
+    /// The first state at node m.
+    pub fn x(&self, k: usize, j: usize, m: usize) -> usize {
+        match (self.element(k, j), m) {
+            (0, 0) => self.initial_states,
+            (element, 0) => self.states + (element * self.end - 1) * self.n_states,
+            (element, _) => self.states + (element * self.end + m - 1) * self.n_states,
+        }
+    }
+
+    /// The first slope at a Runge-Kutta node, in the differential form.
+    pub fn v(&self, k: usize, j: usize, m: usize) -> Option<usize> {
+        let node = self.element(k, j) * self.nodes + m - 1;
+        self.slopes.map(|slopes| slopes + node * self.n_states)
+    }
+
+    /// The number of algebraic variables.
+    pub fn n_algebraics(&self) -> usize {
+        self.n_algebraics
+    }
+
+    /// Algebraic variable i at node m; at the ends only some are there.
+    pub fn z(&self, k: usize, j: usize, m: usize, i: usize) -> Option<usize> {
+        let place = |list: &[usize]| list.iter().position(|&known| known == i);
+        match (self.element(k, j), m) {
+            (_, 0) if place(&self.continuous).is_none() => None,
+            (0, 0) => Some(self.initial_algebraics + place(&self.continuous)?),
+            (element, 0) => self.z_behind(element - 1, self.end, i),
+            (element, _) => self.z_behind(element, m, i),
+        }
+    }
+
+    fn z_behind(&self, element: usize, m: usize, i: usize) -> Option<usize> {
+        if m <= self.nodes {
+            let node = element * self.nodes + m - 1;
+            return Some(self.algebraics + node * self.n_algebraics + i);
+        }
+        let place = self.at_end.iter().position(|&known| known == i)?;
+        Some(self.end_algebraics + element * self.at_end.len() + place)
+    }
+}
+
+/// Declares all variables with bounds and guesses.
+pub(super) fn declare(
+    mpcc: &mut Mpcc,
+    dcs: &Dcs,
+    grid: Grid,
+    tableau: &Tableau,
+    form: Form,
+    detection: Option<Detection>,
+) -> Layout {
+    let elements = detection.map_or(1, |detection| detection.elements);
+    let nodes = tableau.n_nodes();
+    let end = if tableau.ends_at_node() {
+        nodes
+    } else {
+        nodes + 1
+    };
+    let (step, element) = (Span::new("k", 1, grid.steps), Span::new("j", 1, elements));
+    let first = [
+        Span::new("k", 1, 1),
+        Span::new("j", 1, 1),
+        Span::new("m", 0, 0),
+    ];
+    let to = |last: usize| [step, element, Span::new("m", 1, last)];
+    let names = |vars: Vec<Expr>| vars.iter().map(Expr::to_string).collect::<Vec<_>>();
+    let mut declare =
+        |name: &str, components: Vec<String>, ranges: &[Span], bounds: Vec<Bounds>| {
+            let start = mpcc.n_variables();
+            if !components.is_empty() && !bounds.is_empty() {
+                mpcc.variables.push(Variables {
+                    name: name.to_owned(),
+                    components,
+                    ranges: ranges.to_vec(),
+                    start,
+                    bounds,
+                });
+            }
+            start
+        };
+
+    // Lengths and times.
+    let mean = grid.horizon / (grid.steps * elements) as f64;
+    let length = match detection {
+        Some(detection) if elements > 1 => {
+            let spread = detection.spread;
+            Bounds::between((1.0 - spread) * mean, (1.0 + spread) * mean, mean)
+        }
+        _ => Bounds::fixed(mean),
+    };
+    let n_elements = grid.steps * elements;
+    let per_element = [step, element];
+    let lengths = declare(
+        "h",
+        vec!["h".to_owned()],
+        &per_element,
+        vec![length; n_elements],
+    );
+    let rows: Vec<Expr> = dcs.rates.iter().chain(&dcs.equations).copied().collect();
+    let is_timed = variables_of(&rows).contains(&variable(dcs.time));
+    let times = is_timed.then(|| {
+        let start = |e: usize| {
+            let start = grid.horizon * (e / elements) as f64 / grid.steps as f64;
+            match e % elements {
+                0 => Bounds::fixed(start),
+                j => Bounds::free(start + j as f64 * mean),
+            }
+        };
+        let bounds = (0..n_elements).map(start).collect();
+        declare("t", vec!["t".to_owned()], &per_element, bounds)
+    });
+
+    // States and slopes.
+    let states = || names(dcs.states.iter().map(|state| state.var).collect());
+    let initial = || dcs.states.iter().map(|state| state.initial);
+    let initial_states = declare(
+        "x",
+        states(),
+        &first,
+        initial().map(Bounds::fixed).collect(),
+    );
+    let everywhere = |places: &[Span], bounds: Vec<Bounds>| bounds.repeat(n_places(places));
+    let free: Vec<Bounds> = initial().map(Bounds::free).collect();
+    let state_block = declare("x", states(), &to(end), everywhere(&to(end), free));
+    let slopes = (form == Form::Differential).then(|| {
+        let slopes = states().iter().map(|name| format!("der({name})")).collect();
+        let bounds = vec![Bounds::free(0.0); dcs.states.len()];
+        declare("v", slopes, &to(nodes), everywhere(&to(nodes), bounds))
+    });
+
+    // Algebraic variables.
+    let algebraic_bounds = algebraic_bounds(dcs);
+    let chosen = |list: &[usize]| {
+        let names = names(list.iter().map(|&i| dcs.algebraics[i].var).collect());
+        let bounds = list.iter().map(|&i| algebraic_bounds[i]).collect();
+        (names, bounds)
+    };
+    let all: Vec<usize> = (0..dcs.algebraics.len()).collect();
+    let continuous: Vec<usize> = match detection {
+        Some(_) => (all.iter().copied())
+            .filter(|&i| dcs.algebraics[i].continuous)
+            .collect(),
+        None => Vec::new(),
+    };
+    let at_end = match detection {
+        Some(_) if end > nodes => End::new(dcs).algebraics,
+        _ => Vec::new(),
+    };
+    let (components, _) = chosen(&continuous);
+    let known = continuous
+        .iter()
+        .map(|&i| Bounds::fixed(dcs.algebraics[i].guess));
+    let initial_algebraics = declare("z", components, &first, known.collect());
+    let (components, bounds) = chosen(&all);
+    let algebraics = declare("z", components, &to(nodes), everywhere(&to(nodes), bounds));
+    let right = [step, element, Span::new("m", end, end)];
+    let (components, bounds) = chosen(&at_end);
+    let end_algebraics = declare("z", components, &right, everywhere(&right, bounds));
+    Layout {
+        steps: grid.steps,
+        elements,
+        nodes,
+        end,
+        n_states: dcs.states.len(),
+        n_algebraics: dcs.algebraics.len(),
+        lengths,
+        times,
+        initial_states,
+        states: state_block,
+        slopes,
+        initial_algebraics,
+        algebraics,
+        end_algebraics,
+        continuous,
+        at_end,
+    }
+}
+
+/// Members of pairs are not negative.
+fn algebraic_bounds(dcs: &Dcs) -> Vec<Bounds> {
+    let members: FxHashSet<Expr> = (dcs.pairs.iter())
+        .flat_map(|pair| [pair.left, pair.right])
+        .collect();
+    let bounds = |z: &crate::dcs::Algebraic| {
+        let lower = if members.contains(&z.var) {
+            0.0
+        } else {
+            f64::NEG_INFINITY
+        };
+        let upper = if members.contains(&(1.0 - z.var)) {
+            1.0
+        } else {
+            f64::INFINITY
+        };
+        Bounds::between(lower, upper, z.guess)
+    };
+    dcs.algebraics.iter().map(bounds).collect()
+}
+
+/// What holds at a right end that is no node: the continuous z, the equations that contain them, what else these
+/// contain, the equations of that, and so on.
+#[derive(Clone, Debug)]
+pub(super) struct End {
+    pub algebraics: Vec<usize>,
+    pub equations: Vec<usize>,
+}
+
+impl End {
+    pub fn new(dcs: &Dcs) -> Self {
+        let occurring = |row: &Expr<'_>| variables_of(&[*row]);
+        let occurring: Vec<Vec<Var>> = dcs.equations.iter().map(occurring).collect();
+        let declared: FxHashSet<Var> = dcs.algebraics.iter().map(|z| variable(z.var)).collect();
+        let continuous = dcs.algebraics.iter().filter(|z| z.continuous);
+        let mut known: FxHashSet<Var> = continuous.map(|z| variable(z.var)).collect();
+        loop {
+            let before = known.len();
+            for row in &occurring {
+                if row.iter().any(|var| known.contains(var)) {
+                    known.extend(row.iter().filter(|var| declared.contains(var)));
+                }
+            }
+            if known.len() == before {
+                break;
+            }
+        }
+        let contains = |row: &Vec<Var>| row.iter().any(|var| known.contains(var));
+        End {
+            algebraics: (0..dcs.algebraics.len())
+                .filter(|&i| known.contains(&variable(dcs.algebraics[i].var)))
+                .collect(),
+            equations: (0..occurring.len())
+                .filter(|&row| contains(&occurring[row]))
+                .collect(),
+        }
+    }
+}

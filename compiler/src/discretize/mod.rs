@@ -1,0 +1,205 @@
+//! Finite elements with switch detection (FESD): Dcs -> Mpcc.
+//!
+//! N steps of equal length T/N consist of elements j of free lengths h_kj, which are a Runge-Kutta step each. With
+//! polynomials x through x_kj0, .., x_kjn (integral form, collocation methods) or slopes v (differential form):
+//!
+//! 0 = Σ_l d_ml x_kjl - h_kj f(t_kjm, x_kjm, z_kjm)   or   0 = x_kj0 + h_kj Σ_l a_ml v_kjl - x_kjm,  0 = f(..) - v_kjm
+//! 0 = g(t_kjm, x_kjm, z_kjm),   0 = Σ_j h_kj - T/N,   t_kjm = t_kj + c_m h_kj
+//!
+//! Node 0 is the left end of an element and the right end of the one before. Where the last node is not the right end,
+//! that is node n + 1: x there, and of z what is continuous with the equations that contain it.
+//!
+//! In a pair one member b is continuous along solutions (λ) and one a jumps (θ, α, 1 - α). Switches are at ends of
+//! elements only, because within an element no a at any node and no b at any node or end are both positive, see
+//! `cross`. Elements without a switch between them get equal lengths, see `equilibrate`.
+//! Time stepping is the same with lengths that are given and pairs at each node alone.
+//!
+//! The state and the continuous z at the start of the first element are fixed variables: there, as everywhere off the
+//! surfaces, λ is what the switching functions say.
+//!
+//! Nurkanović, Sperl, Albrecht & Diehl 2024; Baumrucker & Biegler 2009 for free lengths.
+
+mod block;
+mod cross;
+mod definitions;
+mod dynamics;
+mod equilibrate;
+mod error;
+mod layout;
+#[cfg(test)]
+mod tests;
+
+use nsd_solver::tableau::{Family, Tableau};
+
+pub use error::DiscretizeError;
+pub use layout::Layout;
+
+use crate::dcs::Dcs;
+use crate::expr::Expr;
+use crate::mpcc::Mpcc;
+use crate::source::Span;
+
+/// The steps of a horizon that starts at 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Grid {
+    /// T.
+    pub horizon: f64,
+    /// N.
+    pub steps: usize,
+}
+
+/// How a step becomes rows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// Family of Runge-Kutta methods, and number of nodes.
+    pub scheme: (Family, usize),
+    /// How the method is written; `None` for the integral form where there is one.
+    pub form: Option<Form>,
+    /// How switches are detected; `None` for time stepping, which does not.
+    pub detection: Option<Detection>,
+}
+
+/// How a Runge-Kutta method is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// The derivative of the polynomial through x satisfies the equation at the nodes.
+    Integral,
+    /// The slopes at the nodes are variables.
+    Differential,
+}
+
+/// How switches get to the ends of elements.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Detection {
+    /// Elements per step; r switches inside a step need r + 1.
+    pub elements: usize,
+    /// How pairs across the nodes are added up.
+    pub cross: Cross,
+    /// What makes lengths equal where there is no switch.
+    pub equilibration: Equilibration,
+    /// γ: lengths are between (1 - γ) and (1 + γ) times their mean.
+    pub spread: f64,
+}
+
+/// Which pairs are stated of the values a_m at nodes and b_l at nodes and left end, for each component.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cross {
+    /// a_m ⟂ b_l for all m and l.
+    All,
+    /// Σ_m a_m ⟂ b_l for all l.
+    SumJumps,
+    /// a_m ⟂ Σ_l b_l for all m.
+    SumContinuous,
+    /// Σ_m a_m ⟂ Σ_l b_l.
+    SumBoth,
+}
+
+/// What makes the lengths of elements equal where there is no switch between them.
+///
+/// None of these is the last word on a solution: a simulation by active sets, and the polish of an optimum, make the
+/// lengths between two switches exactly equal, so the weights bias nothing that is reported.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Equilibration {
+    /// Nothing: lengths are not unique where a step has more elements than it needs.
+    None,
+    /// ρ Σ (h - h̄)² in the objective; it has an influence on where switches are.
+    Mean {
+        /// ρ
+        weight: f64,
+    },
+    /// ρ Σ tanh(η/σ) Δh² in the objective, with η > 0 where there is no switch.
+    Switch {
+        /// ρ
+        weight: f64,
+        /// σ
+        scale: f64,
+    },
+    /// 0 = η Δh; it violates LICQ where there is a switch.
+    Exact,
+}
+
+impl Default for Detection {
+    fn default() -> Self {
+        Detection {
+            elements: 2,
+            cross: Cross::All,
+            equilibration: Equilibration::Exact,
+            spread: 1.0,
+        }
+    }
+}
+
+impl Form {
+    /// Whether a family can be written in this form: the integral one needs a polynomial that is determined by the
+    /// left end and the nodes, and satisfies the equation at the nodes.
+    pub fn is_of(self, family: Family) -> bool {
+        match self {
+            Form::Differential => true,
+            Form::Integral => matches!(family, Family::RadauIia | Family::GaussLegendre),
+        }
+    }
+
+    /// The integral form where there is one.
+    fn usual(family: Family) -> Self {
+        if Form::Integral.is_of(family) {
+            Form::Integral
+        } else {
+            Form::Differential
+        }
+    }
+}
+
+/// What the passes of this folder share.
+struct Problem<'p, 'e> {
+    dcs: &'p Dcs<'e>,
+    grid: Grid,
+    tableau: Tableau,
+    form: Form,
+    detection: Option<Detection>,
+    layout: Layout,
+    /// c, a formal argument.
+    node: Expr<'e>,
+}
+
+/// Discretizes; `at` is what an error points to.
+pub fn discretize<'e>(
+    dcs: &Dcs<'e>,
+    grid: Grid,
+    options: &Options,
+    at: Span,
+) -> Result<(Mpcc<'e>, Layout), DiscretizeError> {
+    let (family, n_nodes) = options.scheme;
+    let tableau = Tableau::new(family, n_nodes)
+        .map_err(|source| DiscretizeError::Scheme { source, span: at })?;
+    let form = options.form.unwrap_or(Form::usual(family));
+    if !form.is_of(family) {
+        return Err(DiscretizeError::NoIntegralForm { family, span: at });
+    }
+    error::check_size(dcs, grid, options, at)?;
+
+    let mut mpcc = Mpcc {
+        exprs: dcs.exprs,
+        name: dcs.name.clone(),
+        remarks: definitions::remarks(dcs, grid, form, options),
+        params: dcs.params.clone(),
+        definitions: Vec::new(),
+        variables: Vec::new(),
+        blocks: Vec::new(),
+    };
+    let layout = layout::declare(&mut mpcc, dcs, grid, &tableau, form, options.detection);
+    let problem = Problem {
+        dcs,
+        grid,
+        tableau,
+        form,
+        detection: options.detection,
+        layout,
+        node: dcs.exprs.variable("c"),
+    };
+    problem.define(&mut mpcc);
+    problem.dynamics(&mut mpcc);
+    problem.complementarity(&mut mpcc);
+    problem.equilibrate(&mut mpcc);
+    debug_assert_eq!(mpcc.verify(), Ok(()), "discretization keeps the invariants");
+    Ok((mpcc, problem.layout))
+}
