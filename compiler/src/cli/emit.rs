@@ -5,9 +5,17 @@ use super::project::{self, Project};
 use super::{Exit, Streams, io};
 use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
+use crate::discretize::{self, Grid, discretize};
 use crate::expr::Exprs;
 use crate::syntax::{Bind, Experiment, Item};
-use crate::{compile, dcs, model};
+use crate::system::experiment::{ExperimentError, FesdOptions, Method};
+use crate::{Compiled, compile, dcs, model};
+
+/// Steps of a grid that the experiment does not say.
+const STEPS: usize = 10;
+
+/// More rows than this are not printed one by one.
+const MOST_ROWS: usize = 10_000;
 
 /// Prints a form of the models or experiments of a file.
 pub fn run(args: &EmitArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
@@ -17,18 +25,14 @@ pub fn run(args: &EmitArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
     match args.ir {
         Ir::Ast => ast(&project, args, streams),
         Ir::Model if args.experiment.is_none() => models(&project, streams),
-        Ir::Fesd | Ir::Mpcc | Ir::Nl => {
+        Ir::Nl => {
             writeln!(
                 streams.err,
-                "error: discretized forms are not yet supported (E0921)"
-            )?;
-            writeln!(
-                streams.err,
-                "  help: `--ir dcs` prints the last form in continuous time"
+                "error: AMPL files are not yet supported (E0921)"
             )?;
             Ok(Exit::Wrong)
         }
-        Ir::Model | Ir::System | Ir::Dcs | Ir::Tex | Ir::Dot => {
+        Ir::Model | Ir::System | Ir::Dcs | Ir::Tex | Ir::Dot | Ir::Fesd | Ir::Mpcc => {
             experiments(&mut project, args, &overrides, streams)
         }
     }
@@ -85,23 +89,19 @@ fn experiments(
             &mut clock,
             &mut diags,
         );
-        let text = compiled.and_then(|compiled| {
-            let dcs = |diags: &mut Diagnostics| {
-                let result = dcs::lower(&compiled.system, &compiled.settings.lowerings);
-                result.map_err(|error| diags.push(error)).ok()
-            };
-            match args.ir {
-                Ir::Model => Some(compiled.model.to_string()),
-                Ir::System => Some(compiled.system.to_string()),
-                Ir::Dcs => dcs(&mut diags).map(|dcs| dcs.to_string()),
-                Ir::Tex => dcs(&mut diags).map(|form| dcs::tex(&form)),
-                Ir::Dot => Some(dcs::dot(&compiled.system)),
-                Ir::Ast | Ir::Fesd | Ir::Mpcc | Ir::Nl => None,
-            }
+        let text = compiled.and_then(|compiled| match args.ir {
+            Ir::Model => Some(Ok(compiled.model.to_string())),
+            Ir::System => Some(Ok(compiled.system.to_string())),
+            Ir::Dot => Some(Ok(dcs::dot(&compiled.system))),
+            _ => lowered(&compiled, args.ir, &mut diags),
         });
         project::print(&diags, &project.sources, streams)?;
         match text {
-            Some(text) => {
+            Some(Err(Refused { fact, help })) => {
+                writeln!(streams.err, "error: {fact}\n  help: {help}")?;
+                exit = Exit::Wrong;
+            }
+            Some(Ok(text)) => {
                 if several {
                     writeln!(streams.out, "// {}", experiment.name.name)?;
                 }
@@ -114,6 +114,62 @@ fn experiments(
         }
     }
     Ok(exit)
+}
+
+/// Why a form is not printed, and what to do.
+struct Refused {
+    fact: String,
+    help: &'static str,
+}
+
+/// A form behind the lowering of switches; `None` after an error.
+fn lowered(
+    compiled: &Compiled,
+    ir: Ir,
+    diags: &mut Diagnostics,
+) -> Option<Result<String, Refused>> {
+    let (system, settings) = (&compiled.system, &compiled.settings);
+    let dcs = dcs::lower(system, &settings.lowerings);
+    let dcs = dcs.map_err(|error| diags.push(error)).ok()?;
+    match ir {
+        Ir::Dcs => return Some(Ok(dcs.to_string())),
+        Ir::Tex => return Some(Ok(dcs::tex(&dcs))),
+        _ => {}
+    }
+    if let Some(data) = system.data.first() {
+        let (name, span) = (data.name.clone(), settings.span);
+        diags.push(ExperimentError::Data { name, span });
+        return None;
+    }
+    let options = match &settings.method {
+        Method::Fesd(options) => *options,
+        Method::Auto | Method::Event(_) => FesdOptions::default(),
+    };
+    let grid = Grid {
+        horizon: settings.horizon,
+        steps: options.steps.unwrap_or(STEPS),
+    };
+    let program = match discretize(&dcs, grid, &discretize::Options::fesd(&options)) {
+        Ok((program, _)) => program,
+        Err(error) => {
+            return Some(Err(Refused {
+                fact: error.to_string(),
+                help: "take fewer steps or elements, or add up pairs with `cross = sum_both`",
+            }));
+        }
+    };
+    if ir == Ir::Fesd {
+        return Some(Ok(program.to_string()));
+    }
+    let sizes = program.sizes();
+    let rows = sizes.equations + sizes.pairs + sizes.terms;
+    if rows > MOST_ROWS {
+        return Some(Err(Refused {
+            fact: format!("the program has {rows} rows, too many to be read"),
+            help: "`--ir fesd` prints one line for all rows of a kind",
+        }));
+    }
+    Some(Ok(program.flat().to_string()))
 }
 
 /// Prints all models of the file, as they are before any experiment.

@@ -12,8 +12,8 @@ use std::fmt;
 use super::block::{Builder, variable};
 use super::{Cross, Problem};
 use crate::dcs::Origin;
-use crate::expr::{Expr, Substitution, Var};
-use crate::mpcc::{Kind, Mpcc, Source, Span};
+use crate::expr::{Expr, Substitution, Var, variables_of};
+use crate::mpcc::{Block, Kind, Mpcc, Source, Span};
 
 /// 0 <= `jump` ⟂ `continuous` >= 0.
 #[derive(Clone, Copy, Debug)]
@@ -31,7 +31,7 @@ pub(super) struct Group<'e> {
     /// The last m.
     pub last: usize,
     /// Whether b is taken at all nodes and ends, or at the node of a alone.
-    is_crossed: bool,
+    pub is_crossed: bool,
     pub members: Vec<Members<'e>>,
 }
 
@@ -105,8 +105,8 @@ impl<'e> Problem<'_, 'e> {
             match cross.filter(|_| group.is_crossed) {
                 None => self.nodewise(&group, mpcc),
                 Some(Cross::All) => self.all(&group, mpcc),
-                Some(Cross::SumJumps) => self.sum_jumps(&group, mpcc),
-                Some(Cross::SumContinuous) => self.sum_continuous(&group, mpcc),
+                Some(Cross::SumTheta) => self.sum_theta(&group, mpcc),
+                Some(Cross::SumLambda) => self.sum_lambda(&group, mpcc),
                 Some(Cross::SumBoth) => self.sum_both(&group, mpcc),
             }
         }
@@ -115,74 +115,65 @@ impl<'e> Problem<'_, 'e> {
     fn nodewise(&self, group: &Group<'e>, mpcc: &mut Mpcc<'e>) {
         let ranges = [self.steps(), self.elements(), Span::new("m", 1, group.last)];
         let (a, b) = (group.jumps(), group.continuous());
-        let block = self.bind(Builder::new(group.block, ranges), &a, &a, |[k, j, m]| {
-            (k, j, m)
-        });
-        let block = self.bind(block, &b, &b, |[k, j, m]| (k, j, m));
-        self.push(group, block, (a, b), ("(z[k,j,m])", "(z[k,j,m])"), mpcc);
+        let both = [a.clone(), b.clone()].concat();
+        let block = Builder::new(group.block, ranges);
+        let block = self.bind(block, &both, &both, |[k, j, m]| (k, j, m));
+        let text = [at(group.names.0, "m"), at(group.names.1, "m")];
+        mpcc.blocks.push(group.finish(block, a, b, text));
     }
 
     fn all(&self, group: &Group<'e>, mpcc: &mut Mpcc<'e>) {
         let [m, l] = self.spans(group);
-        let ranges = [self.steps(), self.elements(), m, l];
         let (a, b) = (group.jumps(), group.continuous());
-        let block = Builder::new(group.block, ranges);
+        let block = Builder::new(group.block, [self.steps(), self.elements(), m, l]);
         let block = self.bind(block, &a, &a, |[k, j, m, _]| (k, j, m));
         let block = self.bind(block, &b, &b, |[k, j, _, l]| (k, j, l));
-        self.push(group, block, (a, b), ("(z[k,j,m])", "(z[k,j,l])"), mpcc);
+        let text = [at(group.names.0, "m"), at(group.names.1, "l")];
+        mpcc.blocks.push(group.finish(block, a, b, text));
     }
 
-    fn sum_jumps(&self, group: &Group<'e>, mpcc: &mut Mpcc<'e>) {
+    fn sum_theta(&self, group: &Group<'e>, mpcc: &mut Mpcc<'e>) {
         let [m, l] = self.spans(group);
         let (a, b) = (group.jumps(), group.continuous());
+        let jumps = self.copied(&a, m);
         let mut block = Builder::new(group.block, [self.steps(), self.elements(), l]);
-        let copies = self.copied(&a, m);
-        for (m, copy) in &copies {
+        for (m, copy) in &jumps {
             block = self.bind(block, &a, copy, |[k, j, _]| (k, j, *m));
         }
         let block = self.bind(block, &b, &b, |[k, j, l]| (k, j, l));
-        let text = (summed(m), "(z[k,j,l])");
-        self.push(
-            group,
-            block,
-            (self.sum(&copies), b),
-            (&text.0, text.1),
-            mpcc,
-        );
+        let text = [summed(group.names.0, m), at(group.names.1, "l")];
+        mpcc.blocks
+            .push(group.finish(block, self.sum(&jumps), b, text));
     }
 
-    fn sum_continuous(&self, group: &Group<'e>, mpcc: &mut Mpcc<'e>) {
+    fn sum_lambda(&self, group: &Group<'e>, mpcc: &mut Mpcc<'e>) {
         let [m, l] = self.spans(group);
         let (a, b) = (group.jumps(), group.continuous());
+        let continuous = self.copied(&b, l);
         let mut block = Builder::new(group.block, [self.steps(), self.elements(), m]);
-        let copies = self.copied(&b, l);
-        for (l, copy) in &copies {
+        for (l, copy) in &continuous {
             block = self.bind(block, &b, copy, |[k, j, _]| (k, j, *l));
         }
         let block = self.bind(block, &a, &a, |[k, j, m]| (k, j, m));
-        let text = ("(z[k,j,m])", summed(l));
-        self.push(
-            group,
-            block,
-            (a, self.sum(&copies)),
-            (text.0, &text.1),
-            mpcc,
-        );
+        let text = [at(group.names.0, "m"), summed(group.names.1, l)];
+        mpcc.blocks
+            .push(group.finish(block, a, self.sum(&continuous), text));
     }
 
     fn sum_both(&self, group: &Group<'e>, mpcc: &mut Mpcc<'e>) {
         let [m, l] = self.spans(group);
         let (a, b) = (group.jumps(), group.continuous());
-        let mut block = Builder::new(group.block, [self.steps(), self.elements()]);
         let (jumps, continuous) = (self.copied(&a, m), self.copied(&b, l));
+        let mut block = Builder::new(group.block, [self.steps(), self.elements()]);
         for (m, copy) in &jumps {
             block = self.bind(block, &a, copy, |[k, j]| (k, j, *m));
         }
         for (l, copy) in &continuous {
             block = self.bind(block, &b, copy, |[k, j]| (k, j, *l));
         }
-        let sums = (self.sum(&jumps), self.sum(&continuous));
-        self.push(group, block, sums, (&summed(m), &summed(l)), mpcc);
+        let text = [summed(group.names.0, m), summed(group.names.1, l)];
+        let (a, b) = (self.sum(&jumps), self.sum(&continuous));
+        mpcc.blocks.push(group.finish(block, a, b, text));
     }
 
     /// Where a and b are taken.
@@ -232,7 +223,7 @@ impl<'e> Problem<'_, 'e> {
             .zip(copies)
             .fold(block, |block, (&member, &copy)| {
                 let i = self.algebraic(member);
-                let formal = crate::expr::variables_of(&[copy])[0];
+                let formal = variables_of(&[copy])[0];
                 // One variable may be in several members, as α is.
                 if bound.contains(&formal) {
                     return block;
@@ -245,46 +236,17 @@ impl<'e> Problem<'_, 'e> {
                 })
             })
     }
-
-    fn push<const N: usize>(
-        &self,
-        group: &Group<'e>,
-        block: Builder<N>,
-        (a, b): (Vec<Expr<'e>>, Vec<Expr<'e>>),
-        (at_a, at_b): (&str, &str),
-        mpcc: &mut Mpcc<'e>,
-    ) {
-        let member = |name: &str, at: &str| match at.strip_prefix("sum") {
-            Some(rest) => format!("sum({name}{rest}"),
-            None => format!("{name}{at}"),
-        };
-        let (a_name, b_name) = match self.detection {
-            Some(_) => group.names,
-            None => ("a", "b"),
-        };
-        let text = format!(
-            "0 <= {} perp {} >= 0",
-            member(a_name, at_a),
-            member(b_name, at_b)
-        );
-        let sources = group
-            .members
-            .iter()
-            .map(|pair| Source::Dcs(pair.origin))
-            .collect();
-        let outputs = a.into_iter().chain(b).collect();
-        mpcc.blocks
-            .push(block.finish(Kind::Pair, outputs, sources, text));
-    }
 }
 
-/// `sum(z[k,j,m]), m in 1..4)`, where the name of the function belongs behind `sum(`.
-fn summed(nodes: Span) -> String {
-    let name = nodes.name;
-    format!(
-        "sum(z[k,j,{name}]), {name} in {}..{})",
-        nodes.first, nodes.last
-    )
+/// `a(z[k,j,m])`
+fn at(name: &str, index: &str) -> String {
+    format!("{name}(z[k,j,{index}])")
+}
+
+/// `sum(a(z[k,j,m]), m in 1..4)`
+fn summed(name: &str, nodes: Span) -> String {
+    let (index, first, last) = (nodes.name, nodes.first, nodes.last);
+    format!("sum({}, {index} in {first}..{last})", at(name, index))
 }
 
 impl<'e> Group<'e> {
@@ -298,7 +260,17 @@ impl<'e> Group<'e> {
         self.members.iter().map(|pair| pair.continuous).collect()
     }
 
-    pub fn is_crossed(&self) -> bool {
-        self.is_crossed
+    /// The rows 0 <= a ⟂ b >= 0.
+    fn finish<const N: usize>(
+        &self,
+        block: Builder<N>,
+        a: Vec<Expr<'e>>,
+        b: Vec<Expr<'e>>,
+        text: [String; 2],
+    ) -> Block<'e> {
+        let sources = self.members.iter().map(|pair| Source::Dcs(pair.origin));
+        let outputs = a.into_iter().chain(b).collect();
+        let text = format!("0 <= {} perp {} >= 0", text[0], text[1]);
+        block.finish(Kind::Pair, outputs, sources.collect(), text)
     }
 }

@@ -19,8 +19,8 @@ pub(super) fn remarks(dcs: &Dcs, grid: Grid, form: Form, options: &Options) -> V
         Some(detection) => {
             let cross = match detection.cross {
                 Cross::All => "pairs across all nodes",
-                Cross::SumJumps => "pairs with sums of what jumps",
-                Cross::SumContinuous => "pairs with sums of what is continuous",
+                Cross::SumTheta => "pairs with sums of what jumps",
+                Cross::SumLambda => "pairs with sums of what is continuous",
                 Cross::SumBoth => "pairs of sums",
             };
             let elements = counted(detection.elements, "element");
@@ -77,7 +77,7 @@ impl Problem<'_, '_> {
         let is_equilibrated = self.detection.is_some_and(|detection| {
             matches!(
                 detection.equilibration,
-                Equilibration::Switch { .. } | Equilibration::Exact
+                Equilibration::Tanh { .. } | Equilibration::Exact
             ) && detection.elements > 1
         });
         if is_equilibrated {

@@ -20,7 +20,7 @@ impl<'e> Problem<'_, 'e> {
         match detection.equilibration {
             Equilibration::None => {}
             Equilibration::Mean { weight } => self.mean(weight, mpcc),
-            Equilibration::Switch { weight, scale } => {
+            Equilibration::Tanh { weight, scale } => {
                 let text = format!("{weight}*tanh(eta[k,j]/{scale})*(h[k,j+1] - h[k,j])^2");
                 let term = |eta: Expr<'e>, change: Expr<'e>| {
                     weight * (eta / scale).tanh() * change.powi(2)
@@ -60,7 +60,7 @@ impl<'e> Problem<'_, 'e> {
             .variable(h[0], |[k, j]| layout.h(k, j))
             .variable(h[1], |[k, j]| layout.h(k, j + 1));
         let mut factors = Vec::new();
-        for group in self.groups().iter().filter(|group| group.is_crossed()) {
+        for group in self.groups().iter().filter(|group| group.is_crossed) {
             let [m, l] = self.spans(group);
             let mut sides = Vec::new();
             for (members, nodes) in [(group.jumps(), m), (group.continuous(), l)] {
@@ -85,7 +85,7 @@ impl<'e> Problem<'_, 'e> {
     /// η as it is printed.
     pub(super) fn eta_text(&self) -> Vec<String> {
         let groups = self.groups();
-        let crossed = groups.iter().filter(|group| group.is_crossed());
+        let crossed = groups.iter().filter(|group| group.is_crossed);
         let lines = crossed.map(|group| {
             let [m, l] = self.spans(group);
             let (a, b) = group.names;

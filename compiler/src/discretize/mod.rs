@@ -37,7 +37,8 @@ pub use layout::Layout;
 use crate::dcs::Dcs;
 use crate::expr::Expr;
 use crate::mpcc::Mpcc;
-use crate::source::Span;
+use crate::system::experiment::FesdOptions;
+pub use crate::system::experiment::{Cross, Equilibration, Form};
 
 /// The steps of a horizon that starts at 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,15 +60,6 @@ pub struct Options {
     pub detection: Option<Detection>,
 }
 
-/// How a Runge-Kutta method is written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Form {
-    /// The derivative of the polynomial through x satisfies the equation at the nodes.
-    Integral,
-    /// The slopes at the nodes are variables.
-    Differential,
-}
-
 /// How switches get to the ends of elements.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Detection {
@@ -81,70 +73,35 @@ pub struct Detection {
     pub spread: f64,
 }
 
-/// Which pairs are stated of the values a_m at nodes and b_l at nodes and left end, for each component.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Cross {
-    /// a_m ⟂ b_l for all m and l.
-    All,
-    /// Σ_m a_m ⟂ b_l for all l.
-    SumJumps,
-    /// a_m ⟂ Σ_l b_l for all m.
-    SumContinuous,
-    /// Σ_m a_m ⟂ Σ_l b_l.
-    SumBoth,
-}
-
-/// What makes the lengths of elements equal where there is no switch between them.
-///
-/// None of these is the last word on a solution: a simulation by active sets, and the polish of an optimum, make the
-/// lengths between two switches exactly equal, so the weights bias nothing that is reported.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Equilibration {
-    /// Nothing: lengths are not unique where a step has more elements than it needs.
-    None,
-    /// ρ Σ (h - h̄)² in the objective; it has an influence on where switches are.
-    Mean {
-        /// ρ
-        weight: f64,
-    },
-    /// ρ Σ tanh(η/σ) Δh² in the objective, with η > 0 where there is no switch.
-    Switch {
-        /// ρ
-        weight: f64,
-        /// σ
-        scale: f64,
-    },
-    /// 0 = η Δh; it violates LICQ where there is a switch.
-    Exact,
-}
-
 impl Default for Detection {
     fn default() -> Self {
+        let FesdOptions {
+            elements,
+            cross,
+            equilibration,
+            ..
+        } = FesdOptions::default();
         Detection {
-            elements: 2,
-            cross: Cross::All,
-            equilibration: Equilibration::Exact,
+            elements,
+            cross,
+            equilibration,
             spread: 1.0,
         }
     }
 }
 
-impl Form {
-    /// Whether a family can be written in this form: the integral one needs a polynomial that is determined by the
-    /// left end and the nodes, and satisfies the equation at the nodes.
-    pub fn is_of(self, family: Family) -> bool {
-        match self {
-            Form::Differential => true,
-            Form::Integral => matches!(family, Family::RadauIia | Family::GaussLegendre),
-        }
-    }
-
-    /// The integral form where there is one.
-    fn usual(family: Family) -> Self {
-        if Form::Integral.is_of(family) {
-            Form::Integral
-        } else {
-            Form::Differential
+impl Options {
+    /// Those of `method fesd`.
+    pub fn fesd(options: &FesdOptions) -> Self {
+        Options {
+            scheme: options.scheme,
+            form: options.form,
+            detection: Some(Detection {
+                elements: options.elements,
+                cross: options.cross,
+                equilibration: options.equilibration,
+                ..Detection::default()
+            }),
         }
     }
 }
@@ -161,21 +118,24 @@ struct Problem<'p, 'e> {
     node: Expr<'e>,
 }
 
-/// Discretizes; `at` is what an error points to.
+/// Discretizes; the scheme has its number of nodes, and the form.
 pub fn discretize<'e>(
     dcs: &Dcs<'e>,
     grid: Grid,
     options: &Options,
-    at: Span,
 ) -> Result<(Mpcc<'e>, Layout), DiscretizeError> {
+    error::check_size(dcs, grid, options)?;
     let (family, n_nodes) = options.scheme;
-    let tableau = Tableau::new(family, n_nodes)
-        .map_err(|source| DiscretizeError::Scheme { source, span: at })?;
-    let form = options.form.unwrap_or(Form::usual(family));
-    if !form.is_of(family) {
-        return Err(DiscretizeError::NoIntegralForm { family, span: at });
-    }
-    error::check_size(dcs, grid, options, at)?;
+    let tableau = Tableau::new(family, n_nodes).expect("the number of nodes has been checked");
+    let usual = match Form::Integral.is_of(family) {
+        true => Form::Integral,
+        false => Form::Differential,
+    };
+    let form = options.form.unwrap_or(usual);
+    assert!(
+        form.is_of(family),
+        "the form of the scheme has been checked"
+    );
 
     let mut mpcc = Mpcc {
         exprs: dcs.exprs,

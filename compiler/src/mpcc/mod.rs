@@ -217,6 +217,8 @@ impl Bounds {
 
     /// l = u.
     pub fn fixed(value: f64) -> Self {
+        // -0 becomes 0.
+        let value = value + 0.0;
         Bounds {
             lower: value,
             upper: value,

@@ -18,13 +18,14 @@ fn for_each(mut check: impl FnMut(&Mpcc)) {
     let equilibrations = [
         Equilibration::Exact,
         Equilibration::Mean { weight },
-        Equilibration::Switch { weight, scale: 0.1 },
+        Equilibration::Tanh { weight, scale: 0.1 },
         Equilibration::None,
     ];
     let schemes = [
         (Family::RadauIia, 2),
         (Family::GaussLegendre, 2),
         (Family::LobattoIiic, 2),
+        (Family::GaussLegendre, 1),
     ];
     for make in FIXTURES {
         let exprs = Exprs::new();
@@ -33,20 +34,19 @@ fn for_each(mut check: impl FnMut(&Mpcc)) {
             if lower_as(&system, formulation).is_err() {
                 continue;
             }
-            for (cross, equilibration) in CROSS.into_iter().zip(equilibrations) {
-                for scheme in schemes {
-                    let detection = Detection {
-                        cross,
-                        equilibration,
-                        ..Detection::default()
-                    };
-                    let grid = Grid {
-                        horizon: 1.0,
-                        steps: 1,
-                    };
-                    let options = options(scheme, detection);
-                    check(&discretized(&system, formulation, grid, &options).0);
-                }
+            let all = CROSS.into_iter().zip(equilibrations);
+            for ((cross, equilibration), scheme) in all.zip(schemes) {
+                let detection = Detection {
+                    cross,
+                    equilibration,
+                    ..Detection::default()
+                };
+                let grid = Grid {
+                    horizon: 1.0,
+                    steps: 1,
+                };
+                let options = options(scheme, detection);
+                check(&discretized(&system, formulation, grid, &options).0);
             }
         }
     }

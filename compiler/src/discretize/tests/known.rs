@@ -280,14 +280,16 @@ fn rows_vanish_and_pairs_are_complementary() {
     let weight = 1.0;
     let equilibrations = [
         Equilibration::None,
-        Equilibration::Switch { weight, scale: 0.1 },
+        Equilibration::Tanh { weight, scale: 0.1 },
         Equilibration::Exact,
     ];
+    let all = CROSS.into_iter();
+    let all = all.flat_map(|c| equilibrations.map(|e| (c, e)));
+    let mut turn = 0;
     for_each(|known, system, formulation, mut options| {
-        for (cross, equilibration) in CROSS
-            .into_iter()
-            .flat_map(|c| equilibrations.map(|e| (c, e)))
-        {
+        // Every fifth combination, from another one on each time.
+        turn += 1;
+        for (cross, equilibration) in all.clone().skip(turn % 5).step_by(5) {
             let detection = options.detection.as_mut().unwrap();
             (detection.cross, detection.equilibration) = (cross, equilibration);
             let (mpcc, layout) = discretized(system, formulation, known.grid, &options);
@@ -373,7 +375,7 @@ fn equilibration_sees_unequal_lengths() {
             };
             assert!(residual(Equilibration::None) < 1e-13);
             assert!(residual(Equilibration::Exact) > 1e-4);
-            let cost = Equilibration::Switch {
+            let cost = Equilibration::Tanh {
                 weight: 1.0,
                 scale: 0.1,
             };

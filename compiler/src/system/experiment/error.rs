@@ -125,6 +125,18 @@ pub enum ExperimentError {
         span: Span,
     },
 
+    /// A method that does not determine a polynomial, written with its derivatives.
+    #[error("`{family}` has no integral form")]
+    #[diagnostic(
+        code(E0512),
+        help("write `form = differential`, or choose `radau_iia` or `gauss`")
+    )]
+    NoIntegralForm {
+        family: &'static str,
+        #[label("needs collocation without a node at the start of the step")]
+        span: Span,
+    },
+
     /// Methods other than the event-driven one.
     #[error("method `{name}` is not supported yet")]
     #[diagnostic(code(E0921), help("use `method event`, which is the default"))]

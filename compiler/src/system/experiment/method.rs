@@ -1,9 +1,8 @@
 //! Methods, their options, and lowerings.
 
-use nsd_solver::tableau::Family;
-
+use super::fesd::{self, FesdOptions};
 use super::{ExperimentError, Reader, unknown_choice};
-use crate::syntax::{self, Arg, ExprKind, Ident, Setting};
+use crate::syntax::{self, ExprKind, Ident, Setting};
 
 /// A simulation method.
 #[derive(Clone, Debug, PartialEq)]
@@ -14,27 +13,6 @@ pub enum Method {
     Event(EventOptions),
     /// Finite elements with switch detection.
     Fesd(FesdOptions),
-}
-
-/// Options of `method fesd`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FesdOptions {
-    /// Family of Runge-Kutta methods, and number of nodes.
-    pub scheme: (Family, usize),
-    /// Steps of equal length; as many as the tolerance asks for otherwise.
-    pub steps: Option<usize>,
-    /// Finite elements per step.
-    pub elements: usize,
-}
-
-impl Default for FesdOptions {
-    fn default() -> Self {
-        FesdOptions {
-            scheme: (Family::RadauIia, 4),
-            steps: None,
-            elements: 2,
-        }
-    }
 }
 
 /// Options of `method event`.
@@ -78,15 +56,12 @@ const METHODS: [&str; 6] = [
     "adaptive",
 ];
 const EVENT_OPTIONS: [&str; 3] = ["order", "branch", "max_events"];
-const FESD_OPTIONS: [&str; 3] = ["scheme", "elements", "steps"];
 const BRANCHES: [&str; 3] = ["plus", "minus", "slide"];
 const LOWERINGS: [&str; 4] = ["stewart", "step", "timefreezing", "impact"];
 
 /// Highest order of the Taylor method that a user may ask for.
 const HIGHEST_ORDER: f64 = 60.0;
 const MOST_EVENTS: f64 = 1e9;
-const MOST_STEPS: f64 = 1e8;
-const MOST_ELEMENTS: f64 = 1e4;
 
 /// `method NAME { options }`
 pub(super) fn method(
@@ -108,7 +83,7 @@ pub(super) fn method(
             Some(Method::Auto)
         }
         "event" => Some(Method::Event(event_options(reader, options))),
-        "fesd" => Some(Method::Fesd(fesd_options(reader, options))),
+        "fesd" => Some(Method::Fesd(fesd::options(reader, options))),
         known if METHODS.contains(&known) => {
             reader.error(ExperimentError::Method {
                 name: known.to_owned(),
@@ -139,69 +114,8 @@ fn event_options(reader: &mut Reader<'_, '_>, options: &[Setting]) -> EventOptio
     event
 }
 
-fn fesd_options(reader: &mut Reader<'_, '_>, options: &[Setting]) -> FesdOptions {
-    let mut fesd = FesdOptions::default();
-    once(reader, options);
-    for option in options {
-        match option.name.name.as_str() {
-            "scheme" => fesd.scheme = scheme(reader, &option.value).unwrap_or(fesd.scheme),
-            "steps" => fesd.steps = reader.count("`steps`", &option.value, MOST_STEPS),
-            "elements" => {
-                let elements = reader.count("`elements`", &option.value, MOST_ELEMENTS);
-                fesd.elements = elements.unwrap_or(fesd.elements);
-            }
-            _ => reader.error(unknown_choice("option", &option.name, &FESD_OPTIONS)),
-        }
-    }
-    fesd
-}
-
-/// `radau_iia(4)`
-fn scheme(reader: &mut Reader<'_, '_>, value: &syntax::Expr) -> Option<(Family, usize)> {
-    let named = match &value.kind {
-        ExprKind::Call(function, arguments) => match (&function.kind, &arguments[..]) {
-            (ExprKind::Name(name), [Arg::Positional(nodes, binders)]) if binders.is_empty() => {
-                Some((name, function.span, nodes))
-            }
-            _ => None,
-        },
-        _ => None,
-    };
-    let Some((name, span, nodes)) = named else {
-        let found = match &value.kind {
-            ExprKind::Name(name) => name.as_str(),
-            _ => "..",
-        };
-        reader.error(ExperimentError::UnknownChoice {
-            what: "scheme".into(),
-            found: found.into(),
-            span: value.span,
-            choices: "a family with its number of nodes".into(),
-            help: Some("write for example `scheme = radau_iia(4);`".into()),
-        });
-        return None;
-    };
-    let Some(family) = Family::ALL.into_iter().find(|family| family.word() == name) else {
-        let name = Ident {
-            name: name.clone(),
-            span,
-        };
-        reader.error(unknown_choice(
-            "scheme",
-            &name,
-            &Family::ALL.map(Family::word),
-        ));
-        return None;
-    };
-    let range = family.nodes();
-    let expected = format!("a whole number from {} to {}", range.start(), range.end());
-    let fits = |x: f64| x.fract() == 0.0 && range.contains(&(x as usize));
-    let nodes = reader.within("the number of nodes", nodes, &expected, fits)?;
-    Some((family, nodes as usize))
-}
-
 /// Reports options that are given twice.
-fn once(reader: &mut Reader<'_, '_>, options: &[Setting]) {
+pub(super) fn once(reader: &mut Reader<'_, '_>, options: &[Setting]) {
     for (k, option) in options.iter().enumerate() {
         let mut earlier = options[..k].iter();
         if let Some(first) = earlier.find(|first| first.name.name == option.name.name) {

@@ -4,6 +4,7 @@
 //! its parameters. What is asserted (`expect`) stays as it was written.
 
 mod error;
+mod fesd;
 mod method;
 mod with;
 
@@ -17,7 +18,8 @@ use crate::source::Span;
 use crate::syntax::{self, Bind, Expect, ExperimentKind, OutputWhen, SettingKind, Sliding};
 
 pub use error::ExperimentError;
-pub use method::{Branch, EventOptions, FesdOptions, Lowering, Method};
+pub use fesd::{Cross, Equilibration, FesdOptions, Form};
+pub use method::{Branch, EventOptions, Lowering, Method};
 
 /// What a `simulate` experiment asks for.
 #[derive(Clone, Debug)]
