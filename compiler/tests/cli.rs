@@ -111,7 +111,7 @@ fn what_is_wrong_with_files_exits_with_1() {
         &["run", "relay.nsd", "--json", "no/such/folder.json"],
         &["check", "missing.nsd"],
         &["test", "missing.nsd"],
-        &["emit", "relay.nsd", "--ir", "mpcc"],
+        &["emit", "relay.nsd", "--ir", "nl"],
         &["explain", "E9999"],
     ] {
         let ran = nsdc(&folder, args);
@@ -392,7 +392,9 @@ fn goldens_are_written_on_demand_and_compared() {
 #[test]
 fn emit_prints_every_form() {
     let folder = with_relay("emit");
-    for ir in ["ast", "model", "system", "dcs", "tex", "dot"] {
+    for ir in [
+        "ast", "model", "system", "dcs", "tex", "dot", "fesd", "mpcc",
+    ] {
         let ran = nsdc(&folder, &["emit", "relay.nsd", "slide", "--ir", ir]);
         assert_eq!((ran.status, ran.err.as_str()), (0, ""), "{ir}");
         assert!(!ran.out.trim().is_empty(), "{ir}");
