@@ -71,10 +71,10 @@ fn the_jacobian_agrees_with_differences() {
         let mut entries = vec![0.0; pattern.columns.len()];
         evaluator.jacobian(&w, &mut entries);
         let mut matrix = vec![vec![0.0; w.len()]; mpcc.n_rows()];
-        for row in 0..mpcc.n_rows() {
+        for (row, matrix) in matrix.iter_mut().enumerate() {
             let places = pattern.starts[row]..pattern.starts[row + 1];
             for (&column, &entry) in pattern.row(row).iter().zip(&entries[places]) {
-                matrix[row][column as usize] = entry;
+                matrix[column as usize] = entry;
             }
         }
         let step = 1e-5;
