@@ -390,10 +390,38 @@ fn goldens_are_written_on_demand_and_compared() {
 }
 
 #[test]
+fn emit_refuses_what_is_too_large() {
+    let folder = folder("large");
+    let model = "model m { state x = 1; x' = -sign(x); }
+      simulate read of m { horizon 1; method fesd { steps = 1000; } }
+      simulate written of m { horizon 1; method fesd { steps = 30000; scheme = radau_iia(3); } }
+      simulate built of m { horizon 1; method fesd { steps = 100000000; } }";
+    fs::write(folder.join("m.nsd"), model).expect("the folder is writable");
+    let refused = |experiment, ir| nsdc(&folder, &["emit", "m.nsd", experiment, "--ir", ir]).err;
+    assert_snapshot!(refused("read", "mpcc"), @"
+    error: the program has 114000 rows, too many to be read
+      help: `--ir fesd` prints one line for all rows of a kind
+    ");
+    assert_snapshot!(refused("written", "nl"), @"
+    error: the program has 2070000 rows, too many for one file
+      help: `--ir fesd` prints one line for all rows of a kind
+    ");
+    assert_snapshot!(refused("built", "fesd"), @"
+    error: the discretized system has about 2e10 arguments, more than 2e7
+      help: take fewer steps or elements, or add up pairs with `cross = sum_both`
+    ");
+    let args = ["emit", "m.nsd", "--ir", "nl"];
+    assert_snapshot!(nsdc(&folder, &args).err, @"
+    error: an AMPL file holds one program
+      help: name the experiment behind the file
+    ");
+}
+
+#[test]
 fn emit_prints_every_form() {
     let folder = with_relay("emit");
     for ir in [
-        "ast", "model", "system", "dcs", "tex", "dot", "fesd", "mpcc",
+        "ast", "model", "system", "dcs", "tex", "dot", "fesd", "mpcc", "nl",
     ] {
         let ran = nsdc(&folder, &["emit", "relay.nsd", "slide", "--ir", ir]);
         assert_eq!((ran.status, ran.err.as_str()), (0, ""), "{ir}");

@@ -17,6 +17,9 @@ const STEPS: usize = 10;
 /// More rows than this are not printed one by one.
 const MOST_ROWS: usize = 10_000;
 
+/// More rows than this are not written to an AMPL file: they are expanded in memory first.
+const MOST_NL_ROWS: usize = 1_000_000;
+
 /// Prints a form of the models or experiments of a file.
 pub fn run(args: &EmitArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
     let Some((mut project, overrides)) = Project::open(&args.file, &args.set, streams)? else {
@@ -25,16 +28,7 @@ pub fn run(args: &EmitArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
     match args.ir {
         Ir::Ast => ast(&project, args, streams),
         Ir::Model if args.experiment.is_none() => models(&project, streams),
-        Ir::Nl => {
-            writeln!(
-                streams.err,
-                "error: AMPL files are not yet supported (E0921)"
-            )?;
-            Ok(Exit::Wrong)
-        }
-        Ir::Model | Ir::System | Ir::Dcs | Ir::Tex | Ir::Dot | Ir::Fesd | Ir::Mpcc => {
-            experiments(&mut project, args, &overrides, streams)
-        }
+        _ => experiments(&mut project, args, &overrides, streams),
     }
 }
 
@@ -77,6 +71,11 @@ fn experiments(
 
     let mut exit = Exit::Success;
     let several = experiments.len() > 1;
+    if several && args.ir == Ir::Nl {
+        writeln!(streams.err, "error: an AMPL file holds one program")?;
+        writeln!(streams.err, "  help: name the experiment behind the file")?;
+        return Ok(Exit::Wrong);
+    }
     for experiment in &experiments {
         let exprs = Exprs::new();
         let mut diags = Diagnostics::new();
@@ -161,13 +160,20 @@ fn lowered(
     if ir == Ir::Fesd {
         return Some(Ok(program.to_string()));
     }
+    let (most, reason) = match ir {
+        Ir::Nl => (MOST_NL_ROWS, "for one file"),
+        _ => (MOST_ROWS, "to be read"),
+    };
     let sizes = program.sizes();
     let rows = sizes.equations + sizes.pairs + sizes.terms;
-    if rows > MOST_ROWS {
+    if rows > most {
         return Some(Err(Refused {
-            fact: format!("the program has {rows} rows, too many to be read"),
+            fact: format!("the program has {rows} rows, too many {reason}"),
             help: "`--ir fesd` prints one line for all rows of a kind",
         }));
+    }
+    if ir == Ir::Nl {
+        return Some(Ok(program.nl().text));
     }
     Some(Ok(program.flat().to_string()))
 }

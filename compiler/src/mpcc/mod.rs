@@ -21,12 +21,14 @@
 mod display;
 mod evaluate;
 mod flat;
+mod nl;
 mod verify;
 
 use std::ops::Range;
 
 pub use evaluate::{Evaluator, Pattern};
 pub use flat::{Flat, Row, Value};
+pub use nl::Ampl;
 
 use crate::dcs;
 use crate::expr::{Expr, Exprs, Var};

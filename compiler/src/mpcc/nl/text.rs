@@ -1,0 +1,210 @@
+//! Header and segments.
+
+use rustc_hash::FxHashMap;
+
+use super::expressions::{Writer, line, number};
+use super::{Ampl, Linear, Program};
+use crate::expr::{Expr, Var};
+
+impl<'e> Program<'e> {
+    /// Orders variables and rows, and writes the file.
+    pub(super) fn write(self) -> Ampl {
+        let in_rows = self.nonlinear_in(self.rows.iter().map(|row| &row.body));
+        let in_objective = self.nonlinear_in([&self.objective].into_iter());
+        let class = |variable: &usize| match (
+            in_rows.contains(variable),
+            in_objective.contains(variable),
+        ) {
+            (true, true) => 0,
+            (true, false) => 1,
+            (false, true) => 2,
+            (false, false) => 3,
+        };
+        let mut columns: Vec<usize> = (0..self.bounds.len()).collect();
+        columns.sort_by_key(class);
+        let is_linear = |row: &usize| self.rows[*row].body.nonlinear.is_empty();
+        let mut rows: Vec<usize> = (0..self.rows.len()).collect();
+        rows.sort_by_key(is_linear);
+
+        let mut place = vec![0; columns.len()];
+        for (column, &variable) in columns.iter().enumerate() {
+            place[variable] = column;
+        }
+        let columns_of: FxHashMap<Var, usize> = (self.numbers.iter())
+            .map(|(&var, &variable)| (var, place[variable]))
+            .collect();
+        let parts = self
+            .rows
+            .iter()
+            .map(|row| &row.body)
+            .chain([&self.objective]);
+        let terms = parts.flat_map(|part| part.nonlinear.iter().map(|&(_, term)| term));
+        let writer = Writer::new(columns_of, &terms.collect::<Vec<Expr>>());
+
+        // The linear terms of a row, and 0 for what is in nonlinear ones.
+        let gradient = |part: &Linear<'e>| -> Vec<(usize, f64)> {
+            let mut entries: FxHashMap<usize, f64> = part.linear.clone();
+            for variable in self.nonlinear_in([part].into_iter()) {
+                entries.entry(variable).or_insert(0.0);
+            }
+            let placed = entries
+                .into_iter()
+                .map(|(variable, c)| (place[variable], c));
+            let mut placed: Vec<(usize, f64)> = placed.collect();
+            placed.sort_by_key(|&(column, _)| column);
+            placed
+        };
+        let jacobian: Vec<Vec<(usize, f64)>> = rows
+            .iter()
+            .map(|&row| gradient(&self.rows[row].body))
+            .collect();
+        let objective = gradient(&self.objective);
+
+        let mut out = String::new();
+        let n_nonlinear = rows.iter().filter(|row| !is_linear(row)).count();
+        let complementary = |linear: bool| {
+            let pairs = self.rows.iter().filter(|row| row.complements.is_some());
+            pairs
+                .filter(|row| row.body.nonlinear.is_empty() == linear)
+                .count()
+        };
+        let (linear_pairs, nonlinear_pairs) = (complementary(true), complementary(false));
+        let equations = self.rows.len() - linear_pairs - nonlinear_pairs;
+        let count = |wanted: usize| {
+            columns
+                .iter()
+                .filter(|variable| class(variable) == wanted)
+                .count()
+        };
+        let (both, only_rows, only_objective) = (count(0), count(1), count(2));
+        // Variables of objectives alone come behind those of rows, which are then counted too.
+        let objectives = match only_objective {
+            0 => both,
+            n => both + only_rows + n,
+        };
+        let nonzeros: usize = jacobian.iter().map(Vec::len).sum();
+        line(&mut out, &format!("g3 1 1 0\t# problem {}", self.name));
+        line(
+            &mut out,
+            &format!(
+                " {} {} 1 0 {equations}\t# vars, constraints, objectives, ranges, eqns",
+                columns.len(),
+                rows.len()
+            ),
+        );
+        line(
+            &mut out,
+            &format!(
+                " {n_nonlinear} {} {linear_pairs} {nonlinear_pairs} 0 0\t# nonlinear constrs, objs; ccons: lin, nonlin, nd, nzlb",
+                usize::from(!self.objective.nonlinear.is_empty())
+            ),
+        );
+        line(&mut out, " 0 0\t# network constraints: nonlinear, linear");
+        line(
+            &mut out,
+            &format!(
+                " {} {objectives} {both}\t# nonlinear vars in constraints, objectives, both",
+                both + only_rows
+            ),
+        );
+        line(
+            &mut out,
+            " 0 0 0 1\t# linear network variables; functions; arith, flags",
+        );
+        line(
+            &mut out,
+            " 0 0 0 0 0\t# discrete variables: binary, integer, nonlinear (b,c,o)",
+        );
+        line(
+            &mut out,
+            &format!(
+                " {nonzeros} {}\t# nonzeros in Jacobian, gradients",
+                objective.len()
+            ),
+        );
+        line(&mut out, " 0 0\t# max name lengths: constraints, variables");
+        line(
+            &mut out,
+            &format!(
+                " {} 0 0 0 0\t# common exprs: b,c,o,c1,o1",
+                writer.n_defined()
+            ),
+        );
+
+        writer.definitions(&mut out);
+        for (i, &row) in rows.iter().enumerate() {
+            let row = &self.rows[row];
+            // The constant of an equation is its right-hand side.
+            let constant = if row.complements.is_some() {
+                row.body.constant
+            } else {
+                0.0
+            };
+            line(&mut out, &format!("C{i}"));
+            writer.sum(constant, &row.body.nonlinear, &mut out);
+        }
+        line(&mut out, "O0 0");
+        writer.sum(self.objective.constant, &self.objective.nonlinear, &mut out);
+        line(&mut out, &format!("x{}", columns.len()));
+        for (column, &variable) in columns.iter().enumerate() {
+            line(
+                &mut out,
+                &format!("{column} {}", number(self.bounds[variable].guess)),
+            );
+        }
+        line(&mut out, "r");
+        for &row in &rows {
+            let row = &self.rows[row];
+            line(
+                &mut out,
+                &match row.complements {
+                    Some(variable) => format!("5 1 {}", place[variable] + 1),
+                    None => format!("4 {}", number(0.0 - row.body.constant)),
+                },
+            );
+        }
+        line(&mut out, "b");
+        for &variable in &columns {
+            let bounds = self.bounds[variable];
+            let [lower, upper] = [bounds.lower, bounds.upper].map(number);
+            line(
+                &mut out,
+                &match (bounds.lower.is_finite(), bounds.upper.is_finite()) {
+                    _ if bounds.is_fixed() => format!("4 {lower}"),
+                    (true, true) => format!("0 {lower} {upper}"),
+                    (false, true) => format!("1 {upper}"),
+                    (true, false) => format!("2 {lower}"),
+                    (false, false) => "3".to_owned(),
+                },
+            );
+        }
+        let mut per_column = vec![0; columns.len()];
+        for &(column, _) in jacobian.iter().flatten() {
+            per_column[column] += 1;
+        }
+        line(&mut out, &format!("k{}", columns.len().saturating_sub(1)));
+        let mut total = 0;
+        for n in per_column.iter().take(columns.len().saturating_sub(1)) {
+            total += n;
+            line(&mut out, &total.to_string());
+        }
+        let segments = jacobian
+            .iter()
+            .enumerate()
+            .map(|(i, entries)| (format!("J{i}"), entries));
+        for (head, entries) in segments.chain([("G0".to_owned(), &objective)]) {
+            if entries.is_empty() {
+                continue;
+            }
+            line(&mut out, &format!("{head} {}", entries.len()));
+            for &(column, coefficient) in entries {
+                line(&mut out, &format!("{column} {}", number(coefficient)));
+            }
+        }
+        Ampl {
+            text: out,
+            columns,
+            rows,
+        }
+    }
+}
