@@ -403,7 +403,7 @@ fn emit_refuses_what_is_too_large() {
       help: `--ir fesd` prints one line for all rows of a kind
     ");
     assert_snapshot!(refused("written", "nl"), @"
-    error: the program has 2070000 rows, too many for one file
+    error: the program has 2220000 rows, too many for one file
       help: `--ir fesd` prints one line for all rows of a kind
     ");
     assert_snapshot!(refused("built", "fesd"), @"
