@@ -407,7 +407,7 @@ fn emit_refuses_what_is_too_large() {
       help: `--ir fesd` prints one line for all rows of a kind
     ");
     assert_snapshot!(refused("built", "fesd"), @"
-    error: the discretized system has about 2e10 arguments, more than 2e7
+    error: the discretized system has about 3e10 arguments, more than 2e7
       help: take fewer steps or elements, or add up pairs with `cross = sum_both`
     ");
     let args = ["emit", "m.nsd", "--ir", "nl"];
