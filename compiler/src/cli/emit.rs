@@ -5,7 +5,7 @@ use super::project::{self, Project};
 use super::{Exit, Streams, io};
 use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
-use crate::discretize::{self, Grid, discretize};
+use crate::discretize::{self, DiscretizeError, Grid, discretize};
 use crate::expr::Exprs;
 use crate::syntax::{Bind, Experiment, Item};
 use crate::system::experiment::{ExperimentError, FesdOptions, Method};
@@ -151,9 +151,15 @@ fn lowered(
     let program = match discretize(&dcs, grid, &discretize::Options::fesd(&options)) {
         Ok((program, _)) => program,
         Err(error) => {
+            let help = match error {
+                DiscretizeError::TooLarge { .. } => {
+                    "take fewer steps or elements, or add up pairs with `cross = sum_both`"
+                }
+                DiscretizeError::Start { .. } => "start where all functions have values",
+            };
             return Some(Err(Refused {
                 fact: error.to_string(),
-                help: "take fewer steps or elements, or add up pairs with `cross = sum_both`",
+                help,
             }));
         }
     };

@@ -1,12 +1,15 @@
-//! What is too large to be discretized.
+//! What cannot be discretized.
 
+use rustc_hash::FxHashMap;
 use thiserror::Error;
 
+use super::layout::End;
 use super::{Cross, Grid, Options};
 use crate::dcs::Dcs;
+use crate::expr::{Expr, Var};
 
 /// Why there is no discretization.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[derive(Clone, Debug, PartialEq, Error)]
 pub enum DiscretizeError {
     /// The problem is larger than any solver takes.
     #[error(
@@ -16,6 +19,39 @@ pub enum DiscretizeError {
         /// Arguments of all kernels at all places, about.
         size: f64,
     },
+    /// The continuous algebraic variables have no values to start from.
+    #[error("`0 = {row}` does not hold at t = 0")]
+    Start {
+        /// The equation.
+        row: String,
+    },
+}
+
+/// Residuals above this, relative to the largest value, are no rounding.
+const ROUNDING: f64 = 1e-10;
+
+/// Refuses a start where the guesses of z, which are the values for x at t = 0, violate equations of what is continuous.
+pub(super) fn check_start(dcs: &Dcs) -> Result<(), DiscretizeError> {
+    let params = dcs.params.iter().map(|param| (param.var, param.value));
+    let states = dcs.states.iter().map(|state| (state.var, state.initial));
+    let algebraics = dcs.algebraics.iter().map(|z| (z.var, z.guess));
+    let values: FxHashMap<Var, f64> = (params.chain(states).chain(algebraics))
+        .chain([(dcs.time, 0.0)])
+        .filter_map(|(var, value)| Some((var.as_variable()?, value)))
+        .collect();
+    let scale = values
+        .values()
+        .fold(1.0, |scale: f64, value| scale.max(value.abs()));
+    let value = |var: Var| values.get(&var).copied().unwrap_or(f64::NAN);
+    let holds = |row: &Expr| row.eval(&value).abs() <= ROUNDING * scale;
+    let rows = End::new(dcs).equations;
+    let mut rows = rows.iter().map(|&row| dcs.equations[row]);
+    match rows.find(|row| !holds(row)) {
+        Some(row) => Err(DiscretizeError::Start {
+            row: row.to_string(),
+        }),
+        None => Ok(()),
+    }
 }
 
 /// Arguments of all rows, which is what memory goes to.

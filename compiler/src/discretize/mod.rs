@@ -125,6 +125,9 @@ pub fn discretize<'e>(
     options: &Options,
 ) -> Result<(Mpcc<'e>, Layout), DiscretizeError> {
     error::check_size(dcs, grid, options)?;
+    if options.detection.is_some() {
+        error::check_start(dcs)?;
+    }
     let (family, n_nodes) = options.scheme;
     let tableau = Tableau::new(family, n_nodes).expect("the number of nodes has been checked");
     let usual = match Form::Integral.is_of(family) {

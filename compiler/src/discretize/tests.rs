@@ -7,7 +7,8 @@ mod printed;
 use nsd_solver::tableau::Family;
 
 use super::*;
-use crate::dcs::{Formulation, lower_as};
+use crate::dcs::{Cause, Formulation, lower_as};
+use crate::mpcc::{Evaluator, Source};
 use crate::system::System;
 
 const FORMULATIONS: [Formulation; 2] = [Formulation::Stewart, Formulation::Step];
@@ -48,6 +49,62 @@ fn what_does_not_fit_into_memory_is_refused() {
         steps: 100_000_000,
     };
     let options = options((Family::RadauIia, 4), Detection::default());
-    let DiscretizeError::TooLarge { size } = discretize(&dcs, grid, &options).unwrap_err();
-    assert!(size > 1e9);
+    let error = discretize(&dcs, grid, &options).unwrap_err();
+    assert!(matches!(error, DiscretizeError::TooLarge { size } if size > 1e9));
+}
+
+/// 1/x at x = 0: λ has no value there, and the first element nothing to begin with.
+#[test]
+fn a_start_without_values_is_refused() {
+    let exprs = crate::expr::Exprs::new();
+    let mut b = crate::dcs::fixtures::Builder::new(&exprs, &["x"]);
+    let alpha = b.switch("1/x", 1.0 / b.states[0]);
+    let mut system = b.finish(&[1.0 + alpha], &[(&[0], None)]).system;
+    system.states[0].initial = 0.0;
+    let grid = Grid {
+        horizon: 1.0,
+        steps: 1,
+    };
+    let options = options((Family::RadauIia, 2), Detection::default());
+    for formulation in FORMULATIONS {
+        let dcs = lower_as(&system, formulation).unwrap();
+        let error = discretize(&dcs, grid, &options).unwrap_err();
+        assert!(matches!(error, DiscretizeError::Start { .. }), "{error}");
+    }
+}
+
+/// A row of collocation knows its state, step, element and node.
+#[test]
+fn rows_know_where_they_come_from() {
+    let exprs = crate::expr::Exprs::new();
+    let system = crate::dcs::fixtures::two_relays(&exprs).system;
+    let grid = Grid {
+        horizon: 1.0,
+        steps: 3,
+    };
+    let options = options((Family::RadauIia, 2), Detection::default());
+    let (mpcc, layout) = discretized(&system, Formulation::Step, grid, &options);
+    let names = mpcc.names();
+    let (block, rows) = mpcc.rows().next().expect("collocation comes first");
+    let pattern = Evaluator::new(&mpcc).unwrap().pattern().clone();
+    for row in rows {
+        let origin = block.origin(row);
+        let Source::Dcs(source) = origin.source else {
+            panic!("collocation states rates");
+        };
+        let Cause::State(i) = source.cause else {
+            panic!("collocation states rates");
+        };
+        let [k, j, m] = origin.place[..] else {
+            panic!("collocation is stated in a step, an element, at a node");
+        };
+        assert_eq!(
+            names[layout.x(k, j, m) + i],
+            format!("x[{}][{k},{j},{m}]", i + 1)
+        );
+        let columns = pattern.row(row);
+        for index in [layout.h(k, j), layout.x(k, j, 0) + i, layout.x(k, j, m) + i] {
+            assert!(columns.contains(&(index as u32)), "{}", names[index]);
+        }
+    }
 }
