@@ -341,6 +341,31 @@ fn headers_count_what_is_there() {
     });
 }
 
+/// One step of implicit Euler for a relay: pairs of sums, two of them with a slack.
+#[test]
+fn a_small_file() {
+    let model = "model m { param k = 2; state x = 1; x' = -k*sign(x); }
+      simulate run of m { horizon 1; }";
+    let detection = Detection {
+        cross: Cross::SumBoth,
+        ..Detection::default()
+    };
+    let options = Options {
+        scheme: (Family::RadauIia, 1),
+        form: None,
+        detection: Some(detection),
+    };
+    let grid = Grid {
+        horizon: 1.0,
+        steps: 1,
+    };
+    with_experiment(model, "run", |compiled| {
+        let dcs = lower_as(&compiled.system, Formulation::Step).expect("the model is small");
+        let (mpcc, _) = discretize(&dcs, grid, &options).expect("the model is small");
+        insta::assert_snapshot!("small", mpcc.nl().text);
+    });
+}
+
 #[test]
 fn casadi_reads_the_same_program() {
     let Some(python) = std::env::var_os("NSDC_PEER_PYTHON") else {
