@@ -4,7 +4,7 @@
 //!
 //! a jumps and b is continuous along solutions. If b_i is positive anywhere in an element, ends included, a_i vanishes
 //! in all of it, so no switch is inside. All terms are non-negative, so sums over m, over l or over both say the same
-//! with fewer rows (Nurkanović et al. 2024, section 4.3).
+//! with fewer rows (Nurkanović et al. 2024).
 //! A pair of which neither or both are continuous is stated at each node alone.
 
 use std::fmt;
@@ -36,7 +36,7 @@ pub(super) struct Group<'e> {
 }
 
 /// One vector of formal arguments with its node.
-pub(super) type Copy<'e> = (usize, Vec<Expr<'e>>);
+pub(super) type Copied<'e> = (usize, Vec<Expr<'e>>);
 
 impl fmt::Display for Members<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -185,7 +185,7 @@ impl<'e> Problem<'_, 'e> {
     }
 
     /// Members in variables of their own for each node.
-    pub(super) fn copied(&self, members: &[Expr<'e>], nodes: Span) -> Vec<Copy<'e>> {
+    pub(super) fn copied(&self, members: &[Expr<'e>], nodes: Span) -> Vec<Copied<'e>> {
         let copy = |node| {
             let fresh = |&member: &Expr<'e>| {
                 let z = self.dcs.algebraics[self.algebraic(member)].var;
@@ -199,7 +199,7 @@ impl<'e> Problem<'_, 'e> {
     }
 
     /// Sums of members over the nodes.
-    pub(super) fn sum(&self, copies: &[Copy<'e>]) -> Vec<Expr<'e>> {
+    pub(super) fn sum(&self, copies: &[Copied<'e>]) -> Vec<Expr<'e>> {
         let n = copies.first().map_or(0, |(_, members)| members.len());
         let sum = |i| {
             self.dcs

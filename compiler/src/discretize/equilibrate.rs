@@ -4,7 +4,7 @@
 //!
 //! η is positive exactly when every pair has the same positive member on both sides, and then the lengths have to be
 //! equal: η Δh = 0. For the step formulation these are both pairs of a switch: with λ alone η would vanish while
-//! sliding, and leave the lengths free there (Nurkanović et al. 2024, section 4.5).
+//! sliding, and leave the lengths free there (Nurkanović et al. 2024).
 
 use super::block::Builder;
 use super::{Equilibration, Problem};
@@ -21,7 +21,8 @@ impl<'e> Problem<'_, 'e> {
             Equilibration::None => {}
             Equilibration::Mean { weight } => self.mean(weight, mpcc),
             Equilibration::Tanh { weight, scale } => {
-                let text = format!("{weight}*tanh(eta[k,j]/{scale})*(h[k,j+1] - h[k,j])^2");
+                let weighted = factor(weight);
+                let text = format!("{weighted}tanh(eta[k,j]/{scale})*(h[k,j+1] - h[k,j])^2");
                 let term = |eta: Expr<'e>, change: Expr<'e>| {
                     weight * (eta / scale).tanh() * change.powi(2)
                 };
@@ -39,7 +40,7 @@ impl<'e> Problem<'_, 'e> {
         let h = mpcc.exprs.variable("h");
         let block = Builder::new("equilibration", [self.steps(), self.elements()])
             .variable(h, |[k, j]| self.layout.h(k, j));
-        let text = format!("{weight}*(h[k,j] - {mean})^2");
+        let text = format!("{}(h[k,j] - {mean})^2", factor(weight));
         let term = weight * (h - mean).powi(2);
         mpcc.blocks
             .push(block.finish(Kind::Objective, vec![term], vec![Source::Grid], text));
@@ -107,5 +108,13 @@ impl<'e> Problem<'_, 'e> {
             return vec!["1".to_owned()];
         }
         lines
+    }
+}
+
+/// A weight in front of a term.
+fn factor(weight: f64) -> String {
+    match weight {
+        1.0 => String::new(),
+        _ => format!("{weight}*"),
     }
 }

@@ -108,3 +108,41 @@ fn rows_know_where_they_come_from() {
         }
     }
 }
+
+/// What `verify` says after a change.
+fn broken<'e>(mpcc: &Mpcc<'e>, change: impl FnOnce(&mut Mpcc<'e>)) -> String {
+    let mut mpcc = mpcc.clone();
+    change(&mut mpcc);
+    mpcc.verify().expect_err("an invariant is broken")
+}
+
+#[test]
+fn broken_invariants_are_found() {
+    let exprs = crate::expr::Exprs::new();
+    let system = crate::dcs::fixtures::relay(&exprs).system;
+    let grid = Grid {
+        horizon: 1.0,
+        steps: 2,
+    };
+    let options = options((Family::RadauIia, 2), Detection::default());
+    let (mpcc, _) = discretized(&system, Formulation::Stewart, grid, &options);
+    let gap = broken(&mpcc, |mpcc| drop(mpcc.variables.remove(1)));
+    assert!(gap.contains("starts at"), "{gap}");
+    assert!(broken(&mpcc, |mpcc| mpcc.variables[0].bounds[0].guess = 2.0).contains("bounds"));
+    assert!(broken(&mpcc, |mpcc| mpcc.blocks[0].arguments[0] = 1000).contains("no variable 1000"));
+    assert!(broken(&mpcc, |mpcc| mpcc.blocks[0].numbers[0] = f64::NAN).contains("a number is NaN"));
+    assert!(broken(&mpcc, |mpcc| mpcc.blocks[0].ranges[0].last = 3).contains("places"));
+    assert!(broken(&mpcc, |mpcc| drop(mpcc.blocks[0].sources.pop())).contains("sources"));
+    let twice = broken(&mpcc, |mpcc| {
+        mpcc.blocks[0].kernel.variables[1] = mpcc.blocks[0].kernel.variables[0]
+    });
+    assert!(twice.contains("named twice"), "{twice}");
+    let stranger = exprs.variable("stranger");
+    let strange = broken(&mpcc, |mpcc| mpcc.blocks[0].kernel.outputs[0] = stranger);
+    assert!(strange.contains("`stranger` is no argument"), "{strange}");
+    let kinked = broken(&mpcc, |mpcc| {
+        let output = mpcc.blocks[0].kernel.outputs[0];
+        mpcc.blocks[0].kernel.outputs[0] = output.abs();
+    });
+    assert!(kinked.contains("not smooth"), "{kinked}");
+}

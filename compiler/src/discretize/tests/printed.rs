@@ -224,7 +224,7 @@ fn nested() {
       z[k in 1..10, j in 1..2, m in 1..2] = (0 <= alpha[x] <= 1, lambda_p[x] >= 0, lambda_n[x] >= 0, 0 <= alpha[abs(x) - y] <= 1, lambda_p[abs(x) - y] >= 0, lambda_n[abs(x) - y] >= 0, 0 <= alpha[s[1]] <= 1, lambda_p[s[1]] >= 0, lambda_n[s[1]] >= 0, 0 <= alpha[s[2]] <= 1, lambda_p[s[2]] >= 0, lambda_n[s[2]] >= 0, 0 <= alpha[s[3]] <= 1, lambda_p[s[3]] >= 0, lambda_n[s[3]] >= 0, 0 <= alpha[s[4]] <= 1, lambda_p[s[4]] >= 0, lambda_n[s[4]] >= 0, 0 <= alpha[s[5]] <= 1, lambda_p[s[5]] >= 0, lambda_n[s[5]] >= 0, beta[1], beta[2], beta[3], beta[4], beta[5], beta[s[1],s[2]])
       z[k in 1..10, j in 1..2, m = 3] = (0 <= alpha[x] <= 1, lambda_p[x] >= 0, lambda_n[x] >= 0, lambda_p[abs(x) - y] >= 0, lambda_n[abs(x) - y] >= 0, lambda_p[s[1]] >= 0, lambda_n[s[1]] >= 0, lambda_p[s[2]] >= 0, lambda_n[s[2]] >= 0, lambda_p[s[3]] >= 0, lambda_n[s[3]] >= 0, lambda_p[s[4]] >= 0, lambda_n[s[4]] >= 0, lambda_p[s[5]] >= 0, lambda_n[s[5]] >= 0)
     minimize the sum of:
-      equilibration[k in 1..10, j in 1..2]: 1*(h[k,j] - 0.05)^2
+      equilibration[k in 1..10, j in 1..2]: (h[k,j] - 0.05)^2
     equations:
       nodes[k in 1..10, j in 1..2, m in 1..2]: 0 = x[k,j,0] + h[k,j]*sum(a[m,l]*v[k,j,l], l in 1..2) - x[k,j,m]
       end[k in 1..10, j in 1..2]: 0 = x[k,j,0] + h[k,j]*sum(b[l]*v[k,j,l], l in 1..2) - x[k,j,3]

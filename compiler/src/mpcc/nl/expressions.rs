@@ -182,7 +182,7 @@ fn children(e: Expr<'_>) -> Vec<Expr<'_>> {
     }
 }
 
-/// The code of a function (Gay 2005, table of opcodes).
+/// The code of a function (Gay 2005).
 fn unary(function: Function) -> u32 {
     match function {
         Function::Tanh => 37,
