@@ -7,7 +7,7 @@ use super::block::variable;
 use super::{Detection, Form, Grid};
 use crate::dcs::Dcs;
 use crate::expr::{Expr, Var, variables_of};
-use crate::mpcc::{Bounds, Mpcc, Span, Variables, n_places};
+use crate::mpcc::{Bounds, Mpcc, Span, n_places};
 
 /// Indices of the variables of a discretized system.
 ///
@@ -120,20 +120,6 @@ pub(super) fn declare(
     ];
     let to = |last: usize| [step, element, Span::new("m", 1, last)];
     let names = |vars: Vec<Expr>| vars.iter().map(Expr::to_string).collect::<Vec<_>>();
-    let mut declare =
-        |name: &str, components: Vec<String>, ranges: &[Span], bounds: Vec<Bounds>| {
-            let start = mpcc.n_variables();
-            if !components.is_empty() && !bounds.is_empty() {
-                mpcc.variables.push(Variables {
-                    name: name.to_owned(),
-                    components,
-                    ranges: ranges.to_vec(),
-                    start,
-                    bounds,
-                });
-            }
-            start
-        };
 
     // Lengths and times.
     let mean = grid.horizon / (grid.steps * elements) as f64;
@@ -146,12 +132,8 @@ pub(super) fn declare(
     };
     let n_elements = grid.steps * elements;
     let per_element = [step, element];
-    let lengths = declare(
-        "h",
-        vec!["h".to_owned()],
-        &per_element,
-        vec![length; n_elements],
-    );
+    let all_lengths = vec![length; n_elements];
+    let lengths = mpcc.declare("h", vec!["h".to_owned()], &per_element, all_lengths);
     let rows: Vec<Expr> = dcs.rates.iter().chain(&dcs.equations).copied().collect();
     let is_timed = variables_of(&rows).contains(&variable(dcs.time));
     let times = is_timed.then(|| {
@@ -163,25 +145,21 @@ pub(super) fn declare(
             }
         };
         let bounds = (0..n_elements).map(start).collect();
-        declare("t", vec!["t".to_owned()], &per_element, bounds)
+        mpcc.declare("t", vec!["t".to_owned()], &per_element, bounds)
     });
 
     // States and slopes.
     let states = || names(dcs.states.iter().map(|state| state.var).collect());
     let initial = || dcs.states.iter().map(|state| state.initial);
-    let initial_states = declare(
-        "x",
-        states(),
-        &first,
-        initial().map(Bounds::fixed).collect(),
-    );
+    let known = initial().map(Bounds::fixed).collect();
+    let initial_states = mpcc.declare("x", states(), &first, known);
     let everywhere = |places: &[Span], bounds: Vec<Bounds>| bounds.repeat(n_places(places));
     let free: Vec<Bounds> = initial().map(Bounds::free).collect();
-    let state_block = declare("x", states(), &to(end), everywhere(&to(end), free));
+    let state_block = mpcc.declare("x", states(), &to(end), everywhere(&to(end), free));
     let slopes = (form == Form::Differential).then(|| {
         let slopes = states().iter().map(|name| format!("der({name})")).collect();
         let bounds = vec![Bounds::free(0.0); dcs.states.len()];
-        declare("v", slopes, &to(nodes), everywhere(&to(nodes), bounds))
+        mpcc.declare("v", slopes, &to(nodes), everywhere(&to(nodes), bounds))
     });
 
     // Algebraic variables.
@@ -206,12 +184,12 @@ pub(super) fn declare(
     let known = continuous
         .iter()
         .map(|&i| Bounds::fixed(dcs.algebraics[i].guess));
-    let initial_algebraics = declare("z", components, &first, known.collect());
+    let initial_algebraics = mpcc.declare("z", components, &first, known.collect());
     let (components, bounds) = chosen(&all);
-    let algebraics = declare("z", components, &to(nodes), everywhere(&to(nodes), bounds));
+    let algebraics = mpcc.declare("z", components, &to(nodes), everywhere(&to(nodes), bounds));
     let right = [step, element, Span::new("m", end, end)];
     let (components, bounds) = chosen(&at_end);
-    let end_algebraics = declare("z", components, &right, everywhere(&right, bounds));
+    let end_algebraics = mpcc.declare("z", components, &right, everywhere(&right, bounds));
     Layout {
         steps: grid.steps,
         elements,

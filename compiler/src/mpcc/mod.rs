@@ -265,6 +265,27 @@ impl Block<'_> {
 }
 
 impl<'e> Mpcc<'e> {
+    /// Adds a block of variables, unless it is empty, and gives the index of its first one.
+    pub(crate) fn declare(
+        &mut self,
+        name: &str,
+        components: Vec<String>,
+        ranges: &[Span],
+        bounds: Vec<Bounds>,
+    ) -> usize {
+        let start = self.n_variables();
+        if !bounds.is_empty() {
+            self.variables.push(Variables {
+                name: name.to_owned(),
+                components,
+                ranges: ranges.to_vec(),
+                start,
+                bounds,
+            });
+        }
+        start
+    }
+
     /// The number of variables.
     pub fn n_variables(&self) -> usize {
         let last = self.variables.last();
