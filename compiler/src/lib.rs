@@ -25,7 +25,7 @@ use self::model::Model;
 use self::report::expect::{self, Subject};
 use self::source::SourceMap;
 use self::syntax::{Bind, Experiment, File, Item, SettingKind};
-use self::system::experiment::{ExperimentError, Method, Settings};
+use self::system::experiment::{ExperimentError, Settings};
 use self::system::{Extent, System};
 
 /// An experiment that is ready to run.
@@ -94,7 +94,7 @@ fn compile_to<'e>(
         let settings = system::experiment::evaluate(&model, experiment, overrides, diags)?;
         model::check_experiment(file, home, definition, experiment, overrides, diags)?;
         let system = system::lower(&model, &settings, extent, diags)?;
-        let needs = matches!(settings.method, Method::Fesd(_));
+        let needs = settings.method.needs_dcs();
         if let Some(data) = system.data.first().filter(|_| needs) {
             let (name, span) = (data.name.clone(), settings.span);
             diags.push(ExperimentError::Data { name, span });

@@ -2,8 +2,9 @@
 
 use std::f64::consts::PI;
 
-use nsd_tests::run;
-use nsdc::report::{Status, Trajectory};
+use nsd_tests::{run, with_experiment};
+use nsdc::report::{MethodOption, Status, Trajectory};
+use nsdc::simulate::{self, Request};
 
 const OSCILLATOR: &str = "model oscillator { \
   param omega = 2*pi; state x[2] = [exp(-1), 0]; let c = dot(x, x) - 1; \
@@ -92,6 +93,50 @@ fn orders_hold_across_the_switch() {
             .collect();
         let order = fitted_order(&errors);
         assert!(order >= least, "{scheme}: order {order:.2} from {errors:?}");
+    }
+}
+
+#[test]
+fn without_detection_the_order_is_one() {
+    for scheme in ["radau_iia(2)", "radau_iia(3)", "radau_iia(4)"] {
+        let error = |steps: usize| {
+            let settings = format!(
+                "horizon pi/2; method timestepping {{ scheme = {scheme}; steps = {steps}; }}"
+            );
+            let found = simulate(OSCILLATOR, &settings);
+            assert_eq!(found.status, Status::Solved, "{scheme} {steps}");
+            distance(&end(&found), &exact(PI / 2.0))
+        };
+        // Grids in which the switch, at t = 1, is off the nodes, and in the same part of its step.
+        let middle = |n: &usize| (0.4..0.5).contains(&(*n as f64 * 2.0 / PI).fract());
+        let grids = (0..9).map(|k| (120.0 * 1.35_f64.powi(k)) as usize);
+        let grids = grids.filter_map(|n| (n..n + 40).find(middle));
+        let errors: Vec<(usize, f64)> = grids.map(|n| (n, error(n))).collect();
+        assert_eq!(errors.len(), 9);
+        let order = fitted_order(&errors);
+        assert!(
+            (0.5..=1.5).contains(&order),
+            "{scheme}: order {order:.2} from {errors:?}"
+        );
+    }
+}
+
+#[test]
+fn time_stepping_slides_where_it_finds_the_surface() {
+    for lower in ["stewart", "step"] {
+        let settings = format!("horizon 2; method timestepping {{ steps = 200; }} lower {lower};");
+        let found = simulate(
+            "model slide { state x = -sqrt(2); x' = -sign(x); }",
+            &settings,
+        );
+        assert_eq!(found.status, Status::Solved);
+        let x = end(&found)[0];
+        assert!(x.abs() < 1e-12, "{lower}: {x:e}");
+        assert!(
+            (found.events[0].time - 2.0_f64.sqrt()).abs() <= 0.011,
+            "{:?}",
+            found.events
+        );
     }
 }
 
@@ -253,5 +298,127 @@ fn a_scheme_that_cannot_slide_says_so() {
         let found = simulate("model m { state x = -1; x' = -sign(x); }", &settings);
         let failure = found.failure.expect("ψ = 0 at the first node says nothing");
         assert!(failure.to_string().contains("cannot hold"), "{failure}");
+    }
+}
+
+/// The value of an option that the report shows, zero where it is not shown.
+fn shown(trajectory: &Trajectory, name: &str) -> f64 {
+    let options = &trajectory.method.options;
+    let found = options.iter().find(|(option, _)| option == name);
+    match found {
+        Some((_, MethodOption::Number(value))) => *value,
+        _ => 0.0,
+    }
+}
+
+#[test]
+fn elements_are_added_where_there_are_too_few() {
+    // Three switches in the only step.
+    let model = "model m { state x = -0.5; state y = 0; x' = 1; \
+      y' = sign(x) + sign(x - 0.7) + sign(x - 1.2); }";
+    let found = simulate(model, "horizon 2; method fesd { steps = 1; elements = 2; }");
+    assert_eq!(
+        (found.events.len(), shown(&found, "added_elements")),
+        (3, 2.0)
+    );
+    // y = ∫ of -3, -1, 1, 3 over 0.5, 0.7, 0.5, 0.3
+    assert!((end(&found)[1] - (-1.5 - 0.7 + 0.5 + 0.9)).abs() < 1e-14);
+    let enough = simulate(model, "horizon 2; method fesd { steps = 1; elements = 8; }");
+    assert_eq!(shown(&enough, "added_elements"), 0.0);
+}
+
+/// Sets are found by rates; where one vanishes by trial elements; where too many pairs meet by a
+/// smoothed problem.
+#[test]
+fn each_rung_serves_where_the_one_above_fails() {
+    let crossing = simulate(OSCILLATOR, "horizon pi/2; method fesd { steps = 20; }");
+    assert_eq!(
+        (
+            shown(&crossing, "tried_sets"),
+            shown(&crossing, "smoothed_sets")
+        ),
+        (0.0, 0.0)
+    );
+
+    // Where the block leaves the belt, the rate of ψ is zero on the surface and off it.
+    let tangent = simulate(BELT, "horizon 20; method fesd { steps = 50; }");
+    assert_eq!(
+        (
+            shown(&tangent, "tried_sets"),
+            shown(&tangent, "smoothed_sets")
+        ),
+        (1.0, 0.0)
+    );
+
+    // Seven surfaces are reached at once, and all slide from there: each α is (1 + 0.2)/2.
+    let many = "model many { const n = 7; state x[n] = ones(n); state y = 0; \
+      x' = 0.2*ones(n) - sign(x) - 0.05*sum(sign(x))*ones(n) + 0.05*7*0.2*ones(n); y' = sum(sign(x)); }";
+    let many = simulate(many, "horizon 3; method fesd { steps = 10; } lower step;");
+    assert_eq!(many.status, Status::Solved, "{:?}", many.failure);
+    assert_eq!(shown(&many, "smoothed_sets"), 1.0);
+    assert!(many.warnings.iter().any(|warning| warning.code == "W0706"));
+    // sign = 1 until x' = 0.2 - 1 - 0.35 + 0.07 = -1.08 has brought x to zero, then 0.2.
+    let reached = 1.0 / 1.08;
+    let y = end(&many)[7];
+    assert!(
+        (y - (7.0 * reached + 1.4 * (3.0 - reached))).abs() < 1e-12,
+        "{y}"
+    );
+}
+
+#[test]
+fn multipliers_are_continuous_where_they_should_be() {
+    let cases = [
+        (
+            "model through { state x = -sqrt(2); x' = 2 + sign(x); }",
+            "horizon 2;",
+        ),
+        (
+            "model slide { state x = -sqrt(2); x' = -sign(x); }",
+            "horizon 2;",
+        ),
+        (
+            "model slant { state x = -sqrt(2); x' = -1 - 2*sign(x); }",
+            "horizon 2;",
+        ),
+        (
+            "model leave { state x = -0.5; state y = 0; x' = 0.8*y - sign(x); y' = 1; }",
+            "horizon 2;",
+        ),
+    ];
+    for (model, settings) in cases {
+        for lower in ["stewart", "step"] {
+            let name = model.split_whitespace().nth(1).unwrap();
+            let text = format!(
+                "{model} simulate run of {name} {{ {settings} method fesd {{ steps = 5; }} lower {lower}; }}"
+            );
+            let trajectory = with_experiment(&text, "run", |compiled| {
+                let request = Request {
+                    multipliers: true,
+                    ..Request::default()
+                };
+                simulate::run(&compiled.system, &compiled.settings, &request)
+            });
+            assert!(!trajectory.events.is_empty(), "{name}");
+            let kept = trajectory.multipliers.expect("they were asked for");
+            let lambda = |name: &str| name.starts_with("lambda") || name.starts_with("mu");
+            let continuous: Vec<_> = kept.values.iter().filter(|s| lambda(&s.name)).collect();
+            assert!(!continuous.is_empty());
+            let mut joints = 0;
+            for (k, pair) in kept.time.windows(2).enumerate() {
+                if pair[0] == pair[1] {
+                    joints += 1;
+                    for series in &continuous {
+                        let jump = (series.values[k + 1] - series.values[k]).abs();
+                        assert!(
+                            jump <= 1e-10,
+                            "{name} {lower}: {} jumps by {jump:e}",
+                            series.name
+                        );
+                    }
+                }
+            }
+            assert!(joints >= 5, "{name} {lower}: {joints} joints");
+        }
     }
 }

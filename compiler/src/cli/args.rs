@@ -144,6 +144,9 @@ pub struct RunArgs {
     /// Stop solving an experiment after so many seconds
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub time_limit: Option<Duration>,
+    /// Add the multipliers of `method fesd` to the JSON
+    #[arg(long, requires = "json")]
+    pub multipliers: bool,
     /// Say where the time went
     #[arg(long)]
     pub time: bool,

@@ -140,15 +140,20 @@ fn lowered(
         diags.push(ExperimentError::Data { name, span });
         return None;
     }
-    let options = match &settings.method {
-        Method::Fesd(options) => *options,
-        Method::Auto | Method::Event(_) => FesdOptions::default(),
+    let (steps, options) = match &settings.method {
+        Method::Fesd(options) => (options.steps, discretize::Options::fesd(options)),
+        Method::Timestepping(options) => {
+            (Some(options.steps), discretize::Options::stepping(options))
+        }
+        Method::Auto | Method::Event(_) => {
+            (None, discretize::Options::fesd(&FesdOptions::default()))
+        }
     };
     let grid = Grid {
         horizon: settings.horizon,
-        steps: options.steps.unwrap_or(STEPS),
+        steps: steps.unwrap_or(STEPS),
     };
-    let program = match discretize(&dcs, grid, &discretize::Options::fesd(&options)) {
+    let program = match discretize(&dcs, grid, &options) {
         Ok((program, _)) => program,
         Err(error) => {
             let help = match error {

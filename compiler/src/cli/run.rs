@@ -124,6 +124,7 @@ fn one(
     let request = Request {
         dense: args.plot.is_some(),
         estimate: true,
+        multipliers: args.multipliers,
         time_limit: args.time_limit,
     };
     let mut bar = Bar::new(&compiled.settings.name, streams.progress);

@@ -220,6 +220,7 @@ fn one(
     let time_limit = args.time_limit;
     let request = Request {
         dense: true,
+        multipliers: false,
         estimate: true,
         time_limit,
     };

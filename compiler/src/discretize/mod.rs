@@ -37,8 +37,8 @@ pub use layout::Layout;
 use crate::dcs::Dcs;
 use crate::expr::Expr;
 use crate::mpcc::Mpcc;
-use crate::system::experiment::FesdOptions;
 pub use crate::system::experiment::{Cross, Equilibration, Form};
+use crate::system::experiment::{FesdOptions, SteppingOptions};
 
 /// The steps of a horizon that starts at 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -102,6 +102,15 @@ impl Options {
                 equilibration: options.equilibration,
                 ..Detection::default()
             }),
+        }
+    }
+
+    /// Those of `method timestepping`.
+    pub fn stepping(options: &SteppingOptions) -> Self {
+        Options {
+            scheme: options.scheme,
+            form: None,
+            detection: None,
         }
     }
 }

@@ -24,6 +24,8 @@ struct Object<'a> {
     states: ByName<'a>,
     outputs: ByName<'a>,
     controls: ByName<'a>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    multipliers: Option<Multipliers<'a>>,
     r#final: Last<'a>,
     objective: Option<f64>,
     events: &'a [Event],
@@ -34,6 +36,13 @@ struct Object<'a> {
     skipped: &'a [String],
     /// Warnings, and last what ended the run early.
     warnings: Vec<Warning>,
+}
+
+/// `{ "time": [..], "values": { "lambda[..]": [..] } }`
+#[derive(serde::Serialize)]
+struct Multipliers<'a> {
+    time: &'a [f64],
+    values: ByName<'a>,
 }
 
 #[derive(serde::Serialize)]
@@ -54,6 +63,10 @@ impl<'a> From<&'a Trajectory> for Object<'a> {
             states: ByName(&trajectory.states),
             outputs: ByName(&trajectory.outputs),
             controls: ByName(&trajectory.controls),
+            multipliers: trajectory.multipliers.as_ref().map(|kept| Multipliers {
+                time: &kept.time,
+                values: ByName(&kept.values),
+            }),
             r#final: Last {
                 series: &trajectory.states,
                 n_instants: trajectory.time.len(),

@@ -54,6 +54,8 @@ pub struct Trajectory {
     pub outputs: Vec<Series>,
     /// Controls, in order of declaration.
     pub controls: Vec<Series>,
+    /// Multipliers of the complementarity system, where they were asked for and the method has them.
+    pub multipliers: Option<Multipliers>,
     /// Value of the cost of an `optimize`.
     pub objective: Option<f64>,
     /// What happened, in order of time.
@@ -74,6 +76,15 @@ pub struct Trajectory {
     pub skipped: Vec<String>,
     /// Warnings of the run.
     pub warnings: Vec<Warning>,
+}
+
+/// Algebraic variables at instants of their own.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Multipliers {
+    /// Instants, ascending; twice where two elements meet, as what jumps has two values there.
+    pub time: Vec<f64>,
+    /// One scalar series per variable.
+    pub values: Vec<Series>,
 }
 
 /// Simulation or optimal control.

@@ -45,6 +45,8 @@ pub struct Request {
     pub dense: bool,
     /// Estimate the global error by a second, more accurate run.
     pub estimate: bool,
+    /// Keep the multipliers, where the method has them.
+    pub multipliers: bool,
     /// Wall time after which the run stops.
     pub time_limit: Option<Duration>,
 }
@@ -54,6 +56,7 @@ impl Default for Request {
         Request {
             dense: true,
             estimate: true,
+            multipliers: false,
             time_limit: None,
         }
     }
@@ -79,6 +82,9 @@ pub fn run_watched(
 ) -> Trajectory {
     match &settings.method {
         experiment::Method::Fesd(options) => fesd::run(system, settings, options, request, watch),
+        experiment::Method::Timestepping(options) => {
+            fesd::stepping::run(system, settings, options, request, watch)
+        }
         _ => run_events(system, settings, request, watch),
     }
 }

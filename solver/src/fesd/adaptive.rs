@@ -45,7 +45,6 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 h if h >= 0.5 * left => 0.5 * left,
                 h => h,
             };
-            let (last, starts) = (run.last, run.starts.clone());
             let event = match self.element(run, 0, length) {
                 Ok(event) => event,
                 Err(Status::Unsolved) if length > SHORTEST * horizon => {
@@ -61,7 +60,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             let next = taken * best.clamp(GROWTH[0], GROWTH[1]);
             if error > target && taken > SHORTEST * horizon {
                 run.stats.rejected += 1;
-                (run.last, run.starts) = (if last > 0.0 { 0.0 } else { last }, starts);
+                run.last = 0.0;
                 h = next.min(0.9 * taken);
                 continue;
             }

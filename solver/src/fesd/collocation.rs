@@ -4,7 +4,9 @@ use wide::f64x4;
 
 use super::element::{Element, Unsolved};
 use super::scheme::{Scheme, WIDTH};
+use super::system::Reduced;
 use crate::linalg::DenseLu;
+use crate::tape::Tape;
 
 impl Element {
     /// X_m = x₀ + h Σ_j a_mj V_j
@@ -21,20 +23,28 @@ impl Element {
         }
     }
 
-    /// Puts t, X and w of a group of nodes into the registers.
-    pub(super) fn load(&mut self, scheme: &Scheme, g: usize) {
+    /// Puts t, X and w of a group of nodes into registers.
+    pub(super) fn load(&self, scheme: &Scheme, g: usize, registers: &mut [f64x4]) {
         let (n, per_node) = (self.n, self.per_node());
-        self.registers[0] = f64x4::splat(self.t) + scheme.nodes[g] * self.h;
+        registers[0] = f64x4::splat(self.t) + scheme.nodes[g] * self.h;
         for i in 0..n {
-            self.registers[1 + i] = self.x[i * scheme.groups + g];
+            registers[1 + i] = self.x[i * scheme.groups + g];
         }
         for k in n..per_node {
             let at = |lane: usize| {
                 let node = (g * WIDTH + lane).min(scheme.s - 1);
                 self.unknowns[node * per_node + k]
             };
-            self.registers[1 + k] = f64x4::from(std::array::from_fn(at));
+            registers[1 + k] = f64x4::from(std::array::from_fn(at));
         }
+    }
+
+    /// Evaluates a tape at a group of nodes.
+    fn run(&mut self, scheme: &Scheme, g: usize, tape: impl Fn(&Reduced) -> &Tape) {
+        let mut registers = std::mem::take(&mut self.registers);
+        self.load(scheme, g, &mut registers);
+        tape(&self.reduced).run(&mut registers);
+        self.registers = registers;
     }
 
     /// The negative residual: f - V and -r of every node, into `rhs`.
@@ -42,9 +52,8 @@ impl Element {
         self.place(scheme);
         let (n, per_node) = (self.n, self.per_node());
         for g in 0..scheme.groups {
-            self.load(scheme, g);
+            self.run(scheme, g, |reduced| &reduced.equations);
             let tape = &self.reduced.equations;
-            tape.run(&mut self.registers);
             let first = g * WIDTH;
             let last = (first + WIDTH).min(scheme.s);
             for (i, value) in tape.results(&self.registers).enumerate() {
@@ -65,9 +74,8 @@ impl Element {
     fn differentiate(&mut self, scheme: &Scheme) {
         self.place(scheme);
         for g in 0..scheme.groups {
-            self.load(scheme, g);
+            self.run(scheme, g, |reduced| &reduced.slopes.tape);
             let tape = &self.reduced.slopes.tape;
-            tape.run(&mut self.registers);
             for (e, value) in tape.results(&self.registers).enumerate() {
                 self.slopes[e * scheme.groups + g] = value;
             }

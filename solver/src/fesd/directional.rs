@@ -261,7 +261,7 @@ impl Directional {
     ) -> Option<Vec<f64>> {
         let is_affine = system.full().is_affine;
         let n_equations = system.full().directional.n_outputs();
-        for iteration in 0..if is_affine { 2 } else { MAX_NEWTON } {
+        for _ in 0..MAX_NEWTON {
             self.linearize(system, &u);
             for (row, &zero) in zeros.iter().enumerate() {
                 let (member, _) = system.pairs()[row].split(zero);
@@ -270,7 +270,7 @@ impl Directional {
                 self.matrix[(n_equations + row) * u.len() + member.variable] = member.slope();
             }
             let largest = self.step(&mut u, 1.0)?;
-            if largest <= 1e-13 || (is_affine && iteration == 1) {
+            if is_affine || largest <= 1e-13 {
                 return Some(u);
             }
         }

@@ -117,7 +117,7 @@ impl Element {
 
     /// State i at a point of the scheme.
     pub fn state_at(&self, scheme: &Scheme, point: usize, i: usize) -> f64 {
-        match scheme.node_at(point) {
+        match scheme.nodes_at[point] {
             Some(node) => self.x[i * scheme.groups + node / WIDTH].as_array()[node % WIDTH],
             None if point == 0 => self.x0[i],
             None => self.x0[i] + self.h * self.mean[i],
@@ -142,6 +142,10 @@ impl Element {
     /// Takes the polynomials of an element of the same active set as the guess of one that starts
     /// `shift` behind its start and is `ratio` times as long, both in units of its length.
     pub fn extrapolate(&mut self, scheme: &Scheme, shift: f64, ratio: f64) {
+        if self.reduced.is_linear && self.factored > 0.0 && shift > 0.0 {
+            // One iteration solves linear equations from anywhere.
+            return;
+        }
         let per_node = self.per_node();
         let (s, unknowns) = (scheme.s, &self.unknowns);
         let coefficients = &mut self.rhs[..s];
@@ -190,8 +194,8 @@ impl Element {
             if !change.is_finite() {
                 return Err(Unsolved::Diverged);
             }
-            let exact = self.reduced.is_linear && self.factored == h;
-            if exact || change <= CONVERGED {
+            let rate = self.contraction;
+            if change <= CONVERGED || (rate < SLOW && rate / (1.0 - rate) * change <= CONVERGED) {
                 self.finish(scheme);
                 return Ok(());
             }
@@ -210,11 +214,6 @@ impl Element {
                     self.factor(scheme, h)?;
                     (fresh, chords) = (true, 0);
                 }
-            }
-            let rate = self.contraction;
-            if rate < SLOW && rate / (1.0 - rate) * change <= CONVERGED {
-                self.finish(scheme);
-                return Ok(());
             }
             last = change;
         }
@@ -285,43 +284,46 @@ impl Element {
         Err(Unsolved::Diverged)
     }
 
-    /// Makes sure that there is a factorization for elements about as long as h.
+    /// Makes sure that there is a factorization for elements about as long as h. Returns whether it
+    /// is new.
     fn prepare(&mut self, scheme: &Scheme, h: f64) -> Result<bool, Unsolved> {
-        let near = (self.factored - h).abs() <= REUSE * h;
-        let usable = near && (!self.reduced.is_linear || self.factored == h);
+        let distance = (self.factored - h).abs();
+        let usable = distance <= REUSE * h;
         if !usable {
             self.factor(scheme, h)?;
             self.contraction = 1.0;
+        }
+        // Of linear equations nothing but h is another.
+        if self.reduced.is_linear {
+            self.contraction = if usable { distance / h } else { 0.0 };
         }
         Ok(!usable)
     }
 
     /// Adds the solution in `rhs` to the unknowns. Returns the change relative to their size.
     fn advance(&mut self, scale: &[f64]) -> f64 {
-        let per_node = self.per_node();
+        let (n, per_node) = (self.n, self.per_node());
         let mut largest = 0.0_f64;
-        for (at, (y, change)) in self.unknowns.iter_mut().zip(&self.rhs).enumerate() {
-            *y += change;
-            let place = at % per_node;
-            let relative = if place < self.n {
-                let moved = self.h * change.abs();
-                if moved == 0.0 {
-                    continue;
+        let nodes = self.unknowns.chunks_exact_mut(per_node);
+        for (node, changes) in nodes.zip(self.rhs.chunks_exact(per_node)) {
+            for (place, (y, change)) in node.iter_mut().zip(changes).enumerate() {
+                *y += change;
+                let (change, size) = match place < n {
+                    true => (self.h * change.abs(), scale[place].max((self.h * *y).abs())),
+                    false => (change.abs(), 1.0 + y.abs()),
+                };
+                // A state that rests counts for nothing, and NaN is not passed over.
+                if change > largest * size || change.is_nan() {
+                    largest = change / size;
                 }
-                moved / scale[place].max((self.h * *y).abs())
-            } else {
-                change.abs() / (1.0 + y.abs())
-            };
-            // NaN must not be passed over.
-            if relative > largest || relative.is_nan() {
-                largest = relative;
             }
         }
         largest
     }
 
-    /// Σ b_j V_j
+    /// X at the nodes, and Σ b_j V_j
     fn finish(&mut self, scheme: &Scheme) {
+        self.place(scheme);
         let per_node = self.per_node();
         for (i, mean) in self.mean.iter_mut().enumerate() {
             let terms = scheme.tableau.weights.iter().enumerate();

@@ -85,14 +85,19 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         series.shape(n, sides.len(), degree);
         for i in 0..n {
             let c = series.row_mut(i);
-            scheme.series(|j| solved.unknowns[j * per_node + i], &mut c[1..=s]);
-            // ∫ σᵏ dσ = σᵏ⁺¹/(k + 1), and σ = τ/h.
+            c[0] = solved.x[i];
+            for (j, powers) in scheme.integrals.chunks_exact(s).enumerate() {
+                let rate = solved.unknowns[j * per_node + i];
+                for (c, power) in c[1..=s].iter_mut().zip(powers) {
+                    *c += rate * power;
+                }
+            }
+            // σ = τ/h
             let mut scale = 1.0;
-            for (k, c) in c[1..=s].iter_mut().enumerate() {
-                *c *= scale / (k + 1) as f64;
+            for c in &mut c[1..=s] {
+                *c *= scale;
                 scale /= solved.h;
             }
-            c[0] = solved.x[i];
         }
         let sliding = (0..sides.len()).filter(|i| sides[*i] == Side::Slide);
         for (place, switch) in sliding.enumerate() {

@@ -5,7 +5,7 @@ use super::emit::Observer;
 use super::system::ComplementaritySystem;
 use super::watch::Verdict;
 use super::{Run, Simulator};
-use crate::simulate::Status;
+use crate::simulate::{Side, Status};
 
 /// An element that is solved.
 #[derive(Default)]
@@ -286,6 +286,12 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         let after = &self.modes[run.mode].element.reduced.sides;
         if before != *after {
             run.stats.events += 1;
+            run.events.record(run.t, &before);
+            let slides = |sides: &[Side]| sides.iter().filter(|s| **s == Side::Slide).count();
+            // Elements as short as rounding do not show what infinitely many would do.
+            if slides(after) > slides(&before) && run.events.limit().is_some() {
+                return Err(Status::Accumulation);
+            }
             observer.event(&crate::simulate::Event {
                 time: run.t,
                 x: &run.x,

@@ -19,6 +19,7 @@ mod march;
 mod scheme;
 mod select;
 mod smooth;
+mod stepping;
 mod system;
 mod watch;
 
@@ -28,6 +29,7 @@ use rustc_hash::FxHashMap;
 
 use crate::simulate::dense::ElementSeries;
 use crate::simulate::roots::RootFinder;
+use crate::simulate::zeno::Events;
 use crate::simulate::{Candidate, Note, Outcome, Side, Stats, Status};
 use crate::tableau::{Family, Tableau, TableauError};
 use directional::Directional;
@@ -35,6 +37,7 @@ use element::Element;
 pub use emit::{Multipliers, Observer};
 use hidden::Hidden;
 use scheme::Scheme;
+pub use stepping::{Stepper, SteppingSettings};
 pub use system::{ComplementaritySystem, Full, Member, Pair, Reduced, Watched, Zero};
 use watch::{Start, Values};
 
@@ -159,6 +162,7 @@ struct Run {
     defect: f64,
     /// Events in a row that took no time.
     stalled: usize,
+    events: Events,
     notes: Vec<Note>,
 }
 
@@ -234,6 +238,7 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
             least_member: 0.0,
             defect: 0.0,
             stalled: 0,
+            events: Events::default(),
             notes: Vec::new(),
         };
         let status = match self.integrate(&mut run, t0, t1, observer) {

@@ -20,8 +20,14 @@ pub(super) struct Scheme {
     pub columns: Vec<f64x4>,
     /// Values at the nodes to the coefficients of 1, σ, σ², .. with σ = τ/h, s × s.
     pub powers: Vec<f64>,
+    /// What V of a node adds to the coefficients of σ, σ², .. of ∫ V dσ, s × s, node by node.
+    pub integrals: Vec<f64>,
     /// Where members are looked at: 0, the nodes behind it, and 1.
     pub points: Vec<f64>,
+    /// The point at every node.
+    pub points_at: Vec<usize>,
+    /// The node at every point; none at a start or end that is no node.
+    pub nodes_at: Vec<Option<usize>>,
     /// Values at the points to coefficients in σ, points × points.
     pub point_powers: Vec<f64>,
     /// How far a polynomial may exceed its values at the points: max_σ Σ |L_j(σ)|.
@@ -52,19 +58,29 @@ impl Scheme {
             points.push(1.0);
         }
         points.dedup();
+        let node_at = |point: &f64| tableau.nodes.iter().rposition(|node| node == point);
+        let nodes_at = points.iter().map(node_at).collect();
+        let point_at = |node: &f64| points.iter().position(|point| point == node);
+        let points_at = tableau.nodes.iter().filter_map(point_at).collect();
         let inner: Vec<f64> = points[1..].iter().map(|point| point - points[1]).collect();
+        let powers = powers(&tableau.nodes);
+        let integral = |(j, k): (usize, usize)| powers[k * s + j] / (k + 1) as f64;
+        let integrals = (0..s).flat_map(|j| (0..s).map(move |k| (j, k)));
         Scheme {
             s,
+            integrals: integrals.map(integral).collect(),
             groups,
             nodes: lanes(&|m| tableau.nodes[m]),
             columns: (0..s)
                 .flat_map(|j| lanes(&|m| tableau.a[m * s + j]))
                 .collect(),
-            powers: powers(&tableau.nodes),
+            powers,
             point_powers: monomials(&points),
             lebesgue: lebesgue(&points),
             inner_powers: monomials(&inner),
             inner_lebesgue: lebesgue(&points[1..]),
+            nodes_at,
+            points_at,
             points,
             tableau,
         }
@@ -76,12 +92,6 @@ impl Scheme {
         let last = points.len() - 1;
         let end = if last > 0 { points[last - 1] } else { 0.0 };
         [0.5 * (points[0] + points[1.min(last)]), 0.5 * (end + 1.0)]
-    }
-
-    /// The node at a point; none for a start or end that is no node.
-    pub fn node_at(&self, point: usize) -> Option<usize> {
-        let c = self.points[point];
-        self.tableau.nodes.iter().rposition(|node| *node == c)
     }
 
     /// Coefficients in σ of the polynomial with these values at the nodes.
@@ -111,7 +121,7 @@ impl Scheme {
 }
 
 /// Values at the nodes to the coefficients in σ; where nodes coincide, their mean counts.
-fn powers(nodes: &[f64]) -> Vec<f64> {
+pub(super) fn powers(nodes: &[f64]) -> Vec<f64> {
     let mut distinct = nodes.to_vec();
     distinct.dedup();
     let (s, d) = (nodes.len(), distinct.len());

@@ -113,6 +113,8 @@ pub struct Full {
     pub is_affine: bool,
     /// (t, x, z, u) to f.
     pub rates: Tape,
+    /// (t, x, z) to α of all switches.
+    pub alphas: Tape,
 }
 
 /// The functions of an active set: zero members are substituted, and every z that an equation

@@ -62,9 +62,7 @@ impl Values {
         self.w.resize(n_w * n_points, 0.0);
         if n_w > 0 {
             for p in 0..n_points {
-                let node = scheme
-                    .node_at(p)
-                    .unwrap_or(if p == 0 { 0 } else { scheme.s - 1 });
+                let node = scheme.nodes_at[p].unwrap_or(if p == 0 { 0 } else { scheme.s - 1 });
                 let x = (0..n).map(|i| element.state_at(scheme, p, i));
                 hidden.set(element.t + scheme.points[p] * element.h, x, element.w(node));
                 hidden.solve(reduced)?;
@@ -75,24 +73,34 @@ impl Values {
         self.at_points.resize(tape.n_outputs() * n_points, 0.0);
         self.registers
             .resize(tape.n_registers().max(tape.n_inputs()), f64x4::splat(0.0));
-        for first in (0..n_points).step_by(WIDTH) {
-            let point = |lane: usize| (first + lane).min(n_points - 1);
-            let lanes = |value: &dyn Fn(usize) -> f64| {
-                f64x4::from(std::array::from_fn(|k| value(point(k))))
-            };
-            self.registers[0] = lanes(&|p| element.t + scheme.points[p] * element.h);
-            for i in 0..n {
-                self.registers[1 + i] = lanes(&|p| element.state_at(scheme, p, i));
-            }
+        // Lanes of nodes stand ready; a start or end that is no node is looked at by itself.
+        for g in 0..scheme.groups {
+            element.load(scheme, g, &mut self.registers);
             for k in 0..n_w {
-                self.registers[1 + n + k] = lanes(&|p| self.w[p * n_w + k]);
+                let at = |lane: usize| {
+                    let node = (g * WIDTH + lane).min(scheme.s - 1);
+                    self.w[scheme.points_at[node] * n_w + k]
+                };
+                self.registers[1 + n + k] = f64x4::from(std::array::from_fn(at));
             }
             tape.run(&mut self.registers);
+            let nodes = g * WIDTH..(g * WIDTH + WIDTH).min(scheme.s);
             for (member, value) in tape.results(&self.registers).enumerate() {
                 let values = value.to_array();
-                let last = (first + WIDTH).min(n_points);
-                self.at_points[member * n_points + first..member * n_points + last]
-                    .copy_from_slice(&values[..last - first]);
+                for node in nodes.clone() {
+                    self.at_points[member * n_points + scheme.points_at[node]] =
+                        values[node % WIDTH];
+                }
+            }
+        }
+        for p in 0..n_points {
+            if scheme.nodes_at[p].is_none() {
+                let x = (0..n).map(|i| element.state_at(scheme, p, i));
+                let w = &self.w[p * n_w..(p + 1) * n_w];
+                hidden.set(element.t + scheme.points[p] * element.h, x, w);
+                for (member, value) in hidden.eval(tape).enumerate() {
+                    self.at_points[member * n_points + p] = value;
+                }
             }
         }
         Ok(())

@@ -254,8 +254,18 @@ fn solve<T: Number>(a: &[T], pivots: &[usize], rhs: &mut [T]) {
 
 /// Σ a_i b_i over the shorter of the two.
 fn dot<T: Number>(a: &[T], b: &[T]) -> T {
-    let products = a.iter().zip(b).map(|(a, b)| *a * *b);
-    products.fold(T::zero(), |sum, product| sum + product)
+    // Four sums do not wait for each other.
+    let n = a.len().min(b.len());
+    let (a, b) = (a[..n].chunks_exact(4), b[..n].chunks_exact(4));
+    let rest = a.remainder().iter().zip(b.remainder());
+    let rest = rest.fold(T::zero(), |sum, (a, b)| sum + *a * *b);
+    let mut sums = [T::zero(); 4];
+    for (a, b) in a.zip(b) {
+        for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(b)) {
+            *sum += *a * *b;
+        }
+    }
+    (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
 }
 
 #[cfg(test)]

@@ -40,7 +40,7 @@ mod system;
 #[cfg(test)]
 mod tests;
 mod window;
-mod zeno;
+pub(crate) mod zeno;
 
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};

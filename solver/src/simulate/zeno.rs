@@ -25,14 +25,14 @@ const SETTLED: f64 = 0.02;
 
 /// The last events of a run.
 #[derive(Default)]
-pub(super) struct Events {
+pub(crate) struct Events {
     /// When, and the mode before.
     last: Vec<(f64, u64)>,
 }
 
 impl Events {
     /// Takes note of an event.
-    pub(super) fn record(&mut self, time: f64, from: &[Side]) {
+    pub(crate) fn record(&mut self, time: f64, from: &[Side]) {
         if self.last.len() > CYCLES * MAX_CYCLE {
             self.last.remove(0);
         }
@@ -42,7 +42,7 @@ impl Events {
     }
 
     /// Where the events accumulate, if the last one ends a cycle that has repeated and shrunk.
-    pub(super) fn limit(&self) -> Option<f64> {
+    pub(crate) fn limit(&self) -> Option<f64> {
         let latest = self.last.len().checked_sub(1)?;
         (1..=MAX_CYCLE).find_map(|length| {
             let at = |cycle: usize| self.last.get(latest.checked_sub(cycle * length)?).copied();

@@ -78,6 +78,7 @@ impl<'e> Complementarity<'e> {
                 directional: Tape::builder(0).finish(&[]),
                 directional_slopes: Partials::none(0),
                 rates: Tape::builder(0).finish(&[]),
+                alphas: Tape::builder(0).finish(&[]),
                 is_affine: true,
             },
             algebraics,
@@ -143,6 +144,7 @@ impl<'e> Complementarity<'e> {
             directional_slopes: partials(&with_u, &directional, &u),
             is_affine: !u.iter().any(|u| in_slopes.contains(u)),
             rates: tape(&with_u, &rates),
+            alphas: tape(&inputs, &self.alphas),
         }
     }
 

@@ -5,25 +5,59 @@
 
 mod complementarity;
 mod reduce;
+pub(super) mod stepping;
 
+use std::ops::ControlFlow;
 use std::time::Instant;
 
 use nsd_solver::fesd::{self, Grid, Simulator, Solution};
-use nsd_solver::simulate::{Observer, Status};
+use nsd_solver::simulate::{Event, Observer, Outcome, Segment, Status};
 
 pub use complementarity::Complementarity;
 
 use super::watch::{Progress, Watched};
 use super::{Comparison, Estimate, MAX_ATTEMPTS, REFINEMENT, Recorder, Request, assemble, judge};
 use crate::dcs;
-use crate::report::{Failure, Method, MethodOption, Trajectory};
+use crate::report::{Failure, Method, MethodOption, Multipliers, Series, Trajectory};
 use crate::system::System;
 use crate::system::experiment::{FesdOptions, Settings};
 
 /// An estimate above this says that the grid is too coarse for the model.
 const COARSE: f64 = 0.01;
 
-impl<O: Observer> fesd::Observer for Watched<'_, O> {}
+/// Keeps the multipliers of a run besides what another observer does.
+struct Keeper<O> {
+    observer: O,
+    kept: Option<Multipliers>,
+}
+
+impl<O: Observer> Observer for Keeper<O> {
+    fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
+        self.observer.segment(segment)
+    }
+
+    fn event(&mut self, event: &Event) {
+        self.observer.event(event);
+    }
+}
+
+impl<O: Observer> fesd::Observer for Keeper<O> {
+    fn wants_multipliers(&self) -> bool {
+        self.kept.is_some()
+    }
+
+    fn multipliers(&mut self, multipliers: &fesd::Multipliers) {
+        if let Some(kept) = &mut self.kept {
+            kept.time.extend_from_slice(multipliers.times);
+            let rows = multipliers.z.chunks_exact(kept.values.len().max(1));
+            for row in rows {
+                for (series, z) in kept.values.iter_mut().zip(row) {
+                    series.values.push(*z);
+                }
+            }
+        }
+    }
+}
 
 /// Integrates the system by finite elements over the horizon of the experiment.
 pub(super) fn run(
@@ -52,18 +86,25 @@ pub(super) fn run(
         simulator.expect("the number of nodes has been checked")
     };
     let (mut tolerance, mut attempt) = (settings.tolerance, 1);
-    let (order, solution, recorder, estimate) = loop {
+    let (order, solution, recorder, kept, estimate) = loop {
         let grid = grid(options, tolerance);
         let mut first = simulator(grid);
         let mut recorder = Recorder::new(system, settings, tolerance, request.dense);
-        let mut watched = Watched::new(&mut recorder, settings.horizon, false, watch);
-        let solution = first.run(0.0, settings.horizon, &x0, &mut watched);
+        let mut keeper = Keeper {
+            observer: Watched::new(&mut recorder, settings.horizon, false, watch),
+            kept: request.multipliers.then(|| empty(&complementarity)),
+        };
+        let solution = first.run(0.0, settings.horizon, &x0, &mut keeper);
+        let kept = keeper.kept;
         let wanted = request.estimate && solution.outcome.status != Status::TimeLimit;
         let estimate = wanted.then(|| {
             let mut comparison = Comparison::new(&recorder, &x0);
-            let mut watched = Watched::new(&mut comparison, settings.horizon, true, watch);
-            let fine = simulator(finer(grid)).run(0.0, settings.horizon, &x0, &mut watched);
-            estimate(&comparison, &recorder, &solution, &fine)
+            let mut keeper = Keeper {
+                observer: Watched::new(&mut comparison, settings.horizon, true, watch),
+                kept: None,
+            };
+            let fine = simulator(finer(grid)).run(0.0, settings.horizon, &x0, &mut keeper);
+            estimate(&comparison, &recorder, &solution.outcome, &fine.outcome)
         });
         let missed = options.steps.is_none()
             && estimate
@@ -75,11 +116,12 @@ pub(super) fn run(
             attempt += 1;
             continue;
         }
-        break (first.order(), solution, recorder, estimate);
+        break (first.order(), solution, recorder, kept, estimate);
     };
     let mut trajectory = assemble(system, settings, &solution.outcome, recorder);
     trajectory.method = method(settings, options, order, dcs.formulation.word(), &solution);
     trajectory.certificate.max_violation = -solution.least_member;
+    trajectory.multipliers = kept;
     if let Some(estimate) = estimate {
         match options.steps {
             None => judge(&mut trajectory, &estimate, settings),
@@ -88,6 +130,18 @@ pub(super) fn run(
     }
     trajectory.stats.solve_s = started.elapsed().as_secs_f64();
     trajectory
+}
+
+/// No values yet of any algebraic variable.
+fn empty(complementarity: &Complementarity) -> Multipliers {
+    let series = |name: String| Series {
+        name,
+        ..Series::default()
+    };
+    Multipliers {
+        time: Vec::new(),
+        values: complementarity.names().into_iter().map(series).collect(),
+    }
 }
 
 fn grid(options: &FesdOptions, tolerance: f64) -> Grid {
@@ -113,23 +167,17 @@ fn finer(grid: Grid) -> Grid {
     }
 }
 
-fn estimate(
-    comparison: &Comparison,
-    run: &Recorder,
-    solution: &Solution,
-    fine: &Solution,
-) -> Estimate {
-    let scales = comparison.scale.iter().zip(&solution.outcome.x);
+fn estimate(comparison: &Comparison, run: &Recorder, found: &Outcome, fine: &Outcome) -> Estimate {
+    let scales = comparison.scale.iter().zip(&found.x);
     let relative = |(difference, (scale, x)): (&f64, (&f64, &f64))| {
         let scale = scale.max(x.abs());
         if scale > 0.0 { difference / scale } else { 0.0 }
     };
     let error = comparison.difference.iter().zip(scales).map(relative);
-    let rounding = f64::EPSILON * (solution.outcome.stats.steps as f64).sqrt();
+    let rounding = f64::EPSILON * (found.stats.steps as f64).sqrt();
     Estimate {
         error: error.fold(rounding, f64::max),
-        same_modes: comparison.modes == run.n_modes()
-            && fine.outcome.status == solution.outcome.status,
+        same_modes: comparison.modes == run.n_modes() && fine.status == found.status,
     }
 }
 
@@ -157,6 +205,15 @@ fn method(
     }
     if solution.added_elements > 0 {
         shown.push(number("added_elements", solution.added_elements));
+    }
+    // How the active sets were found: by rates alone unless said.
+    for (name, count) in [
+        ("tried_sets", solution.rungs.tried),
+        ("smoothed_sets", solution.rungs.smoothed),
+    ] {
+        if count > 0 {
+            shown.push(number(name, count));
+        }
     }
     Method {
         name: "fesd".into(),

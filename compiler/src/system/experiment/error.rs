@@ -147,7 +147,7 @@ pub enum ExperimentError {
     },
 
     /// Data in a method that has no breakpoints.
-    #[error("`method fesd` does not take signals from tables yet")]
+    #[error("finite elements and time stepping do not take signals from tables yet")]
     #[diagnostic(code(E0909), help("use `method event`, which is the default"))]
     Data {
         name: String,

@@ -1,4 +1,4 @@
-//! Options of `method fesd`.
+//! Options of `method fesd` and `method timestepping`.
 
 use nsd_solver::tableau::Family;
 
@@ -21,6 +21,24 @@ pub struct FesdOptions {
     pub cross: Cross,
     /// What makes its lengths equal.
     pub equilibration: Equilibration,
+}
+
+/// Options of `method timestepping`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SteppingOptions {
+    /// Family of Runge-Kutta methods, and number of nodes.
+    pub scheme: (Family, usize),
+    /// Steps of equal length.
+    pub steps: usize,
+}
+
+impl Default for SteppingOptions {
+    fn default() -> Self {
+        SteppingOptions {
+            scheme: (Family::RadauIia, 4),
+            steps: 100,
+        }
+    }
 }
 
 /// How a Runge-Kutta method is written.
@@ -105,6 +123,7 @@ const OPTIONS: [&str; 6] = [
     "cross",
     "equilibration",
 ];
+const STEPPING_OPTIONS: [&str; 2] = ["scheme", "steps"];
 const FORMS: [(&str, Form); 2] = [
     ("integral", Form::Integral),
     ("differential", Form::Differential),
@@ -151,6 +170,27 @@ pub(super) fn options(reader: &mut Reader<'_, '_>, options: &[Setting]) -> FesdO
         });
     }
     fesd
+}
+
+/// Reads the options of `timestepping`.
+pub(super) fn stepping_options(
+    reader: &mut Reader<'_, '_>,
+    options: &[Setting],
+) -> SteppingOptions {
+    let mut stepping = SteppingOptions::default();
+    once(reader, options);
+    for option in options {
+        let value = &option.value;
+        match option.name.name.as_str() {
+            "scheme" => stepping.scheme = scheme(reader, value).unwrap_or(stepping.scheme),
+            "steps" => {
+                let steps = reader.count("`steps`", value, MOST_STEPS);
+                stepping.steps = steps.unwrap_or(stepping.steps);
+            }
+            _ => reader.error(unknown_choice("option", &option.name, &STEPPING_OPTIONS)),
+        }
+    }
+    stepping
 }
 
 /// One of some words.

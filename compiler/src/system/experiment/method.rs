@@ -1,6 +1,6 @@
 //! Methods, their options, and lowerings.
 
-use super::fesd::{self, FesdOptions};
+use super::fesd::{self, FesdOptions, SteppingOptions};
 use super::{ExperimentError, Reader, unknown_choice};
 use crate::syntax::{self, ExprKind, Ident, Setting};
 
@@ -13,6 +13,15 @@ pub enum Method {
     Event(EventOptions),
     /// Finite elements with switch detection.
     Fesd(FesdOptions),
+    /// Steps of one length without switch detection.
+    Timestepping(SteppingOptions),
+}
+
+impl Method {
+    /// Whether it works on a complementarity system.
+    pub fn needs_dcs(&self) -> bool {
+        matches!(self, Method::Fesd(_) | Method::Timestepping(_))
+    }
 }
 
 /// Options of `method event`.
@@ -84,6 +93,9 @@ pub(super) fn method(
         }
         "event" => Some(Method::Event(event_options(reader, options))),
         "fesd" => Some(Method::Fesd(fesd::options(reader, options))),
+        "timestepping" => Some(Method::Timestepping(fesd::stepping_options(
+            reader, options,
+        ))),
         known if METHODS.contains(&known) => {
             reader.error(ExperimentError::Method {
                 name: known.to_owned(),

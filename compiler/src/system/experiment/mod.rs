@@ -18,7 +18,7 @@ use crate::source::Span;
 use crate::syntax::{self, Bind, Expect, ExperimentKind, OutputWhen, SettingKind, Sliding};
 
 pub use error::ExperimentError;
-pub use fesd::{Cross, Equilibration, FesdOptions, Form};
+pub use fesd::{Cross, Equilibration, FesdOptions, Form, SteppingOptions};
 pub use method::{Branch, EventOptions, Lowering, Method};
 
 /// What a `simulate` experiment asks for.

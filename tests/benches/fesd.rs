@@ -1,0 +1,77 @@
+//! Finite elements on the oscillator: the cheapest grid for an error, what it costs, and beside it
+//! the event road with that tolerance.
+
+mod support;
+
+use criterion::Criterion;
+use nsd_solver::fesd::{Grid, Observer, Settings, Simulator};
+use nsd_solver::tableau::Family;
+use nsd_tests::with_experiment;
+use nsdc::dcs;
+use nsdc::simulate::Switched;
+use nsdc::simulate::fesd::Complementarity;
+use support::{Silent, median, print, start};
+
+const OSCILLATOR: &str = include_str!("../../examples/oscillator.nsd");
+
+/// Errors in the end state, and the microseconds that a run may take for them.
+const BARS: [(f64, f64); 3] = [(1e-6, 12.0), (1e-9, 27.0), (1e-12, 63.0)];
+
+/// More steps than any of the errors needs.
+const MOST_STEPS: usize = 400;
+
+impl Observer for Silent {}
+
+fn main() {
+    let mut criterion = Criterion::default().configure_from_args();
+    let text = format!("{OSCILLATOR}\nsimulate bench of oscillator {{ horizon pi/2; }}");
+    with_experiment(&text, "bench", |compiled| {
+        let dcs = dcs::lower(&compiled.system, &[]).expect("one switch has Stewart's form");
+        let system = Complementarity::new(&compiled.system, &dcs);
+        let (x0, horizon) = (start(compiled), compiled.settings.horizon);
+        // x(T) = e^(T-1) (cos 2π(T-1), sin 2π(T-1))
+        let (radius, angle) = (
+            (horizon - 1.0).exp(),
+            std::f64::consts::TAU * (horizon - 1.0),
+        );
+        let exact = [radius * angle.cos(), radius * angle.sin()];
+        let simulator = |steps: usize| {
+            let grid = Grid::Steps { steps, elements: 1 };
+            let settings = Settings {
+                grid,
+                ..Settings::new(Family::RadauIia, 4)
+            };
+            Simulator::new(&system, settings).expect("four nodes are allowed")
+        };
+        let error = |steps: usize| {
+            let x = simulator(steps)
+                .run(0.0, horizon, &x0, &mut Silent)
+                .outcome
+                .x;
+            (x[0] - exact[0]).hypot(x[1] - exact[1])
+        };
+        print(&format!(
+            "{:>7} {:>6} {:>9} {:>9} {:>5}",
+            "error", "steps", "reached", "us", "bar"
+        ));
+        for (wanted, bar) in BARS {
+            let Some(steps) = (5..=MOST_STEPS).find(|&steps| error(steps) <= wanted) else {
+                print(&format!("{wanted:>7.0e}  never"));
+                continue;
+            };
+            let mut simulator = simulator(steps);
+            let mut call = || {
+                simulator.run(0.0, horizon, &x0, &mut Silent);
+            };
+            criterion.bench_function(&format!("oscillator, {wanted:e}"), |bencher| {
+                bencher.iter(&mut call)
+            });
+            let time = 1e6 * median(call);
+            print(&format!(
+                "{wanted:>7.0e} {steps:>6} {:>9.1e} {time:>9.1} {bar:>5}",
+                error(steps)
+            ));
+        }
+    });
+    criterion.final_summary();
+}
