@@ -67,8 +67,14 @@ fn main() {
                 bencher.iter(&mut call)
             });
             let time = 1e6 * median(call);
+            let switched = Switched::new(&compiled.system);
+            let mut events = support::simulator(&switched, wanted);
+            let beside = 1e6
+                * median(|| {
+                    events.run(0.0, horizon, &x0, &mut Silent);
+                });
             print(&format!(
-                "{wanted:>7.0e} {steps:>6} {:>9.1e} {time:>9.1} {bar:>5}",
+                "{wanted:>7.0e} {steps:>6} {:>9.1e} {time:>9.1} {bar:>5} {beside:>9.1}",
                 error(steps)
             ));
         }
