@@ -93,9 +93,23 @@ fn compile_to<'e>(
     clock.time("system", || {
         let settings = system::experiment::evaluate(&model, experiment, overrides, diags)?;
         model::check_experiment(file, home, definition, experiment, overrides, diags)?;
-        let system = system::lower(&model, &settings, extent, diags)?;
-        let needs = settings.method.needs_dcs();
-        if let Some(data) = system.data.first().filter(|_| needs) {
+        let mut system = system::lower(&model, &settings, extent, diags)?;
+        let method = &settings.method;
+        let relay = system.switches.iter().find(|switch| switch.relay.is_some());
+        if let Some(relay) = relay.filter(|_| method.is_without_memory()) {
+            diags.push(ExperimentError::Relay {
+                method: method.word(),
+                name: relay.name.clone(),
+                span: relay.spans.first().copied().unwrap_or(settings.span),
+            });
+            return None;
+        }
+        if let Method::Smoothing(options) = method {
+            system = system::smoothing::smooth(&system, options);
+        }
+        let needs = method.needs_dcs();
+        let takes_no_data = needs || *method == Method::Adaptive;
+        if let Some(data) = system.data.first().filter(|_| takes_no_data) {
             let (name, span) = (data.name.clone(), settings.span);
             diags.push(ExperimentError::Data { name, span });
             return None;

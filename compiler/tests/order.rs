@@ -63,7 +63,10 @@ fn methods_have_their_orders_on_the_oscillator() {
     assert!(failed.iter().all(|row| row[5].is_empty()));
     assert_eq!(failed.len(), ran.out.matches("failed: ").count());
 
-    for (figure, title) in [("step", "step size h"), ("time", "time of the solve in s")] {
+    for (figure, title) in [
+        ("step", "mean step size h"),
+        ("time", "time of the solve in s"),
+    ] {
         let svg = svg(&folder.join(format!("crossing.error-{figure}.svg")));
         assert!(svg.contains(title));
         for (method, _) in &methods {

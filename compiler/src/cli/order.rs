@@ -12,16 +12,17 @@ use crate::compile;
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
 use crate::order::{self, Progress, Study};
+use crate::syntax::{ExperimentSetting, SettingKind};
 
 /// Measures the errors of all methods for one experiment.
 pub fn run(args: &OrderArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
-    let Some((project, overrides)) = Project::open(&args.file, &args.set, streams)? else {
+    let Some((mut project, overrides)) = Project::open(&args.file, &args.set, streams)? else {
         return Ok(Exit::Wrong);
     };
-    let Some(experiments) = project.selected(args.experiment.as_deref(), streams)? else {
+    let Some(mut experiments) = project.selected(args.experiment.as_deref(), streams)? else {
         return Ok(Exit::Wrong);
     };
-    let [experiment] = &experiments[..] else {
+    let [experiment] = &mut experiments[..] else {
         let names = experiments.iter().map(|e| format!("`{}`", e.name.name));
         let names = names.collect::<Vec<_>>().join(", ");
         writeln!(
@@ -30,6 +31,15 @@ pub fn run(args: &OrderArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         )?;
         return Ok(Exit::Wrong);
     };
+
+    // A method that changes the system would change it for all.
+    let changes = |setting: &ExperimentSetting| match &setting.kind {
+        SettingKind::Method { name, .. } => ["smoothing", "adaptive"].contains(&&*name.name),
+        _ => false,
+    };
+    if experiment.settings.iter().any(changes) {
+        project.replace_setting(experiment, "order", "method auto");
+    }
 
     let exprs = Exprs::new();
     let mut diags = Diagnostics::new();

@@ -174,6 +174,13 @@ impl<'e> Substitution<'e> {
         })
     }
 
+    /// Replaces variables in the replacements.
+    pub fn then(&mut self, next: &Substitution<'e>) {
+        for value in self.values.values_mut() {
+            *value = value.substitute(next);
+        }
+    }
+
     /// Whether nothing is replaced.
     pub fn is_empty(&self) -> bool {
         self.values.is_empty()

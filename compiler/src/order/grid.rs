@@ -4,7 +4,7 @@ use nsd_solver::tableau::Family;
 
 use super::Knob;
 use crate::simulate::{Bench, Variant};
-use crate::system::experiment::{FesdOptions, Method, Settings};
+use crate::system::experiment::{FesdOptions, Law, Method, Settings, SmoothingOptions};
 
 /// Runs of one method.
 pub struct Sweep {
@@ -12,7 +12,7 @@ pub struct Sweep {
     pub knob: Knob,
     /// Family of methods in the figures, and place in it.
     pub place: (usize, usize),
-    /// Step size or tolerance, and the run, from coarse to fine.
+    /// Step size, tolerance or width, and the run, from coarse to fine.
     pub runs: Vec<(f64, Variant)>,
 }
 
@@ -27,6 +27,8 @@ const SCHEMES: [(Family, usize); 6] = [
 ];
 /// Tolerances are powers of ten with these exponents.
 const EXPONENTS: std::ops::RangeInclusive<i32> = 2..=13;
+/// Widths are powers of ten with these exponents, and between two of them.
+const WIDTHS: std::ops::RangeInclusive<i32> = 2..=13;
 /// Steps of the coarsest grid, at least.
 const FEWEST_STEPS: usize = 4;
 /// Taylor steps of a very accurate run for one step of the coarsest grid.
@@ -41,7 +43,11 @@ pub fn sweeps(
     settings: &Settings,
     steps: usize,
 ) -> (Vec<Sweep>, Vec<(String, String)>) {
-    let mut sweeps = vec![event()];
+    let event = |tolerance| Variant::Event {
+        tolerance,
+        more_orders: 0,
+    };
+    let mut sweeps = vec![by_tolerance("event", (0, 0), event)];
     let mut left_out = Vec::new();
     match bench.without_elements() {
         Some(reason) => left_out.push(("fesd".to_owned(), reason.to_owned())),
@@ -50,23 +56,48 @@ pub fn sweeps(
             sweeps.extend(fesd(settings, coarsest));
         }
     }
+    match bench.with_memory() {
+        Some(reason) => {
+            let both = ["smoothing", "adaptive"].map(|name| (name.to_owned(), reason.clone()));
+            left_out.extend(both);
+        }
+        None => {
+            if bench.has_jumps() {
+                sweeps.extend(Law::ALL.iter().enumerate().map(smoothing));
+            }
+            let adaptive = |tolerance| Variant::Adaptive { tolerance };
+            sweeps.push(by_tolerance("adaptive", (5, 3), adaptive));
+        }
+    }
     (sweeps, left_out)
 }
 
-fn event() -> Sweep {
+fn by_tolerance(name: &str, place: (usize, usize), variant: impl Fn(f64) -> Variant) -> Sweep {
     let run = |exponent: i32| {
         let tolerance = 10f64.powi(-exponent);
-        let variant = Variant::Event {
-            tolerance,
-            more_orders: 0,
-        };
-        (tolerance, variant)
+        (tolerance, variant(tolerance))
     };
     Sweep {
-        name: "event".into(),
+        name: name.into(),
         knob: Knob::Tolerance,
-        place: (0, 0),
+        place,
         runs: EXPONENTS.map(run).collect(),
+    }
+}
+
+fn smoothing((member, &law): (usize, &Law)) -> Sweep {
+    let run = |half: i32| {
+        let epsilon = 10f64.powf(-0.5 * f64::from(half));
+        (
+            epsilon,
+            Variant::Smoothing(SmoothingOptions { epsilon, law }),
+        )
+    };
+    Sweep {
+        name: format!("smoothing {}", law.word()),
+        knob: Knob::Epsilon,
+        place: (4, member),
+        runs: WIDTHS.map(run).collect(),
     }
 }
 

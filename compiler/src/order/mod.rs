@@ -71,14 +71,26 @@ pub enum Knob {
     Step,
     /// The tolerance.
     Tolerance,
+    /// The width of smoothed switches.
+    Epsilon,
 }
 
 impl Knob {
+    /// The word of the CSV form.
+    pub fn word(self) -> &'static str {
+        match self {
+            Knob::Step => "step",
+            Knob::Tolerance => "tolerance",
+            Knob::Epsilon => "epsilon",
+        }
+    }
+
     /// As in `h^5`.
     pub fn symbol(self) -> &'static str {
         match self {
             Knob::Step => "h",
             Knob::Tolerance => "tol",
+            Knob::Epsilon => "eps",
         }
     }
 }
@@ -86,7 +98,7 @@ impl Knob {
 /// One run.
 #[derive(Clone, Debug)]
 pub struct Point {
-    /// The step size or tolerance that was asked for.
+    /// The step size, tolerance or width that was asked for.
     pub knob: f64,
     /// Steps that were taken.
     pub steps: usize,
@@ -207,7 +219,7 @@ impl Study {
 
     /// Error against step size.
     pub fn error_step(&self) -> String {
-        self.figure("step size h", |point| point.step)
+        self.figure("mean step size h", |point| point.step)
     }
 
     /// Error against time.

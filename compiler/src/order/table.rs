@@ -28,7 +28,8 @@ fn write(study: &Study, text: &mut String) -> fmt::Result {
     }
     writeln!(
         text,
-        "  orders over errors from {:.1e} to {:.1e}\n",
+        "  orders over errors from {:.1e} to {:.1e}
+  values are step sizes h, tolerances tol of `event` and `adaptive`, epsilons eps of `smoothing`\n",
         reference.floor,
         super::COARSE * reference.size
     )?;
@@ -37,7 +38,7 @@ fn write(study: &Study, text: &mut String) -> fmt::Result {
     writeln!(
         text,
         "  {:width$}  {:>9}  {:>7}  {:>9}  {:>9}  {:>6}",
-        "method", "h or tol", "steps", "error", "time", "order"
+        "method", "value", "steps", "error", "time", "order"
     )?;
     for curve in &study.curves {
         for (point, order) in curve.points.iter().zip(local_orders(&curve.points)) {
@@ -82,7 +83,7 @@ fn summary(curve: &Curve) -> String {
     let order = match (curve.order, curve.knob) {
         (None, _) => "no order: too few errors are in range".to_owned(),
         (Some(order), Knob::Step) => format!("order {order:.2} in h"),
-        (Some(order), Knob::Tolerance) => format!("error ~ tol^{order:.2}"),
+        (Some(order), knob) => format!("error ~ {}^{order:.2}", knob.symbol()),
     };
     format!("{order}; least error {error:.1e} in {}", duration(seconds))
 }
@@ -109,10 +110,7 @@ pub fn csv(study: &Study) -> String {
                 Ok(error) => (number(*error), "solved"),
                 Err(failure) => (String::new(), failure.as_str()),
             };
-            let refines = match curve.knob {
-                Knob::Step => "step",
-                Knob::Tolerance => "tolerance",
-            };
+            let refines = curve.knob.word();
             let _ = text.write_record([
                 curve.name.as_str(),
                 refines,

@@ -6,18 +6,20 @@
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
+use nsd_solver::adaptive;
 use nsd_solver::fesd::{self, Grid};
 use nsd_solver::simulate as solver;
 use nsd_solver::tableau::Family;
-use solver::{Observer, Outcome, Segment, Simulator};
+use solver::{Observer, Outcome, Segment, Simulator, Status};
 
+use super::adaptive::Jumping;
 use super::fesd::Complementarity;
 use super::modes::ModeNames;
 use super::switched::Switched;
 use super::{outcome, solver_settings};
 use crate::dcs;
-use crate::system::System;
-use crate::system::experiment::Settings;
+use crate::system::experiment::{Settings, SmoothingOptions};
+use crate::system::{System, smoothing};
 
 /// A method with all of its options.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,6 +39,13 @@ pub enum Variant {
         steps: usize,
         /// Finite elements per step.
         elements: usize,
+    },
+    /// Steep functions in the place of switches, integrated accurately.
+    Smoothing(SmoothingOptions),
+    /// An adaptive method that knows of no switches.
+    Adaptive {
+        /// Aim for the global error, in (0, 1).
+        tolerance: f64,
     },
 }
 
@@ -63,6 +72,8 @@ pub struct Bench<'s, 'e> {
     complementarity: Result<Complementarity<'e>, String>,
 }
 
+/// Of smoothed systems, whose own error is larger.
+const SMOOTHED_TOLERANCE: f64 = 1e-12;
 /// Most solves that are timed.
 const MOST_REPETITIONS: usize = 9;
 /// Time for the repetitions of one run.
@@ -83,6 +94,24 @@ impl<'s, 'e> Bench<'s, 'e> {
     /// The state at the start.
     pub fn start(&self) -> &[f64] {
         &self.x0
+    }
+
+    /// Whether the dynamics jump across some surface.
+    pub fn has_jumps(&self) -> bool {
+        let mut switches = self.system.switches.iter();
+        switches.any(|switch| !switch.continuity.is_continuous())
+    }
+
+    /// Why methods that look at the present state alone do not run the system.
+    pub fn with_memory(&self) -> Option<String> {
+        let relay = self.system.switches.iter().find(|s| s.relay.is_some());
+        let relay = relay.map(|relay| format!("relay `{}` depends on the past", relay.name));
+        relay.or_else(|| self.with_data())
+    }
+
+    fn with_data(&self) -> Option<String> {
+        let data = self.system.data.first();
+        data.map(|data| format!("`{}` is a signal from a table", data.name))
     }
 
     /// Why the system has no finite elements.
@@ -125,6 +154,33 @@ impl<'s, 'e> Bench<'s, 'e> {
                     solution.outcome
                 })
             }
+            Variant::Smoothing(options) => {
+                let smoothed = smoothing::smooth(self.system, &options);
+                let switched = Switched::new(&smoothed);
+                let settings = solver::Settings {
+                    tolerance: SMOOTHED_TOLERANCE,
+                    time_limit: Some(limit),
+                    ..solver::Settings::default()
+                };
+                let mut simulator = Simulator::new(&switched, settings);
+                let (mut outcome, seconds) =
+                    measure(|| simulator.run(0.0, horizon, &self.x0, &mut Unseen));
+                // Its switches are others.
+                outcome.status = match outcome.status {
+                    status @ (Status::Solved | Status::TimeLimit | Status::StepLimit) => status,
+                    _ => Status::Unsolved,
+                };
+                (outcome, seconds)
+            }
+            Variant::Adaptive { tolerance } => {
+                let settings = adaptive::Settings {
+                    tolerance,
+                    time_limit: Some(limit),
+                    ..adaptive::Settings::default()
+                };
+                let mut simulator = adaptive::Simulator::new(Jumping::new(self.system), settings);
+                measure(|| simulator.run(0.0, horizon, &self.x0, &mut Unseen))
+            }
         };
         let names = ModeNames::new(self.system);
         let failure = outcome::failure(self.system, &names, &outcome, self.settings.span);
@@ -156,7 +212,7 @@ fn measure(mut solve: impl FnMut() -> Outcome) -> (Outcome, f64) {
     let started = Instant::now();
     let outcome = solve();
     let first = started.elapsed();
-    if outcome.status != solver::Status::Solved || first > 4 * REPETITIONS {
+    if outcome.status != Status::Solved || first > 4 * REPETITIONS {
         return (outcome, first.as_secs_f64());
     }
     let started = Instant::now();

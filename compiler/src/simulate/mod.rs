@@ -4,6 +4,7 @@
 //! difference is the estimate of the global error, and a different sequence of
 //! modes is reported instead of being trusted.
 
+mod adaptive;
 mod bench;
 mod blocks;
 mod data;
@@ -14,6 +15,7 @@ mod limits;
 mod modes;
 mod outcome;
 mod record;
+mod smoothed;
 mod structure;
 mod switched;
 #[cfg(test)]
@@ -85,6 +87,7 @@ pub fn run_watched(
         experiment::Method::Timestepping(options) => {
             fesd::stepping::run(system, settings, options, request, watch)
         }
+        experiment::Method::Adaptive => adaptive::run(system, settings, request, watch),
         _ => run_events(system, settings, request, watch),
     }
 }
@@ -134,13 +137,21 @@ fn run_events(
     let (order, implicit_order) = (simulator.order(), simulator.implicit_order());
     drop(simulator);
     let mut trajectory = assemble(system, settings, &outcome, recorder);
-    trajectory.method = Method {
-        name: "event".into(),
-        options: vec![
-            ("order".into(), MethodOption::Number(order as f64)),
-            ("tolerance".into(), MethodOption::Number(settings.tolerance)),
-        ],
+    trajectory.method = match &settings.method {
+        experiment::Method::Smoothing(options) => smoothed::method(options),
+        _ => Method {
+            name: "event".into(),
+            options: Vec::new(),
+        },
     };
+    trajectory.method.options.extend([
+        ("order".into(), MethodOption::Number(order as f64)),
+        ("tolerance".into(), MethodOption::Number(settings.tolerance)),
+    ]);
+    if let experiment::Method::Smoothing(options) = &settings.method {
+        let warning = smoothed::warning(system, options, settings.span);
+        trajectory.warnings.extend(warning);
+    }
     if outcome.stats.implicit_steps > 0 {
         let order = MethodOption::Number(implicit_order as f64);
         trajectory

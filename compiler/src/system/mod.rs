@@ -51,6 +51,9 @@ mod regions;
 mod relay;
 mod sample;
 mod skipped;
+pub mod smoothing;
+#[cfg(test)]
+mod smoothing_tests;
 mod surface;
 mod switches;
 #[cfg(test)]

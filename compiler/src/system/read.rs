@@ -14,6 +14,8 @@ pub struct Readings<'e> {
     pub(super) signals: Substitution<'e>,
     /// Canonical ψ to its switch and the scale of that one's ψ.
     pub(super) index: FxHashMap<Expr<'e>, (usize, f64)>,
+    /// What takes the place of step(ψ): those of the switches of the system, and behind them steep functions
+    /// of switches that were smoothed.
     pub(super) alphas: Vec<Expr<'e>>,
     /// Values of parameters.
     pub(super) params: FxHashMap<Var, f64>,
@@ -38,6 +40,11 @@ impl<'e> System<'e> {
                 _ => e,
             },
         )
+    }
+
+    /// Whether steep functions have taken the place of switches.
+    pub fn is_smoothed(&self) -> bool {
+        self.readings.alphas.len() > self.switches.len()
     }
 
     /// A nonsmooth term inside a switching function, in α.
@@ -77,7 +84,9 @@ impl<'e> System<'e> {
             .substitute(&self.readings.named)
             .substitute(&self.readings.signals)
             .substitute(&self.readings.named);
-        self.switch_of_smooth(rewrite(psi, &mut |e| self.inner(e).unwrap_or(e)))
+        let psi = rewrite(psi, &mut |e| self.inner(e).unwrap_or(e));
+        let found = self.switch_of_smooth(psi);
+        found.filter(|(k, _)| *k < self.switches.len())
     }
 
     fn switch_of_smooth(&self, psi: Expr<'e>) -> Option<(usize, bool)> {

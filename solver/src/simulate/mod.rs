@@ -78,7 +78,8 @@ impl Side {
         }
     }
 
-    fn of(value: f64) -> Side {
+    /// The side of a value of ψ; zero belongs to `Plus`.
+    pub fn of(value: f64) -> Side {
         if value < 0.0 { Side::Minus } else { Side::Plus }
     }
 }

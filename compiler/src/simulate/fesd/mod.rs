@@ -167,7 +167,13 @@ fn finer(grid: Grid) -> Grid {
     }
 }
 
-fn estimate(comparison: &Comparison, run: &Recorder, found: &Outcome, fine: &Outcome) -> Estimate {
+/// What a finer run says, where differences are large compared with rounding.
+pub(super) fn estimate(
+    comparison: &Comparison,
+    run: &Recorder,
+    found: &Outcome,
+    fine: &Outcome,
+) -> Estimate {
     let scales = comparison.scale.iter().zip(&found.x);
     let relative = |(difference, (scale, x)): (&f64, (&f64, &f64))| {
         let scale = scale.max(x.abs());

@@ -147,11 +147,21 @@ pub enum ExperimentError {
     },
 
     /// Data in a method that has no breakpoints.
-    #[error("finite elements and time stepping do not take signals from tables yet")]
+    #[error("finite elements, time stepping and `adaptive` do not take signals from tables yet")]
     #[diagnostic(code(E0909), help("use `method event`, which is the default"))]
     Data {
         name: String,
         #[label("needs `{name}`, which is data")]
+        span: Span,
+    },
+
+    /// A relay in a method that looks at the present state alone.
+    #[error("`method {method}` does not take relays")]
+    #[diagnostic(code(E0910), help("use `method event`, which is the default"))]
+    Relay {
+        method: &'static str,
+        name: String,
+        #[label("`{name}` depends on what was before")]
         span: Span,
     },
 

@@ -15,12 +15,76 @@ pub enum Method {
     Fesd(FesdOptions),
     /// Steps of one length without switch detection.
     Timestepping(SteppingOptions),
+    /// Steep functions in the place of switches.
+    Smoothing(SmoothingOptions),
+    /// A high-order integrator that does not know of switches.
+    Adaptive,
 }
 
 impl Method {
+    /// The word of the language.
+    pub fn word(&self) -> &'static str {
+        match self {
+            Method::Auto => "auto",
+            Method::Event(_) => "event",
+            Method::Fesd(_) => "fesd",
+            Method::Timestepping(_) => "timestepping",
+            Method::Smoothing(_) => "smoothing",
+            Method::Adaptive => "adaptive",
+        }
+    }
+
     /// Whether it works on a complementarity system.
     pub fn needs_dcs(&self) -> bool {
         matches!(self, Method::Fesd(_) | Method::Timestepping(_))
+    }
+
+    /// Whether the method looks at the present state alone, so that relays have no place in it.
+    pub fn is_without_memory(&self) -> bool {
+        matches!(self, Method::Smoothing(_) | Method::Adaptive)
+    }
+}
+
+/// Options of `method smoothing`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SmoothingOptions {
+    /// Half of the width in ψ over which a switch changes, in the unit of ψ.
+    pub epsilon: f64,
+    /// The function in the place of the sign.
+    pub law: Law,
+}
+
+impl Default for SmoothingOptions {
+    fn default() -> Self {
+        SmoothingOptions {
+            epsilon: 1e-3,
+            law: Law::Tanh,
+        }
+    }
+}
+
+/// An odd function that goes from -1 to 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Law {
+    /// tanh y
+    Tanh,
+    /// y/√(1 + y²)
+    Rational,
+    /// (15 y - 10 y³ + 3 y⁵)/8 up to |y| = 1
+    Polynomial,
+}
+
+impl Law {
+    /// All of them.
+    pub const ALL: [Law; 3] = [Law::Tanh, Law::Rational, Law::Polynomial];
+
+    /// The word of the language.
+    pub fn word(self) -> &'static str {
+        match self {
+            Law::Tanh => "tanh",
+            Law::Rational => "rational",
+            Law::Polynomial => "polynomial",
+        }
     }
 }
 
@@ -65,6 +129,7 @@ const METHODS: [&str; 6] = [
     "adaptive",
 ];
 const EVENT_OPTIONS: [&str; 3] = ["order", "branch", "max_events"];
+const SMOOTHING_OPTIONS: [&str; 2] = ["epsilon", "law"];
 const BRANCHES: [&str; 3] = ["plus", "minus", "slide"];
 const LOWERINGS: [&str; 4] = ["stewart", "step", "timefreezing", "impact"];
 
@@ -80,17 +145,15 @@ pub(super) fn method(
 ) -> Option<Method> {
     match name.name.as_str() {
         "auto" => {
-            for option in options {
-                reader.error(ExperimentError::UnknownChoice {
-                    what: "option".into(),
-                    found: option.name.name.clone(),
-                    span: option.name.span,
-                    choices: "no option of `auto`".into(),
-                    help: Some("name the method whose option it is".into()),
-                });
-            }
+            let help = "name the method whose option it is";
+            no_options(reader, "auto", options, Some(help));
             Some(Method::Auto)
         }
+        "adaptive" => {
+            no_options(reader, "adaptive", options, None);
+            Some(Method::Adaptive)
+        }
+        "smoothing" => Some(Method::Smoothing(smoothing_options(reader, options))),
         "event" => Some(Method::Event(event_options(reader, options))),
         "fesd" => Some(Method::Fesd(fesd::options(reader, options))),
         "timestepping" => Some(Method::Timestepping(fesd::stepping_options(
@@ -108,6 +171,48 @@ pub(super) fn method(
             None
         }
     }
+}
+
+/// Reports options of a method that has none.
+fn no_options(reader: &mut Reader<'_, '_>, method: &str, options: &[Setting], help: Option<&str>) {
+    for option in options {
+        reader.error(ExperimentError::UnknownChoice {
+            what: "option".into(),
+            found: option.name.name.clone(),
+            span: option.name.span,
+            choices: format!("no option of `{method}`"),
+            help: help.map(str::to_owned),
+        });
+    }
+}
+
+fn smoothing_options(reader: &mut Reader<'_, '_>, options: &[Setting]) -> SmoothingOptions {
+    let mut smoothing = SmoothingOptions::default();
+    once(reader, options);
+    for option in options {
+        match option.name.name.as_str() {
+            "epsilon" => {
+                let epsilon = reader.positive("`epsilon`", &option.value);
+                smoothing.epsilon = epsilon.unwrap_or(smoothing.epsilon);
+            }
+            "law" => {
+                let found = match &option.value.kind {
+                    ExprKind::Name(name) => name.clone(),
+                    _ => "..".into(),
+                };
+                match Law::ALL.into_iter().find(|law| law.word() == found) {
+                    Some(law) => smoothing.law = law,
+                    None => {
+                        let span = option.value.span;
+                        let name = Ident { name: found, span };
+                        reader.error(unknown_choice("law", &name, &Law::ALL.map(Law::word)));
+                    }
+                }
+            }
+            _ => reader.error(unknown_choice("option", &option.name, &SMOOTHING_OPTIONS)),
+        }
+    }
+    smoothing
 }
 
 fn event_options(reader: &mut Reader<'_, '_>, options: &[Setting]) -> EventOptions {

@@ -19,7 +19,7 @@ use crate::syntax::{self, Bind, Expect, ExperimentKind, OutputWhen, SettingKind,
 
 pub use error::ExperimentError;
 pub use fesd::{Cross, Equilibration, FesdOptions, Form, SteppingOptions};
-pub use method::{Branch, EventOptions, Lowering, Method};
+pub use method::{Branch, EventOptions, Law, Lowering, Method, SmoothingOptions};
 
 /// What a `simulate` experiment asks for.
 #[derive(Clone, Debug)]

@@ -1,0 +1,163 @@
+//! The road without switches: an adaptive method of high order sees a field that jumps.
+//!
+//! α_i is 0 or 1 by the sign of ψ_i wherever the method looks, and nothing locates where it changes.
+//! A second run with a hundredth of the tolerance gives the estimate of the error.
+
+use std::time::Instant;
+
+use nsd_solver::adaptive::{self, Field, Simulator};
+use nsd_solver::simulate::{Side, Status};
+use nsd_solver::tape::{Scratch, Tape};
+
+use super::fesd::estimate;
+use super::functions::tape;
+use super::switched::variable;
+use super::watch::{Progress, Watched};
+use super::{Comparison, REFINEMENT, Recorder, Request, assemble, judge};
+use crate::expr::{Expr, Substitution, Var, variables_of};
+use crate::report::{Method, MethodOption, Trajectory, Warning};
+use crate::system::System;
+use crate::system::experiment::Settings;
+
+/// Integrates the system as if it had no switches.
+pub(super) fn run(
+    system: &System,
+    settings: &Settings,
+    request: &Request,
+    watch: &mut dyn FnMut(Progress),
+) -> Trajectory {
+    let started = Instant::now();
+    let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
+    let simulator = |tolerance: f64| {
+        let left = |limit: std::time::Duration| limit.saturating_sub(started.elapsed());
+        let settings = adaptive::Settings {
+            tolerance,
+            time_limit: request.time_limit.map(left),
+            ..adaptive::Settings::default()
+        };
+        Simulator::new(Jumping::new(system), settings)
+    };
+    let mut recorder = Recorder::new(system, settings, settings.tolerance, request.dense);
+    let mut watched = Watched::new(&mut recorder, settings.horizon, false, watch);
+    let outcome = simulator(settings.tolerance).run(0.0, settings.horizon, &x0, &mut watched);
+    let wanted = request.estimate && outcome.status == Status::Solved;
+    let estimate = wanted.then(|| {
+        let mut comparison = Comparison::new(&recorder, &x0);
+        let mut watched = Watched::new(&mut comparison, settings.horizon, true, watch);
+        let mut simulator = simulator(REFINEMENT * settings.tolerance);
+        let fine = simulator.run(0.0, settings.horizon, &x0, &mut watched);
+        (fine.status == Status::Solved).then(|| estimate(&comparison, &recorder, &outcome, &fine))
+    });
+    let mut trajectory = assemble(system, settings, &outcome, recorder);
+    trajectory.method = Method {
+        name: "adaptive".into(),
+        options: vec![("tolerance".into(), MethodOption::Number(settings.tolerance))],
+    };
+    // The sides at the points say which modes there are; no instant was looked for.
+    trajectory.events.clear();
+    if !system.switches.is_empty() {
+        trajectory.warnings.push(Warning {
+            code: "W0708".into(),
+            message: "switches were not located: instants of modes are ends of steps".into(),
+            span: Some(settings.span),
+        });
+    }
+    if let Some(estimate) = estimate.flatten() {
+        judge(&mut trajectory, &estimate, settings);
+    }
+    trajectory.stats.solve_s = started.elapsed().as_secs_f64();
+    trajectory
+}
+
+/// f(t, x, step(ψ(t, x))) as one function of time and state.
+pub(super) struct Jumping {
+    /// (t, x, α) to f and to ψ.
+    rates: Tape,
+    switching: Tape,
+    rates_scratch: Scratch,
+    switching_scratch: Scratch,
+    /// How deep the α of switches are in the ψ of others: as many rounds, and one more, settle all.
+    rounds: usize,
+    n: usize,
+    m: usize,
+    inputs: Vec<f64>,
+    psi: Vec<f64>,
+}
+
+impl Jumping {
+    pub(super) fn new(system: &System) -> Self {
+        let params = system.params.iter();
+        let numbers: Substitution = params
+            .map(|param| (variable(param.var), system.exprs.constant(param.value)))
+            .collect();
+        let rates: Vec<Expr> = system.states.iter().map(|state| state.rate).collect();
+        let switching: Vec<Expr> = system.switches.iter().map(|switch| switch.psi).collect();
+        let (rates, switching) = (numbers.apply(&rates), numbers.apply(&switching));
+        let alphas: Vec<Var> = (system.switches.iter())
+            .map(|switch| variable(switch.alpha))
+            .collect();
+        let mut inputs = vec![variable(system.time)];
+        inputs.extend(system.states.iter().map(|state| variable(state.var)));
+        inputs.extend(&alphas);
+        let mut depth: Vec<usize> = Vec::new();
+        for &psi in &switching {
+            let inside = variables_of(&[psi]);
+            let deeper = alphas.iter().zip(&depth);
+            let deeper = deeper.filter(|(alpha, _)| inside.contains(alpha));
+            depth.push(deeper.map(|(_, depth)| depth + 1).max().unwrap_or(0));
+        }
+        let (rates, switching) = (tape(&inputs, &rates), tape(&inputs, &switching));
+        Jumping {
+            rates_scratch: rates.scratch(),
+            switching_scratch: switching.scratch(),
+            rates,
+            switching,
+            rounds: depth.into_iter().max().map_or(0, |depth| depth + 1),
+            n: system.states.len(),
+            m: alphas.len(),
+            inputs: vec![0.0; inputs.len()],
+            psi: vec![0.0; alphas.len()],
+        }
+    }
+
+    /// Sets all inputs at a point.
+    fn set(&mut self, t: f64, x: &[f64]) {
+        let n = self.n;
+        self.inputs[0] = t;
+        self.inputs[1..=n].copy_from_slice(x);
+        for _ in 0..self.rounds {
+            let scratch = &mut self.switching_scratch;
+            self.switching.eval(&self.inputs, &mut self.psi, scratch);
+            for (alpha, psi) in self.inputs[1 + n..].iter_mut().zip(&self.psi) {
+                *alpha = if *psi < 0.0 { 0.0 } else { 1.0 };
+            }
+        }
+    }
+}
+
+impl Field for Jumping {
+    fn n_states(&self) -> usize {
+        self.n
+    }
+
+    fn n_switches(&self) -> usize {
+        self.m
+    }
+
+    fn sides(&mut self, t: f64, x: &[f64], sides: &mut [Side]) {
+        self.set(t, x);
+        for (side, alpha) in sides.iter_mut().zip(&self.inputs[1 + self.n..]) {
+            *side = if *alpha == 0.0 {
+                Side::Minus
+            } else {
+                Side::Plus
+            };
+        }
+    }
+
+    fn rates(&mut self, t: f64, x: &[f64], rates: &mut [f64]) {
+        self.set(t, x);
+        let scratch = &mut self.rates_scratch;
+        self.rates.eval(&self.inputs, rates, scratch);
+    }
+}

@@ -1,0 +1,190 @@
+//! A step of the modified midpoint rule, extrapolated to step size zero.
+//!
+//! Row j makes n_j substeps of length h = H/n_j:
+//!
+//! y₁ = x + h f(x),   y_{i+1} = y_{i-1} + 2h f(y_i),   T_{j,1} = ½ (y_n + y_{n-1} + h f(y_n))
+//!
+//! The error of T_{j,1} is a series in h², so that
+//!
+//! T_{j,k+1} = T_{j,k} + (T_{j,k} - T_{j-1,k}) / ((n_j/n_{j-k})² - 1)
+//!
+//! has order 2k + 2. The numbers of substeps are 4, 8, 12, ..: the middle of the step is an even point in
+//! each of them, where derivatives of the solution have such series too. (With 2, 6, 10, .. it would be
+//! odd in each, but where f has one value before a quarter of a step and another behind, all rows agree
+//! on the same wrong result.)
+
+use super::dense::Middle;
+use super::{DEFECTS, Field};
+use crate::simulate::dense::ElementSeries;
+use crate::simulate::series;
+
+/// Rows of a step: order 18.
+pub const MOST_ROWS: usize = 9;
+
+/// n_j, from row 1 on.
+pub fn substeps(row: usize) -> usize {
+    4 * row
+}
+
+/// The rows of a step, and memory for them.
+pub struct Extrapolation {
+    n: usize,
+    length: f64,
+    rows: usize,
+    /// x and f(x) at the start of the step.
+    start: Vec<f64>,
+    rates: Vec<f64>,
+    /// Behind the j-th row, T_{j,j-l} in place l.
+    table: Vec<Vec<f64>>,
+    /// f at the end of the step.
+    end_rates: Vec<f64>,
+    /// y_{i-1} and y_i.
+    before: Vec<f64>,
+    here: Vec<f64>,
+    middle: Middle,
+}
+
+impl Extrapolation {
+    /// Memory for n states.
+    pub fn new(n: usize) -> Self {
+        Extrapolation {
+            n,
+            length: 0.0,
+            rows: 0,
+            start: vec![0.0; n],
+            rates: vec![0.0; n],
+            table: vec![vec![0.0; n]; MOST_ROWS],
+            end_rates: vec![0.0; n],
+            before: vec![0.0; n],
+            here: vec![0.0; n],
+            middle: Middle::new(n),
+        }
+    }
+
+    /// Forgets the step before.
+    pub fn begin(&mut self, length: f64, x: &[f64], rates: &[f64]) {
+        (self.length, self.rows) = (length, 0);
+        self.start.copy_from_slice(x);
+        self.rates.copy_from_slice(rates);
+    }
+
+    /// Computes the next row, and gives its number, from 1 on.
+    pub fn add_row(&mut self, field: &mut impl Field, t: f64, x: &[f64]) -> usize {
+        self.rows += 1;
+        let (row, n) = (self.rows, self.n);
+        let steps = substeps(row);
+        let h = self.length / steps as f64;
+        let rates = self.middle.rates_of(row);
+        rates[..n].copy_from_slice(&self.rates);
+        for i in 0..n {
+            self.before[i] = x[i];
+            self.here[i] = x[i] + h * self.rates[i];
+        }
+        for step in 1..=steps {
+            let rates = &mut self.middle.rates_of(row)[step * n..(step + 1) * n];
+            field.rates(t + step as f64 * h, &self.here, rates);
+            if step < steps {
+                for ((before, here), rate) in
+                    self.before.iter_mut().zip(&mut self.here).zip(&*rates)
+                {
+                    let next = *before + 2.0 * h * rate;
+                    (*before, *here) = (*here, next);
+                }
+            } else {
+                let result = &mut self.table[row - 1];
+                for i in 0..n {
+                    result[i] = 0.5 * (self.here[i] + self.before[i] + h * rates[i]);
+                }
+            }
+            // The middle is what has just been left behind.
+            if step == steps / 2 {
+                self.middle.state_of(row).copy_from_slice(&self.before);
+            }
+        }
+        for l in (0..row - 1).rev() {
+            let ratio = steps as f64 / substeps(l + 1) as f64;
+            let factor = 1.0 / (ratio * ratio - 1.0);
+            let (left, right) = self.table.split_at_mut(l + 1);
+            for (old, new) in left[l].iter_mut().zip(&right[0]) {
+                *old = new + (new - *old) * factor;
+            }
+        }
+        row
+    }
+
+    /// T_{j,j}.
+    pub fn state(&self) -> &[f64] {
+        &self.table[0]
+    }
+
+    /// Largest |T_{j,j} - T_{j,j-1}| of a state, relative to the tolerance and the size of that state.
+    pub fn error(&self, scale: &[f64], tolerance: f64) -> f64 {
+        if self.rows < 2 {
+            return f64::INFINITY;
+        }
+        let entries = self.table[0].iter().zip(&self.table[1]).zip(scale);
+        entries.fold(0.0, |most: f64, ((x, other), scale)| {
+            let difference = (x - other).abs();
+            let error = match scale.max(x.abs()) {
+                0.0 => difference,
+                size => difference / (tolerance * size),
+            };
+            // Also where it is not a number.
+            if error <= most { most } else { error }
+        })
+    }
+
+    /// Evaluations of f in the step so far.
+    pub fn evaluations(&self) -> usize {
+        (1..=self.rows).map(substeps).sum()
+    }
+
+    /// Computes f at the end of the step, and its polynomials.
+    pub fn close(
+        &mut self,
+        field: &mut impl Field,
+        end: f64,
+        n_switches: usize,
+        series: &mut ElementSeries,
+    ) {
+        field.rates(end, &self.table[0], &mut self.end_rates);
+        let ends = [
+            (&self.start[..], &self.rates[..]),
+            (&self.table[0][..], &self.end_rates[..]),
+        ];
+        let (length, rows) = (self.length, self.rows);
+        self.middle
+            .interpolate(length, rows, ends, n_switches, series);
+    }
+
+    /// f at the end of the step.
+    pub fn end_rates(&self) -> &[f64] {
+        &self.end_rates
+    }
+
+    /// Largest |x' - f(t, x)| H of the polynomials, relative to the size of each state.
+    pub fn defect(
+        &mut self,
+        field: &mut impl Field,
+        t: f64,
+        scale: &[f64],
+        polynomials: &ElementSeries,
+    ) -> f64 {
+        let mut most = 0.0;
+        for share in DEFECTS {
+            let tau = share * self.length;
+            for (i, x) in self.before.iter_mut().enumerate() {
+                *x = series::value(polynomials.row(i), tau);
+            }
+            field.rates(t + tau, &self.before, &mut self.here);
+            for i in 0..self.n {
+                let slope = series::slope(polynomials.row(i), tau);
+                let size = scale[i].max(self.table[0][i].abs());
+                let apart = (slope - self.here[i]).abs() * self.length;
+                let defect = if size > 0.0 { apart / size } else { apart };
+                most = if defect <= most { most } else { defect };
+            }
+        }
+        most
+    }
+}
