@@ -145,9 +145,7 @@ fn lowered(
         Method::Timestepping(options) => {
             (Some(options.steps), discretize::Options::stepping(options))
         }
-        Method::Auto | Method::Event(_) => {
-            (None, discretize::Options::fesd(&FesdOptions::default()))
-        }
+        _ => (None, discretize::Options::fesd(&FesdOptions::default())),
     };
     let grid = Grid {
         horizon: settings.horizon,

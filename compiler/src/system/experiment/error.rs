@@ -137,15 +137,6 @@ pub enum ExperimentError {
         span: Span,
     },
 
-    /// Methods other than the event-driven one.
-    #[error("method `{name}` is not supported yet")]
-    #[diagnostic(code(E0921), help("use `method event`, which is the default"))]
-    Method {
-        name: String,
-        #[label("not supported yet")]
-        span: Span,
-    },
-
     /// Data in a method that has no breakpoints.
     #[error("finite elements, time stepping and `adaptive` do not take signals from tables yet")]
     #[diagnostic(code(E0909), help("use `method event`, which is the default"))]

@@ -159,13 +159,6 @@ pub(super) fn method(
         "timestepping" => Some(Method::Timestepping(fesd::stepping_options(
             reader, options,
         ))),
-        known if METHODS.contains(&known) => {
-            reader.error(ExperimentError::Method {
-                name: known.to_owned(),
-                span: name.span,
-            });
-            None
-        }
         _ => {
             reader.error(unknown_choice("method", name, &METHODS));
             None
