@@ -25,7 +25,7 @@ use self::model::Model;
 use self::report::expect::{self, Subject};
 use self::source::SourceMap;
 use self::syntax::{Bind, Experiment, File, Item, SettingKind};
-use self::system::experiment::{ExperimentError, Settings};
+use self::system::experiment::{ExperimentError, Method, Settings};
 use self::system::{Extent, System};
 
 /// An experiment that is ready to run.
