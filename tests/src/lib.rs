@@ -13,7 +13,8 @@ use nsdc::report::Trajectory;
 use nsdc::simulate::{self, Request};
 use nsdc::source::SourceMap;
 use nsdc::syntax::{self, Item};
-use nsdc::{Compiled, compile};
+use nsdc::system::experiment::{FesdOptions, Method};
+use nsdc::{Compiled, compile, dcs};
 
 /// Files of data by name, and no others.
 #[derive(Clone, Debug, Default)]
@@ -107,6 +108,46 @@ pub fn run_with_data(text: &str, data: &DataFiles<'_>, experiment: &str) -> Traj
     with_data(text, &mut data.clone(), experiment, |compiled| {
         simulate::run(&compiled.system, &compiled.settings, &Request::default())
     })
+}
+
+/// Every simulation of a text that has no method of its own, by events and, where they take it, by
+/// finite elements, both at a tolerance of 1e-11.
+pub fn by_both_roads(text: &str) -> Vec<(String, Trajectory, Option<Trajectory>)> {
+    let mut sources = SourceMap::new();
+    let mut diags = Diagnostics::new();
+    let source = sources.add("test.nsd", text);
+    let mut file = syntax::parse(&source, &mut diags);
+    imports::link(
+        &mut file,
+        "test.nsd",
+        &mut NoFiles,
+        &mut sources,
+        &mut diags,
+    );
+    let mut found = Vec::new();
+    for item in &file.items {
+        let Item::Experiment(experiment) = item else {
+            continue;
+        };
+        let run = |method: Method| {
+            let exprs = Exprs::new();
+            let mut diags = Diagnostics::new();
+            let mut clock = Clock::default();
+            let mut compiled = compile(&exprs, &file, experiment, &[], &mut clock, &mut diags)?;
+            let own = std::mem::replace(&mut compiled.settings.method, method);
+            compiled.settings.tolerance = 1e-11;
+            let needs = compiled.settings.method.needs_dcs();
+            let lowers = dcs::check(&compiled.system, &compiled.settings.lowerings, needs).is_ok();
+            let takes =
+                own == Method::Auto && lowers && (compiled.system.data.is_empty() || !needs);
+            takes.then(|| simulate::run(&compiled.system, &compiled.settings, &Request::default()))
+        };
+        if let Some(event) = run(Method::Auto) {
+            let name = experiment.name.name.clone();
+            found.push((name, event, run(Method::Fesd(FesdOptions::default()))));
+        }
+    }
+    found
 }
 
 /// How `nsdc test` of a folder ends, what it prints, and what it says is wrong.

@@ -422,3 +422,48 @@ fn multipliers_are_continuous_where_they_should_be() {
         }
     }
 }
+
+/// Every experiment of the examples that finite elements can run ends where the event road does.
+#[test]
+fn the_examples_end_where_the_event_road_does() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples");
+    let mut compared = 0;
+    for entry in std::fs::read_dir(folder).expect("the examples are there") {
+        let path = entry.expect("a readable folder").path();
+        if path.extension().is_none_or(|extension| extension != "nsd") {
+            continue;
+        }
+        let stem = path
+            .file_stem()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned();
+        // Twenty surfaces take finite elements seconds where nothing is optimized.
+        if stem == "friction_chain" {
+            continue;
+        }
+        let text = std::fs::read_to_string(&path).expect("an example can be read");
+        for (name, event, fesd) in nsd_tests::by_both_roads(&text) {
+            let Some(fesd) = fesd else { continue };
+            if event.status != Status::Solved {
+                continue;
+            }
+            // Infinitely many switches are a report, and no success.
+            if stem == "spiral" {
+                assert_ne!(fesd.status, Status::Solved, "{name}");
+                continue;
+            }
+            assert_eq!(
+                fesd.status,
+                Status::Solved,
+                "{stem} {name}: {:?}",
+                fesd.failure
+            );
+            let scale = end(&event).iter().fold(1.0_f64, |s, x| s.max(x.abs()));
+            let difference = distance(&end(&event), &end(&fesd));
+            assert!(difference <= 1e-9 * scale, "{stem} {name}: {difference:e}");
+            compared += 1;
+        }
+    }
+    assert!(compared >= 20, "{compared}");
+}

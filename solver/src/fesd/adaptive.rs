@@ -18,6 +18,12 @@ const LOCAL: f64 = 0.01;
 const GROWTH: [f64; 2] = [0.2, 4.0];
 const SAFETY: f64 = 0.85;
 
+/// Rounding of a rate, relative to the size of its terms.
+const ROUNDING: f64 = 64.0 * f64::EPSILON;
+
+/// Elements in a row without length that count as the end of all progress.
+const MAX_STALLED: usize = 100;
+
 /// Lengths below this part of the horizon count as none.
 const SHORTEST: f64 = 1e-14;
 
@@ -36,6 +42,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         let target = local.powf(exponent / (order + 1.0));
         let horizon = t1 - run.t;
         let mut h = 0.01 * horizon;
+        let mut stalled = 0;
         while run.t < t1 {
             self.limit(run)?;
             let left = t1 - run.t;
@@ -54,7 +61,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 }
                 Err(status) => return Err(status),
             };
-            let error = self.defect(run);
+            let error = self.defect(run, target);
             let taken = self.solved[0].h;
             let best = SAFETY * (target / error.max(f64::MIN_POSITIVE)).powf(1.0 / exponent);
             let next = taken * best.clamp(GROWTH[0], GROWTH[1]);
@@ -64,18 +71,26 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 h = next.min(0.9 * taken);
                 continue;
             }
+            stalled = if taken <= SHORTEST * horizon {
+                stalled + 1
+            } else {
+                0
+            };
+            if stalled > MAX_STALLED {
+                return Err(Status::Unsolved);
+            }
             let reaches_end = event.is_none() && length == left;
             self.report(run, 1, reaches_end.then_some(t1), observer)?;
             h = if event.is_some() { next.max(h) } else { next };
             if event.is_some() {
-                self.change(run, t1 - run.t, observer)?;
+                self.change(run, h, observer)?;
             }
         }
         Ok(())
     }
 
     /// ‖x' - f‖ h between the nodes of the element just solved, relative to the size of each state.
-    fn defect(&mut self, run: &mut Run) -> f64 {
+    fn defect(&mut self, run: &mut Run, target: f64) -> f64 {
         self.series(run, 0);
         let mode = &mut self.modes[run.mode];
         let (solved, scheme) = (&self.solved[0], &self.scheme);
@@ -92,7 +107,10 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             }
             for (i, f) in mode.hidden.eval(&reduced.equations).take(n).enumerate() {
                 let rate = crate::simulate::series::slope(self.series.row(i), tau);
-                let scale = run.scale[i].max((h * rate).abs()).max(f64::MIN_POSITIVE);
+                // What rounding leaves of the rate is no reason for a shorter element.
+                let rounding = ROUNDING * h * mode.element.activity[i] / target;
+                let scale = run.scale[i].max((h * rate).abs()).max(rounding);
+                let scale = scale.max(f64::MIN_POSITIVE);
                 let relative = h * (rate - f).abs() / scale;
                 if relative > worst || relative.is_nan() {
                     worst = relative;

@@ -80,6 +80,17 @@ impl Element {
                 self.slopes[e * scheme.groups + g] = value;
             }
         }
+        self.activity.fill(0.0);
+        for (e, &(row, input)) in self.reduced.slopes.entries.iter().enumerate() {
+            if row < self.n {
+                let value = match input {
+                    0 => self.t,
+                    _ if input <= self.n => self.x0[input - 1],
+                    _ => 1.0,
+                };
+                self.activity[row] += (self.slope(scheme, e, 0) * value).abs();
+            }
+        }
     }
 
     fn slope(&self, scheme: &Scheme, entry: usize, node: usize) -> f64 {

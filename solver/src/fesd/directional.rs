@@ -13,7 +13,7 @@ use super::watch::Start;
 use crate::linalg::DenseLu;
 
 /// Pairs that are decided together by trying all choices.
-const MAX_OPEN: usize = 12;
+const MAX_OPEN: usize = 8;
 
 /// Newton iterations for one active set.
 const MAX_NEWTON: usize = 40;

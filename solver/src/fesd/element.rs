@@ -54,6 +54,8 @@ pub(super) struct Element {
     pub unknowns: Vec<f64>,
     /// Σ b_j V_j.
     pub mean: Vec<f64>,
+    /// Size of the terms of each rate where it was last differentiated: times ε, its rounding error.
+    pub activity: Vec<f64>,
     /// X at the nodes, in lanes: state i at `i * groups`.
     pub(super) x: Vec<f64x4>,
     pub(super) registers: Vec<f64x4>,
@@ -88,6 +90,7 @@ impl Element {
             x0: vec![0.0; n],
             unknowns: vec![0.0; size],
             mean: vec![0.0; n],
+            activity: vec![0.0; n],
             x: vec![zero; n * scheme.groups],
             registers: vec![zero; registers.into_iter().max().unwrap_or(0)],
             slopes: vec![zero; reduced.slopes.entries.len() * scheme.groups],
@@ -309,12 +312,15 @@ impl Element {
             for (place, (y, change)) in node.iter_mut().zip(changes).enumerate() {
                 *y += change;
                 let (change, size) = match place < n {
-                    true => (self.h * change.abs(), scale[place].max((self.h * *y).abs())),
+                    true => {
+                        let rate = y.abs().max(self.activity[place]);
+                        (self.h * change.abs(), scale[place].max(self.h * rate))
+                    }
                     false => (change.abs(), 1.0 + y.abs()),
                 };
                 // A state that rests counts for nothing, and NaN is not passed over.
                 if change > largest * size || change.is_nan() {
-                    largest = change / size;
+                    largest = change / size.max(f64::MIN_POSITIVE);
                 }
             }
         }

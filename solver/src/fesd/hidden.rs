@@ -7,6 +7,10 @@ use crate::linalg::DenseLu;
 /// Newton iterations for w in a point.
 const MAX_ITERATIONS: usize = 30;
 
+/// A change of w that has converged, and one that counts as rounding once it gets no smaller.
+const CONVERGED: f64 = 1e-14;
+const ROUNDING: f64 = 1e-10;
+
 /// Memory to solve for w in a point.
 pub(super) struct Hidden {
     /// t, x, w.
@@ -68,6 +72,7 @@ impl Hidden {
         if n_w == 0 {
             return Ok(());
         }
+        let mut last = f64::INFINITY;
         for _ in 0..MAX_ITERATIONS {
             self.factor(reduced)?;
             self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
@@ -91,9 +96,10 @@ impl Hidden {
             if !self.w().iter().all(|w| w.is_finite()) {
                 return Err(Unsolved::Diverged);
             }
-            if change <= 1e-14 {
+            if change <= CONVERGED || (change <= ROUNDING && change >= 0.5 * last) {
                 return Ok(());
             }
+            last = change;
         }
         Err(Unsolved::Diverged)
     }

@@ -44,6 +44,10 @@ struct Piece {
 /// Halvings of an element in which a member is negative from the start although it must rise.
 const MAX_HALVINGS: usize = 30;
 
+/// A switch closer to the start of an element, relative to its length, is at the start; and one this
+/// close to the end of a step is at its end.
+const AT_ONCE: f64 = 1e-12;
+
 /// Rounds that make the lengths before a switch equal, and how equal they become.
 const MAX_ROUNDS: usize = 8;
 const EQUAL: f64 = 1e-13;
@@ -72,7 +76,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             let reaches_end = piece.event.is_none();
             self.report(run, count, reaches_end.then_some(end), observer)?;
             if piece.event.is_some() {
-                self.change(run, end - run.t, observer)?;
+                self.change(run, length, observer)?;
             }
         }
         Ok(())
@@ -101,7 +105,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 self.equalize(run, count, (switch - run.t) / count as f64, member)?;
             }
             // A switch within rounding of the end is one at the end.
-            if end - switch <= 4.0 * f64::EPSILON * (end.abs() + length) {
+            if end - switch <= AT_ONCE * length + 16.0 * f64::EPSILON * end.abs() {
                 self.snap(run, count, end);
             }
             return Ok(Piece {
@@ -152,6 +156,13 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                     }
                     self.keep(run, at);
                     return Ok(None);
+                }
+                Verdict::Leaves { sigma, member } if sigma <= AT_ONCE => {
+                    // The switch is where the element starts.
+                    self.keep(run, at);
+                    self.solved[at].h = 0.0;
+                    run.last = 0.0;
+                    return Ok(Some(member));
                 }
                 Verdict::Leaves { sigma, member } => {
                     let mode = &mut self.modes[run.mode];
@@ -265,14 +276,15 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         last.h = end - last.t;
     }
 
-    /// Chooses the next active set where the last element ended, and reports the change.
+    /// Chooses the next active set where the last element ended, and reports the change; steps are
+    /// about as long as `length`.
     pub(super) fn change(
         &mut self,
         run: &mut Run,
-        left: f64,
+        length: f64,
         observer: &mut impl Observer,
     ) -> Result<(), Status> {
-        run.stalled = if run.last <= 1e-13 * left.abs() {
+        run.stalled = if run.last <= 1e-13 * length {
             run.stalled + 1
         } else {
             0
@@ -281,7 +293,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             return Err(Status::Accumulation);
         }
         let before = self.modes[run.mode].element.reduced.sides.clone();
-        self.select(run, left)?;
+        self.select(run, length)?;
         run.last = 0.0;
         let after = &self.modes[run.mode].element.reduced.sides;
         if before != *after {

@@ -6,7 +6,7 @@ use super::watch::{BAND, Start, Verdict};
 use super::{Run, Simulator};
 use crate::simulate::{Note, Status};
 
-/// Length of a trial element, relative to what is left of the step.
+/// Length of a trial element, relative to that of a step.
 const TRIAL: f64 = 1e-3;
 
 impl<S: ComplementaritySystem> Simulator<'_, S> {
@@ -31,7 +31,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
     }
 
     /// Finds the set that goes on where an element has ended on its boundary.
-    pub(super) fn select(&mut self, run: &mut Run, left: f64) -> Result<(), Status> {
+    pub(super) fn select(&mut self, run: &mut Run, length: f64) -> Result<(), Status> {
         let mode = &mut self.modes[run.mode];
         let w = run.z_of(&mode.element.reduced.unknowns);
         mode.hidden.set(run.t, run.x.iter().copied(), &w);
@@ -43,10 +43,10 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             *z = value;
         }
         let bands = self.bands(run);
-        self.select_from(run, &bands, left)
+        self.select_from(run, &bands, length)
     }
 
-    fn select_from(&mut self, run: &mut Run, bands: &[f64], left: f64) -> Result<(), Status> {
+    fn select_from(&mut self, run: &mut Run, bands: &[f64], length: f64) -> Result<(), Status> {
         let point = (run.t, &run.x[..], &run.z[..]);
         let found = self
             .directional
@@ -82,7 +82,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             let certain = is_certain(&class);
             let mut members = class.iter().filter(|choice| choice.strict || !certain);
             let passes = members
-                .find(|choice| choice.strict || self.passes(run, choice, bands, TRIAL * left));
+                .find(|choice| choice.strict || self.passes(run, choice, bands, TRIAL * length));
             accepted.extend(passes.cloned());
         }
         match accepted.len() {
