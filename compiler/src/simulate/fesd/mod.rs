@@ -17,7 +17,7 @@ pub use complementarity::Complementarity;
 
 use super::watch::{Progress, Watched};
 use super::{Comparison, Estimate, MAX_ATTEMPTS, REFINEMENT, Recorder, Request, assemble, judge};
-use crate::dcs;
+use crate::dcs::{self, Formulation};
 use crate::report::{Failure, Method, MethodOption, Multipliers, Series, Trajectory};
 use crate::system::System;
 use crate::system::experiment::{FesdOptions, Settings};
@@ -68,9 +68,7 @@ pub(super) fn run(
     watch: &mut dyn FnMut(Progress),
 ) -> Trajectory {
     let started = Instant::now();
-    let dcs = dcs::lower(system, &settings.lowerings);
-    let dcs = dcs.expect("compilation has checked that the system can be lowered");
-    let complementarity = Complementarity::new(system, &dcs);
+    let (formulation, complementarity) = lower(system, settings);
     let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
     let left = || {
         let limit = request.time_limit?;
@@ -119,7 +117,7 @@ pub(super) fn run(
         break (first.order(), solution, recorder, kept, estimate);
     };
     let mut trajectory = assemble(system, settings, &solution.outcome, recorder);
-    trajectory.method = method(settings, options, order, dcs.formulation.word(), &solution);
+    trajectory.method = method(settings, options, order, formulation.word(), &solution);
     trajectory.certificate.max_violation = -solution.least_member;
     trajectory.multipliers = kept;
     if let Some(estimate) = estimate {
@@ -130,6 +128,13 @@ pub(super) fn run(
     }
     trajectory.stats.solve_s = started.elapsed().as_secs_f64();
     trajectory
+}
+
+/// The complementarity system of an experiment, and how its switches are stated.
+fn lower<'e>(system: &System<'e>, settings: &Settings<'e>) -> (Formulation, Complementarity<'e>) {
+    let dcs = dcs::lower(system, &settings.lowerings);
+    let dcs = dcs.expect("compilation has checked that the system can be lowered");
+    (dcs.formulation, Complementarity::new(system, &dcs))
 }
 
 /// No values yet of any algebraic variable.

@@ -5,8 +5,7 @@ use std::time::Instant;
 use nsd_solver::fesd::{Stepper, SteppingSettings};
 use nsd_solver::simulate::Status;
 
-use super::{Complementarity, estimate};
-use crate::dcs;
+use super::{estimate, lower};
 use crate::report::{Method, MethodOption, Trajectory};
 use crate::simulate::watch::{Progress, Watched};
 use crate::simulate::{Comparison, Recorder, Request, assemble};
@@ -22,9 +21,7 @@ pub(in crate::simulate) fn run(
     watch: &mut dyn FnMut(Progress),
 ) -> Trajectory {
     let started = Instant::now();
-    let dcs = dcs::lower(system, &settings.lowerings);
-    let dcs = dcs.expect("compilation has checked that the system can be lowered");
-    let complementarity = Complementarity::new(system, &dcs);
+    let (formulation, complementarity) = lower(system, settings);
     let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
     let stepper = |steps: usize| {
         let limit = request
@@ -57,7 +54,7 @@ pub(in crate::simulate) fn run(
         name: "timestepping".into(),
         options: vec![
             ("scheme".into(), text(format!("{}({nodes})", family.word()))),
-            ("lowering".into(), text(dcs.formulation.word().into())),
+            ("lowering".into(), text(formulation.word().into())),
             ("steps".into(), MethodOption::Number(options.steps as f64)),
         ],
     };
