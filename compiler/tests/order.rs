@@ -77,7 +77,9 @@ fn methods_have_their_orders_on_the_oscillator() {
     ] {
         let svg = svg(&folder.join(format!("crossing.error-{figure}.svg")));
         assert!(svg.contains(title));
-        for (method, _) in &methods {
+        // Without detection errors across a switch jump from grid to grid: no order is asked for.
+        let stepped = "timestepping radau_iia(2)".to_owned();
+        for method in methods.iter().map(|(method, _)| method).chain([&stepped]) {
             assert!(svg.contains(&format!(">\n{method}\n<")), "{method}");
         }
     }

@@ -25,6 +25,8 @@ const SCHEMES: [(Family, usize); 6] = [
     (Family::GaussLegendre, 3),
     (Family::GaussLegendre, 4),
 ];
+/// Schemes that step in time without detection.
+const STEPPED: [(Family, usize); 2] = [(Family::RadauIia, 1), (Family::RadauIia, 2)];
 /// Tolerances are powers of ten with these exponents.
 const EXPONENTS: std::ops::RangeInclusive<i32> = 2..=13;
 /// Widths are powers of ten with these exponents, and between two of them.
@@ -50,10 +52,14 @@ pub fn sweeps(
     let mut sweeps = vec![by_tolerance("event", (0, 0), event)];
     let mut left_out = Vec::new();
     match bench.without_elements() {
-        Some(reason) => left_out.push(("fesd".to_owned(), reason.to_owned())),
+        Some(reason) => {
+            let both = ["fesd", "timestepping"];
+            left_out.extend(both.map(|name| (name.to_owned(), reason.to_owned())));
+        }
         None => {
             let coarsest = FEWEST_STEPS.max(steps.div_ceil(SHARE));
             sweeps.extend(fesd(settings, coarsest));
+            sweeps.extend((0..STEPPED.len()).map(|k| timestepping(settings, coarsest, k)));
         }
     }
     match bench.with_memory() {
@@ -132,6 +138,22 @@ fn fesd(settings: &Settings, coarsest: usize) -> Vec<Sweep> {
     all.chain(asked.map(|scheme| (scheme, (1, 3))))
         .map(sweep)
         .collect()
+}
+
+/// One of the schemes that step in time.
+fn timestepping(settings: &Settings, coarsest: usize, member: usize) -> Sweep {
+    let (family, nodes) = STEPPED[member];
+    let run = |steps: usize| {
+        let scheme = (family, nodes);
+        let variant = Variant::Timestepping { scheme, steps };
+        (settings.horizon / steps as f64, variant)
+    };
+    Sweep {
+        name: format!("timestepping {}({nodes})", family.word()),
+        knob: Knob::Step,
+        place: (3, member),
+        runs: grids(coarsest).map(run).collect(),
+    }
 }
 
 /// Numbers of steps, each √2 times the one before.

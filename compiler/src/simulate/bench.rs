@@ -40,6 +40,13 @@ pub enum Variant {
         /// Finite elements per step.
         elements: usize,
     },
+    /// Steps of one length, in which nothing locates switches.
+    Timestepping {
+        /// Family of Runge-Kutta methods, and number of nodes.
+        scheme: (Family, usize),
+        /// Steps of equal length.
+        steps: usize,
+    },
     /// Steep functions in the place of switches, integrated accurately.
     Smoothing(SmoothingOptions),
     /// An adaptive method that knows of no switches.
@@ -153,6 +160,22 @@ impl<'s, 'e> Bench<'s, 'e> {
                     let solution = simulator.run(0.0, horizon, &self.x0, &mut Unseen);
                     solution.outcome
                 })
+            }
+            Variant::Timestepping {
+                scheme: (family, nodes),
+                steps,
+            } => {
+                let settings = fesd::SteppingSettings {
+                    family,
+                    nodes,
+                    steps,
+                    time_limit: Some(limit),
+                };
+                let system = self.complementarity.as_ref();
+                let system = system.expect("only systems that are lowered are stepped");
+                let stepper = fesd::Stepper::new(system, settings);
+                let mut stepper = stepper.expect("the number of nodes has been checked");
+                measure(|| stepper.run(0.0, horizon, &self.x0, &mut Unseen))
             }
             Variant::Smoothing(options) => {
                 let smoothed = smoothing::smooth(self.system, &options);

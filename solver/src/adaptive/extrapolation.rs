@@ -76,9 +76,9 @@ impl Extrapolation {
         let h = self.length / steps as f64;
         let rates = self.middle.rates_of(row);
         rates[..n].copy_from_slice(&self.rates);
-        for i in 0..n {
-            self.before[i] = x[i];
-            self.here[i] = x[i] + h * self.rates[i];
+        self.before.copy_from_slice(x);
+        for ((here, x), rate) in self.here.iter_mut().zip(x).zip(&self.rates) {
+            *here = x + h * rate;
         }
         for step in 1..=steps {
             let rates = &mut self.middle.rates_of(row)[step * n..(step + 1) * n];
@@ -177,10 +177,11 @@ impl Extrapolation {
                 *x = series::value(polynomials.row(i), tau);
             }
             field.rates(t + tau, &self.before, &mut self.here);
-            for i in 0..self.n {
+            let states = scale.iter().zip(&self.table[0]).zip(&self.here);
+            for (i, ((scale, end), rate)) in states.enumerate() {
                 let slope = series::slope(polynomials.row(i), tau);
-                let size = scale[i].max(self.table[0][i].abs());
-                let apart = (slope - self.here[i]).abs() * self.length;
+                let size = scale.max(end.abs());
+                let apart = (slope - rate).abs() * self.length;
                 let defect = if size > 0.0 { apart / size } else { apart };
                 most = if defect <= most { most } else { defect };
             }

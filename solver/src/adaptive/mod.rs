@@ -139,7 +139,7 @@ impl<F: Field> Simulator<F> {
             table.close(&mut self.field, end, m, &mut self.series);
             let defect = table.defect(&mut self.field, t, &scale, &self.series);
             stats.rhs_evaluations += 1 + DEFECTS.len();
-            if !(defect <= (DEFECT * tolerance).max(LEAST_DEFECT)) {
+            if defect.is_nan() || defect > (DEFECT * tolerance).max(LEAST_DEFECT) {
                 control.shorten(length);
                 stats.rejected += 1;
                 continue;
