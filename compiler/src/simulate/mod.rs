@@ -123,12 +123,8 @@ fn run_events(
             Estimate::of(simulator, settings.horizon, &x0, &recorder, &outcome, watch)
         });
         let estimate = estimate.flatten();
-        let missed = estimate
-            .as_ref()
-            .is_some_and(|e| e.error > settings.tolerance && e.same_modes);
-        if missed && attempt < MAX_ATTEMPTS && tolerance > 1e-15 {
-            let error = estimate.as_ref().map_or(tolerance, |e| e.error);
-            tolerance *= (0.1 * settings.tolerance / error).max(1e-4);
+        if let Some(next) = tightened(estimate.as_ref(), settings, tolerance, attempt) {
+            tolerance = next;
             attempt += 1;
             continue;
         }
@@ -204,6 +200,19 @@ fn finer(run: &solver::Settings, order: usize, tolerance: f64) -> solver::Settin
         order: Some(order + 3),
         ..run.clone()
     }
+}
+
+/// A smaller tolerance for another attempt, where an estimate has shown that one to be too loose.
+fn tightened(
+    estimate: Option<&Estimate>,
+    settings: &Settings,
+    tolerance: f64,
+    attempt: usize,
+) -> Option<f64> {
+    let missed = |e: &&Estimate| e.error > settings.tolerance && e.same_modes;
+    let estimate = estimate.filter(missed)?;
+    let again = attempt < MAX_ATTEMPTS && tolerance > 1e-15;
+    again.then(|| tolerance * (0.1 * settings.tolerance / estimate.error).max(1e-4))
 }
 
 /// What a more accurate run says about a run.

@@ -91,6 +91,9 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
 
     /// ‖x' - f‖ h between the nodes of the element just solved, relative to the size of each state.
     fn defect(&mut self, run: &mut Run, target: f64) -> f64 {
+        if self.solved[0].h == 0.0 {
+            return 0.0;
+        }
         self.series(run, 0);
         let mode = &mut self.modes[run.mode];
         let (solved, scheme) = (&self.solved[0], &self.scheme);
@@ -112,9 +115,10 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 let scale = run.scale[i].max((h * rate).abs()).max(rounding);
                 let scale = scale.max(f64::MIN_POSITIVE);
                 let relative = h * (rate - f).abs() / scale;
-                if relative > worst || relative.is_nan() {
-                    worst = relative;
+                if relative.is_nan() {
+                    return f64::INFINITY;
                 }
+                worst = worst.max(relative);
             }
         }
         run.defect = run.defect.max(worst);

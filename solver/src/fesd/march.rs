@@ -39,6 +39,8 @@ struct Piece {
     elements: usize,
     /// The watched member that vanishes at its end.
     event: Option<usize>,
+    /// Whether it ends with the step.
+    reaches_end: bool,
 }
 
 /// Halvings of an element in which a member is negative from the start although it must rise.
@@ -73,8 +75,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             // A step with more switches than elements less one has elements added.
             run.added += (count + usize::from(piece.event.is_some())).saturating_sub(left);
             left = left.saturating_sub(count).max(1);
-            let reaches_end = piece.event.is_none();
-            self.report(run, count, reaches_end.then_some(end), observer)?;
+            self.report(run, count, piece.reaches_end.then_some(end), observer)?;
             if piece.event.is_some() {
                 self.change(run, length, observer)?;
             }
@@ -105,17 +106,20 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 self.equalize(run, count, (switch - run.t) / count as f64, member)?;
             }
             // A switch within rounding of the end is one at the end.
-            if end - switch <= AT_ONCE * length + 16.0 * f64::EPSILON * end.abs() {
+            let reaches_end = end - switch <= AT_ONCE * length + 16.0 * f64::EPSILON * end.abs();
+            if reaches_end {
                 self.snap(run, count, end);
             }
             return Ok(Piece {
                 elements: count,
                 event: Some(member),
+                reaches_end,
             });
         }
         Ok(Piece {
             elements: left,
             event: None,
+            reaches_end: true,
         })
     }
 

@@ -161,6 +161,4 @@ impl Reduced {
 pub struct Watched {
     /// Its pair.
     pub pair: usize,
-    /// Whether it contains a w, and so may jump.
-    pub jumps: bool,
 }

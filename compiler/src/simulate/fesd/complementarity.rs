@@ -213,8 +213,7 @@ impl<'e> Complementarity<'e> {
                 Some(constant) if constant < 0.0 => return None,
                 Some(_) => {}
                 None => {
-                    let jumps = contains_unknown(&variables_of(&[value]));
-                    watched.push(Watched { pair: at, jumps });
+                    watched.push(Watched { pair: at });
                     members.push(value);
                 }
             }

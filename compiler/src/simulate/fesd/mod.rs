@@ -16,7 +16,7 @@ use nsd_solver::simulate::{Event, Observer, Outcome, Segment, Status};
 pub use complementarity::Complementarity;
 
 use super::watch::{Progress, Watched};
-use super::{Comparison, Estimate, MAX_ATTEMPTS, REFINEMENT, Recorder, Request, assemble, judge};
+use super::{Comparison, Estimate, REFINEMENT, Recorder, Request, assemble, judge, tightened};
 use crate::dcs::{self, Formulation};
 use crate::report::{Failure, Method, MethodOption, Multipliers, Series, Trajectory};
 use crate::system::System;
@@ -104,13 +104,10 @@ pub(super) fn run(
             let fine = simulator(finer(grid)).run(0.0, settings.horizon, &x0, &mut keeper);
             estimate(&comparison, &recorder, &solution.outcome, &fine.outcome)
         });
-        let missed = options.steps.is_none()
-            && estimate
-                .as_ref()
-                .is_some_and(|e| e.error > settings.tolerance && e.same_modes);
-        if missed && attempt < MAX_ATTEMPTS && tolerance > 1e-15 {
-            let error = estimate.as_ref().map_or(tolerance, |e| e.error);
-            tolerance *= (0.1 * settings.tolerance / error).max(1e-4);
+        // A grid is taken as it is.
+        let judged = estimate.as_ref().filter(|_| options.steps.is_none());
+        if let Some(next) = tightened(judged, settings, tolerance, attempt) {
+            tolerance = next;
             attempt += 1;
             continue;
         }
