@@ -5,6 +5,7 @@ pub mod cell;
 pub mod fesd;
 pub mod lcp;
 pub mod linalg;
+pub mod problem;
 pub mod qp;
 pub mod simulate;
 pub mod tableau;

@@ -1,0 +1,122 @@
+//! Nonlinear programs with complementarity constraints, as the solvers see them.
+//!
+//! minimize f(w)   subject to   cl <= c(w) <= cu,   l <= w <= u,   0 <= a ⟂ b >= 0
+//!
+//! where a and b are distances of variables or rows from their lower bounds. The Lagrangian is f + yᵀc - zₗᵀ(w - l) +
+//! zᵤᵀ(w - u) with zₗ, zᵤ >= 0, so y >= 0 where a row is at its upper bound and y <= 0 where it is at its lower one.
+
+/// Entries of a sparse matrix that are not structurally zero, row by row.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Pattern {
+    /// Where the entries of a row start; one more than there are rows.
+    pub starts: Vec<usize>,
+    /// The columns of the entries, ascending within a row.
+    pub columns: Vec<u32>,
+}
+
+/// Finite or infinite bounds, one pair per variable or row.
+#[derive(Clone, Copy, Debug)]
+pub struct Bounds<'a> {
+    /// Lower bounds, or minus infinity.
+    pub lower: &'a [f64],
+    /// Upper bounds, or infinity; not below the lower ones.
+    pub upper: &'a [f64],
+}
+
+/// minimize f(w) subject to cl <= c(w) <= cu, l <= w <= u; f and c are twice differentiable.
+///
+/// Values that are not finite are allowed: a solver takes a shorter step there. Slices have the lengths that their
+/// names say, and the functions allocate nothing.
+pub trait Nlp {
+    /// The number n of variables.
+    fn n_variables(&self) -> usize;
+    /// The number m of rows c.
+    fn n_rows(&self) -> usize;
+    /// l and u.
+    fn variable_bounds(&self) -> Bounds<'_>;
+    /// cl and cu; equal for equations.
+    fn row_bounds(&self) -> Bounds<'_>;
+    /// Where to start; not necessarily within the bounds.
+    fn start(&self) -> &[f64];
+    /// The pattern of the Jacobian of c, m by n.
+    fn jacobian_pattern(&self) -> &Pattern;
+    /// The pattern of the lower triangle of the Hessian of the Lagrangian, n by n: columns do not exceed their row.
+    fn hessian_pattern(&self) -> &Pattern;
+    /// f at w.
+    fn objective(&mut self, w: &[f64]) -> f64;
+    /// ∇f at w, dense.
+    fn gradient(&mut self, w: &[f64], gradient: &mut [f64]);
+    /// c at w.
+    fn rows(&mut self, w: &[f64], rows: &mut [f64]);
+    /// The entries of the Jacobian of c at w, in the order of its pattern.
+    fn jacobian(&mut self, w: &[f64], entries: &mut [f64]);
+    /// The entries of the Hessian of `factor` f + yᵀc at w, in the order of its pattern.
+    fn hessian(&mut self, w: &[f64], factor: f64, y: &[f64], entries: &mut [f64]);
+    /// Called when an interior-point method changes its barrier parameter: a relaxation follows it. Says whether
+    /// rows or bounds have changed.
+    fn follow(&mut self, _mu: f64) -> bool {
+        false
+    }
+}
+
+/// A nonlinear program with complementarity constraints.
+pub trait Mpcc: Nlp {
+    /// The pairs 0 <= a ⟂ b >= 0.
+    fn pairs(&self) -> &[Pair];
+}
+
+/// 0 <= a ⟂ b >= 0: both are not negative and one is zero.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Pair {
+    /// One side.
+    pub a: Side,
+    /// The other.
+    pub b: Side,
+}
+
+/// The distance of a variable or a row from its lower bound, which is finite.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// w - l.
+    Variable(u32),
+    /// c(w) - cl; the row has no upper bound.
+    Row(u32),
+}
+
+impl Pattern {
+    /// The pattern of these entries (row, column), each once, in any order and as often as one likes.
+    pub fn new(n_rows: usize, mut entries: Vec<(u32, u32)>) -> Self {
+        entries.sort_unstable();
+        entries.dedup();
+        let mut starts = vec![0; n_rows + 1];
+        for &(row, _) in &entries {
+            starts[row as usize + 1] += 1;
+        }
+        for row in 0..n_rows {
+            starts[row + 1] += starts[row];
+        }
+        let columns = entries.into_iter().map(|(_, column)| column).collect();
+        Pattern { starts, columns }
+    }
+
+    /// The number of rows.
+    pub fn n_rows(&self) -> usize {
+        self.starts.len().saturating_sub(1)
+    }
+
+    /// The number of entries.
+    pub fn n_entries(&self) -> usize {
+        self.columns.len()
+    }
+
+    /// The columns of a row.
+    pub fn row(&self, row: usize) -> &[u32] {
+        &self.columns[self.starts[row]..self.starts[row + 1]]
+    }
+
+    /// The number of an entry, if it is there.
+    pub fn place(&self, row: usize, column: u32) -> Option<usize> {
+        let place = self.row(row).binary_search(&column).ok()?;
+        Some(self.starts[row] + place)
+    }
+}
