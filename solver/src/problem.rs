@@ -63,6 +63,24 @@ pub trait Nlp {
 pub trait Mpcc: Nlp {
     /// The pairs 0 <= a ⟂ b >= 0.
     fn pairs(&self) -> &[Pair];
+    /// Called with the member of every pair that an active-set method holds at zero, in the order of the pairs, and
+    /// with `None` when it takes all pairs as they are again.
+    ///
+    /// Here rows that hold for some choices only get or lose their bounds, as steps of equal length do where nothing
+    /// switches, and terms that only steer a relaxation leave the objective; otherwise such rows have no finite bound.
+    /// Says whether bounds or the objective have changed; patterns never do.
+    fn settle(&mut self, _zeros: Option<&[Member]>) -> bool {
+        false
+    }
+}
+
+/// A member of a pair.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Member {
+    /// The first one.
+    A,
+    /// The second one.
+    B,
 }
 
 /// 0 <= a ⟂ b >= 0: both are not negative and one is zero.
