@@ -233,6 +233,20 @@ impl TapeBuilder {
         allocate(self.n_inputs, values, outputs, &wanted)
     }
 
+    /// Which values depend on these inputs.
+    pub(super) fn depends<F: Fn(usize) -> bool>(&self, on: F) -> impl Fn(Value) -> bool + use<F> {
+        let mut depends = vec![false; self.n_values];
+        for (input, depends) in depends[..self.n_inputs].iter_mut().enumerate() {
+            *depends = on(input);
+        }
+        for instruction in &self.instructions {
+            if (instruction.op.operands()).any(|operand| depends[operand as usize]) {
+                (instruction.results()).for_each(|value| depends[value as usize] = true);
+            }
+        }
+        move |value| depends[value.0 as usize]
+    }
+
     fn push(&mut self, op: Op) -> Value {
         let (operands, c) = op.parts();
         let next = slot(self.n_values);

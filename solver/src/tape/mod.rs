@@ -13,16 +13,20 @@ mod allocate;
 mod ball;
 mod builder;
 mod bulk;
+mod derivative;
 mod jet;
 mod lanes;
+mod partial;
 mod recurrence;
 mod steps;
+mod term;
 
 use std::fmt;
 
 pub(crate) use ball::Ball;
 pub use builder::{TapeBuilder, Value};
 pub(crate) use bulk::fill_all;
+pub use derivative::Derivative;
 pub use jet::Jet;
 pub(crate) use jet::{Depends, Recurrences, Row, UNBOUNDED, weights};
 pub use lanes::{Lane, LaneScratch};

@@ -1,0 +1,152 @@
+//! Arithmetic on the values of a tape under construction that knows zero, one and other numbers.
+
+use super::{TapeBuilder, Value};
+
+/// A number, or a multiple of a value: factors are collected and multiplied once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Term {
+    Number(f64),
+    /// The factor is not zero.
+    Multiple(f64, Value),
+}
+
+use Term::{Multiple, Number};
+
+impl Term {
+    pub(super) const ZERO: Self = Number(0.0);
+    pub(super) const ONE: Self = Number(1.0);
+
+    pub(super) fn value(value: Value) -> Self {
+        Multiple(1.0, value)
+    }
+
+    pub(super) fn is_zero(self) -> bool {
+        self == Self::ZERO
+    }
+
+    /// `c * self`.
+    pub(super) fn times(self, c: f64) -> Self {
+        match self {
+            Number(number) => Number(c * number),
+            Multiple(..) if c == 0.0 => Self::ZERO,
+            Multiple(factor, value) => Multiple(c * factor, value),
+        }
+    }
+
+    pub(super) fn neg(self) -> Self {
+        self.times(-1.0)
+    }
+
+    /// The value of a term in the tape.
+    pub(super) fn place(self, b: &mut TapeBuilder) -> Value {
+        match self {
+            Number(number) => b.constant(number),
+            Multiple(factor, value) => b.scale(factor, value),
+        }
+    }
+
+    pub(super) fn add(self, other: Self, b: &mut TapeBuilder) -> Self {
+        match (self, other) {
+            (Number(x), Number(y)) => Number(x + y),
+            (Number(0.0), term) | (term, Number(0.0)) => term,
+            (Number(x), term) | (term, Number(x)) => {
+                let value = match term {
+                    Multiple(-1.0, value) => b.subtract_from(x, value),
+                    term => {
+                        let value = term.place(b);
+                        b.offset(x, value)
+                    }
+                };
+                Self::value(value)
+            }
+            (Multiple(c, v), Multiple(d, w)) if v == w && c + d == 0.0 => Self::ZERO,
+            (Multiple(c, v), Multiple(d, w)) if v == w => Multiple(c + d, v),
+            (Multiple(c, v), Multiple(d, w)) if c == d => Multiple(c, b.add(v, w)),
+            (Multiple(c, v), Multiple(d, w)) if c == -d => Multiple(c, b.sub(v, w)),
+            (Multiple(c, v), Multiple(1.0, w)) => Self::value(b.add_scaled(w, c, v)),
+            (Multiple(c, v), Multiple(d, w)) => {
+                let v = b.scale(c, v);
+                Self::value(b.add_scaled(v, d, w))
+            }
+        }
+    }
+
+    pub(super) fn sub(self, other: Self, b: &mut TapeBuilder) -> Self {
+        self.add(other.neg(), b)
+    }
+
+    pub(super) fn mul(self, other: Self, b: &mut TapeBuilder) -> Self {
+        match (self, other) {
+            (Number(x), term) | (term, Number(x)) => term.times(x),
+            (Multiple(c, v), Multiple(d, w)) => Multiple(c * d, b.mul(v, w)),
+        }
+    }
+
+    pub(super) fn square(self, b: &mut TapeBuilder) -> Self {
+        self.mul(self, b)
+    }
+
+    pub(super) fn recip(self, b: &mut TapeBuilder) -> Self {
+        match self {
+            Number(x) => Number(1.0 / x),
+            Multiple(c, v) => Multiple(1.0 / c, b.recip(v)),
+        }
+    }
+
+    pub(super) fn div(self, other: Self, b: &mut TapeBuilder) -> Self {
+        match (self, other) {
+            (term, Number(x)) => term.times(1.0 / x),
+            (Number(x), term) => term.recip(b).times(x),
+            (Multiple(c, v), Multiple(d, w)) => Multiple(c / d, b.div(v, w)),
+        }
+    }
+
+    pub(super) fn sqrt(self, b: &mut TapeBuilder) -> Self {
+        self.apply(b, f64::sqrt, TapeBuilder::sqrt)
+    }
+
+    pub(super) fn log(self, b: &mut TapeBuilder) -> Self {
+        self.apply(b, f64::ln, TapeBuilder::log)
+    }
+
+    /// A function, as one of numbers and as one of values.
+    pub(super) fn apply(
+        self,
+        b: &mut TapeBuilder,
+        number: impl Fn(f64) -> f64,
+        value: impl Fn(&mut TapeBuilder, Value) -> Value,
+    ) -> Self {
+        match self {
+            Number(x) => Number(number(x)),
+            term => {
+                let term = term.place(b);
+                Self::value(value(b, term))
+            }
+        }
+    }
+
+    /// `self ^ power` for any number.
+    pub(super) fn power(self, power: f64, b: &mut TapeBuilder) -> Self {
+        /// Above this a power is cheaper by the function than by squaring.
+        const SQUARED: f64 = 64.0;
+        if power == 0.0 {
+            Self::ONE
+        } else if power.fract() == 0.0 && power.abs() <= SQUARED {
+            let exponent = power.abs() as u32;
+            let term = self.apply(b, |x| x.powi(exponent as i32), |b, v| b.powi(v, exponent));
+            if power < 0.0 { term.recip(b) } else { term }
+        } else {
+            self.apply(b, |x| x.powf(power), |b, v| b.power(v, power))
+        }
+    }
+
+    pub(super) fn pow(self, exponent: Self, b: &mut TapeBuilder) -> Self {
+        match (self, exponent) {
+            (base, Number(power)) => base.power(power, b),
+            (base, exponent) => {
+                let (base, exponent) = (base.place(b), exponent.place(b));
+                Self::value(b.pow(base, exponent))
+            }
+        }
+    }
+}
