@@ -150,6 +150,8 @@ pub struct LaneScratch {
     inputs: Vec<f64x8>,
     outputs: Vec<f64x8>,
     registers: Vec<f64x8>,
+    /// For points that would leave most of a lane empty.
+    single: Vec<f64>,
 }
 
 impl Tape {
@@ -160,6 +162,7 @@ impl Tape {
             inputs: zeros(self.n_inputs()),
             outputs: zeros(self.n_outputs()),
             registers: zeros(self.n_registers()),
+            single: vec![0.0; self.n_registers()],
         }
     }
 
@@ -174,6 +177,8 @@ impl Tape {
         scratch: &mut LaneScratch,
     ) {
         const WIDTH: usize = f64x8::WIDTH;
+        /// As many points cost less one by one than together.
+        const FEW: usize = 2;
         assert_eq!(
             inputs.len(),
             self.n_inputs() * n_points,
@@ -187,6 +192,12 @@ impl Tape {
         for start in (0..n_points).step_by(WIDTH) {
             // The last group is filled up with its first point.
             let n = WIDTH.min(n_points - start);
+            if n <= FEW {
+                (start..n_points).for_each(|point| {
+                    self.eval_point(inputs, outputs, (point, n_points), &mut scratch.single);
+                });
+                return;
+            }
             for (lane, row) in scratch.inputs.iter_mut().zip(inputs.chunks_exact(n_points)) {
                 let mut numbers = [row[start]; WIDTH];
                 numbers[..n].copy_from_slice(&row[start..start + n]);
@@ -204,6 +215,24 @@ impl Tape {
             {
                 row[start..start + n].copy_from_slice(&lane.to_array()[..n]);
             }
+        }
+    }
+
+    /// Evaluates at one of several points.
+    fn eval_point(
+        &self,
+        inputs: &[f64],
+        outputs: &mut [f64],
+        (point, n_points): (usize, usize),
+        registers: &mut [f64],
+    ) {
+        for (register, row) in registers.iter_mut().zip(inputs.chunks_exact(n_points)) {
+            *register = row[point];
+        }
+        self.run(registers);
+        let results = self.results(registers);
+        for (row, value) in outputs.chunks_exact_mut(n_points).zip(results) {
+            row[point] = value;
         }
     }
 }
