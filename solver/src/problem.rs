@@ -72,6 +72,11 @@ pub trait Mpcc: Nlp {
     fn settle(&mut self, _zeros: Option<&[Member]>) -> bool {
         false
     }
+    /// The variables that are at their lower bounds wherever this member of a pair is zero: the terms of a sum of
+    /// variables that are not negative. A branch holds them there, as its bounds would have no interior otherwise.
+    fn terms(&self, _pair: usize, _member: Member) -> &[u32] {
+        &[]
+    }
 }
 
 /// A member of a pair.

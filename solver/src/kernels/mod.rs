@@ -63,12 +63,21 @@ pub struct Program {
     row_upper: Vec<f64>,
     pairs: Vec<Pair>,
     blocks: Vec<Compiled>,
-    terms: Vec<Compiled>,
+    terms: Vec<Term>,
     jacobian_pattern: Pattern,
     hessian_pattern: Pattern,
     /// What does not change: entries of the Jacobian and of the gradient.
     constant_slopes: Vec<f64>,
     constant_gradient: Vec<f64>,
+}
+
+/// A block of the objective.
+#[derive(Clone, Debug)]
+struct Term {
+    block: Compiled,
+    /// Its part of the constant gradient, by variable.
+    constant: Vec<(u32, f64)>,
+    is_on: bool,
 }
 
 /// Collects the parts of a [`Program`].
@@ -113,6 +122,33 @@ impl Program {
     pub fn set_start(&mut self, start: &[f64]) {
         self.start.copy_from_slice(start);
     }
+
+    /// Takes a term of the objective out of it, or puts it back; patterns stay as they are.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such term.
+    pub fn switch_term(&mut self, term: usize, is_on: bool) {
+        let term = &mut self.terms[term];
+        if term.is_on == is_on {
+            return;
+        }
+        term.is_on = is_on;
+        let sign = if is_on { 1.0 } else { -1.0 };
+        for &(variable, slope) in &term.constant {
+            self.constant_gradient[variable as usize] += sign * slope;
+        }
+    }
+
+    /// Changes the bounds of a row that is no side of a pair.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such row.
+    pub fn set_row_bounds(&mut self, row: usize, lower: f64, upper: f64) {
+        self.row_lower[row] = lower;
+        self.row_upper[row] = upper;
+    }
 }
 
 impl ProgramBuilder {
@@ -134,14 +170,15 @@ impl ProgramBuilder {
         rows
     }
 
-    /// Adds all outputs at all places to the objective.
+    /// Adds all outputs at all places to the objective, and gives the number of the term that they are.
     ///
     /// # Panics
     ///
     /// If the arguments of the block do not fit together.
-    pub fn objective(&mut self, block: Block) {
+    pub fn objective(&mut self, block: Block) -> usize {
         block.check(self.lower.len());
         self.terms.push(block);
+        self.terms.len() - 1
     }
 
     /// Adds a pair of sides that are there already.
@@ -197,9 +234,23 @@ impl ProgramBuilder {
             block.scatter_slopes(found, place, &mut constant_slopes);
             block.scatter_curvature(&hessian_pattern);
         }
-        for (block, found) in &mut of_terms {
-            block.scatter_slopes(found, |(_, column)| column, &mut constant_gradient);
+        let mut terms = Vec::with_capacity(of_terms.len());
+        for (mut block, found) in of_terms {
+            let mut own = vec![0.0; n];
+            block.scatter_slopes(&found, |(_, column)| column, &mut own);
             block.scatter_curvature(&hessian_pattern);
+            let constant = own.iter().enumerate().filter(|(_, slope)| **slope != 0.0);
+            let constant: Vec<(u32, f64)> = constant
+                .map(|(variable, &slope)| (variable as u32, slope))
+                .collect();
+            for &(variable, slope) in &constant {
+                constant_gradient[variable as usize] += slope;
+            }
+            terms.push(Term {
+                block,
+                constant,
+                is_on: true,
+            });
         }
         Program {
             lower: self.lower,
@@ -209,7 +260,7 @@ impl ProgramBuilder {
             row_upper: self.row_upper,
             pairs: self.pairs,
             blocks: of_rows.into_iter().map(|(block, _)| block).collect(),
-            terms: of_terms.into_iter().map(|(block, _)| block).collect(),
+            terms,
             jacobian_pattern,
             hessian_pattern,
             constant_slopes,
@@ -277,13 +328,14 @@ impl Nlp for Program {
     }
 
     fn objective(&mut self, w: &[f64]) -> f64 {
-        self.terms.iter_mut().map(|block| block.sum(w)).sum()
+        let terms = self.terms.iter_mut().filter(|term| term.is_on);
+        terms.map(|term| term.block.sum(w)).sum()
     }
 
     fn gradient(&mut self, w: &[f64], gradient: &mut [f64]) {
         gradient.copy_from_slice(&self.constant_gradient);
-        for block in &mut self.terms {
-            block.add_slopes(w, gradient);
+        for term in self.terms.iter_mut().filter(|term| term.is_on) {
+            term.block.add_slopes(w, gradient);
         }
     }
 
@@ -302,8 +354,9 @@ impl Nlp for Program {
 
     fn hessian(&mut self, w: &[f64], factor: f64, y: &[f64], entries: &mut [f64]) {
         entries.fill(0.0);
-        for block in &mut self.terms {
-            block.add_curvature(w, block::Weights::Factor(factor), entries);
+        for term in self.terms.iter_mut().filter(|term| term.is_on) {
+            let weights = block::Weights::Factor(factor);
+            term.block.add_curvature(w, weights, entries);
         }
         for block in &mut self.blocks {
             block.add_curvature(w, block::Weights::Rows(y), entries);

@@ -222,3 +222,36 @@ fn a_block_without_places_has_no_rows() {
     program.rows(&[0.5], &mut []);
     program.jacobian(&[0.5], &mut []);
 }
+
+/// A term that is out of the objective leaves neither values nor derivatives, constant ones included.
+#[test]
+fn a_term_may_be_taken_out() {
+    let block = |values, variable| Block {
+        values,
+        n_places: 1,
+        variables: vec![variable],
+        numbers: vec![],
+        parameters: vec![],
+    };
+    let mut program = Program::builder(&[0.0; 2], &[9.0; 2], &[1.0; 2]);
+    program.objective(block(tape(1, |b, x| vec![b.square(x[0])]), 0));
+    let linear = program.objective(block(tape(1, |b, x| vec![b.add(x[0], x[0])]), 1));
+    let cube = program.objective(block(tape(1, |b, x| vec![b.powi(x[0], 3)]), 1));
+    let mut program = program.finish();
+    let w = [3.0, 2.0];
+    let mut all = |program: &mut Program| {
+        let (mut gradient, mut hessian) = ([0.0; 2], [0.0; 2]);
+        program.gradient(&w, &mut gradient);
+        program.hessian(&w, 1.0, &[], &mut hessian);
+        (program.objective(&w), gradient, hessian)
+    };
+    assert_eq!(all(&mut program), (21.0, [6.0, 14.0], [2.0, 12.0]));
+    program.switch_term(cube, false);
+    assert_eq!(all(&mut program), (13.0, [6.0, 2.0], [2.0, 0.0]));
+    program.switch_term(linear, false);
+    program.switch_term(linear, false);
+    assert_eq!(all(&mut program), (9.0, [6.0, 0.0], [2.0, 0.0]));
+    program.switch_term(linear, true);
+    program.switch_term(cube, true);
+    assert_eq!(all(&mut program), (21.0, [6.0, 14.0], [2.0, 12.0]));
+}
