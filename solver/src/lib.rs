@@ -3,6 +3,7 @@
 pub mod adaptive;
 pub mod cell;
 pub mod fesd;
+pub mod ipm;
 pub mod kernels;
 pub mod lcp;
 pub mod linalg;

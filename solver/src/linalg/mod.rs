@@ -1,7 +1,11 @@
-//! Linear algebra for the small dense systems of the simulator.
+//! Linear algebra: small dense systems of the simulator, and symmetric indefinite systems of the interior-point method.
 //!
 //! Symbolic work and memory in `new`, numbers in `factor`, then `solve`: nothing
 //! allocates in a loop.
+
+pub mod bunch_kaufman;
+pub mod ldl;
+pub mod symmetric;
 
 use nalgebra::ComplexField;
 

@@ -1,0 +1,300 @@
+//! The linear system of a step, with the right inertia and without the bias of its regularization.
+//!
+//! ( H + Σ_x + δ_w    Jᵀ           ) (Δx)
+//! ( J               -Σ 1/w - δ_c  ) (Δy)
+//!
+//! where what is attached to a row is eliminated: w = Σ_i + δ_w of each. δ_w, δ_c >= 1e-8 make a static order of pivots
+//! valid. The solution is refined with δ_c = 0, so that steps reach the linearized rows, unless these depend on
+//! each other. δ_w is a proximal term: it shortens steps and does not move where they end. It grows until there are
+//! n positive and m negative eigenvalues (Wächter & Biegler 2006, algorithm IC).
+
+use super::form::{Form, Sparse};
+use super::solution::Failure;
+use crate::linalg::bunch_kaufman::BunchKaufman;
+use crate::linalg::ldl::SparseLdl;
+use crate::linalg::symmetric::{Inertia, KktSolver};
+use crate::problem::Pattern;
+
+const PERMANENT: f64 = 1e-8;
+const FIRST: f64 = 1e-4;
+const LARGEST: f64 = 1e40;
+const MAX_REFINEMENTS: usize = 8;
+/// Residual relative to right-hand side and solution that ends the refinement, and the largest that is of use.
+const REFINED: f64 = 1e-11;
+const USABLE: f64 = 1e-5;
+/// A dense factorization of this size is affordable.
+const MAX_DENSE: usize = 300;
+
+pub(super) struct Kkt {
+    n: usize,
+    m: usize,
+    hessian_places: Vec<u32>,
+    jacobian_places: Vec<u32>,
+    diagonal_places: Vec<u32>,
+    values: Vec<f64>,
+    /// The diagonal of H.
+    curvature: Vec<f64>,
+    /// What is added to H, and -Σ 1/w.
+    diagonal: Vec<f64>,
+    sparse: SparseLdl,
+    dense: Option<BunchKaufman>,
+    is_dense: bool,
+    /// δ_w of the matrix factored last.
+    pub regularization: f64,
+    last_correction: f64,
+    residual: Vec<f64>,
+    best: Vec<f64>,
+}
+
+impl Kkt {
+    pub fn new(form: &Form<'_>) -> Self {
+        let (n, m) = (form.n, form.m);
+        let mut entries: Vec<(u32, u32)> = (0..(n + m) as u32).map(|i| (i, i)).collect();
+        let list = |sparse: &Sparse, first: usize| -> Vec<(u32, u32)> {
+            let rows = 0..sparse.starts.len() - 1;
+            let row = |row: usize| {
+                sparse.columns[sparse.range(row)]
+                    .iter()
+                    .map(move |&column| ((first + row) as u32, column))
+            };
+            rows.flat_map(row).collect()
+        };
+        let (hessian, jacobian) = (list(&form.hessian, 0), list(&form.jacobian, n));
+        entries.extend(hessian.iter().chain(&jacobian));
+        let pattern = Pattern::new(n + m, entries);
+        let places = |list: &[(u32, u32)]| -> Vec<u32> {
+            let place = |&(i, j): &(u32, u32)| {
+                pattern.place(i as usize, j).expect("the entry was put in") as u32
+            };
+            list.iter().map(place).collect()
+        };
+        let diagonal: Vec<(u32, u32)> = (0..(n + m) as u32).map(|i| (i, i)).collect();
+        Kkt {
+            n,
+            m,
+            hessian_places: places(&hessian),
+            jacobian_places: places(&jacobian),
+            diagonal_places: places(&diagonal),
+            values: vec![0.0; pattern.n_entries()],
+            curvature: vec![0.0; n],
+            diagonal: vec![0.0; n + m],
+            sparse: SparseLdl::new(&pattern),
+            dense: (n + m <= MAX_DENSE).then(|| BunchKaufman::new(&pattern)),
+            is_dense: false,
+            regularization: 0.0,
+            last_correction: 0.0,
+            residual: vec![0.0; n + m],
+            best: vec![0.0; n + m],
+        }
+    }
+
+    /// Factors with the least δ_w that gives the right inertia; `sigma` is Σ of all variables.
+    pub fn factor(
+        &mut self,
+        form: &Form<'_>,
+        hessian: &[f64],
+        jacobian: &[f64],
+        sigma: &[f64],
+    ) -> Result<(), Failure> {
+        self.values.fill(0.0);
+        for (&place, &entry) in self.hessian_places.iter().zip(hessian) {
+            self.values[place as usize] = entry;
+        }
+        for (&place, &entry) in self.jacobian_places.iter().zip(jacobian) {
+            self.values[place as usize] = entry;
+        }
+        for (curvature, &place) in self.curvature.iter_mut().zip(&self.diagonal_places) {
+            *curvature = self.values[place as usize];
+        }
+        self.is_dense = false;
+        let expected = Inertia {
+            positive: self.n,
+            negative: self.m,
+        };
+        let mut correction = 0.0;
+        loop {
+            self.regularize(form, sigma, correction + PERMANENT);
+            let found = self.sparse.factor(&self.values);
+            if found == Ok(expected) {
+                break;
+            }
+            // Where the static order gives no answer, pivots may.
+            if found.is_err() && self.factor_dense() == Some(expected) {
+                break;
+            }
+            correction = match correction {
+                0.0 if self.last_correction == 0.0 => FIRST,
+                0.0 => (self.last_correction / 3.0).max(FIRST * 1e-4),
+                _ if self.last_correction == 0.0 => 100.0 * correction,
+                _ => 8.0 * correction,
+            };
+            if correction > LARGEST || correction.is_nan() {
+                return Err(Failure::LinearSystem);
+            }
+        }
+        if correction > 0.0 {
+            self.last_correction = correction;
+        }
+        Ok(())
+    }
+
+    fn factor_dense(&mut self) -> Option<Inertia> {
+        let inertia = self.dense.as_mut()?.factor(&self.values).ok()?;
+        self.is_dense = true;
+        Some(inertia)
+    }
+
+    fn regularize(&mut self, form: &Form<'_>, sigma: &[f64], delta: f64) {
+        let n = self.n;
+        self.regularization = delta;
+        for (diagonal, sigma) in self.diagonal[..n].iter_mut().zip(sigma) {
+            *diagonal = sigma + delta;
+        }
+        self.diagonal[n..].fill(0.0);
+        for (attached, sigma) in form.attached.iter().zip(&sigma[n..]) {
+            self.diagonal[n + attached.row as usize] -= 1.0 / (sigma + delta);
+        }
+        for i in 0..n {
+            self.values[self.diagonal_places[i] as usize] = self.curvature[i] + self.diagonal[i];
+        }
+        for i in n..n + self.m {
+            self.values[self.diagonal_places[i] as usize] = self.diagonal[i] - PERMANENT;
+        }
+    }
+
+    /// Overwrites the right-hand side with the solution.
+    pub fn solve(
+        &mut self,
+        form: &Form<'_>,
+        hessian: &[f64],
+        jacobian: &[f64],
+        rhs: &[f64],
+        solution: &mut [f64],
+    ) -> Result<(), Failure> {
+        // Without δ_c; with it where that does not converge.
+        for delta in [0.0, PERMANENT] {
+            let error = self.refine(form, hessian, jacobian, rhs, solution, delta);
+            if error <= USABLE {
+                return Ok(());
+            }
+        }
+        // Pivots are more accurate than refinement of a static order.
+        if !self.is_dense && self.factor_dense().is_some() {
+            let error = self.refine(form, hessian, jacobian, rhs, solution, PERMANENT);
+            if error <= USABLE {
+                return Ok(());
+            }
+        }
+        Err(Failure::LinearSystem)
+    }
+
+    /// The relative residual that is left.
+    fn refine(
+        &mut self,
+        form: &Form<'_>,
+        hessian: &[f64],
+        jacobian: &[f64],
+        rhs: &[f64],
+        solution: &mut [f64],
+        delta: f64,
+    ) -> f64 {
+        let size = largest(rhs);
+        if size == 0.0 {
+            solution.fill(0.0);
+            return 0.0;
+        }
+        self.residual.copy_from_slice(rhs);
+        solution.fill(0.0);
+        let mut least = f64::INFINITY;
+        for _ in 0..MAX_REFINEMENTS {
+            let mut correction = std::mem::take(&mut self.residual);
+            self.solve_once(&mut correction);
+            for (solution, correction) in solution.iter_mut().zip(&correction) {
+                *solution += correction;
+            }
+            self.residual = correction;
+            self.subtract_product(form, hessian, jacobian, rhs, solution, delta);
+            let error = largest(&self.residual) / (size + largest(solution).min(1e6 * size));
+            if error.is_nan() || error >= 0.9 * least {
+                if error < least {
+                    least = error;
+                } else {
+                    solution.copy_from_slice(&self.best);
+                }
+                break;
+            }
+            least = error;
+            if least <= REFINED {
+                break;
+            }
+            self.best.copy_from_slice(solution);
+        }
+        least
+    }
+
+    fn solve_once(&mut self, rhs: &mut [f64]) {
+        match &mut self.dense {
+            Some(dense) if self.is_dense => dense.solve(rhs),
+            _ => self.sparse.solve(rhs),
+        }
+    }
+
+    /// residual = rhs - K solution with δ_c = `delta`.
+    fn subtract_product(
+        &mut self,
+        form: &Form<'_>,
+        hessian: &[f64],
+        jacobian: &[f64],
+        rhs: &[f64],
+        solution: &[f64],
+        delta: f64,
+    ) {
+        let (n, residual) = (self.n, &mut self.residual);
+        let (x, y) = solution.split_at(n);
+        for i in 0..n {
+            residual[i] = rhs[i] - self.diagonal[i] * x[i];
+        }
+        for i in n..n + self.m {
+            residual[i] = rhs[i] - (self.diagonal[i] - delta) * solution[i];
+        }
+        let (dual, primal) = residual.split_at_mut(n);
+        for row in 0..n {
+            let range = form.hessian.range(row);
+            let mut sum = 0.0;
+            for (&column, &h) in form.hessian.columns[range.clone()]
+                .iter()
+                .zip(&hessian[range])
+            {
+                let column = column as usize;
+                sum += h * x[column];
+                if column != row {
+                    dual[column] -= h * x[row];
+                }
+            }
+            dual[row] -= sum;
+        }
+        for row in 0..self.m {
+            let range = form.jacobian.range(row);
+            let mut sum = 0.0;
+            for (&column, &a) in form.jacobian.columns[range.clone()]
+                .iter()
+                .zip(&jacobian[range])
+            {
+                sum += a * x[column as usize];
+                dual[column as usize] -= a * y[row];
+            }
+            primal[row] -= sum;
+        }
+    }
+}
+
+/// max |x_i|; NaN if one is.
+pub(super) fn largest(x: &[f64]) -> f64 {
+    x.iter().fold(0.0, |m: f64, x| {
+        if x.abs() > m || x.is_nan() {
+            x.abs()
+        } else {
+            m
+        }
+    })
+}
