@@ -7,6 +7,7 @@ pub mod ipm;
 pub mod kernels;
 pub mod lcp;
 pub mod linalg;
+pub mod nl;
 pub mod problem;
 pub mod qp;
 pub mod simulate;

@@ -114,6 +114,11 @@ impl Program {
         }
     }
 
+    /// The number of blocks, with those of the objective.
+    pub fn n_blocks(&self) -> usize {
+        self.blocks.len() + self.terms.len()
+    }
+
     /// Where a solver starts from.
     ///
     /// # Panics

@@ -31,6 +31,7 @@ pub use jet::Jet;
 pub(crate) use jet::{Depends, Recurrences, Row, UNBOUNDED, weights};
 pub use lanes::{Lane, LaneScratch};
 pub(crate) use steps::{Step, advance_all, start_all};
+pub(crate) use term::Term;
 
 /// The number of a value or of a register.
 pub(crate) type Slot = u32;

@@ -47,13 +47,7 @@ pub(super) fn replay(op: Op, at: impl Fn(Slot) -> Term, b: &mut TapeBuilder) -> 
         Op::Asin(x) => at(x).apply(b, f64::asin, TapeBuilder::asin),
         Op::Acos(x) => at(x).apply(b, f64::acos, TapeBuilder::acos),
         Op::Atan(x) => at(x).apply(b, f64::atan, TapeBuilder::atan),
-        Op::Atan2(y, x) => match (at(y), at(x)) {
-            (Term::Number(y), Term::Number(x)) => number(y.atan2(x)),
-            (y, x) => {
-                let (y, x) = (y.place(b), x.place(b));
-                Term::value(b.atan2(y, x))
-            }
-        },
+        Op::Atan2(y, x) => at(y).atan2(at(x), b),
     };
     [result, Term::ZERO]
 }

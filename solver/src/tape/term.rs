@@ -4,7 +4,7 @@ use super::{TapeBuilder, Value};
 
 /// A number, or a multiple of a value: factors are collected and multiplied once.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Term {
+pub(crate) enum Term {
     Number(f64),
     /// The factor is not zero.
     Multiple(f64, Value),
@@ -13,19 +13,19 @@ pub(super) enum Term {
 use Term::{Multiple, Number};
 
 impl Term {
-    pub(super) const ZERO: Self = Number(0.0);
-    pub(super) const ONE: Self = Number(1.0);
+    pub(crate) const ZERO: Self = Number(0.0);
+    pub(crate) const ONE: Self = Number(1.0);
 
-    pub(super) fn value(value: Value) -> Self {
+    pub(crate) fn value(value: Value) -> Self {
         Multiple(1.0, value)
     }
 
-    pub(super) fn is_zero(self) -> bool {
+    pub(crate) fn is_zero(self) -> bool {
         self == Self::ZERO
     }
 
     /// `c * self`.
-    pub(super) fn times(self, c: f64) -> Self {
+    pub(crate) fn times(self, c: f64) -> Self {
         match self {
             Number(number) => Number(c * number),
             Multiple(..) if c == 0.0 => Self::ZERO,
@@ -33,19 +33,19 @@ impl Term {
         }
     }
 
-    pub(super) fn neg(self) -> Self {
+    pub(crate) fn neg(self) -> Self {
         self.times(-1.0)
     }
 
     /// The value of a term in the tape.
-    pub(super) fn place(self, b: &mut TapeBuilder) -> Value {
+    pub(crate) fn place(self, b: &mut TapeBuilder) -> Value {
         match self {
             Number(number) => b.constant(number),
             Multiple(factor, value) => b.scale(factor, value),
         }
     }
 
-    pub(super) fn add(self, other: Self, b: &mut TapeBuilder) -> Self {
+    pub(crate) fn add(self, other: Self, b: &mut TapeBuilder) -> Self {
         match (self, other) {
             (Number(x), Number(y)) => Number(x + y),
             (Number(0.0), term) | (term, Number(0.0)) => term,
@@ -71,29 +71,29 @@ impl Term {
         }
     }
 
-    pub(super) fn sub(self, other: Self, b: &mut TapeBuilder) -> Self {
+    pub(crate) fn sub(self, other: Self, b: &mut TapeBuilder) -> Self {
         self.add(other.neg(), b)
     }
 
-    pub(super) fn mul(self, other: Self, b: &mut TapeBuilder) -> Self {
+    pub(crate) fn mul(self, other: Self, b: &mut TapeBuilder) -> Self {
         match (self, other) {
             (Number(x), term) | (term, Number(x)) => term.times(x),
             (Multiple(c, v), Multiple(d, w)) => Multiple(c * d, b.mul(v, w)),
         }
     }
 
-    pub(super) fn square(self, b: &mut TapeBuilder) -> Self {
+    pub(crate) fn square(self, b: &mut TapeBuilder) -> Self {
         self.mul(self, b)
     }
 
-    pub(super) fn recip(self, b: &mut TapeBuilder) -> Self {
+    pub(crate) fn recip(self, b: &mut TapeBuilder) -> Self {
         match self {
             Number(x) => Number(1.0 / x),
             Multiple(c, v) => Multiple(1.0 / c, b.recip(v)),
         }
     }
 
-    pub(super) fn div(self, other: Self, b: &mut TapeBuilder) -> Self {
+    pub(crate) fn div(self, other: Self, b: &mut TapeBuilder) -> Self {
         match (self, other) {
             (term, Number(x)) => term.times(1.0 / x),
             (Number(x), term) => term.recip(b).times(x),
@@ -101,16 +101,16 @@ impl Term {
         }
     }
 
-    pub(super) fn sqrt(self, b: &mut TapeBuilder) -> Self {
+    pub(crate) fn sqrt(self, b: &mut TapeBuilder) -> Self {
         self.apply(b, f64::sqrt, TapeBuilder::sqrt)
     }
 
-    pub(super) fn log(self, b: &mut TapeBuilder) -> Self {
+    pub(crate) fn log(self, b: &mut TapeBuilder) -> Self {
         self.apply(b, f64::ln, TapeBuilder::log)
     }
 
     /// A function, as one of numbers and as one of values.
-    pub(super) fn apply(
+    pub(crate) fn apply(
         self,
         b: &mut TapeBuilder,
         number: impl Fn(f64) -> f64,
@@ -126,7 +126,7 @@ impl Term {
     }
 
     /// `self ^ power` for any number.
-    pub(super) fn power(self, power: f64, b: &mut TapeBuilder) -> Self {
+    pub(crate) fn power(self, power: f64, b: &mut TapeBuilder) -> Self {
         /// Above this a power is cheaper by the function than by squaring.
         const SQUARED: f64 = 64.0;
         if power == 0.0 {
@@ -140,12 +140,23 @@ impl Term {
         }
     }
 
-    pub(super) fn pow(self, exponent: Self, b: &mut TapeBuilder) -> Self {
+    pub(crate) fn pow(self, exponent: Self, b: &mut TapeBuilder) -> Self {
         match (self, exponent) {
             (base, Number(power)) => base.power(power, b),
             (base, exponent) => {
                 let (base, exponent) = (base.place(b), exponent.place(b));
                 Self::value(b.pow(base, exponent))
+            }
+        }
+    }
+
+    /// The angle of the point (x, self).
+    pub(crate) fn atan2(self, x: Self, b: &mut TapeBuilder) -> Self {
+        match (self, x) {
+            (Number(y), Number(x)) => Number(y.atan2(x)),
+            (y, x) => {
+                let (y, x) = (y.place(b), x.place(b));
+                Self::value(b.atan2(y, x))
             }
         }
     }

@@ -1,0 +1,141 @@
+//! Every .nl file of a folder of benchmarks: it can be read, and derivatives agree with differences.
+//!
+//! The folder is named by the environment variable `NSD_BENCHMARKS`; the files are data of others.
+
+use std::path::PathBuf;
+
+use nsd_solver::nl::{self, Problem};
+use nsd_solver::problem::{Mpcc, Nlp};
+
+/// The files, or none with a message.
+fn files() -> Vec<PathBuf> {
+    let Some(folder) = std::env::var_os("NSD_BENCHMARKS") else {
+        println!("skipped: NSD_BENCHMARKS names no folder");
+        return Vec::new();
+    };
+    let mut folders = vec![PathBuf::from(folder)];
+    let mut files = Vec::new();
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).expect("the folder can be read") {
+            let path = entry.expect("the folder can be read").path();
+            match path.extension() {
+                _ if path.is_dir() => folders.push(path),
+                Some(extension) if extension == "nl" => files.push(path),
+                _ => {}
+            }
+        }
+    }
+    files.sort();
+    files
+}
+
+/// A point near the start where things are not special.
+fn point(problem: &Problem) -> Vec<f64> {
+    let start = problem.program.start().iter().enumerate();
+    start
+        .map(|(i, x)| x + 0.3 + 0.1 * (i as f64).sin())
+        .collect()
+}
+
+/// f and c, and the directional derivatives of f, c and of the gradient of f + yᵀc along d, all at w.
+struct Along {
+    values: Vec<f64>,
+    lagrangian: Vec<f64>,
+    slopes: Vec<f64>,
+    curvature: Vec<f64>,
+}
+
+fn along(problem: &mut Problem, w: &[f64], d: &[f64], y: &[f64]) -> Along {
+    let program = &mut problem.program;
+    let (n, m) = (program.n_variables(), program.n_rows());
+    let jacobian = program.jacobian_pattern().clone();
+    let hessian = program.hessian_pattern().clone();
+    let mut values = vec![0.0; m];
+    program.rows(w, &mut values);
+    values.push(program.objective(w));
+    let mut lagrangian = vec![0.0; n];
+    program.gradient(w, &mut lagrangian);
+    let mut entries = vec![0.0; jacobian.n_entries()];
+    program.jacobian(w, &mut entries);
+    let mut slopes = vec![0.0; m];
+    slopes.push(lagrangian.iter().zip(d).map(|(g, d)| g * d).sum());
+    for row in 0..m {
+        for place in jacobian.starts[row]..jacobian.starts[row + 1] {
+            let column = jacobian.columns[place] as usize;
+            slopes[row] += entries[place] * d[column];
+            lagrangian[column] += entries[place] * y[row];
+        }
+    }
+    let mut entries = vec![0.0; hessian.n_entries()];
+    program.hessian(w, 1.0, y, &mut entries);
+    let mut curvature = vec![0.0; n];
+    for row in 0..n {
+        for place in hessian.starts[row]..hessian.starts[row + 1] {
+            let column = hessian.columns[place] as usize;
+            curvature[row] += entries[place] * d[column];
+            if column != row {
+                curvature[column] += entries[place] * d[row];
+            }
+        }
+    }
+    Along {
+        values,
+        lagrangian,
+        slopes,
+        curvature,
+    }
+}
+
+/// Finite values agree with central differences; the others are counted.
+fn agree(what: &str, exact: &[f64], [below, above]: [&[f64]; 2], h: f64) -> usize {
+    let mut n_infinite = 0;
+    for (i, exact) in exact.iter().enumerate() {
+        let difference = (above[i] - below[i]) / (2.0 * h);
+        if !(exact.is_finite() && difference.is_finite()) {
+            n_infinite += 1;
+            continue;
+        }
+        // Rounding of the values, and a generous bound for their third derivatives.
+        let rounding = 1e-15 * (above[i].abs() + below[i].abs()) / h;
+        let error = (exact - difference).abs();
+        assert!(
+            error <= 1e-5 * (1.0 + exact.abs()) + 10.0 * rounding,
+            "{what} {i}: {exact} is not {difference}"
+        );
+    }
+    n_infinite
+}
+
+#[test]
+fn derivatives_of_all_files_agree_with_differences() {
+    for file in files() {
+        let name = file.display().to_string();
+        let bytes = std::fs::read(&file).expect("the file can be read");
+        let mut problem = nl::read(&bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let w = point(&problem);
+        let direction = |i: usize| ((i * 7919) as f64).sin();
+        let d: Vec<f64> = (0..w.len()).map(direction).collect();
+        let y: Vec<f64> = (0..problem.program.n_rows())
+            .map(|i| direction(i + 3))
+            .collect();
+        let h = 1e-5;
+        let moved =
+            |sign: f64| -> Vec<f64> { w.iter().zip(&d).map(|(w, d)| w + sign * h * d).collect() };
+        let at = along(&mut problem, &w, &d, &y);
+        let [below, above] = [-1.0, 1.0].map(|sign| along(&mut problem, &moved(sign), &d, &y));
+        let values = [&below.values[..], &above.values];
+        let gradients = [&below.lagrangian[..], &above.lagrangian];
+        let mut infinite = agree(&format!("{name}: slope"), &at.slopes, values, h);
+        infinite += agree(&format!("{name}: curvature"), &at.curvature, gradients, h);
+        println!(
+            "{name}: {} variables, {} rows, {} pairs, {infinite} values not finite",
+            w.len(),
+            y.len(),
+            problem.program.pairs().len()
+        );
+        assert!(
+            infinite * 2 < at.slopes.len() + at.curvature.len(),
+            "{name}"
+        );
+    }
+}
