@@ -5,12 +5,13 @@
 use std::path::PathBuf;
 
 use nsd_solver::nl::{self, Problem};
-use nsd_solver::problem::{Mpcc, Nlp};
+use nsd_solver::problem::{Nlp, Pattern};
 
 /// The files, or none with a message.
+#[allow(clippy::print_stderr, reason = "a skipped test says so")]
 fn files() -> Vec<PathBuf> {
     let Some(folder) = std::env::var_os("NSD_BENCHMARKS") else {
-        println!("skipped: NSD_BENCHMARKS names no folder");
+        eprintln!("skipped: NSD_BENCHMARKS names no folder");
         return Vec::new();
     };
     let mut folders = vec![PathBuf::from(folder)];
@@ -59,23 +60,17 @@ fn along(problem: &mut Problem, w: &[f64], d: &[f64], y: &[f64]) -> Along {
     program.jacobian(w, &mut entries);
     let mut slopes = vec![0.0; m];
     slopes.push(lagrangian.iter().zip(d).map(|(g, d)| g * d).sum());
-    for row in 0..m {
-        for place in jacobian.starts[row]..jacobian.starts[row + 1] {
-            let column = jacobian.columns[place] as usize;
-            slopes[row] += entries[place] * d[column];
-            lagrangian[column] += entries[place] * y[row];
-        }
+    for (row, column, entry) in triplets(&jacobian, &entries) {
+        slopes[row] += entry * d[column];
+        lagrangian[column] += entry * y[row];
     }
     let mut entries = vec![0.0; hessian.n_entries()];
     program.hessian(w, 1.0, y, &mut entries);
     let mut curvature = vec![0.0; n];
-    for row in 0..n {
-        for place in hessian.starts[row]..hessian.starts[row + 1] {
-            let column = hessian.columns[place] as usize;
-            curvature[row] += entries[place] * d[column];
-            if column != row {
-                curvature[column] += entries[place] * d[row];
-            }
+    for (row, column, entry) in triplets(&hessian, &entries) {
+        curvature[row] += entry * d[column];
+        if column != row {
+            curvature[column] += entry * d[row];
         }
     }
     Along {
@@ -84,6 +79,16 @@ fn along(problem: &mut Problem, w: &[f64], d: &[f64], y: &[f64]) -> Along {
         slopes,
         curvature,
     }
+}
+
+/// Rows, columns and values.
+fn triplets(pattern: &Pattern, entries: &[f64]) -> Vec<(usize, usize, f64)> {
+    let rows = (0..pattern.n_rows()).flat_map(|row| vec![row; pattern.row(row).len()]);
+    let columns = pattern.columns.iter().map(|&column| column as usize);
+    let triplets = rows.zip(columns).zip(entries);
+    triplets
+        .map(|((row, column), &entry)| (row, column, entry))
+        .collect()
 }
 
 /// Finite values agree with central differences; the others are counted.
@@ -127,12 +132,6 @@ fn derivatives_of_all_files_agree_with_differences() {
         let gradients = [&below.lagrangian[..], &above.lagrangian];
         let mut infinite = agree(&format!("{name}: slope"), &at.slopes, values, h);
         infinite += agree(&format!("{name}: curvature"), &at.curvature, gradients, h);
-        println!(
-            "{name}: {} variables, {} rows, {} pairs, {infinite} values not finite",
-            w.len(),
-            y.len(),
-            problem.program.pairs().len()
-        );
         assert!(
             infinite * 2 < at.slopes.len() + at.curvature.len(),
             "{name}"
