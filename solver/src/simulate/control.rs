@@ -237,8 +237,14 @@ impl Mode {
             .sliding
             .iter()
             .map(|&i| curved(self.alpha_series(i), 1.0));
+        // A ψ that starts at its surface is no larger than its states make it.
+        let size = |i: usize| {
+            let gradient = self.gradient(i).iter();
+            let of_states = gradient.map(|&(j, g)| g.abs() * state.scale[j]);
+            of_states.sum::<f64>().max(state.terms[i])
+        };
         let watched = self.watched.iter();
-        let psis = watched.map(|&i| curved(self.psi_series(i), state.terms[i]));
+        let psis = watched.map(|&i| curved(self.psi_series(i), size(i)));
         states.chain(alphas).chain(psis).fold(0.0, f64::max).sqrt()
     }
 

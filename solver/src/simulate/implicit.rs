@@ -311,7 +311,8 @@ struct Stiff<'a, S> {
 
 impl<S: SwitchedSystem> Stiff<'_, S> {
     /// The length of the step that ends where `watch` is zero, by Newton's method from the root of its
-    /// polynomial; that step is then the one solved last. None where it cannot be solved.
+    /// polynomial; that step is then the one solved last. None where it cannot be solved, or where only
+    /// the polynomial has a root, as when a surface has just been left at a small angle.
     fn locate(
         &mut self,
         radau: &mut Radau,
@@ -331,9 +332,11 @@ impl<S: SwitchedSystem> Stiff<'_, S> {
             let next = (tau - value / slope).min(h);
             let moved = (next - tau).abs();
             let rounding = f64::EPSILON * (start.t.abs() + tau);
-            let settled = moved <= rounding || moved >= last;
-            if moved.is_nan() || next <= 0.0 || moved > 1e-3 * h || settled {
+            if moved <= rounding || moved >= last {
                 break;
+            }
+            if moved.is_nan() || next <= 0.0 || moved > 1e-3 * h {
+                return None;
             }
             (tau, last) = (next, moved);
         }

@@ -71,7 +71,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         };
         // The last term of the series, differentiated, is what the defect shows of the error.
         let allowed = 10.0 * (order as f64) * tolerance.max(4.0 * f64::EPSILON);
-        let h = mode.step_size(tolerance, state, longest);
+        let h = mode.step_size(self.stiffness.explicit_tolerance(), state, longest);
         let mut h = mode.watch(tolerance, state, h);
         for _ in 0..MAX_HALVINGS {
             let event = first_event(&mut self.roots, Dense::Taylor(mode), state, h);

@@ -20,6 +20,8 @@ pub(super) struct Stiffness {
     pub implicit: bool,
     /// Length of its first step, until it is taken.
     first: Option<f64>,
+    /// Length of its last step that no event cut, in any mode; 0 when there was none.
+    cruise: f64,
     /// Length of the last Taylor step that its series allowed.
     pub explicit_length: f64,
     /// Slow Taylor steps in a row, and how many are reason to try the implicit method.
@@ -41,8 +43,13 @@ const ROUGH: f64 = 10.0;
 /// Slow steps before the implicit method is tried: at first, after an event in an implicit step, and
 /// at most.
 const PATIENCE: usize = 12;
-const WARNED: usize = 2;
+const WARNED: usize = 1;
 const MOST: usize = 3000;
+
+/// Tolerance of the Taylor steps between an event in an implicit step and the next one, as a fraction:
+/// at the bound of stability they would leave errors of their whole tolerance in what is stiff, which
+/// the implicit method takes for a transient.
+const CAREFUL: f64 = 1e-3;
 
 /// The largest number of nodes.
 pub(super) const MOST_NODES: usize = 11;
@@ -64,6 +71,7 @@ impl Stiffness {
             method: None,
             implicit: false,
             first: None,
+            cruise: 0.0,
             explicit_length: 0.0,
             slow: 0,
             patience: PATIENCE,
@@ -107,6 +115,15 @@ impl Stiffness {
         self.method.as_deref()
     }
 
+    /// What Taylor steps are to be as accurate as.
+    pub(super) fn explicit_tolerance(&self) -> f64 {
+        if self.patience == WARNED {
+            CAREFUL * self.tolerance
+        } else {
+            self.tolerance
+        }
+    }
+
     /// Takes note of a Taylor step that its series and nothing else limited, the fraction `motion` of
     /// the time scale of the solution; `left` is what is left to the next breakpoint and of the run.
     pub(super) fn after_explicit(
@@ -125,15 +142,29 @@ impl Stiffness {
         let worth = mode.worth(nodes(self.tolerance));
         if left > FEW.max(worth) * length {
             self.implicit = true;
-            // A tenth of the time scale.
-            self.first = Some(next.min(0.1 * length / motion));
+            self.first = Some(next.min(self.length_to_try(length, motion, left)));
             (self.short, self.implicit_steps) = (0, 0);
+        }
+    }
+
+    /// A tenth of the time scale. Where errors alone may bend the series as much, the time scale can be
+    /// anything longer: that of the steps before, or the middle between it and what is left, by orders
+    /// of magnitude. A length that is too long costs less than growth from one that is too short.
+    fn length_to_try(&self, length: f64, motion: f64, left: f64) -> f64 {
+        let known = 0.1 * length / motion;
+        if motion > ROUGH * self.tolerance.sqrt() {
+            known
+        } else if self.cruise > 0.0 {
+            known.max(self.cruise)
+        } else {
+            known.max((known * left).sqrt())
         }
     }
 
     /// Takes note of an implicit step, worth it when longer than `worth` Taylor steps.
     pub(super) fn after_implicit(&mut self, length: f64, worth: f64) {
         self.implicit_steps += 1;
+        self.cruise = length;
         let short = length < worth * self.explicit_length;
         self.short = if short { self.short + 1 } else { 0 };
         if self.short >= SHORT {

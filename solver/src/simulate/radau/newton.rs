@@ -64,6 +64,9 @@ const ROUNDING: f64 = 0.1;
 /// Contraction that may be expected of any first iteration that goes on to converge.
 const PROMPT: f64 = 0.2;
 
+/// Power that makes a contraction seen before a careful guess (Hairer & Wanner 1996, section IV.8).
+const TRUST: f64 = 0.8;
+
 /// Iterations with a contraction above this want a new Jacobian at the next step.
 const SLOW: f64 = 1e-2;
 
@@ -158,6 +161,9 @@ impl Newton {
         let (s, n) = (self.tableau.s, self.shape.unknowns());
         let most = self.most_iterations();
         let (mut last, mut last_ratio) = (f64::INFINITY, 1.0_f64);
+        // What the steps before have seen, trusted less from one to the next (Hairer & Wanner 1996,
+        // section IV.8).
+        self.contraction = self.contraction.max(f64::EPSILON).powf(TRUST);
         for iteration in 1..=most {
             self.residual(problem, start, h);
             counts.evaluations += s;
@@ -200,11 +206,12 @@ impl Newton {
                     return Err(Diverged);
                 }
             }
-            // A first iteration says nothing of the error it leaves, unless it hardly moved.
+            // Without steps before, a first iteration says nothing of the error it leaves, unless it
+            // hardly moved.
             let theta = if iteration > 1 {
                 self.contraction
             } else {
-                PROMPT
+                self.contraction.min(PROMPT)
             };
             if theta / (1.0 - theta) * change <= FRACTION {
                 break;
