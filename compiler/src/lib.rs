@@ -45,6 +45,7 @@ impl<'e> Compiled<'e> {
             model: &self.model,
             system: &self.system,
             horizon: self.settings.horizon,
+            has_steps: self.settings.method.has_steps(),
             sources,
         }
     }

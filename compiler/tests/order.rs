@@ -149,3 +149,41 @@ fn relays_are_run_from_event_to_event_only() {
     assert!(methods.len() > 1 && methods.iter().all(|m| *m == "event,"));
     assert!(svg(&folder.join("f.error-time.svg")).contains("event"));
 }
+
+#[test]
+fn an_order_can_be_expected() {
+    let folder = folder("order_expected");
+    let text = "model m { state x = 1; x' = if x > 0.5 then -2*x else -x*x; }
+        simulate self of m { horizon 1; method fesd { scheme = radau_iia(2); steps = 8; }
+          expect order >= 2.8; expect order <= 3.2; }
+        simulate given of m { horizon 1; method fesd { scheme = gauss(2); elements = 1; steps = 8; }
+          expect x at end ~ 1/(2 + 1 - log(2)/2) within 1e-9; expect order ~ 4 within 0.2; }
+        simulate crude of m { horizon 1; method timestepping { scheme = radau_iia(2); steps = 200; }
+          expect order >= 1.7; }";
+    fs::write(folder.join("m.nsd"), text).expect("the folder is writable");
+    let ran = nsdc(&folder, &["test", "m.nsd"]);
+    assert_eq!(ran.status, 2, "{}{}", ran.out, ran.err);
+    assert!(
+        ran.out.contains("2 passed, 1 failed, 0 not yet supported"),
+        "{}",
+        ran.out
+    );
+    let lines: Vec<&str> = ran.out.lines().collect();
+    let below = |name: &str| {
+        let at = lines.iter().position(|line| line.ends_with(name));
+        lines[at.expect("the experiment has a line") + 1..].to_vec()
+    };
+    // What was compared with what is told.
+    let own = below(": self")[0];
+    assert!(
+        own.contains("order ") && own.contains("runs") && own.contains("a run of `event`"),
+        "{own}"
+    );
+    assert!(below(": given")[0].contains("the expected state"));
+    let failed = below(": crude")[..3].join(" ");
+    assert!(
+        failed.contains("expect order >= 1.7") && failed.contains("expected >= 1.7"),
+        "{failed}"
+    );
+    assert!(failed.contains("got      order "), "{failed}");
+}

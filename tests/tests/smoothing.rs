@@ -117,3 +117,37 @@ fn a_model_without_jumps_is_left_as_it_is() {
     assert!(found.warnings.is_empty(), "{:?}", found.warnings);
     assert_eq!(found.events.len(), 1);
 }
+
+#[test]
+fn a_law_may_be_a_function_of_the_file() {
+    let run_with = |law: &str, statements: &str, horizon: f64| {
+        let text = format!(
+            "fn logistic(y) = 2/(1 + exp(-y)) - 1; fn root(y) = y/sqrt(1 + y^2); \
+             model m {{ {statements} }} simulate run of m {{ horizon {horizon}; tolerance 1e-11; \
+             method smoothing {{ epsilon = {EPSILON}; law = {law}; }} }}"
+        );
+        let found = run(&text, "run");
+        assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
+        found
+    };
+    // s(y) = tanh(y/2): sinh(x/2ε) = sinh(1/2ε) exp(-t/2ε)
+    let found = run_with("logistic", "state x = 1; x' = -sign(x);", 1.2);
+    let width = 2.0 * EPSILON;
+    let exact = width * ((1.0 / width).sinh() * (-1.2 / width).exp()).asinh();
+    let x = end(&found, "x")[0];
+    assert!((x - exact).abs() < 1e-10, "{x} {exact}");
+    let shown = found.method.options.iter().find(|(name, _)| name == "law");
+    let law = nsdc::report::MethodOption::Text("logistic".into());
+    assert_eq!(shown.map(|(_, law)| law), Some(&law));
+    // At rest 2/(1 + exp(-y)) - 1 = 1/2, so that x = ε ln 3.
+    let found = run_with("logistic", "state x = 1; x' = 0.5 - sign(x);", 20.0);
+    let x = end(&found, "x")[0];
+    assert!((x - EPSILON * 3.0_f64.ln()).abs() < 1e-10, "{x}");
+    // The same function as a built-in law gives the same run.
+    let statements = "state x = 1; x' = 0.3*cos(time) - sign(x);";
+    let (own, built_in) = (
+        end(&run_with("root", statements, 2.0), "x")[0],
+        end(&run_with("rational", statements, 2.0), "x")[0],
+    );
+    assert!((own - built_in).abs() < 1e-11, "{own} {built_in}");
+}

@@ -1,6 +1,7 @@
 //! `nsdc test`
 
 use std::path::Path;
+use std::time::Duration;
 
 use super::args::TestArgs;
 use super::progress::Bar;
@@ -13,7 +14,7 @@ use crate::report::expect::{self, Check, Findings, Verdict};
 use crate::simulate::{self, Request};
 use crate::source::SourceMap;
 use crate::syntax::{Expect, ExpectDiagnostic, Experiment, Item};
-use crate::{Compiled, compile, dcs};
+use crate::{Compiled, compile, dcs, order};
 
 /// What is counted.
 #[derive(Default)]
@@ -26,7 +27,8 @@ struct Count {
 
 /// How a test ended.
 enum Outcome {
-    Passed,
+    /// With what a user may want to know, shown below its line.
+    Passed(Option<String>),
     /// With what is shown below its line.
     Failed(Vec<String>, Exit),
     Unsupported(String),
@@ -67,9 +69,12 @@ impl Count {
         streams: &mut Streams<'_>,
     ) -> io::Result<()> {
         match outcome {
-            Outcome::Passed => {
+            Outcome::Passed(account) => {
                 self.passed += 1;
                 writeln!(streams.out, "ok      {name}")?;
+                if let Some(account) = account {
+                    writeln!(streams.out, "          {account}")?;
+                }
             }
             Outcome::Failed(details, exit) => {
                 self.failed += 1;
@@ -148,7 +153,7 @@ fn diagnostic(expect: &ExpectDiagnostic, diags: &Diagnostics) -> Outcome {
         _ => (project::warning_codes(diags), "warnings"),
     };
     if codes.contains(&expect.code.name) {
-        return Outcome::Passed;
+        return Outcome::Passed(None);
     }
     let got = match codes.is_empty() {
         true => format!("no {what}"),
@@ -168,7 +173,7 @@ fn compilation(
 ) -> io::Result<Outcome> {
     let codes = project::error_codes(diags);
     if codes.is_empty() {
-        return Ok(Outcome::Passed);
+        return Ok(Outcome::Passed(None));
     }
     // Where everything that stops it is still to come, it is not wrong.
     if codes.iter().all(|code| code.starts_with("E09")) {
@@ -228,6 +233,13 @@ fn one(
     let mut watch = |progress| bar.update(progress);
     let trajectory =
         simulate::run_watched(&compiled.system, &compiled.settings, &request, &mut watch);
+    let order = expect::asks_for_order(&subject, expects).then(|| {
+        let mut watch = |order::Progress { name, knob, done }: order::Progress<'_>| {
+            bar.show(done, || format!("{name}, {knob:.1e}"));
+        };
+        let limit = time_limit.unwrap_or(STUDY);
+        order::of_method(&compiled, &project.sources, limit, &mut watch)
+    });
     drop(bar);
     let mut warnings = project::warning_codes(&diags);
     warnings.extend(
@@ -240,12 +252,21 @@ fn one(
         &subject,
         expects,
         &trajectory,
-        &Findings { warnings, lowering },
+        &Findings {
+            warnings,
+            lowering,
+            order: order.clone(),
+        },
     );
-    Ok(outcome(&checks))
+    let account = order.and_then(|order| Some(order.ok()?.account));
+    Ok(outcome(&checks, account))
 }
 
-fn outcome(checks: &[Check]) -> Outcome {
+/// Time for the runs that show the order of a method.
+const STUDY: Duration = Duration::from_secs(20);
+
+/// What the checks say together; `account` is what to tell where all pass.
+fn outcome(checks: &[Check], account: Option<String>) -> Outcome {
     let mut details = Vec::new();
     let mut unsupported = None;
     for check in checks {
@@ -262,7 +283,7 @@ fn outcome(checks: &[Check]) -> Outcome {
     match (details.is_empty(), unsupported) {
         (false, _) => Outcome::Failed(details, Exit::Failed),
         (true, Some(code)) => Outcome::Unsupported(code),
-        (true, None) => Outcome::Passed,
+        (true, None) => Outcome::Passed(account),
     }
 }
 

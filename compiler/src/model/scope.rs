@@ -130,6 +130,11 @@ impl<'e> Scope<'e> {
         target::resolve(&mut Lowering::new(self, None, diags), path).ok()
     }
 
+    /// Whether the file has a function of this name.
+    pub fn has_function(&self, name: &str) -> bool {
+        self.functions.contains_key(name)
+    }
+
     /// What a name means that the model declares itself, not its file.
     pub(super) fn own(&self, name: &str) -> Option<&Meaning<'e>> {
         let meaning = self.names.get(name)?;

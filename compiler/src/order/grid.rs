@@ -35,8 +35,10 @@ const WIDTHS: std::ops::RangeInclusive<i32> = 2..=13;
 const FEWEST_STEPS: usize = 4;
 /// Taylor steps of a very accurate run for one step of the coarsest grid.
 const SHARE: usize = 8;
-/// Doublings of the coarsest grid, in two refinements each.
+/// Doublings of the coarsest grid, in this many refinements each: where a switch is in its step changes
+/// the error by a factor of its own, which many grids average out.
 const DOUBLINGS: u32 = 12;
+const REFINEMENTS: u32 = 4;
 
 /// What is run, and what cannot be run, with the reason. `steps` of a very accurate run say how long
 /// the steps of the coarsest grid may be.
@@ -57,9 +59,12 @@ pub fn sweeps(
             left_out.extend(both.map(|name| (name.to_owned(), reason.to_owned())));
         }
         None => {
-            let coarsest = FEWEST_STEPS.max(steps.div_ceil(SHARE));
+            let coarsest = coarsest(steps);
             sweeps.extend(fesd(settings, coarsest));
-            sweeps.extend((0..STEPPED.len()).map(|k| timestepping(settings, coarsest, k)));
+            let stepped = STEPPED.into_iter().enumerate();
+            sweeps.extend(
+                stepped.map(|(k, scheme)| timestepping(settings, coarsest, scheme, (3, k))),
+            );
         }
     }
     match bench.with_memory() {
@@ -69,7 +74,7 @@ pub fn sweeps(
         }
         None => {
             if bench.has_jumps() {
-                sweeps.extend(Law::ALL.iter().enumerate().map(smoothing));
+                sweeps.extend(Law::BUILT_IN.iter().enumerate().map(smoothing));
             }
             let adaptive = |tolerance| Variant::Adaptive { tolerance };
             sweeps.push(by_tolerance("adaptive", (5, 3), adaptive));
@@ -91,7 +96,7 @@ fn by_tolerance(name: &str, place: (usize, usize), variant: impl Fn(f64) -> Vari
     }
 }
 
-fn smoothing((member, &law): (usize, &Law)) -> Sweep {
+fn smoothing((member, &law): (usize, &Law<'static>)) -> Sweep {
     let run = |half: i32| {
         let epsilon = 10f64.powf(-0.5 * f64::from(half));
         (
@@ -107,63 +112,94 @@ fn smoothing((member, &law): (usize, &Law)) -> Sweep {
     }
 }
 
+/// The method of the experiment on grids, where it takes a number of steps. `steps` are as for
+/// [`sweeps`].
+pub fn own(settings: &Settings, steps: usize) -> Option<Sweep> {
+    let coarsest = coarsest(steps);
+    match settings.method {
+        Method::Fesd(options) => {
+            let sweep = || elements(settings, coarsest, options.scheme, options.elements, (1, 0));
+            options.steps.map(|_| sweep())
+        }
+        Method::Timestepping(options) => {
+            Some(timestepping(settings, coarsest, options.scheme, (3, 0)))
+        }
+        _ => None,
+    }
+}
+
+fn coarsest(steps: usize) -> usize {
+    FEWEST_STEPS.max(steps.div_ceil(SHARE))
+}
+
 /// All schemes, and the one that the experiment asks for.
 fn fesd(settings: &Settings, coarsest: usize) -> Vec<Sweep> {
     let own = match settings.method {
         Method::Fesd(options) => Some(options),
         _ => None,
     };
-    let elements = own.unwrap_or_default().elements;
+    let count = own.unwrap_or_default().elements;
     let asked = own.map(|FesdOptions { scheme, .. }| scheme);
     let asked = asked.filter(|scheme| !SCHEMES.contains(scheme));
-    let sweep = |(scheme, place): ((Family, usize), _)| {
-        let (family, nodes) = scheme;
-        let run = |steps: usize| {
-            let variant = Variant::Fesd {
-                scheme,
-                steps,
-                elements,
-            };
-            (settings.horizon / (steps * elements) as f64, variant)
-        };
-        Sweep {
-            name: format!("fesd {}({nodes})", family.word()),
-            knob: Knob::Step,
-            place,
-            runs: grids(coarsest).map(run).collect(),
-        }
-    };
     let places = (0..SCHEMES.len()).map(|k| (1 + k / 3, k % 3));
     let all = SCHEMES.into_iter().zip(places);
     all.chain(asked.map(|scheme| (scheme, (1, 3))))
-        .map(sweep)
+        .map(|(scheme, place)| elements(settings, coarsest, scheme, count, place))
         .collect()
 }
 
-/// One of the schemes that step in time.
-fn timestepping(settings: &Settings, coarsest: usize, member: usize) -> Sweep {
-    let (family, nodes) = STEPPED[member];
+/// Finite elements of one scheme, so many in each step.
+fn elements(
+    settings: &Settings,
+    coarsest: usize,
+    scheme: (Family, usize),
+    elements: usize,
+    place: (usize, usize),
+) -> Sweep {
+    let (family, nodes) = scheme;
     let run = |steps: usize| {
-        let scheme = (family, nodes);
+        let variant = Variant::Fesd {
+            scheme,
+            steps,
+            elements,
+        };
+        (settings.horizon / (steps * elements) as f64, variant)
+    };
+    Sweep {
+        name: format!("fesd {}({nodes})", family.word()),
+        knob: Knob::Step,
+        place,
+        runs: grids(coarsest).into_iter().map(run).collect(),
+    }
+}
+
+/// Steps in time with a scheme.
+fn timestepping(
+    settings: &Settings,
+    coarsest: usize,
+    scheme: (Family, usize),
+    place: (usize, usize),
+) -> Sweep {
+    let (family, nodes) = scheme;
+    let run = |steps: usize| {
         let variant = Variant::Timestepping { scheme, steps };
         (settings.horizon / steps as f64, variant)
     };
     Sweep {
         name: format!("timestepping {}({nodes})", family.word()),
         knob: Knob::Step,
-        place: (3, member),
-        runs: grids(coarsest).map(run).collect(),
+        place,
+        runs: grids(coarsest).into_iter().map(run).collect(),
     }
 }
 
-/// Numbers of steps, each √2 times the one before.
-fn grids(coarsest: usize) -> impl Iterator<Item = usize> {
-    let steps = move |k: u32| {
-        let doubled = coarsest << (k / 2);
-        match k % 2 {
-            0 => doubled,
-            _ => (doubled as f64 * std::f64::consts::SQRT_2).round() as usize,
-        }
+/// Numbers of steps that grow evenly on a logarithmic scale, each once.
+fn grids(coarsest: usize) -> Vec<usize> {
+    let steps = |k: u32| {
+        let doublings = f64::from(k) / f64::from(REFINEMENTS);
+        (coarsest as f64 * doublings.exp2()).round() as usize
     };
-    (0..=2 * DOUBLINGS).map(steps)
+    let mut grids: Vec<usize> = (0..=REFINEMENTS * DOUBLINGS).map(steps).collect();
+    grids.dedup();
+    grids
 }

@@ -4,7 +4,7 @@
 //! The error is ‖x(T) - x*‖₂. The reference x* is what the experiment expects at its end, where that
 //! gives all states, or else a run that is more accurate than all others. Orders are slopes of
 //! straight lines through log-errors, over those that are above the accuracy of the reference and
-//! small enough to be about convergence.
+//! small enough to be about convergence (`fit.rs`).
 
 mod fit;
 mod grid;
@@ -13,10 +13,12 @@ mod table;
 
 use std::time::{Duration, Instant};
 
+pub use fit::Fit;
 pub use reference::Reference;
 pub use table::{csv, text};
 
 use crate::Compiled;
+use crate::report::expect::Convergence;
 use crate::report::plot::{Curve as Line, LogLog};
 use crate::simulate::{Bench, End};
 use crate::source::SourceMap;
@@ -24,7 +26,7 @@ use crate::system::experiment::Settings;
 use grid::Sweep;
 
 /// Errors above this share of the size of the state say nothing about convergence.
-const COARSE: f64 = 0.1;
+const COARSE: f64 = 0.03;
 /// Runs below the floor before a sweep ends.
 const MOST_BELOW: usize = 2;
 /// Failed runs in a row before a sweep ends.
@@ -61,7 +63,7 @@ pub struct Curve {
     /// From coarse to fine.
     pub points: Vec<Point>,
     /// The slope of log-error over log-knob; none where too few errors say something.
-    pub order: Option<f64>,
+    pub fit: Option<Fit>,
 }
 
 /// What is refined from run to run.
@@ -158,6 +160,47 @@ pub fn study(
     })
 }
 
+/// The order of the experiment's own method, from runs on grids in about as much wall time as `limit`;
+/// why there is none otherwise.
+pub fn of_method(
+    compiled: &Compiled<'_>,
+    sources: &SourceMap,
+    limit: Duration,
+    watch: &mut dyn FnMut(Progress),
+) -> Result<Convergence, String> {
+    let started = Instant::now();
+    let settings = &compiled.settings;
+    let bench = Bench::untimed(&compiled.system, settings);
+    let found = reference::find(compiled, &bench, sources, limit / 4)
+        .map_err(|failure| format!("there is nothing to measure errors against: {failure}"))?;
+    let Some(sweep) = grid::own(settings, found.steps) else {
+        return Err("the method has no number of steps".into());
+    };
+    let name = &sweep.name;
+    let mut watch = |knob| {
+        let done = 0.5;
+        watch(Progress { name, knob, done });
+    };
+    let left = limit.saturating_sub(started.elapsed());
+    let reference = &found.reference;
+    let curve = measure(&bench, settings, &sweep, reference, left, &mut watch);
+    match &curve.fit {
+        Some(fit) => Ok(Convergence {
+            order: fit.order,
+            account: format!(
+                "{}, errors against {}",
+                table::summary(&curve),
+                reference.source
+            ),
+        }),
+        None => Err(format!(
+            "{}, errors against {}",
+            table::summary(&curve),
+            reference.source
+        )),
+    }
+}
+
 /// Refines until the error is that of the reference, or the time is over.
 fn measure(
     bench: &Bench<'_, '_>,
@@ -205,7 +248,7 @@ fn measure(
         name: sweep.name.clone(),
         knob: sweep.knob,
         place: sweep.place,
-        order: fit::order(&points, reference),
+        fit: fit::order(&points, reference),
         points,
     }
 }
@@ -249,8 +292,8 @@ impl Study {
 impl Curve {
     /// `h^4.98`, or a dash.
     pub fn remark(&self) -> String {
-        match self.order {
-            Some(order) => format!("{}^{order:.2}", self.knob.symbol()),
+        match &self.fit {
+            Some(Fit { order, .. }) => format!("{}^{order:.2}", self.knob.symbol()),
             None => "-".to_owned(),
         }
     }

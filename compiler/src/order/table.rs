@@ -3,7 +3,7 @@
 use std::fmt::{self, Write};
 
 use super::fit::local_orders;
-use super::{Curve, Knob, Study};
+use super::{Curve, Fit, Knob, Study};
 use crate::report::text::{duration, significant};
 
 /// The table of all runs, then a line per method.
@@ -28,7 +28,7 @@ fn write(study: &Study, text: &mut String) -> fmt::Result {
     }
     writeln!(
         text,
-        "  orders over errors from {:.1e} to {:.1e}
+        "  orders over errors above {:.1e} and below {:.1e}, without coarse runs of another slope
   values are step sizes h, tolerances tol of `event` and `adaptive`, epsilons eps of `smoothing`\n",
         reference.floor,
         super::COARSE * reference.size
@@ -72,20 +72,51 @@ fn write(study: &Study, text: &mut String) -> fmt::Result {
 }
 
 /// What there is to say about a method in a line.
-fn summary(curve: &Curve) -> String {
+pub fn summary(curve: &Curve) -> String {
     let solved = curve.points.iter().filter_map(|point| {
         let error = point.error.as_ref().ok()?;
         Some((*error, point.seconds))
     });
     let Some((error, seconds)) = solved.min_by(|a, b| a.0.total_cmp(&b.0)) else {
-        return "no run reached the end".into();
+        let failure = curve.points.first().and_then(|p| p.error.as_ref().err());
+        return match failure {
+            Some(failure) => format!("no run reached the end: {failure}"),
+            None => "no run reached the end".into(),
+        };
     };
-    let order = match (curve.order, curve.knob) {
+    let order = match (&curve.fit, curve.knob) {
         (None, _) => "no order: too few errors are in range".to_owned(),
-        (Some(order), Knob::Step) => format!("order {order:.2} in h"),
-        (Some(order), knob) => format!("error ~ {}^{order:.2}", knob.symbol()),
+        (Some(fit), Knob::Step) => format!("order {:.2} in h{}", fit.order, doubt(fit)),
+        (Some(fit), knob) => {
+            format!("error ~ {}^{:.2}{}", knob.symbol(), fit.order, doubt(fit))
+        }
     };
-    format!("{order}; least error {error:.1e} in {}", duration(seconds))
+    let used = curve.fit.as_ref().map(|fit| used(curve, fit));
+    let used = used.unwrap_or_default();
+    format!(
+        "{order}{used}; least error {error:.1e} in {}",
+        duration(seconds)
+    )
+}
+
+/// What the scatter of the errors leaves open, where that shows.
+fn doubt(fit: &Fit) -> String {
+    match fit.spread {
+        spread if spread >= 0.05 => format!(" (± {spread:.1})"),
+        _ => String::new(),
+    }
+}
+
+/// The runs that a line goes through.
+fn used(curve: &Curve, fit: &Fit) -> String {
+    let knob = |at: Option<&usize>| at.map_or(f64::NAN, |&at| curve.points[at].knob);
+    format!(
+        ", from {} of {} runs, {} to {}",
+        fit.used.len(),
+        curve.points.len(),
+        significant(knob(fit.used.first()), 2),
+        significant(knob(fit.used.last()), 2)
+    )
 }
 
 /// One line per run. Numbers round-trip; a run that failed has no error.
@@ -102,9 +133,12 @@ pub fn csv(study: &Study) -> String {
         "seconds",
         "order",
         "status",
+        "fitted",
     ]);
     for curve in &study.curves {
-        for (point, order) in curve.points.iter().zip(local_orders(&curve.points)) {
+        let used = |at: usize| curve.fit.as_ref().is_some_and(|fit| fit.used.contains(&at));
+        let orders = local_orders(&curve.points);
+        for (at, (point, order)) in curve.points.iter().zip(orders).enumerate() {
             let number = |number: f64| format!("{number:?}");
             let (error, status) = match &point.error {
                 Ok(error) => (number(*error), "solved"),
@@ -121,6 +155,7 @@ pub fn csv(study: &Study) -> String {
                 &number(point.seconds),
                 &order.map(number).unwrap_or_default(),
                 status,
+                if used(at) { "yes" } else { "no" },
             ]);
         }
     }

@@ -48,7 +48,7 @@ pub enum Variant {
         steps: usize,
     },
     /// Steep functions in the place of switches, integrated accurately.
-    Smoothing(SmoothingOptions),
+    Smoothing(SmoothingOptions<'static>),
     /// An adaptive method that knows of no switches.
     Adaptive {
         /// Aim for the global error, in (0, 1).
@@ -77,6 +77,8 @@ pub struct Bench<'s, 'e> {
     switched: Switched<'e>,
     /// Or why there is none.
     complementarity: Result<Complementarity<'e>, String>,
+    /// Solves that are timed, at most.
+    repetitions: usize,
 }
 
 /// Of smoothed systems, whose own error is larger.
@@ -84,7 +86,7 @@ const SMOOTHED_TOLERANCE: f64 = 1e-12;
 /// Most solves that are timed.
 const MOST_REPETITIONS: usize = 9;
 /// Time for the repetitions of one run.
-const REPETITIONS: Duration = Duration::from_millis(60);
+const REPETITIONS: Duration = Duration::from_millis(20);
 
 impl<'s, 'e> Bench<'s, 'e> {
     /// Prepares what the methods share.
@@ -95,6 +97,15 @@ impl<'s, 'e> Bench<'s, 'e> {
             x0: system.states.iter().map(|state| state.initial).collect(),
             switched: Switched::new(system),
             complementarity: complementarity(system, settings),
+            repetitions: MOST_REPETITIONS,
+        }
+    }
+
+    /// The same for runs whose time is of no interest: each is made once.
+    pub fn untimed(system: &'s System<'e>, settings: &'s Settings<'e>) -> Self {
+        Bench {
+            repetitions: 0,
+            ..Bench::new(system, settings)
         }
     }
 
@@ -140,7 +151,7 @@ impl<'s, 'e> Bench<'s, 'e> {
                     settings.order = Some(order + more_orders);
                 }
                 let mut simulator = Simulator::new(&self.switched, settings);
-                measure(|| simulator.run(0.0, horizon, &self.x0, &mut Unseen))
+                self.measure(|| simulator.run(0.0, horizon, &self.x0, &mut Unseen))
             }
             Variant::Fesd {
                 scheme: (family, nodes),
@@ -156,7 +167,7 @@ impl<'s, 'e> Bench<'s, 'e> {
                 let system = system.expect("only systems with finite elements are run by them");
                 let simulator = fesd::Simulator::new(system, settings);
                 let mut simulator = simulator.expect("the number of nodes has been checked");
-                measure(|| {
+                self.measure(|| {
                     let solution = simulator.run(0.0, horizon, &self.x0, &mut Unseen);
                     solution.outcome
                 })
@@ -175,7 +186,7 @@ impl<'s, 'e> Bench<'s, 'e> {
                 let system = system.expect("only systems that are lowered are stepped");
                 let stepper = fesd::Stepper::new(system, settings);
                 let mut stepper = stepper.expect("the number of nodes has been checked");
-                measure(|| stepper.run(0.0, horizon, &self.x0, &mut Unseen))
+                self.measure(|| stepper.run(0.0, horizon, &self.x0, &mut Unseen))
             }
             Variant::Smoothing(options) => {
                 let smoothed = smoothing::smooth(self.system, &options);
@@ -187,7 +198,7 @@ impl<'s, 'e> Bench<'s, 'e> {
                 };
                 let mut simulator = Simulator::new(&switched, settings);
                 let (mut outcome, seconds) =
-                    measure(|| simulator.run(0.0, horizon, &self.x0, &mut Unseen));
+                    self.measure(|| simulator.run(0.0, horizon, &self.x0, &mut Unseen));
                 // Its switches are others.
                 outcome.status = match outcome.status {
                     status @ (Status::Solved | Status::TimeLimit | Status::StepLimit) => status,
@@ -202,7 +213,7 @@ impl<'s, 'e> Bench<'s, 'e> {
                     ..adaptive::Settings::default()
                 };
                 let mut simulator = adaptive::Simulator::new(Jumping::new(self.system), settings);
-                measure(|| simulator.run(0.0, horizon, &self.x0, &mut Unseen))
+                self.measure(|| simulator.run(0.0, horizon, &self.x0, &mut Unseen))
             }
         };
         let names = ModeNames::new(self.system);
@@ -213,6 +224,27 @@ impl<'s, 'e> Bench<'s, 'e> {
             steps: outcome.stats.steps,
             seconds,
         }
+    }
+
+    /// The outcome of a solve, and the median time of those after the first.
+    fn measure(&self, mut solve: impl FnMut() -> Outcome) -> (Outcome, f64) {
+        let started = Instant::now();
+        let outcome = solve();
+        let first = started.elapsed();
+        let once = self.repetitions == 0 || first > 4 * REPETITIONS;
+        if outcome.status != Status::Solved || once {
+            return (outcome, first.as_secs_f64());
+        }
+        let started = Instant::now();
+        let mut times = Vec::with_capacity(self.repetitions);
+        while times.is_empty() || times.len() < self.repetitions && started.elapsed() < REPETITIONS
+        {
+            let started = Instant::now();
+            solve();
+            times.push(started.elapsed().as_secs_f64());
+        }
+        times.sort_by(f64::total_cmp);
+        (outcome, times[times.len() / 2])
     }
 }
 
@@ -228,25 +260,6 @@ fn complementarity<'e>(
     dcs::check(system, lowerings, true).map_err(|error| error.to_string())?;
     let dcs = dcs::lower(system, lowerings).map_err(|error| error.to_string())?;
     Ok(Complementarity::new(system, &dcs))
-}
-
-/// The outcome of a solve, and the median time of those after the first.
-fn measure(mut solve: impl FnMut() -> Outcome) -> (Outcome, f64) {
-    let started = Instant::now();
-    let outcome = solve();
-    let first = started.elapsed();
-    if outcome.status != Status::Solved || first > 4 * REPETITIONS {
-        return (outcome, first.as_secs_f64());
-    }
-    let started = Instant::now();
-    let mut times = Vec::with_capacity(MOST_REPETITIONS);
-    while times.is_empty() || times.len() < MOST_REPETITIONS && started.elapsed() < REPETITIONS {
-        let started = Instant::now();
-        solve();
-        times.push(started.elapsed().as_secs_f64());
-    }
-    times.sort_by(f64::total_cmp);
-    (outcome, times[times.len() / 2])
 }
 
 /// Sees nothing.

@@ -11,7 +11,7 @@ pub(super) fn method(options: &SmoothingOptions) -> Method {
         name: "smoothing".into(),
         options: vec![
             ("epsilon".into(), MethodOption::Number(options.epsilon)),
-            ("law".into(), MethodOption::Text(options.law.word().into())),
+            ("law".into(), MethodOption::Text(options.law.word())),
         ],
     }
 }

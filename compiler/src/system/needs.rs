@@ -100,6 +100,11 @@ impl<'e> Named<'e> {
                 whole.set(true);
                 list()
             }
+            // The error is that of all states.
+            ExprKind::Name(name) if name == "order" && !model.scope.names().any(|n| n == name) => {
+                whole.set(true);
+                Some(Tensor::scalar(model.exprs.constant(1.0)))
+            }
             ExprKind::Name(name) if name == "end" => {
                 Some(Tensor::scalar(model.exprs.constant(0.0)))
             }

@@ -3,7 +3,7 @@
 //! α_i ∈ step(ψ_i)   becomes   α_i = ½ (1 + s(ψ_i/ε))
 //!
 //! for every switch across which the dynamics jump; what is continuous, as `abs` and `max`, stays.
-//! s is an odd function from -1 to 1. `tanh` and `rational`, y/√(1 + y²), are smooth. `polynomial` is
+//! s is a function from -1 to 1, of the file or built in; those are odd. `tanh` and `rational`, y/√(1 + y²), are smooth. `polynomial` is
 //! (15 y - 10 y³ + 3 y⁵)/8 up to |y| = 1 and constant beyond, so that it has two continuous derivatives,
 //! and the switches ψ ± ε, which are continuous:
 //!
@@ -19,7 +19,7 @@ use super::{Continuity, Output, Partition, Switch, System};
 use crate::expr::{Expr, Substitution, Var};
 
 /// The smoothed system, whose states are those of the model.
-pub fn smooth<'e>(system: &System<'e>, options: &SmoothingOptions) -> System<'e> {
+pub fn smooth<'e>(system: &System<'e>, options: &SmoothingOptions<'e>) -> System<'e> {
     let mut switches: Vec<Switch<'e>> = Vec::new();
     // Where each switch is now; none for those that are smoothed.
     let mut places: Vec<Option<usize>> = Vec::new();
@@ -42,6 +42,10 @@ pub fn smooth<'e>(system: &System<'e>, options: &SmoothingOptions) -> System<'e>
                 half(y / (1.0 + y.powi(2)).sqrt())
             }
             Law::Polynomial => saturated(&switch, options.epsilon, &mut switches),
+            Law::Own { argument, value } => {
+                let y = switch.psi * (1.0 / options.epsilon);
+                half(value.substitute(&Substitution::one(argument, y)))
+            }
         };
         steep.insert(variable(switch.alpha), alpha);
     }

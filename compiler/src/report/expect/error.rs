@@ -122,7 +122,17 @@ pub enum ExpectError {
         #[label("wrong arguments")]
         span: Span,
     },
-    /// The order of convergence needs runs with several step sizes.
+    /// The order of convergence is that of errors against step sizes.
+    #[error("`order` needs a method with a number of steps")]
+    #[diagnostic(
+        code(E0612),
+        help("give one: `method fesd {{ steps = 8; }}` or `method timestepping {{ .. }}`")
+    )]
+    NoOrder {
+        #[label("this method chooses its steps itself")]
+        span: Span,
+    },
+    /// What an optimum and contacts have.
     #[error("`expect {what}` is not yet supported")]
     #[diagnostic(code(E0960))]
     Unsupported {

@@ -27,6 +27,8 @@ pub struct Subject<'s, 'e> {
     pub system: &'s System<'e>,
     /// End of the run.
     pub horizon: f64,
+    /// Whether the method takes a number of steps, so that it has an order.
+    pub has_steps: bool,
     /// Where the texts are.
     pub sources: &'s SourceMap,
 }
@@ -68,6 +70,30 @@ pub struct Findings {
     pub warnings: Vec<String>,
     /// The printed lowering and its golden file, where there is one.
     pub lowering: Option<(String, Option<String>)>,
+    /// The order of convergence, where one was measured, or why there is none.
+    pub order: Option<Result<Convergence, String>>,
+}
+
+/// How fast the error of a method falls.
+#[derive(Clone, Debug)]
+pub struct Convergence {
+    /// p of error ≈ C h^p.
+    pub order: f64,
+    /// What it was found from.
+    pub account: String,
+}
+
+/// Whether an expectation is about the order of convergence, which takes runs of its own.
+pub fn asks_for_order(subject: &Subject<'_, '_>, expects: &[(Expect, Span)]) -> bool {
+    let asks = |(expect, span): &(Expect, Span)| {
+        let Expect::Relation(relation) = expect else {
+            return false;
+        };
+        let run = &Run::Unknown;
+        let sides = relation::resolve(subject, relation, *span, run, &mut Diagnostics::new());
+        sides.is_some_and(|sides| sides.has_order)
+    };
+    expects.iter().any(asks)
 }
 
 /// Finds the mistakes in expectations that need no run to be seen.
@@ -182,7 +208,9 @@ fn verdict(
             failed(code.name.clone(), got)
         }
         Expect::Mode { at, mode } => mode::evaluate(subject, at, mode, trajectory),
-        Expect::Relation(relation) => relation::evaluate(subject, relation, span, trajectory),
+        Expect::Relation(relation) => {
+            relation::evaluate(subject, relation, span, trajectory, findings)
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::error::ExpectError;
 use super::values::{Point, Run, Words};
-use super::{Subject, Verdict};
+use super::{Findings, Subject, Verdict};
 use crate::diagnostics::Diagnostics;
 use crate::expr::Expr;
 use crate::model::{Shape, Tensor};
@@ -18,6 +18,8 @@ pub struct Sides<'e> {
     left_when: When,
     right_when: When,
     within: f64,
+    /// Whether a side is about the order of convergence.
+    pub has_order: bool,
 }
 
 /// When a side is evaluated.
@@ -72,6 +74,7 @@ pub fn resolve<'e>(
         left_when: left_when?,
         right_when: right_when?,
         within: within?,
+        has_order: words.has_order.get(),
     })
 }
 
@@ -186,11 +189,25 @@ pub fn evaluate(
     relation: &ExpectRelation,
     span: Span,
     trajectory: &Trajectory,
+    findings: &Findings,
 ) -> Verdict {
     let mut diags = Diagnostics::new();
-    let Some(sides) = resolve(subject, relation, span, &Run::Known(trajectory), &mut diags) else {
+    let order = match &findings.order {
+        Some(Ok(found)) => found.order,
+        _ => f64::NAN,
+    };
+    let run = Run::Known { trajectory, order };
+    let Some(sides) = resolve(subject, relation, span, &run, &mut diags) else {
         return verdict_of(&diags);
     };
+    if sides.has_order
+        && let Some(Err(reason)) = &findings.order
+    {
+        return Verdict::Failed {
+            expected: subject.sources.text(relation.right.span).to_owned(),
+            got: reason.clone(),
+        };
+    }
     let instants: &[f64] = match (sides.left_when, sides.right_when) {
         (When::Always, _) | (_, When::Always) => &trajectory.time,
         _ => &[f64::NAN],
@@ -224,7 +241,10 @@ pub fn evaluate(
         None => Verdict::Passed,
         Some(miss) => Verdict::Failed {
             expected: expected(relation, &miss.right, sides.within),
-            got: miss.describe(),
+            got: match &findings.order {
+                Some(Ok(found)) if sides.has_order => found.account.clone(),
+                _ => miss.describe(),
+            },
         },
     }
 }

@@ -17,7 +17,12 @@ pub enum Run<'r> {
     /// Mistakes are looked for before the run.
     Unknown,
     /// It has been made.
-    Known(&'r Trajectory),
+    Known {
+        /// What it gave.
+        trajectory: &'r Trajectory,
+        /// The order of convergence of its method, not a number where none was measured.
+        order: f64,
+    },
 }
 
 /// Entries that a list has as long as the run is unknown, so that any index is good.
@@ -30,6 +35,8 @@ pub struct Words<'w, 's, 'e> {
     errors: RefCell<Vec<ExpectError>>,
     /// Whether a list was asked for, whose length only a run knows.
     pub has_list: Cell<bool>,
+    /// Whether the order of convergence was asked for.
+    pub has_order: Cell<bool>,
     /// Whether some word is a value of the whole run.
     unsupported: RefCell<Option<(String, crate::source::Span)>>,
 }
@@ -42,6 +49,7 @@ impl<'w, 's, 'e> Words<'w, 's, 'e> {
             run,
             errors: RefCell::default(),
             has_list: Cell::new(false),
+            has_order: Cell::new(false),
             unsupported: RefCell::default(),
         }
     }
@@ -67,10 +75,18 @@ impl<'w, 's, 'e> Words<'w, 's, 'e> {
         match &expr.kind {
             ExprKind::Name(name) if name == "switches" => Some(self.list(Trajectory::switch_times)),
             ExprKind::Name(name) if name == "end" => Some(self.number(self.subject.horizon)),
-            ExprKind::Name(name) if name == "order" || name == "objective" => {
-                if self.subject.model.scope.names().any(|known| known == name) {
-                    return None;
+            ExprKind::Name(name) if name == "order" && self.is_free(name) => {
+                self.has_order.set(true);
+                if !self.subject.has_steps {
+                    let span = expr.span;
+                    self.errors.borrow_mut().push(ExpectError::NoOrder { span });
                 }
+                Some(self.number(match self.run {
+                    Run::Unknown => 1.0,
+                    Run::Known { order, .. } => *order,
+                }))
+            }
+            ExprKind::Name(name) if name == "objective" && self.is_free(name) => {
                 *self.unsupported.borrow_mut() = Some((name.clone(), expr.span));
                 Some(self.number(f64::NAN))
             }
@@ -85,6 +101,11 @@ impl<'w, 's, 'e> Words<'w, 's, 'e> {
             }
             _ => None,
         }
+    }
+
+    /// Whether the model does not use a name.
+    fn is_free(&self, name: &str) -> bool {
+        !self.subject.model.scope.names().any(|known| known == name)
     }
 
     /// `events(kind)` or `events(kind, surface)`: the times.
@@ -139,7 +160,7 @@ impl<'w, 's, 'e> Words<'w, 's, 'e> {
         self.has_list.set(true);
         let numbers = match self.run {
             Run::Unknown => vec![0.0; MANY],
-            Run::Known(trajectory) => of(trajectory),
+            Run::Known { trajectory, .. } => of(trajectory),
         };
         Tensor::vector(
             numbers

@@ -137,6 +137,21 @@ pub enum ExperimentError {
         span: Span,
     },
 
+    /// A function in the place of the sign that does not go from -1 to 1.
+    #[error("`{name}` is no law of smoothing")]
+    #[diagnostic(
+        code(E0513),
+        help(
+            "a law is a smooth function of one number, psi/epsilon, that goes from -1 to 1; from 0 to 1 goes (1 + s)/2"
+        )
+    )]
+    NoLaw {
+        name: String,
+        what: String,
+        #[label("{what}")]
+        span: Span,
+    },
+
     /// Data in a method that has no breakpoints.
     #[error("finite elements, time stepping and `adaptive` do not take signals from tables yet")]
     #[diagnostic(code(E0909), help("use `method event`, which is the default"))]

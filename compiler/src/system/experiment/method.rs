@@ -1,12 +1,13 @@
 //! Methods, their options, and lowerings.
 
 use super::fesd::{self, FesdOptions, SteppingOptions};
+use super::law::{self, Law};
 use super::{ExperimentError, Reader, unknown_choice};
 use crate::syntax::{self, ExprKind, Ident, Setting};
 
 /// A simulation method.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Method {
+pub enum Method<'e> {
     /// The compiler chooses.
     Auto,
     /// Switch-detecting active-set integration.
@@ -16,12 +17,12 @@ pub enum Method {
     /// Steps of one length without switch detection.
     Timestepping(SteppingOptions),
     /// Steep functions in the place of switches.
-    Smoothing(SmoothingOptions),
+    Smoothing(SmoothingOptions<'e>),
     /// A high-order integrator that does not know of switches.
     Adaptive,
 }
 
-impl Method {
+impl Method<'_> {
     /// The word of the language.
     pub fn word(&self) -> &'static str {
         match self {
@@ -39,6 +40,15 @@ impl Method {
         matches!(self, Method::Fesd(_) | Method::Timestepping(_))
     }
 
+    /// Whether it is told how many steps to take.
+    pub fn has_steps(&self) -> bool {
+        match self {
+            Method::Fesd(options) => options.steps.is_some(),
+            Method::Timestepping(_) => true,
+            _ => false,
+        }
+    }
+
     /// Whether the method looks at the present state alone, so that relays have no place in it.
     pub fn is_without_memory(&self) -> bool {
         matches!(self, Method::Smoothing(_) | Method::Adaptive)
@@ -47,43 +57,18 @@ impl Method {
 
 /// Options of `method smoothing`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SmoothingOptions {
+pub struct SmoothingOptions<'e> {
     /// Half of the width in ψ over which a switch changes, in the unit of ψ.
     pub epsilon: f64,
     /// The function in the place of the sign.
-    pub law: Law,
+    pub law: Law<'e>,
 }
 
-impl Default for SmoothingOptions {
+impl Default for SmoothingOptions<'_> {
     fn default() -> Self {
         SmoothingOptions {
             epsilon: 1e-3,
             law: Law::Tanh,
-        }
-    }
-}
-
-/// An odd function that goes from -1 to 1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Law {
-    /// tanh y
-    Tanh,
-    /// y/√(1 + y²)
-    Rational,
-    /// (15 y - 10 y³ + 3 y⁵)/8 up to |y| = 1
-    Polynomial,
-}
-
-impl Law {
-    /// All of them.
-    pub const ALL: [Law; 3] = [Law::Tanh, Law::Rational, Law::Polynomial];
-
-    /// The word of the language.
-    pub fn word(self) -> &'static str {
-        match self {
-            Law::Tanh => "tanh",
-            Law::Rational => "rational",
-            Law::Polynomial => "polynomial",
         }
     }
 }
@@ -138,11 +123,11 @@ const HIGHEST_ORDER: f64 = 60.0;
 const MOST_EVENTS: f64 = 1e9;
 
 /// `method NAME { options }`
-pub(super) fn method(
-    reader: &mut Reader<'_, '_>,
+pub(super) fn method<'e>(
+    reader: &mut Reader<'_, 'e>,
     name: &Ident,
     options: &[Setting],
-) -> Option<Method> {
+) -> Option<Method<'e>> {
     match name.name.as_str() {
         "auto" => {
             let help = "name the method whose option it is";
@@ -179,7 +164,7 @@ fn no_options(reader: &mut Reader<'_, '_>, method: &str, options: &[Setting], he
     }
 }
 
-fn smoothing_options(reader: &mut Reader<'_, '_>, options: &[Setting]) -> SmoothingOptions {
+fn smoothing_options<'e>(reader: &mut Reader<'_, 'e>, options: &[Setting]) -> SmoothingOptions<'e> {
     let mut smoothing = SmoothingOptions::default();
     once(reader, options);
     for option in options {
@@ -189,18 +174,7 @@ fn smoothing_options(reader: &mut Reader<'_, '_>, options: &[Setting]) -> Smooth
                 smoothing.epsilon = epsilon.unwrap_or(smoothing.epsilon);
             }
             "law" => {
-                let found = match &option.value.kind {
-                    ExprKind::Name(name) => name.clone(),
-                    _ => "..".into(),
-                };
-                match Law::ALL.into_iter().find(|law| law.word() == found) {
-                    Some(law) => smoothing.law = law,
-                    None => {
-                        let span = option.value.span;
-                        let name = Ident { name: found, span };
-                        reader.error(unknown_choice("law", &name, &Law::ALL.map(Law::word)));
-                    }
-                }
+                smoothing.law = law::law(reader, &option.value).unwrap_or(smoothing.law);
             }
             _ => reader.error(unknown_choice("option", &option.name, &SMOOTHING_OPTIONS)),
         }

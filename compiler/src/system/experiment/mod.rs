@@ -5,6 +5,7 @@
 
 mod error;
 mod fesd;
+mod law;
 mod method;
 mod with;
 
@@ -19,7 +20,8 @@ use crate::syntax::{self, Bind, Expect, ExperimentKind, OutputWhen, SettingKind,
 
 pub use error::ExperimentError;
 pub use fesd::{Cross, Equilibration, FesdOptions, Form, SteppingOptions};
-pub use method::{Branch, EventOptions, Law, Lowering, Method, SmoothingOptions};
+pub use law::Law;
+pub use method::{Branch, EventOptions, Lowering, Method, SmoothingOptions};
 
 /// What a `simulate` experiment asks for.
 #[derive(Clone, Debug)]
@@ -33,7 +35,7 @@ pub struct Settings<'e> {
     /// Aim for the global error of every reported state, relative to its largest magnitude.
     pub tolerance: f64,
     /// The method with its options.
-    pub method: Method,
+    pub method: Method<'e>,
     /// Lowerings asked for by name; empty for the default.
     pub lowerings: Vec<Lowering>,
     /// What to keep; `None` for all states and outputs.
@@ -391,7 +393,10 @@ fn unknown_choice(what: &str, word: &syntax::Ident, choices: &[&str]) -> Experim
         span: word.span,
         choices: choices
             .iter()
-            .map(|choice| format!("`{choice}`"))
+            .map(|choice| match choice.contains(' ') {
+                true => (*choice).to_owned(),
+                false => format!("`{choice}`"),
+            })
             .collect::<Vec<_>>()
             .join(", "),
         help: close.map(|close| format!("did you mean `{close}`?")),
