@@ -109,12 +109,6 @@ fn compile_to<'e>(
             system = system::smoothing::smooth(&system, options);
         }
         let needs = method.needs_dcs();
-        let takes_no_data = needs || *method == Method::Adaptive;
-        if let Some(data) = system.data.first().filter(|_| takes_no_data) {
-            let (name, span) = (data.name.clone(), settings.span);
-            diags.push(ExperimentError::Data { name, span });
-            return None;
-        }
         let lowerings = dcs::check(&system, &settings.lowerings, needs);
         lowerings.map_err(|error| diags.push(error)).ok()?;
         Some(Compiled {

@@ -8,7 +8,7 @@ use crate::diagnostics::Diagnostics;
 use crate::discretize::{self, DiscretizeError, Grid, discretize};
 use crate::expr::Exprs;
 use crate::syntax::{Bind, Experiment, Item};
-use crate::system::experiment::{ExperimentError, FesdOptions, Method};
+use crate::system::experiment::{FesdOptions, Method};
 use crate::{Compiled, compile, dcs, model};
 
 /// Steps of a grid that the experiment does not say.
@@ -136,9 +136,13 @@ fn lowered(
         _ => {}
     }
     if let Some(data) = system.data.first() {
-        let (name, span) = (data.name.clone(), settings.span);
-        diags.push(ExperimentError::Data { name, span });
-        return None;
+        return Some(Err(Refused {
+            fact: format!(
+                "`{}` is a signal from a table, which the discretized forms do not hold yet",
+                data.name
+            ),
+            help: "`--ir dcs` shows the system before it is discretized; `nsdc run` takes tables with every method",
+        }));
     }
     let (steps, options) = match &settings.method {
         Method::Fesd(options) => (options.steps, discretize::Options::fesd(options)),

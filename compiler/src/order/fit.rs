@@ -11,6 +11,10 @@ const FEWEST: usize = 3;
 /// Errors that are this much larger than the accuracy of the reference are known to a few percent at
 /// worst, on average over the points of a line.
 const ABOVE_FLOOR: f64 = 3.0;
+/// Least errors below this, relative to the size of the state, may be those of rounding; what is this
+/// much larger is not.
+const NEAR_ROUNDING: f64 = 1e-8;
+const ABOVE_LEAST: f64 = 5.0;
 /// Slopes of two halves that differ by this share of one are the same.
 const SETTLED: f64 = 0.05;
 
@@ -27,8 +31,10 @@ pub struct Fit {
 
 /// p of error ≈ C knob^p by least squares, over the errors that are about convergence.
 pub fn order(points: &[Point], reference: &Reference) -> Option<Fit> {
-    let range = ABOVE_FLOOR * reference.floor..COARSE * reference.size;
-    let known = points.iter().enumerate().filter_map(|(at, point)| {
+    let (level, last) = rounding(points, reference);
+    let range = level..COARSE * reference.size;
+    let known = points.iter().enumerate().take(last + 1);
+    let known = known.filter_map(|(at, point)| {
         let error = *point.error.as_ref().ok()?;
         range
             .contains(&error)
@@ -37,15 +43,38 @@ pub fn order(points: &[Point], reference: &Reference) -> Option<Fit> {
     let (places, logs): (Vec<usize>, Vec<(f64, f64)>) = known.unzip();
     let most = logs.len() / 2;
     let settled = (0..=most).find(|&first| has_settled(&logs[first..]));
-    let first = settled
-        .unwrap_or(most)
-        .min(logs.len().saturating_sub(FEWEST));
+    let first = settled.unwrap_or(most);
+    let first = first.min(logs.len().saturating_sub(FEWEST));
     let (order, spread) = line(&logs[first..])?;
     Some(Fit {
         order,
         spread,
         used: places[first..].to_vec(),
     })
+}
+
+/// Errors below this are those of the reference or rounding, and the last run that may be used: where
+/// errors fall as low as rounding can be, the least of them says what rounding is, and finer runs than
+/// that one are no better. The median of each error and its neighbours counts, so that no error is low
+/// by chance.
+fn rounding(points: &[Point], reference: &Reference) -> (f64, usize) {
+    let known = points.iter().enumerate();
+    let known = known.filter_map(|(at, point)| Some((at, *point.error.as_ref().ok()?)));
+    let known: Vec<(usize, f64)> = known.collect();
+    let median = |three: &[(usize, f64)]| {
+        let [mut a, mut b, c] = [three[0].1, three[1].1, three[2].1];
+        if a > b {
+            std::mem::swap(&mut a, &mut b);
+        }
+        (three[1].0, c.clamp(a, b))
+    };
+    let medians = known.windows(3).map(median);
+    let least = medians.min_by(|a, b| a.1.total_cmp(&b.1));
+    let level = ABOVE_FLOOR * reference.floor;
+    match least.filter(|(_, error)| *error < NEAR_ROUNDING * reference.size) {
+        Some((at, error)) => (level.max(ABOVE_LEAST * error), at),
+        None => (level, points.len()),
+    }
 }
 
 /// Whether both halves have one slope.
@@ -148,6 +177,20 @@ mod tests {
         assert_eq!(found.used.last(), Some(&last));
         assert!(found.used[0] >= 2, "{found:?}");
         assert!(found.used.len() > last / 2, "{found:?}");
+    }
+
+    #[test]
+    fn rounding_is_no_convergence() {
+        // h⁶, and what rounding adds up to over many steps.
+        let error = |h: f64| h.powi(6) + 1e-8 * (1e-2 / h);
+        let sizes: Vec<f64> = (0..24).map(|k| 0.5 * 0.8_f64.powi(k)).collect();
+        let points: Vec<Point> = sizes.iter().map(|&h| point(h, Ok(error(h)))).collect();
+        let reference = Reference {
+            floor: 1e-13,
+            ..reference()
+        };
+        let found = order(&points, &reference).expect("there are errors in range");
+        assert!((found.order - 6.0).abs() < 0.3, "{found:?}");
     }
 
     #[test]

@@ -33,6 +33,8 @@ const EXPONENTS: std::ops::RangeInclusive<i32> = 2..=13;
 const WIDTHS: std::ops::RangeInclusive<i32> = 2..=13;
 /// Steps of the coarsest grid, at least.
 const FEWEST_STEPS: usize = 4;
+/// So many more where the order is one, whatever the scheme.
+const LOW_ORDER: usize = 16;
 /// Taylor steps of a very accurate run for one step of the coarsest grid.
 const SHARE: usize = 8;
 /// Doublings of the coarsest grid, in this many refinements each: where a switch is in its step changes
@@ -189,7 +191,7 @@ fn timestepping(
         name: format!("timestepping {}({nodes})", family.word()),
         knob: Knob::Step,
         place,
-        runs: grids(coarsest).into_iter().map(run).collect(),
+        runs: grids(LOW_ORDER * coarsest).into_iter().map(run).collect(),
     }
 }
 

@@ -26,7 +26,7 @@ use crate::system::experiment::Settings;
 use grid::Sweep;
 
 /// Errors above this share of the size of the state say nothing about convergence.
-const COARSE: f64 = 0.03;
+const COARSE: f64 = 0.1;
 /// Runs below the floor before a sweep ends.
 const MOST_BELOW: usize = 2;
 /// Failed runs in a row before a sweep ends.

@@ -9,6 +9,7 @@ use nsd_solver::adaptive::{self, Field, Simulator};
 use nsd_solver::simulate::{Side, Status};
 use nsd_solver::tape::{Scratch, Tape};
 
+use super::data::Pieces;
 use super::fesd::estimate;
 use super::functions::tape;
 use super::switched::variable;
@@ -80,6 +81,8 @@ pub(super) struct Jumping {
     rounds: usize,
     n: usize,
     m: usize,
+    pieces: Pieces,
+    /// t, x, α, and the coefficients of data.
     inputs: Vec<f64>,
     psi: Vec<f64>,
 }
@@ -87,9 +90,15 @@ pub(super) struct Jumping {
 impl Jumping {
     pub(super) fn new(system: &System) -> Self {
         let params = system.params.iter();
-        let numbers: Substitution = params
+        let mut numbers: Substitution = params
             .map(|param| (variable(param.var), system.exprs.constant(param.value)))
             .collect();
+        let (pieces, coefficients, polynomials) = Pieces::new(system);
+        for data in system.data.iter().map(|data| variable(data.var)) {
+            if let Some(polynomial) = polynomials.get(data) {
+                numbers.insert(data, polynomial);
+            }
+        }
         let rates: Vec<Expr> = system.states.iter().map(|state| state.rate).collect();
         let switching: Vec<Expr> = system.switches.iter().map(|switch| switch.psi).collect();
         let (rates, switching) = (numbers.apply(&rates), numbers.apply(&switching));
@@ -99,6 +108,7 @@ impl Jumping {
         let mut inputs = vec![variable(system.time)];
         inputs.extend(system.states.iter().map(|state| variable(state.var)));
         inputs.extend(&alphas);
+        inputs.extend(&coefficients);
         let mut depth: Vec<usize> = Vec::new();
         for &psi in &switching {
             let inside = variables_of(&[psi]);
@@ -115,6 +125,7 @@ impl Jumping {
             rounds: depth.into_iter().max().map_or(0, |depth| depth + 1),
             n: system.states.len(),
             m: alphas.len(),
+            pieces,
             inputs: vec![0.0; inputs.len()],
             psi: vec![0.0; alphas.len()],
         }
@@ -153,6 +164,11 @@ impl Field for Jumping {
                 Side::Plus
             };
         }
+    }
+
+    fn load(&mut self, t: f64) -> f64 {
+        let first = 1 + self.n + self.m;
+        self.pieces.write(t, &mut self.inputs[first..])
     }
 
     fn rates(&mut self, t: f64, x: &[f64], rates: &mut [f64]) {

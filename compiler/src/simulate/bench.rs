@@ -123,13 +123,7 @@ impl<'s, 'e> Bench<'s, 'e> {
     /// Why methods that look at the present state alone do not run the system.
     pub fn with_memory(&self) -> Option<String> {
         let relay = self.system.switches.iter().find(|s| s.relay.is_some());
-        let relay = relay.map(|relay| format!("relay `{}` depends on the past", relay.name));
-        relay.or_else(|| self.with_data())
-    }
-
-    fn with_data(&self) -> Option<String> {
-        let data = self.system.data.first();
-        data.map(|data| format!("`{}` is a signal from a table", data.name))
+        relay.map(|relay| format!("relay `{}` depends on the past", relay.name))
     }
 
     /// Why the system has no finite elements.
@@ -231,7 +225,7 @@ impl<'s, 'e> Bench<'s, 'e> {
         let started = Instant::now();
         let outcome = solve();
         let first = started.elapsed();
-        let once = self.repetitions == 0 || first > 4 * REPETITIONS;
+        let once = self.repetitions == 0 || first > REPETITIONS;
         if outcome.status != Status::Solved || once {
             return (outcome, first.as_secs_f64());
         }
@@ -253,9 +247,6 @@ fn complementarity<'e>(
     system: &System<'e>,
     settings: &Settings,
 ) -> Result<Complementarity<'e>, String> {
-    if let Some(data) = system.data.first() {
-        return Err(format!("`{}` is a signal from a table", data.name));
-    }
     let lowerings = &settings.lowerings;
     dcs::check(system, lowerings, true).map_err(|error| error.to_string())?;
     let dcs = dcs::lower(system, lowerings).map_err(|error| error.to_string())?;

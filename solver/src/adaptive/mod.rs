@@ -29,6 +29,11 @@ pub trait Field {
     fn sides(&mut self, t: f64, x: &[f64], sides: &mut [Side]);
     /// f.
     fn rates(&mut self, t: f64, x: &[f64], rates: &mut [f64]);
+    /// Takes the pieces that functions of time have from `t` on; the next breakpoint, infinity where
+    /// there is none.
+    fn load(&mut self, _t: f64) -> f64 {
+        f64::INFINITY
+    }
 }
 
 /// What the user may choose.
@@ -61,6 +66,8 @@ const DEFECTS: [f64; 2] = [0.3, 0.7];
 /// Largest |x' - f| H over the local tolerance, and over the size of the state.
 const DEFECT: f64 = 1e3;
 const LEAST_DEFECT: f64 = 1e-11;
+/// A breakpoint this close to the end, relative to time, is there.
+const NEAR: f64 = 16.0 * f64::EPSILON;
 /// Steps between two looks at the clock.
 const STEPS: usize = 16;
 
@@ -97,6 +104,7 @@ impl<F: Field> Simulator<F> {
         let tolerance = (LOCAL * self.settings.tolerance).max(LEAST);
 
         let mut t = t0;
+        let mut until = self.field.load(t);
         self.field.sides(t, &x, &mut sides);
         self.field.rates(t, &x, &mut rates);
         let mut control = Control::new(tolerance, first_step(&x, &rates, t1 - t0));
@@ -112,7 +120,12 @@ impl<F: Field> Simulator<F> {
             if attempts.is_multiple_of(STEPS) && self.settings.time_limit.is_some_and(is_over) {
                 break Status::TimeLimit;
             }
-            let length = control.step.min(t1 - t);
+            let limit = if until < t1 - NEAR * t1.abs() {
+                until
+            } else {
+                t1
+            };
+            let length = control.step.min(limit - t);
             if t + length == t {
                 break Status::StepLimit;
             }
@@ -135,7 +148,14 @@ impl<F: Field> Simulator<F> {
             }
 
             // Rows may agree on what is wrong where f depends on signs alone, and not on their steps.
-            let (start, end) = (t, if length == t1 - t { t1 } else { t + length });
+            let (start, end) = (
+                t,
+                if length == limit - t {
+                    limit
+                } else {
+                    t + length
+                },
+            );
             table.close(&mut self.field, end, m, &mut self.series);
             let defect = table.defect(&mut self.field, t, &scale, &self.series);
             stats.rhs_evaluations += 1 + DEFECTS.len();
@@ -160,6 +180,10 @@ impl<F: Field> Simulator<F> {
             };
             if observer.segment(&segment).is_break() {
                 break Status::Stopped;
+            }
+            if t == until {
+                until = self.field.load(t);
+                self.field.rates(t, &x, &mut rates);
             }
             self.field.sides(t, &x, &mut end_sides);
             if sides != end_sides {

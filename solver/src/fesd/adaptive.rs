@@ -41,7 +41,10 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         let local = (LOCAL * tolerance).max(f64::EPSILON);
         let target = local.powf(exponent / (order + 1.0));
         let horizon = t1 - run.t;
-        let mut h = 0.01 * horizon;
+        let mut h = match run.next {
+            0.0 => 0.01 * horizon,
+            next => next,
+        };
         let mut stalled = 0;
         while run.t < t1 {
             self.limit(run)?;
@@ -81,8 +84,14 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             }
             let reaches_end = event.is_none() && length == left;
             self.report(run, 1, reaches_end.then_some(t1), observer)?;
-            h = if event.is_some() { next.max(h) } else { next };
-            if event.is_some() {
+            // What was cut off by a switch or the end says less than what was tried.
+            h = if event.is_some() || length == left {
+                next.max(h)
+            } else {
+                next
+            };
+            run.next = h;
+            if event.is_some() && !run.is_at_breakpoint() {
                 self.change(run, h, observer)?;
             }
         }

@@ -37,6 +37,9 @@ impl Element {
             };
             registers[1 + k] = f64x4::from(std::array::from_fn(at));
         }
+        for (register, number) in registers[1 + per_node..].iter_mut().zip(&self.numbers) {
+            *register = f64x4::splat(*number);
+        }
     }
 
     /// Evaluates a tape at a group of nodes.

@@ -62,13 +62,19 @@ impl Directional {
         ];
         let registers = tapes.map(|tape| tape.n_registers().max(tape.n_inputs()));
         Directional {
-            inputs: vec![0.0; 1 + n + 2 * n_z],
+            inputs: vec![0.0; 1 + n + 2 * n_z + system.n_numbers()],
             registers: vec![0.0; registers.into_iter().max().unwrap_or(0)],
             matrix: vec![0.0; n_z * n_z],
             rhs: vec![0.0; n_z],
             lu: DenseLu::new(n_z),
             n,
         }
+    }
+
+    /// Takes the numbers that hold from here on.
+    pub fn set_numbers(&mut self, numbers: &[f64]) {
+        let first = self.inputs.len() - numbers.len();
+        self.inputs[first..].copy_from_slice(numbers);
     }
 
     /// The active sets that go on from (t, x), where the system is at z with the set `zeros`.
@@ -245,7 +251,7 @@ impl Directional {
     fn rates(&mut self, system: &impl ComplementaritySystem, u: &[f64]) -> Vec<f64> {
         let full = system.full();
         let n_z = u.len();
-        self.inputs[1 + self.n + n_z..].copy_from_slice(u);
+        self.inputs[1 + self.n + n_z..][..n_z].copy_from_slice(u);
         self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
         full.rates.run(&mut self.registers);
         full.rates.results(&self.registers).collect()
@@ -281,8 +287,8 @@ impl Directional {
     /// `matrix`; the rows of the pairs stay empty.
     pub(super) fn linearize(&mut self, system: &impl ComplementaritySystem, u: &[f64]) {
         let (full, n_z) = (system.full(), u.len());
-        let first = self.inputs.len() - n_z;
-        self.inputs[first..].copy_from_slice(u);
+        let first = 1 + self.n + n_z;
+        self.inputs[first..][..n_z].copy_from_slice(u);
         self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
         full.directional.run(&mut self.registers);
         for (rhs, value) in self

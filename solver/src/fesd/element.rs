@@ -54,6 +54,8 @@ pub(super) struct Element {
     pub unknowns: Vec<f64>,
     /// Σ b_j V_j.
     pub mean: Vec<f64>,
+    /// What changes at breakpoints.
+    pub(super) numbers: Vec<f64>,
     /// Size of the terms of each rate where it was last differentiated: times ε, its rounding error.
     pub activity: Vec<f64>,
     /// X at the nodes, in lanes: state i at `i * groups`.
@@ -77,7 +79,7 @@ pub(super) struct Element {
 
 impl Element {
     /// Memory for elements of an active set.
-    pub fn new(scheme: &Scheme, n: usize, reduced: Arc<Reduced>) -> Self {
+    pub fn new(scheme: &Scheme, n: usize, n_numbers: usize, reduced: Arc<Reduced>) -> Self {
         let per_node = n + reduced.unknowns.len();
         let size = scheme.s * per_node;
         let zero = f64x4::splat(0.0);
@@ -90,6 +92,7 @@ impl Element {
             x0: vec![0.0; n],
             unknowns: vec![0.0; size],
             mean: vec![0.0; n],
+            numbers: vec![0.0; n_numbers],
             activity: vec![0.0; n],
             x: vec![zero; n * scheme.groups],
             registers: vec![zero; registers.into_iter().max().unwrap_or(0)],
@@ -105,6 +108,14 @@ impl Element {
             factorizations: 0,
             evaluations: 0,
             reduced,
+        }
+    }
+
+    /// Takes the numbers that hold from here on; what is factored may depend on them.
+    pub fn set_numbers(&mut self, numbers: &[f64]) {
+        if self.numbers != numbers {
+            self.numbers.copy_from_slice(numbers);
+            self.factored = 0.0;
         }
     }
 

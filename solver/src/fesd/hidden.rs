@@ -13,17 +13,18 @@ const ROUNDING: f64 = 1e-10;
 
 /// Memory to solve for w in a point.
 pub(super) struct Hidden {
-    /// t, x, w.
+    /// t, x, w, and the numbers that change at breakpoints.
     pub inputs: Vec<f64>,
     registers: Vec<f64>,
     values: Vec<f64>,
     matrix: Vec<f64>,
     lu: DenseLu,
     n: usize,
+    n_w: usize,
 }
 
 impl Hidden {
-    pub fn new(n: usize, reduced: &Reduced) -> Self {
+    pub fn new(n: usize, n_numbers: usize, reduced: &Reduced) -> Self {
         let n_w = reduced.unknowns.len();
         let tapes = [
             &reduced.hidden,
@@ -36,12 +37,13 @@ impl Hidden {
         ];
         let registers = tapes.map(|tape| tape.n_registers().max(tape.n_inputs()));
         Hidden {
-            inputs: vec![0.0; 1 + n + n_w],
+            inputs: vec![0.0; 1 + n + n_w + n_numbers],
             registers: vec![0.0; registers.into_iter().max().unwrap_or(0)],
             values: vec![0.0; reduced.hidden_slopes.entries.len().max(n_w)],
             matrix: vec![0.0; n_w * n_w],
             lu: DenseLu::new(n_w),
             n,
+            n_w,
         }
     }
 
@@ -51,12 +53,18 @@ impl Hidden {
         for (input, x) in self.inputs[1..=self.n].iter_mut().zip(x) {
             *input = x;
         }
-        self.inputs[1 + self.n..].copy_from_slice(w);
+        self.inputs[1 + self.n..][..w.len()].copy_from_slice(w);
+    }
+
+    /// Takes the numbers that hold from here on.
+    pub fn set_numbers(&mut self, numbers: &[f64]) {
+        let first = 1 + self.n + self.n_w;
+        self.inputs[first..].copy_from_slice(numbers);
     }
 
     /// w of the point.
     pub fn w(&self) -> &[f64] {
-        &self.inputs[1 + self.n..]
+        &self.inputs[1 + self.n..][..self.n_w]
     }
 
     /// Evaluates a tape where the point is.
@@ -86,7 +94,7 @@ impl Hidden {
             }
             self.lu.solve(&mut self.values[..n_w]);
             let mut change = 0.0_f64;
-            for (w, step) in self.inputs[1 + self.n..]
+            for (w, step) in self.inputs[1 + self.n..][..n_w]
                 .iter_mut()
                 .zip(&self.values[..n_w])
             {

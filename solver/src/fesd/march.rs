@@ -76,7 +76,8 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             run.added += (count + usize::from(piece.event.is_some())).saturating_sub(left);
             left = left.saturating_sub(count).max(1);
             self.report(run, count, piece.reaches_end.then_some(end), observer)?;
-            if piece.event.is_some() {
+            // What comes after a breakpoint is decided there.
+            if piece.event.is_some() && !run.is_at_breakpoint() {
                 self.change(run, length, observer)?;
             }
         }
@@ -299,6 +300,16 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         let before = self.modes[run.mode].element.reduced.sides.clone();
         self.select(run, length)?;
         run.last = 0.0;
+        self.tell_change(run, before, observer)
+    }
+
+    /// Reports a change of sides.
+    pub(super) fn tell_change(
+        &mut self,
+        run: &mut Run,
+        before: Box<[Side]>,
+        observer: &mut impl Observer,
+    ) -> Result<(), Status> {
         let after = &self.modes[run.mode].element.reduced.sides;
         if before != *after {
             run.stats.events += 1;

@@ -114,6 +114,9 @@ pub struct Solution {
     pub least_member: f64,
 }
 
+/// Breakpoints and ends of steps this close, relative to time, are one instant.
+const NEAR: f64 = 16.0 * f64::EPSILON;
+
 /// What has been compiled and factored for an active set.
 struct Mode {
     element: Element,
@@ -129,6 +132,8 @@ pub struct Simulator<'s, S> {
     known: FxHashMap<Vec<Zero>, Option<usize>>,
     modes: Vec<Mode>,
     directional: Directional,
+    /// What changes at breakpoints, as it is now.
+    numbers: Vec<f64>,
     values: Values,
     roots: RootFinder,
     /// The elements solved since the last one that was reported.
@@ -147,12 +152,16 @@ struct Run {
     mode: usize,
     /// How the watched members of the mode start in the next element.
     starts: Vec<Start>,
+    /// The next breakpoint; infinity where there is none.
+    until: f64,
     /// Values of the watched members that count as zero, over [`watch::BAND`].
     sizes: Vec<f64>,
     /// Largest magnitude of each state so far.
     scale: Vec<f64>,
     /// Length of the last element in this mode, zero before the first.
     last: f64,
+    /// Length of the next element by the tolerance, zero before the first.
+    next: f64,
     rates: Vec<f64>,
     started: Instant,
     stats: Stats,
@@ -167,6 +176,11 @@ struct Run {
 }
 
 impl Run {
+    /// Whether data goes on with other pieces at the present time.
+    fn is_at_breakpoint(&self) -> bool {
+        self.until <= self.t + NEAR * self.t.abs()
+    }
+
     /// The values of some algebraic variables.
     fn z_of(&self, variables: &[usize]) -> Vec<f64> {
         variables.iter().map(|&i| self.z[i]).collect()
@@ -183,6 +197,7 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
             known: FxHashMap::default(),
             modes: Vec::new(),
             directional: Directional::new(system),
+            numbers: vec![0.0; system.n_numbers()],
             values: Values::default(),
             roots: RootFinder::new(scheme.points.len()),
             scheme,
@@ -227,9 +242,11 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
             zeros: Vec::new(),
             mode: 0,
             starts: Vec::new(),
+            until: f64::INFINITY,
             sizes: Vec::new(),
             scale: x0.iter().map(|x| x.abs()).collect(),
             last: 0.0,
+            next: 0.0,
             rates: vec![0.0; x0.len()],
             started: Instant::now(),
             stats: Stats::default(),
@@ -287,6 +304,7 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
         t1: f64,
         observer: &mut impl Observer,
     ) -> Result<(), Status> {
+        self.load(run, t0);
         self.begin(run, t1 - t0)?;
         match self.settings.grid {
             Grid::Steps { steps, elements } => {
@@ -296,12 +314,40 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
                     } else {
                         t0 + (t1 - t0) * (k as f64 / steps as f64)
                     };
-                    self.interval(run, end, elements, observer)?;
+                    self.pieces(run, end, observer, |simulator, run, end, observer| {
+                        simulator.interval(run, end, elements, observer)
+                    })?;
                 }
                 Ok(())
             }
-            Grid::Adaptive { tolerance } => self.adapt(run, t1, tolerance, observer),
+            Grid::Adaptive { tolerance } => {
+                self.pieces(run, t1, observer, |simulator, run, end, observer| {
+                    simulator.adapt(run, end, tolerance, observer)
+                })
+            }
         }
+    }
+
+    /// Integrates to `end` from breakpoint to breakpoint.
+    fn pieces<O: Observer>(
+        &mut self,
+        run: &mut Run,
+        end: f64,
+        observer: &mut O,
+        integrate: impl Fn(&mut Self, &mut Run, f64, &mut O) -> Result<(), Status>,
+    ) -> Result<(), Status> {
+        let (length, near) = (end - run.t, NEAR * end.abs());
+        while run.until < end - near {
+            if !run.is_at_breakpoint() {
+                let until = run.until;
+                integrate(self, run, until, observer)?;
+            }
+            self.pass_breakpoint(run, length, observer)?;
+        }
+        if run.t < end {
+            integrate(self, run, end, observer)?;
+        }
+        Ok(())
     }
 
     /// Whether a run has to stop.
@@ -325,10 +371,14 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
         }
         let n = self.system.n_states();
         let place = self.system.reduced(zeros).map(|reduced| {
-            self.modes.push(Mode {
-                hidden: Hidden::new(n, &reduced),
-                element: Element::new(&self.scheme, n, reduced),
-            });
+            let n_numbers = self.numbers.len();
+            let mut mode = Mode {
+                hidden: Hidden::new(n, n_numbers, &reduced),
+                element: Element::new(&self.scheme, n, n_numbers, reduced),
+            };
+            mode.element.set_numbers(&self.numbers);
+            mode.hidden.set_numbers(&self.numbers);
+            self.modes.push(mode);
             self.modes.len() - 1
         });
         self.known.insert(zeros.to_vec(), place);

@@ -1,6 +1,7 @@
 //! The active set that goes on from the start or from a switch.
 
 use super::directional::{self, Choice, Found};
+use super::emit::Observer;
 use super::system::{ComplementaritySystem, Pair, Zero};
 use super::watch::{BAND, Start, Verdict};
 use super::{Run, Simulator};
@@ -28,6 +29,34 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         };
         run.zeros = self.system.pairs().iter().zip(&bands).map(zero).collect();
         self.select_from(run, &bands, horizon)
+    }
+
+    /// Takes the numbers that hold from an instant on, up to the next breakpoint.
+    pub(super) fn load(&mut self, run: &mut Run, from: f64) {
+        run.until = self.system.numbers(from, &mut self.numbers);
+        self.directional.set_numbers(&self.numbers);
+        for mode in &mut self.modes {
+            mode.element.set_numbers(&self.numbers);
+            mode.hidden.set_numbers(&self.numbers);
+        }
+    }
+
+    /// Goes on from a breakpoint: what depends on data may jump there, λ with it, and is computed anew
+    /// from x; the set that goes on is found as at the start.
+    pub(super) fn pass_breakpoint(
+        &mut self,
+        run: &mut Run,
+        length: f64,
+        observer: &mut impl Observer,
+    ) -> Result<(), Status> {
+        let before = self.modes[run.mode].element.reduced.sides.clone();
+        // The instant may be just ahead, by rounding.
+        let from = run.t.max(run.until);
+        self.load(run, from);
+        run.z = self.system.z_at(from, &run.x);
+        self.begin(run, length)?;
+        run.last = 0.0;
+        self.tell_change(run, before, observer)
     }
 
     /// Finds the set that goes on where an element has ended on its boundary.
@@ -180,6 +209,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         let mut inputs = vec![run.t];
         inputs.extend_from_slice(&run.x);
         inputs.extend_from_slice(&run.z);
+        inputs.extend_from_slice(&self.numbers);
         let mut slopes = vec![0.0; full.slopes.entries.len()];
         full.slopes
             .tape

@@ -22,7 +22,7 @@ pub struct SteppingSettings {
     pub family: Family,
     /// Its number of nodes.
     pub nodes: usize,
-    /// Number of steps, at least 1.
+    /// Number of steps, at least 1, besides those that end at breakpoints.
     pub steps: usize,
     /// Wall time after which the run stops.
     pub time_limit: Option<Duration>,
@@ -83,7 +83,7 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
         Ok(Stepper {
             powers: super::scheme::powers(&tableau.nodes),
             unknowns: vec![0.0; size],
-            inputs: vec![0.0; 1 + n + n_z],
+            inputs: vec![0.0; 1 + n + n_z + system.n_numbers()],
             registers: vec![0.0; registers.into_iter().max().unwrap_or(0)],
             matrix: vec![0.0; size * size],
             rhs: vec![0.0; size],
@@ -105,14 +105,15 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
     pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut impl Observer) -> Outcome {
         let started = Instant::now();
         let (n, steps) = (x0.len(), self.settings.steps);
-        let h = (t1 - t0) / steps as f64;
         let mut x = x0.to_vec();
         let mut end = x.clone();
+        let mut until = self.load_numbers(t0);
         self.begin(t0, x0);
+        let mut ends = 0;
         let mut sides: Option<Box<[Side]>> = None;
         let (mut stats, mut t) = (Stats::default(), t0);
         let status = loop {
-            if stats.steps == steps {
+            if ends == steps {
                 break Status::Solved;
             }
             if self
@@ -122,12 +123,20 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
             {
                 break Status::TimeLimit;
             }
+            // A breakpoint in a step is the end of a part of it.
+            let end_of_step = t0 + (t1 - t0) * ((ends + 1) as f64 / steps as f64);
+            let near = super::NEAR * end_of_step.abs();
+            let next = if until < end_of_step - near {
+                until
+            } else {
+                end_of_step
+            };
+            let h = next - t;
             if !self.solve(t, h, &x, &mut stats) {
                 break Status::Unsolved;
             }
             stats.steps += 1;
             stats.rhs_evaluations += self.tableau.n_nodes();
-            let next = t0 + (t1 - t0) * (stats.steps as f64 / steps as f64);
             self.end(h, &x, &mut end);
             if !end.iter().all(|x| x.is_finite()) {
                 break Status::NotFinite;
@@ -153,6 +162,12 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
                 dense: &self.series,
             };
             let flow = observer.segment(&segment);
+            if next == end_of_step {
+                ends += 1;
+            }
+            if until <= next + near {
+                until = self.load_numbers(next.max(until));
+            }
             (t, sides) = (next, Some(now));
             std::mem::swap(&mut x, &mut end);
             if flow == ControlFlow::Break(()) {
@@ -180,7 +195,7 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
     fn begin(&mut self, t: f64, x: &[f64]) {
         let (n, n_z) = (x.len(), self.system.start().len());
         self.load(t, x, 0);
-        self.inputs[1 + n..].copy_from_slice(self.system.start());
+        self.inputs[1 + n..][..n_z].copy_from_slice(self.system.start());
         self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
         let tape = &self.system.full().equations;
         tape.run(&mut self.registers);
@@ -191,14 +206,25 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
         }
     }
 
+    /// Unknowns per node: V, then z.
+    fn per_node(&self) -> usize {
+        self.system.n_states() + self.system.start().len()
+    }
+
+    /// Takes the numbers that hold from `t` on; the next breakpoint.
+    fn load_numbers(&mut self, t: f64) -> f64 {
+        let first = self.per_node() + 1;
+        self.system.numbers(t, &mut self.inputs[first..])
+    }
+
     /// Puts a point into the inputs, with z of a node.
     fn load(&mut self, t: f64, x: &[f64], node: usize) {
         let n = x.len();
-        let per_node = self.inputs.len() - 1;
+        let per_node = self.per_node();
         self.inputs[0] = t;
         self.inputs[1..=n].copy_from_slice(x);
         let z = &self.unknowns[node * per_node + n..(node + 1) * per_node];
-        self.inputs[1 + n..].copy_from_slice(z);
+        self.inputs[1 + n..=per_node].copy_from_slice(z);
     }
 
     /// Solves the step: by the smaller members first, else along smoothed pairs, ever more slowly and
@@ -227,7 +253,7 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
 
     /// Puts what jumps to the middle of its range.
     fn centre(&mut self) {
-        let (n, per_node) = (self.system.n_states(), self.inputs.len() - 1);
+        let (n, per_node) = (self.system.n_states(), self.per_node());
         for node in self.unknowns.chunks_exact_mut(per_node) {
             for (i, z) in node[n..].iter_mut().enumerate() {
                 if !self.system.is_continuous(i) {
@@ -282,7 +308,7 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
 
     /// Whether no member is negative.
     fn is_complementary(&self) -> bool {
-        let per_node = self.inputs.len() - 1;
+        let per_node = self.per_node();
         let n = self.system.n_states();
         self.unknowns.chunks_exact(per_node).all(|node| {
             let z = &node[n..];
@@ -294,7 +320,7 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
     /// The negative residual and the Jacobian of all equations. Returns the norm of the residual.
     fn assemble(&mut self, t: f64, h: f64, x0: &[f64], rule: Rule) -> f64 {
         let (system, s, n) = (self.system, self.tableau.n_nodes(), x0.len());
-        let (full, per_node) = (system.full(), self.inputs.len() - 1);
+        let (full, per_node) = (system.full(), self.per_node());
         let (size, n_rows) = (s * per_node, full.equations.n_outputs());
         self.matrix.fill(0.0);
         for m in 0..s {
@@ -338,7 +364,7 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
                     _ => self.matrix[start + rows + input - 1] += sign * slope,
                 }
             }
-            let z = &self.inputs[1 + n..];
+            let z = &self.inputs[1 + n..=per_node];
             for (k, pair) in system.pairs().iter().enumerate() {
                 let row = rows + n_rows + k;
                 let (a, b) = (pair.left.value(z), pair.right.value(z));
@@ -361,7 +387,7 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
 
     /// x₀ + h Σ_j b_j V_j
     fn end(&self, h: f64, x0: &[f64], end: &mut [f64]) {
-        let per_node = self.inputs.len() - 1;
+        let per_node = self.per_node();
         for (i, end) in end.iter_mut().enumerate() {
             let terms = self.tableau.weights.iter().enumerate();
             let mean: f64 = terms
@@ -390,7 +416,7 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
 
     /// x(τ) = x₀ + ∫ V, and α as at the last node.
     fn polynomials(&mut self, h: f64, x0: &[f64], sides: &[Side]) {
-        let (s, n, per_node) = (self.tableau.n_nodes(), x0.len(), self.inputs.len() - 1);
+        let (s, n, per_node) = (self.tableau.n_nodes(), x0.len(), self.per_node());
         self.series.shape(n, sides.len(), s);
         for (i, &x0) in x0.iter().enumerate() {
             let c = self.series.row_mut(i);

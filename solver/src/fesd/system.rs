@@ -5,6 +5,9 @@
 //! Each member of a pair is an algebraic variable z_i or 1 - z_i, and at least one of them is
 //! *continuous* along solutions: a function of t and x, as λ is in the reformulations of switches.
 //! The other, like θ or α, jumps where the active set changes.
+//!
+//! Functions of time that are made of pieces enter by *numbers* that hold from one breakpoint to the
+//! next, as the coefficients of their polynomials: the last inputs of every function below.
 
 use std::sync::Arc;
 
@@ -28,6 +31,19 @@ pub trait ComplementaritySystem {
     fn reduced(&self, zeros: &[Zero]) -> Option<Arc<Reduced>>;
     /// z where t = 0, with every side's share where that is on a surface.
     fn start(&self) -> &[f64];
+    /// How many numbers change at breakpoints.
+    fn n_numbers(&self) -> usize {
+        0
+    }
+    /// Writes the numbers that hold from `t` on; the next breakpoint, infinity where there is none.
+    fn numbers(&self, _t: f64, _numbers: &mut [f64]) -> f64 {
+        f64::INFINITY
+    }
+    /// z at a point from which a new piece of a function of time begins, with every side's share where
+    /// it is on a surface.
+    fn z_at(&self, _t: f64, _x: &[f64]) -> Vec<f64> {
+        self.start().to_vec()
+    }
     /// Whether a variable is continuous along solutions.
     fn is_continuous(&self, algebraic: usize) -> bool;
 }
@@ -97,7 +113,7 @@ impl Pair {
     }
 }
 
-/// Functions of (t, x, z).
+/// Functions of (t, x, z), and of the numbers that change at breakpoints.
 #[derive(Clone, Debug)]
 pub struct Full {
     /// To (f, g).

@@ -11,8 +11,9 @@ use nsd_solver::simulate::{Partials, Side};
 use nsd_solver::tape::Tape;
 use rustc_hash::FxHashMap;
 
+use super::super::data::Pieces;
 use super::reduce::{Remainder, eliminate};
-use crate::dcs::{Cause, Dcs, Origin};
+use crate::dcs::{self, Cause, Dcs, Origin};
 use crate::expr::{self, Expr, Exprs, Substitution, Var, variables_of};
 use crate::system::System;
 
@@ -30,6 +31,11 @@ pub struct Complementarity<'e> {
     pairs: Vec<Pair>,
     switches_of: Vec<Vec<usize>>,
     full: Full,
+    /// Coefficients of data, the last inputs of all functions.
+    coefficients: Vec<Var>,
+    pieces: Pieces,
+    /// What z at a breakpoint follows from; none without data.
+    at_breakpoints: Option<(System<'e>, Dcs<'e>)>,
     known: RefCell<FxHashMap<Vec<Zero>, Option<Arc<Reduced>>>>,
 }
 
@@ -41,10 +47,17 @@ impl<'e> Complementarity<'e> {
     pub fn new(system: &System<'e>, dcs: &Dcs<'e>) -> Self {
         let exprs = dcs.exprs;
         let params = dcs.params.iter();
-        let numbers: Substitution = params
+        let mut numbers: Substitution = params
             .map(|param| (variable(param.var), exprs.constant(param.value)))
             .collect();
+        let (pieces, coefficients, polynomials) = Pieces::new(system);
+        for data in system.data.iter().map(|data| variable(data.var)) {
+            if let Some(polynomial) = polynomials.get(data) {
+                numbers.insert(data, polynomial);
+            }
+        }
         let (rates, equations) = (numbers.apply(&dcs.rates), numbers.apply(&dcs.equations));
+        let at_breakpoints = (!coefficients.is_empty()).then(|| (system.clone(), dcs.clone()));
         let algebraics: Vec<Var> = dcs.algebraics.iter().map(|z| variable(z.var)).collect();
         let place: FxHashMap<Var, usize> = algebraics
             .iter()
@@ -52,7 +65,7 @@ impl<'e> Complementarity<'e> {
             .map(|(i, &z)| (z, i))
             .collect();
         let groups = groups(&equations, &place);
-        let pair = |pair: &crate::dcs::Pair<'e>| {
+        let pair = |pair: &dcs::Pair<'e>| {
             let (left, right) = (member(pair.left, &place), member(pair.right, &place));
             Pair {
                 left,
@@ -67,7 +80,7 @@ impl<'e> Complementarity<'e> {
             states: dcs.states.iter().map(|state| variable(state.var)).collect(),
             continuous,
             start: dcs.algebraics.iter().map(|z| z.guess).collect(),
-            alphas: dcs.alphas.clone(),
+            alphas: numbers.apply(&dcs.alphas),
             pairs: dcs.pairs.iter().map(pair).collect(),
             switches_of: (dcs.origins.pairs.iter())
                 .map(|origin| switches(system, origin))
@@ -84,6 +97,9 @@ impl<'e> Complementarity<'e> {
             algebraics,
             rates,
             equations,
+            coefficients,
+            pieces,
+            at_breakpoints,
             known: RefCell::default(),
         };
         system.full = system.compile_full();
@@ -96,6 +112,30 @@ impl<'e> Complementarity<'e> {
             .iter()
             .map(|&z| self.exprs.name(z))
             .collect()
+    }
+
+    /// The tape of functions of these inputs, and of the coefficients of data.
+    fn tape(&self, inputs: &[Var], outputs: &[Expr<'e>]) -> Tape {
+        let all: Vec<Var> = inputs.iter().chain(&self.coefficients).copied().collect();
+        expr::compile(&all, outputs)
+            .expect("a verified DCS holds smooth functions of its own variables only")
+    }
+
+    /// The derivatives of functions of `inputs` by some of these.
+    fn partials(&self, inputs: &[Var], functions: &[Expr<'e>], by: &[Var]) -> Partials {
+        let entries = expr::jacobian(functions, by).entries;
+        let values: Vec<Expr> = entries.iter().map(|&(.., value)| value).collect();
+        let place: FxHashMap<Var, usize> = inputs
+            .iter()
+            .enumerate()
+            .map(|(i, &var)| (var, i))
+            .collect();
+        Partials {
+            tape: self.tape(inputs, &values),
+            entries: (entries.iter())
+                .map(|&(function, column, _)| (function, place[&by[column]]))
+                .collect(),
+        }
     }
 
     /// Time, states, and some more variables.
@@ -138,13 +178,13 @@ impl<'e> Complementarity<'e> {
         let slopes: Vec<Expr> = by_u.iter().map(|&(.., slope)| slope).collect();
         let in_slopes = variables_of(&slopes);
         Full {
-            equations: tape(&inputs, &all),
-            slopes: partials(&inputs, &all, &inputs),
-            directional: tape(&with_u, &directional),
-            directional_slopes: partials(&with_u, &directional, &u),
+            equations: self.tape(&inputs, &all),
+            slopes: self.partials(&inputs, &all, &inputs),
+            directional: self.tape(&with_u, &directional),
+            directional_slopes: self.partials(&with_u, &directional, &u),
             is_affine: !u.iter().any(|u| in_slopes.contains(u)),
-            rates: tape(&with_u, &rates),
-            alphas: tape(&inputs, &self.alphas),
+            rates: self.tape(&with_u, &rates),
+            alphas: self.tape(&inputs, &self.alphas),
         }
     }
 
@@ -229,22 +269,22 @@ impl<'e> Complementarity<'e> {
             .filter(|(_, side)| **side == Side::Slide)
             .map(|(&alpha, _)| alpha)
             .collect();
-        let slopes = partials(&inputs, &functions, &inputs);
+        let slopes = self.partials(&inputs, &functions, &inputs);
         let constant = expr::jacobian(&functions, &inputs[1..]).entries;
         Some(Reduced {
             unknowns: (unknowns.iter())
                 .filter_map(|var| self.algebraics.iter().position(|z| z == var))
                 .collect(),
-            equations: tape(&inputs, &functions),
+            equations: self.tape(&inputs, &functions),
             slopes,
-            hidden: tape(&inputs, &hidden),
-            hidden_slopes: partials(&inputs, &hidden, &inputs),
-            algebraics: tape(&inputs, &algebraics),
-            members: tape(&inputs, &members),
-            member_slopes: partials(&inputs, &members, &inputs),
+            hidden: self.tape(&inputs, &hidden),
+            hidden_slopes: self.partials(&inputs, &hidden, &inputs),
+            algebraics: self.tape(&inputs, &algebraics),
+            members: self.tape(&inputs, &members),
+            member_slopes: self.partials(&inputs, &members, &inputs),
             watched,
             sides,
-            alphas: tape(&inputs, &sliding),
+            alphas: self.tape(&inputs, &sliding),
             is_linear: constant
                 .iter()
                 .all(|(.., slope)| slope.as_constant().is_some()),
@@ -277,6 +317,31 @@ impl ComplementaritySystem for Complementarity<'_> {
         let mut known = self.known.borrow_mut();
         let compile = || self.compile(zeros).map(Arc::new);
         known.entry(zeros.to_vec()).or_insert_with(compile).clone()
+    }
+
+    fn n_numbers(&self) -> usize {
+        self.coefficients.len()
+    }
+
+    fn numbers(&self, t: f64, numbers: &mut [f64]) -> f64 {
+        self.pieces.write(t, numbers)
+    }
+
+    fn z_at(&self, t: f64, x: &[f64]) -> Vec<f64> {
+        let Some((system, dcs)) = &self.at_breakpoints else {
+            return self.start.clone();
+        };
+        let params = system.params.iter().map(|p| (variable(p.var), p.value));
+        let data = system.data.iter();
+        let data = data.map(|data| (variable(data.var), data.table.value(t)));
+        let states = self.states.iter().copied().zip(x.iter().copied());
+        let known: FxHashMap<Var, f64> = params
+            .chain(data)
+            .chain(states)
+            .chain([(self.time, t)])
+            .collect();
+        let value = |var: Var| known.get(&var).copied().unwrap_or(f64::NAN);
+        dcs::solve_pointwise(system, dcs, &value).algebraics
     }
 
     fn start(&self) -> &[f64] {
@@ -323,27 +388,5 @@ fn switches(system: &System, origin: &Origin) -> Vec<usize> {
             system.subsystems[subsystem].switches.clone()
         }
         Cause::State(_) => Vec::new(),
-    }
-}
-
-fn tape(inputs: &[Var], outputs: &[Expr]) -> Tape {
-    expr::compile(inputs, outputs)
-        .expect("a verified DCS holds smooth functions of its own variables only")
-}
-
-/// The derivatives of functions of `inputs` by some of these.
-fn partials(inputs: &[Var], functions: &[Expr], by: &[Var]) -> Partials {
-    let entries = expr::jacobian(functions, by).entries;
-    let values: Vec<Expr> = entries.iter().map(|&(.., value)| value).collect();
-    let place: FxHashMap<Var, usize> = inputs
-        .iter()
-        .enumerate()
-        .map(|(i, &var)| (var, i))
-        .collect();
-    Partials {
-        tape: tape(inputs, &values),
-        entries: (entries.iter())
-            .map(|&(function, column, _)| (function, place[&by[column]]))
-            .collect(),
     }
 }

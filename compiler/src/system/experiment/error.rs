@@ -142,22 +142,13 @@ pub enum ExperimentError {
     #[diagnostic(
         code(E0513),
         help(
-            "a law is a smooth function of one number, psi/epsilon, that goes from -1 to 1; from 0 to 1 goes (1 + s)/2"
+            "a law is a smooth function of psi/epsilon that goes from -1 to 1; where f goes from 0 to 1, take 2*f - 1"
         )
     )]
     NoLaw {
         name: String,
         what: String,
         #[label("{what}")]
-        span: Span,
-    },
-
-    /// Data in a method that has no breakpoints.
-    #[error("finite elements, time stepping and `adaptive` do not take signals from tables yet")]
-    #[diagnostic(code(E0909), help("use `method event`, which is the default"))]
-    Data {
-        name: String,
-        #[label("needs `{name}`, which is data")]
         span: Span,
     },
 

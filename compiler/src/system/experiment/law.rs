@@ -1,7 +1,7 @@
 //! Laws of smoothing: the functions in the place of the sign.
 
 use super::{ExperimentError, Reader, unknown_choice};
-use crate::expr::{Expr, Var, compile, variables_of};
+use crate::expr::{CompileError, Expr, Var, compile};
 use crate::syntax::{self, Arg, ExprKind, Ident};
 
 /// A function that goes from -1 to 1.
@@ -95,11 +95,10 @@ fn own<'e>(reader: &mut Reader<'_, 'e>, function: &syntax::Expr, name: String) -
     let Some(value) = value.as_scalar() else {
         return wrong(format!("gives {} instead of a number", value.shape));
     };
-    if let Some(other) = variables_of(&[value]).into_iter().find(|v| *v != argument) {
-        return wrong(format!("depends on `{}`", exprs.name(other)));
-    }
-    if let Err(error) = compile(&[argument], &[value]) {
-        return wrong(format!("is not smooth: {error}"));
+    match compile(&[argument], &[value]) {
+        Err(CompileError::Nonsmooth(part)) => return wrong(format!("is not smooth: `{part}`")),
+        Err(CompileError::NotAnInput(name)) => return wrong(format!("depends on `{name}`")),
+        Ok(_) => {}
     }
     let at = |y: f64| value.eval(&|_| y);
     let points = SAMPLES.iter().flat_map(|&y| [y, -y]);
