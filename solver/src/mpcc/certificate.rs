@@ -1,0 +1,142 @@
+//! What a point is: its residuals, its stationarity class by multipliers, and B-stationarity.
+
+use super::class::{Class, classify};
+use super::lift::Lifted;
+use super::local::{Local, Sets};
+use super::lpec::{Descent, descend};
+use crate::problem::Nlp;
+
+/// How far a point is from satisfying the problem.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Residuals {
+    /// The largest violation of a row or bound, sides of pairs included.
+    pub violation: f64,
+    /// The largest |min(a, b)|.
+    pub complementarity: f64,
+    /// The largest |a b|.
+    pub product: f64,
+}
+
+/// Tolerances of a certificate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tolerances {
+    /// A side of a pair is zero when it is at most this.
+    pub biactive: f64,
+    /// A bound or row is active when it is at most this away, times max(1, |value|).
+    pub active: f64,
+    /// Reduced gradients up to this, times max(1, |∇f|), are zero; decreases below it, times the radius, are none.
+    pub stationarity: f64,
+    /// Δ of the linear program with complementarity constraints.
+    pub radius: f64,
+    /// How many linear programs may be solved for B-stationarity.
+    pub node_limit: usize,
+}
+
+impl Default for Tolerances {
+    fn default() -> Self {
+        Tolerances {
+            biactive: 1e-6,
+            active: 1e-6,
+            stationarity: 1e-6,
+            radius: 1e-4,
+            node_limit: 100,
+        }
+    }
+}
+
+/// Stationarity of a feasible point.
+#[derive(Clone, Debug)]
+pub struct Certificate {
+    /// The strongest class that was shown.
+    pub class: Class,
+    /// Whether stronger classes are excluded.
+    pub is_exact: bool,
+    /// Whether no feasible direction descends: `None` where the search met its limit.
+    pub b_stationary: Option<bool>,
+    /// Pairs with both sides zero.
+    pub biactive: Vec<usize>,
+    /// y of the rows of the vertical form.
+    pub y: Vec<f64>,
+    /// ∇f + Jᵀy of the variables of the vertical form: for a side at zero, its multiplier ν.
+    pub reduced: Vec<f64>,
+    /// A direction of descent in the vertical form, when the point is not B-stationary.
+    pub descent: Option<Vec<f64>>,
+}
+
+impl Residuals {
+    /// Those of a point of the vertical form.
+    pub fn new(lifted: &mut Lifted<'_>, w: &[f64]) -> Self {
+        let mut rows = vec![0.0; lifted.n_rows()];
+        lifted.rows(w, &mut rows);
+        let outside = |value: f64, lower: f64, upper: f64| {
+            let excess = (lower - value).max(value - upper).max(0.0);
+            if value.is_nan() {
+                f64::INFINITY
+            } else {
+                excess
+            }
+        };
+        let of = |values: &[f64], bounds: crate::problem::Bounds<'_>| {
+            let bounds = bounds.lower.iter().zip(bounds.upper);
+            let each = values.iter().zip(bounds);
+            each.fold(0.0, |m: f64, (&v, (&l, &u))| m.max(outside(v, l, u)))
+        };
+        let violation = of(w, lifted.variable_bounds()).max(of(&rows, lifted.row_bounds()));
+        let pairs = (0..lifted.pairs().len()).map(|pair| lifted.distances(pair, w));
+        let mut residuals = Residuals {
+            violation,
+            ..Residuals::default()
+        };
+        for [a, b] in pairs {
+            residuals.complementarity = residuals.complementarity.max(a.min(b).abs());
+            residuals.product = residuals.product.max((a * b).abs());
+        }
+        residuals
+    }
+}
+
+/// The certificate of a feasible point of the vertical form; `y` are multipliers to try first.
+pub fn certify(
+    lifted: &mut Lifted<'_>,
+    w: &[f64],
+    y: &[f64],
+    tolerances: &Tolerances,
+) -> Certificate {
+    let local = Local::new(lifted, w);
+    let sets = Sets::new(lifted, w, tolerances.biactive);
+    let classified = classify(
+        lifted,
+        &local,
+        &sets,
+        y,
+        tolerances.stationarity,
+        tolerances.active,
+    );
+    let mut certificate = Certificate {
+        class: classified.class,
+        is_exact: classified.is_exact,
+        b_stationary: Some(true),
+        reduced: local.reduced_gradient(&classified.y),
+        y: classified.y,
+        biactive: sets.biactive,
+        descent: None,
+    };
+    // S-stationary points are B-stationary; others are asked for a direction of descent.
+    if certificate.class != Class::S {
+        let Tolerances {
+            radius,
+            stationarity,
+            node_limit,
+            ..
+        } = *tolerances;
+        match descend(lifted, &local, radius, stationarity, node_limit) {
+            Descent::None => {}
+            Descent::Undecided => certificate.b_stationary = None,
+            Descent::Found { step, .. } => {
+                certificate.b_stationary = Some(false);
+                certificate.descent = Some(step);
+            }
+        }
+    }
+    certificate
+}
