@@ -132,7 +132,7 @@ pub fn certify(
         match descend(lifted, &local, radius, stationarity, node_limit) {
             Descent::None => {}
             Descent::Undecided => certificate.b_stationary = None,
-            Descent::Found { step, .. } => {
+            Descent::Found(step) => {
                 certificate.b_stationary = Some(false);
                 certificate.descent = Some(step);
             }

@@ -3,7 +3,8 @@
 //! c(w) - cl = s,   s >= 0   for every such row, so that both sides of every pair are variables with finite lower
 //! bounds. A row that belongs to several pairs has one slack.
 
-use crate::problem::{Bounds, Mpcc, Nlp, Pattern, Side};
+use super::forcing::Forcing;
+use crate::problem::{Bounds, Member, Mpcc, Nlp, Pattern, Side};
 
 /// A problem in vertical form: its variables are those of the original one, then the slacks.
 ///
@@ -36,6 +37,7 @@ pub struct Lifted<'p> {
     /// Values of the original Jacobian.
     entries: Vec<f64>,
     start: Vec<f64>,
+    forcing: Forcing,
 }
 
 impl<'p> Lifted<'p> {
@@ -106,12 +108,14 @@ impl<'p> Lifted<'p> {
             hessian,
             entries,
             start,
+            forcing: Forcing::default(),
         };
         for &side in lifted.pairs.iter().flatten() {
             let is_bounded = lifted.lower[side as usize].is_finite();
             assert!(is_bounded, "both sides of a pair have finite lower bounds");
         }
         lifted.start = lifted.extend(&lifted.start.clone());
+        lifted.forcing = Forcing::new(&mut lifted);
         lifted
     }
 
@@ -138,6 +142,37 @@ impl<'p> Lifted<'p> {
             }
         });
         w.iter().copied().chain(slacks).collect()
+    }
+
+    /// Settles the problem on members that are held at zero, or on none, and takes over its bounds.
+    pub fn settle(&mut self, zeros: Option<&[Member]>) {
+        if !self.problem.settle(zeros) {
+            return;
+        }
+        let n = self.n_original();
+        let bounds = self.problem.variable_bounds();
+        self.lower[..n].copy_from_slice(bounds.lower);
+        self.upper[..n].copy_from_slice(bounds.upper);
+        let bounds = self.problem.row_bounds();
+        self.row_lower.copy_from_slice(bounds.lower);
+        self.row_upper.copy_from_slice(bounds.upper);
+        for &row in &self.lifted_rows {
+            self.row_upper[row] = self.row_lower[row];
+        }
+    }
+
+    /// Bounds of the variables when these members of pairs are held at zero, and with them what they force.
+    pub fn hold(&self, members: impl Iterator<Item = (usize, Member)>) -> (Vec<f64>, Vec<f64>) {
+        let (mut lower, mut upper) = (self.lower.clone(), self.upper.clone());
+        for (pair, member) in members {
+            let side = self.pairs[pair][member as usize];
+            for &j in self.problem.terms(pair, member).iter().chain([&side]) {
+                upper[j as usize] = lower[j as usize];
+            }
+        }
+        self.forcing
+            .propagate(self.row_bounds(), &mut lower, &mut upper);
+        (lower, upper)
     }
 
     /// Distances a and b of a pair from their lower bounds.

@@ -1,15 +1,13 @@
 //! A problem in vertical form at a point: values, first derivatives, and what is active there.
 
 use super::lift::Lifted;
-use crate::problem::Nlp;
+use crate::problem::{Member, Nlp};
 
 /// Values and first derivatives at a point w.
 #[derive(Clone, Debug)]
 pub struct Local {
     /// w.
     pub w: Vec<f64>,
-    /// f.
-    pub objective: f64,
     /// ∇f.
     pub gradient: Vec<f64>,
     /// c.
@@ -23,7 +21,8 @@ pub struct Local {
 /// Where the sides of all pairs are zero.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Sets {
-    /// Variables that are zero in a pair whose other side is not: kept by a multiplier of any sign.
+    /// Variables that are zero in a pair whose other side is not, or forced by such zeros, or by their bounds: kept
+    /// by a multiplier of any sign.
     pub fixed: Vec<bool>,
     /// Pairs both of whose sides are zero and none of them fixed.
     pub biactive: Vec<usize>,
@@ -49,7 +48,6 @@ impl Local {
         let largest = gradient.iter().fold(1.0, |m: f64, g| m.max(g.abs()));
         Local {
             w: w.to_vec(),
-            objective: lifted.objective(w),
             gradient,
             rows,
             jacobian,
@@ -70,26 +68,22 @@ impl Local {
 impl Sets {
     /// The sets at w; a side at most `tolerance` is zero.
     pub fn new(lifted: &Lifted<'_>, w: &[f64], tolerance: f64) -> Self {
-        // What its bounds fix needs no pair for it.
-        let bounds = lifted.variable_bounds();
-        let both_bounds = bounds.lower.iter().zip(bounds.upper);
-        let mut fixed: Vec<bool> = both_bounds.map(|(l, u)| l == u).collect();
+        let mut held = Vec::new();
         let mut both = Vec::new();
-        for (index, &[a, b]) in lifted.pairs().iter().enumerate() {
-            match lifted.distances(index, w).map(|side| side <= tolerance) {
-                [true, true] => both.push(index),
-                [true, false] => fixed[a as usize] = true,
-                [false, true] => fixed[b as usize] = true,
-                // Not complementary: the smaller side is meant to be zero.
-                [false, false] => {
-                    let [p, q] = lifted.distances(index, w);
-                    fixed[if p <= q { a } else { b } as usize] = true;
-                }
+        for pair in 0..lifted.pairs().len() {
+            let [a, b] = lifted.distances(pair, w);
+            if a.max(b) <= tolerance {
+                both.push(pair);
+            } else {
+                // Where none is zero, the smaller one is meant to be.
+                held.push((pair, if a <= b { Member::A } else { Member::B }));
             }
         }
-        let is_free = |&pair: &usize| !lifted.pairs()[pair].iter().any(|&v| fixed[v as usize]);
+        let (lower, upper) = lifted.hold(held.into_iter());
+        let bounds = lower.iter().zip(&upper);
+        let fixed: Vec<bool> = bounds.map(|(l, u)| l == u).collect();
         // A pair that a fixed side satisfies leaves its other side a bound like any other.
-        both.retain(is_free);
+        both.retain(|&pair| !lifted.pairs()[pair].iter().any(|&v| fixed[v as usize]));
         Sets {
             fixed,
             biactive: both,

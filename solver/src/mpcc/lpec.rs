@@ -16,13 +16,8 @@ use crate::problem::Nlp;
 pub enum Descent {
     /// No direction of descent within the trust region: the point is B-stationary.
     None,
-    /// A direction with the pairs' complementarity, and the decrease that it promises.
-    Found {
-        /// d.
-        step: Vec<f64>,
-        /// -∇fᵀd.
-        decrease: f64,
-    },
+    /// A direction d of descent that keeps the pairs.
+    Found(Vec<f64>),
     /// The limit of nodes was met first, or a program could not be solved.
     Undecided,
 }
@@ -37,7 +32,7 @@ pub fn descend(
     tolerance: f64,
     node_limit: usize,
 ) -> Descent {
-    let mut search = Branching::new(lifted, local, radius);
+    let search = Branching::new(lifted, local, radius);
     let needed = tolerance * local.scale;
     let mut stack = vec![(search.program.lower.clone(), search.program.upper.clone())];
     let mut is_undecided = false;
@@ -192,12 +187,7 @@ impl<'a> Branching<'a> {
         }
     }
 
-    fn found(&mut self, d: Vec<f64>) -> Descent {
-        // Complementarity holds up to rounding.
-        let decrease = self.decrease(&d) * self.radius;
-        Descent::Found {
-            step: d.into_iter().map(|d| d * self.radius).collect(),
-            decrease,
-        }
+    fn found(&self, d: Vec<f64>) -> Descent {
+        Descent::Found(d.into_iter().map(|d| d * self.radius).collect())
     }
 }

@@ -1,22 +1,346 @@
 //! Nonlinear programs with complementarity constraints.
+//!
+//! minimize f(w)   subject to   cl <= c(w) <= cu,   l <= w <= u,   0 <= a ⟂ b >= 0
+//!
+//! 1. **Relax.** In vertical form ([`Lifted`]) the pairs are replaced by a relaxation ([`Relaxed`]) whose parameter σ
+//!    follows the barrier parameter of one interior-point run.
+//! 2. **Polish.** At moderate σ one side of every pair is held at zero; the branch is an ordinary nonlinear program,
+//!    and its solution has products that are exactly zero. An infeasible branch sends back to a smaller σ.
+//! 3. **Certify.** Multipliers tell the stationarity class ([`Class`]). Where that is not S, a linear program with
+//!    complementarity constraints decides about B-stationarity; a direction of descent is a better branch to polish.
 
+mod branch;
 mod certificate;
 mod class;
 mod dual;
+mod forcing;
 mod lift;
 mod linear;
 mod local;
 mod lpec;
+mod multistart;
+mod options;
+mod polish;
 mod relaxation;
 mod relaxed;
+mod solution;
+mod way;
 
 #[cfg(test)]
 mod certificate_tests;
 #[cfg(test)]
 mod relaxed_tests;
+#[cfg(test)]
+mod tests;
+
+use std::time::Instant;
+
+use crate::ipm;
+use crate::problem::{Mpcc, Nlp};
+use branch::{Branch, choose};
+use certificate::{Certificate, certify};
+use polish::{Guess, Polished, polish};
+use way::{DeadEnd, Way};
 
 pub use certificate::{Residuals, Tolerances};
 pub use class::Class;
 pub use lift::Lifted;
+pub use multistart::{MultiStart, Spread, multistart, perturbed};
+pub use options::{Homotopy, Options};
 pub use relaxation::{Relaxation, Steering};
 pub use relaxed::{Coupling, Form, Relaxed};
+pub use solution::{Multipliers, Solution, Stats, Status};
+
+/// Finds a local minimum from where the problem starts.
+///
+/// Never fails: [`Solution::status`] says what was reached.
+///
+/// ```
+/// use nsd_solver::mpcc::{self, Class, Options, Status};
+/// use nsd_solver::problem::Side;
+/// use nsd_solver::quadratic::{Function, Quadratic};
+///
+/// // minimize (x - 1)² + (y - 2)²   subject to   0 <= x ⟂ y >= 0, from (3, 0)
+/// let objective = Function::default()
+///     .product(0, 0, 1.0)
+///     .product(1, 1, 1.0)
+///     .linear(0, -2.0)
+///     .linear(1, -4.0)
+///     .constant(5.0);
+/// let mut problem = Quadratic::new(2, objective, Vec::new())
+///     .bound(0, 0.0, f64::INFINITY)
+///     .bound(1, 0.0, f64::INFINITY)
+///     .start(&[3.0, 0.0])
+///     .complement(Side::Variable(0), Side::Variable(1));
+///
+/// let solution = mpcc::solve(&mut problem, &Options::default());
+/// assert_eq!(solution.status, Status::Solved);
+/// assert_eq!(solution.class, Class::S);
+/// assert_eq!(solution.residuals.product, 0.0);
+/// ```
+///
+/// # Panics
+///
+/// When a side of a pair has no finite lower bound.
+pub fn solve(problem: &mut dyn Mpcc, options: &Options) -> Solution {
+    let start = problem.start().to_vec();
+    solve_from(problem, &start, options)
+}
+
+/// Finds a local minimum from a point, as [`solve`] does.
+///
+/// # Panics
+///
+/// When the point has more or fewer values than the problem has variables, or as [`solve`].
+pub fn solve_from(problem: &mut dyn Mpcc, start: &[f64], options: &Options) -> Solution {
+    let clock = Instant::now();
+    assert_eq!(start.len(), problem.n_variables(), "one value per variable");
+    let mut lifted = Lifted::new(problem);
+    let start = lifted.extend(start);
+    let mut run = Run {
+        options,
+        clock,
+        stats: Stats::default(),
+    };
+    let mut solution = if lifted.pairs().is_empty() {
+        run.smooth(&mut lifted, &start)
+    } else {
+        run.complementary(&mut lifted, &start)
+    };
+    lifted.settle(None);
+    solution.stats.seconds = clock.elapsed().as_secs_f64();
+    solution
+}
+
+struct Run<'o> {
+    options: &'o Options,
+    clock: Instant,
+    stats: Stats,
+}
+
+impl Run<'_> {
+    fn is_late(&self) -> bool {
+        let limit = self.options.time_limit;
+        limit.is_some_and(|limit| self.clock.elapsed() >= limit)
+    }
+
+    /// A problem without pairs is that of the interior-point method.
+    fn smooth(&mut self, lifted: &mut Lifted<'_>, start: &[f64]) -> Solution {
+        let settings = ipm::Options {
+            max_iterations: self.options.max_iterations.max(3000),
+            time_limit: self.options.time_limit,
+            ..ipm::Options::default()
+        };
+        let mut program = Branch::new(lifted, &[], start);
+        let found = ipm::solve(&mut program, &settings, None, &mut ());
+        self.stats.iterations = found.iterations;
+        let residuals = Residuals::new(lifted, &found.w);
+        let point = Guess {
+            w: found.w,
+            y: found.y,
+        };
+        if residuals.violation > self.options.feasibility || found.status == ipm::Status::Unbounded
+        {
+            let end = DeadEnd {
+                w: point.w,
+                residuals,
+                status: found.status,
+            };
+            return self.dead_end(lifted, end);
+        }
+        let polished = Polished {
+            objective: found.objective,
+            zeros: Vec::new(),
+            residuals,
+            is_optimal: found.status.is_solved(),
+            point,
+        };
+        let certificate = certify(
+            lifted,
+            &polished.point.w,
+            &polished.point.y,
+            &self.options.certificate,
+        );
+        self.feasible(lifted, polished, certificate)
+    }
+
+    fn complementary(&mut self, lifted: &mut Lifted<'_>, start: &[f64]) -> Solution {
+        let mut end: Option<DeadEnd> = None;
+        for (index, way) in ways(self.options).into_iter().enumerate() {
+            self.stats.restarts = index;
+            match way.follow(lifted, start, self.options, &mut self.stats) {
+                Ok(polished) => return self.improve(lifted, polished),
+                Err(other) => {
+                    let is_better = |end: &DeadEnd| {
+                        let size = |r: &Residuals| r.violation.max(r.complementarity);
+                        size(&other.residuals) < size(&end.residuals)
+                    };
+                    let is_unbounded = other.status == ipm::Status::Unbounded;
+                    if end.as_ref().is_none_or(is_better) || is_unbounded {
+                        end = Some(other);
+                    }
+                    if is_unbounded || self.is_late() {
+                        break;
+                    }
+                }
+            }
+        }
+        let end = end.expect("one way was tried");
+        self.dead_end(lifted, end)
+    }
+
+    /// Takes better branches as long as the certificate finds them.
+    fn improve(&mut self, lifted: &mut Lifted<'_>, mut best: Polished) -> Solution {
+        let tolerances = &self.options.certificate;
+        loop {
+            lifted.settle(Some(&best.zeros));
+            let certificate = certify(lifted, &best.point.w, &best.point.y, tolerances);
+            let Some(step) = &certificate.descent else {
+                return self.feasible(lifted, best, certificate);
+            };
+            if self.stats.switches >= self.options.max_switches || self.is_late() {
+                return self.feasible(lifted, best, certificate);
+            }
+            let moved: Vec<f64> = best.point.w.iter().zip(step).map(|(w, d)| w + d).collect();
+            let zeros = choose(lifted, &moved);
+            let guess = Guess {
+                w: moved,
+                y: best.point.y.clone(),
+            };
+            let next = polish(lifted, &guess, &zeros, self.options, &mut self.stats);
+            let gain = 1e-10 * best.objective.abs().max(1.0);
+            match next {
+                Ok(next) if next.objective < best.objective - gain => {
+                    self.stats.switches += 1;
+                    best = next;
+                }
+                _ => {
+                    lifted.settle(Some(&best.zeros));
+                    return self.feasible(lifted, best, certificate);
+                }
+            }
+        }
+    }
+
+    fn feasible(
+        &self,
+        lifted: &mut Lifted<'_>,
+        best: Polished,
+        certificate: Certificate,
+    ) -> Solution {
+        let n = lifted.n_original();
+        let reduced = &certificate.reduced;
+        let mut multipliers = Multipliers {
+            rows: certificate.y,
+            lower: vec![0.0; n],
+            upper: vec![0.0; n],
+            pairs: Vec::new(),
+        };
+        let mut is_side = vec![false; lifted.n_variables()];
+        for (pair, sides) in lifted.pairs().iter().enumerate() {
+            let distances = lifted.distances(pair, &best.point.w);
+            let mut nu = [0.0; 2];
+            for k in 0..2 {
+                if distances[k] <= self.options.certificate.biactive {
+                    nu[k] = reduced[sides[k] as usize];
+                    is_side[sides[k] as usize] = true;
+                }
+            }
+            multipliers.pairs.push(nu);
+        }
+        for i in (0..n).filter(|&i| !is_side[i]) {
+            multipliers.lower[i] = reduced[i].max(0.0);
+            multipliers.upper[i] = (-reduced[i]).max(0.0);
+        }
+        let mut w = best.point.w;
+        w.truncate(n);
+        Solution {
+            status: match certificate.class {
+                Class::None => Status::Feasible,
+                _ => Status::Solved,
+            },
+            w,
+            objective: best.objective,
+            residuals: best.residuals,
+            multipliers,
+            class: certificate.class,
+            is_class_exact: certificate.is_exact,
+            b_stationary: certificate.b_stationary,
+            biactive: certificate.biactive,
+            stats: self.stats,
+        }
+    }
+
+    fn dead_end(&self, lifted: &mut Lifted<'_>, end: DeadEnd) -> Solution {
+        let objective = lifted.objective(&end.w);
+        let mut w = end.w;
+        w.truncate(lifted.n_original());
+        Solution {
+            status: match end.status {
+                ipm::Status::Unbounded => Status::Unbounded,
+                _ if self.is_late() => Status::TimeLimit,
+                ipm::Status::LocallyInfeasible => Status::LocallyInfeasible,
+                ipm::Status::Solved | ipm::Status::Acceptable | ipm::Status::Stopped => {
+                    Status::LocallyInfeasible
+                }
+                ipm::Status::IterationLimit => Status::IterationLimit,
+                ipm::Status::TimeLimit => Status::TimeLimit,
+                ipm::Status::NumericalFailure(
+                    ipm::Failure::EvaluationAtStart | ipm::Failure::Evaluation,
+                ) => Status::Evaluation,
+                ipm::Status::NumericalFailure(_) => Status::NumericalFailure,
+            },
+            multipliers: Multipliers {
+                rows: vec![0.0; lifted.n_rows()],
+                lower: vec![0.0; w.len()],
+                upper: vec![0.0; w.len()],
+                pairs: vec![[0.0; 2]; lifted.pairs().len()],
+            },
+            w,
+            objective,
+            residuals: end.residuals,
+            class: Class::None,
+            is_class_exact: false,
+            b_stationary: None,
+            biactive: Vec::new(),
+            stats: self.stats,
+        }
+    }
+}
+
+/// What is tried, one after the other.
+fn ways(options: &Options) -> Vec<Way> {
+    let Options { form, homotopy, .. } = *options;
+    let mut ways = vec![Way { form, homotopy }];
+    let wide = Coupling {
+        factor: 1e3,
+        largest: 1e3,
+        ..Coupling::default()
+    };
+    let scholtes = Form::default();
+    ways.push(Way {
+        form: scholtes,
+        homotopy: Homotopy::Coupled(wide),
+    });
+    ways.push(Way {
+        form: scholtes,
+        homotopy: Homotopy::Sequential {
+            start: 1.0,
+            factor: 0.1,
+            stop: 1e-8,
+        },
+    });
+    ways.push(Way {
+        form: Form {
+            steering: Steering::L1,
+            ..scholtes
+        },
+        homotopy: Homotopy::Sequential {
+            start: 1.0,
+            factor: 0.1,
+            stop: 1e-6,
+        },
+    });
+    ways.truncate(1 + options.max_restarts);
+    ways
+}

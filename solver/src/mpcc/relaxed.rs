@@ -33,6 +33,18 @@ pub struct Coupling {
     pub largest: f64,
 }
 
+impl Default for Coupling {
+    /// σ = 10 μ: it starts well above what the barrier keeps from the pairs, and falls with it.
+    fn default() -> Self {
+        Coupling {
+            factor: 10.0,
+            power: 1.0,
+            smallest: 1e-9,
+            largest: 10.0,
+        }
+    }
+}
+
 impl Coupling {
     /// σ(μ).
     pub fn sigma(&self, mu: f64) -> f64 {

@@ -1,0 +1,170 @@
+//! Many starts, in parallel.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use super::solution::Solution;
+use super::{Options, solve_from};
+use crate::problem::Mpcc;
+
+/// What came of many starts.
+#[derive(Clone, Debug)]
+pub struct MultiStart {
+    /// The solution from every start, in their order.
+    pub solutions: Vec<Solution>,
+    /// The feasible solution with the smallest objective.
+    pub best: Option<usize>,
+}
+
+/// How the objectives of the feasible solutions spread.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spread {
+    /// How many starts led to a feasible solution.
+    pub n_feasible: usize,
+    /// How many of them are within 1e-6, relative to max(1, |best|), of the best one.
+    pub n_best: usize,
+    /// The smallest objective.
+    pub best: f64,
+    /// The objective in the middle, the larger one of two.
+    pub median: f64,
+    /// The largest objective.
+    pub worst: f64,
+}
+
+impl MultiStart {
+    /// The spread; `None` when no start led to a feasible solution.
+    pub fn spread(&self) -> Option<Spread> {
+        let feasible = self.solutions.iter().filter(|s| s.is_feasible());
+        let mut objectives: Vec<f64> = feasible.map(|s| s.objective).collect();
+        objectives.sort_by(f64::total_cmp);
+        let (&best, &worst) = (objectives.first()?, objectives.last()?);
+        let reach = best + 1e-6 * best.abs().max(1.0);
+        Some(Spread {
+            n_feasible: objectives.len(),
+            n_best: objectives.iter().filter(|f| **f <= reach).count(),
+            best,
+            median: objectives[objectives.len() / 2],
+            worst,
+        })
+    }
+}
+
+/// Solves a problem from all of these points on up to `n_threads` threads.
+///
+/// Every run is the same as [`solve_from`] from its point alone, whatever the number of threads.
+///
+/// # Panics
+///
+/// When a start has more or fewer values than the problem has variables.
+pub fn multistart<P: Mpcc + Clone + Sync>(
+    problem: &P,
+    starts: &[Vec<f64>],
+    options: &Options,
+    n_threads: usize,
+) -> MultiStart {
+    let next = AtomicUsize::new(0);
+    // Takes the next start until there is none.
+    let work = || {
+        let mut problem = problem.clone();
+        let mut done = Vec::new();
+        loop {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            let Some(start) = starts.get(index) else {
+                return done;
+            };
+            done.push((index, solve_from(&mut problem, start, options)));
+        }
+    };
+    let mut solutions: Vec<(usize, Solution)> = std::thread::scope(|scope| {
+        let n_threads = n_threads.clamp(1, starts.len().max(1));
+        let threads: Vec<_> = (0..n_threads).map(|_| scope.spawn(work)).collect();
+        let done = threads.into_iter().map(|thread| thread.join());
+        done.flat_map(|done| done.unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+            .collect()
+    });
+    solutions.sort_by_key(|(index, _)| *index);
+    let solutions: Vec<Solution> = solutions.into_iter().map(|(_, solution)| solution).collect();
+    let feasible = (0..solutions.len()).filter(|&i| solutions[i].is_feasible());
+    let best = feasible.min_by(|&i, &j| solutions[i].objective.total_cmp(&solutions[j].objective));
+    MultiStart { solutions, best }
+}
+
+/// Starts around a guess: every variable is moved by an independent normal deviate.
+///
+/// Start number k depends on the seed and k only, so that more starts leave the first ones as they are. The numbers
+/// are those of SplitMix64 (Steele, Lea and Flood 2014), made normal by Box and Muller 1958.
+pub fn perturbed(guess: &[f64], deviation: f64, seed: u64, number: u64) -> Vec<f64> {
+    let mut state = mix(seed).wrapping_add(mix(!number));
+    let mut uniform = move || {
+        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        // In (0, 1]: 53 bits.
+        ((mix(state) >> 11) + 1) as f64 / (1u64 << 53) as f64
+    };
+    let normal = |_| {
+        let (radius, angle) = (uniform(), uniform());
+        (-2.0 * radius.ln()).sqrt() * (2.0 * std::f64::consts::PI * angle).cos()
+    };
+    let deviates = (0..guess.len()).map(normal);
+    guess.iter().zip(deviates).map(|(w, d)| w + deviation * d).collect()
+}
+
+/// The output function of SplitMix64.
+fn mix(state: u64) -> u64 {
+    let z = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Options;
+    use super::{multistart, perturbed};
+    use crate::problem::Side;
+    use crate::quadratic::{Function, Quadratic};
+
+    #[test]
+    fn deviates_are_normal() {
+        let n = 100_000;
+        let w = perturbed(&vec![1.0; n], 2.0, 7, 3);
+        let mean = w.iter().sum::<f64>() / n as f64;
+        let deviates = || w.iter().map(|w| (w - 1.0) / 2.0);
+        let moment = |k: i32| deviates().map(|d| d.powi(k)).sum::<f64>() / n as f64;
+        // Standard errors are 0.003, 0.0045 and about 0.03.
+        assert!((mean - 1.0).abs() < 0.025, "{mean}");
+        assert!((moment(2) - 1.0).abs() < 0.02, "{}", moment(2));
+        assert!((moment(4) - 3.0).abs() < 0.15, "{}", moment(4));
+        assert_ne!(w, perturbed(&vec![1.0; n], 2.0, 7, 4));
+        assert_ne!(w, perturbed(&vec![1.0; n], 2.0, 8, 3));
+    }
+
+    #[test]
+    fn the_best_of_two_minima() {
+        // |w - (1, 2)|² on the half-axes has the minima 1 at (0, 2) and 4 at (1, 0).
+        let objective = Function::default()
+            .product(0, 0, 1.0)
+            .product(1, 1, 1.0)
+            .linear(0, -2.0)
+            .linear(1, -4.0)
+            .constant(5.0);
+        let problem = Quadratic::new(2, objective, Vec::new())
+            .bound(0, 0.0, f64::INFINITY)
+            .bound(1, 0.0, f64::INFINITY)
+            .complement(Side::Variable(0), Side::Variable(1));
+        let starts: Vec<Vec<f64>> = (0..8).map(|k| perturbed(&[1.0, 1.0], 2.0, 1, k)).collect();
+        let options = Options::default();
+        let found = multistart(&problem, &starts, &options, 2);
+        let best = &found.solutions[found.best.expect("all are feasible")];
+        assert!((best.objective - 1.0).abs() < 1e-8, "{best:?}");
+        let spread = found.spread().expect("all are feasible");
+        assert_eq!(spread.n_feasible, 8);
+        assert!((spread.best - 1.0).abs() < 1e-8);
+        for solution in &found.solutions {
+            let f = solution.objective;
+            assert!((f - 1.0).abs() < 1e-8 || (f - 4.0).abs() < 1e-8, "{solution:?}");
+        }
+        // Threads change nothing.
+        let alone = multistart(&problem, &starts, &options, 1);
+        for (one, other) in alone.solutions.iter().zip(&found.solutions) {
+            assert_eq!(one.w, other.w);
+        }
+    }
+}

@@ -1,0 +1,61 @@
+//! What a run is asked for.
+
+use std::time::Duration;
+
+use super::certificate::Tolerances;
+use super::relaxed::{Coupling, Form};
+
+/// How σ is driven to zero.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Homotopy {
+    /// σ follows the barrier parameter within one interior-point run.
+    Coupled(Coupling),
+    /// One interior-point run for each σ, from `start` down to `stop` by `factor`.
+    Sequential {
+        /// The first σ, positive.
+        start: f64,
+        /// By what σ is multiplied, in (0, 1).
+        factor: f64,
+        /// The last σ.
+        stop: f64,
+    },
+}
+
+/// Settings of [`solve`](super::solve).
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// The relaxation.
+    pub form: Form,
+    /// How σ is driven to zero.
+    pub homotopy: Homotopy,
+    /// The largest violation of a row, a bound or a pair of a point that counts as feasible.
+    pub feasibility: f64,
+    /// What the optimality error of a branch has to reach.
+    pub tolerance: f64,
+    /// Tolerances of the certificate.
+    pub certificate: Tolerances,
+    /// How often a branch is left for a better one that the certificate finds.
+    pub max_switches: usize,
+    /// How many other ways are tried when one ends without a feasible point.
+    pub max_restarts: usize,
+    /// The largest number of iterations of one interior-point run.
+    pub max_iterations: usize,
+    /// The longest time.
+    pub time_limit: Option<Duration>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options {
+            form: Form::default(),
+            homotopy: Homotopy::Coupled(Coupling::default()),
+            feasibility: 1e-6,
+            tolerance: 1e-10,
+            certificate: Tolerances::default(),
+            max_switches: 20,
+            max_restarts: 5,
+            max_iterations: 500,
+            time_limit: None,
+        }
+    }
+}

@@ -1,0 +1,88 @@
+//! From a point near a solution to the solution of its branch, with exact zeros on the sides that are held.
+
+use super::branch::Branch;
+use super::certificate::Residuals;
+use super::lift::Lifted;
+use super::local::Local;
+use super::options::Options;
+use super::solution::Stats;
+use crate::ipm;
+use crate::problem::{Member, Nlp};
+
+/// A point with multipliers of the rows of the vertical form.
+#[derive(Clone, Debug)]
+pub struct Guess {
+    /// w.
+    pub w: Vec<f64>,
+    /// y.
+    pub y: Vec<f64>,
+}
+
+/// A feasible point of a branch that its solver accepts.
+#[derive(Clone, Debug)]
+pub struct Polished {
+    /// w and y.
+    pub point: Guess,
+    /// f.
+    pub objective: f64,
+    /// The sides that are held.
+    pub zeros: Vec<Member>,
+    /// What the point leaves.
+    pub residuals: Residuals,
+    /// Whether the optimality conditions of the branch are met.
+    pub is_optimal: bool,
+}
+
+/// μ of a run that starts from the point of a relaxation, and of one that starts anew.
+const WARM: f64 = 1e-5;
+const COLD: f64 = 1e-1;
+
+/// The solution of the branch with these zeros near a point.
+pub fn polish(
+    lifted: &mut Lifted<'_>,
+    guess: &Guess,
+    zeros: &[Member],
+    options: &Options,
+    stats: &mut Stats,
+) -> Result<Polished, ipm::Status> {
+    let mut failure = ipm::Status::LocallyInfeasible;
+    lifted.settle(Some(zeros));
+    let reduced = Local::new(lifted, &guess.w).reduced_gradient(&guess.y);
+    for mu in [WARM, COLD] {
+        stats.branches += 1;
+        let mut branch = Branch::new(lifted, zeros, &guess.w);
+        let settings = ipm::Options {
+            tolerance: options.tolerance,
+            max_iterations: options.max_iterations,
+            time_limit: options.time_limit,
+            mu_init: mu,
+            bound_relaxation: 0.0,
+            ..ipm::Options::default()
+        };
+        let start = ipm::Point {
+            w: branch.start().to_vec(),
+            y: guess.y.clone(),
+            z_l: reduced.iter().map(|r| r.max(0.0)).collect(),
+            z_u: reduced.iter().map(|r| (-r).max(0.0)).collect(),
+            mu,
+        };
+        let found = ipm::solve(&mut branch, &settings, Some(&start), &mut ());
+        stats.iterations += found.iterations;
+        let residuals = Residuals::new(lifted, &found.w);
+        if std::env::var("DBG").is_ok() { eprintln!("  polish mu {mu} {:?} it {} f {} viol {} ipm {:?} zeros {:?}", found.status, found.iterations, found.objective, residuals.violation, found.residuals, &zeros[..zeros.len().min(8)]); }
+        if residuals.violation <= options.feasibility {
+            return Ok(Polished {
+                objective: lifted.objective(&found.w),
+                zeros: zeros.to_vec(),
+                residuals,
+                is_optimal: matches!(found.status, ipm::Status::Solved | ipm::Status::Acceptable),
+                point: Guess {
+                    w: found.w,
+                    y: found.y,
+                },
+            });
+        }
+        failure = found.status;
+    }
+    Err(failure)
+}

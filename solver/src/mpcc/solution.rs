@@ -1,0 +1,90 @@
+//! How a run ends.
+
+use super::certificate::Residuals;
+use super::class::Class;
+
+/// Why it ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Status {
+    /// The point is feasible, all pairs are complementary, and its class is not [`Class::None`].
+    Solved,
+    /// The point is feasible and all pairs are complementary, but it was not shown to be stationary.
+    Feasible,
+    /// No way that was tried led to a feasible point, and the violation is locally least.
+    LocallyInfeasible,
+    /// The objective falls below all bounds.
+    Unbounded,
+    /// The largest number of iterations was reached without a feasible point.
+    IterationLimit,
+    /// The time is up, and no feasible point has been found.
+    TimeLimit,
+    /// Functions or derivatives are not finite where they have to be.
+    Evaluation,
+    /// No further step was found, and the point is not feasible.
+    NumericalFailure,
+}
+
+/// Multipliers in the sign convention of [`problem`](crate::problem).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Multipliers {
+    /// y of the rows.
+    pub rows: Vec<f64>,
+    /// z of the lower bounds of the variables, not negative.
+    pub lower: Vec<f64>,
+    /// z of the upper bounds of the variables, not negative.
+    pub upper: Vec<f64>,
+    /// (ν_a, ν_b) of the pairs: the derivatives of the Lagrangian by a side that is zero, zero for one that is not.
+    /// A side in several pairs has its multiplier at each of them.
+    pub pairs: Vec<[f64; 2]>,
+}
+
+/// What a run took.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Stats {
+    /// Iterations of interior-point runs, all of them.
+    pub iterations: usize,
+    /// Relaxed programs.
+    pub relaxed: usize,
+    /// Programs of branches.
+    pub branches: usize,
+    /// Newton steps with fixed active sets.
+    pub newton_steps: usize,
+    /// Branches that were left for a better one.
+    pub switches: usize,
+    /// Other ways that were tried.
+    pub restarts: usize,
+    /// Seconds.
+    pub seconds: f64,
+}
+
+/// The best point of a run and what is known about it.
+#[derive(Clone, Debug)]
+pub struct Solution {
+    /// Why it ended.
+    pub status: Status,
+    /// The variables.
+    pub w: Vec<f64>,
+    /// The objective.
+    pub objective: f64,
+    /// How far the point is from satisfying the problem.
+    pub residuals: Residuals,
+    /// Multipliers, zero where the point is not feasible.
+    pub multipliers: Multipliers,
+    /// The strongest stationarity class that was shown.
+    pub class: Class,
+    /// Whether stronger classes are excluded.
+    pub is_class_exact: bool,
+    /// Whether no feasible direction descends; `None` where that is not known.
+    pub b_stationary: Option<bool>,
+    /// Pairs with both sides zero.
+    pub biactive: Vec<usize>,
+    /// What the run took.
+    pub stats: Stats,
+}
+
+impl Solution {
+    /// Whether the point is feasible and all pairs are complementary.
+    pub fn is_feasible(&self) -> bool {
+        matches!(self.status, Status::Solved | Status::Feasible)
+    }
+}
