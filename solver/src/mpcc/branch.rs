@@ -13,7 +13,11 @@ pub fn choose(lifted: &Lifted<'_>, w: &[f64]) -> Vec<Member> {
         let [a, b] = lifted.distances(pair, w).map(|side| side.max(0.0));
         let larger = a.max(b);
         // Both zero: undecided.
-        if larger == 0.0 { 1.0 } else { a.min(b) / larger }
+        if larger == 0.0 {
+            1.0
+        } else {
+            a.min(b) / larger
+        }
     };
     let mut order: Vec<(f64, usize)> = (0..n_pairs).map(|pair| (ratio(pair), pair)).collect();
     order.sort_by(|p, q| p.0.total_cmp(&q.0));

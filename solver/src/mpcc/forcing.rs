@@ -144,10 +144,7 @@ mod tests {
         if let Some(held) = held {
             upper[held] = 0.0;
         }
-        let Bounds {
-            lower: l,
-            upper: u,
-        } = problem.row_bounds();
+        let Bounds { lower: l, upper: u } = problem.row_bounds();
         let rows = Bounds { lower: l, upper: u };
         forcing.propagate(rows, &mut lower, &mut upper);
         assert_eq!(lower, [0.0; 4]);

@@ -82,7 +82,10 @@ pub fn multistart<P: Mpcc + Clone + Sync>(
             .collect()
     });
     solutions.sort_by_key(|(index, _)| *index);
-    let solutions: Vec<Solution> = solutions.into_iter().map(|(_, solution)| solution).collect();
+    let solutions: Vec<Solution> = solutions
+        .into_iter()
+        .map(|(_, solution)| solution)
+        .collect();
     let feasible = (0..solutions.len()).filter(|&i| solutions[i].is_feasible());
     let best = feasible.min_by(|&i, &j| solutions[i].objective.total_cmp(&solutions[j].objective));
     MultiStart { solutions, best }
@@ -104,7 +107,11 @@ pub fn perturbed(guess: &[f64], deviation: f64, seed: u64, number: u64) -> Vec<f
         (-2.0 * radius.ln()).sqrt() * (2.0 * std::f64::consts::PI * angle).cos()
     };
     let deviates = (0..guess.len()).map(normal);
-    guess.iter().zip(deviates).map(|(w, d)| w + deviation * d).collect()
+    guess
+        .iter()
+        .zip(deviates)
+        .map(|(w, d)| w + deviation * d)
+        .collect()
 }
 
 /// The output function of SplitMix64.
@@ -159,7 +166,10 @@ mod tests {
         assert!((spread.best - 1.0).abs() < 1e-8);
         for solution in &found.solutions {
             let f = solution.objective;
-            assert!((f - 1.0).abs() < 1e-8 || (f - 4.0).abs() < 1e-8, "{solution:?}");
+            assert!(
+                (f - 1.0).abs() < 1e-8 || (f - 4.0).abs() < 1e-8,
+                "{solution:?}"
+            );
         }
         // Threads change nothing.
         let alone = multistart(&problem, &starts, &options, 1);

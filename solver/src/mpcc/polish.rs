@@ -45,9 +45,9 @@ pub fn polish(
     options: &Options,
     stats: &mut Stats,
 ) -> Result<Polished, ipm::Status> {
-    let mut failure = ipm::Status::LocallyInfeasible;
     lifted.settle(Some(zeros));
     let reduced = Local::new(lifted, &guess.w).reduced_gradient(&guess.y);
+    let mut best: Result<Polished, ipm::Status> = Err(ipm::Status::LocallyInfeasible);
     for mu in [WARM, COLD] {
         stats.branches += 1;
         let mut branch = Branch::new(lifted, zeros, &guess.w);
@@ -55,7 +55,6 @@ pub fn polish(
             tolerance: options.tolerance,
             max_iterations: options.max_iterations,
             time_limit: options.time_limit,
-            mu_init: mu,
             bound_relaxation: 0.0,
             ..ipm::Options::default()
         };
@@ -69,20 +68,30 @@ pub fn polish(
         let found = ipm::solve(&mut branch, &settings, Some(&start), &mut ());
         stats.iterations += found.iterations;
         let residuals = Residuals::new(lifted, &found.w);
-        if std::env::var("DBG").is_ok() { eprintln!("  polish mu {mu} {:?} it {} f {} viol {} ipm {:?} zeros {:?}", found.status, found.iterations, found.objective, residuals.violation, found.residuals, &zeros[..zeros.len().min(8)]); }
-        if residuals.violation <= options.feasibility {
-            return Ok(Polished {
-                objective: lifted.objective(&found.w),
-                zeros: zeros.to_vec(),
-                residuals,
-                is_optimal: matches!(found.status, ipm::Status::Solved | ipm::Status::Acceptable),
-                point: Guess {
-                    w: found.w,
-                    y: found.y,
-                },
-            });
+        if residuals.violation > options.feasibility {
+            best = best.map_err(|_| found.status);
+            continue;
         }
-        failure = found.status;
+        let polished = Polished {
+            objective: lifted.objective(&found.w),
+            zeros: zeros.to_vec(),
+            residuals,
+            is_optimal: matches!(found.status, ipm::Status::Solved | ipm::Status::Acceptable),
+            point: Guess {
+                w: found.w,
+                y: found.y,
+            },
+        };
+        if polished.is_optimal {
+            return Ok(polished);
+        }
+        if best
+            .as_ref()
+            .is_ok_and(|best| best.objective <= polished.objective)
+        {
+            continue;
+        }
+        best = Ok(polished);
     }
-    Err(failure)
+    best
 }

@@ -6,11 +6,6 @@ use crate::quadratic::{Function, Quadratic};
 
 const INFINITY: f64 = f64::INFINITY;
 
-fn linear(coefficients: &[f64]) -> Function {
-    let terms = (0..).zip(coefficients);
-    terms.fold(Function::default(), |f, (j, &c)| f.linear(j, c))
-}
-
 /// Σ (w_j - target_j)².
 fn distance(target: &[f64]) -> Function {
     let terms = (0..).zip(target);
@@ -38,6 +33,11 @@ fn the_nearest_point_of_two_half_axes() {
     assert_eq!(solution.class, Class::S);
     assert_eq!(solution.b_stationary, Some(true));
     assert_eq!(solution.residuals.product, 0.0);
-    let at = |w: [f64; 2]| (solution.w[0] - w[0]).abs().max((solution.w[1] - w[1]).abs()) < 1e-9;
+    let at = |w: [f64; 2]| {
+        (solution.w[0] - w[0])
+            .abs()
+            .max((solution.w[1] - w[1]).abs())
+            < 1e-9
+    };
     assert!(at([0.0, 2.0]) || at([1.0, 0.0]), "{solution:?}");
 }

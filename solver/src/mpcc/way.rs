@@ -72,6 +72,8 @@ impl Way {
     ) -> Result<Polished, DeadEnd> {
         let sigma = coupling.sigma(FIRST_MU);
         let mut tried: Vec<Member> = Vec::new();
+        // Feasible, but not solved to its end.
+        let mut unfinished: Option<Polished> = None;
         let mut point: Option<ipm::Point> = None;
         stats.relaxed += 1;
         for crossover in CROSSOVERS {
@@ -92,7 +94,6 @@ impl Way {
             };
             let found = ipm::solve(&mut relaxed, &settings, point.as_ref(), &mut observer);
             stats.iterations += found.iterations;
-            if std::env::var("DBG").is_ok() { eprintln!("coupled cross {crossover} {:?} it {} mu {} f {} ipm {:?}", found.status, found.iterations, found.mu, found.objective, found.residuals); }
             let is_last = found.status != ipm::Status::Stopped || crossover == 0.0;
             let n_rows = lifted.n_rows();
             let guess = Guess {
@@ -102,12 +103,17 @@ impl Way {
             // The relaxation may end with its point outside of everything; then there is nothing to polish.
             let zeros = choose(lifted, &guess.w);
             if found.status != ipm::Status::Unbounded && zeros != tried {
-                if let Ok(polished) = polish(lifted, &guess, &zeros, options, stats) {
-                    return Ok(polished);
+                match polish(lifted, &guess, &zeros, options, stats) {
+                    Ok(polished) if polished.is_optimal => return Ok(polished),
+                    Ok(polished) => unfinished = Some(polished),
+                    Err(_) => {}
                 }
                 tried = zeros;
             }
             if is_last {
+                if let Some(polished) = unfinished {
+                    return Ok(polished);
+                }
                 lifted.settle(None);
                 return Err(DeadEnd {
                     residuals: Residuals::new(lifted, &guess.w),
@@ -142,7 +148,6 @@ impl Way {
             let mut relaxed = Relaxed::new(lifted, self.form, sigma, start);
             let found = ipm::solve(&mut relaxed, &settings(options), point.as_ref(), &mut ());
             stats.iterations += found.iterations;
-            if std::env::var("DBG").is_ok() { eprintln!("seq sigma {sigma} {:?} it {} mu {} f {} ipm {:?}", found.status, found.iterations, found.mu, found.objective, found.residuals); }
             let is_over = sigma <= stop || found.status == ipm::Status::Unbounded;
             if is_over {
                 let n_rows = lifted.n_rows();
