@@ -25,6 +25,11 @@ impl Run<'_> {
     /// All values and derivatives at the point.
     pub(super) fn evaluate(&mut self) -> Result<(), Failure> {
         self.evaluate_values();
+        self.evaluate_derivatives()
+    }
+
+    /// Derivatives at the point, whose values are known.
+    pub(super) fn evaluate_derivatives(&mut self) -> Result<(), Failure> {
         self.evaluate_gradients();
         let factor = if self.is_restoration { 0.0 } else { 1.0 };
         self.form.hessian(factor, &self.y, &mut self.hessian);

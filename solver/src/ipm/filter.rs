@@ -52,10 +52,14 @@ impl Filter {
 
     /// Forbids what is no better than `merit` by a margin.
     pub fn add(&mut self, merit: Merit) {
-        let entry = Merit {
+        self.add_entry(Merit {
             theta: (1.0 - GAMMA_THETA) * merit.theta,
             phi: merit.phi - GAMMA_PHI * merit.theta,
-        };
+        });
+    }
+
+    /// Forbids what is no better than `entry` as it is.
+    pub fn add_entry(&mut self, entry: Merit) {
         self.entries
             .retain(|old| old.theta < entry.theta || old.phi < entry.phi);
         self.entries.push(entry);

@@ -3,6 +3,7 @@
 //! Wächter & Biegler 2006, *On the implementation of an interior-point filter line-search algorithm for large-scale
 //! nonlinear programming*; the names are theirs. See the crate's README for the notation.
 
+mod barrier;
 mod direction;
 mod evaluation;
 mod filter;
@@ -16,11 +17,12 @@ mod restoration;
 mod solution;
 mod start;
 
-pub use options::Options;
+pub use options::{BarrierRule, Options};
 pub use progress::{Observer, Progress};
 pub use solution::{Failure, Point, Residuals, Solution, Status};
 
 use crate::problem::Nlp;
+use barrier::Barrier;
 use direction::Step;
 use filter::Filter;
 use form::Form;
@@ -31,8 +33,6 @@ use restoration::Elastic;
 use std::time::Instant;
 
 const KAPPA_EPSILON: f64 = 10.0;
-const KAPPA_MU: f64 = 0.2;
-const THETA_MU: f64 = 1.5;
 const TAU_MIN: f64 = 0.99;
 const KAPPA_SIGMA: f64 = 1e10;
 /// Absolute tolerances in the units of the problem: gradient of the Lagrangian, rows, complementarity.
@@ -139,6 +139,9 @@ struct Run<'a> {
     trial_residual: Vec<f64>,
     mu: f64,
     tau: f64,
+    barrier: Barrier,
+    /// Whether rows or bounds have followed μ.
+    follows: bool,
     filter: Filter,
     /// The filter of the problem itself while the violation is minimized.
     outer_filter: Filter,
@@ -189,6 +192,8 @@ impl<'a> Run<'a> {
             trial_residual: rows(),
             mu: options.mu_init,
             tau: TAU_MIN,
+            barrier: Barrier::new(options.barrier, n + form.n_slacks, m),
+            follows: false,
             filter: Filter::new(),
             outer_filter: Filter::new(),
             elastic: Elastic::new(n + form.n_slacks),
@@ -212,25 +217,26 @@ impl<'a> Run<'a> {
     /// The iteration, for the problem itself and for the least violation.
     fn iterate(&mut self, observer: &mut dyn Observer) -> Exit {
         loop {
-            let errors = self.errors();
+            let mut errors = self.errors();
             if let Some(exit) = self.check(&errors, observer) {
                 return exit;
             }
             // The next barrier problem, when this one is solved to a multiple of μ.
-            if self.decrease_mu(&errors) {
+            while self.decrease_mu(&errors) {
                 if !self.form.has_shape() {
                     return Exit::Reshaped;
                 }
                 if let Err(failure) = self.evaluate() {
                     return Exit::Ended(Status::NumericalFailure(failure));
                 }
-                continue;
+                errors = self.errors();
             }
             // Newton's step, and as much of it as the filter accepts.
             self.target.copy_from_slice(&self.residual);
             let search = match self.newton_step() {
                 Ok(()) if self.is_ray() => return Exit::Ended(Status::Unbounded),
                 Ok(()) => self.line_search(),
+                Err(_) if !self.form.has_shape() => return Exit::Reshaped,
                 Err(_) => Search::Failed,
             };
             self.n_tiny = if search == Search::Tiny {
@@ -248,7 +254,7 @@ impl<'a> Run<'a> {
                 continue;
             }
             self.accept();
-            if let Err(failure) = self.evaluate() {
+            if let Err(failure) = self.evaluate_derivatives() {
                 return Exit::Ended(Status::NumericalFailure(failure));
             }
             self.iterations += 1;
@@ -286,7 +292,9 @@ impl<'a> Run<'a> {
             return Some(Exit::Ended(Status::Stopped));
         }
         let [dual, primal, complementarity] = ABSOLUTE;
-        let is_converged = error <= options.tolerance;
+        // What follows μ has not arrived before μ has.
+        let has_arrived = !self.follows || self.mu <= self.mu_floor();
+        let is_converged = error <= options.tolerance && (has_arrived || self.is_restoration);
         if self.is_restoration {
             if self.is_restored() {
                 return Some(Exit::Restored);
@@ -300,6 +308,7 @@ impl<'a> Run<'a> {
             }
             let [dual, primal, complementarity] = ABSOLUTE_ACCEPTABLE;
             let is_acceptable = error <= options.acceptable_tolerance
+                && has_arrived
                 && self.is_within(errors, dual, primal, complementarity);
             self.n_acceptable = if is_acceptable {
                 self.n_acceptable + 1
@@ -337,48 +346,13 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// The least μ.
-    fn mu_floor(&self) -> f64 {
-        let options = self.options;
-        options
-            .mu_target
-            .max(options.tolerance / (KAPPA_EPSILON + 1.0))
-    }
-
-    /// Whether μ has changed, by the rule of Fiacco and McCormick.
-    fn decrease_mu(&mut self, errors: &Errors) -> bool {
-        let floor = self.mu_floor();
-        let error = self.optimality_error(errors, self.mu);
-        if self.mu <= floor || (error > KAPPA_EPSILON * self.mu && self.n_tiny < 2) {
-            return false;
-        }
-        self.n_tiny = 0;
-        self.set_mu((KAPPA_MU * self.mu).min(self.mu.powf(THETA_MU)).max(floor));
-        true
-    }
-
-    fn set_mu(&mut self, mu: f64) {
-        self.mu = mu;
-        self.tau = (1.0 - mu).max(TAU_MIN);
-        if self.is_restoration {
-            self.elastic.zeta = mu.sqrt();
-        } else if self.form.nlp.follow(mu) {
-            self.move_bounds();
-        }
-        self.filter.clear();
-    }
-
-    fn newton_step(&mut self) -> Result<(), Failure> {
-        self.factor()?;
-        let mut step = std::mem::take(&mut self.step);
-        let result = self.direction(self.mu, 1.0, &mut step);
-        self.step = step;
-        result
-    }
-
     /// Goes to the trial point; multipliers stay near μ / distance.
     fn accept(&mut self) {
         let nv = self.nv();
+        self.form.load(&self.trial);
+        self.f = self.trial_f;
+        self.c.copy_from_slice(&self.trial_c);
+        self.residual.copy_from_slice(&self.trial_residual);
         self.alpha_dual = self.dual_length(&self.step, self.tau);
         self.v[..nv].copy_from_slice(&self.trial[..nv]);
         for (y, dy) in self.y.iter_mut().zip(&self.step.y) {

@@ -69,6 +69,7 @@ impl Run<'_> {
             .map_err(|_| Status::NumericalFailure(Failure::EvaluationAtStart))?;
         let theta = self.merit().theta;
         self.filter.start(theta);
+        self.start_barrier();
         Ok(())
     }
 

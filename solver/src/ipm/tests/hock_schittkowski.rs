@@ -2,33 +2,35 @@
 //!
 //! Hock & Schittkowski 1981, *Test Examples for Nonlinear Programming Codes*, Springer; numbers and optima are theirs.
 
+use super::log;
 use super::program::{INF, Program};
-use super::{Options, log, run};
-use crate::ipm::Status;
+use crate::ipm::{BarrierRule, Options, Status, solve};
 
 /// The optimum is reached within `tolerance` of its size.
 fn check(program: Program, optimum: f64) {
     check_one_of(program, &[optimum]);
 }
 
-/// There are several local optima.
+/// One of several local optima is, by either rule for μ.
 fn check_one_of(mut program: Program, optima: &[f64]) {
-    let solution = run(&mut program);
-    let error = |f: &f64| (solution.objective - f).abs() / f.abs().max(1.0);
-    let error = optima.iter().map(error).fold(INF, f64::min);
-    let residuals = solution.residuals;
-    let is_solved = solution.status == Status::Solved && error < 1e-6;
-    assert!(
-        is_solved && residuals.primal < 1e-6 && residuals.complementarity < 1e-6,
-        "{:?} with {} instead of {optima:?}, {residuals:?}\n{}",
-        solution.status,
-        solution.objective,
-        log(&mut program, &Options::default())
-            .lines()
-            .take(100)
-            .collect::<Vec<_>>()
-            .join("\n"),
-    );
+    for barrier in [BarrierRule::Monotone, BarrierRule::Adaptive] {
+        let options = Options {
+            barrier,
+            ..Options::default()
+        };
+        let solution = solve(&mut program, &options, None, &mut ());
+        let error = |f: &f64| (solution.objective - f).abs() / f.abs().max(1.0);
+        let error = optima.iter().map(error).fold(INF, f64::min);
+        let residuals = solution.residuals;
+        let is_solved = solution.status == Status::Solved && error < 1e-6;
+        assert!(
+            is_solved && residuals.primal < 1e-6 && residuals.complementarity < 1e-5,
+            "{barrier:?} {:?} with {} instead of {optima:?}, {residuals:?}\n{}",
+            solution.status,
+            solution.objective,
+            log(&mut program, &options),
+        );
+    }
 }
 
 #[test]
@@ -158,6 +160,336 @@ fn hs35() {
 }
 
 #[test]
+fn hs26() {
+    let program = Program::new(&[-2.6, 2.0, 2.0])
+        .minimize(|x| (x[0] - x[1]).powi(2) + (x[1] - x[2]).powi(4))
+        .equal(|x| (1.0 + x[1].powi(2)) * x[0] + x[2].powi(4) - 3.0);
+    check(program, 0.0);
+}
+
+#[test]
+fn hs27() {
+    let program = Program::new(&[2.0, 2.0, 2.0])
+        .minimize(|x| 0.01 * (x[0] - 1.0).powi(2) + (x[1] - x[0].powi(2)).powi(2))
+        .equal(|x| x[0] + x[2].powi(2) + 1.0);
+    check(program, 0.04);
+}
+
+#[test]
+fn hs28() {
+    let program = Program::new(&[-4.0, 1.0, 1.0])
+        .minimize(|x| (x[0] + x[1]).powi(2) + (x[1] + x[2]).powi(2))
+        .equal(|x| x[0] + 2.0 * x[1] + 3.0 * x[2] - 1.0);
+    check(program, 0.0);
+}
+
+#[test]
+fn hs39() {
+    let program = Program::new(&[2.0, 2.0, 2.0, 2.0])
+        .minimize(|x| -x[0])
+        .equal(|x| x[1] - x[0].powi(3) - x[2].powi(2))
+        .equal(|x| x[0].powi(2) - x[1] - x[3].powi(2));
+    check(program, -1.0);
+}
+
+#[test]
+fn hs40() {
+    let program = Program::new(&[0.8, 0.8, 0.8, 0.8])
+        .minimize(|x| -x[0] * x[1] * x[2] * x[3])
+        .equal(|x| x[0].powi(3) + x[1].powi(2) - 1.0)
+        .equal(|x| x[0].powi(2) * x[3] - x[2])
+        .equal(|x| x[3].powi(2) - x[1]);
+    check(program, -0.25);
+}
+
+#[test]
+fn hs43() {
+    let program = Program::new(&[0.0, 0.0, 0.0, 0.0])
+        .minimize(|x| {
+            x[0].powi(2) + x[1].powi(2) + 2.0 * x[2].powi(2) + x[3].powi(2)
+                - 5.0 * x[0]
+                - 5.0 * x[1]
+                - 21.0 * x[2]
+                + 7.0 * x[3]
+        })
+        .positive(|x| {
+            8.0 - x[0].powi(2) - x[1].powi(2) - x[2].powi(2) - x[3].powi(2) - x[0] + x[1] - x[2]
+                + x[3]
+        })
+        .positive(|x| {
+            10.0 - x[0].powi(2) - 2.0 * x[1].powi(2) - x[2].powi(2) - 2.0 * x[3].powi(2)
+                + x[0]
+                + x[3]
+        })
+        .positive(|x| {
+            5.0 - 2.0 * x[0].powi(2) - x[1].powi(2) - x[2].powi(2) - 2.0 * x[0] + x[1] + x[3]
+        });
+    check(program, -44.0);
+}
+
+#[test]
+fn hs46() {
+    let program = Program::new(&[0.5 * 2.0_f64.sqrt(), 1.75, 0.5, 2.0, 2.0])
+        .minimize(|x| {
+            (x[0] - x[1]).powi(2)
+                + (x[2] - 1.0).powi(2)
+                + (x[3] - 1.0).powi(4)
+                + (x[4] - 1.0).powi(6)
+        })
+        .equal(|x| x[0].powi(2) * x[3] + (x[3] - x[4]).sin() - 1.0)
+        .equal(|x| x[1] + x[2].powi(4) * x[3].powi(2) - 2.0);
+    check(program, 0.0);
+}
+
+#[test]
+fn hs48() {
+    let program = Program::new(&[3.0, 5.0, -3.0, 2.0, -2.0])
+        .minimize(|x| (x[0] - 1.0).powi(2) + (x[1] - x[2]).powi(2) + (x[3] - x[4]).powi(2))
+        .equal(|x| x[0] + x[1] + x[2] + x[3] + x[4] - 5.0)
+        .equal(|x| x[2] - 2.0 * (x[3] + x[4]) + 3.0);
+    check(program, 0.0);
+}
+
+#[test]
+fn hs50() {
+    let program = Program::new(&[35.0, -31.0, 11.0, 5.0, -5.0])
+        .minimize(|x| {
+            (x[0] - x[1]).powi(2)
+                + (x[1] - x[2]).powi(2)
+                + (x[2] - x[3]).powi(4)
+                + (x[3] - x[4]).powi(2)
+        })
+        .equal(|x| x[0] + 2.0 * x[1] + 3.0 * x[2] - 6.0)
+        .equal(|x| x[1] + 2.0 * x[2] + 3.0 * x[3] - 6.0)
+        .equal(|x| x[2] + 2.0 * x[3] + 3.0 * x[4] - 6.0);
+    check(program, 0.0);
+}
+
+#[test]
+fn hs51() {
+    let program = Program::new(&[2.5, 0.5, 2.0, -1.0, 0.5])
+        .minimize(|x| {
+            (x[0] - x[1]).powi(2)
+                + (x[1] + x[2] - 2.0).powi(2)
+                + (x[3] - 1.0).powi(2)
+                + (x[4] - 1.0).powi(2)
+        })
+        .equal(|x| x[0] + 3.0 * x[1] - 4.0)
+        .equal(|x| x[2] + x[3] - 2.0 * x[4])
+        .equal(|x| x[1] - x[4]);
+    check(program, 0.0);
+}
+
+#[test]
+fn hs52() {
+    let program = Program::new(&[2.0, 2.0, 2.0, 2.0, 2.0])
+        .minimize(|x| {
+            (4.0 * x[0] - x[1]).powi(2)
+                + (x[1] + x[2] - 2.0).powi(2)
+                + (x[3] - 1.0).powi(2)
+                + (x[4] - 1.0).powi(2)
+        })
+        .equal(|x| x[0] + 3.0 * x[1])
+        .equal(|x| x[2] + x[3] - 2.0 * x[4])
+        .equal(|x| x[1] - x[4]);
+    check(program, 1859.0 / 349.0);
+}
+
+#[test]
+fn hs63() {
+    let program = Program::new(&[2.0, 2.0, 2.0])
+        .minimize(|x| {
+            1000.0 - x[0].powi(2) - 2.0 * x[1].powi(2) - x[2].powi(2) - x[0] * x[1] - x[0] * x[2]
+        })
+        .equal(|x| 8.0 * x[0] + 14.0 * x[1] + 7.0 * x[2] - 56.0)
+        .equal(|x| x[0].powi(2) + x[1].powi(2) + x[2].powi(2) - 25.0)
+        .all_bounds(0.0, INF);
+    check(program, 961.7151721);
+}
+
+#[test]
+fn hs65() {
+    let program = Program::new(&[-5.0, 5.0, 0.0])
+        .minimize(|x| {
+            (x[0] - x[1]).powi(2) + (x[0] + x[1] - 10.0).powi(2) / 9.0 + (x[2] - 5.0).powi(2)
+        })
+        .positive(|x| 48.0 - x[0].powi(2) - x[1].powi(2) - x[2].powi(2))
+        .all_bounds(-4.5, 4.5)
+        .bounds(2, -5.0, 5.0);
+    check(program, 0.9535288567);
+}
+
+#[test]
+fn hs76() {
+    let program = Program::new(&[0.5, 0.5, 0.5, 0.5])
+        .minimize(|x| {
+            x[0].powi(2) + 0.5 * x[1].powi(2) + x[2].powi(2) + 0.5 * x[3].powi(2) - x[0] * x[2]
+                + x[2] * x[3]
+                - x[0]
+                - 3.0 * x[1]
+                + x[2]
+                - x[3]
+        })
+        .positive(|x| 5.0 - x[0] - 2.0 * x[1] - x[2] - x[3])
+        .positive(|x| 4.0 - 3.0 * x[0] - x[1] - 2.0 * x[2] + x[3])
+        .positive(|x| x[1] + 4.0 * x[2] - 1.5)
+        .all_bounds(0.0, INF);
+    check(program, -4.681818181);
+}
+
+#[test]
+fn hs77() {
+    let program = Program::new(&[2.0, 2.0, 2.0, 2.0, 2.0])
+        .minimize(|x| {
+            (x[0] - 1.0).powi(2)
+                + (x[0] - x[1]).powi(2)
+                + (x[2] - 1.0).powi(2)
+                + (x[3] - 1.0).powi(4)
+                + (x[4] - 1.0).powi(6)
+        })
+        .equal(|x| x[0].powi(2) * x[3] + (x[3] - x[4]).sin() - 2.0 * 2.0_f64.sqrt())
+        .equal(|x| x[1] + x[2].powi(4) * x[3].powi(2) - 8.0 - 2.0_f64.sqrt());
+    check(program, 0.24150513);
+}
+
+#[test]
+fn hs78() {
+    let program = Program::new(&[-2.0, 1.5, 2.0, -1.0, -1.0])
+        .minimize(|x| x[0] * x[1] * x[2] * x[3] * x[4])
+        .equal(|x| x[0].powi(2) + x[1].powi(2) + x[2].powi(2) + x[3].powi(2) + x[4].powi(2) - 10.0)
+        .equal(|x| x[1] * x[2] - 5.0 * x[3] * x[4])
+        .equal(|x| x[0].powi(3) + x[1].powi(3) + 1.0);
+    check(program, -2.91970041);
+}
+
+#[test]
+fn hs79() {
+    let program = Program::new(&[2.0, 2.0, 2.0, 2.0, 2.0])
+        .minimize(|x| {
+            (x[0] - 1.0).powi(2)
+                + (x[0] - x[1]).powi(2)
+                + (x[1] - x[2]).powi(2)
+                + (x[2] - x[3]).powi(4)
+                + (x[3] - x[4]).powi(4)
+        })
+        .equal(|x| x[0] + x[1].powi(2) + x[2].powi(3) - 2.0 - 3.0 * 2.0_f64.sqrt())
+        .equal(|x| x[1] - x[2].powi(2) + x[3] + 2.0 - 2.0 * 2.0_f64.sqrt())
+        .equal(|x| x[0] * x[4] - 2.0);
+    check(program, 0.0787768209);
+}
+
+#[test]
+fn hs80() {
+    let program = Program::new(&[-2.0, 2.0, 2.0, -1.0, -1.0])
+        .minimize(|x| (x[0] * x[1] * x[2] * x[3] * x[4]).exp())
+        .equal(|x| x[0].powi(2) + x[1].powi(2) + x[2].powi(2) + x[3].powi(2) + x[4].powi(2) - 10.0)
+        .equal(|x| x[1] * x[2] - 5.0 * x[3] * x[4])
+        .equal(|x| x[0].powi(3) + x[1].powi(3) + 1.0)
+        .all_bounds(-3.2, 3.2)
+        .bounds(0, -2.3, 2.3)
+        .bounds(1, -2.3, 2.3);
+    check(program, 0.0539498478);
+}
+
+#[test]
+fn hs81() {
+    let program = Program::new(&[-2.0, 2.0, 2.0, -1.0, -1.0])
+        .minimize(|x| {
+            (x[0] * x[1] * x[2] * x[3] * x[4]).exp()
+                - 0.5 * (x[0].powi(3) + x[1].powi(3) + 1.0).powi(2)
+        })
+        .equal(|x| x[0].powi(2) + x[1].powi(2) + x[2].powi(2) + x[3].powi(2) + x[4].powi(2) - 10.0)
+        .equal(|x| x[1] * x[2] - 5.0 * x[3] * x[4])
+        .equal(|x| x[0].powi(3) + x[1].powi(3) + 1.0)
+        .all_bounds(-3.2, 3.2)
+        .bounds(0, -2.3, 2.3)
+        .bounds(1, -2.3, 2.3);
+    check(program, 0.0539498478);
+}
+
+#[test]
+fn hs93() {
+    let program = Program::new(&[5.54, 4.4, 12.02, 11.82, 0.702, 0.852])
+        .minimize(|x| {
+            0.0204 * x[0] * x[3] * (x[0] + x[1] + x[2])
+                + 0.0187 * x[1] * x[2] * (x[0] + 1.57 * x[1] + x[3])
+                + 0.0607 * x[0] * x[3] * x[4].powi(2) * (x[0] + x[1] + x[2])
+                + 0.0437 * x[1] * x[2] * x[5].powi(2) * (x[0] + 1.57 * x[1] + x[3])
+        })
+        .positive(|x| 0.001 * x[0] * x[1] * x[2] * x[3] * x[4] * x[5] - 2.07)
+        .positive(|x| {
+            1.0 - 0.00062 * x[0] * x[3] * x[4].powi(2) * (x[0] + x[1] + x[2])
+                - 0.00058 * x[1] * x[2] * x[5].powi(2) * (x[0] + 1.57 * x[1] + x[3])
+        })
+        .all_bounds(0.0, INF);
+    check(program, 135.075961);
+}
+
+#[test]
+fn hs100() {
+    let program = Program::new(&[1.0, 2.0, 0.0, 4.0, 0.0, 1.0, 1.0])
+        .minimize(|x| {
+            (x[0] - 10.0).powi(2)
+                + 5.0 * (x[1] - 12.0).powi(2)
+                + x[2].powi(4)
+                + 3.0 * (x[3] - 11.0).powi(2)
+                + 10.0 * x[4].powi(6)
+                + 7.0 * x[5].powi(2)
+                + x[6].powi(4)
+                - 4.0 * x[5] * x[6]
+                - 10.0 * x[5]
+                - 8.0 * x[6]
+        })
+        .positive(|x| {
+            127.0 - 2.0 * x[0].powi(2) - 3.0 * x[1].powi(4) - x[2] - 4.0 * x[3].powi(2) - 5.0 * x[4]
+        })
+        .positive(|x| 282.0 - 7.0 * x[0] - 3.0 * x[1] - 10.0 * x[2].powi(2) - x[3] + x[4])
+        .positive(|x| 196.0 - 23.0 * x[0] - x[1].powi(2) - 6.0 * x[5].powi(2) + 8.0 * x[6])
+        .positive(|x| {
+            -4.0 * x[0].powi(2) - x[1].powi(2) + 3.0 * x[0] * x[1] - 2.0 * x[2].powi(2) - 5.0 * x[5]
+                + 11.0 * x[6]
+        });
+    check(program, 680.6300573);
+}
+
+#[test]
+fn hs113() {
+    let program = Program::new(&[2.0, 3.0, 5.0, 5.0, 1.0, 2.0, 7.0, 3.0, 6.0, 10.0])
+        .minimize(|x| {
+            x[0].powi(2) + x[1].powi(2) + x[0] * x[1] - 14.0 * x[0] - 16.0 * x[1]
+                + (x[2] - 10.0).powi(2)
+                + 4.0 * (x[3] - 5.0).powi(2)
+                + (x[4] - 3.0).powi(2)
+                + 2.0 * (x[5] - 1.0).powi(2)
+                + 5.0 * x[6].powi(2)
+                + 7.0 * (x[7] - 11.0).powi(2)
+                + 2.0 * (x[8] - 10.0).powi(2)
+                + (x[9] - 7.0).powi(2)
+                + 45.0
+        })
+        .positive(|x| 105.0 - 4.0 * x[0] - 5.0 * x[1] + 3.0 * x[6] - 9.0 * x[7])
+        .positive(|x| -10.0 * x[0] + 8.0 * x[1] + 17.0 * x[6] - 2.0 * x[7])
+        .positive(|x| 8.0 * x[0] - 2.0 * x[1] - 5.0 * x[8] + 2.0 * x[9] + 12.0)
+        .positive(|x| {
+            -3.0 * (x[0] - 2.0).powi(2) - 4.0 * (x[1] - 3.0).powi(2) - 2.0 * x[2].powi(2)
+                + 7.0 * x[3]
+                + 120.0
+        })
+        .positive(|x| -5.0 * x[0].powi(2) - 8.0 * x[1] - (x[2] - 6.0).powi(2) + 2.0 * x[3] + 40.0)
+        .positive(|x| {
+            -0.5 * (x[0] - 8.0).powi(2) - 2.0 * (x[1] - 4.0).powi(2) - 3.0 * x[4].powi(2)
+                + x[5]
+                + 30.0
+        })
+        .positive(|x| {
+            -(x[0].powi(2)) - 2.0 * (x[1] - 2.0).powi(2) + 2.0 * x[0] * x[1] - 14.0 * x[4]
+                + 6.0 * x[5]
+        })
+        .positive(|x| 3.0 * x[0] - 6.0 * x[1] - 12.0 * (x[8] - 8.0).powi(2) + 7.0 * x[9]);
+    check(program, 24.3062091);
+}
+
+#[test]
 fn hs71() {
     let program = Program::new(&[1.0, 5.0, 5.0, 1.0])
         .minimize(|x| x[0] * x[3] * (x[0] + x[1] + x[2]) + x[2])
@@ -165,4 +497,22 @@ fn hs71() {
         .equal(|x| x[0].powi(2) + x[1].powi(2) + x[2].powi(2) + x[3].powi(2) - 40.0)
         .all_bounds(1.0, 5.0);
     check(program, 17.0140173);
+}
+
+#[test]
+fn hs106() {
+    // The optimum to more digits: Liang et al. 2006, problem g10.
+    let program = Program::new(&[5000.0, 5000.0, 5000.0, 200.0, 350.0, 150.0, 225.0, 425.0])
+        .minimize(|x| x[0] + x[1] + x[2])
+        .positive(|x| 1.0 - 0.0025 * (x[3] + x[5]))
+        .positive(|x| 1.0 - 0.0025 * (x[4] + x[6] - x[3]))
+        .positive(|x| 1.0 - 0.01 * (x[7] - x[4]))
+        .positive(|x| x[0] * x[5] - 833.33252 * x[3] - 100.0 * x[0] + 83333.333)
+        .positive(|x| x[1] * x[6] - 1250.0 * x[4] - x[1] * x[3] + 1250.0 * x[3])
+        .positive(|x| x[2] * x[7] - 1250000.0 - x[2] * x[4] + 2500.0 * x[4])
+        .all_bounds(10.0, 1000.0)
+        .bounds(0, 100.0, 10000.0)
+        .bounds(1, 1000.0, 10000.0)
+        .bounds(2, 1000.0, 10000.0);
+    check(program, 7049.248_020_5);
 }
