@@ -3,6 +3,8 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
+use nsd_solver::ipm::{BarrierRule, Options, solve};
+use nsd_solver::problem::{Bounds, Nlp, Pattern};
 use nsd_solver::simulate::{
     Affine, Block, Event, Input, Observer, Partials, Rates, Segment, Settings, Side, Simulator,
     Smooth, Status, Surface, SwitchedSystem,
@@ -278,5 +280,145 @@ fn implicit_steps_allocate_nothing() {
         let ((short, before), (long, after)) = (measure(10.0), measure(100.0));
         assert!(after > before + 20 && before > 0);
         assert_eq!(short, long, "by {before} and {after} implicit steps");
+    }
+}
+
+/// min Σ 100 (x_{i+1} - x_i²)² + (1 - x_i)² with 3 x_i³ + x_i x_{i+1} <= 4 and x_i >= -3/2; nothing satisfies <= -20.
+struct Chain {
+    start: Vec<f64>,
+    bounds: [Vec<f64>; 4],
+    jacobian: Pattern,
+    hessian: Pattern,
+}
+
+impl Chain {
+    fn new(n: u32, is_infeasible: bool) -> Self {
+        let rows = n - 1;
+        let infinity = |n: u32, sign: f64| vec![sign * f64::INFINITY; n as usize];
+        Chain {
+            start: vec![-1.2; n as usize],
+            bounds: [
+                vec![-1.5; n as usize],
+                infinity(n, 1.0),
+                infinity(rows, -1.0),
+                vec![if is_infeasible { -20.0 } else { 4.0 }; rows as usize],
+            ],
+            jacobian: Pattern::new(
+                rows as usize,
+                (0..rows).flat_map(|i| [(i, i), (i, i + 1)]).collect(),
+            ),
+            hessian: Pattern::new(
+                n as usize,
+                (0..n)
+                    .flat_map(|i| [(i, i), (i, i.saturating_sub(1))])
+                    .collect(),
+            ),
+        }
+    }
+}
+
+impl Nlp for Chain {
+    fn n_variables(&self) -> usize {
+        self.start.len()
+    }
+
+    fn n_rows(&self) -> usize {
+        self.start.len() - 1
+    }
+
+    fn variable_bounds(&self) -> Bounds<'_> {
+        Bounds {
+            lower: &self.bounds[0],
+            upper: &self.bounds[1],
+        }
+    }
+
+    fn row_bounds(&self) -> Bounds<'_> {
+        Bounds {
+            lower: &self.bounds[2],
+            upper: &self.bounds[3],
+        }
+    }
+
+    fn start(&self) -> &[f64] {
+        &self.start
+    }
+
+    fn jacobian_pattern(&self) -> &Pattern {
+        &self.jacobian
+    }
+
+    fn hessian_pattern(&self) -> &Pattern {
+        &self.hessian
+    }
+
+    fn objective(&mut self, w: &[f64]) -> f64 {
+        w.windows(2)
+            .map(|w| 100.0 * (w[1] - w[0] * w[0]).powi(2) + (1.0 - w[0]).powi(2))
+            .sum()
+    }
+
+    fn gradient(&mut self, w: &[f64], gradient: &mut [f64]) {
+        gradient.fill(0.0);
+        for i in 0..w.len() - 1 {
+            let bend = w[i + 1] - w[i] * w[i];
+            gradient[i] += -400.0 * w[i] * bend - 2.0 * (1.0 - w[i]);
+            gradient[i + 1] += 200.0 * bend;
+        }
+    }
+
+    fn rows(&mut self, w: &[f64], rows: &mut [f64]) {
+        for (row, w) in rows.iter_mut().zip(w.windows(2)) {
+            *row = 3.0 * w[0].powi(3) + w[0] * w[1];
+        }
+    }
+
+    fn jacobian(&mut self, w: &[f64], entries: &mut [f64]) {
+        for (entries, w) in entries.chunks_mut(2).zip(w.windows(2)) {
+            entries[0] = 9.0 * w[0] * w[0] + w[1];
+            entries[1] = w[0];
+        }
+    }
+
+    fn hessian(&mut self, w: &[f64], factor: f64, y: &[f64], entries: &mut [f64]) {
+        let last = w.len() - 1;
+        // Row i has the entries (i, i - 1) and (i, i).
+        for i in 0..w.len() {
+            let mut diagonal = 0.0;
+            if i < last {
+                diagonal +=
+                    factor * (1200.0 * w[i] * w[i] - 400.0 * w[i + 1] + 2.0) + 18.0 * y[i] * w[i];
+            }
+            if i > 0 {
+                diagonal += 200.0 * factor;
+                entries[2 * i - 1] = -400.0 * factor * w[i - 1] + y[i - 1];
+            }
+            entries[2 * i] = diagonal;
+        }
+    }
+}
+
+#[test]
+fn interior_point_iterations_allocate_nothing() {
+    for barrier in [BarrierRule::Monotone, BarrierRule::Adaptive] {
+        // The second goes through the restoration.
+        for is_infeasible in [false, true] {
+            let mut chain = Chain::new(50, is_infeasible);
+            let mut measure = |max_iterations| {
+                let options = Options {
+                    barrier,
+                    max_iterations,
+                    ..Options::default()
+                };
+                let mut iterations = 0;
+                let allocations = allocation_counter::measure(|| {
+                    iterations = solve(&mut chain, &options, None, &mut ()).iterations;
+                });
+                (allocations.count_total, iterations)
+            };
+            let ((short, before), (long, after)) = (measure(1), measure(1000));
+            assert!(before == 1 && after > 10, "{after} iterations");
+            assert_eq!(short, long, "by {before} and {after} iterations");
+        }
     }
 }

@@ -77,20 +77,21 @@ impl Run<'_> {
 
     /// Σ of what the barrier adds to the objective.
     pub(super) fn barrier_terms(&self, v: &[f64]) -> f64 {
-        let mut sum = 0.0;
-        for i in 0..self.nv() {
-            let (lower, upper) = (v[i] - self.lower[i], self.upper[i] - v[i]);
+        let (mut sum, mut damping) = (LogSum::default(), 0.0);
+        let bounds = self.lower.iter().zip(&self.upper);
+        for (&v, (&lower, &upper)) in v.iter().zip(bounds).take(self.nv()) {
+            let (lower, upper) = (v - lower, upper - v);
             if lower < f64::INFINITY {
-                sum -= lower.ln();
+                sum.add(lower);
             }
             if upper < f64::INFINITY {
-                sum -= upper.ln();
+                sum.add(upper);
             }
             if (lower < f64::INFINITY) != (upper < f64::INFINITY) {
-                sum += DAMPING * lower.min(upper);
+                damping += lower.min(upper);
             }
         }
-        self.mu * sum
+        self.mu * (DAMPING * damping - sum.value())
     }
 
     /// θ and φ at v + α Δv, or nothing where they are no numbers. Slacks that can take up violation do.
@@ -129,5 +130,54 @@ impl Run<'_> {
             phi: self.trial_f + self.barrier_terms(&self.trial),
         };
         (merit.theta.is_finite() && merit.phi.is_finite()).then_some(merit)
+    }
+}
+
+/// Σ ln d over d > 0, by few logarithms; minus infinity if a d is not positive.
+struct LogSum {
+    sum: f64,
+    product: f64,
+}
+
+impl Default for LogSum {
+    fn default() -> Self {
+        LogSum {
+            sum: 0.0,
+            product: 1.0,
+        }
+    }
+}
+
+impl LogSum {
+    fn add(&mut self, d: f64) {
+        self.product *= d.max(0.0);
+        if !(1e-100..1e100).contains(&self.product) {
+            self.sum += self.product.ln();
+            self.product = 1.0;
+        }
+    }
+
+    fn value(self) -> f64 {
+        self.sum + self.product.ln()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::LogSum;
+
+    #[test]
+    fn few_logarithms_are_as_good_as_many() {
+        let mut sum = LogSum::default();
+        let values = (0..200).map(|i| 10.0_f64.powi(37 * i % 41 - 10 * (i % 5)));
+        let expected: f64 = values.clone().map(f64::ln).sum();
+        values.for_each(|value| sum.add(value));
+        assert!((sum.value() - expected).abs() < 1e-9 * expected.abs());
+        for outside in [0.0, -1.0] {
+            let mut sum = LogSum::default();
+            sum.add(outside);
+            sum.add(-1.0);
+            assert_eq!(sum.value(), f64::NEG_INFINITY);
+        }
     }
 }

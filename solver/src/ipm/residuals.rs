@@ -99,10 +99,10 @@ pub(super) fn residuals(
     let mut rows = vec![0.0; m];
     nlp.rows(w, &mut rows);
     let pattern = nlp.jacobian_pattern();
-    for row in 0..m {
+    for (row, &y) in y.iter().enumerate() {
         let range = pattern.starts[row]..pattern.starts[row + 1];
         for (&column, &entry) in pattern.row(row).iter().zip(&jacobian[range]) {
-            gradient[column as usize] += entry * y[row];
+            gradient[column as usize] += entry * y;
         }
     }
     let (mut primal, mut dual, mut complementarity) = (0.0_f64, 0.0_f64, 0.0_f64);

@@ -132,7 +132,6 @@ impl Sub for Jet {
 
 impl Div for Jet {
     type Output = Jet;
-    #[expect(clippy::suspicious_arithmetic_impl, reason = "a / b = a b⁻¹")]
     fn div(self, other: Jet) -> Jet {
         self * other.powi(-1)
     }
