@@ -35,6 +35,54 @@ fn refused(model: &str, experiment: &str, words: &[&str]) -> (f64, String) {
     (trajectory.time[trajectory.time.len() - 1], reason)
 }
 
+/// Pulses that are zero wherever a long step looks.
+#[test]
+fn pulses_are_not_passed_over() {
+    let pulses = [
+        ("exp(-((time - 5)/0.001)^2)", 1e-3 * PI.sqrt()),
+        ("tanh((time - 3)/1e-4) - tanh((time - 3.001)/1e-4)", 2e-3),
+        (
+            "1e6/(1 + ((time - 7)/1e-6)^2)",
+            7e6_f64.atan() + 3e6_f64.atan(),
+        ),
+    ];
+    for (pulse, area) in pulses {
+        for k in [3, 8] {
+            let experiment = format!("horizon 10; tolerance 1e-{k};");
+            let model = format!("state x = 0; x' = {pulse};");
+            let trajectory = check(&model, &experiment, "x", area, 1e-2 * area);
+            let error = (end(&trajectory, "x")[0] - area).abs();
+            let covered = error <= 10.0_f64.powi(-k) * area || !trajectory.warnings.is_empty();
+            assert!(covered, "{model}: an error of {error:e} without a warning");
+        }
+    }
+    let model = "state x = 0; x' = step(exp(-((time - 5)/0.001)^2) - 0.5);";
+    let width = 2e-3 * 2.0_f64.ln().sqrt();
+    check(model, "horizon 10;", "x", width, 1e-12);
+}
+
+/// What rounding does to the times of both events is what remains.
+#[test]
+fn a_field_that_is_huge_for_an_instant() {
+    for distance in [1e-11, 1e-12, 1e-13] {
+        let relays = format!(
+            "state x = 1; state z = 1; x' = -1; z' = (sign(x) - sign(x + {distance:e}))/{distance:e};"
+        );
+        let clock = format!(
+            "state z = 1; z' = -2*(step(time - 1) - step(time - 1 - {distance:e}))/{distance:e};"
+        );
+        for model in [relays, clock] {
+            check(
+                &model,
+                "horizon 2;",
+                "z",
+                -1.0,
+                16.0 * f64::EPSILON / distance,
+            );
+        }
+    }
+}
+
 /// The states are polynomials, only the switching functions vary quickly.
 #[test]
 fn switching_functions_limit_the_step_where_the_states_do_not() {

@@ -95,7 +95,7 @@ impl<'s, 'e> Bench<'s, 'e> {
             system,
             settings,
             x0: system.states.iter().map(|state| state.initial).collect(),
-            switched: Switched::new(system),
+            switched: Switched::new(system).over(system, settings.horizon),
             complementarity: complementarity(system, settings),
             repetitions: MOST_REPETITIONS,
         }
@@ -184,7 +184,7 @@ impl<'s, 'e> Bench<'s, 'e> {
             }
             Variant::Smoothing(options) => {
                 let smoothed = smoothing::smooth(self.system, &options);
-                let switched = Switched::new(&smoothed);
+                let switched = Switched::new(&smoothed).over(&smoothed, horizon);
                 let settings = solver::Settings {
                     tolerance: SMOOTHED_TOLERANCE,
                     time_limit: Some(limit),

@@ -11,6 +11,7 @@ mod data;
 pub mod fesd;
 mod forms;
 mod functions;
+mod instants;
 mod limits;
 mod modes;
 mod outcome;
@@ -100,7 +101,7 @@ fn run_events(
     watch: &mut dyn FnMut(Progress),
 ) -> Trajectory {
     let started = Instant::now();
-    let switched = Switched::new(system);
+    let switched = Switched::new(system).over(system, settings.horizon);
     let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
     let mut tolerance: f64 = settings.tolerance;
     let mut attempt = 1;

@@ -17,6 +17,7 @@ use super::blocks;
 use super::data::Pieces;
 use super::forms::{self, Copy, Form};
 use super::functions::{CompiledRates, CompiledSurface, Place, affine, partials, tape};
+use super::instants;
 use super::structure::Structure;
 use crate::expr::{self, Expr, Exprs, Node, Substitution, Var};
 use crate::system::System;
@@ -56,6 +57,8 @@ pub struct Switched<'e> {
     /// Switches whose α the rate φ_i may contain, or that of its last derivative.
     couplings: Vec<Vec<usize>>,
     data: Pieces,
+    /// Where functions of time are narrow, in order.
+    instants: Vec<f64>,
     with_data: [Vec<bool>; 2],
     /// Where the derivatives of ψ_i along the solution stand in `switching`, up to the one whose rate
     /// contains an α.
@@ -74,18 +77,22 @@ struct Shared<'e> {
     copies: Vec<Copy>,
 }
 
+/// All rates, and all ψ, with the values of the parameters.
+fn with_numbers<'e>(system: &System<'e>) -> [Vec<Expr<'e>>; 2] {
+    let mut numbers = Substitution::new();
+    for param in &system.params {
+        numbers.insert(variable(param.var), system.exprs.constant(param.value));
+    }
+    let rates: Vec<_> = system.states.iter().map(|state| state.rate).collect();
+    let switching: Vec<_> = system.switches.iter().map(|switch| switch.psi).collect();
+    [numbers.apply(&rates), numbers.apply(&switching)]
+}
+
 impl<'e> Switched<'e> {
     /// Substitutes the parameters and the polynomials of data.
     pub fn new(system: &System<'e>) -> Self {
         let exprs = system.exprs;
-        let mut numbers = Substitution::new();
-        for param in &system.params {
-            numbers.insert(variable(param.var), exprs.constant(param.value));
-        }
-        let rates: Vec<_> = system.states.iter().map(|state| state.rate).collect();
-        let folded = numbers.apply(&rates);
-        let switching: Vec<_> = system.switches.iter().map(|switch| switch.psi).collect();
-        let switching = numbers.apply(&switching);
+        let [folded, switching] = with_numbers(system);
         let (data, coefficients, polynomials) = Pieces::new(system);
         let rates = polynomials.apply(&folded);
         let switching = polynomials.apply(&switching);
@@ -146,6 +153,7 @@ impl<'e> Switched<'e> {
             relays: system.switches.iter().map(start).collect(),
             timed,
             data,
+            instants: Vec::new(),
             with_data,
             rates: share(&groups),
             switching: share(&surfaces),
@@ -160,6 +168,13 @@ impl<'e> Switched<'e> {
             known_surfaces: RefCell::default(),
             known_jacobians: RefCell::default(),
         }
+    }
+
+    /// Lets no step pass over where functions of time are narrow, in a run from 0 to the horizon.
+    pub fn over(mut self, system: &System<'e>, horizon: f64) -> Self {
+        let functions = with_numbers(system).concat();
+        self.instants = instants::narrow(&functions, variable(system.time), horizon);
+        self
     }
 
     /// The number of functions compiled so far, which blocks and surfaces of one form share.
@@ -378,7 +393,10 @@ impl SwitchedSystem for Switched<'_> {
     }
 
     fn coefficients(&self, t: f64, coefficients: &mut [f64]) -> f64 {
-        self.data.write(t, coefficients)
+        let next = self.instants.partition_point(|&instant| instant <= t);
+        let next = self.instants.get(next).copied();
+        let breakpoint = self.data.write(t, coefficients);
+        next.map_or(breakpoint, |next| next.min(breakpoint))
     }
 
     fn is_piecewise(&self, switch: usize) -> bool {

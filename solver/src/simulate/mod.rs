@@ -21,6 +21,7 @@ mod layout;
 mod lead;
 #[cfg(test)]
 mod lead_tests;
+mod merge;
 mod mode;
 mod pieces;
 mod pivot;
@@ -314,7 +315,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 self.mode.enter(self.system, &state.sides);
                 let goal = limit.as_ref().map_or(t1, |(_, end)| *end);
                 let goal = goal.min(self.pieces.until);
-                let step = match self.step(&mut state, goal, t1) {
+                let mut step = match self.step(&mut state, goal, t1) {
                     Ok(step) => step,
                     Err(status) => break status,
                 };
@@ -365,6 +366,9 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                     continue;
                 }
                 if !step.triggers.is_empty() {
+                    if !passes {
+                        self.tell_apart(&state, &mut step.triggers);
+                    }
                     self.stiffness.after_event();
                     if !step.implicit && !passes {
                         self.mode

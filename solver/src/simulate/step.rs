@@ -4,6 +4,7 @@ use super::dense::Dense;
 use super::mode::Mode;
 use super::pieces::is_at_end;
 use super::roots::{Root, RootFinder};
+use super::select::BAND;
 use super::state::State;
 use super::{Simulator, Status, SwitchedSystem, series};
 
@@ -154,13 +155,17 @@ pub(super) fn first_event(
     }
     for &i in &mode.watched {
         let reach = first.map_or(h, |(root, _)| root.tau);
-        let (c, band) = (dense.psi(i), state.armed[i].then_some(state.band[i]));
+        let (c, band) = (dense.psi(i), state.armed[i].then_some(SEEN * state.band[i]));
         if let Some(root) = first_root(roots, c[0], c, reach, mode.sides[i].sign(), band) {
             first = Some((root, Watch::Surface(i)));
         }
     }
     first
 }
+
+/// The fraction of its band that ψ must leave between two events to have been there: sixteen roundings of
+/// its terms.
+const SEEN: f64 = 16.0 * f64::EPSILON / BAND;
 
 /// The least root of a series that should have sign `side`; its constant term is `start` instead of
 /// `c[0]`. One that starts at zero, within `band`, is divided by its leading power first; one that

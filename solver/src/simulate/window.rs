@@ -12,15 +12,20 @@ use super::{Side, series};
 /// Derivatives of ψ that are looked at.
 const DERIVATIVES: usize = 4;
 
+/// Roundings of a term that a value has seen.
+const ROUNDINGS: f64 = 8.0;
+
 impl Mode {
     /// Takes note of the fields before an event at `tau`, and of how long it is uncertain.
     pub(super) fn open_window(&self, state: &mut State, tau: f64, triggers: &[usize]) {
         let crossings = triggers.iter().filter(|i| self.sides[**i] != Side::Slide);
         let windows = crossings.map(|&i| {
             let c = self.psi_series(i);
-            // A few roundings of every term.
+            // A few roundings of every term, and of the states as large as they have been.
             let sizes = c.iter().rev().fold(0.0, |sum, c| sum * tau + c.abs());
-            let rounding = 4.0 * f64::EPSILON * state.terms[i].max(sizes);
+            let past = self.gradient(i).iter();
+            let past: f64 = past.map(|&(j, g)| g.abs() * state.scale[j]).sum();
+            let rounding = ROUNDINGS * f64::EPSILON * state.terms[i].max(sizes).max(past);
             let reaches =
                 |k: usize| (rounding / series::term(c, tau, k).abs()).powf(1.0 / k as f64);
             (1..=DERIVATIVES).map(reaches).fold(f64::INFINITY, f64::min)
