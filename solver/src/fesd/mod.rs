@@ -21,6 +21,7 @@ mod select;
 mod smooth;
 mod stepping;
 mod system;
+mod uniform;
 mod watch;
 
 use std::time::{Duration, Instant};

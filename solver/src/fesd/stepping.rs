@@ -9,7 +9,9 @@
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
+use super::scheme::Scheme;
 use super::system::ComplementaritySystem;
+use super::uniform::{SLACK, Uniform};
 use crate::linalg::DenseLu;
 use crate::simulate::dense::ElementSeries;
 use crate::simulate::{Event, Observer, Outcome, Segment, Side, Stats, Status};
@@ -28,12 +30,19 @@ pub struct SteppingSettings {
     pub time_limit: Option<Duration>,
 }
 
-/// Newton iterations for one choice of members, or one σ.
+/// Newton iterations for one σ, and by the smaller members, which go in circles if they take longer.
 const MAX_ITERATIONS: usize = 30;
+const MAX_LEAST: usize = 15;
 
 /// Where σ starts and ends, and what it is multiplied with, one attempt after the other.
 const SIGMA: [f64; 2] = [1.0, 1e-16];
 const SHRINK: [f64; 3] = [0.1, 0.1, 0.5];
+
+/// From this σ on the smaller members are tried.
+const EARLY: f64 = 1e-2;
+
+/// Changes of the unknowns, relative to √σ, at which the next σ is taken up.
+const ALONG: f64 = 1e-3;
 
 /// A change of the unknowns of this size is rounding.
 const CONVERGED: f64 = 1e-13;
@@ -57,9 +66,7 @@ enum Rule {
 pub struct Stepper<'s, S> {
     system: &'s S,
     settings: SteppingSettings,
-    tableau: Tableau,
-    /// Values at distinct nodes to coefficients.
-    powers: Vec<f64>,
+    uniform: Uniform,
     /// V and z of every node.
     unknowns: Vec<f64>,
     inputs: Vec<f64>,
@@ -81,7 +88,6 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
         let tapes = [&full.equations, &full.slopes.tape, &full.alphas];
         let registers = tapes.map(|tape| tape.n_registers().max(tape.n_inputs()));
         Ok(Stepper {
-            powers: super::scheme::powers(&tableau.nodes),
             unknowns: vec![0.0; size],
             inputs: vec![0.0; 1 + n + n_z + system.n_numbers()],
             registers: vec![0.0; registers.into_iter().max().unwrap_or(0)],
@@ -90,7 +96,7 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
             lu: DenseLu::new(size),
             series: ElementSeries::default(),
             alpha: vec![0.0; system.n_switches()],
-            tableau,
+            uniform: Uniform::new(Scheme::new(tableau), n, system.n_numbers()),
             settings,
             system,
         })
@@ -98,7 +104,7 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
 
     /// Order of the method where nothing switches.
     pub fn order(&self) -> usize {
-        self.tableau.order
+        self.tableau().order
     }
 
     /// Integrates from `x0` at `t0` to `t1`.
@@ -136,7 +142,7 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
                 break Status::Unsolved;
             }
             stats.steps += 1;
-            stats.rhs_evaluations += self.tableau.n_nodes();
+            stats.rhs_evaluations += self.tableau().n_nodes();
             self.end(h, &x, &mut end);
             if !end.iter().all(|x| x.is_finite()) {
                 break Status::NotFinite;
@@ -194,6 +200,7 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
     /// Takes the initial z and rates as the guess of all nodes.
     fn begin(&mut self, t: f64, x: &[f64]) {
         let (n, n_z) = (x.len(), self.system.start().len());
+        self.uniform.begin(x);
         self.load(t, x, 0);
         self.inputs[1 + n..][..n_z].copy_from_slice(self.system.start());
         self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
@@ -206,6 +213,10 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
         }
     }
 
+    fn tableau(&self) -> &Tableau {
+        &self.uniform.scheme.tableau
+    }
+
     /// Unknowns per node: V, then z.
     fn per_node(&self) -> usize {
         self.system.n_states() + self.system.start().len()
@@ -214,7 +225,9 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
     /// Takes the numbers that hold from `t` on; the next breakpoint.
     fn load_numbers(&mut self, t: f64) -> f64 {
         let first = self.per_node() + 1;
-        self.system.numbers(t, &mut self.inputs[first..])
+        let until = self.system.numbers(t, &mut self.inputs[first..]);
+        self.uniform.set_numbers(&self.inputs[first..]);
+        until
     }
 
     /// Puts a point into the inputs, with z of a node.
@@ -227,9 +240,20 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
         self.inputs[1 + n..=per_node].copy_from_slice(z);
     }
 
-    /// Solves the step: by the smaller members first, else along smoothed pairs, ever more slowly and
-    /// from the middle of what jumps.
+    /// Solves the step, in the active set of the last one if it can be.
     fn solve(&mut self, t: f64, h: f64, x: &[f64], stats: &mut Stats) -> bool {
+        if self.uniform.solve((t, h), x, &mut self.unknowns, stats) {
+            return true;
+        }
+        let solved = self.solve_all(t, h, x, stats);
+        let last = self.unknowns.len() - self.system.start().len();
+        self.uniform.enter(self.system, &self.unknowns[last..]);
+        solved
+    }
+
+    /// Solves for V and z at once: by the smaller members first, else along smoothed pairs, ever more
+    /// slowly and from the middle of what jumps.
+    fn solve_all(&mut self, t: f64, h: f64, x: &[f64], stats: &mut Stats) -> bool {
         let start = self.unknowns.clone();
         if self.newton(t, h, x, Rule::Least, stats) {
             return true;
@@ -242,10 +266,15 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
             let [mut sigma, last] = SIGMA;
             while sigma > last {
                 self.newton(t, h, x, Rule::Smooth(sigma), stats);
+                // The smaller members may be the right ones long before σ is zero.
+                if sigma <= EARLY {
+                    let smooth = self.unknowns.clone();
+                    if self.newton(t, h, x, Rule::Least, stats) {
+                        return true;
+                    }
+                    self.unknowns.copy_from_slice(&smooth);
+                }
                 sigma *= shrink;
-            }
-            if self.newton(t, h, x, Rule::Least, stats) {
-                return true;
             }
         }
         false
@@ -268,7 +297,11 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
     fn newton(&mut self, t: f64, h: f64, x: &[f64], rule: Rule, stats: &mut Stats) -> bool {
         let mut residual = self.assemble(t, h, x, rule);
         let mut start = self.unknowns.clone();
-        for _ in 0..MAX_ITERATIONS {
+        let (most, converged) = match rule {
+            Rule::Least => (MAX_LEAST, CONVERGED),
+            Rule::Smooth(sigma) => (MAX_ITERATIONS, (ALONG * sigma.sqrt()).max(CONVERGED)),
+        };
+        for _ in 0..most {
             stats.newton_iterations += 1;
             stats.factorizations += 1;
             if self.lu.factor(&self.matrix).is_err() {
@@ -299,7 +332,7 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
             if !change.is_finite() {
                 return false;
             }
-            if share * change <= CONVERGED {
+            if share * change <= converged {
                 return matches!(rule, Rule::Smooth(_)) || self.is_complementary();
             }
         }
@@ -313,25 +346,26 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
         self.unknowns.chunks_exact(per_node).all(|node| {
             let z = &node[n..];
             let mut pairs = self.system.pairs().iter();
-            pairs.all(|pair| pair.left.value(z).min(pair.right.value(z)) >= -1e-10)
+            pairs.all(|pair| pair.left.value(z).min(pair.right.value(z)) >= SLACK)
         })
     }
 
     /// The negative residual and the Jacobian of all equations. Returns the norm of the residual.
     fn assemble(&mut self, t: f64, h: f64, x0: &[f64], rule: Rule) -> f64 {
-        let (system, s, n) = (self.system, self.tableau.n_nodes(), x0.len());
+        let (system, s, n) = (self.system, self.uniform.scheme.s, x0.len());
         let (full, per_node) = (system.full(), self.per_node());
         let (size, n_rows) = (s * per_node, full.equations.n_outputs());
         self.matrix.fill(0.0);
         for m in 0..s {
             let rows = m * per_node;
             let state = |i: usize| {
-                let terms =
-                    (0..s).map(|j| self.tableau.a[m * s + j] * self.unknowns[j * per_node + i]);
+                let terms = (0..s).map(|j| {
+                    self.uniform.scheme.tableau.a[m * s + j] * self.unknowns[j * per_node + i]
+                });
                 x0[i] + h * terms.sum::<f64>()
             };
             let x: Vec<f64> = (0..n).map(state).collect();
-            self.load(t + self.tableau.nodes[m] * h, &x, m);
+            self.load(t + self.uniform.scheme.tableau.nodes[m] * h, &x, m);
             self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
             full.equations.run(&mut self.registers);
             for (i, value) in full.equations.results(&self.registers).enumerate() {
@@ -357,7 +391,7 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
                     0 => {}
                     _ if input <= n => {
                         for j in 0..s {
-                            let a = self.tableau.a[m * s + j];
+                            let a = self.uniform.scheme.tableau.a[m * s + j];
                             self.matrix[start + j * per_node + input - 1] += sign * h * a * slope;
                         }
                     }
@@ -389,7 +423,7 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
     fn end(&self, h: f64, x0: &[f64], end: &mut [f64]) {
         let per_node = self.per_node();
         for (i, end) in end.iter_mut().enumerate() {
-            let terms = self.tableau.weights.iter().enumerate();
+            let terms = self.tableau().weights.iter().enumerate();
             let mean: f64 = terms
                 .map(|(j, b)| b * self.unknowns[j * per_node + i])
                 .sum();
@@ -399,7 +433,7 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
 
     /// Where the switches stand at the last node.
     fn sides(&mut self, t: f64, x: &[f64]) -> Box<[Side]> {
-        self.load(t, x, self.tableau.n_nodes() - 1);
+        self.load(t, x, self.tableau().n_nodes() - 1);
         self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
         let tape = &self.system.full().alphas;
         tape.run(&mut self.registers);
@@ -416,13 +450,13 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
 
     /// x(τ) = x₀ + ∫ V, and α as at the last node.
     fn polynomials(&mut self, h: f64, x0: &[f64], sides: &[Side]) {
-        let (s, n, per_node) = (self.tableau.n_nodes(), x0.len(), self.per_node());
+        let (s, n, per_node) = (self.tableau().n_nodes(), x0.len(), self.per_node());
         self.series.shape(n, sides.len(), s);
         for (i, &x0) in x0.iter().enumerate() {
             let c = self.series.row_mut(i);
             c[0] = x0;
             let mut scale = 1.0;
-            for (k, powers) in self.powers.chunks_exact(s).enumerate() {
+            for (k, powers) in self.uniform.scheme.powers.chunks_exact(s).enumerate() {
                 let terms = powers
                     .iter()
                     .enumerate()

@@ -160,6 +160,8 @@ pub struct Reduced {
     pub sides: Box<[Side]>,
     /// (t, x, w) to α of the switches that slide.
     pub alphas: Tape,
+    /// Whether r are equations of the system, and none of their derivatives.
+    pub is_direct: bool,
     /// Whether f and r are affine in (x, w), with constant coefficients: one factorization serves
     /// all elements of one length.
     pub is_linear: bool,

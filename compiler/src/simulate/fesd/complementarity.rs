@@ -225,6 +225,7 @@ impl<'e> Complementarity<'e> {
 
         // At the nodes stands the last derivative of a residual before an unknown appears in one.
         let (mut at_nodes, mut hidden) = (Vec::new(), Vec::new());
+        let mut is_direct = true;
         for mut residual in residuals {
             let mut next = residual;
             let mut vars = variables_of(&[next]);
@@ -232,6 +233,7 @@ impl<'e> Complementarity<'e> {
                 if contains_unknown(&vars) {
                     break;
                 }
+                is_direct &= residual == next;
                 residual = next;
                 next = self.along(next, &vars, &rates);
                 vars = variables_of(&[next]);
@@ -285,6 +287,7 @@ impl<'e> Complementarity<'e> {
             watched,
             sides,
             alphas: self.tape(&inputs, &sliding),
+            is_direct,
             is_linear: constant
                 .iter()
                 .all(|(.., slope)| slope.as_constant().is_some()),
