@@ -106,9 +106,11 @@ impl Element {
         let (n, s, per_node) = (self.n, scheme.s, self.per_node());
         let size = s * per_node;
         self.matrix.fill(0.0);
+        let places = self.places.as_deref();
+        let place = |at: usize| places.map_or(at, |places| places[at]);
         for m in 0..s {
             for i in 0..n {
-                self.matrix[(m * per_node + i) * (size + 1)] = 1.0;
+                self.matrix[place(m * per_node + i) * (size + 1)] = 1.0;
             }
             for (e, &(row, input)) in self.reduced.slopes.entries.iter().enumerate() {
                 if input == 0 {
@@ -116,14 +118,15 @@ impl Element {
                 }
                 let slope = self.slope(scheme, e, m);
                 let sign = if row < n { -1.0 } else { 1.0 };
-                let start = (m * per_node + row) * size;
+                let start = place(m * per_node + row) * size;
                 if input <= n {
                     for j in 0..s {
                         let a = scheme.tableau.a[m * s + j];
-                        self.matrix[start + j * per_node + input - 1] += sign * h * a * slope;
+                        let column = place(j * per_node + input - 1);
+                        self.matrix[start + column] += sign * h * a * slope;
                     }
                 } else {
-                    self.matrix[start + m * per_node + input - 1] += sign * slope;
+                    self.matrix[start + place(m * per_node + input - 1)] += sign * slope;
                 }
             }
         }

@@ -11,7 +11,9 @@ use std::sync::Arc;
 
 use wide::f64x4;
 
+use super::banded;
 use super::hidden::Hidden;
+use super::projection::Projection;
 use super::scheme::{Scheme, WIDTH};
 use super::system::Reduced;
 use crate::linalg::DenseLu;
@@ -52,8 +54,11 @@ pub(super) struct Element {
     pub x0: Vec<f64>,
     /// V and w of every node, one after the other.
     pub unknowns: Vec<f64>,
-    /// Σ b_j V_j.
+    /// Σ b_j V_j, and what the projection of the end adds to it.
     pub mean: Vec<f64>,
+    projection: Option<Projection>,
+    /// The end.
+    end: Vec<f64>,
     /// What changes at breakpoints.
     pub(super) numbers: Vec<f64>,
     /// Size of the terms of each rate where it was last differentiated: times ε, its rounding error.
@@ -64,6 +69,9 @@ pub(super) struct Element {
     pub(super) slopes: Vec<f64x4>,
     pub(super) matrix: Vec<f64>,
     pub(super) lu: Option<DenseLu>,
+    /// The places of unknowns and equations in the matrix; none where they stand in their order.
+    pub(super) places: Option<Vec<usize>>,
+    permuted: Vec<f64>,
     /// The h that is factored, zero where nothing is.
     pub(super) factored: f64,
     /// Contraction of the last iterations with this factorization.
@@ -83,6 +91,10 @@ impl Element {
         let per_node = n + reduced.unknowns.len();
         let size = scheme.s * per_node;
         let zero = f64x4::splat(0.0);
+        let entries = reduced.slopes.entries.iter();
+        let entries = entries.filter(|(_, input)| *input > 0);
+        let entries = entries.map(|&(row, input)| (row, input - 1));
+        let places = banded::places(scheme.s, per_node, entries);
         let registers = [&reduced.equations, &reduced.slopes.tape, &reduced.members];
         let registers = registers.map(|tape| tape.n_registers().max(tape.n_inputs()));
         Element {
@@ -92,6 +104,8 @@ impl Element {
             x0: vec![0.0; n],
             unknowns: vec![0.0; size],
             mean: vec![0.0; n],
+            projection: Projection::new(scheme, n, &reduced),
+            end: vec![0.0; n],
             numbers: vec![0.0; n_numbers],
             activity: vec![0.0; n],
             x: vec![zero; n * scheme.groups],
@@ -99,6 +113,8 @@ impl Element {
             slopes: vec![zero; reduced.slopes.entries.len() * scheme.groups],
             matrix: vec![0.0; size * size],
             lu: None,
+            permuted: vec![0.0; if places.is_some() { size } else { 0 }],
+            places,
             factored: 0.0,
             contraction: 1.0,
             rhs: vec![0.0; size],
@@ -201,8 +217,7 @@ impl Element {
         let (mut last, mut chords) = (f64::INFINITY, 0);
         for _ in 0..MAX_NEWTON {
             self.residual(scheme);
-            let lu = self.lu.as_ref().ok_or(Unsolved::Singular)?;
-            lu.solve(&mut self.rhs);
+            self.substitute(|element| &mut element.rhs)?;
             let change = self.advance(scale);
             self.iterations += 1;
             if !change.is_finite() {
@@ -250,9 +265,8 @@ impl Element {
             self.factor(scheme, self.h)?;
             self.residual(scheme);
             self.slope_by_length(scheme);
-            let lu = self.lu.as_ref().ok_or(Unsolved::Singular)?;
-            lu.solve(&mut self.rhs);
-            lu.solve(&mut self.by_length);
+            self.substitute(|element| &mut element.rhs)?;
+            self.substitute(|element| &mut element.by_length)?;
             // G + ∂G/∂y Δy + ∂G/∂h Δh = 0 with Δy = rhs + by_length Δh.
             let w = (scheme.s - 1) * self.per_node() + self.n;
             let x = self.x0.iter().zip(&self.mean);
@@ -314,6 +328,26 @@ impl Element {
         Ok(!usable)
     }
 
+    /// Overwrites a right-hand side with the solution of the factored equations.
+    fn substitute(&mut self, rhs: impl Fn(&mut Self) -> &mut Vec<f64>) -> Result<(), Unsolved> {
+        let mut solution = std::mem::take(rhs(self));
+        let lu = self.lu.as_ref().ok_or(Unsolved::Singular)?;
+        match &self.places {
+            None => lu.solve(&mut solution),
+            Some(places) => {
+                for (value, &place) in solution.iter().zip(places) {
+                    self.permuted[place] = *value;
+                }
+                lu.solve(&mut self.permuted);
+                for (value, &place) in solution.iter_mut().zip(places) {
+                    *value = self.permuted[place];
+                }
+            }
+        }
+        *rhs(self) = solution;
+        Ok(())
+    }
+
     /// Adds the solution in `rhs` to the unknowns. Returns the change relative to their size.
     fn advance(&mut self, scale: &[f64]) -> f64 {
         let (n, per_node) = (self.n, self.per_node());
@@ -338,7 +372,12 @@ impl Element {
         largest
     }
 
-    /// X at the nodes, and Σ b_j V_j
+    /// Whether the end is moved onto the surfaces, away from the polynomial.
+    pub fn is_projected(&self) -> bool {
+        self.projection.is_some()
+    }
+
+    /// X at the nodes, and Σ b_j V_j with the projection of the end.
     fn finish(&mut self, scheme: &Scheme) {
         self.place(scheme);
         let per_node = self.per_node();
@@ -347,6 +386,20 @@ impl Element {
             *mean = terms
                 .map(|(j, b)| b * self.unknowns[j * per_node + i])
                 .sum();
+        }
+        if let Some(projection) = &mut self.projection {
+            let ends = self.end.iter_mut().zip(&self.x0).zip(&self.mean);
+            for ((end, x0), mean) in ends {
+                *end = x0 + self.h * mean;
+            }
+            let w = &self.unknowns[(scheme.s - 1) * per_node + self.n..];
+            let (reduced, t) = (&self.reduced, self.t + self.h);
+            projection.project(reduced, t, w, &self.numbers, &mut self.end);
+            let ends = self.end.iter().zip(&self.x0).zip(&mut self.mean);
+            for ((end, x0), mean) in ends {
+                let shift = (end - x0) - self.h * *mean;
+                *mean += shift / self.h;
+            }
         }
     }
 }

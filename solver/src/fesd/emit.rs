@@ -92,6 +92,10 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                     *c += rate * power;
                 }
             }
+            if element.is_projected() {
+                // What the end was moved by, evenly over the element.
+                c[1] += solved.mean[i] - c[1..=s].iter().sum::<f64>();
+            }
             // σ = τ/h
             let mut scale = 1.0;
             for c in &mut c[1..=s] {

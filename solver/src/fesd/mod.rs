@@ -10,12 +10,14 @@
 //! of them vanishes the element ends. There the derivatives of the members say which set is next.
 
 mod adaptive;
+mod banded;
 mod collocation;
 mod directional;
 mod element;
 mod emit;
 mod hidden;
 mod march;
+mod projection;
 mod scheme;
 mod select;
 mod smooth;

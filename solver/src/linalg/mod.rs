@@ -227,7 +227,10 @@ fn factor<T: Number>(
             }
         }
         let (above, below) = a[..n * n].split_at_mut((col + 1) * n);
+        // Behind its last entry the row changes nothing.
         let eliminated = &above[col * n + col + 1..];
+        let width = eliminated.iter().rposition(|v| *v != T::zero());
+        let eliminated = &eliminated[..width.map_or(0, |last| last + 1)];
         for row in below.chunks_exact_mut(n) {
             let factor = row[col] / value;
             row[col] = factor;
