@@ -123,13 +123,7 @@ pub fn certify(
     };
     // S-stationary points are B-stationary; others are asked for a direction of descent.
     if certificate.class != Class::S {
-        let Tolerances {
-            radius,
-            stationarity,
-            node_limit,
-            ..
-        } = *tolerances;
-        match descend(lifted, &local, radius, stationarity, node_limit) {
+        match descend(lifted, &local, tolerances) {
             Descent::None => {}
             Descent::Undecided => certificate.b_stationary = None,
             Descent::Found(step) => {

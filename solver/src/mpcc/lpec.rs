@@ -6,6 +6,7 @@
 //! solution (Scheel and Scholtes 2000; Leyffer and Munson 2007). Branch and bound: a node leaves out the
 //! complementarity of the pairs that it has not decided; without any it is the bound that S-stationarity is about.
 
+use super::certificate::Tolerances;
 use super::lift::Lifted;
 use super::linear::{LinearProgram, Outcome, solve};
 use super::local::Local;
@@ -23,20 +24,12 @@ pub enum Descent {
 }
 
 /// Looks for descent within the radius Δ.
-///
-/// A decrease below `tolerance` Δ max(1, |∇f|) is none. At most `node_limit` linear programs are solved.
-pub fn descend(
-    lifted: &Lifted<'_>,
-    local: &Local,
-    radius: f64,
-    tolerance: f64,
-    node_limit: usize,
-) -> Descent {
-    let search = Branching::new(lifted, local, radius);
-    let needed = tolerance * local.scale;
+pub fn descend(lifted: &Lifted<'_>, local: &Local, tolerances: &Tolerances) -> Descent {
+    let search = Branching::new(lifted, local, tolerances);
+    let needed = tolerances.stationarity;
     let mut stack = vec![(search.program.lower.clone(), search.program.upper.clone())];
     let mut is_undecided = false;
-    for _ in 0..node_limit {
+    for _ in 0..tolerances.node_limit {
         let Some((lower, upper)) = stack.pop() else {
             return match is_undecided {
                 true => Descent::Undecided,
@@ -88,14 +81,19 @@ struct Branching<'a> {
 const COMPLEMENTARY: f64 = 1e-6;
 
 impl<'a> Branching<'a> {
-    fn new(lifted: &'a Lifted<'_>, local: &Local, radius: f64) -> Self {
+    fn new(lifted: &'a Lifted<'_>, local: &Local, tolerances: &Tolerances) -> Self {
         let n = local.w.len();
+        let radius = tolerances.radius;
+        // What is active has no room at all.
+        let distance = |value: f64, bound: f64| match (value - bound).abs() {
+            distance if distance <= tolerances.active * value.abs().max(1.0) => 0.0,
+            distance => distance / radius,
+        };
         let bounds = lifted.variable_bounds();
         let room = |i: usize| {
-            let w = local.w[i];
-            let down = ((bounds.lower[i] - w) / radius).clamp(-1.0, 0.0);
-            let up = ((bounds.upper[i] - w) / radius).clamp(0.0, 1.0);
-            (down, up)
+            let down = distance(local.w[i], bounds.lower[i]).min(1.0);
+            let up = distance(local.w[i], bounds.upper[i]).min(1.0);
+            (-down, up)
         };
         let (lower, mut upper): (Vec<f64>, Vec<f64>) = (0..n).map(room).unzip();
         for (pair, &[a, b]) in lifted.pairs().iter().enumerate() {
@@ -116,14 +114,15 @@ impl<'a> Branching<'a> {
             upper,
             ..LinearProgram::default()
         };
-        // Rows that the box cannot bring to their bounds are left out. A row that is violated by rounding, as the
-        // feasibility tolerance allows, may stay where it is.
+        // Rows that the box cannot bring to their bounds are left out.
         let mut place = vec![usize::MAX; local.rows.len()];
         for (row, place) in place.iter_mut().enumerate() {
-            let down = ((bounds.lower[row] - local.rows[row]) / radius).min(0.0);
-            let up = ((bounds.upper[row] - local.rows[row]) / radius).max(0.0);
             let is_equation = bounds.lower[row] == bounds.upper[row];
-            let (down, up) = if is_equation { (0.0, 0.0) } else { (down, up) };
+            let to = |bound: f64| match is_equation {
+                true => 0.0,
+                false => distance(local.rows[row], bound),
+            };
+            let (down, up) = (-to(bounds.lower[row]), to(bounds.upper[row]));
             if -down <= reach[row] || up <= reach[row] {
                 *place = program.row_lower.len();
                 program.row_lower.push(down);

@@ -25,6 +25,7 @@ mod relaxation;
 mod relaxed;
 mod solution;
 mod way;
+mod work;
 
 #[cfg(test)]
 mod certificate_tests;
@@ -33,14 +34,13 @@ mod relaxed_tests;
 #[cfg(test)]
 mod tests;
 
-use std::time::Instant;
-
 use crate::ipm;
 use crate::problem::{Mpcc, Nlp};
 use branch::{Branch, choose};
 use certificate::{Certificate, certify};
 use polish::{Guess, Polished, polish};
-use way::{DeadEnd, Way};
+use way::{DeadEnd, ways};
+use work::Work;
 
 pub use certificate::{Residuals, Tolerances};
 pub use class::Class;
@@ -93,47 +93,25 @@ pub fn solve(problem: &mut dyn Mpcc, options: &Options) -> Solution {
 ///
 /// When the point has more or fewer values than the problem has variables, or as [`solve`].
 pub fn solve_from(problem: &mut dyn Mpcc, start: &[f64], options: &Options) -> Solution {
-    let clock = Instant::now();
+    let mut run = Work::new(options);
     assert_eq!(start.len(), problem.n_variables(), "one value per variable");
     let mut lifted = Lifted::new(problem);
     let start = lifted.extend(start);
-    let mut run = Run {
-        options,
-        clock,
-        stats: Stats::default(),
-    };
     let mut solution = if lifted.pairs().is_empty() {
         run.smooth(&mut lifted, &start)
     } else {
         run.complementary(&mut lifted, &start)
     };
     lifted.settle(None);
-    solution.stats.seconds = clock.elapsed().as_secs_f64();
+    solution.stats.seconds = run.clock.elapsed().as_secs_f64();
     solution
 }
 
-struct Run<'o> {
-    options: &'o Options,
-    clock: Instant,
-    stats: Stats,
-}
-
-impl Run<'_> {
-    fn is_late(&self) -> bool {
-        let limit = self.options.time_limit;
-        limit.is_some_and(|limit| self.clock.elapsed() >= limit)
-    }
-
+impl Work<'_> {
     /// A problem without pairs is that of the interior-point method.
     fn smooth(&mut self, lifted: &mut Lifted<'_>, start: &[f64]) -> Solution {
-        let settings = ipm::Options {
-            max_iterations: self.options.max_iterations.max(3000),
-            time_limit: self.options.time_limit,
-            ..ipm::Options::default()
-        };
         let mut program = Branch::new(lifted, &[], start);
-        let found = ipm::solve(&mut program, &settings, None, &mut ());
-        self.stats.iterations = found.iterations;
+        let found = self.minimize(&mut program, ipm::Options::default(), None, &mut ());
         let residuals = Residuals::new(lifted, &found.w);
         let point = Guess {
             w: found.w,
@@ -161,73 +139,77 @@ impl Run<'_> {
             &polished.point.y,
             &self.options.certificate,
         );
-        self.feasible(lifted, polished, certificate)
+        let candidate = Candidate {
+            best: polished,
+            certificate,
+        };
+        self.feasible(lifted, candidate)
     }
 
     fn complementary(&mut self, lifted: &mut Lifted<'_>, start: &[f64]) -> Solution {
+        let size = lifted.n_variables() + lifted.n_rows();
+        let mut best: Option<Candidate> = None;
         let mut end: Option<DeadEnd> = None;
         for (index, way) in ways(self.options).into_iter().enumerate() {
+            let is_over = self.is_late()
+                || best.is_some()
+                    && self.stats.iterations.saturating_mul(size) > self.options.effort;
+            if index > 0 && is_over {
+                break;
+            }
             self.stats.restarts = index;
-            match way.follow(lifted, start, self.options, &mut self.stats) {
-                Ok(polished) => return self.improve(lifted, polished),
-                Err(other) => {
-                    let is_better = |end: &DeadEnd| {
-                        let size = |r: &Residuals| r.violation.max(r.complementarity);
-                        size(&other.residuals) < size(&end.residuals)
-                    };
-                    let is_unbounded = other.status == ipm::Status::Unbounded;
-                    if end.as_ref().is_none_or(is_better) || is_unbounded {
-                        end = Some(other);
+            match way.follow(lifted, start, self) {
+                Ok(polished) => {
+                    let candidate = self.improve(lifted, polished);
+                    if best.as_ref().is_none_or(|best| candidate.is_better(best)) {
+                        best = Some(candidate);
                     }
-                    if is_unbounded || self.is_late() {
-                        break;
+                }
+                // No way leads out of an unbounded problem, unless the relaxation alone is unbounded.
+                Err(other) => {
+                    if end.as_ref().is_none_or(|end| other.is_better(end)) {
+                        end = Some(other);
                     }
                 }
             }
         }
-        let end = end.expect("one way was tried");
-        self.dead_end(lifted, end)
+        match best {
+            Some(best) => self.feasible(lifted, best),
+            None => self.dead_end(lifted, end.expect("one way was tried")),
+        }
     }
 
     /// Takes better branches as long as the certificate finds them.
-    fn improve(&mut self, lifted: &mut Lifted<'_>, mut best: Polished) -> Solution {
+    fn improve(&mut self, lifted: &mut Lifted<'_>, mut best: Polished) -> Candidate {
         let tolerances = &self.options.certificate;
         loop {
             lifted.settle(Some(&best.zeros));
             let certificate = certify(lifted, &best.point.w, &best.point.y, tolerances);
             let Some(step) = &certificate.descent else {
-                return self.feasible(lifted, best, certificate);
+                return Candidate { best, certificate };
             };
             if self.stats.switches >= self.options.max_switches || self.is_late() {
-                return self.feasible(lifted, best, certificate);
+                return Candidate { best, certificate };
             }
             let moved: Vec<f64> = best.point.w.iter().zip(step).map(|(w, d)| w + d).collect();
-            let zeros = choose(lifted, &moved);
             let guess = Guess {
-                w: moved,
                 y: best.point.y.clone(),
+                w: moved,
             };
-            let next = polish(lifted, &guess, &zeros, self.options, &mut self.stats);
+            let zeros = choose(lifted, &guess.w);
             let gain = 1e-10 * best.objective.abs().max(1.0);
-            match next {
+            match polish(lifted, &guess, &zeros, self) {
                 Ok(next) if next.objective < best.objective - gain => {
                     self.stats.switches += 1;
                     best = next;
                 }
-                _ => {
-                    lifted.settle(Some(&best.zeros));
-                    return self.feasible(lifted, best, certificate);
-                }
+                _ => return Candidate { best, certificate },
             }
         }
     }
 
-    fn feasible(
-        &self,
-        lifted: &mut Lifted<'_>,
-        best: Polished,
-        certificate: Certificate,
-    ) -> Solution {
+    fn feasible(&self, lifted: &mut Lifted<'_>, candidate: Candidate) -> Solution {
+        let Candidate { best, certificate } = candidate;
         let n = lifted.n_original();
         let reduced = &certificate.reduced;
         let mut multipliers = Multipliers {
@@ -308,39 +290,28 @@ impl Run<'_> {
     }
 }
 
-/// What is tried, one after the other.
-fn ways(options: &Options) -> Vec<Way> {
-    let Options { form, homotopy, .. } = *options;
-    let mut ways = vec![Way { form, homotopy }];
-    let wide = Coupling {
-        factor: 1e3,
-        largest: 1e3,
-        ..Coupling::default()
-    };
-    let scholtes = Form::default();
-    ways.push(Way {
-        form: scholtes,
-        homotopy: Homotopy::Coupled(wide),
-    });
-    ways.push(Way {
-        form: scholtes,
-        homotopy: Homotopy::Sequential {
-            start: 1.0,
-            factor: 0.1,
-            stop: 1e-8,
-        },
-    });
-    ways.push(Way {
-        form: Form {
-            steering: Steering::L1,
-            ..scholtes
-        },
-        homotopy: Homotopy::Sequential {
-            start: 1.0,
-            factor: 0.1,
-            stop: 1e-6,
-        },
-    });
-    ways.truncate(1 + options.max_restarts);
-    ways
+/// A feasible point and what it is.
+struct Candidate {
+    best: Polished,
+    certificate: Certificate,
+}
+
+impl Candidate {
+    /// Whether this is to be preferred: stationary points to others, then by the objective.
+    fn is_better(&self, other: &Candidate) -> bool {
+        let is_stationary = |c: &Candidate| c.certificate.class != Class::None;
+        match (is_stationary(self), is_stationary(other)) {
+            (true, false) => true,
+            (false, true) => false,
+            _ => self.best.objective < other.best.objective,
+        }
+    }
+}
+
+impl DeadEnd {
+    /// Whether this is closer to being feasible.
+    fn is_better(&self, other: &DeadEnd) -> bool {
+        let size = |r: &Residuals| r.violation.max(r.complementarity);
+        size(&self.residuals) < size(&other.residuals)
+    }
 }

@@ -38,6 +38,9 @@ pub struct Options {
     pub max_switches: usize,
     /// How many other ways are tried when one ends without a feasible point.
     pub max_restarts: usize,
+    /// Other ways are tried for a smaller objective, too, as long as the iterations so far, times the numbers of
+    /// variables and rows, are fewer than this.
+    pub effort: usize,
     /// The largest number of iterations of one interior-point run.
     pub max_iterations: usize,
     /// The longest time.
@@ -50,10 +53,11 @@ impl Default for Options {
             form: Form::default(),
             homotopy: Homotopy::Coupled(Coupling::default()),
             feasibility: 1e-6,
-            tolerance: 1e-10,
+            tolerance: 1e-12,
             certificate: Tolerances::default(),
             max_switches: 20,
             max_restarts: 5,
+            effort: 200_000,
             max_iterations: 500,
             time_limit: None,
         }

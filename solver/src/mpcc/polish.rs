@@ -4,8 +4,7 @@ use super::branch::Branch;
 use super::certificate::Residuals;
 use super::lift::Lifted;
 use super::local::Local;
-use super::options::Options;
-use super::solution::Stats;
+use super::work::Work;
 use crate::ipm;
 use crate::problem::{Member, Nlp};
 
@@ -33,28 +32,26 @@ pub struct Polished {
     pub is_optimal: bool,
 }
 
-/// μ of a run that starts from the point of a relaxation, and of one that starts anew.
-const WARM: f64 = 1e-5;
-const COLD: f64 = 1e-1;
+/// μ and the largest number of iterations of a run that starts from the point of a relaxation, and of one that starts
+/// anew if that has not come to its end.
+const RUNS: [(f64, usize); 2] = [(1e-5, 100), (1e-1, 300)];
 
 /// The solution of the branch with these zeros near a point.
 pub fn polish(
     lifted: &mut Lifted<'_>,
     guess: &Guess,
     zeros: &[Member],
-    options: &Options,
-    stats: &mut Stats,
+    work: &mut Work<'_>,
 ) -> Result<Polished, ipm::Status> {
     lifted.settle(Some(zeros));
     let reduced = Local::new(lifted, &guess.w).reduced_gradient(&guess.y);
     let mut best: Result<Polished, ipm::Status> = Err(ipm::Status::LocallyInfeasible);
-    for mu in [WARM, COLD] {
-        stats.branches += 1;
+    for (mu, max_iterations) in RUNS {
+        work.stats.branches += 1;
         let mut branch = Branch::new(lifted, zeros, &guess.w);
         let settings = ipm::Options {
-            tolerance: options.tolerance,
-            max_iterations: options.max_iterations,
-            time_limit: options.time_limit,
+            tolerance: work.options.tolerance,
+            max_iterations,
             bound_relaxation: 0.0,
             ..ipm::Options::default()
         };
@@ -65,10 +62,9 @@ pub fn polish(
             z_u: reduced.iter().map(|r| (-r).max(0.0)).collect(),
             mu,
         };
-        let found = ipm::solve(&mut branch, &settings, Some(&start), &mut ());
-        stats.iterations += found.iterations;
+        let found = work.minimize(&mut branch, settings, Some(&start), &mut ());
         let residuals = Residuals::new(lifted, &found.w);
-        if residuals.violation > options.feasibility {
+        if residuals.violation > work.options.feasibility {
             best = best.map_err(|_| found.status);
             continue;
         }

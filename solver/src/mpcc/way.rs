@@ -7,8 +7,9 @@ use super::certificate::Residuals;
 use super::lift::Lifted;
 use super::options::{Homotopy, Options};
 use super::polish::{Guess, Polished, polish};
+use super::relaxation::Relaxation;
 use super::relaxed::{Coupling, Form, Relaxed};
-use super::solution::Stats;
+use super::work::Work;
 use crate::ipm;
 use crate::problem::{Member, Nlp};
 
@@ -47,17 +48,16 @@ impl Way {
         &self,
         lifted: &mut Lifted<'_>,
         start: &[f64],
-        options: &Options,
-        stats: &mut Stats,
+        work: &mut Work<'_>,
     ) -> Result<Polished, DeadEnd> {
         lifted.settle(None);
         match self.homotopy {
-            Homotopy::Coupled(coupling) => self.coupled(coupling, lifted, start, options, stats),
+            Homotopy::Coupled(coupling) => self.coupled(coupling, lifted, start, work),
             Homotopy::Sequential {
                 start: first,
                 factor,
                 stop,
-            } => self.sequential([first, factor, stop], lifted, start, options, stats),
+            } => self.sequential([first, factor, stop], lifted, start, work),
         }
     }
 
@@ -67,21 +67,20 @@ impl Way {
         coupling: Coupling,
         lifted: &mut Lifted<'_>,
         start: &[f64],
-        options: &Options,
-        stats: &mut Stats,
+        work: &mut Work<'_>,
     ) -> Result<Polished, DeadEnd> {
         let sigma = coupling.sigma(FIRST_MU);
         let mut tried: Vec<Member> = Vec::new();
         // Feasible, but not solved to its end.
         let mut unfinished: Option<Polished> = None;
         let mut point: Option<ipm::Point> = None;
-        stats.relaxed += 1;
+        work.stats.relaxed += 1;
         for crossover in CROSSOVERS {
             lifted.settle(None);
             let mut relaxed = Relaxed::new(lifted, self.form, sigma, start).coupled(coupling);
             let settings = ipm::Options {
                 mu_init: FIRST_MU,
-                ..settings(options)
+                ..ipm::Options::default()
             };
             let mut observer = |progress: &ipm::Progress<'_>| {
                 let is_settled = coupling.sigma(progress.mu) <= crossover
@@ -92,8 +91,7 @@ impl Way {
                     false => ControlFlow::Continue(()),
                 }
             };
-            let found = ipm::solve(&mut relaxed, &settings, point.as_ref(), &mut observer);
-            stats.iterations += found.iterations;
+            let found = work.minimize(&mut relaxed, settings, point.as_ref(), &mut observer);
             let is_last = found.status != ipm::Status::Stopped || crossover == 0.0;
             let n_rows = lifted.n_rows();
             let guess = Guess {
@@ -103,7 +101,7 @@ impl Way {
             // The relaxation may end with its point outside of everything; then there is nothing to polish.
             let zeros = choose(lifted, &guess.w);
             if found.status != ipm::Status::Unbounded && zeros != tried {
-                match polish(lifted, &guess, &zeros, options, stats) {
+                match polish(lifted, &guess, &zeros, work) {
                     Ok(polished) if polished.is_optimal => return Ok(polished),
                     Ok(polished) => unfinished = Some(polished),
                     Err(_) => {}
@@ -138,16 +136,15 @@ impl Way {
         [first, factor, stop]: [f64; 3],
         lifted: &mut Lifted<'_>,
         start: &[f64],
-        options: &Options,
-        stats: &mut Stats,
+        work: &mut Work<'_>,
     ) -> Result<Polished, DeadEnd> {
         let mut sigma = first;
         let mut point: Option<ipm::Point> = None;
         loop {
-            stats.relaxed += 1;
+            work.stats.relaxed += 1;
             let mut relaxed = Relaxed::new(lifted, self.form, sigma, start);
-            let found = ipm::solve(&mut relaxed, &settings(options), point.as_ref(), &mut ());
-            stats.iterations += found.iterations;
+            let settings = ipm::Options::default();
+            let found = work.minimize(&mut relaxed, settings, point.as_ref(), &mut ());
             let is_over = sigma <= stop || found.status == ipm::Status::Unbounded;
             if is_over {
                 let n_rows = lifted.n_rows();
@@ -156,7 +153,7 @@ impl Way {
                     y: found.y[..n_rows].to_vec(),
                 };
                 let zeros = choose(lifted, &guess.w);
-                return polish(lifted, &guess, &zeros, options, stats).map_err(|_| {
+                return polish(lifted, &guess, &zeros, work).map_err(|_| {
                     lifted.settle(None);
                     DeadEnd {
                         residuals: Residuals::new(lifted, &guess.w),
@@ -177,10 +174,35 @@ impl Way {
     }
 }
 
-fn settings(options: &Options) -> ipm::Options {
-    ipm::Options {
-        max_iterations: options.max_iterations,
-        time_limit: options.time_limit,
-        ..ipm::Options::default()
-    }
+/// What is tried, one after the other: relaxations end in different local minima, and fail on different problems.
+pub fn ways(options: &Options) -> Vec<Way> {
+    let Options { form, homotopy, .. } = *options;
+    let coupled = |form: Form, factor: f64| Way {
+        form,
+        homotopy: Homotopy::Coupled(Coupling {
+            factor,
+            largest: factor,
+            ..Coupling::default()
+        }),
+    };
+    let natural = Form {
+        relaxation: Relaxation::NaturalResidual,
+        ..Form::default()
+    };
+    let mut ways = vec![
+        Way { form, homotopy },
+        coupled(Form::default(), 10.0),
+        coupled(natural, 100.0),
+        Way {
+            form: Form::default(),
+            homotopy: Homotopy::Sequential {
+                start: 1.0,
+                factor: 0.1,
+                stop: 1e-8,
+            },
+        },
+        coupled(Form::default(), 1e4),
+    ];
+    ways.truncate(1 + options.max_restarts);
+    ways
 }
