@@ -3,6 +3,7 @@
 //! Stewart's where it is small: one switch per subsystem, or disjoint regions of the user's; else step, which stays
 //! regular where several surfaces slide at once and Stewart's θ is not unique.
 
+use crate::expr::Substitution;
 use crate::system::System;
 use crate::system::experiment::Lowering;
 
@@ -68,10 +69,15 @@ fn asked(lowerings: &[Lowering]) -> Option<Formulation> {
 /// Lowers in the given formulation.
 pub fn lower_as<'e>(system: &System<'e>, formulation: Formulation) -> Result<Dcs<'e>, DcsError> {
     has_no_relay(system)?;
-    let dcs = match formulation {
+    let mut dcs = match formulation {
         Formulation::Stewart => stewart::lower(system)?,
         Formulation::Step => heaviside::lower(system),
     };
+    let alphas: Substitution = (system.switches.iter().zip(&dcs.alphas))
+        .filter_map(|(switch, &alpha)| Some((switch.alpha.as_variable()?, alpha)))
+        .collect();
+    let task = system.task.as_ref();
+    dcs.task = task.map(|task| task.map(|e| e.substitute(&alphas)));
     debug_assert_eq!(
         dcs.verify(),
         Ok(()),

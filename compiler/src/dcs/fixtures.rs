@@ -122,6 +122,7 @@ impl<'e> Builder<'e> {
                 controls: Vec::new(),
                 subsystems: subsystems.collect(),
                 limits: Vec::new(),
+                task: None,
                 skipped: Vec::new(),
                 readings: Default::default(),
             },

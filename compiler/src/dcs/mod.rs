@@ -8,7 +8,8 @@
 //! Invariants, checked by [`Dcs::verify`]:
 //!
 //! - Every rate, equation and pair has an [`Origin`], and there is one rate per state.
-//! - Every variable that occurs is the time, a parameter, a state or an algebraic variable, and is declared once.
+//! - Every variable that occurs is the time, a parameter, a state, a control that is decided or an algebraic variable,
+//!   and is declared once.
 //! - The members of a pair are algebraic variables, or 1 minus one.
 //! - The system is square: as many equations and pairs as algebraic variables.
 //! - No `step`, `sign`, `abs`, `min` or `max` is left.
@@ -43,7 +44,7 @@ pub use tex::tex;
 
 use crate::expr::{Expr, Exprs};
 use crate::source::Span;
-use crate::system::{Param, System};
+use crate::system::{Param, System, Task};
 
 /// x' = f(t, x, z, p), 0 = g(t, x, z, p), 0 <= a ⟂ b >= 0.
 #[derive(Clone, Debug)]
@@ -72,6 +73,8 @@ pub struct Dcs<'e> {
     pub equations: Vec<Expr<'e>>,
     /// Complementary pairs.
     pub pairs: Vec<Pair<'e>>,
+    /// What is optimized, in z; none in a simulation.
+    pub task: Option<Task<'e>>,
     /// The way back: α of every switch of the system, in z.
     pub alphas: Vec<Expr<'e>>,
     /// Where rates, equations and pairs come from.
@@ -199,6 +202,7 @@ impl<'e> Dcs<'e> {
             algebraics: Vec::new(),
             equations: Vec::new(),
             pairs: Vec::new(),
+            task: None,
             alphas: Vec::new(),
             origins: Origins {
                 rates: system.states.iter().enumerate().map(origin).collect(),
@@ -258,6 +262,6 @@ impl fmt::Display for Dcs<'_> {
             };
             writeln!(f, "0 <= {} perp {} >= 0{mark}", pair.left, pair.right)?;
         }
-        Ok(())
+        self.task.iter().try_for_each(|task| write!(f, "{task}"))
     }
 }

@@ -50,6 +50,7 @@ impl<'e> Dcs<'e> {
         let params = self.params.iter().map(|param| param.var);
         let states = self.states.iter().map(|state| state.var);
         let algebraics = self.algebraics.iter().map(|algebraic| algebraic.var);
+        let controls = self.task.iter().flat_map(|task| &task.controls);
         let mut declared: HashSet<Var> = HashSet::new();
         for var in [self.time]
             .into_iter()
@@ -57,6 +58,7 @@ impl<'e> Dcs<'e> {
             .chain(params)
             .chain(states)
             .chain(algebraics)
+            .chain(controls.map(|control| control.var))
         {
             let Some(name) = var.as_variable() else {
                 return Err(format!("`{var}` is declared and no variable"));
@@ -116,7 +118,8 @@ impl<'e> Dcs<'e> {
     fn rows(&self) -> Vec<Expr<'e>> {
         let members = self.pairs.iter().flat_map(|pair| [pair.left, pair.right]);
         let rows = self.rates.iter().chain(&self.equations).copied();
-        rows.chain(members).collect()
+        let task = self.task.iter().flat_map(crate::system::Task::exprs);
+        rows.chain(members).chain(task).collect()
     }
 
     fn algebraic_variables(&self) -> HashSet<Var> {

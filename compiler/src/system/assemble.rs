@@ -10,7 +10,7 @@ use super::lower::Lowering;
 use super::partitions::Regions;
 use super::regions::regions_of;
 use super::relay::at_all_sides;
-use super::{Continuity, Output, Param, State, StateGroup, Switch, System, SystemError, skipped};
+use super::{Continuity, Output, Param, State, StateGroup, Switch, System, SystemError, Task, skipped};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Var, variables_of};
 use crate::model::{self, Data, SwitchKind, TargetKind};
@@ -22,6 +22,7 @@ impl<'e> Lowering<'_, 'e> {
         self,
         rates: Vec<Expr<'e>>,
         (outputs, controls, limits): (Vec<Output<'e>>, Vec<Output<'e>>, Vec<Limit<'e>>),
+        task: Option<Task<'e>>,
         named: &[Expr<'e>],
         regions: Regions<'e>,
         diags: &mut Diagnostics,
@@ -31,7 +32,8 @@ impl<'e> Lowering<'_, 'e> {
             .iter()
             .chain(&controls)
             .flat_map(|output| output.exprs.iter().copied())
-            .chain(limits.iter().map(|limit| limit.value));
+            .chain(limits.iter().map(|limit| limit.value))
+            .chain(task.iter().flat_map(Task::exprs));
         let roots: Vec<Expr<'e>> = rates
             .iter()
             .chain(&regions.weights)
@@ -167,6 +169,7 @@ impl<'e> Lowering<'_, 'e> {
             outputs,
             controls,
             limits,
+            task,
             subsystems,
             skipped,
             readings,
@@ -276,6 +279,9 @@ impl<'e> Lowering<'_, 'e> {
             names.map(|name| (name, state.span))
         });
         let declared: Vec<(String, Span)> = declared.collect();
+        let n_kept = self.kept_states().count();
+        let (rates, integrals) = rates.split_at(n_kept);
+        let integrals = self.integral_states(integrals);
         self.kept_states()
             .zip(rates)
             .map(|((entry, var), &rate)| {
@@ -292,6 +298,7 @@ impl<'e> Lowering<'_, 'e> {
                     span: set_at.get(&entry).copied().unwrap_or(span),
                 }
             })
+            .chain(integrals)
             .collect()
     }
 

@@ -81,6 +81,7 @@ impl fmt::Display for System<'_> {
                 }
             }
         }
+        self.task.iter().try_for_each(|task| write!(f, "{task}"))?;
         for subsystem in &self.subsystems {
             let alphas: Vec<String> = subsystem
                 .switches

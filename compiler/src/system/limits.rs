@@ -44,6 +44,19 @@ impl Allowed {
         })
     }
 
+    /// The allowed number that is nearest to a value.
+    pub fn nearest(&self, value: f64) -> f64 {
+        match self {
+            Allowed::Between(lo, hi) => value.max(*lo).min(*hi),
+            Allowed::OneOf(values) => {
+                let distance = |x: &f64| (x - value).abs();
+                let nearest = values.iter().copied();
+                let nearest = nearest.min_by(|a, b| distance(a).total_cmp(&distance(b)));
+                nearest.unwrap_or(value)
+            }
+        }
+    }
+
     /// Whether a value is allowed, or misses by `slack` at most.
     pub fn holds(&self, value: f64, slack: f64) -> bool {
         match self {

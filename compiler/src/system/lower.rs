@@ -58,17 +58,19 @@ pub fn lower<'e>(
     }
 
     let regions = lowering.regions();
-    let rates = lowering.rates(&regions, diags);
+    let mut rates = lowering.rates(&regions, diags);
+    rates.extend(lowering.integrals(diags));
     lowering.check_effort(&rates, diags);
     let (outputs, controls) = lowering.recorded();
     let named = lowering.named_surfaces();
     let limits = lowering.limits();
+    let task = lowering.task();
     lowering.report_refused(diags);
     if diags.errors().count() > errors_before {
         return None;
     }
     let recorded = (outputs, controls, limits);
-    let system = lowering.assemble(rates, recorded, &named, regions, diags);
+    let system = lowering.assemble(rates, recorded, task, &named, regions, diags);
     if diags.errors().count() > errors_before {
         return None;
     }
@@ -274,7 +276,7 @@ impl<'m, 'e> Lowering<'m, 'e> {
         self.switches.merged(guard)
     }
 
-    fn check(&self, value: Expr<'e>, span: Span, diags: &mut Diagnostics) {
+    pub(super) fn check(&self, value: Expr<'e>, span: Span, diags: &mut Diagnostics) {
         let (sampler, sliding) = (|| self.sampler(), |s| self.sliding(s));
         for error in check_reading(&self.switches, value, span, sampler, self.model, sliding) {
             diags.push(error);
@@ -309,10 +311,12 @@ impl<'m, 'e> Lowering<'m, 'e> {
             .filter_map(|switch| Some((switch.alpha, f64::from(switch.relay?.start))))
             .collect();
         switches.retain(|(alpha, _)| !relays.contains_key(alpha));
+        let decided = self.decided();
+        let decided = || decided.iter().filter_map(|u| Some((u.var.as_variable()?, u.guess)));
         let numbers = self.values.numbers.iter().chain(&relays);
-        let fixed = numbers.map(|(&var, &value)| (var, value));
+        let fixed = numbers.map(|(&var, &value)| (var, value)).chain(decided());
         let states = self.kept_states().filter_map(|(_, var)| var.as_variable());
-        let states = states.collect();
+        let states = states.chain(decided().map(|(var, _)| var)).collect();
         let time = self.model.time.as_variable().expect("time is a variable");
         let mut sides: Vec<Var> = relays.keys().copied().collect();
         sides.sort_unstable();

@@ -19,7 +19,8 @@
 //! - A relay has memory: its α is 0 or 1 and stays until ψ, which contains it, leaves its side. Relays
 //!   come before all other switches, and their y may contain α of any.
 //! - No two ψ are multiples of each other, and none is constant.
-//! - Rates, outputs, limits and ψ contain only time, parameters, data, states and α.
+//! - Rates, outputs, limits, ψ and the task contain only time, parameters, data, states, controls that are decided,
+//!   and α.
 //! - Every α that occurs belongs to exactly one switch, every switch to exactly
 //!   one subsystem; α of different subsystems never multiply each other.
 //! - In every corner of α, the weights of a partition are 0 or 1, or sum to one: a region `else`
@@ -58,6 +59,7 @@ mod surface;
 mod switches;
 #[cfg(test)]
 mod switches_tests;
+pub mod task;
 #[cfg(test)]
 mod tests;
 mod values;
@@ -68,6 +70,7 @@ pub use experiment::ExperimentError;
 pub use limits::{Allowed, Limit};
 pub use lower::{Extent, lower};
 pub use read::Readings;
+pub use task::Task;
 
 use crate::expr::{Expr, Exprs};
 use crate::model::Data;
@@ -100,6 +103,8 @@ pub struct System<'e> {
     pub controls: Vec<Output<'e>>,
     /// What is watched during a run.
     pub limits: Vec<Limit<'e>>,
+    /// What is optimized; none in a simulation.
+    pub task: Option<Task<'e>>,
     /// Switches that interact; a partition of all switches, in order of their first member.
     pub subsystems: Vec<Subsystem>,
     /// What the model has and this experiment does not need, as the report tells it.

@@ -15,7 +15,7 @@ use crate::source::Span;
 pub(super) struct Values<'e> {
     /// Parameters and initial states, by variable.
     pub numbers: FxHashMap<Var, f64>,
-    /// Controls and inputs as functions of time, states and parameters.
+    /// Controls and inputs as functions of time, states and parameters; without controls that are decided.
     pub signals: Substitution<'e>,
 }
 
@@ -222,9 +222,16 @@ fn signals<'e>(
     given: &Given<'e>,
     diags: &mut Diagnostics,
 ) -> Option<Substitution<'e>> {
-    let quantities = (model.controls.iter().map(|c| ("control", c)))
-        .chain(model.inputs.iter().map(|i| ("input", i)));
-    let (mut open, complete) = definitions(quantities, given, diags);
+    let controls = model.controls.iter().map(|c| ("control", c));
+    let inputs = model.inputs.iter().map(|i| ("input", i));
+    let (mut open, complete) = match given.decides {
+        false => definitions(controls.chain(inputs), given, diags),
+        true => {
+            let (mut open, complete) = definitions(inputs, given, diags);
+            open.extend(model.controls.iter().flat_map(|control| given_entries(control, given)));
+            (open, complete)
+        }
+    };
     // A chain of n definitions is resolved after n rounds; what is left then is a cycle.
     for _ in 0..=open.len() {
         let all: Substitution<'e> = open.iter().map(|&(var, value, ..)| (var, value)).collect();
@@ -277,6 +284,16 @@ fn definitions<'m, 'e: 'm>(
         }
     }
     (found, complete)
+}
+
+/// The entries of a control that are given, and thus not decided.
+fn given_entries<'e>(quantity: &Quantity<'e>, given: &Given<'e>) -> Vec<Definition<'e>> {
+    let entries = quantity.vars.iter().enumerate().filter_map(|(k, var)| {
+        let var = var.as_variable()?;
+        let (value, span) = given.values.get(&var).copied()?;
+        Some((var, value, quantity.shape.entry_name(&quantity.name, k), span))
+    });
+    entries.collect()
 }
 
 /// The entries of a quantity with their values; `None` when some entry has none.

@@ -5,7 +5,7 @@ use rustc_hash::FxHashSet;
 use super::affine::is_affine;
 use super::interaction::{positions, subsystems};
 use super::regions::are_weights;
-use super::{Output, System};
+use super::{Output, System, Task};
 use crate::expr::{Expr, Node, Var, rewrite, variables_of};
 
 impl<'e> System<'e> {
@@ -36,6 +36,7 @@ impl<'e> System<'e> {
             .chain(self.limits.iter().map(|limit| limit.value))
             .chain(psi)
             .chain(indicators.copied())
+            .chain(self.task.iter().flat_map(Task::exprs))
             .collect();
 
         if all.iter().any(|&e| has_nonsmooth_node(e)) {
@@ -44,6 +45,7 @@ impl<'e> System<'e> {
         let known: FxHashSet<Var> = (self.params.iter().map(|param| param.var))
             .chain(self.states.iter().map(|state| state.var))
             .chain(self.data.iter().map(|data| data.var))
+            .chain(self.task.iter().flat_map(|task| &task.controls).map(|u| u.var))
             .chain([self.time])
             .filter_map(Expr::as_variable)
             .chain(alphas.iter().copied())
@@ -53,7 +55,7 @@ impl<'e> System<'e> {
             .find(|var| !known.contains(var))
         {
             return Err(format!(
-                "`{}` is no time, parameter, data, state or α",
+                "`{}` is no time, parameter, data, state, control or α",
                 self.exprs.name(var)
             ));
         }

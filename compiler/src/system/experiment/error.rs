@@ -137,6 +137,71 @@ pub enum ExperimentError {
         span: Span,
     },
 
+    /// An optimal control problem without a cost.
+    #[error("experiment `{name}` minimizes nothing")]
+    #[diagnostic(
+        code(E0520),
+        help("add `minimize integral(..);`, `minimize final(..);`, or `minimize 0;` for any feasible solution")
+    )]
+    NoCost {
+        name: String,
+        #[label("what is to be small?")]
+        span: Span,
+    },
+
+    /// A quantity that changes in time where one number is asked for.
+    #[error("the cost contains `{name}` at no instant")]
+    #[diagnostic(
+        code(E0514),
+        help("write `integral(..)` for what adds up over the horizon, or `final(..)` for its value at the end")
+    )]
+    NoInstant {
+        name: String,
+        #[label("`{name}` changes in time")]
+        span: Span,
+    },
+
+    /// `integral` or `final` of several things, or of none.
+    #[error("`{word}` takes one argument")]
+    #[diagnostic(code(E0515), help("write `{word}(x^2)`"))]
+    OneArgument {
+        word: String,
+        #[label("takes one expression")]
+        span: Span,
+    },
+
+    /// A setting of the other kind of experiment.
+    #[error("`{setting}` is no setting of an optimal control problem")]
+    #[diagnostic(code(E0516), help("it belongs to `simulate`"))]
+    NotForOptimize {
+        setting: String,
+        #[label("needs a `simulate` experiment")]
+        span: Span,
+    },
+
+    /// Something that cannot be chosen.
+    #[error("`{name}` is a {kind}, and no {expected}")]
+    #[diagnostic(
+        code(E0517),
+        help("`initial` frees states, `free` frees parameters, and controls are free anyway")
+    )]
+    NotFree {
+        name: String,
+        kind: &'static str,
+        expected: &'static str,
+        #[label("must be a {expected}")]
+        span: Span,
+    },
+
+    /// A constraint that nothing satisfies.
+    #[error("this constraint never holds")]
+    #[diagnostic(code(E0518), help("correct its numbers, or remove it"))]
+    NeverHolds {
+        why: String,
+        #[label("{why}")]
+        span: Span,
+    },
+
     /// A function in the place of the sign that does not go from -1 to 1.
     #[error("`{name}` is no law of smoothing")]
     #[diagnostic(
@@ -159,14 +224,6 @@ pub enum ExperimentError {
         method: &'static str,
         name: String,
         #[label("`{name}` depends on what was before")]
-        span: Span,
-    },
-
-    /// Optimal control.
-    #[error("`optimize` is not supported yet")]
-    #[diagnostic(code(E0922))]
-    Optimize {
-        #[label("an optimal control problem")]
         span: Span,
     },
 

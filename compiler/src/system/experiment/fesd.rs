@@ -128,7 +128,7 @@ const FORMS: [(&str, Form); 2] = [
     ("integral", Form::Integral),
     ("differential", Form::Differential),
 ];
-const CROSS: [(&str, Cross); 4] = [
+pub(super) const CROSS: [(&str, Cross); 4] = [
     ("all", Cross::All),
     ("sum_theta", Cross::SumTheta),
     ("sum_lambda", Cross::SumLambda),
@@ -137,7 +137,7 @@ const CROSS: [(&str, Cross); 4] = [
 const EQUILIBRATIONS: [&str; 4] = ["none", "mean", "tanh", "exact"];
 
 const MOST_STEPS: f64 = 1e8;
-const MOST_ELEMENTS: f64 = 1e4;
+pub(super) const MOST_ELEMENTS: f64 = 1e4;
 
 /// Reads the options.
 pub(super) fn options(reader: &mut Reader<'_, '_>, options: &[Setting]) -> FesdOptions {
@@ -194,7 +194,7 @@ pub(super) fn stepping_options(
 }
 
 /// One of some words.
-fn word<T: Copy>(
+pub(super) fn word<T: Copy>(
     reader: &mut Reader<'_, '_>,
     what: &str,
     value: &syntax::Expr,
@@ -214,7 +214,7 @@ fn word<T: Copy>(
 }
 
 /// `none`, `exact`, `mean(1)`, `tanh(1, 0.1)`
-fn equilibration(reader: &mut Reader<'_, '_>, value: &syntax::Expr) -> Option<Equilibration> {
+pub(super) fn equilibration(reader: &mut Reader<'_, '_>, value: &syntax::Expr) -> Option<Equilibration> {
     let (function, arguments) = match &value.kind {
         ExprKind::Call(function, arguments) => (&**function, &arguments[..]),
         _ => (value, &[][..]),
@@ -261,7 +261,7 @@ fn equilibration(reader: &mut Reader<'_, '_>, value: &syntax::Expr) -> Option<Eq
 }
 
 /// `radau_iia(4)`
-fn scheme(reader: &mut Reader<'_, '_>, value: &syntax::Expr) -> Option<(Family, usize)> {
+pub(super) fn scheme(reader: &mut Reader<'_, '_>, value: &syntax::Expr) -> Option<(Family, usize)> {
     let named = match &value.kind {
         ExprKind::Call(function, arguments) => match (&function.kind, &arguments[..]) {
             (ExprKind::Name(name), [Arg::Positional(nodes, binders)]) if binders.is_empty() => {

@@ -1,4 +1,4 @@
-//! Settings of a `simulate` experiment, evaluated.
+//! Settings of an experiment, evaluated.
 //!
 //! The values of `with` are given to the model first; every other setting is a number in terms of
 //! its parameters. What is asserted (`expect`) stays as it was written.
@@ -7,6 +7,7 @@ mod error;
 mod fesd;
 mod law;
 mod method;
+mod optimize;
 mod with;
 
 use rustc_hash::FxHashMap;
@@ -19,18 +20,20 @@ use crate::source::Span;
 use crate::syntax::{self, Bind, Expect, ExperimentKind, OutputWhen, SettingKind, Sliding};
 
 pub use error::ExperimentError;
+use optimize::Draft;
 pub use fesd::{Cross, Equilibration, FesdOptions, Form, SteppingOptions};
 pub use law::Law;
 pub use method::{Branch, EventOptions, Lowering, Method, SmoothingOptions};
+pub use optimize::{At, Freed, Integral, MpccOptions, Optimize, Row, Shape, Starts};
 
-/// What a `simulate` experiment asks for.
+/// What an experiment asks for.
 #[derive(Clone, Debug)]
 pub struct Settings<'e> {
     /// Name of the experiment.
     pub name: String,
     /// Name of the model.
     pub model: String,
-    /// End time; the run starts at 0.
+    /// End time, or a guess of it; the run starts at 0.
     pub horizon: f64,
     /// Aim for the global error of every reported state, relative to its largest magnitude.
     pub tolerance: f64,
@@ -42,6 +45,8 @@ pub struct Settings<'e> {
     pub outputs: Option<Vec<Kept<'e>>>,
     /// When outputs are recorded.
     pub sampling: Sampling,
+    /// What is optimized; `None` for a simulation.
+    pub optimize: Option<Optimize<'e>>,
     /// Assertions, in order, with the span of each statement.
     pub expects: Vec<(Expect, Span)>,
     /// The experiment.
@@ -89,6 +94,8 @@ pub(super) struct Given<'e> {
     pub values: FxHashMap<Var, (Expr<'e>, Span)>,
     /// Readings of named switches.
     pub sliding: FxHashMap<usize, Sliding>,
+    /// Whether controls that are not given are decided by the experiment.
+    pub decides: bool,
     /// The experiment.
     pub span: Span,
 }
@@ -102,12 +109,6 @@ pub fn evaluate<'e>(
     overrides: &[Bind],
     diags: &mut Diagnostics,
 ) -> Option<Settings<'e>> {
-    if experiment.kind == ExperimentKind::Optimize {
-        diags.push(ExperimentError::Optimize {
-            span: experiment.name.span,
-        });
-        return None;
-    }
     // `None` where something was reported.
     let given = with::given(model, experiment, overrides, diags);
     let values = values::evaluate(model, given.as_ref()?, diags)?;
@@ -119,6 +120,7 @@ pub fn evaluate<'e>(
         failed: false,
     };
 
+    let mut draft = (experiment.kind == ExperimentKind::Optimize).then(|| Draft::new(model));
     let (mut horizon, mut tolerance, mut method) = (None, DEFAULT_TOLERANCE, Method::Auto);
     let (mut lowerings, mut outputs, mut sampling, mut expects) =
         (vec![], None, Sampling::Method, vec![]);
@@ -132,8 +134,20 @@ pub fn evaluate<'e>(
         match &setting.kind {
             SettingKind::With(_) | SettingKind::Bad => {}
             SettingKind::Expect(expect) => expects.push((expect.clone(), span)),
-            SettingKind::Horizon { free: true, .. } => {
-                reader.not_for_simulate("horizon free", span)
+            SettingKind::Horizon {
+                free: true,
+                range,
+                value,
+            } => {
+                reader.once("`horizon`", span);
+                match &mut draft {
+                    None => reader.not_for_simulate("horizon free", span),
+                    Some(draft) => {
+                        let free = reader.free_horizon(range.as_ref(), value.as_ref());
+                        draft.horizon = free.map(|(range, _)| range);
+                        horizon = Some((free.map(|(_, guess)| guess), span));
+                    }
+                }
             }
             SettingKind::Horizon { value, .. } => {
                 reader.once("`horizon`", span);
@@ -155,10 +169,11 @@ pub fn evaluate<'e>(
                 reader.repetition("runs", span)
             }
             SettingKind::Perturb { .. } => reader.repetition("perturb", span),
-            SettingKind::Value { name, .. } => reader.not_for_simulate(&name.name, span),
             SettingKind::Method { name, options } => {
                 reader.once("`method`", span);
-                if let Some(chosen) = method::method(&mut reader, name, options) {
+                if let Some(draft) = &mut draft {
+                    draft.method(&mut reader, name, options);
+                } else if let Some(chosen) = method::method(&mut reader, name, options) {
                     method = chosen;
                 }
             }
@@ -176,12 +191,13 @@ pub fn evaluate<'e>(
                     .sampling(when, horizon.and_then(|(end, _)| end))
                     .unwrap_or(Sampling::Method);
             }
-            SettingKind::Guess { .. } => reader.not_for_simulate("guess", span),
-            SettingKind::SubjectTo { .. } => reader.not_for_simulate("subject to", span),
-            SettingKind::Final(_) => reader.not_for_simulate("final", span),
-            SettingKind::Initial { .. } => reader.not_for_simulate("initial", span),
-            SettingKind::Free(_) => reader.not_for_simulate("free", span),
-            SettingKind::Starts { .. } => reader.not_for_simulate("starts", span),
+            kind => match &mut draft {
+                Some(draft) => {
+                    let horizon = horizon.and_then(|(end, _)| end);
+                    draft.setting(&mut reader, kind, span, horizon);
+                }
+                None => reader.not_for_simulate(&word_of(kind), span),
+            },
         }
     }
     if horizon.is_none() {
@@ -190,7 +206,9 @@ pub fn evaluate<'e>(
             span: experiment.name.span,
         });
     }
-    let failed = reader.failed;
+    let is_optimize = draft.is_some();
+    let optimize = draft.and_then(|draft| draft.finish(&mut reader, experiment));
+    let failed = reader.failed || optimize.is_some() != is_optimize;
     let (horizon, _) = horizon?;
     let settings = Settings {
         name: experiment.name.name.clone(),
@@ -201,12 +219,27 @@ pub fn evaluate<'e>(
         lowerings,
         outputs,
         sampling,
+        optimize,
         expects,
         span: experiment.span,
         values,
         sliding: given?.sliding,
     };
     (!failed).then_some(settings)
+}
+
+/// How a setting of optimal control begins.
+fn word_of(setting: &SettingKind) -> String {
+    match setting {
+        SettingKind::Value { name, .. } => &name.name,
+        SettingKind::Guess { .. } => "guess",
+        SettingKind::SubjectTo { .. } => "subject to",
+        SettingKind::Final(_) => "final",
+        SettingKind::Initial { .. } => "initial",
+        SettingKind::Free(_) => "free",
+        _ => "starts",
+    }
+    .to_owned()
 }
 
 /// Reads settings as numbers and choices.

@@ -14,6 +14,7 @@ pub(super) fn given<'e>(
     diags: &mut Diagnostics,
 ) -> Option<Given<'e>> {
     let mut given = Given {
+        decides: experiment.kind == syntax::ExperimentKind::Optimize,
         span: experiment.span,
         ..Given::default()
     };

@@ -1,0 +1,178 @@
+//! `integral(..)` and `final(..)`: values of a whole run as expressions.
+
+use std::cell::RefCell;
+
+use super::super::{ExperimentError, Reader};
+use super::Integral;
+use crate::diagnostics::Diagnostics;
+use crate::expr::{Expr, Substitution, variables_of};
+use crate::model::{Comparison, Model, Tensor};
+use crate::source::Span;
+use crate::syntax::{self, Arg, ExprKind, Row};
+
+/// Gives `integral(..)` and `final(..)` their meaning, and keeps what they contain.
+pub(super) struct Words<'m, 'e> {
+    model: &'m Model<'e>,
+    found: RefCell<Found<'e>>,
+}
+
+#[derive(Default)]
+struct Found<'e> {
+    integrals: Vec<Integral<'e>>,
+    /// Marks of values at the end, and the values.
+    finals: Substitution<'e>,
+    marks: Vec<Expr<'e>>,
+    diags: Diagnostics,
+}
+
+impl<'m, 'e> Words<'m, 'e> {
+    pub fn new(model: &'m Model<'e>) -> Self {
+        Words {
+            model,
+            found: RefCell::default(),
+        }
+    }
+
+    /// The integrals of all expressions so far.
+    pub fn into_integrals(self) -> Vec<Integral<'e>> {
+        self.found.into_inner().integrals
+    }
+
+    fn meaning(&self, expr: &syntax::Expr) -> Option<Tensor<'e>> {
+        let ExprKind::Call(function, args) = &expr.kind else {
+            return None;
+        };
+        let ExprKind::Name(word) = &function.kind else {
+            return None;
+        };
+        match word.as_str() {
+            "integral" => Some(self.integral(word, args, expr.span)),
+            "final" => Some(self.at_end(word, args, expr.span)),
+            _ => None,
+        }
+    }
+
+    /// The argument of a call; zero after a mistake, which is kept.
+    fn argument(&self, word: &str, args: &[Arg], span: Span) -> Tensor<'e> {
+        let zero = || Tensor::scalar(self.model.exprs.constant(0.0));
+        let [Arg::Positional(argument, binders)] = args else {
+            return self.arguments(word, span);
+        };
+        if !binders.is_empty() {
+            return self.arguments(word, span);
+        }
+        let mut diags = Diagnostics::new();
+        let value = self.model.scope.expr(argument, None, &mut diags);
+        self.found.borrow_mut().diags.append(diags);
+        value.unwrap_or_else(zero)
+    }
+
+    fn arguments(&self, word: &str, span: Span) -> Tensor<'e> {
+        let word = word.to_owned();
+        let error = ExperimentError::OneArgument { word, span };
+        self.found.borrow_mut().diags.push(error);
+        Tensor::scalar(self.model.exprs.constant(0.0))
+    }
+
+    fn integral(&self, word: &str, args: &[Arg], span: Span) -> Tensor<'e> {
+        let values = self.argument(word, args, span);
+        let mut found = self.found.borrow_mut();
+        values.map(|value| {
+            let known = found.integrals.iter().find(|known| known.value == value);
+            if let Some(known) = known {
+                return known.var;
+            }
+            let number = found.integrals.len() + 1;
+            let var = self.model.exprs.variable(&format!("integral[{number}]"));
+            found.integrals.push(Integral { var, value, span });
+            var
+        })
+    }
+
+    fn at_end(&self, word: &str, args: &[Arg], span: Span) -> Tensor<'e> {
+        let values = self.argument(word, args, span);
+        let mut found = self.found.borrow_mut();
+        values.map(|value| {
+            let mark = self.model.exprs.variable("final");
+            if let Some(var) = mark.as_variable() {
+                found.finals.insert(var, value);
+            }
+            found.marks.push(mark);
+            mark
+        })
+    }
+}
+
+impl<'e> Reader<'_, 'e> {
+    /// Mistakes inside the words of a run.
+    fn take_mistakes(&mut self, words: &Words<'_, 'e>) -> bool {
+        let diags = std::mem::take(&mut words.found.borrow_mut().diags);
+        let failed = diags.has_errors();
+        self.failed |= failed;
+        self.diags.append(diags);
+        failed
+    }
+
+    /// `minimize integral(..) + final(..)`: in integrals and values at the end.
+    pub(super) fn cost(
+        &mut self,
+        words: &Words<'_, 'e>,
+        value: &syntax::Expr,
+    ) -> Option<Expr<'e>> {
+        let hook = |e: &syntax::Expr| words.meaning(e);
+        let tensor = self.model.scope.expr(value, Some(&hook), self.diags);
+        let failed = self.take_mistakes(words);
+        let Some(tensor) = tensor else {
+            self.failed = true;
+            return None;
+        };
+        let Some(cost) = tensor.as_scalar() else {
+            self.error(ExperimentError::OutOfRange {
+                what: "the cost".to_owned(),
+                expected: "one number".to_owned(),
+                found: format!("a {}", tensor.shape),
+                span: value.span,
+            });
+            return None;
+        };
+        let found = words.found.borrow();
+        let model = self.model;
+        let known = found.integrals.iter().map(|integral| integral.var);
+        let params = model.params.iter().flat_map(|param| &param.vars);
+        let known: Vec<Expr<'e>> = known
+            .chain(found.marks.iter().copied())
+            .chain(params.copied())
+            .collect();
+        let is_known = |var: &crate::expr::Var| known.contains(&model.exprs.expr(*var));
+        let stranger = variables_of(&[cost]).into_iter().find(|var| !is_known(var));
+        if let Some(var) = stranger {
+            let name = model.exprs.name(var);
+            drop(found);
+            self.error(ExperimentError::NoInstant {
+                name,
+                span: value.span,
+            });
+            return None;
+        }
+        let cost = cost.substitute(&found.finals);
+        (!failed).then_some(cost)
+    }
+
+    /// Constraints, with values at the end where the words say so.
+    pub(super) fn comparisons(
+        &mut self,
+        words: &Words<'_, 'e>,
+        rows: &[Row],
+    ) -> Option<Vec<Comparison<'e>>> {
+        let hook = |e: &syntax::Expr| words.meaning(e);
+        let rows = self.model.scope.rows(rows, Some(&hook), self.diags);
+        let failed = self.take_mistakes(words);
+        self.failed |= rows.is_none();
+        let finals = &words.found.borrow().finals;
+        let mut rows = rows.filter(|_| !failed)?;
+        for member in rows.iter_mut().flat_map(|row| &mut row.members) {
+            *member = member.substitute(finals);
+        }
+        Some(rows)
+    }
+}

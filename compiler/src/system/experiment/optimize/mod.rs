@@ -1,0 +1,156 @@
+//! Settings of an `optimize` experiment.
+//!
+//! Costs and constraints are expressions of the model here, and what is integrated has a variable of its own; the
+//! system puts switches into them as it does with rates.
+
+mod goal;
+mod rows;
+mod settings;
+
+pub(super) use settings::Draft;
+
+use nsd_solver::tableau::Family;
+
+use super::{Cross, Equilibration};
+use crate::expr::{Expr, Var};
+use crate::source::Span;
+use crate::syntax::GuessSource;
+
+/// What an `optimize` experiment asks for besides what a simulation does.
+#[derive(Clone, Debug)]
+pub struct Optimize<'e> {
+    /// Control intervals N.
+    pub intervals: usize,
+    /// Finite elements per interval.
+    pub elements: usize,
+    /// Family of Runge-Kutta methods, and number of nodes.
+    pub scheme: (Family, usize),
+    /// What controls are within an interval.
+    pub controls: Shape,
+    /// Bounds of the horizon, where it is free.
+    pub horizon: Option<(f64, f64)>,
+    /// Integrals over the horizon that the cost and the constraints contain.
+    pub integrals: Vec<Integral<'e>>,
+    /// What is minimized, in integrals and values at the end.
+    pub cost: Expr<'e>,
+    /// `minimize ..`
+    pub cost_span: Span,
+    /// Constraints.
+    pub rows: Vec<Row<'e>>,
+    /// Parameters to optimize.
+    pub params: Vec<Freed>,
+    /// States whose initial values are free.
+    pub initial: Vec<Freed>,
+    /// Guesses as functions of time.
+    pub guess: Vec<(Var, Expr<'e>)>,
+    /// Where other guesses come from.
+    pub sources: Vec<GuessSource>,
+    /// Several starts.
+    pub starts: Option<Starts>,
+    /// How the program is made and solved.
+    pub options: MpccOptions,
+}
+
+/// What a control is within an interval.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Shape {
+    /// One value.
+    #[default]
+    Constant,
+    /// A straight line; continuous from one interval to the next.
+    Linear,
+}
+
+/// ∫ value dt from 0 to T.
+#[derive(Clone, Debug)]
+pub struct Integral<'e> {
+    /// The variable that stands for it.
+    pub var: Expr<'e>,
+    /// What is integrated.
+    pub value: Expr<'e>,
+    /// The call.
+    pub span: Span,
+}
+
+/// lower <= value <= upper at some instants.
+#[derive(Clone, Debug)]
+pub struct Row<'e> {
+    /// In the variables of the model and of integrals.
+    pub value: Expr<'e>,
+    /// A number or minus infinity.
+    pub lower: f64,
+    /// A number or infinity.
+    pub upper: f64,
+    /// When.
+    pub at: At,
+    /// The row.
+    pub span: Span,
+}
+
+/// When a constraint holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum At {
+    /// At t = 0.
+    Start,
+    /// At t = T.
+    End,
+    /// At the ends of control intervals.
+    Intervals,
+    /// At the ends of finite elements.
+    Elements,
+    /// At all Runge-Kutta nodes.
+    Nodes,
+}
+
+impl At {
+    /// The words of the language: `at elements`, or the names of instants.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            At::Start => "the start",
+            At::End => "the end",
+            At::Intervals => "intervals",
+            At::Elements => "elements",
+            At::Nodes => "nodes",
+        }
+    }
+}
+
+/// A quantity that is optimized, within bounds.
+#[derive(Clone, Copy, Debug)]
+pub struct Freed {
+    /// An entry of a parameter or state.
+    pub var: Var,
+    /// Lower bound, or minus infinity.
+    pub lower: f64,
+    /// Upper bound, or infinity.
+    pub upper: f64,
+}
+
+/// `starts 40 by gauss(0.5) seed 1`
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Starts {
+    /// How many; the first one is not perturbed.
+    pub count: usize,
+    /// Standard deviation of the perturbation of every variable.
+    pub deviation: f64,
+    /// Of the random numbers.
+    pub seed: u64,
+}
+
+/// Options of `method mpcc`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MpccOptions {
+    /// How pairs across nodes are added up.
+    pub cross: Cross,
+    /// What steers the lengths of elements before the polish makes them equal.
+    pub equilibration: Equilibration,
+}
+
+impl Default for MpccOptions {
+    fn default() -> Self {
+        MpccOptions {
+            cross: Cross::SumLambda,
+            equilibration: Equilibration::Mean { weight: 1e-3 },
+        }
+    }
+}

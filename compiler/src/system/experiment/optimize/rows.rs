@@ -1,0 +1,94 @@
+//! Comparisons -> rows lower <= value <= upper.
+
+use rustc_hash::FxHashSet;
+
+use super::super::{ExperimentError, Reader};
+use super::{At, Row};
+use crate::expr::{Expr, Var, variables_of};
+use crate::model::Comparison;
+use crate::syntax::Relation;
+
+impl<'e> Reader<'_, 'e> {
+    /// `a <= b <= c` as rows: what is known is a bound, and two bounds of one value are one row.
+    ///
+    /// `decided` are the parameters that are optimized, so that they are no numbers.
+    pub(super) fn bounded(
+        &mut self,
+        comparisons: &[(At, Comparison<'e>)],
+        decided: &FxHashSet<Var>,
+    ) -> Vec<Row<'e>> {
+        let mut rows: Vec<Row<'e>> = Vec::new();
+        for (at, comparison) in comparisons {
+            let first = rows.len();
+            let pairs = comparison.members.windows(2).zip(&comparison.relations);
+            for (pair, &relation) in pairs {
+                let Some(row) = self.row((pair[0], relation, pair[1]), comparison, *at, decided)
+                else {
+                    continue;
+                };
+                let known = rows[first..].iter_mut().find(|known| known.value == row.value);
+                match known {
+                    Some(known) => {
+                        known.lower = known.lower.max(row.lower);
+                        known.upper = known.upper.min(row.upper);
+                    }
+                    None => rows.push(row),
+                }
+            }
+            if let Some(row) = rows[first..].iter().find(|row| row.lower > row.upper) {
+                let (lower, upper) = (row.lower, row.upper);
+                self.error(ExperimentError::NeverHolds {
+                    why: format!("it asks for {lower} <= {upper}"),
+                    span: comparison.span,
+                });
+            }
+        }
+        rows
+    }
+
+    fn row(
+        &mut self,
+        (left, relation, right): (Expr<'e>, Relation, Expr<'e>),
+        comparison: &Comparison<'e>,
+        at: At,
+        decided: &FxHashSet<Var>,
+    ) -> Option<Row<'e>> {
+        let number = |e: Expr<'e>| -> Option<f64> {
+            let free = |var: &Var| decided.contains(var);
+            if variables_of(&[e]).iter().any(free) {
+                return None;
+            }
+            Some(self.values.numbers_of(self.model, &[e]).ok()?[0])
+        };
+        // left - right in [lower, upper]
+        let (lower, upper) = match relation {
+            Relation::Less | Relation::LessEqual => (f64::NEG_INFINITY, 0.0),
+            Relation::Greater | Relation::GreaterEqual => (0.0, f64::INFINITY),
+            Relation::Equal => (0.0, 0.0),
+        };
+        let row = |value, lower, upper| {
+            Some(Row {
+                value,
+                lower,
+                upper,
+                at,
+                span: comparison.span,
+            })
+        };
+        match (number(left), number(right)) {
+            (None, Some(right)) => row(left, lower + right, upper + right),
+            (Some(left), None) => row(right, left - upper, left - lower),
+            (None, None) => row(left - right, lower, upper),
+            (Some(left), Some(right)) => {
+                let holds = (lower..=upper).contains(&(left - right));
+                if !holds {
+                    self.error(ExperimentError::NeverHolds {
+                        why: format!("its sides are {left} and {right}, whatever is chosen"),
+                        span: comparison.span,
+                    });
+                }
+                None
+            }
+        }
+    }
+}

@@ -1,0 +1,475 @@
+//! Reads the settings of an `optimize` experiment one by one.
+
+use nsd_solver::tableau::Family;
+use rustc_hash::FxHashSet;
+
+use super::super::{ExperimentError, Reader, fesd, method, unknown_choice, with};
+use super::goal::Words;
+use super::{At, Freed, MpccOptions, Optimize, Shape, Starts};
+use crate::expr::{Expr, Substitution, Var};
+use crate::model::{Comparison, Domain, Model, Quantity, TargetKind};
+use crate::source::Span;
+use crate::syntax::{
+    self, Arg, Bind, ExprKind, GuessSource, Ident, Path, Row, Setting, SettingKind,
+};
+
+/// What has been read so far.
+pub(in super::super) struct Draft<'m, 'e> {
+    words: Words<'m, 'e>,
+    intervals: usize,
+    elements: usize,
+    scheme: (Family, usize),
+    controls: Shape,
+    /// Bounds of a free horizon.
+    pub horizon: Option<(f64, f64)>,
+    cost: Option<(Option<Expr<'e>>, Span)>,
+    comparisons: Vec<(At, Comparison<'e>)>,
+    params: Vec<Freed>,
+    initial: Vec<Freed>,
+    guess: Vec<(Var, Expr<'e>)>,
+    sources: Vec<GuessSource>,
+    starts: Option<Starts>,
+    options: MpccOptions,
+}
+
+const INSTANTS: [&str; 3] = ["nodes", "elements", "intervals"];
+const SHAPES: [&str; 2] = ["constant", "linear"];
+const OPTIONS: [&str; 2] = ["cross", "equilibration"];
+
+const MOST_INTERVALS: f64 = 1e6;
+const MOST_STARTS: f64 = 1e6;
+/// Largest seed: all whole numbers up to it are numbers of the language.
+const LARGEST_SEED: f64 = 9_007_199_254_740_992.0;
+
+impl<'m, 'e> Draft<'m, 'e> {
+    /// The defaults.
+    pub fn new(model: &'m Model<'e>) -> Self {
+        Draft {
+            words: Words::new(model),
+            intervals: 20,
+            elements: 2,
+            scheme: (Family::RadauIia, 3),
+            controls: Shape::Constant,
+            horizon: None,
+            cost: None,
+            comparisons: Vec::new(),
+            params: Vec::new(),
+            initial: Vec::new(),
+            guess: Vec::new(),
+            sources: Vec::new(),
+            starts: None,
+            options: MpccOptions::default(),
+        }
+    }
+
+    /// Reads a setting that simulations do not have; `horizon` is known by now.
+    pub fn setting(
+        &mut self,
+        reader: &mut Reader<'_, 'e>,
+        kind: &SettingKind,
+        span: Span,
+        horizon: Option<f64>,
+    ) {
+        match kind {
+            SettingKind::Value { name, value } => self.value(reader, name, value, span),
+            SettingKind::SubjectTo { rows, at } => {
+                let at = at.as_ref().map_or(Some(At::Elements), |at| instants(reader, at));
+                if let Some(at) = at {
+                    self.rows(reader, rows, at);
+                }
+            }
+            SettingKind::Final(rows) => self.rows(reader, rows, At::End),
+            SettingKind::Initial { free, rows } => {
+                for (path, domain) in free {
+                    let freed = reader.freed(path, domain.as_ref(), true);
+                    self.initial.extend(freed.into_iter().flatten());
+                }
+                self.rows(reader, rows, At::Start);
+            }
+            SettingKind::Free(list) => {
+                for (path, domain) in list {
+                    let freed = reader.freed(path, domain.as_ref(), false);
+                    self.params.extend(freed.into_iter().flatten());
+                }
+            }
+            SettingKind::Guess { from, binds } => {
+                self.sources.extend(from.iter().cloned());
+                for bind in binds {
+                    let guess = reader.guess(bind, horizon.unwrap_or(1.0));
+                    self.guess.extend(guess.into_iter().flatten());
+                }
+            }
+            SettingKind::Starts { count, by, seed } => {
+                reader.once("`starts`", span);
+                self.starts = reader.starts(count, by.as_ref(), seed.as_ref());
+            }
+            _ => {}
+        }
+    }
+
+    fn rows(&mut self, reader: &mut Reader<'_, 'e>, rows: &[Row], at: At) {
+        let found = reader.comparisons(&self.words, rows).into_iter().flatten();
+        self.comparisons.extend(found.map(|row| (at, row)));
+    }
+
+    fn value(
+        &mut self,
+        reader: &mut Reader<'_, 'e>,
+        name: &Ident,
+        value: &syntax::Expr,
+        span: Span,
+    ) {
+        match name.name.as_str() {
+            "intervals" => {
+                reader.once("`intervals`", span);
+                let count = reader.count("`intervals`", value, MOST_INTERVALS);
+                self.intervals = count.unwrap_or(self.intervals);
+            }
+            "elements" => {
+                reader.once("`elements`", span);
+                let count = reader.count("`elements`", value, fesd::MOST_ELEMENTS);
+                self.elements = count.unwrap_or(self.elements);
+            }
+            "scheme" => {
+                reader.once("`scheme`", span);
+                self.scheme = fesd::scheme(reader, value).unwrap_or(self.scheme);
+            }
+            "controls" => {
+                reader.once("`controls`", span);
+                let shapes = [("constant", Shape::Constant), ("linear", Shape::Linear)];
+                debug_assert_eq!(shapes.map(|(word, _)| word), SHAPES);
+                let shape = fesd::word(reader, "shape of controls", value, &shapes);
+                self.controls = shape.unwrap_or(self.controls);
+            }
+            "minimize" => {
+                reader.once("`minimize`", span);
+                self.cost = Some((reader.cost(&self.words, value), value.span));
+            }
+            _ => reader.not_for_optimize(&name.name, span),
+        }
+    }
+
+    /// `method mpcc { .. }`
+    pub fn method(&mut self, reader: &mut Reader<'_, 'e>, name: &Ident, options: &[Setting]) {
+        if name.name == "auto" && options.is_empty() {
+            return;
+        }
+        if name.name != "mpcc" {
+            let methods = ["auto", "mpcc"];
+            return reader.error(unknown_choice("method of optimal control", name, &methods));
+        }
+        method::once(reader, options);
+        for option in options {
+            let value = &option.value;
+            match option.name.name.as_str() {
+                "cross" => {
+                    let cross = fesd::word(reader, "sum", value, &fesd::CROSS);
+                    self.options.cross = cross.unwrap_or(self.options.cross);
+                }
+                "equilibration" => {
+                    let chosen = fesd::equilibration(reader, value);
+                    self.options.equilibration = chosen.unwrap_or(self.options.equilibration);
+                }
+                _ => reader.error(unknown_choice("option", &option.name, &OPTIONS)),
+            }
+        }
+    }
+
+    /// Everything, once all settings have been read; `None` after an error.
+    pub fn finish(
+        self,
+        reader: &mut Reader<'_, 'e>,
+        experiment: &syntax::Experiment,
+    ) -> Option<Optimize<'e>> {
+        let decided: FxHashSet<Var> = self.params.iter().map(|freed| freed.var).collect();
+        let rows = reader.bounded(&self.comparisons, &decided);
+        let Some((cost, cost_span)) = self.cost else {
+            reader.error(ExperimentError::NoCost {
+                name: experiment.name.name.clone(),
+                span: experiment.name.span,
+            });
+            return None;
+        };
+        Some(Optimize {
+            intervals: self.intervals,
+            elements: self.elements,
+            scheme: self.scheme,
+            controls: self.controls,
+            horizon: self.horizon,
+            integrals: self.words.into_integrals(),
+            cost: cost?,
+            cost_span,
+            rows,
+            params: self.params,
+            initial: self.initial,
+            guess: self.guess,
+            sources: self.sources,
+            starts: self.starts,
+            options: self.options,
+        })
+    }
+}
+
+fn instants(reader: &mut Reader<'_, '_>, at: &Ident) -> Option<At> {
+    match at.name.as_str() {
+        "nodes" => Some(At::Nodes),
+        "elements" => Some(At::Elements),
+        "intervals" => Some(At::Intervals),
+        _ => {
+            reader.error(unknown_choice("instants", at, &INSTANTS));
+            None
+        }
+    }
+}
+
+impl<'e> Reader<'_, 'e> {
+    /// `horizon free in [lo, hi] = guess`: the bounds, and where to start.
+    pub(in super::super) fn free_horizon(
+        &mut self,
+        range: Option<&(syntax::Expr, syntax::Expr)>,
+        guess: Option<&syntax::Expr>,
+    ) -> Option<((f64, f64), f64)> {
+        let (lower, upper) = match range {
+            None => (0.0, f64::INFINITY),
+            Some((lower, upper)) => {
+                let low = self.within("the shortest horizon", lower, "0 or more", |x| x >= 0.0)?;
+                let expected = format!("above {low}");
+                let high = self.within("the longest horizon", upper, &expected, |x| x > low)?;
+                (low, high)
+            }
+        };
+        let guess = match guess {
+            Some(guess) => {
+                let expected = format!("positive, and in [{lower}, {upper}]");
+                let fits = |x: f64| x > 0.0 && x.is_finite() && (lower..=upper).contains(&x);
+                self.within("the guess of the horizon", guess, &expected, fits)?
+            }
+            None if upper.is_finite() => 0.5 * (lower + upper),
+            None => lower.max(1.0),
+        };
+        Some(((lower, upper), guess))
+    }
+
+    fn not_for_optimize(&mut self, setting: &str, span: Span) {
+        self.error(ExperimentError::NotForOptimize {
+            setting: setting.to_owned(),
+            span,
+        });
+    }
+
+    /// `x[1] free in [0, 1]`, or `k` or `k in [0, 1]` of parameters.
+    fn freed(
+        &mut self,
+        path: &Path,
+        domain: Option<&syntax::Domain>,
+        is_state: bool,
+    ) -> Option<Vec<Freed>> {
+        let model = self.model;
+        let Some(target) = model.scope.target(path, self.diags) else {
+            self.failed = true;
+            return None;
+        };
+        let quantity: &Quantity<'e> = match target.kind {
+            TargetKind::State(k) if is_state => &model.states[k],
+            TargetKind::Param(k) if !is_state => &model.params[k],
+            kind => {
+                self.error(ExperimentError::NotFree {
+                    name: with::path_text(model, path, &target),
+                    kind: kind.word(),
+                    expected: if is_state { "state" } else { "param" },
+                    span: path.span,
+                });
+                return None;
+            }
+        };
+        let declared = |entry: usize| match &quantity.domain {
+            Some(Domain::Box(lower, upper)) => {
+                let both = [lower.data[entry], upper.data[entry]];
+                self.values.numbers_of(model, &both).ok().map(|b| (b[0], b[1]))
+            }
+            _ => None,
+        };
+        let declared: Vec<Option<(f64, f64)>> = target.entries.iter().map(|&e| declared(e)).collect();
+        let given = match domain {
+            None => None,
+            Some(syntax::Domain::Box(lower, upper)) => {
+                let lower = self.entries("the lower bound", lower, target.shape)?;
+                let upper = self.entries("the upper bound", upper, target.shape)?;
+                Some((lower, upper))
+            }
+            Some(syntax::Domain::Set(_)) => {
+                self.error(ExperimentError::OutOfRange {
+                    what: "what is free".to_owned(),
+                    expected: "in an interval `[lo, hi]`".to_owned(),
+                    found: "a finite set".to_owned(),
+                    span: path.span,
+                });
+                return None;
+            }
+        };
+        let mut freed = Vec::new();
+        for (place, (&entry, declared)) in target.entries.iter().zip(declared).enumerate() {
+            let (mut lower, mut upper) = declared.unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
+            if let Some((low, high)) = &given {
+                (lower, upper) = (lower.max(low[place]), upper.min(high[place]));
+            }
+            if lower > upper {
+                self.error(ExperimentError::NeverHolds {
+                    why: format!("no number is in [{lower}, {upper}]"),
+                    span: path.span,
+                });
+                return None;
+            }
+            let var = quantity.vars[entry].as_variable()?;
+            freed.push(Freed { var, lower, upper });
+        }
+        Some(freed)
+    }
+
+    /// Numbers in a shape.
+    fn entries(
+        &mut self,
+        what: &str,
+        value: &syntax::Expr,
+        shape: crate::model::Shape,
+    ) -> Option<Vec<f64>> {
+        let tensor = self.model.scope.expr_as(value, shape, what, None, self.diags);
+        let Some(tensor) = tensor else {
+            self.failed = true;
+            return None;
+        };
+        match self.values.numbers_of(self.model, &tensor.data) {
+            Ok(numbers) => Some(numbers),
+            Err(cause) => {
+                self.error(ExperimentError::NotANumber {
+                    what: what.to_owned(),
+                    cause,
+                    span: value.span,
+                });
+                None
+            }
+        }
+    }
+
+    /// `x = linear([0, 0], [1, 1]);` or `u = sin(time);`: values as functions of time.
+    fn guess(&mut self, bind: &Bind, horizon: f64) -> Option<Vec<(Var, Expr<'e>)>> {
+        let model = self.model;
+        let Some(target) = model.scope.target(&bind.target, self.diags) else {
+            self.failed = true;
+            return None;
+        };
+        let quantity: &Quantity<'e> = match target.kind {
+            TargetKind::State(k) => &model.states[k],
+            TargetKind::Control(k) => &model.controls[k],
+            TargetKind::Param(k) => &model.params[k],
+            kind => {
+                self.error(ExperimentError::NotFree {
+                    name: with::path_text(model, &bind.target, &target),
+                    kind: kind.word(),
+                    expected: "state, control or param",
+                    span: bind.target.span,
+                });
+                return None;
+            }
+        };
+        let what = format!("the guess of {} `{}`", target.kind.word(), quantity.name);
+        let shape = target.shape;
+        let mut read = |value: &syntax::Expr| {
+            let tensor = model.scope.expr_as(value, shape, &what, None, self.diags);
+            self.failed |= tensor.is_none();
+            tensor
+        };
+        let value = match ends(&bind.value) {
+            Some((first, last)) => {
+                let share = model.time / horizon;
+                let (first, last) = (read(first)?, read(last)?);
+                first.zip(&last, |first, last| first + (last - first) * share)?
+            }
+            None => read(&bind.value)?,
+        };
+        // Parameters have their numbers; only time may be left.
+        let zero: Substitution<'e> = (model.time.as_variable())
+            .map(|time| (time, model.exprs.constant(0.0)))
+            .into_iter()
+            .collect();
+        let at_start = zero.apply(&value.data);
+        if let Err(cause) = self.values.numbers_of(model, &at_start) {
+            self.error(ExperimentError::NotANumber {
+                what,
+                cause,
+                span: bind.value.span,
+            });
+            return None;
+        }
+        let vars = target.entries.iter().map(|&entry| quantity.vars[entry].as_variable());
+        let pairs = vars.zip(value.data).filter_map(|(var, value)| Some((var?, value)));
+        Some(pairs.collect())
+    }
+
+    /// `starts 40 by gauss(0.5) seed 1`
+    fn starts(
+        &mut self,
+        count: &syntax::Expr,
+        by: Option<&syntax::Expr>,
+        seed: Option<&syntax::Expr>,
+    ) -> Option<Starts> {
+        let count = self.count("`starts`", count, MOST_STARTS)?;
+        let deviation = match by {
+            None => 0.1,
+            Some(by) => match one_argument(by) {
+                Some(("gauss", deviation)) => self.positive("the deviation", deviation)?,
+                _ => {
+                    self.error(ExperimentError::UnknownChoice {
+                        what: "distribution".into(),
+                        found: "..".into(),
+                        span: by.span,
+                        choices: "`gauss(deviation)`".into(),
+                        help: Some("write for example `starts 40 by gauss(0.5) seed 1;`".into()),
+                    });
+                    return None;
+                }
+            },
+        };
+        let expected = "a whole number from 0 on";
+        let whole = |x: f64| (0.0..=LARGEST_SEED).contains(&x) && x.fract() == 0.0;
+        let seed = match seed {
+            None => 1,
+            Some(seed) => self.within("the seed", seed, expected, whole)? as u64,
+        };
+        Some(Starts {
+            count,
+            deviation,
+            seed,
+        })
+    }
+}
+
+/// `name(argument)`
+fn one_argument(expr: &syntax::Expr) -> Option<(&str, &syntax::Expr)> {
+    let ExprKind::Call(function, args) = &expr.kind else {
+        return None;
+    };
+    let (ExprKind::Name(name), [Arg::Positional(argument, binders)]) = (&function.kind, &args[..])
+    else {
+        return None;
+    };
+    binders.is_empty().then_some((name.as_str(), argument))
+}
+
+/// `linear(first, last)`
+fn ends(expr: &syntax::Expr) -> Option<(&syntax::Expr, &syntax::Expr)> {
+    let ExprKind::Call(function, args) = &expr.kind else {
+        return None;
+    };
+    let ExprKind::Name(name) = &function.kind else {
+        return None;
+    };
+    match &args[..] {
+        [Arg::Positional(first, a), Arg::Positional(last, b)]
+            if name == "linear" && a.is_empty() && b.is_empty() =>
+        {
+            Some((first, last))
+        }
+        _ => None,
+    }
+}

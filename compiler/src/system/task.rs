@@ -1,0 +1,250 @@
+//! What an `optimize` asks of a system.
+//!
+//! minimize φ(x(T), T, p)   over u, T, free p and free x(0),   subject to   l <= c(t, x(t), u(t), p) <= h at instants
+//!
+//! An integral of the cost is a state of the system that starts at 0 and nothing reads: φ contains its value at the
+//! end. What the user wrote with switches contains α here, as rates do.
+
+use std::fmt;
+
+use super::limits::Allowed;
+use super::lower::Lowering;
+use super::State;
+use crate::diagnostics::Diagnostics;
+use crate::expr::{Expr, Var};
+use crate::source::Span;
+
+pub use super::experiment::{At, Shape};
+
+/// The problem of an `optimize`, in terms of a system.
+#[derive(Clone, Debug)]
+pub struct Task<'e> {
+    /// u.
+    pub controls: Vec<Control<'e>>,
+    /// What controls are within an interval.
+    pub shape: Shape,
+    /// Bounds of T, where it is free.
+    pub horizon: Option<(f64, f64)>,
+    /// Parameters that are optimized, by their place in the system.
+    pub params: Vec<Free>,
+    /// States with a free initial value, by their place in the system.
+    pub initial: Vec<Free>,
+    /// Bounds of states, by their place in the system.
+    pub bounds: Vec<Free>,
+    /// How many of the last states are integrals.
+    pub integrals: usize,
+    /// φ, at the end.
+    pub cost: Expr<'e>,
+    /// `minimize ..`
+    pub cost_span: Span,
+    /// Constraints.
+    pub rows: Vec<TaskRow<'e>>,
+}
+
+/// A scalar control.
+#[derive(Clone, Debug)]
+pub struct Control<'e> {
+    /// Name with index: `u[2]`.
+    pub name: String,
+    /// Its variable.
+    pub var: Expr<'e>,
+    /// Where it may be.
+    pub allowed: Option<Allowed>,
+    /// Its default, or what is allowed and near to zero.
+    pub guess: f64,
+    /// The declaration.
+    pub span: Span,
+}
+
+/// A quantity with bounds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Free {
+    /// Its place.
+    pub place: usize,
+    /// Lower bound, or minus infinity.
+    pub lower: f64,
+    /// Upper bound, or infinity.
+    pub upper: f64,
+}
+
+/// lower <= value <= upper at some instants.
+#[derive(Clone, Debug)]
+pub struct TaskRow<'e> {
+    /// In time, parameters, states, controls and α.
+    pub value: Expr<'e>,
+    /// A number or minus infinity.
+    pub lower: f64,
+    /// A number or infinity.
+    pub upper: f64,
+    /// When.
+    pub at: At,
+    /// The row.
+    pub span: Span,
+}
+
+impl<'e> Task<'e> {
+    /// Everything that contains variables of the system.
+    pub fn exprs(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
+        let rows = self.rows.iter().map(|row| row.value);
+        [self.cost].into_iter().chain(rows)
+    }
+
+    /// The same in other variables.
+    pub fn map(&self, f: impl Fn(Expr<'e>) -> Expr<'e>) -> Self {
+        let mut task = self.clone();
+        task.cost = f(task.cost);
+        for row in &mut task.rows {
+            row.value = f(row.value);
+        }
+        task
+    }
+}
+
+/// The cost and the constraints, one per line.
+impl fmt::Display for Task<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for control in &self.controls {
+            write!(f, "control {}", control.name)?;
+            match &control.allowed {
+                Some(allowed) => writeln!(f, " in {allowed}")?,
+                None => writeln!(f)?,
+            }
+        }
+        writeln!(f, "minimize {} at the end", self.cost)?;
+        for row in &self.rows {
+            let (lower, value, upper) = (row.lower, row.value, row.upper);
+            match (lower.is_finite(), upper.is_finite()) {
+                _ if lower == upper => write!(f, "{value} = {lower}")?,
+                (true, true) => write!(f, "{lower} <= {value} <= {upper}")?,
+                (true, false) => write!(f, "{value} >= {lower}")?,
+                _ => write!(f, "{value} <= {upper}")?,
+            }
+            writeln!(f, " at {}", row.at.as_str())?;
+        }
+        Ok(())
+    }
+}
+
+impl<'e> Lowering<'_, 'e> {
+    /// The rates of the integrals, in α.
+    pub(super) fn integrals(&mut self, diags: &mut Diagnostics) -> Vec<Expr<'e>> {
+        let settings = self.settings;
+        let integrals = settings.optimize.iter().flat_map(|task| &task.integrals);
+        let rates = integrals.map(|integral| {
+            let value = self.replace(integral.value, integral.span);
+            self.check(value, integral.span, diags);
+            self.switches.merged(value)
+        });
+        rates.collect()
+    }
+
+    /// The task in α; states and parameters have their places in the system.
+    pub(super) fn task(&mut self) -> Option<Task<'e>> {
+        let asked = self.settings.optimize.as_ref()?;
+        let merged = |lowering: &mut Self, e: Expr<'e>, span: Span| {
+            let e = lowering.replace(e, span);
+            lowering.switches.merged(e)
+        };
+        let cost = merged(self, asked.cost, asked.cost_span);
+        let rows = asked.rows.iter().map(|row| TaskRow {
+            value: merged(self, row.value, row.span),
+            lower: row.lower,
+            upper: row.upper,
+            at: row.at,
+            span: row.span,
+        });
+        let rows = rows.collect();
+        let params: Vec<Expr<'e>> = (self.model.params.iter())
+            .flat_map(|param| param.vars.iter().copied())
+            .collect();
+        let states: Vec<Expr<'e>> = self.kept_states().map(|(_, var)| var).collect();
+        let places = |freed: &[super::experiment::Freed], list: &[Expr<'e>]| {
+            let free = freed.iter().filter_map(|freed| {
+                let place = list.iter().position(|var| var.as_variable() == Some(freed.var))?;
+                Some(Free {
+                    place,
+                    lower: freed.lower,
+                    upper: freed.upper,
+                })
+            });
+            free.collect()
+        };
+        Some(Task {
+            controls: self.decided(),
+            shape: asked.controls,
+            horizon: asked.horizon,
+            params: places(&asked.params, &params),
+            initial: places(&asked.initial, &states),
+            bounds: self.state_bounds(&states),
+            integrals: asked.integrals.len(),
+            cost,
+            cost_span: asked.cost_span,
+            rows,
+        })
+    }
+
+    fn number(&self, e: Expr<'e>) -> f64 {
+        let numbers = &self.values.numbers;
+        e.eval(&|var| numbers.get(&var).copied().unwrap_or(f64::NAN))
+    }
+
+    /// The controls that are not given.
+    pub(super) fn decided(&self) -> Vec<Control<'e>> {
+        let mut controls = Vec::new();
+        if self.settings.optimize.is_none() {
+            return controls;
+        }
+        for quantity in &self.model.controls {
+            for (k, &var) in quantity.vars.iter().enumerate() {
+                let is_given = |var: Var| self.values.signals.get(var).is_some();
+                if var.as_variable().is_none_or(is_given) || !self.needs.holds_all(var) {
+                    continue;
+                }
+                let allowed = Allowed::of(quantity, k, &|e| self.number(e));
+                let default = quantity.value.as_ref().and_then(|value| value.data.get(k));
+                let default = default.map_or(0.0, |&e| self.number(e));
+                let guess = if default.is_finite() { default } else { 0.0 };
+                controls.push(Control {
+                    name: quantity.shape.entry_name(&quantity.name, k),
+                    var,
+                    guess: allowed.as_ref().map_or(guess, |allowed| allowed.nearest(guess)),
+                    allowed,
+                    span: quantity.span,
+                });
+            }
+        }
+        controls
+    }
+
+    fn state_bounds(&self, states: &[Expr<'e>]) -> Vec<Free> {
+        let entries = self.model.states.iter().flat_map(|state| {
+            let entries = state.vars.iter().enumerate();
+            entries.map(move |(k, &var)| (state, k, var))
+        });
+        let bounds = entries.filter_map(|(state, k, var)| {
+            let place = states.iter().position(|known| *known == var)?;
+            match Allowed::of(state, k, &|e| self.number(e))? {
+                Allowed::Between(lower, upper) => Some(Free {
+                    place,
+                    lower,
+                    upper,
+                }),
+                Allowed::OneOf(_) => None,
+            }
+        });
+        bounds.collect()
+    }
+
+    /// The states that stand for integrals.
+    pub(super) fn integral_states(&self, rates: &[Expr<'e>]) -> Vec<State<'e>> {
+        let integrals = self.settings.optimize.iter().flat_map(|task| &task.integrals);
+        let states = integrals.zip(rates).map(|(integral, &rate)| State {
+            name: integral.var.to_string(),
+            var: integral.var,
+            initial: 0.0,
+            rate,
+            span: integral.span,
+        });
+        states.collect()
+    }
+}
