@@ -144,9 +144,10 @@ fn lowered(
             help: "`--ir dcs` shows the system before it is discretized; `nsdc run` takes tables with every method",
         }));
     }
-    let (steps, options) = match &settings.method {
-        Method::Fesd(options) => (options.steps, discretize::Options::fesd(options)),
-        Method::Timestepping(options) => {
+    let (steps, options) = match (&settings.optimize, &settings.method) {
+        (Some(task), _) => (Some(task.intervals), discretize::Options::optimize(task)),
+        (None, Method::Fesd(options)) => (options.steps, discretize::Options::fesd(options)),
+        (None, Method::Timestepping(options)) => {
             (Some(options.steps), discretize::Options::stepping(options))
         }
         _ => (None, discretize::Options::fesd(&FesdOptions::default())),
@@ -161,6 +162,9 @@ fn lowered(
             let help = match error {
                 DiscretizeError::TooLarge { .. } => {
                     "take fewer steps or elements, or add up pairs with `cross = sum_both`"
+                }
+                DiscretizeError::NoValue { .. } => {
+                    "take a scheme whose last node is the end, such as `radau_iia`, or state it `at nodes`"
                 }
                 DiscretizeError::Start { .. } => "start where all functions have values",
             };

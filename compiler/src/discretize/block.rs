@@ -10,6 +10,7 @@ pub(super) struct Builder<const N: usize> {
     places: Vec<[usize; N]>,
     variables: Vec<(Var, Vec<u32>)>,
     numbers: Vec<(Var, Vec<f64>)>,
+    bounds: Vec<(f64, f64)>,
 }
 
 impl<const N: usize> Builder<N> {
@@ -25,7 +26,19 @@ impl<const N: usize> Builder<N> {
             ranges,
             variables: Vec::new(),
             numbers: Vec::new(),
+            bounds: Vec::new(),
         }
+    }
+
+    /// The outputs are between these.
+    pub fn bounds(mut self, bounds: Vec<(f64, f64)>) -> Self {
+        self.bounds = bounds;
+        self
+    }
+
+    /// All places.
+    pub fn places(&self) -> impl Iterator<Item = [usize; N]> + '_ {
+        self.places.iter().copied()
     }
 
     /// The argument `formal` is this variable at a place.
@@ -79,6 +92,7 @@ impl<const N: usize> Builder<N> {
             },
             arguments: arguments.concat(),
             numbers: values.concat(),
+            bounds: self.bounds,
             sources,
         }
     }

@@ -260,6 +260,17 @@ impl<'e> Group<'e> {
         self.members.iter().map(|pair| pair.continuous).collect()
     }
 
+    /// Rows about a that hold for some choices only.
+    pub(super) fn conditional<const N: usize>(
+        &self,
+        block: Builder<N>,
+        values: Vec<Expr<'e>>,
+        text: String,
+    ) -> Block<'e> {
+        let sources = self.members.iter().map(|pair| Source::Dcs(pair.origin));
+        block.finish(Kind::Conditional, values, sources.collect(), text)
+    }
+
     /// The rows 0 <= a ⟂ b >= 0.
     fn finish<const N: usize>(
         &self,

@@ -4,6 +4,7 @@ use super::cross::Members;
 use super::{Cross, Equilibration, Form, Grid, Options, Problem};
 use crate::dcs::Dcs;
 use crate::mpcc::{Definition, Mpcc};
+use crate::system::task::Shape;
 
 /// The first lines of the printed form.
 pub(super) fn remarks(dcs: &Dcs, grid: Grid, form: Form, options: &Options) -> Vec<String> {
@@ -43,11 +44,26 @@ fn counted(n: usize, word: &str) -> String {
 }
 
 impl Problem<'_, '_> {
-    /// `(t, x, z)`, without what does not occur.
+    /// `u[k]` where the states are `x[k,j,m]`, `u` where they are `x`.
+    fn control_text(&self, x: &str) -> String {
+        let is_placed = x.contains('[');
+        match self.dcs.task.as_ref().map(|task| task.shape) {
+            _ if !is_placed => "u".to_owned(),
+            Some(Shape::Linear) => format!("u{}", &x[1..]),
+            _ => "u[k]".to_owned(),
+        }
+    }
+
+    /// `(t, x, u, z)`, without what does not occur.
     pub(super) fn arguments(&self, t: &str, x: &str, z: &str) -> String {
         let t = self.layout.t(1, 1).map(|_| t);
         let z = (!self.dcs.algebraics.is_empty()).then_some(z);
-        let all: Vec<&str> = t.into_iter().chain([x]).chain(z).collect();
+        let decides = self.dcs.task.as_ref().is_some_and(|task| !task.controls.is_empty());
+        let u = decides.then(|| self.control_text(x));
+        let all: Vec<&str> = (t.into_iter().chain([x]))
+            .chain(u.as_deref())
+            .chain(z)
+            .collect();
         format!("({})", all.join(", "))
     }
 

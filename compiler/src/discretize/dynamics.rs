@@ -18,7 +18,7 @@ impl<'e> Problem<'_, 'e> {
         Span::new("j", 1, self.layout.elements)
     }
 
-    fn nodes(&self) -> Span {
+    pub(super) fn nodes(&self) -> Span {
         Span::new("m", 1, self.layout.nodes)
     }
 
@@ -175,6 +175,7 @@ impl<'e> Problem<'_, 'e> {
             Some(_) => block.variable(dcs.time, |[k, j]| layout.t(k, j).unwrap_or(0)),
             None => block,
         };
+        let block = self.decided(block, |[k, _]| k);
         let t = "t[k,j] + h[k,j]";
         let g = self.arguments(t, &format!("x[k,j,{end}]"), &format!("z[k,j,{end}]"));
         let which = match rows.len() == dcs.equations.len() {
@@ -192,15 +193,16 @@ impl<'e> Problem<'_, 'e> {
     /// Lengths add up to steps, and to times.
     fn grid_rows(&self, mpcc: &mut Mpcc<'e>) {
         let (exprs, layout) = (mpcc.exprs, &self.layout);
-        if layout.elements == 1 {
+        if layout.elements == 1 && layout.horizon().is_none() {
             return;
         }
         let h = exprs.variables("h", layout.elements);
-        let step = self.grid.horizon / self.grid.steps as f64;
+        let step = self.horizon / self.grid.steps as f64;
         let mut block = Builder::new("steps", [self.steps()]);
         for (j, &h) in h.iter().enumerate() {
             block = block.variable(h, |[k]| layout.h(k, j + 1));
         }
+        let block = self.with_horizon(block);
         let row = exprs.sum(h.iter().copied()) - step;
         let text = format!("0 = sum(h[k,j], j in 1..{}) - {step}", layout.elements);
         mpcc.blocks
@@ -211,6 +213,19 @@ impl<'e> Problem<'_, 'e> {
         }
         let start = |k, j| layout.t(k, j).unwrap_or(0);
         let [before, after] = ["before", "after"].map(|name| exprs.variable(name));
+        if layout.horizon().is_some() && layout.steps > 1 {
+            let block = Builder::new("starts", [Span::new("k", 2, layout.steps)])
+                .variable(after, |[k]| start(k, 1))
+                .number(self.before, |[k]| (k - 1) as f64);
+            let block = self.with_horizon(block);
+            let row = self.before * step - after;
+            let text = format!("0 = (k - 1)*{step} - t[k,1]");
+            mpcc.blocks
+                .push(block.finish(Kind::Equation, vec![row], vec![Source::Grid], text));
+        }
+        if layout.elements == 1 {
+            return;
+        }
         let ranges = [self.steps(), Span::new("j", 2, layout.elements)];
         let block = Builder::new("times", ranges)
             .variable(before, |[k, j]| start(k, j - 1))
@@ -223,7 +238,7 @@ impl<'e> Problem<'_, 'e> {
     }
 
     /// Binds x, z, h and the time at the nodes.
-    fn at_nodes(&self, block: Builder<3>, h: Expr<'e>) -> Builder<3> {
+    pub(super) fn at_nodes(&self, block: Builder<3>, h: Expr<'e>) -> Builder<3> {
         let (dcs, layout) = (self.dcs, &self.layout);
         let algebraics: Vec<Expr> = dcs.algebraics.iter().map(|z| z.var).collect();
         let first = |[k, j, m]: [usize; 3]| layout.z(k, j, m, 0).unwrap_or(0);
@@ -231,6 +246,7 @@ impl<'e> Problem<'_, 'e> {
             .vector(&self.states(), |[k, j, m]| layout.x(k, j, m))
             .vector(&algebraics, first)
             .variable(h, |[k, j, _]| layout.h(k, j));
+        let block = self.decided(block, |[k, _, _]| k);
         match layout.t(1, 1) {
             Some(_) => block
                 .variable(dcs.time, |[k, j, _]| layout.t(k, j).unwrap_or(0))
@@ -239,14 +255,18 @@ impl<'e> Problem<'_, 'e> {
         }
     }
 
-    /// With t + c h for the time, t the start of the element.
-    fn timed(&self, rows: &[Expr<'e>], h: Expr<'e>) -> Vec<Expr<'e>> {
-        let mut start = Substitution::new();
-        start.insert(variable(self.dcs.time), self.dcs.time + self.node * h);
-        start.apply(rows)
+    /// With t + c h for the time, t the start of the element, and with what linear controls are there.
+    pub(super) fn timed(&self, rows: &[Expr<'e>], h: Expr<'e>) -> Vec<Expr<'e>> {
+        let mut values = Substitution::new();
+        let time = self.dcs.time + self.node * h;
+        values.insert(variable(self.dcs.time), time);
+        for (u, line) in self.lines(time) {
+            values.insert(u, line);
+        }
+        values.apply(rows)
     }
 
-    fn states(&self) -> Vec<Expr<'e>> {
+    pub(super) fn states(&self) -> Vec<Expr<'e>> {
         self.dcs.states.iter().map(|state| state.var).collect()
     }
 
@@ -266,6 +286,6 @@ impl<'e> Problem<'_, 'e> {
     }
 }
 
-fn sources(origins: &[Origin]) -> Vec<Source> {
+pub(super) fn sources(origins: &[Origin]) -> Vec<Source> {
     origins.iter().map(|&origin| Source::Dcs(origin)).collect()
 }

@@ -26,7 +26,7 @@ impl<'e> Problem<'_, 'e> {
                 let term = |eta: Expr<'e>, change: Expr<'e>| {
                     weight * (eta / scale).tanh() * change.powi(2)
                 };
-                self.between(Kind::Objective, text, term, mpcc);
+                self.between(self.steering(), text, term, mpcc);
             }
             Equilibration::Exact => {
                 let text = "0 = eta[k,j]*(h[k,j+1] - h[k,j])".to_owned();
@@ -35,15 +35,24 @@ impl<'e> Problem<'_, 'e> {
         }
     }
 
+    /// Simulations have no other objective.
+    fn steering(&self) -> Kind {
+        match self.dcs.task {
+            Some(_) => Kind::Steering,
+            None => Kind::Objective,
+        }
+    }
+
     fn mean(&self, weight: f64, mpcc: &mut Mpcc<'e>) {
-        let mean = self.grid.horizon / (self.layout.steps * self.layout.elements) as f64;
+        let mean = self.horizon / (self.layout.steps * self.layout.elements) as f64;
         let h = mpcc.exprs.variable("h");
         let block = Builder::new("equilibration", [self.steps(), self.elements()])
             .variable(h, |[k, j]| self.layout.h(k, j));
+        let block = self.with_horizon(block);
         let text = format!("{}(h[k,j] - {mean})^2", factor(weight));
         let term = weight * (h - mean).powi(2);
         mpcc.blocks
-            .push(block.finish(Kind::Objective, vec![term], vec![Source::Grid], text));
+            .push(block.finish(self.steering(), vec![term], vec![Source::Grid], text));
     }
 
     /// A row or term in η and Δh for each two elements of a step.

@@ -19,6 +19,12 @@ pub enum DiscretizeError {
         /// Arguments of all kernels at all places, about.
         size: f64,
     },
+    /// A cost or constraint at an instant at which what it contains has no value.
+    #[error("`{name}` has no value at the instants of a constraint or cost")]
+    NoValue {
+        /// The variable.
+        name: String,
+    },
     /// The continuous algebraic variables have no values to start from.
     #[error("`0 = {row}` does not hold at t = 0")]
     Start {

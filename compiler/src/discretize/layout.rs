@@ -4,10 +4,11 @@ use nsd_solver::tableau::Tableau;
 use rustc_hash::FxHashSet;
 
 use super::block::variable;
-use super::{Detection, Form, Grid};
+use super::{Detection, Form, Grid, task};
 use crate::dcs::Dcs;
 use crate::expr::{Expr, Var, variables_of};
 use crate::mpcc::{Bounds, Mpcc, Span, n_places};
+use crate::system::task::Shape;
 
 /// Indices of the variables of a discretized system.
 ///
@@ -26,11 +27,21 @@ pub struct Layout {
     n_algebraics: usize,
     /// First indices.
     lengths: usize,
+    /// T, where it is free.
+    horizon: Option<usize>,
+    /// Free parameters.
+    params: usize,
+    controls: usize,
+    n_controls: usize,
+    /// What controls are within a step.
+    shape: Shape,
     times: Option<usize>,
     initial_states: usize,
     states: usize,
     slopes: Option<usize>,
     initial_algebraics: usize,
+    /// Whether continuous z start anew in every step.
+    restarts: bool,
     algebraics: usize,
     end_algebraics: usize,
     /// Which z are continuous, and thus there at the left end.
@@ -48,6 +59,25 @@ impl Layout {
     /// h_kj.
     pub fn h(&self, k: usize, j: usize) -> usize {
         self.lengths + self.element(k, j)
+    }
+
+    /// T, where it is free.
+    pub fn horizon(&self) -> Option<usize> {
+        self.horizon
+    }
+
+    /// Free parameter i.
+    pub fn p(&self, i: usize) -> usize {
+        self.params + i
+    }
+
+    /// The first control in a step; of linear controls, that at the end of step k, which may be 0.
+    pub fn u(&self, k: usize) -> usize {
+        let first = match self.shape {
+            Shape::Constant => 1,
+            Shape::Linear => 0,
+        };
+        self.controls + (k - first) * self.n_controls
     }
 
     /// The start of an element, where the system depends on time.
@@ -81,6 +111,10 @@ impl Layout {
         match (self.element(k, j), m) {
             (_, 0) if place(&self.continuous).is_none() => None,
             (0, 0) => Some(self.initial_algebraics + place(&self.continuous)?),
+            (_, 0) if j == 1 && self.restarts => {
+                let start = (k - 1) * self.continuous.len();
+                Some(self.initial_algebraics + start + place(&self.continuous)?)
+            }
             (element, 0) => self.z_behind(element - 1, self.end, i),
             (element, _) => self.z_behind(element, m, i),
         }
@@ -122,25 +156,34 @@ pub(super) fn declare(
     let names = |vars: Vec<Expr>| vars.iter().map(Expr::to_string).collect::<Vec<_>>();
 
     // Lengths and times.
-    let mean = grid.horizon / (grid.steps * elements) as f64;
-    let length = match detection {
-        Some(detection) if elements > 1 => {
-            let spread = detection.spread;
-            Bounds::between((1.0 - spread) * mean, (1.0 + spread) * mean, mean)
-        }
-        _ => Bounds::fixed(mean),
-    };
+    let task = dcs.task.as_ref();
     let n_elements = grid.steps * elements;
+    let mean = grid.horizon / n_elements as f64;
+    let free_horizon = task.and_then(|task| task.horizon);
+    let (shortest, longest) = free_horizon.map_or((mean, mean), |(lower, upper)| {
+        (lower / n_elements as f64, upper / n_elements as f64)
+    });
+    let spread = match detection {
+        Some(detection) if elements > 1 => detection.spread,
+        _ => 0.0,
+    };
+    let length = Bounds::between((1.0 - spread) * shortest, (1.0 + spread) * longest, mean);
+    let length = if spread == 0.0 && free_horizon.is_none() {
+        Bounds::fixed(mean)
+    } else {
+        length
+    };
     let per_element = [step, element];
     let all_lengths = vec![length; n_elements];
     let lengths = mpcc.declare("h", vec!["h".to_owned()], &per_element, all_lengths);
     let rows: Vec<Expr> = dcs.rates.iter().chain(&dcs.equations).copied().collect();
-    let is_timed = variables_of(&rows).contains(&variable(dcs.time));
+    let occurring = variables_of(&rows);
+    let is_timed = occurring.contains(&variable(dcs.time)) || task::is_timed(dcs, &occurring);
     let times = is_timed.then(|| {
         let start = |e: usize| {
             let start = grid.horizon * (e / elements) as f64 / grid.steps as f64;
             match e % elements {
-                0 => Bounds::fixed(start),
+                0 if e == 0 || free_horizon.is_none() => Bounds::fixed(start),
                 j => Bounds::free(start + j as f64 * mean),
             }
         };
@@ -148,13 +191,22 @@ pub(super) fn declare(
         mpcc.declare("t", vec!["t".to_owned()], &per_element, bounds)
     });
 
+    let decided = task.map(|_| task::declare(mpcc, dcs, grid)).unwrap_or_default();
+
     // States and slopes.
     let states = || names(dcs.states.iter().map(|state| state.var).collect());
     let initial = || dcs.states.iter().map(|state| state.initial);
-    let known = initial().map(Bounds::fixed).collect();
+    let mut known: Vec<Bounds> = initial().map(Bounds::fixed).collect();
+    for freed in task.iter().flat_map(|task| &task.initial) {
+        let guess = dcs.states[freed.place].initial;
+        known[freed.place] = Bounds::between(freed.lower, freed.upper, guess);
+    }
     let initial_states = mpcc.declare("x", states(), &first, known);
     let everywhere = |places: &[Span], bounds: Vec<Bounds>| bounds.repeat(n_places(places));
-    let free: Vec<Bounds> = initial().map(Bounds::free).collect();
+    let mut free: Vec<Bounds> = initial().map(Bounds::free).collect();
+    for bound in task.iter().flat_map(|task| &task.bounds) {
+        free[bound.place] = free[bound.place].within(bound.lower, bound.upper);
+    }
     let state_block = mpcc.declare("x", states(), &to(end), everywhere(&to(end), free));
     let slopes = (form == Form::Differential).then(|| {
         let slopes = states().iter().map(|name| format!("der({name})")).collect();
@@ -180,11 +232,19 @@ pub(super) fn declare(
         Some(_) if end > nodes => End::new(dcs).algebraics,
         _ => Vec::new(),
     };
-    let (components, _) = chosen(&continuous);
-    let known = continuous
-        .iter()
-        .map(|&i| Bounds::fixed(dcs.algebraics[i].guess));
-    let initial_algebraics = mpcc.declare("z", components, &first, known.collect());
+    let (components, bounds) = chosen(&continuous);
+    let start = task::Start::of(dcs);
+    let known = || continuous.iter().map(|&i| Bounds::fixed(dcs.algebraics[i].guess));
+    let starts = [
+        Span::new("k", 1, if start.restarts { grid.steps } else { 1 }),
+        Span::new("j", 1, 1),
+        Span::new("m", 0, 0),
+    ];
+    let bounds = match start.is_free {
+        false => known().collect(),
+        true => everywhere(&starts, bounds),
+    };
+    let initial_algebraics = mpcc.declare("z", components, &starts, bounds);
     let (components, bounds) = chosen(&all);
     let algebraics = mpcc.declare("z", components, &to(nodes), everywhere(&to(nodes), bounds));
     let right = [step, element, Span::new("m", end, end)];
@@ -198,11 +258,17 @@ pub(super) fn declare(
         n_states: dcs.states.len(),
         n_algebraics: dcs.algebraics.len(),
         lengths,
+        horizon: decided.horizon,
+        params: decided.params,
+        controls: decided.controls,
+        n_controls: task.map_or(0, |task| task.controls.len()),
+        shape: task.map_or(Shape::Constant, |task| task.shape),
         times,
         initial_states,
         states: state_block,
         slopes,
         initial_algebraics,
+        restarts: start.restarts,
         algebraics,
         end_algebraics,
         continuous,

@@ -17,6 +17,9 @@
 //! The state and the continuous z at the start of the first element are fixed variables: there, as everywhere off the
 //! surfaces, λ is what the switching functions say.
 //!
+//! Where something is optimized, steps are control intervals; `task` adds controls, free parameters, a free T and
+//! constraints, `quadrature` the integrals of the cost.
+//!
 //! Nurkanović, Sperl, Albrecht & Diehl 2024; Baumrucker & Biegler 2009 for free lengths.
 
 mod block;
@@ -26,6 +29,9 @@ mod dynamics;
 mod equilibrate;
 mod error;
 mod layout;
+mod points;
+mod quadrature;
+mod task;
 #[cfg(test)]
 mod tests;
 
@@ -38,7 +44,7 @@ use crate::dcs::Dcs;
 use crate::expr::Expr;
 use crate::mpcc::Mpcc;
 pub use crate::system::experiment::{Cross, Equilibration, Form};
-use crate::system::experiment::{FesdOptions, SteppingOptions};
+use crate::system::experiment::{FesdOptions, Optimize, SteppingOptions};
 
 /// The steps of a horizon that starts at 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -105,6 +111,20 @@ impl Options {
         }
     }
 
+    /// Those of an `optimize`.
+    pub fn optimize(task: &Optimize) -> Self {
+        Options {
+            scheme: task.scheme,
+            form: None,
+            detection: Some(Detection {
+                elements: task.elements,
+                cross: task.options.cross,
+                equilibration: task.options.equilibration,
+                ..Detection::default()
+            }),
+        }
+    }
+
     /// Those of `method timestepping`.
     pub fn stepping(options: &SteppingOptions) -> Self {
         Options {
@@ -125,6 +145,12 @@ struct Problem<'p, 'e> {
     layout: Layout,
     /// c, a formal argument.
     node: Expr<'e>,
+    /// T: a number, or a formal argument where it is free.
+    horizon: Expr<'e>,
+    /// k - 1, a formal argument.
+    before: Expr<'e>,
+    /// Linear controls at the end of a step, formal arguments; at its start they are those of the system.
+    next: Vec<Expr<'e>>,
 }
 
 /// Discretizes; the scheme has its number of nodes, and the form.
@@ -134,9 +160,11 @@ pub fn discretize<'e>(
     options: &Options,
 ) -> Result<(Mpcc<'e>, Layout), DiscretizeError> {
     error::check_size(dcs, grid, options)?;
-    if options.detection.is_some() {
+    if options.detection.is_some() && !task::Start::of(dcs).is_free {
         error::check_start(dcs)?;
     }
+    let (reduced, integrals) = quadrature::split(dcs);
+    let dcs = &reduced;
     let (family, n_nodes) = options.scheme;
     let tableau = Tableau::new(family, n_nodes).expect("the number of nodes has been checked");
     let usual = match Form::Integral.is_of(family) {
@@ -153,7 +181,7 @@ pub fn discretize<'e>(
         exprs: dcs.exprs,
         name: dcs.name.clone(),
         remarks: definitions::remarks(dcs, grid, form, options),
-        params: dcs.params.clone(),
+        params: task::fixed_params(dcs),
         definitions: Vec::new(),
         variables: Vec::new(),
         blocks: Vec::new(),
@@ -167,11 +195,18 @@ pub fn discretize<'e>(
         detection: options.detection,
         layout,
         node: dcs.exprs.variable("c"),
+        horizon: match dcs.task.as_ref().and_then(|task| task.horizon) {
+            Some(_) => dcs.exprs.variable("T"),
+            None => dcs.exprs.constant(grid.horizon),
+        },
+        before: dcs.exprs.variable("before"),
+        next: task::next(dcs),
     };
     problem.define(&mut mpcc);
     problem.dynamics(&mut mpcc);
     problem.complementarity(&mut mpcc);
     problem.equilibrate(&mut mpcc);
+    problem.task(&mut mpcc, &integrals)?;
     debug_assert_eq!(mpcc.verify(), Ok(()), "discretization keeps the invariants");
     Ok((mpcc, problem.layout))
 }

@@ -23,8 +23,11 @@ impl fmt::Display for Mpcc<'_> {
         }
         for (kind, head) in [
             (Kind::Objective, "minimize the sum of:"),
+            (Kind::Steering, "plus, while pairs are relaxed:"),
             (Kind::Equation, "equations:"),
+            (Kind::Inequality, "inequalities:"),
             (Kind::Pair, "pairs:"),
+            (Kind::Conditional, "equations for some choices of pairs:"),
         ] {
             let mut blocks = self.blocks.iter().filter(|b| b.kind == kind).peekable();
             if blocks.peek().is_some() {
@@ -73,6 +76,9 @@ fn bounded(name: &str, bounds: &[Bounds]) -> String {
 
 /// `[k in 1..10, j in 1..2]`
 fn ranges(ranges: &[Span]) -> String {
+    if ranges.is_empty() {
+        return String::new();
+    }
     let ranges = ranges.iter().map(|range| match range.len() {
         1 if range.first == range.last => format!("{} = {}", range.name, range.first),
         _ => format!("{} in {}..{}", range.name, range.first, range.last),
@@ -88,12 +94,21 @@ impl fmt::Display for Sizes {
         };
         write!(
             f,
-            "{} ({} fixed), {}, {}",
+            "{} ({} fixed), {}",
             counted(self.variables, "variable"),
             self.fixed,
             counted(self.equations, "equation"),
-            counted(self.pairs, "pair"),
-        )
+        )?;
+        match self.inequalities {
+            0 => {}
+            1 => write!(f, ", 1 inequality")?,
+            n => write!(f, ", {n} inequalities")?,
+        }
+        write!(f, ", {}", counted(self.pairs, "pair"))?;
+        match self.conditional {
+            0 => Ok(()),
+            n => write!(f, ", {} for some choices", counted(n, "row")),
+        }
     }
 }
 
@@ -110,6 +125,12 @@ impl fmt::Display for Row<'_> {
         match self.value {
             Value::Equation(row) => write!(f, "0 = {row}"),
             Value::Pair(a, b) => write!(f, "0 <= {a} perp {b} >= 0"),
+            Value::Inequality(lower, row, upper) => match (lower.is_finite(), upper.is_finite()) {
+                (true, true) => write!(f, "{lower} <= {row} <= {upper}"),
+                (true, false) => write!(f, "{row} >= {lower}"),
+                _ => write!(f, "{row} <= {upper}"),
+            },
+            Value::Conditional(row) => write!(f, "0 = {row} for some choices"),
             Value::Objective(term) => write!(f, "minimize {term}"),
         }
     }

@@ -28,6 +28,10 @@ pub struct Row<'e> {
 pub enum Value<'e> {
     /// What is zero.
     Equation(Expr<'e>),
+    /// What is between two bounds.
+    Inequality(f64, Expr<'e>, f64),
+    /// What is zero for some choices of the members of pairs that are zero.
+    Conditional(Expr<'e>),
     /// 0 <= a ⟂ b >= 0.
     Pair(Expr<'e>, Expr<'e>),
     /// A term of F.
@@ -61,12 +65,21 @@ impl<'e> Mpcc<'e> {
                         Kind::Pair => {
                             Value::Pair(values[source], values[values.len() / 2 + source])
                         }
-                        Kind::Objective => Value::Objective(values[source]),
+                        Kind::Inequality => {
+                            let (lower, upper) = block.bounds[source];
+                            Value::Inequality(lower, values[source], upper)
+                        }
+                        Kind::Conditional => Value::Conditional(values[source]),
+                        Kind::Objective | Kind::Steering => Value::Objective(values[source]),
                     };
                     let origin = block.origin(source * n + place);
                     let indices: Vec<String> = origin.place.iter().map(usize::to_string).collect();
+                    let name = match indices.is_empty() {
+                        true => block.name.to_owned(),
+                        false => format!("{}[{}]", block.name, indices.join(",")),
+                    };
                     rows.push(Row {
-                        name: format!("{}[{}]", block.name, indices.join(",")),
+                        name,
                         value,
                         origin,
                     });

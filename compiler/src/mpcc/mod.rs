@@ -1,6 +1,8 @@
 //! Mathematical program with complementarity constraints (MPCC): a finite problem in variables w.
 //!
-//! minimize F(w)   subject to   c(w) = 0,   0 <= a(w) ⟂ b(w) >= 0,   l <= w <= u
+//! minimize F(w)   subject to   c(w) = 0,   lᵍ <= g(w) <= uᵍ,   0 <= a(w) ⟂ b(w) >= 0,   l <= w <= u
+//!
+//! Conditional rows e(w) = 0 hold for some choices only of which members of pairs are zero.
 //!
 //! Its rows are not unrolled: a [`Block`] applies one [`Kernel`], a function with formal arguments, at many places.
 //! For each place it lists the indices of the variables that are the arguments there, and the numbers that differ from
@@ -17,6 +19,7 @@
 //! - The formal arguments of a kernel are distinct, and its outputs contain them and the parameters only.
 //! - No `step`, `sign`, `abs`, `min` or `max` is left in a kernel.
 //! - Every output, or pair of outputs, has a [`Source`].
+//! - Outputs of inequalities have bounds, one of them finite and the lower not above the upper; others have none.
 
 mod display;
 mod evaluate;
@@ -34,7 +37,7 @@ use crate::dcs;
 use crate::expr::{Expr, Exprs, Var};
 use crate::system::Param;
 
-/// minimize F(w) subject to c(w) = 0, 0 <= a(w) ⟂ b(w) >= 0, l <= w <= u.
+/// minimize F(w) subject to c(w) = 0, lᵍ <= g(w) <= uᵍ, 0 <= a(w) ⟂ b(w) >= 0, l <= w <= u.
 #[derive(Clone, Debug)]
 pub struct Mpcc<'e> {
     /// The arena of all expressions.
@@ -49,7 +52,7 @@ pub struct Mpcc<'e> {
     pub definitions: Vec<Definition>,
     /// w, in blocks.
     pub variables: Vec<Variables>,
-    /// F, c, a and b.
+    /// F, c, g, a and b.
     pub blocks: Vec<Block<'e>>,
 }
 
@@ -116,6 +119,8 @@ pub struct Block<'e> {
     pub arguments: Vec<u32>,
     /// Number i at place p, at `i * places + p`.
     pub numbers: Vec<f64>,
+    /// lᵍ and uᵍ of each output, for inequalities.
+    pub bounds: Vec<(f64, f64)>,
     /// Where each output comes from; for pairs, each pair of outputs.
     pub sources: Vec<Source>,
 }
@@ -125,10 +130,16 @@ pub struct Block<'e> {
 pub enum Kind {
     /// c = 0.
     Equation,
+    /// lᵍ <= g <= uᵍ.
+    Inequality,
+    /// e = 0 for some choices of the members of pairs that are zero, and nothing otherwise.
+    Conditional,
     /// 0 <= a ⟂ b >= 0: the first half of the outputs is a, the second b.
     Pair,
     /// A term of F.
     Objective,
+    /// A term of F that steers relaxations, and leaves F once it is known which members of pairs are zero.
+    Steering,
 }
 
 /// A function with formal arguments.
@@ -149,6 +160,8 @@ pub enum Source {
     Dcs(dcs::Origin),
     /// The grid in time.
     Grid,
+    /// A cost or constraint of the experiment.
+    Task(crate::source::Span),
 }
 
 /// Where a row comes from.
@@ -169,6 +182,10 @@ pub struct Sizes {
     pub fixed: usize,
     /// Equations.
     pub equations: usize,
+    /// Inequalities.
+    pub inequalities: usize,
+    /// Rows that hold for some choices only.
+    pub conditional: usize,
     /// Pairs.
     pub pairs: usize,
     /// Terms of the objective.
@@ -235,6 +252,11 @@ impl Bounds {
             upper,
             guess: guess.max(lower).min(upper),
         }
+    }
+
+    /// Within other bounds too.
+    pub fn within(self, lower: f64, upper: f64) -> Self {
+        Bounds::between(self.lower.max(lower), self.upper.min(upper), self.guess)
     }
 
     /// Whether l = u.
@@ -329,8 +351,10 @@ impl<'e> Mpcc<'e> {
         for block in &self.blocks {
             match block.kind {
                 Kind::Equation => sizes.equations += block.n_rows(),
+                Kind::Inequality => sizes.inequalities += block.n_rows(),
+                Kind::Conditional => sizes.conditional += block.n_rows(),
                 Kind::Pair => sizes.pairs += block.n_rows() / 2,
-                Kind::Objective => sizes.terms += block.n_rows(),
+                Kind::Objective | Kind::Steering => sizes.terms += block.n_rows(),
             }
         }
         sizes
@@ -342,9 +366,12 @@ impl Variables {
         (0..n_places(&self.ranges)).flat_map(move |number| {
             let place = place_of(&self.ranges, number);
             let place: Vec<String> = place.iter().map(usize::to_string).collect();
-            let place = place.join(",");
+            let place = match place.join(",") {
+                place if place.is_empty() => place,
+                place => format!("[{place}]"),
+            };
             let components = self.components.iter();
-            components.map(move |component| format!("{component}[{place}]"))
+            components.map(move |component| format!("{component}{place}"))
         })
     }
 }

@@ -84,6 +84,16 @@ impl Block<'_> {
             return Err(format!("`{e}` is not smooth"));
         }
 
+        let bounded = match self.kind {
+            Kind::Inequality => kernel.outputs.len(),
+            _ => 0,
+        };
+        let is_bound = |&(lower, upper): &(f64, f64)| {
+            lower <= upper && (lower.is_finite() || upper.is_finite())
+        };
+        if self.bounds.len() != bounded || !self.bounds.iter().all(is_bound) {
+            return Err(format!("the bounds of its outputs are {:?}", self.bounds));
+        }
         let per_source = if self.kind == Kind::Pair { 2 } else { 1 };
         if kernel.outputs.len() != per_source * self.sources.len() {
             return Err(format!(

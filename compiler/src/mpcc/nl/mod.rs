@@ -22,16 +22,25 @@ pub struct Ampl {
     pub text: String,
     /// The variable that each column is: its index in w, and from the number of variables on a slack.
     pub columns: Vec<usize>,
-    /// The row that each row of the file is: its index in [`super::Flat::rows`] without terms of the objective, and
-    /// from their number on the definition of a slack.
+    /// The row that each row of the file is: its index in [`super::Flat::rows`] without terms of the objective and
+    /// without conditional rows, and from their number on the definition of a slack.
     pub rows: Vec<usize>,
 }
 
 /// A row before it is written.
 struct Row<'e> {
     body: Linear<'e>,
-    /// The variable that it complements; 0 = body without one.
-    complements: Option<usize>,
+    /// What is asked of it.
+    kind: RowKind,
+}
+
+/// What is asked of a row.
+#[derive(Clone, Copy)]
+enum RowKind {
+    /// lower <= body <= upper; equal for an equation.
+    Between(f64, f64),
+    /// It complements this variable.
+    Complements(usize),
 }
 
 /// constant + Σ coefficient * variable + Σ coefficient * nonlinear term.
@@ -86,9 +95,16 @@ impl<'e> Program<'e> {
                 Value::Objective(term) => terms.push(values.apply(&[term])[0]),
                 Value::Equation(body) => {
                     let body = program.linear(values.apply(&[body])[0]);
-                    let complements = None;
-                    program.rows.push(Row { body, complements });
+                    let kind = RowKind::Between(0.0, 0.0);
+                    program.rows.push(Row { body, kind });
                 }
+                Value::Inequality(lower, body, upper) => {
+                    let body = program.linear(values.apply(&[body])[0]);
+                    let kind = RowKind::Between(lower, upper);
+                    program.rows.push(Row { body, kind });
+                }
+                // The format has no choices.
+                Value::Conditional(_) => {}
                 Value::Pair(a, b) => {
                     let [a, b] = [a, b].map(|member| values.apply(&[member])[0]);
                     let free = |member: Expr| {
@@ -108,16 +124,16 @@ impl<'e> Program<'e> {
                     };
                     taken.insert(variable);
                     let body = program.linear(body);
-                    let complements = Some(variable);
-                    program.rows.push(Row { body, complements });
+                    let kind = RowKind::Complements(variable);
+                    program.rows.push(Row { body, kind });
                 }
             }
         }
         program.objective = program.linear(mpcc.exprs.sum(terms));
         for definition in slacks {
             let body = program.linear(definition);
-            let complements = None;
-            program.rows.push(Row { body, complements });
+            let kind = RowKind::Between(0.0, 0.0);
+            program.rows.push(Row { body, kind });
         }
         program
     }

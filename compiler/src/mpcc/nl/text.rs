@@ -3,7 +3,7 @@
 use rustc_hash::FxHashMap;
 
 use super::expressions::{Writer, line, number};
-use super::{Ampl, Linear, Program};
+use super::{Ampl, Linear, Program, RowKind};
 use crate::expr::{Expr, Var};
 
 impl<'e> Program<'e> {
@@ -63,13 +63,24 @@ impl<'e> Program<'e> {
         let mut out = String::new();
         let n_nonlinear = rows.iter().filter(|row| !is_linear(row)).count();
         let complementary = |linear: bool| {
-            let pairs = self.rows.iter().filter(|row| row.complements.is_some());
+            let is_pair = |row: &&super::Row| matches!(row.kind, RowKind::Complements(_));
+            let pairs = self.rows.iter().filter(is_pair);
             pairs
                 .filter(|row| row.body.nonlinear.is_empty() == linear)
                 .count()
         };
         let (linear_pairs, nonlinear_pairs) = (complementary(true), complementary(false));
-        let equations = self.rows.len() - linear_pairs - nonlinear_pairs;
+        let between = |is_one: fn(f64, f64) -> bool| {
+            let is_one = |row: &&super::Row| match row.kind {
+                RowKind::Between(lower, upper) => is_one(lower, upper),
+                RowKind::Complements(_) => false,
+            };
+            self.rows.iter().filter(is_one).count()
+        };
+        let equations = between(|lower, upper| lower == upper);
+        let ranges = between(|lower, upper| {
+            lower != upper && lower.is_finite() && upper.is_finite()
+        });
         let count = |wanted: usize| {
             columns
                 .iter()
@@ -87,7 +98,7 @@ impl<'e> Program<'e> {
         line(
             &mut out,
             &format!(
-                " {} {} 1 0 {equations}\t# vars, constraints, objectives, ranges, eqns",
+                " {} {} 1 {ranges} {equations}\t# vars, constraints, objectives, ranges, eqns",
                 columns.len(),
                 rows.len()
             ),
@@ -135,10 +146,9 @@ impl<'e> Program<'e> {
         for (i, &row) in rows.iter().enumerate() {
             let row = &self.rows[row];
             // The constant of an equation is its right-hand side.
-            let constant = if row.complements.is_some() {
-                row.body.constant
-            } else {
-                0.0
+            let constant = match row.kind {
+                RowKind::Complements(_) => row.body.constant,
+                RowKind::Between(..) => 0.0,
             };
             line(&mut out, &format!("C{i}"));
             writer.sum(constant, &row.body.nonlinear, &mut out);
@@ -157,26 +167,19 @@ impl<'e> Program<'e> {
             let row = &self.rows[row];
             line(
                 &mut out,
-                &match row.complements {
-                    Some(variable) => format!("5 1 {}", place[variable] + 1),
-                    None => format!("4 {}", number(0.0 - row.body.constant)),
+                &match row.kind {
+                    RowKind::Complements(variable) => format!("5 1 {}", place[variable] + 1),
+                    RowKind::Between(lower, upper) => {
+                        let constant = row.body.constant;
+                        between_text(0.0 - constant + lower, 0.0 - constant + upper)
+                    }
                 },
             );
         }
         line(&mut out, "b");
         for &variable in &columns {
             let bounds = self.bounds[variable];
-            let [lower, upper] = [bounds.lower, bounds.upper].map(number);
-            line(
-                &mut out,
-                &match (bounds.lower.is_finite(), bounds.upper.is_finite()) {
-                    _ if bounds.is_fixed() => format!("4 {lower}"),
-                    (true, true) => format!("0 {lower} {upper}"),
-                    (false, true) => format!("1 {upper}"),
-                    (true, false) => format!("2 {lower}"),
-                    (false, false) => "3".to_owned(),
-                },
-            );
+            line(&mut out, &between_text(bounds.lower, bounds.upper));
         }
         let mut per_column = vec![0; columns.len()];
         for &(column, _) in jacobian.iter().flatten() {
@@ -206,5 +209,17 @@ impl<'e> Program<'e> {
             columns,
             rows,
         }
+    }
+}
+
+/// Bounds of a row or variable.
+fn between_text(low: f64, high: f64) -> String {
+    let [lower, upper] = [low, high].map(number);
+    match (low.is_finite(), high.is_finite()) {
+        (true, true) if low == high => format!("4 {lower}"),
+        (true, true) => format!("0 {lower} {upper}"),
+        (false, true) => format!("1 {upper}"),
+        (true, false) => format!("2 {lower}"),
+        (false, false) => "3".to_owned(),
     }
 }

@@ -1,0 +1,260 @@
+//! Costs and constraints at instants: the start, the end, ends of intervals and elements, all nodes.
+//!
+//! A constraint on one variable alone becomes a bound of that variable, unless it fixes it: then it stays a row, so
+//! that what cannot be met has a name.
+
+use super::block::{Builder, variable};
+use super::{DiscretizeError, Problem};
+use crate::expr::{Expr, Substitution, variables_of};
+use crate::mpcc::{Bounds, Kind, Mpcc, Source};
+use crate::system::task::{At, Shape, TaskRow};
+
+/// Step, element and node.
+type Place = (usize, usize, usize);
+
+impl<'e> Problem<'_, 'e> {
+    /// φ at the end.
+    pub(super) fn cost(&self, mpcc: &mut Mpcc<'e>) -> Result<(), DiscretizeError> {
+        let Some(task) = &self.dcs.task else {
+            return Ok(());
+        };
+        if task.cost.is_zero() {
+            return Ok(());
+        }
+        let sources = vec![Source::Task(task.cost_span)];
+        let (block, value) = self.at_end("final", task.cost)?;
+        let text = task.cost.to_string();
+        mpcc.blocks
+            .push(block.finish(Kind::Objective, vec![value], sources, text));
+        Ok(())
+    }
+
+    /// Constraints.
+    pub(super) fn points(&self, mpcc: &mut Mpcc<'e>) -> Result<(), DiscretizeError> {
+        let rows = self.dcs.task.iter().flat_map(|task| &task.rows);
+        for row in rows {
+            if row.lower < row.upper && self.bound(row, mpcc) {
+                continue;
+            }
+            match row.at {
+                At::Start => {
+                    let (block, value) = self.at_start("initial", row.value)?;
+                    self.push(mpcc, block, value, row);
+                }
+                At::End => {
+                    let (block, value) = self.at_end("final", row.value)?;
+                    self.push(mpcc, block, value, row);
+                }
+                At::Nodes | At::Elements | At::Intervals => {
+                    self.along(row, mpcc)?;
+                    let is_free = |e: &Expr<'e>| variables_of(&[row.value]).contains(&variable(*e));
+                    let initial = self.dcs.task.iter().flat_map(|task| &task.initial);
+                    let mut freed = initial.map(|free| self.dcs.states[free.place].var);
+                    if freed.any(|state| is_free(&state)) {
+                        let (block, value) = self.at_start("path_start", row.value)?;
+                        self.push(mpcc, block, value, row);
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn push<const N: usize>(
+        &self,
+        mpcc: &mut Mpcc<'e>,
+        block: Builder<N>,
+        value: Expr<'e>,
+        row: &TaskRow<'e>,
+    ) {
+        let sources = vec![Source::Task(row.span)];
+        let (text, finite) = (row.value, (row.lower.is_finite(), row.upper.is_finite()));
+        let block = match row.lower == row.upper {
+            true => {
+                let zero = value - row.lower;
+                let text = format!("0 = {}", text - row.lower);
+                block.finish(Kind::Equation, vec![zero], sources, text)
+            }
+            false => {
+                let text = match finite {
+                    (true, true) => format!("{} <= {text} <= {}", row.lower, row.upper),
+                    (true, false) => format!("{text} >= {}", row.lower),
+                    _ => format!("{text} <= {}", row.upper),
+                };
+                let block = block.bounds(vec![(row.lower, row.upper)]);
+                block.finish(Kind::Inequality, vec![value], sources, text)
+            }
+        };
+        mpcc.blocks.push(block);
+    }
+
+    /// A constraint on one variable as its bounds; false where it is more than that.
+    fn bound(&self, row: &TaskRow<'e>, mpcc: &mut Mpcc<'e>) -> bool {
+        let layout = &self.layout;
+        let Some(task) = &self.dcs.task else {
+            return false;
+        };
+        let states = &self.dcs.states;
+        let state = states.iter().position(|state| state.var == row.value);
+        let control = task.controls.iter().position(|control| control.var == row.value);
+        let constant = task.shape == Shape::Constant;
+        let (steps, elements) = (1..=layout.steps, 1..=layout.elements);
+        let mut indices: Vec<usize> = Vec::new();
+        match (state, control) {
+            (Some(i), _) => {
+                let last = layout.elements;
+                let at = |(k, j, m): Place| layout.x(k, j, m) + i;
+                let is_free = task.initial.iter().any(|free| free.place == i);
+                if row.at == At::Start || is_free && row.at != At::End {
+                    indices.push(at((1, 1, 0)));
+                }
+                match row.at {
+                    At::Start => {}
+                    At::End => indices.push(at((layout.steps, last, layout.end))),
+                    At::Intervals => indices.extend(steps.map(|k| at((k, last, layout.end)))),
+                    At::Elements => indices.extend(steps.flat_map(|k| {
+                        elements.clone().map(move |j| at((k, j, layout.end)))
+                    })),
+                    At::Nodes => indices.extend(steps.flat_map(|k| {
+                        let nodes = move |j| (1..=layout.nodes).map(move |m| at((k, j, m)));
+                        elements.clone().flat_map(nodes)
+                    })),
+                }
+            }
+            (None, Some(i)) if constant => match row.at {
+                At::Start => indices.push(layout.u(1) + i),
+                At::End => indices.push(layout.u(layout.steps) + i),
+                _ => indices.extend(steps.map(|k| layout.u(k) + i)),
+            },
+            _ => return false,
+        }
+        let bound = |bounds: &Bounds| bounds.within(row.lower, row.upper);
+        let fits = |index: &usize| {
+            let bounds = bound(mpcc.bound(*index));
+            bounds.lower <= bounds.upper
+        };
+        // What is fixed, or left without a value, stays a row that says so.
+        if !indices.iter().all(fits) {
+            return false;
+        }
+        for index in indices {
+            let bounds = mpcc.bound_mut(index);
+            *bounds = bound(bounds);
+        }
+        true
+    }
+
+    /// A row at the ends of intervals or elements, or at all nodes.
+    fn along(&self, row: &TaskRow<'e>, mpcc: &mut Mpcc<'e>) -> Result<(), DiscretizeError> {
+        let layout = &self.layout;
+        let (end, last) = (layout.end, layout.elements);
+        let steps = self.steps();
+        let h = mpcc.exprs.variable("h");
+        let value = self.timed(&[row.value], h)[0];
+        match row.at {
+            At::Nodes => {
+                let ranges = [steps, self.elements(), self.nodes()];
+                let block = self.at_nodes(Builder::new("path", ranges), h);
+                self.push(mpcc, block, value, row);
+            }
+            At::Elements => {
+                let block = Builder::new("path", [steps, self.elements()]);
+                let block = self.at_place(block, h, row.value, |[k, j]| (k, j, end))?;
+                self.push(mpcc, block.number(self.node, |_| 1.0), value, row);
+            }
+            _ => {
+                let block = Builder::new("path", [steps]);
+                let block = self.at_place(block, h, row.value, |[k]| (k, last, end))?;
+                self.push(mpcc, block.number(self.node, |_| 1.0), value, row);
+            }
+        }
+        Ok(())
+    }
+
+    /// A value at t = T.
+    fn at_end(
+        &self,
+        name: &'static str,
+        value: Expr<'e>,
+    ) -> Result<(Builder<0>, Expr<'e>), DiscretizeError> {
+        let layout = &self.layout;
+        let place = (layout.steps, layout.elements, layout.end);
+        let h = self.dcs.exprs.variable("h");
+        let block = self.at_place(Builder::new(name, []), h, value, |[]| place)?;
+        let mut values = Substitution::new();
+        values.insert(variable(self.dcs.time), self.horizon);
+        let controls = self.dcs.task.iter().flat_map(|task| &task.controls);
+        for (control, &next) in controls.zip(&self.next) {
+            values.insert(variable(control.var), next);
+        }
+        Ok((block, value.substitute(&values)))
+    }
+
+    /// A value at t = 0.
+    fn at_start(
+        &self,
+        name: &'static str,
+        value: Expr<'e>,
+    ) -> Result<(Builder<0>, Expr<'e>), DiscretizeError> {
+        let h = self.dcs.exprs.variable("h");
+        let block = self.at_place(Builder::new(name, []), h, value, |[]| (1, 1, 0))?;
+        let zero = self.dcs.exprs.constant(0.0);
+        let at_zero = Substitution::one(variable(self.dcs.time), zero);
+        Ok((block, value.substitute(&at_zero)))
+    }
+
+    /// Binds everything that `value` may contain at a place.
+    fn at_place<const N: usize>(
+        &self,
+        block: Builder<N>,
+        h: Expr<'e>,
+        value: Expr<'e>,
+        place: impl Fn([usize; N]) -> Place,
+    ) -> Result<Builder<N>, DiscretizeError> {
+        let (dcs, layout) = (self.dcs, &self.layout);
+        let mut block = block.vector(&self.states(), |at| {
+            let (k, j, m) = place(at);
+            layout.x(k, j, m)
+        });
+        block = block.variable(h, |at| {
+            let (k, j, _) = place(at);
+            layout.h(k, j)
+        });
+        block = self.decided(block, |at| place(at).0);
+        if layout.t(1, 1).is_some() {
+            block = block.variable(dcs.time, |at| {
+                let (k, j, _) = place(at);
+                layout.t(k, j).unwrap_or(0)
+            });
+        }
+        let occurring = variables_of(&[value]);
+        let algebraics = dcs.algebraics.iter().enumerate();
+        for (i, z) in algebraics.filter(|(_, z)| occurring.contains(&variable(z.var))) {
+            let index = |at| {
+                let (k, j, m) = place(at);
+                layout.z(k, j, m, i)
+            };
+            if block.places().any(|at| index(at).is_none()) {
+                return Err(DiscretizeError::NoValue {
+                    name: z.var.to_string(),
+                });
+            }
+            block = block.variable(z.var, |at| index(at).unwrap_or(0));
+        }
+        Ok(block)
+    }
+}
+
+impl<'e> Mpcc<'e> {
+    fn bound(&self, index: usize) -> &Bounds {
+        let block = self.variables.partition_point(|block| block.start <= index) - 1;
+        let block = &self.variables[block];
+        &block.bounds[index - block.start]
+    }
+
+    fn bound_mut(&mut self, index: usize) -> &mut Bounds {
+        let block = self.variables.partition_point(|block| block.start <= index) - 1;
+        let block = &mut self.variables[block];
+        &mut block.bounds[index - block.start]
+    }
+}

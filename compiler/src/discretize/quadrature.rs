@@ -1,0 +1,79 @@
+//! Integrals of the cost: states that nothing reads become sums over the nodes.
+//!
+//! ∫ L dt = Σ_kj h_kj Σ_m b_m L(t_kjm, x_kjm, u_k, z_kjm)
+//!
+//! An integral that the cost contains with a constant factor, and no constraint contains, needs no values at nodes:
+//! the sum is what the Runge-Kutta method gives for it at the end. Others stay states.
+
+use super::block::{Builder, variable};
+use super::Problem;
+use crate::dcs::Dcs;
+use crate::expr::{Expr, Substitution, variables_of};
+use crate::mpcc::{Kind, Mpcc, Source};
+use crate::source::Span;
+
+/// `factor` ∫ `rate` dt.
+pub(super) struct Integral<'e> {
+    factor: f64,
+    rate: Expr<'e>,
+    span: Span,
+}
+
+/// The system without integrals that are sums, whose share of the cost is left out of it.
+pub(super) fn split<'e>(dcs: &Dcs<'e>) -> (Dcs<'e>, Vec<Integral<'e>>) {
+    let mut reduced = dcs.clone();
+    let Some(task) = &mut reduced.task else {
+        return (reduced, Vec::new());
+    };
+    let first = dcs.states.len() - task.integrals;
+    let rows: Vec<Expr> = task.rows.iter().map(|row| row.value).collect();
+    let in_rows = variables_of(&rows);
+    let factor = |place: usize| {
+        let var = variable(dcs.states[place].var);
+        let factor = task.cost.diff(var).as_constant();
+        factor.filter(|_| !in_rows.contains(&var))
+    };
+    let factors: Option<Vec<f64>> = (first..dcs.states.len()).map(factor).collect();
+    let Some(factors) = factors else {
+        return (reduced, Vec::new());
+    };
+    let zero = dcs.exprs.constant(0.0);
+    let integrals: Substitution = (dcs.states[first..].iter())
+        .map(|state| (variable(state.var), zero))
+        .collect();
+    task.cost = task.cost.substitute(&integrals);
+    task.integrals = 0;
+    reduced.states.truncate(first);
+    reduced.rates.truncate(first);
+    reduced.origins.rates.truncate(first);
+    let sums = factors.into_iter().zip(&dcs.rates[first..]).zip(&dcs.origins.rates[first..]);
+    let sums = sums.map(|((factor, &rate), origin)| Integral {
+        factor,
+        rate,
+        span: origin.span,
+    });
+    (reduced, sums.collect())
+}
+
+impl<'e> Problem<'_, 'e> {
+    /// Terms of the objective.
+    pub(super) fn integrals(&self, integrals: &[Integral<'e>], mpcc: &mut Mpcc<'e>) {
+        let h = mpcc.exprs.variable("h");
+        let b = mpcc.exprs.variable("b");
+        for integral in integrals {
+            let rate = self.timed(&[integral.rate], h)[0];
+            let block = Builder::new("integral", [self.steps(), self.elements(), self.nodes()])
+                .number(b, |[_, _, m]| self.tableau.weights[m - 1]);
+            let block = self.at_nodes(block, h);
+            let weight = match integral.factor {
+                1.0 => String::new(),
+                factor => format!("{factor}*"),
+            };
+            let text = format!("{weight}b[m]*h[k,j]*({})", integral.rate);
+            let term = integral.factor * b * h * rate;
+            let sources = vec![Source::Task(integral.span)];
+            mpcc.blocks
+                .push(block.finish(Kind::Objective, vec![term], sources, text));
+        }
+    }
+}
