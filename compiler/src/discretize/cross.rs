@@ -27,7 +27,7 @@ pub(super) struct Members<'e> {
 pub(super) struct Group<'e> {
     /// What a and b are called where they are printed.
     pub names: (&'static str, &'static str),
-    block: &'static str,
+    pub block: &'static str,
     /// The last m.
     pub last: usize,
     /// Whether b is taken at all nodes and ends, or at the node of a alone.

@@ -42,7 +42,7 @@ pub use layout::Layout;
 
 use crate::dcs::Dcs;
 use crate::expr::Expr;
-use crate::mpcc::Mpcc;
+use crate::mpcc::{Conditions, Mpcc};
 pub use crate::system::experiment::{Cross, Equilibration, Form};
 use crate::system::experiment::{FesdOptions, Optimize, SteppingOptions};
 
@@ -185,6 +185,7 @@ pub fn discretize<'e>(
         definitions: Vec::new(),
         variables: Vec::new(),
         blocks: Vec::new(),
+        conditions: Conditions::default(),
     };
     let layout = layout::declare(&mut mpcc, dcs, grid, &tableau, form, options.detection);
     let problem = Problem {

@@ -18,7 +18,7 @@ use super::quadrature::Integral;
 use super::{DiscretizeError, Grid, Problem};
 use crate::dcs::Dcs;
 use crate::expr::{Expr, Var, variables_of};
-use crate::mpcc::{Block, Bounds, Kind, Mpcc, Source, Span};
+use crate::mpcc::{self, Block, Bounds, Conditions, Kind, Mpcc, Source, Span};
 use crate::system::Allowed;
 use crate::system::task::{Control, Shape};
 use nsd_solver::tableau::lagrange;
@@ -304,9 +304,27 @@ impl<'e> Problem<'_, 'e> {
             return;
         }
         let inner = [self.steps(), Span::new("j", 1, layout.elements - 1)];
+        let mut conditions = Conditions {
+            steps: layout.steps,
+            elements: layout.elements,
+            ..Conditions::default()
+        };
+        let pairs = |block: &&Block| block.kind == Kind::Pair;
+        let count = |block: &Block| block.n_rows() / 2;
         let groups = self.groups();
         let crossed = groups.iter().filter(|group| group.is_crossed);
         for group in crossed {
+            let place = mpcc.blocks.iter().filter(pairs).position(|block| block.name == group.block);
+            let place = place.expect("pairs are stated before what follows from them");
+            let mut blocks = mpcc.blocks.iter().filter(pairs);
+            let first_pair = blocks.by_ref().take(place).map(count).sum();
+            let places = blocks.next().map_or(0, Block::n_places);
+            conditions.groups.push(mpcc::Group {
+                first_pair,
+                per_element: places / (layout.steps * layout.elements),
+                members: group.members.len(),
+                leave: mpcc.blocks.len(),
+            });
             // What jumps, at the end of an element: the polynomial through its values at the nodes.
             let a = group.jumps();
             let ends = lagrange(&self.tableau.nodes, &[1.0]);
@@ -335,6 +353,8 @@ impl<'e> Problem<'_, 'e> {
             .variable(h[1], |[k, j]| layout.h(k, j + 1));
         let text = "0 = h[k,j+1] - h[k,j], where nothing switches".to_owned();
         let row = vec![h[1] - h[0]];
+        conditions.equal = Some(mpcc.blocks.len());
+        mpcc.conditions = conditions;
         mpcc.blocks
             .push(block.finish(Kind::Conditional, row, vec![Source::Grid], text));
     }

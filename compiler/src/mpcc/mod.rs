@@ -21,17 +21,21 @@
 //! - Every output, or pair of outputs, has a [`Source`].
 //! - Outputs of inequalities have bounds, one of them finite and the lower not above the upper; others have none.
 
+mod conditions;
 mod display;
 mod evaluate;
 mod flat;
 mod nl;
+mod program;
 mod verify;
 
 use std::ops::Range;
 
-pub use evaluate::{Evaluator, Pattern};
+pub use conditions::{Conditions, Group};
+pub use evaluate::Evaluator;
 pub use flat::{Flat, Row, Value};
 pub use nl::Ampl;
+pub use program::Program;
 
 use crate::dcs;
 use crate::expr::{Expr, Exprs, Var};
@@ -54,6 +58,8 @@ pub struct Mpcc<'e> {
     pub variables: Vec<Variables>,
     /// F, c, g, a and b.
     pub blocks: Vec<Block<'e>>,
+    /// When conditional rows hold.
+    pub conditions: Conditions,
 }
 
 /// Functions as they are printed: `f(x, z)` and its lines.

@@ -1,0 +1,122 @@
+//! Which conditional rows hold, given which member of every pair is zero.
+//!
+//! A pair a ⟂ b of an element is *open* where b is zero in all of it, so that a may be positive. At a boundary within
+//! a step,
+//!
+//! - nothing switches where the same pairs are open on both sides: the lengths of the two elements are equal;
+//! - a pair that closes while none opens leaves a sliding mode: a is zero there.
+//!
+//! Where a pair opens, b is continuous and zero at the boundary, which is row enough. Of several pairs that close at
+//! one boundary, the first fixes it.
+
+use nsd_solver::problem::Member;
+
+/// The blocks of one grid of elements.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Conditions {
+    /// Steps.
+    pub steps: usize,
+    /// Elements of a step.
+    pub elements: usize,
+    /// The pairs of elements.
+    pub groups: Vec<Group>,
+    /// The block of rows that make lengths equal.
+    pub equal: Option<usize>,
+}
+
+/// Pairs of elements, and their conditional rows.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Group {
+    /// The number of the first of these pairs among all pairs.
+    pub first_pair: usize,
+    /// Pairs of an element that belong to one member.
+    pub per_element: usize,
+    /// Members.
+    pub members: usize,
+    /// The block of rows by which a closes.
+    pub leave: usize,
+}
+
+/// A block of conditional rows.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rows {
+    /// Its number.
+    pub number: usize,
+    /// How many there are.
+    pub rows: usize,
+}
+
+/// Rows that hold.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Holding {
+    rows: Vec<(usize, usize)>,
+}
+
+impl Holding {
+    /// Whether a row of a block does.
+    pub fn contains(&self, block: usize, row: usize) -> bool {
+        self.rows.binary_search(&(block, row)).is_ok()
+    }
+}
+
+impl Conditions {
+    fn boundaries(&self) -> usize {
+        self.steps * self.elements.saturating_sub(1)
+    }
+
+    /// All blocks of conditional rows.
+    pub(super) fn blocks(&self) -> impl Iterator<Item = Rows> + '_ {
+        let equal = self.equal.map(|number| Rows {
+            number,
+            rows: self.boundaries(),
+        });
+        let leave = self.groups.iter().map(|group| Rows {
+            number: group.leave,
+            rows: group.members * self.boundaries(),
+        });
+        equal.into_iter().chain(leave)
+    }
+
+    /// The rows that hold.
+    pub(super) fn holding(&self, zeros: &[Member]) -> Holding {
+        let mut rows = Vec::new();
+        let inner = self.elements.saturating_sub(1);
+        for boundary in 0..self.boundaries() {
+            let (step, element) = (boundary / inner, boundary % inner);
+            let element = step * self.elements + element;
+            let mut closing = None;
+            let (mut opens, mut changes) = (false, false);
+            for group in &self.groups {
+                for member in 0..group.members {
+                    let n_elements = self.steps * self.elements;
+                    let open = |element| group.is_open(member, element, n_elements, zeros);
+                    match (open(element), open(element + 1)) {
+                        (true, false) => {
+                            changes = true;
+                            let row = member * self.boundaries() + boundary;
+                            closing = closing.or(Some((group.leave, row)));
+                        }
+                        (false, true) => (opens, changes) = (true, true),
+                        _ => {}
+                    }
+                }
+            }
+            if !opens {
+                rows.extend(closing);
+            }
+            if let (false, Some(equal)) = (changes, self.equal) {
+                rows.push((equal, boundary));
+            }
+        }
+        rows.sort_unstable();
+        Holding { rows }
+    }
+}
+
+impl Group {
+    fn is_open(&self, member: usize, element: usize, n_elements: usize, zeros: &[Member]) -> bool {
+        let places = n_elements * self.per_element;
+        let first = self.first_pair + member * places + element * self.per_element;
+        zeros[first..first + self.per_element].contains(&Member::B)
+    }
+}

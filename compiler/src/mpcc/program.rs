@@ -1,0 +1,315 @@
+//! An [`Mpcc`] as the solvers see it.
+//!
+//! Members of pairs that are variables in [0, ∞) stay variables; others are rows, and where the same member stands in
+//! several pairs it is one row.
+//! Once it is known which member of every pair is zero, terms that only steer leave the objective, and those
+//! conditional rows hold that [`Conditions`] say.
+
+use std::ops::Range;
+
+use nsd_solver::kernels::{self, ProgramBuilder};
+use nsd_solver::problem::{self, Member, Nlp, Pair, Pattern, Side};
+use rustc_hash::FxHashMap;
+
+use super::conditions::Conditions;
+use super::{Block, Bounds, Kind, Mpcc, Origin};
+use crate::expr::{CompileError, Expr, Node};
+
+/// A compiled [`Mpcc`].
+#[derive(Clone, Debug)]
+pub struct Program {
+    kernels: kernels::Program,
+    /// Terms of the objective that only steer.
+    steering: Vec<usize>,
+    conditions: Conditions,
+    /// The rows of every block of pairs in it, and the first conditional row.
+    conditional: Vec<usize>,
+    /// Variables of sums that are members, pair by pair and member by member.
+    terms: Vec<[Range<u32>; 2]>,
+    term_variables: Vec<u32>,
+    /// Block and first row of the rows of the program.
+    rows: Vec<(usize, Range<usize>)>,
+}
+
+impl<'e> Mpcc<'e> {
+    /// Compiles all kernels with their derivatives.
+    pub fn program(&self) -> Result<Program, CompileError> {
+        let bounds = self.bounds();
+        let side = |side: fn(&Bounds) -> f64| bounds.iter().map(side).collect::<Vec<f64>>();
+        let (lower, upper) = (side(|b| b.lower), side(|b| b.upper));
+        let mut builder = kernels::Program::builder(&lower, &upper, &side(|b| b.guess));
+        let mut steering = Vec::new();
+        let mut rows = Vec::new();
+        let mut pairs = Pairs {
+            lower: &lower,
+            terms: Vec::new(),
+            term_variables: Vec::new(),
+        };
+        let mut conditional = vec![usize::MAX; self.blocks.len()];
+        for (number, block) in self.blocks.iter().enumerate() {
+            let n = block.n_rows();
+            let whole = || self.kernel(block, &block.kernel.outputs);
+            let infinite = || (vec![f64::NEG_INFINITY; n], vec![f64::INFINITY; n]);
+            let (lower, upper) = match block.kind {
+                Kind::Objective => {
+                    builder.objective(whole()?);
+                    continue;
+                }
+                Kind::Steering => {
+                    steering.push(builder.objective(whole()?));
+                    continue;
+                }
+                Kind::Pair => {
+                    pairs.add(self, block, &mut builder)?;
+                    continue;
+                }
+                Kind::Equation => (vec![0.0; n], vec![0.0; n]),
+                Kind::Conditional => infinite(),
+                Kind::Inequality => {
+                    let places = block.n_places();
+                    let repeated = |bound: fn(&(f64, f64)) -> f64| {
+                        let bounds = block.bounds.iter().map(bound);
+                        bounds.flat_map(|bound| vec![bound; places]).collect()
+                    };
+                    (repeated(|b| b.0), repeated(|b| b.1))
+                }
+            };
+            let found = builder.rows(whole()?, &lower, &upper);
+            conditional[number] = found.start;
+            rows.push((number, found));
+        }
+        Ok(Program {
+            kernels: builder.finish(),
+            steering,
+            conditions: self.conditions.clone(),
+            conditional,
+            terms: pairs.terms,
+            term_variables: pairs.term_variables,
+            rows,
+        })
+    }
+
+    /// Where a row of a [`Program`] comes from; nothing for members of pairs.
+    pub fn origin(&self, program: &Program, row: usize) -> Option<Origin> {
+        let (block, rows) = program.rows.iter().find(|(_, rows)| rows.contains(&row))?;
+        Some(self.blocks[*block].origin(row - rows.start))
+    }
+}
+
+/// Collects pairs.
+struct Pairs<'l> {
+    lower: &'l [f64],
+    terms: Vec<[Range<u32>; 2]>,
+    term_variables: Vec<u32>,
+}
+
+/// A member at all places of a block.
+struct Sides {
+    sides: Vec<Side>,
+    /// Its terms, where it is a sum of variables in [0, ∞), as formal arguments.
+    terms: Vec<usize>,
+}
+
+impl Pairs<'_> {
+    fn add<'e>(
+        &mut self,
+        mpcc: &Mpcc<'e>,
+        block: &Block<'e>,
+        builder: &mut ProgramBuilder,
+    ) -> Result<(), CompileError> {
+        let n = block.n_places();
+        let outputs = &block.kernel.outputs;
+        let members = outputs.iter().map(|&e| self.sides(mpcc, block, e, builder));
+        let members: Vec<Sides> = members.collect::<Result<_, _>>()?;
+        let (first, second) = members.split_at(outputs.len() / 2);
+        for (a, b) in first.iter().zip(second) {
+            for place in 0..n {
+                builder.pair(Pair {
+                    a: a.sides[place],
+                    b: b.sides[place],
+                });
+                let terms = [a, b].map(|member| {
+                    let start = self.term_variables.len() as u32;
+                    let terms = member.terms.iter();
+                    self.term_variables
+                        .extend(terms.map(|&formal| block.arguments[formal * n + place]));
+                    start..self.term_variables.len() as u32
+                });
+                self.terms.push(terms);
+            }
+        }
+        Ok(())
+    }
+
+    fn sides<'e>(
+        &self,
+        mpcc: &Mpcc<'e>,
+        block: &Block<'e>,
+        member: Expr<'e>,
+        builder: &mut ProgramBuilder,
+    ) -> Result<Sides, CompileError> {
+        let n = block.n_places();
+        if let Some(formal) = self.variable(block, member) {
+            let variables = &block.arguments[formal * n..(formal + 1) * n];
+            return Ok(Sides {
+                sides: variables.iter().map(|&variable| Side::Variable(variable)).collect(),
+                terms: Vec::new(),
+            });
+        }
+        let terms = match member.node() {
+            Node::Sum { constant: 0.0, terms } => {
+                let formal = |&(c, term): &(f64, Expr<'e>)| {
+                    let formal = self.variable(block, term)?;
+                    (c > 0.0).then_some(formal)
+                };
+                terms.iter().map(formal).collect::<Option<Vec<usize>>>()
+            }
+            _ => None,
+        };
+        // One row for all places with the same arguments.
+        let whole = mpcc.kernel(block, &[member])?;
+        let formals = whole.values.n_inputs() - whole.parameters.len();
+        let n_variables = block.kernel.variables.len();
+        let occurs = |formal: usize| {
+            let var = match formal.checked_sub(n_variables) {
+                None => block.kernel.variables[formal],
+                Some(number) => block.kernel.numbers[number],
+            };
+            member.depends_on(var)
+        };
+        let used: Vec<usize> = (0..formals).filter(|&formal| occurs(formal)).collect();
+        let key = |place: usize| -> Vec<u64> {
+            let argument = |&formal: &usize| match formal.checked_sub(n_variables) {
+                None => u64::from(block.arguments[formal * n + place]),
+                Some(number) => block.numbers[number * n + place].to_bits(),
+            };
+            used.iter().map(argument).collect()
+        };
+        let mut known: FxHashMap<Vec<u64>, usize> = FxHashMap::default();
+        let mut places: Vec<usize> = Vec::new();
+        let mut numbers = Vec::with_capacity(n);
+        for place in 0..n {
+            let number = *known.entry(key(place)).or_insert_with(|| {
+                places.push(place);
+                places.len() - 1
+            });
+            numbers.push(number);
+        }
+        let at_places = |values: &[u32]| -> Vec<u32> {
+            let formals = values.chunks(n.max(1));
+            formals.flat_map(|formal| places.iter().map(|&place| formal[place])).collect()
+        };
+        let numbers_at = block.numbers.chunks(n.max(1));
+        let numbers_at: Vec<f64> = numbers_at
+            .flat_map(|formal| places.iter().map(|&place| formal[place]))
+            .collect();
+        let row = kernels::Block {
+            n_places: places.len(),
+            variables: at_places(&whole.variables),
+            numbers: numbers_at,
+            ..whole
+        };
+        let count = places.len();
+        let rows = builder.rows(row, &vec![0.0; count], &vec![f64::INFINITY; count]);
+        let sides = numbers.iter().map(|number| Side::Row((rows.start + number) as u32));
+        Ok(Sides {
+            sides: sides.collect(),
+            terms: terms.unwrap_or_default(),
+        })
+    }
+
+    /// The argument that a member is, where it is a variable in [0, ∞) at all places.
+    fn variable(&self, block: &Block, member: Expr) -> Option<usize> {
+        let var = member.as_variable()?;
+        let formal = block.kernel.variables.iter().position(|formal| *formal == var)?;
+        let n = block.n_places();
+        let mut variables = block.arguments[formal * n..(formal + 1) * n].iter();
+        variables
+            .all(|&variable| self.lower[variable as usize] == 0.0)
+            .then_some(formal)
+    }
+}
+
+impl Program {
+    /// Where a solver starts from.
+    pub fn set_start(&mut self, start: &[f64]) {
+        self.kernels.set_start(start);
+    }
+}
+
+impl Nlp for Program {
+    fn n_variables(&self) -> usize {
+        self.kernels.n_variables()
+    }
+
+    fn n_rows(&self) -> usize {
+        self.kernels.n_rows()
+    }
+
+    fn variable_bounds(&self) -> problem::Bounds<'_> {
+        self.kernels.variable_bounds()
+    }
+
+    fn row_bounds(&self) -> problem::Bounds<'_> {
+        self.kernels.row_bounds()
+    }
+
+    fn start(&self) -> &[f64] {
+        self.kernels.start()
+    }
+
+    fn jacobian_pattern(&self) -> &Pattern {
+        self.kernels.jacobian_pattern()
+    }
+
+    fn hessian_pattern(&self) -> &Pattern {
+        self.kernels.hessian_pattern()
+    }
+
+    fn objective(&mut self, w: &[f64]) -> f64 {
+        self.kernels.objective(w)
+    }
+
+    fn gradient(&mut self, w: &[f64], gradient: &mut [f64]) {
+        self.kernels.gradient(w, gradient);
+    }
+
+    fn rows(&mut self, w: &[f64], rows: &mut [f64]) {
+        self.kernels.rows(w, rows);
+    }
+
+    fn jacobian(&mut self, w: &[f64], entries: &mut [f64]) {
+        self.kernels.jacobian(w, entries);
+    }
+
+    fn hessian(&mut self, w: &[f64], factor: f64, y: &[f64], entries: &mut [f64]) {
+        self.kernels.hessian(w, factor, y, entries);
+    }
+}
+
+impl problem::Mpcc for Program {
+    fn pairs(&self) -> &[Pair] {
+        self.kernels.pairs()
+    }
+
+    fn settle(&mut self, zeros: Option<&[Member]>) -> bool {
+        for &term in &self.steering {
+            self.kernels.switch_term(term, zeros.is_none());
+        }
+        let holding = zeros.map(|zeros| self.conditions.holding(zeros));
+        for block in self.conditions.blocks() {
+            let first = self.conditional[block.number];
+            for row in 0..block.rows {
+                let holds = (holding.as_ref()).is_some_and(|holding| holding.contains(block.number, row));
+                let bound = if holds { 0.0 } else { f64::INFINITY };
+                self.kernels.set_row_bounds(first + row, -bound, bound);
+            }
+        }
+        !self.steering.is_empty() || self.conditions.blocks().next().is_some()
+    }
+
+    fn terms(&self, pair: usize, member: Member) -> &[u32] {
+        let range = self.terms[pair][member as usize].clone();
+        &self.term_variables[range.start as usize..range.end as usize]
+    }
+}
