@@ -58,7 +58,11 @@ impl Problem<'_, '_> {
     pub(super) fn arguments(&self, t: &str, x: &str, z: &str) -> String {
         let t = self.layout.t(1, 1).map(|_| t);
         let z = (!self.dcs.algebraics.is_empty()).then_some(z);
-        let decides = self.dcs.task.as_ref().is_some_and(|task| !task.controls.is_empty());
+        let decides = self
+            .dcs
+            .task
+            .as_ref()
+            .is_some_and(|task| !task.controls.is_empty());
         let u = decides.then(|| self.control_text(x));
         let all: Vec<&str> = (t.into_iter().chain([x]))
             .chain(u.as_deref())

@@ -23,6 +23,8 @@ pub struct Layout {
     pub nodes: usize,
     /// The number of the node that is the right end: that of the last node, or one more.
     pub end: usize,
+    /// Where nodes are in an element of length 1, from node 0 to the end.
+    pub points: Vec<f64>,
     n_states: usize,
     n_algebraics: usize,
     /// First indices.
@@ -59,6 +61,33 @@ impl Layout {
     /// h_kj.
     pub fn h(&self, k: usize, j: usize) -> usize {
         self.lengths + self.element(k, j)
+    }
+
+    /// The number of scalar states.
+    pub fn n_states(&self) -> usize {
+        self.n_states
+    }
+
+    /// Steps and elements, in order of time.
+    pub fn all_elements(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
+        let elements = self.elements;
+        (1..=self.steps).flat_map(move |k| (1..=elements).map(move |j| (k, j)))
+    }
+
+    /// The numbers k for which there are controls, each with its instant as a share of the horizon.
+    pub fn control_instants(&self) -> impl Iterator<Item = (usize, f64)> + use<> {
+        let (steps, shape) = (self.steps, self.shape);
+        let first = match shape {
+            Shape::Constant => 1,
+            Shape::Linear => 0,
+        };
+        (first..=steps).map(move |k| {
+            let middle = match shape {
+                Shape::Constant => k as f64 - 0.5,
+                Shape::Linear => k as f64,
+            };
+            (k, middle / steps as f64)
+        })
     }
 
     /// T, where it is free.
@@ -191,7 +220,9 @@ pub(super) fn declare(
         mpcc.declare("t", vec!["t".to_owned()], &per_element, bounds)
     });
 
-    let decided = task.map(|_| task::declare(mpcc, dcs, grid)).unwrap_or_default();
+    let decided = task
+        .map(|_| task::declare(mpcc, dcs, grid))
+        .unwrap_or_default();
 
     // States and slopes.
     let states = || names(dcs.states.iter().map(|state| state.var).collect());
@@ -234,7 +265,11 @@ pub(super) fn declare(
     };
     let (components, bounds) = chosen(&continuous);
     let start = task::Start::of(dcs);
-    let known = || continuous.iter().map(|&i| Bounds::fixed(dcs.algebraics[i].guess));
+    let known = || {
+        continuous
+            .iter()
+            .map(|&i| Bounds::fixed(dcs.algebraics[i].guess))
+    };
     let starts = [
         Span::new("k", 1, if start.restarts { grid.steps } else { 1 }),
         Span::new("j", 1, 1),
@@ -255,6 +290,10 @@ pub(super) fn declare(
         elements,
         nodes,
         end,
+        points: ([0.0].into_iter())
+            .chain(tableau.nodes.iter().copied())
+            .chain((end > nodes).then_some(1.0))
+            .collect(),
         n_states: dcs.states.len(),
         n_algebraics: dcs.algebraics.len(),
         lengths,

@@ -96,7 +96,10 @@ impl<'e> Problem<'_, 'e> {
         };
         let states = &self.dcs.states;
         let state = states.iter().position(|state| state.var == row.value);
-        let control = task.controls.iter().position(|control| control.var == row.value);
+        let control = task
+            .controls
+            .iter()
+            .position(|control| control.var == row.value);
         let constant = task.shape == Shape::Constant;
         let (steps, elements) = (1..=layout.steps, 1..=layout.elements);
         let mut indices: Vec<usize> = Vec::new();
@@ -112,9 +115,9 @@ impl<'e> Problem<'_, 'e> {
                     At::Start => {}
                     At::End => indices.push(at((layout.steps, last, layout.end))),
                     At::Intervals => indices.extend(steps.map(|k| at((k, last, layout.end)))),
-                    At::Elements => indices.extend(steps.flat_map(|k| {
-                        elements.clone().map(move |j| at((k, j, layout.end)))
-                    })),
+                    At::Elements => indices.extend(
+                        steps.flat_map(|k| elements.clone().map(move |j| at((k, j, layout.end)))),
+                    ),
                     At::Nodes => indices.extend(steps.flat_map(|k| {
                         let nodes = move |j| (1..=layout.nodes).map(move |m| at((k, j, m)));
                         elements.clone().flat_map(nodes)

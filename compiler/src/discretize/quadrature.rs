@@ -5,8 +5,8 @@
 //! An integral that the cost contains with a constant factor, and no constraint contains, needs no values at nodes:
 //! the sum is what the Runge-Kutta method gives for it at the end. Others stay states.
 
-use super::block::{Builder, variable};
 use super::Problem;
+use super::block::{Builder, variable};
 use crate::dcs::Dcs;
 use crate::expr::{Expr, Substitution, variables_of};
 use crate::mpcc::{Kind, Mpcc, Source};
@@ -46,7 +46,10 @@ pub(super) fn split<'e>(dcs: &Dcs<'e>) -> (Dcs<'e>, Vec<Integral<'e>>) {
     reduced.states.truncate(first);
     reduced.rates.truncate(first);
     reduced.origins.rates.truncate(first);
-    let sums = factors.into_iter().zip(&dcs.rates[first..]).zip(&dcs.origins.rates[first..]);
+    let sums = factors
+        .into_iter()
+        .zip(&dcs.rates[first..])
+        .zip(&dcs.origins.rates[first..]);
     let sums = sums.map(|((factor, &rate), origin)| Integral {
         factor,
         rate,

@@ -54,8 +54,14 @@ impl Start {
         let occurring = variables_of(&rows);
         let occurs = |e: Expr| occurring.contains(&variable(e));
         let controls = task.controls.iter().any(|control| occurs(control.var));
-        let params = task.params.iter().any(|free| occurs(dcs.params[free.place].var));
-        let states = task.initial.iter().any(|free| occurs(dcs.states[free.place].var));
+        let params = task
+            .params
+            .iter()
+            .any(|free| occurs(dcs.params[free.place].var));
+        let states = task
+            .initial
+            .iter()
+            .any(|free| occurs(dcs.states[free.place].var));
         Start {
             is_free: controls || params || states,
             restarts: controls && task.shape == Shape::Constant,
@@ -95,7 +101,9 @@ pub(super) fn fixed_params<'e>(dcs: &Dcs<'e>) -> Vec<crate::system::Param<'e>> {
 pub(super) fn next<'e>(dcs: &Dcs<'e>) -> Vec<Expr<'e>> {
     let lines = dcs.task.iter().filter(|task| task.shape == Shape::Linear);
     let controls = lines.flat_map(|task| &task.controls);
-    controls.map(|control| dcs.exprs.variable(&control.name)).collect()
+    controls
+        .map(|control| dcs.exprs.variable(&control.name))
+        .collect()
 }
 
 /// Declares what is decided.
@@ -252,7 +260,11 @@ impl<'e> Problem<'_, 'e> {
     fn choices(&self, mpcc: &mut Mpcc<'e>) {
         let (exprs, layout) = (mpcc.exprs, &self.layout);
         let steps = self.steps();
-        let controls = self.dcs.task.iter().flat_map(|task| task.controls.iter().enumerate());
+        let controls = self
+            .dcs
+            .task
+            .iter()
+            .flat_map(|task| task.controls.iter().enumerate());
         for (i, control) in controls {
             let Some(Allowed::OneOf(values)) = &control.allowed else {
                 continue;
@@ -314,7 +326,11 @@ impl<'e> Problem<'_, 'e> {
         let groups = self.groups();
         let crossed = groups.iter().filter(|group| group.is_crossed);
         for group in crossed {
-            let place = mpcc.blocks.iter().filter(pairs).position(|block| block.name == group.block);
+            let place = mpcc
+                .blocks
+                .iter()
+                .filter(pairs)
+                .position(|block| block.name == group.block);
             let place = place.expect("pairs are stated before what follows from them");
             let mut blocks = mpcc.blocks.iter().filter(pairs);
             let first_pair = blocks.by_ref().take(place).map(count).sum();
@@ -343,7 +359,10 @@ impl<'e> Problem<'_, 'e> {
                 }
             }
             let values = values.into_iter().map(|terms| mpcc.exprs.sum(terms));
-            let text = format!("0 = {}(z[k,j]) at the end, where it reaches zero there", group.names.0);
+            let text = format!(
+                "0 = {}(z[k,j]) at the end, where it reaches zero there",
+                group.names.0
+            );
             let block: Block = group.conditional(block, values.collect(), text);
             mpcc.blocks.push(block);
         }

@@ -22,8 +22,8 @@ pub struct Program {
     /// Terms of the objective that only steer.
     steering: Vec<usize>,
     conditions: Conditions,
-    /// The rows of every block of pairs in it, and the first conditional row.
-    conditional: Vec<usize>,
+    /// The first row of every block that has rows of its own.
+    first_rows: Vec<usize>,
     /// Variables of sums that are members, pair by pair and member by member.
     terms: Vec<[Range<u32>; 2]>,
     term_variables: Vec<u32>,
@@ -45,7 +45,7 @@ impl<'e> Mpcc<'e> {
             terms: Vec::new(),
             term_variables: Vec::new(),
         };
-        let mut conditional = vec![usize::MAX; self.blocks.len()];
+        let mut first_rows = vec![usize::MAX; self.blocks.len()];
         for (number, block) in self.blocks.iter().enumerate() {
             let n = block.n_rows();
             let whole = || self.kernel(block, &block.kernel.outputs);
@@ -75,14 +75,14 @@ impl<'e> Mpcc<'e> {
                 }
             };
             let found = builder.rows(whole()?, &lower, &upper);
-            conditional[number] = found.start;
+            first_rows[number] = found.start;
             rows.push((number, found));
         }
         Ok(Program {
             kernels: builder.finish(),
             steering,
             conditions: self.conditions.clone(),
-            conditional,
+            first_rows,
             terms: pairs.terms,
             term_variables: pairs.term_variables,
             rows,
@@ -152,12 +152,18 @@ impl Pairs<'_> {
         if let Some(formal) = self.variable(block, member) {
             let variables = &block.arguments[formal * n..(formal + 1) * n];
             return Ok(Sides {
-                sides: variables.iter().map(|&variable| Side::Variable(variable)).collect(),
+                sides: variables
+                    .iter()
+                    .map(|&variable| Side::Variable(variable))
+                    .collect(),
                 terms: Vec::new(),
             });
         }
         let terms = match member.node() {
-            Node::Sum { constant: 0.0, terms } => {
+            Node::Sum {
+                constant: 0.0,
+                terms,
+            } => {
                 let formal = |&(c, term): &(f64, Expr<'e>)| {
                     let formal = self.variable(block, term)?;
                     (c > 0.0).then_some(formal)
@@ -197,7 +203,9 @@ impl Pairs<'_> {
         }
         let at_places = |values: &[u32]| -> Vec<u32> {
             let formals = values.chunks(n.max(1));
-            formals.flat_map(|formal| places.iter().map(|&place| formal[place])).collect()
+            formals
+                .flat_map(|formal| places.iter().map(|&place| formal[place]))
+                .collect()
         };
         let numbers_at = block.numbers.chunks(n.max(1));
         let numbers_at: Vec<f64> = numbers_at
@@ -211,7 +219,9 @@ impl Pairs<'_> {
         };
         let count = places.len();
         let rows = builder.rows(row, &vec![0.0; count], &vec![f64::INFINITY; count]);
-        let sides = numbers.iter().map(|number| Side::Row((rows.start + number) as u32));
+        let sides = numbers
+            .iter()
+            .map(|number| Side::Row((rows.start + number) as u32));
         Ok(Sides {
             sides: sides.collect(),
             terms: terms.unwrap_or_default(),
@@ -221,7 +231,11 @@ impl Pairs<'_> {
     /// The argument that a member is, where it is a variable in [0, ∞) at all places.
     fn variable(&self, block: &Block, member: Expr) -> Option<usize> {
         let var = member.as_variable()?;
-        let formal = block.kernel.variables.iter().position(|formal| *formal == var)?;
+        let formal = block
+            .kernel
+            .variables
+            .iter()
+            .position(|formal| *formal == var)?;
         let n = block.n_places();
         let mut variables = block.arguments[formal * n..(formal + 1) * n].iter();
         variables
@@ -298,9 +312,10 @@ impl problem::Mpcc for Program {
         }
         let holding = zeros.map(|zeros| self.conditions.holding(zeros));
         for block in self.conditions.blocks() {
-            let first = self.conditional[block.number];
+            let first = self.first_rows[block.number];
             for row in 0..block.rows {
-                let holds = (holding.as_ref()).is_some_and(|holding| holding.contains(block.number, row));
+                let holds =
+                    (holding.as_ref()).is_some_and(|holding| holding.contains(block.number, row));
                 let bound = if holds { 0.0 } else { f64::INFINITY };
                 self.kernels.set_row_bounds(first + row, -bound, bound);
             }

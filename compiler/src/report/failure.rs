@@ -186,6 +186,43 @@ pub enum Failure {
         span: Span,
     },
 
+    /// Constraints that contradict each other.
+    #[error("no controls satisfy all constraints: at best they are missed by {violation}")]
+    #[diagnostic(
+        code(E0715),
+        help(
+            "loosen one of these lines, the horizon, or bounds of controls and states, or start from another `guess`"
+        )
+    )]
+    Infeasible {
+        violation: String,
+        #[label(collection)]
+        lines: Vec<LabeledSpan>,
+    },
+
+    /// A cost without a lower bound.
+    #[error("the cost falls below all bounds")]
+    #[diagnostic(
+        code(E0716),
+        help("bound the controls, or add what makes large values expensive")
+    )]
+    Unbounded {
+        #[label("has no minimum")]
+        span: Span,
+    },
+
+    /// An optimization that ended without an optimum.
+    #[error("no optimum was found: {what}")]
+    #[diagnostic(
+        code(E0717),
+        help("try another `guess`, several `starts`, or more `elements`")
+    )]
+    NotOptimal {
+        what: String,
+        #[label("this optimization")]
+        span: Span,
+    },
+
     /// Out of time.
     #[error("at t = {time}, the time limit was reached")]
     #[diagnostic(code(E0709), help("raise `--time-limit`, or loosen the tolerance"))]
@@ -202,6 +239,8 @@ impl Failure {
         match self {
             Failure::Limit { .. } => Status::IterationLimit,
             Failure::TimeLimit { .. } => Status::TimeLimit,
+            Failure::Infeasible { .. } => Status::LocallyInfeasible,
+            Failure::Unbounded { .. } => Status::Unbounded,
             _ => Status::NumericalFailure,
         }
     }

@@ -16,6 +16,7 @@ pub mod expect;
 mod failure;
 pub mod json;
 mod modes;
+mod optimum;
 pub mod plot;
 mod refine;
 #[cfg(test)]
@@ -26,6 +27,7 @@ pub mod text;
 pub use dense::{Dense, Piece};
 pub use event::{Event, EventKind};
 pub use failure::Failure;
+pub use optimum::{Check, Optimum};
 pub use refine::refine;
 pub use status::{Certificate, Stationarity, Stats, Status};
 
@@ -72,6 +74,8 @@ pub struct Trajectory {
     pub stats: Stats,
     /// What is known about the result.
     pub certificate: Certificate,
+    /// How an optimum was found, and what a simulation says about it; none in a simulation.
+    pub optimum: Option<Optimum>,
     /// What the experiment did not need.
     pub skipped: Vec<String>,
     /// Warnings of the run.

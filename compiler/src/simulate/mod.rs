@@ -37,6 +37,7 @@ use crate::system::experiment::{self, Branch, EventOptions, Settings};
 pub use bench::{Bench, End, Variant};
 use modes::ModeNames;
 use record::Recorder;
+pub(crate) use record::{Points, recorded};
 pub use switched::Switched;
 pub use watch::Progress;
 use watch::Watched;

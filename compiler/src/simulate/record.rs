@@ -217,6 +217,75 @@ impl<'s, 'e> Recorder<'s, 'e> {
     }
 }
 
+/// States and α at instants.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Points {
+    times: Vec<f64>,
+    states: Vec<f64>,
+    alphas: Vec<f64>,
+}
+
+impl Points {
+    /// Adds an instant behind the others.
+    pub fn push(&mut self, time: f64, x: &[f64], alpha: &[f64]) {
+        self.times.push(time);
+        self.states.extend_from_slice(x);
+        self.alphas.extend_from_slice(alpha);
+    }
+}
+
+/// The trajectory of a run that another method has made: its points, its polynomials, and the sides of the switches
+/// from some instants on.
+pub(crate) fn recorded(
+    system: &System,
+    settings: &Settings,
+    points: Points,
+    pieces: Vec<Piece>,
+    sides: &[(f64, Box<[Side]>)],
+) -> Trajectory {
+    let names = ModeNames::new(system);
+    let (n, m) = (system.states.len(), system.switches.len());
+    let last = |values: &[f64], n: usize| values[values.len() - n..].to_vec();
+    let (x, alpha) = (last(&points.states, n), last(&points.alphas, m));
+    let (first, end) = (sides.first(), sides.last());
+    let whole = |sides: Option<&(f64, Box<[Side]>)>| {
+        sides.map_or_else(|| vec![Side::Plus; m], |(_, sides)| sides.to_vec())
+    };
+    let outcome = Outcome {
+        status: nsd_solver::simulate::Status::Solved,
+        time: points.times.last().copied().unwrap_or(0.0),
+        x: x.clone(),
+        sides: whole(end.or(first)),
+        alpha: alpha.clone(),
+        activity: vec![0.0; n],
+        moved: vec![0.0; n],
+        drift: 0.0,
+        defect: 0.0,
+        notes: Vec::new(),
+        stats: nsd_solver::simulate::Stats::default(),
+    };
+    let changes = sides.windows(2).filter(|pair| pair[0].1 != pair[1].1);
+    let changes = changes.map(|pair| (pair[1].0, pair[0].1.clone(), pair[1].1.clone()));
+    let recorder = Recorder {
+        times: points.times,
+        states: points.states,
+        alphas: points.alphas,
+        pieces: Some(pieces),
+        changes: changes.collect(),
+        x,
+        alpha,
+        ..Recorder::new(system, settings, settings.tolerance, true)
+    };
+    let mut trajectory = Trajectory {
+        switches: (system.switches.iter())
+            .map(|switch| switch.name.clone())
+            .collect(),
+        ..Trajectory::default()
+    };
+    recorder.fill(system, &names, &outcome, &mut trajectory);
+    trajectory
+}
+
 impl Observer for Recorder<'_, '_> {
     fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
         let end = segment.start + segment.length;

@@ -10,7 +10,9 @@ use super::lower::Lowering;
 use super::partitions::Regions;
 use super::regions::regions_of;
 use super::relay::at_all_sides;
-use super::{Continuity, Output, Param, State, StateGroup, Switch, System, SystemError, Task, skipped};
+use super::{
+    Continuity, Output, Param, State, StateGroup, Switch, System, SystemError, Task, skipped,
+};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Var, variables_of};
 use crate::model::{self, Data, SwitchKind, TargetKind};

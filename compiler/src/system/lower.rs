@@ -312,7 +312,11 @@ impl<'m, 'e> Lowering<'m, 'e> {
             .collect();
         switches.retain(|(alpha, _)| !relays.contains_key(alpha));
         let decided = self.decided();
-        let decided = || decided.iter().filter_map(|u| Some((u.var.as_variable()?, u.guess)));
+        let decided = || {
+            decided
+                .iter()
+                .filter_map(|u| Some((u.var.as_variable()?, u.guess)))
+        };
         let numbers = self.values.numbers.iter().chain(&relays);
         let fixed = numbers.map(|(&var, &value)| (var, value)).chain(decided());
         let states = self.kept_states().filter_map(|(_, var)| var.as_variable());

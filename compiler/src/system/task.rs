@@ -7,9 +7,9 @@
 
 use std::fmt;
 
+use super::State;
 use super::limits::Allowed;
 use super::lower::Lowering;
-use super::State;
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Var};
 use crate::source::Span;
@@ -160,7 +160,9 @@ impl<'e> Lowering<'_, 'e> {
         let states: Vec<Expr<'e>> = self.kept_states().map(|(_, var)| var).collect();
         let places = |freed: &[super::experiment::Freed], list: &[Expr<'e>]| {
             let free = freed.iter().filter_map(|freed| {
-                let place = list.iter().position(|var| var.as_variable() == Some(freed.var))?;
+                let place = list
+                    .iter()
+                    .position(|var| var.as_variable() == Some(freed.var))?;
                 Some(Free {
                     place,
                     lower: freed.lower,
@@ -207,7 +209,9 @@ impl<'e> Lowering<'_, 'e> {
                 controls.push(Control {
                     name: quantity.shape.entry_name(&quantity.name, k),
                     var,
-                    guess: allowed.as_ref().map_or(guess, |allowed| allowed.nearest(guess)),
+                    guess: allowed
+                        .as_ref()
+                        .map_or(guess, |allowed| allowed.nearest(guess)),
                     allowed,
                     span: quantity.span,
                 });
@@ -237,7 +241,11 @@ impl<'e> Lowering<'_, 'e> {
 
     /// The states that stand for integrals.
     pub(super) fn integral_states(&self, rates: &[Expr<'e>]) -> Vec<State<'e>> {
-        let integrals = self.settings.optimize.iter().flat_map(|task| &task.integrals);
+        let integrals = self
+            .settings
+            .optimize
+            .iter()
+            .flat_map(|task| &task.integrals);
         let states = integrals.zip(rates).map(|(integral, &rate)| State {
             name: integral.var.to_string(),
             var: integral.var,

@@ -228,7 +228,12 @@ fn signals<'e>(
         false => definitions(controls.chain(inputs), given, diags),
         true => {
             let (mut open, complete) = definitions(inputs, given, diags);
-            open.extend(model.controls.iter().flat_map(|control| given_entries(control, given)));
+            open.extend(
+                model
+                    .controls
+                    .iter()
+                    .flat_map(|control| given_entries(control, given)),
+            );
             (open, complete)
         }
     };
@@ -291,7 +296,12 @@ fn given_entries<'e>(quantity: &Quantity<'e>, given: &Given<'e>) -> Vec<Definiti
     let entries = quantity.vars.iter().enumerate().filter_map(|(k, var)| {
         let var = var.as_variable()?;
         let (value, span) = given.values.get(&var).copied()?;
-        Some((var, value, quantity.shape.entry_name(&quantity.name, k), span))
+        Some((
+            var,
+            value,
+            quantity.shape.entry_name(&quantity.name, k),
+            span,
+        ))
     });
     entries.collect()
 }

@@ -45,7 +45,12 @@ impl<'e> System<'e> {
         let known: FxHashSet<Var> = (self.params.iter().map(|param| param.var))
             .chain(self.states.iter().map(|state| state.var))
             .chain(self.data.iter().map(|data| data.var))
-            .chain(self.task.iter().flat_map(|task| &task.controls).map(|u| u.var))
+            .chain(
+                self.task
+                    .iter()
+                    .flat_map(|task| &task.controls)
+                    .map(|u| u.var),
+            )
             .chain([self.time])
             .filter_map(Expr::as_variable)
             .chain(alphas.iter().copied())

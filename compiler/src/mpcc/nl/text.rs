@@ -78,9 +78,8 @@ impl<'e> Program<'e> {
             self.rows.iter().filter(is_one).count()
         };
         let equations = between(|lower, upper| lower == upper);
-        let ranges = between(|lower, upper| {
-            lower != upper && lower.is_finite() && upper.is_finite()
-        });
+        let ranges =
+            between(|lower, upper| lower != upper && lower.is_finite() && upper.is_finite());
         let count = |wanted: usize| {
             columns
                 .iter()

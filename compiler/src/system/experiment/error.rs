@@ -141,7 +141,9 @@ pub enum ExperimentError {
     #[error("experiment `{name}` minimizes nothing")]
     #[diagnostic(
         code(E0520),
-        help("add `minimize integral(..);`, `minimize final(..);`, or `minimize 0;` for any feasible solution")
+        help(
+            "add `minimize integral(..);`, `minimize final(..);`, or `minimize 0;` for any feasible solution"
+        )
     )]
     NoCost {
         name: String,
@@ -153,7 +155,9 @@ pub enum ExperimentError {
     #[error("the cost contains `{name}` at no instant")]
     #[diagnostic(
         code(E0514),
-        help("write `integral(..)` for what adds up over the horizon, or `final(..)` for its value at the end")
+        help(
+            "write `integral(..)` for what adds up over the horizon, or `final(..)` for its value at the end"
+        )
     )]
     NoInstant {
         name: String,

@@ -214,7 +214,10 @@ pub(super) fn word<T: Copy>(
 }
 
 /// `none`, `exact`, `mean(1)`, `tanh(1, 0.1)`
-pub(super) fn equilibration(reader: &mut Reader<'_, '_>, value: &syntax::Expr) -> Option<Equilibration> {
+pub(super) fn equilibration(
+    reader: &mut Reader<'_, '_>,
+    value: &syntax::Expr,
+) -> Option<Equilibration> {
     let (function, arguments) = match &value.kind {
         ExprKind::Call(function, arguments) => (&**function, &arguments[..]),
         _ => (value, &[][..]),

@@ -20,10 +20,10 @@ use crate::source::Span;
 use crate::syntax::{self, Bind, Expect, ExperimentKind, OutputWhen, SettingKind, Sliding};
 
 pub use error::ExperimentError;
-use optimize::Draft;
 pub use fesd::{Cross, Equilibration, FesdOptions, Form, SteppingOptions};
 pub use law::Law;
 pub use method::{Branch, EventOptions, Lowering, Method, SmoothingOptions};
+use optimize::Draft;
 pub use optimize::{At, Freed, Integral, MpccOptions, Optimize, Row, Shape, Starts};
 
 /// What an experiment asks for.

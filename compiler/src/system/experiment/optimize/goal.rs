@@ -114,11 +114,7 @@ impl<'e> Reader<'_, 'e> {
     }
 
     /// `minimize integral(..) + final(..)`: in integrals and values at the end.
-    pub(super) fn cost(
-        &mut self,
-        words: &Words<'_, 'e>,
-        value: &syntax::Expr,
-    ) -> Option<Expr<'e>> {
+    pub(super) fn cost(&mut self, words: &Words<'_, 'e>, value: &syntax::Expr) -> Option<Expr<'e>> {
         let hook = |e: &syntax::Expr| words.meaning(e);
         let tensor = self.model.scope.expr(value, Some(&hook), self.diags);
         let failed = self.take_mistakes(words);

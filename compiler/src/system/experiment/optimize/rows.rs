@@ -26,7 +26,9 @@ impl<'e> Reader<'_, 'e> {
                 else {
                     continue;
                 };
-                let known = rows[first..].iter_mut().find(|known| known.value == row.value);
+                let known = rows[first..]
+                    .iter_mut()
+                    .find(|known| known.value == row.value);
                 match known {
                     Some(known) => {
                         known.lower = known.lower.max(row.lower);

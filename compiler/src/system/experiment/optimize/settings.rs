@@ -73,7 +73,9 @@ impl<'m, 'e> Draft<'m, 'e> {
         match kind {
             SettingKind::Value { name, value } => self.value(reader, name, value, span),
             SettingKind::SubjectTo { rows, at } => {
-                let at = at.as_ref().map_or(Some(At::Elements), |at| instants(reader, at));
+                let at = at
+                    .as_ref()
+                    .map_or(Some(At::Elements), |at| instants(reader, at));
                 if let Some(at) = at {
                     self.rows(reader, rows, at);
                 }
@@ -285,11 +287,15 @@ impl<'e> Reader<'_, 'e> {
         let declared = |entry: usize| match &quantity.domain {
             Some(Domain::Box(lower, upper)) => {
                 let both = [lower.data[entry], upper.data[entry]];
-                self.values.numbers_of(model, &both).ok().map(|b| (b[0], b[1]))
+                self.values
+                    .numbers_of(model, &both)
+                    .ok()
+                    .map(|b| (b[0], b[1]))
             }
             _ => None,
         };
-        let declared: Vec<Option<(f64, f64)>> = target.entries.iter().map(|&e| declared(e)).collect();
+        let declared: Vec<Option<(f64, f64)>> =
+            target.entries.iter().map(|&e| declared(e)).collect();
         let given = match domain {
             None => None,
             Some(syntax::Domain::Box(lower, upper)) => {
@@ -333,7 +339,10 @@ impl<'e> Reader<'_, 'e> {
         value: &syntax::Expr,
         shape: crate::model::Shape,
     ) -> Option<Vec<f64>> {
-        let tensor = self.model.scope.expr_as(value, shape, what, None, self.diags);
+        let tensor = self
+            .model
+            .scope
+            .expr_as(value, shape, what, None, self.diags);
         let Some(tensor) = tensor else {
             self.failed = true;
             return None;
@@ -401,8 +410,13 @@ impl<'e> Reader<'_, 'e> {
             });
             return None;
         }
-        let vars = target.entries.iter().map(|&entry| quantity.vars[entry].as_variable());
-        let pairs = vars.zip(value.data).filter_map(|(var, value)| Some((var?, value)));
+        let vars = target
+            .entries
+            .iter()
+            .map(|&entry| quantity.vars[entry].as_variable());
+        let pairs = vars
+            .zip(value.data)
+            .filter_map(|(var, value)| Some((var?, value)));
         Some(pairs.collect())
     }
 

@@ -1,0 +1,116 @@
+//! The controls that were found, simulated from event to event.
+
+use nsd_solver::mpcc::Solution;
+
+use super::{Problem, solved};
+use crate::report::{Check, Status, Trajectory, Warning};
+use crate::simulate::{self, Request};
+use crate::system::StateGroup;
+use crate::system::experiment::{EventOptions, Method, Sampling, Settings};
+
+/// How accurate the simulation is, compared with what the result is to be.
+const FINER: f64 = 1e-2;
+const FINEST: f64 = 1e-12;
+
+/// Simulates, and says by how much the end and the objective differ.
+pub(super) fn simulate(problem: &Problem, solution: &Solution, trajectory: &mut Trajectory) {
+    let (layout, w) = (&problem.layout, &solution.w);
+    let mut system = solved::system(problem, w);
+    system.outputs.clear();
+    system.controls.clear();
+    // All states, integrals among them, in one series.
+    system.groups = vec![StateGroup {
+        name: "x".into(),
+        shape: vec![system.states.len()],
+        entries: (0..system.states.len()).collect(),
+    }];
+    let span = problem.settings.span;
+    let settings = Settings {
+        horizon: problem.horizon(w),
+        tolerance: (FINER * problem.settings.tolerance).max(FINEST),
+        method: Method::Event(EventOptions::default()),
+        outputs: None,
+        sampling: Sampling::Method,
+        expects: Vec::new(),
+        optimize: None,
+        ..problem.settings.clone()
+    };
+    let request = Request {
+        dense: false,
+        estimate: false,
+        multipliers: false,
+        time_limit: None,
+    };
+    let run = simulate::run(&system, &settings, &request);
+    let mut warn = |message: String| {
+        trajectory.warnings.push(Warning {
+            code: "W0709".into(),
+            message,
+            span: Some(span),
+        });
+    };
+    if run.status != Status::Solved {
+        let reason = run
+            .failure
+            .map_or_else(String::new, |failure| format!(": {failure}"));
+        return warn(format!(
+            "a simulation with these controls does not reach the end{reason}"
+        ));
+    }
+    let last = run.time.len() - 1;
+    let x = run.states[0].at(last);
+    let end = layout.x(layout.steps, layout.elements, layout.end);
+    let n = layout.n_states().min(x.len());
+    let differences = x[..n].iter().zip(&w[end..end + n]);
+    let terminal = differences.fold(0.0, |m: f64, (a, b)| m.max((a - b).abs()));
+    let all = (0..run.time.len()).flat_map(|k| &run.states[0].at(k)[..n]);
+    let size = all.fold(0.0, |m: f64, x| m.max(x.abs()));
+    let objective = problem.cost(x, w) - solution.objective;
+    let relative = (terminal / size.max(f64::MIN_POSITIVE))
+        .max(objective.abs() / solution.objective.abs().max(1.0));
+    if relative > problem.settings.tolerance {
+        warn(format!(
+            "a simulation with these controls ends {terminal:.1e} away, with an objective that differs by \
+             {:.1e}; more `elements` or nodes are more accurate",
+            objective.abs()
+        ));
+    }
+    trajectory.error_estimate = Some(relative);
+    if let Some(optimum) = &mut trajectory.optimum {
+        optimum.check = Some(Check {
+            terminal_error: terminal,
+            objective_error: objective,
+        });
+    }
+}
+
+impl Problem<'_, '_> {
+    /// The cost for states, integrals among them, at the end.
+    fn cost(&self, x: &[f64], w: &[f64]) -> f64 {
+        let Some(task) = &self.system.task else {
+            return f64::NAN;
+        };
+        let solved = solved::system(self, w);
+        let horizon = self.horizon(w);
+        // Switches in the cost have the values they have in the program.
+        let (k, j, m) = (self.layout.steps, self.layout.elements, self.layout.nodes);
+        let alphas = self.alphas(w, (k, j, m));
+        task.cost.eval(&|var| {
+            let is = |e: crate::expr::Expr| e.as_variable() == Some(var);
+            if is(solved.time) {
+                return horizon;
+            }
+            if let Some(i) = solved.states.iter().position(|state| is(state.var)) {
+                return x[i];
+            }
+            if let Some(i) = solved.switches.iter().position(|switch| is(switch.alpha)) {
+                return alphas[i];
+            }
+            if let Some(data) = solved.data.iter().find(|data| is(data.var)) {
+                return data.table.value(horizon);
+            }
+            let param = solved.params.iter().find(|param| is(param.var));
+            param.map_or(f64::NAN, |param| param.value)
+        })
+    }
+}

@@ -1,0 +1,100 @@
+//! How the solver ended -> diagnostic at the lines of the model that it failed at.
+
+use miette::LabeledSpan;
+use nsd_solver::mpcc::{Solution, Status};
+use nsd_solver::problem::Nlp;
+
+use super::Problem;
+use crate::discretize::DiscretizeError;
+use crate::mpcc::Source;
+use crate::report::Failure;
+use crate::source::Span;
+use crate::system::experiment::Settings;
+
+/// Lines that are named at most.
+const MOST_LINES: usize = 4;
+/// Violations below this share of the largest one are left out.
+const SHARE: f64 = 1e-2;
+
+/// Why there is no solution; `None` where there is one.
+pub(super) fn of(problem: &mut Problem, solution: &Solution) -> Option<Failure> {
+    let span = problem.settings.span;
+    let failed = |what: &str| {
+        Some(Failure::NotOptimal {
+            what: what.to_owned(),
+            span,
+        })
+    };
+    match solution.status {
+        Status::Solved => None,
+        Status::Feasible => {
+            failed("a feasible point was reached that was not shown to be stationary")
+        }
+        Status::LocallyInfeasible => {
+            let violation = solution
+                .residuals
+                .violation
+                .max(solution.residuals.complementarity);
+            Some(Failure::Infeasible {
+                violation: format!("{violation:.1e}"),
+                lines: lines(problem, &solution.w),
+            })
+        }
+        Status::Unbounded => Some(Failure::Unbounded {
+            span: problem.task.cost_span,
+        }),
+        Status::IterationLimit => failed("the limit of iterations was reached"),
+        Status::TimeLimit => Some(Failure::TimeLimit { time: 0.0, span }),
+        Status::Evaluation => {
+            failed("a function of the model, or a derivative, is not finite at the guess")
+        }
+        Status::NumericalFailure => failed("the solver found no further step"),
+    }
+}
+
+/// The statements whose rows are violated most.
+fn lines(problem: &mut Problem, w: &[f64]) -> Vec<LabeledSpan> {
+    let mut values = vec![0.0; problem.program.n_rows()];
+    problem.program.rows(w, &mut values);
+    let bounds = problem.program.row_bounds();
+    let mut found: Vec<(Span, f64, usize)> = Vec::new();
+    for (row, &value) in values.iter().enumerate() {
+        let violation = (bounds.lower[row] - value).max(value - bounds.upper[row]);
+        let Some(origin) = problem
+            .mpcc
+            .origin(&problem.program, row)
+            .filter(|_| violation > 0.0)
+        else {
+            continue;
+        };
+        let span = match origin.source {
+            Source::Dcs(origin) => origin.span,
+            Source::Task(span) => span,
+            Source::Grid => continue,
+        };
+        match found.iter_mut().find(|(known, ..)| *known == span) {
+            Some((_, most, count)) => {
+                *most = most.max(violation);
+                *count += 1;
+            }
+            None => found.push((span, violation, 1)),
+        }
+    }
+    found.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let most = found.first().map_or(0.0, |(_, violation, _)| *violation);
+    let lines = found
+        .into_iter()
+        .filter(|(_, violation, _)| *violation >= SHARE * most);
+    let label = |(span, violation, _): (Span, f64, usize)| {
+        LabeledSpan::new_with_span(Some(format!("not met: off by {violation:.1e}")), span)
+    };
+    lines.take(MOST_LINES).map(label).collect()
+}
+
+/// What cannot be discretized.
+pub(super) fn refused(error: &DiscretizeError, settings: &Settings) -> Failure {
+    Failure::NotOptimal {
+        what: error.to_string(),
+        span: settings.span,
+    }
+}

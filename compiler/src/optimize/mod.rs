@@ -1,0 +1,201 @@
+//! Optimal control: a system with a task becomes a program, and its solution a trajectory.
+//!
+//! 1. The complementarity system is discretized ([`crate::discretize`]) and compiled.
+//! 2. It is solved from one or several starts: relaxation, polish, certificate ([`nsd_solver::mpcc`]).
+//! 3. The best solution is a trajectory ([`record`]) of a system that has nothing left to decide ([`solved`]).
+//! 4. That system is simulated from event to event, as a check by another method ([`check`]).
+
+mod check;
+mod failure;
+mod guess;
+mod record;
+mod solved;
+#[cfg(test)]
+mod tests;
+
+use std::time::Instant;
+
+use nsd_solver::mpcc::{self, Class, MultiStart, Options, Solution};
+use nsd_solver::problem::Nlp;
+
+use crate::dcs::{self, Dcs};
+use crate::discretize::{self, DiscretizeError, Grid, Layout, discretize};
+use crate::mpcc::{Mpcc, Program};
+use crate::report::{
+    Certificate, Failure, Kind, Method, MethodOption, Optimum, Stationarity, Stats, Status,
+    Trajectory,
+};
+use crate::simulate::Request;
+use crate::system::System;
+use crate::system::experiment::{Optimize, Settings};
+
+pub use guess::Sampled;
+
+/// A solved task.
+pub struct Solved<'e> {
+    /// What was found.
+    pub trajectory: Trajectory,
+    /// The system with the values that were found: controls are functions of time.
+    pub system: System<'e>,
+}
+
+/// How far an optimization is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Progress {
+    /// Starts that are done.
+    pub done: usize,
+    /// All starts.
+    pub starts: usize,
+}
+
+/// Everything about one task before it is solved.
+struct Problem<'p, 'e> {
+    system: &'p System<'e>,
+    settings: &'p Settings<'e>,
+    task: &'p Optimize<'e>,
+    dcs: Dcs<'e>,
+    mpcc: Mpcc<'e>,
+    layout: Layout,
+    program: Program,
+}
+
+/// Solves the task of a system; `sampled` are trajectories to start from, the last one counts most.
+pub fn run<'e>(
+    system: &System<'e>,
+    settings: &Settings<'e>,
+    task: &Optimize<'e>,
+    sampled: &[Sampled],
+    request: &Request,
+) -> Result<Solved<'e>, DiscretizeError> {
+    let started = Instant::now();
+    let dcs = dcs::lower(system, &settings.lowerings).expect("the lowering has been checked");
+    let grid = Grid {
+        horizon: settings.horizon,
+        steps: task.intervals,
+    };
+    let (mpcc, layout) = discretize(&dcs, grid, &discretize::Options::optimize(task))?;
+    let program = mpcc.program().expect("kernels are smooth");
+    let mut problem = Problem {
+        system,
+        settings,
+        task,
+        dcs,
+        mpcc,
+        layout,
+        program,
+    };
+    let guess = guess::start(&problem, sampled);
+    let built = started.elapsed().as_secs_f64();
+
+    let started = Instant::now();
+    let found = solve(&mut problem, &guess, request);
+    let seconds = started.elapsed().as_secs_f64();
+    let best = found
+        .best
+        .unwrap_or_else(|| least_violated(&found.solutions));
+    let solution = &found.solutions[best];
+    let solved = solved::system(&problem, &solution.w);
+    let mut trajectory = record::trajectory(&problem, &solved, &solution.w);
+    describe(&problem, solution, &mut trajectory);
+    trajectory.optimum = Some(Optimum {
+        built_s: built,
+        starts: found.solutions.len(),
+        spread: found.spread(),
+        median_s: median(found.solutions.iter().map(|s| s.stats.seconds)),
+        check: None,
+    });
+    trajectory.stats.solve_s = seconds;
+    if solution.is_feasible() {
+        check::simulate(&problem, solution, &mut trajectory);
+    }
+    trajectory.failure = failure::of(&mut problem, solution);
+    if let Some(failure) = &trajectory.failure {
+        trajectory.status = failure.status();
+    }
+    Ok(Solved {
+        trajectory,
+        system: solved,
+    })
+}
+
+/// All starts, in parallel.
+fn solve(problem: &mut Problem, guess: &[f64], request: &Request) -> MultiStart {
+    let options = Options {
+        time_limit: request.time_limit,
+        ..Options::default()
+    };
+    let starts: Vec<Vec<f64>> = match problem.task.starts {
+        None => vec![guess.to_vec()],
+        Some(starts) => {
+            let count = starts.count as u64;
+            let moved = |number| mpcc::perturbed(guess, starts.deviation, starts.seed, number);
+            (0..count).map(moved).collect()
+        }
+    };
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    mpcc::multistart(&problem.program, &starts, &options, threads)
+}
+
+/// Where no start led to a feasible point, the one that came closest.
+fn least_violated(solutions: &[Solution]) -> usize {
+    let size = |i: &usize| {
+        let residuals = &solutions[*i].residuals;
+        residuals.violation.max(residuals.complementarity)
+    };
+    let closest = (0..solutions.len()).min_by(|i, j| size(i).total_cmp(&size(j)));
+    closest.expect("there is a start")
+}
+
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// What the solver says about its solution.
+fn describe(problem: &Problem, solution: &Solution, trajectory: &mut Trajectory) {
+    let Problem { task, settings, .. } = problem;
+    let (family, nodes) = task.scheme;
+    let number = |name: &str, value: usize| (name.to_owned(), MethodOption::Number(value as f64));
+    let word = |name: &str, value: &str| (name.to_owned(), MethodOption::Text(value.to_owned()));
+    trajectory.experiment = settings.name.clone();
+    trajectory.model = settings.model.clone();
+    trajectory.kind = Kind::Optimize;
+    trajectory.status = Status::Solved;
+    trajectory.objective = solution.objective.is_finite().then_some(solution.objective);
+    trajectory.method = Method {
+        name: "mpcc".into(),
+        options: vec![
+            word("scheme", &format!("{}({nodes})", family.word())),
+            number("intervals", task.intervals),
+            number("elements", task.elements),
+            word("lowering", problem.dcs.formulation.word()),
+            number("variables", problem.program.n_variables()),
+            number("rows", problem.program.n_rows()),
+            number("pairs", problem.mpcc.sizes().pairs),
+        ],
+    };
+    trajectory.certificate = Certificate {
+        stationarity: match (solution.class, solution.b_stationary) {
+            (Class::S, _) => Stationarity::S,
+            (_, Some(true)) => Stationarity::B,
+            (Class::M, _) => Stationarity::M,
+            (Class::C, _) => Stationarity::C,
+            _ => Stationarity::None,
+        },
+        max_violation: solution.residuals.violation,
+    };
+    trajectory.stats = Stats {
+        steps: (task.intervals * task.elements) as u64,
+        newton_iterations: (solution.stats.iterations + solution.stats.newton_steps) as u64,
+        homotopy_steps: solution.stats.relaxed as u64,
+        complementarity_residual: solution.residuals.complementarity,
+        ..Stats::default()
+    };
+    trajectory.skipped = problem.system.skipped.clone();
+}
+
+/// What a failure of the discretization means for a run.
+pub fn refused(error: &DiscretizeError, settings: &Settings) -> Failure {
+    failure::refused(error, settings)
+}

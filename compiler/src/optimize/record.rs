@@ -1,0 +1,187 @@
+//! The solution of a program as a trajectory.
+//!
+//! In an element, states are polynomials through their values at its nodes, and α through its values. A switch has one
+//! side in an element: α is 0 or 1 at all of its nodes, or the state slides.
+
+use nsd_solver::simulate::Side;
+use rustc_hash::FxHashMap;
+
+use super::Problem;
+use crate::expr::Var;
+use crate::report::{Dense, Piece, Trajectory};
+use crate::simulate::{Points, recorded};
+use crate::system::System;
+use crate::system::experiment::Sampling;
+
+/// α that is so close to 0 or 1 is.
+const ROUNDING: f64 = 1e-7;
+/// Elements that are so short, as a share of the horizon, have no mode of their own.
+const SHORTEST: f64 = 1e-9;
+
+/// States, α and modes; nothing about how they were found.
+pub(super) fn trajectory(problem: &Problem, solved: &System, w: &[f64]) -> Trajectory {
+    let layout = &problem.layout;
+    let horizon = problem.horizon(w);
+    // Integrals are no states of the model.
+    let mut system = solved.clone();
+    let integrals = problem
+        .system
+        .task
+        .as_ref()
+        .map_or(0, |task| task.integrals);
+    system.states.truncate(system.states.len() - integrals);
+    let (n, n_data) = (system.states.len(), system.data.len());
+    let nodes = problem.nodes();
+    let through = basis(&nodes);
+    let inner = basis(&nodes[1..=layout.nodes]);
+    let n_coefficients = nodes.len();
+
+    let mut points = Points::default();
+    let mut pieces: Vec<Piece> = Vec::new();
+    let mut sides: Vec<(f64, Box<[Side]>)> = Vec::new();
+    let mut t = 0.0;
+    for (k, j) in layout.all_elements() {
+        if j == 1 {
+            t = horizon * (k - 1) as f64 / layout.steps as f64;
+        }
+        let h = w[layout.h(k, j)].max(0.0);
+        let x = |m: usize| &w[layout.x(k, j, m)..][..n];
+        let alphas: Vec<Vec<f64>> = (1..=layout.nodes)
+            .map(|m| problem.alphas(w, (k, j, m)))
+            .collect();
+        if (k, j) == (1, 1) {
+            points.push(0.0, x(0), &alphas[0]);
+        }
+        if h > SHORTEST * horizon {
+            let mut coefficients = Vec::with_capacity((n + alphas[0].len()) * n_coefficients);
+            for i in 0..n {
+                let values = (0..nodes.len()).map(|m| x(m)[i]);
+                push(&mut coefficients, &through, values, h, n_coefficients);
+            }
+            for i in 0..alphas[0].len() {
+                let values = alphas.iter().map(|alpha| alpha[i]);
+                push(&mut coefficients, &inner, values, h, n_coefficients);
+            }
+            for data in &system.data {
+                let known = data.table.piece(t + 0.5 * h).around(t);
+                let rest = n_coefficients.saturating_sub(known.len());
+                coefficients.extend(known.into_iter().take(n_coefficients));
+                coefficients.resize(coefficients.len() + rest, 0.0);
+            }
+            debug_assert_eq!(
+                coefficients.len() % n_coefficients,
+                0,
+                "{n_data} functions of time"
+            );
+            pieces.push(Piece {
+                from: t,
+                to: t + h,
+                n_coefficients,
+                coefficients,
+            });
+            let side = |i: usize| {
+                let values = alphas.iter().map(|alpha| alpha[i]);
+                let (low, high) = values
+                    .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), a| {
+                        (low.min(a), high.max(a))
+                    });
+                match (low >= 1.0 - ROUNDING, high <= ROUNDING) {
+                    (true, _) => Side::Plus,
+                    (_, true) => Side::Minus,
+                    _ => Side::Slide,
+                }
+            };
+            sides.push((t, (0..alphas[0].len()).map(side).collect()));
+        }
+        t += h;
+        points.push(t.min(horizon), x(layout.end), &alphas[layout.nodes - 1]);
+    }
+    if let Some(piece) = pieces.last_mut() {
+        piece.to = horizon;
+    }
+    let dense = Dense { pieces };
+    if problem.settings.sampling != Sampling::Method {
+        points = sampled(
+            &dense,
+            &problem.settings.sampling,
+            horizon,
+            n,
+            system.switches.len(),
+        );
+    }
+    recorded(&system, problem.settings, points, dense.pieces, &sides)
+}
+
+/// The polynomials at the instants that the experiment asks for.
+fn sampled(dense: &Dense, sampling: &Sampling, horizon: f64, n: usize, m: usize) -> Points {
+    let instants: Vec<f64> = match sampling {
+        Sampling::Method => Vec::new(),
+        Sampling::Every(period) => {
+            let count = (horizon / period).floor() as usize;
+            let inner = (0..=count).map(|i| i as f64 * period);
+            inner.filter(|t| *t < horizon).chain([horizon]).collect()
+        }
+        Sampling::At(instants) => instants.iter().copied().filter(|t| *t <= horizon).collect(),
+    };
+    let mut points = Points::default();
+    for t in instants {
+        if let Some(row) = dense.at(t) {
+            points.push(t, &row[..n], &row[n..n + m]);
+        }
+    }
+    points
+}
+
+/// Coefficients of the polynomials that are 1 at one of the points and 0 at the others.
+fn basis(points: &[f64]) -> Vec<Vec<f64>> {
+    let one = |i: usize| {
+        let mut coefficients = vec![1.0];
+        for (j, &other) in points.iter().enumerate().filter(|(j, _)| *j != i) {
+            debug_assert_ne!(i, j);
+            let scale = 1.0 / (points[i] - other);
+            // Times (τ - other)/(point - other).
+            let mut next = vec![0.0; coefficients.len() + 1];
+            for (k, c) in coefficients.iter().enumerate() {
+                next[k] -= other * scale * c;
+                next[k + 1] += scale * c;
+            }
+            coefficients = next;
+        }
+        coefficients
+    };
+    (0..points.len()).map(one).collect()
+}
+
+/// The polynomial in t through values, in an element of length h.
+fn push(
+    coefficients: &mut Vec<f64>,
+    basis: &[Vec<f64>],
+    values: impl Iterator<Item = f64>,
+    h: f64,
+    n_coefficients: usize,
+) {
+    let first = coefficients.len();
+    coefficients.resize(first + n_coefficients, 0.0);
+    for (polynomial, value) in basis.iter().zip(values) {
+        let mut scale = value;
+        for (sum, c) in coefficients[first..].iter_mut().zip(polynomial) {
+            *sum += scale * c;
+            scale /= h;
+        }
+    }
+}
+
+impl Problem<'_, '_> {
+    /// α of all switches at a node.
+    pub(super) fn alphas(&self, w: &[f64], (k, j, m): (usize, usize, usize)) -> Vec<f64> {
+        let dcs = &self.dcs;
+        let known = dcs
+            .algebraics
+            .iter()
+            .enumerate()
+            .filter_map(|(i, z)| Some((z.var.as_variable()?, w[self.layout.z(k, j, m, i)?])));
+        let known: FxHashMap<Var, f64> = known.collect();
+        let value = |var: Var| known.get(&var).copied().unwrap_or(f64::NAN);
+        dcs.alphas.iter().map(|alpha| alpha.eval(&value)).collect()
+    }
+}

@@ -1,0 +1,60 @@
+//! A system with what was found: nothing is left to decide, and controls are functions of time.
+
+use std::sync::Arc;
+
+use super::Problem;
+use crate::model::Data;
+use crate::system::System;
+use crate::system::task::Shape;
+use crate::table::{Fit, Table};
+
+impl Problem<'_, '_> {
+    /// T.
+    pub(super) fn horizon(&self, w: &[f64]) -> f64 {
+        let free = self.layout.horizon();
+        free.map_or(self.settings.horizon, |index| w[index])
+    }
+
+    /// 0 and the Runge-Kutta nodes of an element of length 1, and its end.
+    pub(super) fn nodes(&self) -> Vec<f64> {
+        self.layout.points.clone()
+    }
+}
+
+/// The system at a point, without its task; integrals are still states.
+pub(super) fn system<'e>(problem: &Problem<'_, 'e>, w: &[f64]) -> System<'e> {
+    let layout = &problem.layout;
+    let mut system = problem.system.clone();
+    let Some(task) = system.task.take() else {
+        return system;
+    };
+    for (i, free) in task.params.iter().enumerate() {
+        system.params[free.place].value = w[layout.p(i)];
+    }
+    for free in &task.initial {
+        system.states[free.place].initial = w[layout.x(1, 1, 0) + free.place];
+    }
+    let (horizon, steps) = (problem.horizon(w), layout.steps);
+    let instant = |k: usize| horizon * k as f64 / steps as f64;
+    for (i, control) in task.controls.iter().enumerate() {
+        let (fit, times): (Fit, Vec<f64>) = match task.shape {
+            Shape::Constant => (Fit::Hold, (0..steps).map(instant).collect()),
+            Shape::Linear => (Fit::Linear, (0..=steps).map(instant).collect()),
+        };
+        let values: Vec<f64> = layout
+            .control_instants()
+            .map(|(k, _)| w[layout.u(k) + i])
+            .collect();
+        let table = Table::new(fit, &times, &values);
+        system.data.push(Data {
+            name: control.name.clone(),
+            var: control.var,
+            text: format!("{}: {table}", fit),
+            table: Arc::new(table),
+            span: control.span,
+        });
+    }
+    // Bounds are constraints of the program.
+    system.limits.clear();
+    system
+}

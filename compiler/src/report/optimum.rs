@@ -1,0 +1,27 @@
+//! How an optimum was found, and what a simulation says about it.
+
+use nsd_solver::mpcc::Spread;
+
+/// What is known about an optimum besides its certificate.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Optimum {
+    /// Seconds from the system to a compiled program.
+    pub built_s: f64,
+    /// From how many points it was looked for.
+    pub starts: usize,
+    /// How the objectives of all starts spread, where some start led to a feasible point.
+    pub spread: Option<Spread>,
+    /// Seconds of the solver per start, the median.
+    pub median_s: f64,
+    /// What a simulation with the controls that were found says, where it reached the end.
+    pub check: Option<Check>,
+}
+
+/// A simulation against the program.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Check {
+    /// The largest difference of a state at the end.
+    pub terminal_error: f64,
+    /// The objective of the simulation less that of the program.
+    pub objective_error: f64,
+}
