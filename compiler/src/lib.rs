@@ -40,7 +40,7 @@ pub struct Compiled<'e> {
 }
 
 impl<'e> Compiled<'e> {
-    /// What its expectations are about.
+    /// What its expectations are about; a free horizon is its guess.
     pub fn subject<'s>(&'s self, sources: &'s SourceMap) -> Subject<'s, 'e> {
         Subject {
             model: &self.model,
@@ -109,7 +109,12 @@ fn compile_to<'e>(
         if let Method::Smoothing(options) = method {
             system = system::smoothing::smooth(&system, options);
         }
-        let needs = method.needs_dcs();
+        let needs = method.needs_dcs() || settings.optimize.is_some();
+        if let Some(data) = (system.data.first()).filter(|_| settings.optimize.is_some()) {
+            let (name, span) = (data.name.clone(), settings.span);
+            diags.push(ExperimentError::Data { name, span });
+            return None;
+        }
         let lowerings = dcs::check(&system, &settings.lowerings, needs);
         lowerings.map_err(|error| diags.push(error)).ok()?;
         Some(Compiled {

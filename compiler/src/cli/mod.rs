@@ -10,6 +10,7 @@ mod explain;
 mod figure;
 mod files;
 mod fmt;
+mod launch;
 mod new;
 mod order;
 mod progress;

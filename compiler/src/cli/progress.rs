@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use crate::optimize;
 use crate::simulate::Progress;
 
 /// Runs that are over before it show nothing.
@@ -48,6 +49,14 @@ impl Bar {
                 "{what}t = {:.4} of {}, {steps} steps, {events} events",
                 progress.time, progress.horizon
             )
+        });
+    }
+
+    /// Shows how far an optimization is.
+    pub fn update_starts(&mut self, progress: optimize::Progress) {
+        let optimize::Progress { done, starts } = progress;
+        self.show(done as f64 / starts as f64, || {
+            format!("{done} of {starts} starts")
         });
     }
 

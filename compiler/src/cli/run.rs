@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::args::RunArgs;
 use super::files::{Sink, is_standard};
+use super::launch::launch;
 use super::progress::Bar;
 use super::project::{self, Project};
 use super::{Exit, Streams, figure, io};
@@ -12,7 +13,7 @@ use crate::compile;
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
 use crate::report::{Status, Trajectory, Warning, csv, json, text};
-use crate::simulate::{self, Request};
+use crate::simulate::Request;
 use crate::syntax::{Bind, Experiment};
 
 /// Runs experiments and reports what came out.
@@ -118,7 +119,7 @@ fn one(
     diags.remove_known(said);
     project::print(&diags, &project.sources, streams)?;
     said.append(diags);
-    let Some(compiled) = compiled.filter(|_| !failed) else {
+    let Some(mut compiled) = compiled.filter(|_| !failed) else {
         return Ok(None);
     };
     let request = Request {
@@ -128,11 +129,15 @@ fn one(
         time_limit: args.time_limit,
     };
     let mut bar = Bar::new(&compiled.settings.name, streams.progress);
-    let mut trajectory = clock.time("solve", || {
-        let mut watch = |progress| bar.update(progress);
-        simulate::run_watched(&compiled.system, &compiled.settings, &request, &mut watch)
-    });
+    let launched = clock.time("solve", || launch(project, &mut compiled, &request, &mut bar));
     drop(bar);
+    let mut trajectory = match launched {
+        Ok(trajectory) => trajectory,
+        Err(diags) => {
+            project::print(&diags, &project.sources, streams)?;
+            return Ok(None);
+        }
+    };
     let solving = ["read", "solve", "report"];
     let before = project.clock.phases().chain(clock.phases());
     trajectory.stats.compile_s = before

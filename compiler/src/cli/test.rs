@@ -4,6 +4,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use super::args::TestArgs;
+use super::launch::launch;
 use super::progress::Bar;
 use super::project::{self, Project};
 use super::{Exit, Streams, files, io};
@@ -11,7 +12,7 @@ use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
 use crate::report::expect::{self, Check, Findings, Verdict};
-use crate::simulate::{self, Request};
+use crate::simulate::Request;
 use crate::source::SourceMap;
 use crate::syntax::{Expect, ExpectDiagnostic, Experiment, Item};
 use crate::{Compiled, compile, dcs, order};
@@ -204,13 +205,12 @@ fn one(
         &mut clock,
         &mut diags,
     );
-    let Some(compiled) = compiled.filter(|_| !diags.has_errors()) else {
+    let Some(mut compiled) = compiled.filter(|_| !diags.has_errors()) else {
         return compilation(&diags, &project.sources, streams);
     };
-    let subject = compiled.subject(&project.sources);
-    let expects = &compiled.settings.expects;
+    let expects = compiled.settings.expects.clone();
     let mut mistakes = Diagnostics::new();
-    expect::check(&subject, expects, &mut mistakes);
+    expect::check(&compiled.subject(&project.sources), &expects, &mut mistakes);
     let is_wrong = project::error_codes(&mistakes)
         .iter()
         .any(|code| !code.starts_with("E09"));
@@ -230,10 +230,12 @@ fn one(
         time_limit,
     };
     let mut bar = Bar::new(&compiled.settings.name, streams.progress);
-    let mut watch = |progress| bar.update(progress);
-    let trajectory =
-        simulate::run_watched(&compiled.system, &compiled.settings, &request, &mut watch);
-    let order = expect::asks_for_order(&subject, expects).then(|| {
+    let trajectory = match launch(project, &mut compiled, &request, &mut bar) {
+        Ok(trajectory) => trajectory,
+        Err(diags) => return compilation(&diags, &project.sources, streams),
+    };
+    let subject = compiled.subject(&project.sources);
+    let order = expect::asks_for_order(&subject, &expects).then(|| {
         let mut watch = |order::Progress { name, knob, done }: order::Progress<'_>| {
             bar.show(done, || format!("{name}, {knob:.1e}"));
         };
@@ -248,9 +250,14 @@ fn one(
             .iter()
             .map(|warning| warning.code.clone()),
     );
+    let mut subject = compiled.subject(&project.sources);
+    // A free horizon is known by now.
+    if let (Some(_), Some(&end)) = (&compiled.settings.optimize, trajectory.time.last()) {
+        subject.horizon = end;
+    }
     let checks = expect::evaluate(
         &subject,
-        expects,
+        &expects,
         &trajectory,
         &Findings {
             warnings,

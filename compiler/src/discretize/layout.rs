@@ -196,7 +196,11 @@ pub(super) fn declare(
         Some(detection) if elements > 1 => detection.spread,
         _ => 0.0,
     };
-    let length = Bounds::between((1.0 - spread) * shortest, (1.0 + spread) * longest, mean);
+    let length = Bounds::between(
+        (1.0 - spread).max(0.0) * shortest,
+        (1.0 + spread) * longest,
+        mean,
+    );
     let length = if spread == 0.0 && free_horizon.is_none() {
         Bounds::fixed(mean)
     } else {

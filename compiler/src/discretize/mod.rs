@@ -75,7 +75,7 @@ pub struct Detection {
     pub cross: Cross,
     /// What makes lengths equal where there is no switch.
     pub equilibration: Equilibration,
-    /// γ: lengths are between (1 - γ) and (1 + γ) times their mean.
+    /// γ: lengths are between (1 - γ) and (1 + γ) times their mean, and not negative.
     pub spread: f64,
 }
 
@@ -120,7 +120,8 @@ impl Options {
                 elements: task.elements,
                 cross: task.options.cross,
                 equilibration: task.options.equilibration,
-                ..Detection::default()
+                // An element may be as long as its interval: which of them a switch is between is the solver's choice.
+                spread: task.elements as f64 - 1.0,
             }),
         }
     }

@@ -25,16 +25,12 @@ pub(super) fn simulate(problem: &Problem, solution: &Solution, trajectory: &mut 
         entries: (0..system.states.len()).collect(),
     }];
     let span = problem.settings.span;
-    let settings = Settings {
-        horizon: problem.horizon(w),
-        tolerance: (FINER * problem.settings.tolerance).max(FINEST),
-        method: Method::Event(EventOptions::default()),
-        outputs: None,
-        sampling: Sampling::Method,
-        expects: Vec::new(),
-        optimize: None,
-        ..problem.settings.clone()
-    };
+    let mut settings: Settings = problem.settings.clone();
+    settings.horizon = problem.horizon(w);
+    settings.tolerance = (FINER * settings.tolerance).max(FINEST);
+    settings.method = Method::Event(EventOptions::default());
+    settings.sampling = Sampling::Method;
+    (settings.outputs, settings.optimize) = (None, None);
     let request = Request {
         dense: false,
         estimate: false,

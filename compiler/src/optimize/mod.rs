@@ -8,6 +8,7 @@
 mod check;
 mod failure;
 mod guess;
+mod read;
 mod record;
 mod solved;
 #[cfg(test)]
@@ -66,6 +67,7 @@ pub fn run<'e>(
     task: &Optimize<'e>,
     sampled: &[Sampled],
     request: &Request,
+    watch: &mut dyn FnMut(Progress),
 ) -> Result<Solved<'e>, DiscretizeError> {
     let started = Instant::now();
     let dcs = dcs::lower(system, &settings.lowerings).expect("the lowering has been checked");
@@ -88,7 +90,12 @@ pub fn run<'e>(
     let built = started.elapsed().as_secs_f64();
 
     let started = Instant::now();
-    let found = solve(&mut problem, &guess, request);
+    let n_starts = task.starts.map_or(1, |starts| starts.count);
+    watch(Progress {
+        done: 0,
+        starts: n_starts,
+    });
+    let found = solve(&problem, &guess, request);
     let seconds = started.elapsed().as_secs_f64();
     let best = found
         .best
@@ -119,7 +126,7 @@ pub fn run<'e>(
 }
 
 /// All starts, in parallel.
-fn solve(problem: &mut Problem, guess: &[f64], request: &Request) -> MultiStart {
+fn solve(problem: &Problem, guess: &[f64], request: &Request) -> MultiStart {
     let options = Options {
         time_limit: request.time_limit,
         ..Options::default()

@@ -132,7 +132,17 @@ pub enum ExpectError {
         #[label("this method chooses its steps itself")]
         span: Span,
     },
-    /// What an optimum and contacts have.
+    /// The objective is the cost of an optimization.
+    #[error("a simulation has no `objective`")]
+    #[diagnostic(
+        code(E0613),
+        help("declare an `output` and write `at end`, or optimize")
+    )]
+    NoObjective {
+        #[label("nothing is minimized here")]
+        span: Span,
+    },
+    /// What contacts and projections have.
     #[error("`expect {what}` is not yet supported")]
     #[diagnostic(code(E0960))]
     Unsupported {

@@ -87,8 +87,16 @@ impl<'w, 's, 'e> Words<'w, 's, 'e> {
                 }))
             }
             ExprKind::Name(name) if name == "objective" && self.is_free(name) => {
-                *self.unsupported.borrow_mut() = Some((name.clone(), expr.span));
-                Some(self.number(f64::NAN))
+                // The task of a solved system is gone; then the run knows its objective.
+                let objective = match self.run {
+                    Run::Known { trajectory, .. } => trajectory.objective,
+                    Run::Unknown => self.subject.system.task.as_ref().map(|_| 1.0),
+                };
+                if objective.is_none() && matches!(self.run, Run::Unknown) {
+                    let span = expr.span;
+                    self.errors.borrow_mut().push(ExpectError::NoObjective { span });
+                }
+                Some(self.number(objective.unwrap_or(f64::NAN)))
             }
             ExprKind::Call(function, args) if as_name(function) == Some("events") => {
                 Some(match self.events(args, expr) {

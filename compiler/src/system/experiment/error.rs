@@ -206,6 +206,19 @@ pub enum ExperimentError {
         span: Span,
     },
 
+    /// A guess that cannot be read.
+    #[error("cannot start from `{name}`: {reason}")]
+    #[diagnostic(
+        code(E0519),
+        help("give an experiment of this file, or a file that `nsdc run --json` wrote")
+    )]
+    BadGuess {
+        name: String,
+        reason: String,
+        #[label("the guess")]
+        span: Span,
+    },
+
     /// A function in the place of the sign that does not go from -1 to 1.
     #[error("`{name}` is no law of smoothing")]
     #[diagnostic(
@@ -228,6 +241,15 @@ pub enum ExperimentError {
         method: &'static str,
         name: String,
         #[label("`{name}` depends on what was before")]
+        span: Span,
+    },
+
+    /// Data where something is optimized.
+    #[error("`optimize` does not take signals from tables yet")]
+    #[diagnostic(code(E0909), help("write the signal as an expression in `time`"))]
+    Data {
+        name: String,
+        #[label("needs `{name}`, which is data")]
         span: Span,
     },
 

@@ -1,0 +1,119 @@
+//! Runs an experiment that has been compiled, whatever its kind.
+
+use super::files;
+use super::progress::Bar;
+use super::project::Project;
+use crate::clock::Clock;
+use crate::diagnostics::Diagnostics;
+use crate::expr::Exprs;
+use crate::optimize::{self, Sampled};
+use crate::report::Trajectory;
+use crate::simulate::{self, Request};
+use crate::source::Span;
+use crate::syntax::{GuessSource, Path};
+use crate::system::experiment::ExperimentError;
+use crate::{Compiled, compile};
+
+/// Largest file of guesses that is read, in bytes.
+const MAX_BYTES: usize = 1 << 28;
+/// Experiments that start from each other.
+const MAX_DEPTH: usize = 8;
+
+/// The trajectory of an experiment; of an optimization, the system is the solved one afterwards.
+pub fn launch(
+    project: &Project,
+    compiled: &mut Compiled<'_>,
+    request: &Request,
+    bar: &mut Bar,
+) -> Result<Trajectory, Diagnostics> {
+    within(project, compiled, request, bar, MAX_DEPTH)
+}
+
+fn within(
+    project: &Project,
+    compiled: &mut Compiled<'_>,
+    request: &Request,
+    bar: &mut Bar,
+    depth: usize,
+) -> Result<Trajectory, Diagnostics> {
+    let (system, settings) = (&compiled.system, &compiled.settings);
+    let Some(task) = &settings.optimize else {
+        let mut watch = |progress| bar.update(progress);
+        return Ok(simulate::run_watched(system, settings, request, &mut watch));
+    };
+    let mut sampled = Vec::new();
+    for source in &task.sources {
+        sampled.push(match source {
+            GuessSource::File(name, span) => from_file(project, name, *span)?,
+            GuessSource::Experiment(path) => from_experiment(project, path, depth)?,
+        });
+    }
+    let mut watch = |progress| bar.update_starts(progress);
+    match optimize::run(system, settings, task, &sampled, request, &mut watch) {
+        Ok(solved) => {
+            compiled.system = solved.system;
+            Ok(solved.trajectory)
+        }
+        Err(error) => {
+            let mut diags = Diagnostics::new();
+            diags.push(optimize::refused(&error, settings));
+            Err(diags)
+        }
+    }
+}
+
+/// The states and controls of another experiment of the file.
+fn from_experiment(project: &Project, path: &Path, depth: usize) -> Result<Sampled, Diagnostics> {
+    let name = &path.head.name;
+    let bad = |reason: &str| bad_guess(name, reason, path.span);
+    let mut experiments = project.experiments();
+    let Some(experiment) = experiments.find(|experiment| experiment.name.name == *name) else {
+        return Err(bad("the file has no experiment of that name"));
+    };
+    let Some(depth) = depth.checked_sub(1) else {
+        return Err(bad("experiments start from each other without end"));
+    };
+    let (exprs, mut diags) = (Exprs::new(), Diagnostics::new());
+    let file = &project.file;
+    let compiled = compile(
+        &exprs,
+        file,
+        experiment,
+        &[],
+        &mut Clock::default(),
+        &mut diags,
+    );
+    let Some(mut compiled) = compiled.filter(|_| !diags.has_errors()) else {
+        return Err(diags);
+    };
+    let request = Request {
+        dense: false,
+        estimate: false,
+        ..Request::default()
+    };
+    let mut bar = Bar::new(name, false);
+    let trajectory = within(project, &mut compiled, &request, &mut bar, depth)?;
+    match trajectory.time.len() {
+        0 | 1 => Err(bad("its run does not leave its start")),
+        _ => Ok(Sampled::of(&trajectory)),
+    }
+}
+
+/// What `nsdc run --json` wrote.
+fn from_file(project: &Project, name: &str, span: Span) -> Result<Sampled, Diagnostics> {
+    let folder = project.path.parent();
+    let path = folder.map_or_else(|| name.into(), |folder| folder.join(name));
+    let bytes =
+        files::read(&path, MAX_BYTES).map_err(|error| bad_guess(name, &error.to_string(), span))?;
+    Sampled::read(&bytes).map_err(|reason| bad_guess(name, &reason, span))
+}
+
+fn bad_guess(name: &str, reason: &str, span: Span) -> Diagnostics {
+    let mut diags = Diagnostics::new();
+    diags.push(ExperimentError::BadGuess {
+        name: name.to_owned(),
+        reason: reason.to_owned(),
+        span,
+    });
+    diags
+}
