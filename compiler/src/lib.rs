@@ -25,7 +25,7 @@ use self::expr::Exprs;
 use self::model::Model;
 use self::report::expect::{self, Subject};
 use self::source::SourceMap;
-use self::syntax::{Bind, Experiment, File, Item, SettingKind};
+use self::syntax::{Bind, Experiment, File, GuessSource, Item, SettingKind};
 use self::system::experiment::{ExperimentError, Method, Settings};
 use self::system::{Extent, System};
 
@@ -94,6 +94,7 @@ fn compile_to<'e>(
     }
     clock.time("system", || {
         let settings = system::experiment::evaluate(&model, experiment, overrides, diags)?;
+        missing_guesses(file, &settings, diags)?;
         model::check_experiment(file, home, definition, experiment, overrides, diags)?;
         let mut system = system::lower(&model, &settings, extent, diags)?;
         let method = &settings.method;
@@ -123,6 +124,30 @@ fn compile_to<'e>(
             system,
         })
     })
+}
+
+/// Reports guesses from experiments that the file does not have.
+fn missing_guesses(file: &File, settings: &Settings, diags: &mut Diagnostics) -> Option<()> {
+    let sources = settings.optimize.iter().flat_map(|task| &task.sources);
+    let missing = sources.filter_map(|source| match source {
+        GuessSource::Experiment(path) => Some(path),
+        GuessSource::File(..) => None,
+    });
+    let is_there = |path: &&syntax::Path| {
+        file.items.iter().any(|item| match item {
+            Item::Experiment(experiment) => experiment.name.name == path.head.name,
+            _ => false,
+        })
+    };
+    let missing: Vec<_> = missing.filter(|path| !is_there(path)).collect();
+    for path in &missing {
+        diags.push(ExperimentError::BadGuess {
+            name: path.head.name.clone(),
+            reason: "the file has no experiment of that name".to_owned(),
+            span: path.span,
+        });
+    }
+    missing.is_empty().then_some(())
 }
 
 /// Finds what is wrong with the models and experiments of a file, each mistake once.

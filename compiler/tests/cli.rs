@@ -272,7 +272,7 @@ fn test_counts_what_holds_and_what_does_not() {
         RELAY
             .replace("~ 0 within", "~ 1 within")
             .replace("= 4", "= 5")
-            + "optimize later of relay { horizon 1; minimize final(x); }",
+            + "simulate later of relay { horizon 1; runs 3; }",
     )
     .expect("the folder is writable");
     fs::write(
@@ -292,7 +292,7 @@ fn test_counts_what_holds_and_what_does_not() {
               expect events(enter_sliding, x) ~ [0.25] within 1e-9
                 expected 0.25 within 1e-9
                 got      0.2, off by 0.05
-    --      ./below/more.nsd: later: not yet supported (E0922)
+    --      ./below/more.nsd: later: not yet supported (E0923)
     ok      ./relay.nsd: slide
     ok      ./relay.nsd: fast
     ok      ./wrong.nsd: expect error E0101
@@ -306,8 +306,7 @@ fn test_counts_what_holds_and_what_does_not() {
 #[test]
 fn what_is_not_supported_yet_fails_no_test() {
     let folder = folder("unsupported");
-    let model =
-        "model m { state x = 1; x' = 0; } optimize o of m { horizon 1; minimize final(x); }";
+    let model = "model m { state x = 1; x' = 0; } simulate o of m { horizon 1; runs 3; }";
     fs::write(folder.join("o.nsd"), model).expect("the folder is writable");
     let ran = nsdc(&folder, &["test", "o.nsd"]);
     assert_eq!(ran.status, 0);

@@ -5,6 +5,7 @@ use nsdc::diagnostics::{Diagnostics, render};
 use nsdc::explain::{PAGES, examples};
 use nsdc::expr::Exprs;
 use nsdc::imports::{self, Loaded, Loader, NoFiles, NotLoaded};
+use nsdc::optimize;
 use nsdc::report::Warning;
 use nsdc::simulate::{self, Request};
 use nsdc::source::SourceMap;
@@ -74,7 +75,19 @@ fn run(file: &File) -> Vec<String> {
         let (mut clock, mut diags) = (Clock::default(), Diagnostics::new());
         if let Some(compiled) = compile(&exprs, file, experiment, &[], &mut clock, &mut diags) {
             let request = Request::default();
-            let trajectory = simulate::run(&compiled.system, &compiled.settings, &request);
+            let (system, settings) = (&compiled.system, &compiled.settings);
+            let trajectory = match &settings.optimize {
+                None => simulate::run(system, settings, &request),
+                Some(task) => {
+                    match optimize::run(system, settings, task, &[], &request, &mut |_| {}) {
+                        Ok(solved) => solved.trajectory,
+                        Err(error) => {
+                            codes.push(Warning::of(&optimize::refused(&error, settings)).code);
+                            continue;
+                        }
+                    }
+                }
+            };
             let failure = trajectory
                 .failure
                 .iter()

@@ -103,7 +103,7 @@ fn without_an_expected_state_a_run_is_the_reference() {
     assert!(ran.out.contains("too far for a reference"), "{}", ran.out);
 
     let ran = nsdc(&folder, &args("best"));
-    assert!(ran.status == 1 && ran.err.contains("E0922"), "{}", ran.err);
+    assert!(ran.status == 1 && ran.err.contains("E0521"), "{}", ran.err);
     let ran = nsdc(&folder, &args("parts"));
     assert!(
         ran.status == 1 && ran.err.contains("did you mean `part`?"),

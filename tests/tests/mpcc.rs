@@ -106,7 +106,8 @@ fn solve(mpcc: &Mpcc, mut w: Vec<f64>) -> Vec<f64> {
         match block.kind {
             Kind::Equation => equations.extend(rows),
             Kind::Pair => pairs.extend((rows.start..rows.start + half).map(|a| (a, a + half))),
-            Kind::Objective => {}
+            Kind::Objective | Kind::Steering => {}
+            Kind::Inequality | Kind::Conditional => panic!("simulations have equations alone"),
         }
     }
     for &(a, b) in &pairs {

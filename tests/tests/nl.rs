@@ -166,9 +166,9 @@ fn expected(mpcc: &Mpcc, ampl: &Ampl, w: &[f64], columns: &[f64], file: &File) -
         for (place, source) in (0..n).flat_map(|p| (0..block.sources.len()).map(move |s| (p, s))) {
             let row = rows.start + source * n + place;
             match block.kind {
-                Kind::Equation => numbers.push((row, None)),
+                Kind::Equation | Kind::Inequality | Kind::Conditional => numbers.push((row, None)),
                 Kind::Pair => numbers.push((row, Some(row + half))),
-                Kind::Objective => {
+                Kind::Objective | Kind::Steering => {
                     objective += values[row];
                     for (column, entry) in gradient(row) {
                         *objective_gradient.entry(column).or_insert(0.0) += entry;

@@ -12,7 +12,8 @@ use crate::compile;
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
 use crate::order::{self, Progress, Study};
-use crate::syntax::{ExperimentSetting, SettingKind};
+use crate::syntax::{ExperimentKind, ExperimentSetting, SettingKind};
+use crate::system::experiment::ExperimentError;
 
 /// Measures the errors of all methods for one experiment.
 pub fn run(args: &OrderArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
@@ -45,6 +46,10 @@ pub fn run(args: &OrderArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
     let mut diags = Diagnostics::new();
     let (file, mut clock) = (&project.file, Clock::default());
     let compiled = compile(&exprs, file, experiment, &overrides, &mut clock, &mut diags);
+    if experiment.kind == ExperimentKind::Optimize && !diags.has_errors() {
+        let (name, span) = (experiment.name.name.clone(), experiment.name.span);
+        diags.push(ExperimentError::NotSimulated { name, span });
+    }
     let failed = diags.has_errors();
     project::print(&diags, &project.sources, streams)?;
     let Some(compiled) = compiled.filter(|_| !failed) else {

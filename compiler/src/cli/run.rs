@@ -129,7 +129,9 @@ fn one(
         time_limit: args.time_limit,
     };
     let mut bar = Bar::new(&compiled.settings.name, streams.progress);
-    let launched = clock.time("solve", || launch(project, &mut compiled, &request, &mut bar));
+    let launched = clock.time("solve", || {
+        launch(project, &mut compiled, &request, &mut bar)
+    });
     drop(bar);
     let mut trajectory = match launched {
         Ok(trajectory) => trajectory,

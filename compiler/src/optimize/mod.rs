@@ -16,7 +16,7 @@ mod tests;
 
 use std::time::Instant;
 
-use nsd_solver::mpcc::{self, Class, MultiStart, Options, Solution};
+use nsd_solver::mpcc::{self, Class, Form, Homotopy, MultiStart, Options, Solution};
 use nsd_solver::problem::Nlp;
 
 use crate::dcs::{self, Dcs};
@@ -127,7 +127,23 @@ pub fn run<'e>(
 
 /// All starts, in parallel.
 fn solve(problem: &Problem, guess: &[f64], request: &Request) -> MultiStart {
+    let chosen = &problem.task.options;
+    let form = Form {
+        relaxation: chosen.relaxation,
+        steering: chosen.steering,
+        ..Form::default()
+    };
+    let homotopy = match chosen.is_sequential {
+        true => Homotopy::Sequential {
+            start: 1.0,
+            factor: 0.1,
+            stop: 1e-8,
+        },
+        false => Options::default().homotopy,
+    };
     let options = Options {
+        form,
+        homotopy,
         time_limit: request.time_limit,
         ..Options::default()
     };

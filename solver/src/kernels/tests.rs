@@ -239,7 +239,7 @@ fn a_term_may_be_taken_out() {
     let cube = program.objective(block(tape(1, |b, x| vec![b.powi(x[0], 3)]), 1));
     let mut program = program.finish();
     let w = [3.0, 2.0];
-    let mut all = |program: &mut Program| {
+    let all = |program: &mut Program| {
         let (mut gradient, mut hessian) = ([0.0; 2], [0.0; 2]);
         program.gradient(&w, &mut gradient);
         program.hessian(&w, 1.0, &[], &mut hessian);

@@ -119,7 +119,10 @@ fn flat_rows_have_the_same_values() {
             {
                 let row = numbers.start + source * n + place;
                 let found = match rows.next().expect("there are as many rows").value {
-                    Value::Equation(e) | Value::Objective(e) => vec![(e, row)],
+                    Value::Equation(e)
+                    | Value::Inequality(_, e, _)
+                    | Value::Conditional(e)
+                    | Value::Objective(e) => vec![(e, row)],
                     Value::Pair(a, b) => vec![(a, row), (b, row + half)],
                 };
                 for (expr, row) in found {

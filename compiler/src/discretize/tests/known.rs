@@ -206,7 +206,7 @@ impl Known {
                     let smaller = a.iter().zip(b).map(|(a, b)| a.min(*b).abs());
                     found[1] = smaller.fold(found[1], larger);
                 }
-                Kind::Equation | Kind::Objective => {
+                _ => {
                     found[0] = values.iter().map(|c| c.abs()).fold(found[0], larger);
                 }
             }

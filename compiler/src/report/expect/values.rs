@@ -94,7 +94,9 @@ impl<'w, 's, 'e> Words<'w, 's, 'e> {
                 };
                 if objective.is_none() && matches!(self.run, Run::Unknown) {
                     let span = expr.span;
-                    self.errors.borrow_mut().push(ExpectError::NoObjective { span });
+                    self.errors
+                        .borrow_mut()
+                        .push(ExpectError::NoObjective { span });
                 }
                 Some(self.number(objective.unwrap_or(f64::NAN)))
             }

@@ -244,6 +244,18 @@ pub enum ExperimentError {
         span: Span,
     },
 
+    /// A comparison of methods of simulation.
+    #[error("`{name}` is no simulation")]
+    #[diagnostic(
+        code(E0521),
+        help("`nsdc order` compares methods of simulation; name a `simulate` experiment")
+    )]
+    NotSimulated {
+        name: String,
+        #[label("optimizes")]
+        span: Span,
+    },
+
     /// Data where something is optimized.
     #[error("`optimize` does not take signals from tables yet")]
     #[diagnostic(code(E0909), help("write the signal as an expression in `time`"))]

@@ -84,6 +84,8 @@ pub enum Sampling {
 }
 
 const DEFAULT_TOLERANCE: f64 = 1e-8;
+/// An optimum has the accuracy of a grid that the user chose.
+const DEFAULT_OPTIMIZE_TOLERANCE: f64 = 1e-6;
 /// More instants than this are a mistake.
 const MOST_INSTANTS: f64 = 1e8;
 
@@ -120,8 +122,12 @@ pub fn evaluate<'e>(
         failed: false,
     };
 
+    let usual = match experiment.kind {
+        ExperimentKind::Simulate => DEFAULT_TOLERANCE,
+        ExperimentKind::Optimize => DEFAULT_OPTIMIZE_TOLERANCE,
+    };
     let mut draft = (experiment.kind == ExperimentKind::Optimize).then(|| Draft::new(model));
-    let (mut horizon, mut tolerance, mut method) = (None, DEFAULT_TOLERANCE, Method::Auto);
+    let (mut horizon, mut tolerance, mut method) = (None, usual, Method::Auto);
     let (mut lowerings, mut outputs, mut sampling, mut expects) =
         (vec![], None, Sampling::Method, vec![]);
     // The horizon bounds what others may be, wherever it stands.

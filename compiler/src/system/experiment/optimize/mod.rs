@@ -9,6 +9,7 @@ mod settings;
 
 pub(super) use settings::Draft;
 
+use nsd_solver::mpcc::{Relaxation, Steering};
 use nsd_solver::tableau::Family;
 
 use super::{Cross, Equilibration};
@@ -144,6 +145,12 @@ pub struct MpccOptions {
     pub cross: Cross,
     /// What steers the lengths of elements before the polish makes them equal.
     pub equilibration: Equilibration,
+    /// How a pair is relaxed.
+    pub relaxation: Relaxation,
+    /// How the parameter of the relaxation enters.
+    pub steering: Steering,
+    /// Whether it follows the barrier parameter of one run, or falls from run to run.
+    pub is_sequential: bool,
 }
 
 impl Default for MpccOptions {
@@ -151,6 +158,9 @@ impl Default for MpccOptions {
         MpccOptions {
             cross: Cross::SumLambda,
             equilibration: Equilibration::Mean { weight: 1e-3 },
+            relaxation: Relaxation::Scholtes,
+            steering: Steering::Direct,
+            is_sequential: false,
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Reads the settings of an `optimize` experiment one by one.
 
+use nsd_solver::mpcc::{Relaxation, Steering};
 use nsd_solver::tableau::Family;
 use rustc_hash::FxHashSet;
 
@@ -33,8 +34,32 @@ pub(in super::super) struct Draft<'m, 'e> {
 }
 
 const INSTANTS: [&str; 3] = ["nodes", "elements", "intervals"];
-const SHAPES: [&str; 2] = ["constant", "linear"];
-const OPTIONS: [&str; 2] = ["cross", "equilibration"];
+const SHAPES: [(&str, Shape); 2] = [("constant", Shape::Constant), ("linear", Shape::Linear)];
+const OPTIONS: [&str; 5] = ["relaxation", "steering", "path", "cross", "equilibration"];
+const RELAXATIONS: [(&str, Relaxation); 10] = [
+    ("scholtes", Relaxation::Scholtes),
+    ("fischer_burmeister", Relaxation::FischerBurmeister),
+    ("natural_residual", Relaxation::NaturalResidual),
+    ("chen_chen_kanzow", Relaxation::ChenChenKanzow),
+    ("two_sided", Relaxation::TwoSided),
+    ("lin_fukushima", Relaxation::LinFukushima),
+    ("kanzow_schwartz", Relaxation::KanzowSchwartz),
+    ("kadrani", Relaxation::Kadrani),
+    (
+        "steffensen_ulbrich",
+        Relaxation::SteffensenUlbrichTrigonometric,
+    ),
+    (
+        "steffensen_ulbrich_polynomial",
+        Relaxation::SteffensenUlbrichPolynomial,
+    ),
+];
+const STEERINGS: [(&str, Steering); 3] = [
+    ("direct", Steering::Direct),
+    ("l1", Steering::L1),
+    ("linf", Steering::LInfinity),
+];
+const PATHS: [(&str, bool); 2] = [("coupled", false), ("sequential", true)];
 
 const MOST_INTERVALS: f64 = 1e6;
 const MOST_STARTS: f64 = 1e6;
@@ -138,9 +163,7 @@ impl<'m, 'e> Draft<'m, 'e> {
             }
             "controls" => {
                 reader.once("`controls`", span);
-                let shapes = [("constant", Shape::Constant), ("linear", Shape::Linear)];
-                debug_assert_eq!(shapes.map(|(word, _)| word), SHAPES);
-                let shape = fesd::word(reader, "shape of controls", value, &shapes);
+                let shape = fesd::word(reader, "shape of controls", value, &SHAPES);
                 self.controls = shape.unwrap_or(self.controls);
             }
             "minimize" => {
@@ -164,6 +187,18 @@ impl<'m, 'e> Draft<'m, 'e> {
         for option in options {
             let value = &option.value;
             match option.name.name.as_str() {
+                "relaxation" => {
+                    let chosen = fesd::word(reader, "relaxation", value, &RELAXATIONS);
+                    self.options.relaxation = chosen.unwrap_or(self.options.relaxation);
+                }
+                "steering" => {
+                    let chosen = fesd::word(reader, "steering", value, &STEERINGS);
+                    self.options.steering = chosen.unwrap_or(self.options.steering);
+                }
+                "path" => {
+                    let chosen = fesd::word(reader, "path", value, &PATHS);
+                    self.options.is_sequential = chosen.unwrap_or(self.options.is_sequential);
+                }
                 "cross" => {
                     let cross = fesd::word(reader, "sum", value, &fesd::CROSS);
                     self.options.cross = cross.unwrap_or(self.options.cross);
