@@ -4,6 +4,7 @@ use nsd_solver::tableau::Tableau;
 use rustc_hash::FxHashSet;
 
 use super::block::variable;
+use super::quadrature::Integral;
 use super::{Detection, Form, Grid, task};
 use crate::dcs::Dcs;
 use crate::expr::{Expr, Var, variables_of};
@@ -167,6 +168,7 @@ pub(super) fn declare(
     tableau: &Tableau,
     form: Form,
     detection: Option<Detection>,
+    integrals: &[Integral],
 ) -> Layout {
     let elements = detection.map_or(1, |detection| detection.elements);
     let nodes = tableau.n_nodes();
@@ -209,7 +211,8 @@ pub(super) fn declare(
     let per_element = [step, element];
     let all_lengths = vec![length; n_elements];
     let lengths = mpcc.declare("h", vec!["h".to_owned()], &per_element, all_lengths);
-    let rows: Vec<Expr> = dcs.rates.iter().chain(&dcs.equations).copied().collect();
+    let rows = dcs.rates.iter().chain(&dcs.equations).copied();
+    let rows: Vec<Expr> = rows.chain(integrals.iter().map(|i| i.rate)).collect();
     let occurring = variables_of(&rows);
     let is_timed = occurring.contains(&variable(dcs.time)) || task::is_timed(dcs, &occurring);
     let times = is_timed.then(|| {

@@ -188,7 +188,15 @@ pub fn discretize<'e>(
         blocks: Vec::new(),
         conditions: Conditions::default(),
     };
-    let layout = layout::declare(&mut mpcc, dcs, grid, &tableau, form, options.detection);
+    let layout = layout::declare(
+        &mut mpcc,
+        dcs,
+        grid,
+        &tableau,
+        form,
+        options.detection,
+        &integrals,
+    );
     let problem = Problem {
         dcs,
         grid,

@@ -15,7 +15,8 @@ use crate::source::Span;
 /// `factor` ∫ `rate` dt.
 pub(super) struct Integral<'e> {
     factor: f64,
-    rate: Expr<'e>,
+    /// What is integrated.
+    pub rate: Expr<'e>,
     span: Span,
 }
 

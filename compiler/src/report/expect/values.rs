@@ -37,8 +37,6 @@ pub struct Words<'w, 's, 'e> {
     pub has_list: Cell<bool>,
     /// Whether the order of convergence was asked for.
     pub has_order: Cell<bool>,
-    /// Whether some word is a value of the whole run.
-    unsupported: RefCell<Option<(String, crate::source::Span)>>,
 }
 
 impl<'w, 's, 'e> Words<'w, 's, 'e> {
@@ -50,7 +48,6 @@ impl<'w, 's, 'e> Words<'w, 's, 'e> {
             errors: RefCell::default(),
             has_list: Cell::new(false),
             has_order: Cell::new(false),
-            unsupported: RefCell::default(),
         }
     }
 
@@ -61,10 +58,7 @@ impl<'w, 's, 'e> Words<'w, 's, 'e> {
             .model
             .scope
             .expr(expr, Some(&|e| self.meaning(e)), diags);
-        let mut errors = self.errors.take();
-        if let Some((what, span)) = self.unsupported.take() {
-            errors.push(ExpectError::Unsupported { what, span });
-        }
+        let errors = self.errors.take();
         let has_errors = !errors.is_empty();
         errors.into_iter().for_each(|error| diags.push(error));
         value.filter(|_| !has_errors)

@@ -171,10 +171,14 @@ pub fn evaluate<'e>(
                     tolerance = number;
                 }
             }
-            SettingKind::Value { name, .. } if name.name == "runs" => {
-                reader.repetition("runs", span)
-            }
-            SettingKind::Perturb { .. } => reader.repetition("perturb", span),
+            SettingKind::Value { name, .. } if name.name == "runs" => match draft {
+                Some(_) => reader.not_for_optimize("runs", span),
+                None => reader.repetition("runs", span),
+            },
+            SettingKind::Perturb { .. } => match draft {
+                Some(_) => reader.not_for_optimize("perturb", span),
+                None => reader.repetition("perturb", span),
+            },
             SettingKind::Method { name, options } => {
                 reader.once("`method`", span);
                 if let Some(draft) = &mut draft {

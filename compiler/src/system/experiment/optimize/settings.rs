@@ -287,7 +287,7 @@ impl<'e> Reader<'_, 'e> {
         Some(((lower, upper), guess))
     }
 
-    fn not_for_optimize(&mut self, setting: &str, span: Span) {
+    pub(in super::super) fn not_for_optimize(&mut self, setting: &str, span: Span) {
         self.error(ExperimentError::NotForOptimize {
             setting: setting.to_owned(),
             span,
