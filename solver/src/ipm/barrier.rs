@@ -195,6 +195,7 @@ impl Run<'_> {
             self.follows = true;
             self.move_bounds();
             self.barrier.past.clear();
+            self.acceptable.clear();
             return true;
         }
         false

@@ -44,8 +44,13 @@ impl Run<'_> {
         }
         self.add_proximity_curvature();
         let nv = self.nv();
-        self.kkt
-            .factor(&self.form, &self.hessian, &self.jacobian, &self.sigma[..nv])
+        self.kkt.factor(
+            &self.form,
+            &self.hessian,
+            &self.jacobian,
+            &self.sigma[..nv],
+            self.mu,
+        )
     }
 
     /// The derivative of the barrier terms of variable i with μ.

@@ -3,8 +3,8 @@
 //! ( H + Σ_x + δ_w    Jᵀ           ) (Δx)
 //! ( J               -Σ 1/w - δ_c  ) (Δy)
 //!
-//! where what is attached to a row is eliminated: w = Σ_i + δ_w of each. δ_w, δ_c >= 1e-8 make a static order of pivots
-//! valid. The solution is refined with δ_c = 0, so that steps reach the linearized rows, unless these depend on
+//! where what is attached to a row is eliminated: w = Σ_i + δ_w of each. δ_w and δ_c, at least 1e-8 or a tenth of a small μ, make a static order
+//! of pivots valid. The solution is refined with δ_c = 0, so that steps reach the linearized rows, unless these depend on
 //! each other. δ_w is a proximal term: it shortens steps and does not move where they end. It grows until there are
 //! n positive and m negative eigenvalues (Wächter & Biegler 2006, algorithm IC).
 
@@ -15,12 +15,18 @@ use crate::linalg::ldl::SparseLdl;
 use crate::linalg::symmetric::{Inertia, KktSolver};
 use crate::problem::Pattern;
 
+/// The least regularization where μ is larger, relative to μ below, and where a static order loses its meaning.
 const PERMANENT: f64 = 1e-8;
+const PERMANENT_BY_MU: f64 = 0.1;
+const LEAST_PERMANENT: f64 = 1e-10;
 const FIRST: f64 = 1e-4;
+const DECREASE: f64 = 3.0;
+const LARGEST_DECREASE: f64 = 243.0;
 const LARGEST: f64 = 1e40;
 const MAX_REFINEMENTS: usize = 8;
-/// Residual relative to right-hand side and solution that ends the refinement, and the largest that is of use.
-const REFINED: f64 = 1e-11;
+/// Residual relative to right-hand side and solution that ends the refinement, that is good, and that is of use.
+const REFINED: f64 = 1e-10;
+const GOOD: f64 = 1e-8;
 const USABLE: f64 = 1e-5;
 /// A dense factorization of this size is affordable.
 const MAX_DENSE: usize = 300;
@@ -39,9 +45,14 @@ pub(super) struct Kkt {
     sparse: SparseLdl,
     dense: Option<BunchKaufman>,
     is_dense: bool,
-    /// δ_w of the matrix factored last.
+    /// δ_w of the matrix factored last, and the least δ_w, which is δ_c.
     pub regularization: f64,
+    permanent: f64,
     last_correction: f64,
+    /// By what the next correction is smaller than the last: more the longer the first guess was enough.
+    decrease: f64,
+    /// Whether refinement with δ_c = 0 has failed for the matrix factored last.
+    is_dependent: bool,
     residual: Vec<f64>,
     best: Vec<f64>,
 }
@@ -82,19 +93,23 @@ impl Kkt {
             dense: (n + m <= MAX_DENSE).then(|| BunchKaufman::new(&pattern)),
             is_dense: false,
             regularization: 0.0,
+            permanent: PERMANENT,
             last_correction: 0.0,
+            decrease: DECREASE,
+            is_dependent: false,
             residual: vec![0.0; n + m],
             best: vec![0.0; n + m],
         }
     }
 
-    /// Factors with the least δ_w that gives the right inertia; `sigma` is Σ of all variables.
+    /// Factors with the least δ_w that gives the right inertia; `sigma` is Σ of all variables at `mu`.
     pub fn factor(
         &mut self,
         form: &Form<'_>,
         hessian: &[f64],
         jacobian: &[f64],
         sigma: &[f64],
+        mu: f64,
     ) -> Result<(), Failure> {
         self.values.fill(0.0);
         for (&place, &entry) in self.hessian_places.iter().zip(hessian) {
@@ -106,17 +121,24 @@ impl Kkt {
         for (curvature, &place) in self.curvature.iter_mut().zip(&self.diagonal_places) {
             *curvature = self.values[place as usize];
         }
-        self.is_dense = false;
+        self.is_dependent = false;
+        self.permanent = (PERMANENT_BY_MU * mu).clamp(LEAST_PERMANENT, PERMANENT);
         let expected = Inertia {
             positive: self.n,
             negative: self.m,
         };
         let mut correction = 0.0;
+        let mut n_corrections = 0;
         loop {
-            self.regularize(form, sigma, correction + PERMANENT);
+            self.regularize(form, sigma, correction);
+            self.is_dense = false;
             let found = self.sparse.factor(&self.values);
             if found == Ok(expected) {
                 break;
+            }
+            if self.permanent < PERMANENT {
+                self.permanent = PERMANENT;
+                continue;
             }
             // Where the static order gives no answer, pivots may.
             if found.is_err() && self.factor_dense() == Some(expected) {
@@ -124,16 +146,21 @@ impl Kkt {
             }
             correction = match correction {
                 0.0 if self.last_correction == 0.0 => FIRST,
-                0.0 => (self.last_correction / 3.0).max(FIRST * 1e-4),
+                0.0 => (self.last_correction / self.decrease).max(FIRST * 1e-4),
                 _ if self.last_correction == 0.0 => 100.0 * correction,
                 _ => 8.0 * correction,
             };
+            n_corrections += 1;
             if correction > LARGEST || correction.is_nan() {
                 return Err(Failure::LinearSystem);
             }
         }
         if correction > 0.0 {
             self.last_correction = correction;
+            self.decrease = match n_corrections {
+                1 => (DECREASE * self.decrease).min(LARGEST_DECREASE),
+                _ => DECREASE,
+            };
         }
         Ok(())
     }
@@ -144,8 +171,9 @@ impl Kkt {
         Some(inertia)
     }
 
-    fn regularize(&mut self, form: &Form<'_>, sigma: &[f64], delta: f64) {
+    fn regularize(&mut self, form: &Form<'_>, sigma: &[f64], correction: f64) {
         let n = self.n;
+        let delta = correction + self.permanent;
         self.regularization = delta;
         for (diagonal, sigma) in self.diagonal[..n].iter_mut().zip(sigma) {
             *diagonal = sigma + delta;
@@ -158,7 +186,7 @@ impl Kkt {
             self.values[self.diagonal_places[i] as usize] = self.curvature[i] + self.diagonal[i];
         }
         for i in n..n + self.m {
-            self.values[self.diagonal_places[i] as usize] = self.diagonal[i] - PERMANENT;
+            self.values[self.diagonal_places[i] as usize] = self.diagonal[i] - self.permanent;
         }
     }
 
@@ -172,15 +200,20 @@ impl Kkt {
         solution: &mut [f64],
     ) -> Result<(), Failure> {
         // Without δ_c; with it where that does not converge.
-        for delta in [0.0, PERMANENT] {
-            let error = self.refine(form, hessian, jacobian, rhs, solution, delta);
-            if error <= USABLE {
+        if !self.is_dependent {
+            let error = self.refine(form, hessian, jacobian, rhs, solution, 0.0);
+            if error <= GOOD {
                 return Ok(());
             }
+            self.is_dependent = true;
+        }
+        let error = self.refine(form, hessian, jacobian, rhs, solution, self.permanent);
+        if error <= USABLE {
+            return Ok(());
         }
         // Pivots are more accurate than refinement of a static order.
         if !self.is_dense && self.factor_dense().is_some() {
-            let error = self.refine(form, hessian, jacobian, rhs, solution, PERMANENT);
+            let error = self.refine(form, hessian, jacobian, rhs, solution, self.permanent);
             if error <= USABLE {
                 return Ok(());
             }

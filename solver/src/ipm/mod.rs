@@ -14,6 +14,7 @@ mod options;
 mod progress;
 mod residuals;
 mod restoration;
+mod saved;
 mod solution;
 mod start;
 
@@ -30,6 +31,7 @@ use kkt::{Kkt, largest};
 use line_search::Search;
 use residuals::Errors;
 use restoration::Elastic;
+use saved::Saved;
 use std::time::Instant;
 
 const KAPPA_EPSILON: f64 = 10.0;
@@ -153,6 +155,10 @@ struct Run<'a> {
     trials: usize,
     n_tiny: usize,
     n_acceptable: usize,
+    /// Soft steps in a row, what they go back to, and the best acceptable point.
+    n_soft: usize,
+    saved: Saved,
+    acceptable: Saved,
 }
 
 impl<'a> Run<'a> {
@@ -203,14 +209,21 @@ impl<'a> Run<'a> {
             trials: 0,
             n_tiny: 0,
             n_acceptable: 0,
+            n_soft: 0,
+            saved: Saved::new(n + form.n_slacks, m),
+            acceptable: Saved::new(n + form.n_slacks, m),
             form,
         }
     }
 
     fn run(&mut self, start: Option<&Point>, observer: &mut dyn Observer) -> Exit {
-        match self.start(start) {
+        let exit = match self.start(start) {
             Ok(()) => self.iterate(observer),
             Err(status) => Exit::Ended(status),
+        };
+        match exit {
+            Exit::Ended(status) => Exit::Ended(self.settle(status)),
+            other => other,
         }
     }
 
@@ -233,7 +246,9 @@ impl<'a> Run<'a> {
             }
             // Newton's step, and as much of it as the filter accepts.
             self.target.copy_from_slice(&self.residual);
-            let search = match self.newton_step() {
+            let newton = self.newton_step();
+            let is_step = newton.is_ok();
+            let search = match newton {
                 Ok(()) if self.is_ray() => return Exit::Ended(Status::Unbounded),
                 Ok(()) => self.line_search(),
                 Err(_) if !self.form.has_shape() => return Exit::Reshaped,
@@ -245,15 +260,21 @@ impl<'a> Run<'a> {
                 0
             };
             if search == Search::Failed {
+                if is_step && self.soft_step(&errors) {
+                    self.iterations += 1;
+                    continue;
+                }
                 if self.is_restoration || errors.primal <= 1e-2 * self.options.tolerance {
-                    return Exit::Ended(self.best_status(&errors, Failure::Restoration));
+                    return Exit::Ended(Status::NumericalFailure(Failure::Restoration));
                 }
                 if let Some(exit) = self.restore(observer) {
                     return exit;
                 }
                 continue;
             }
-            self.accept();
+            self.n_soft = 0;
+            let dual = self.dual_length(&self.step, self.tau);
+            self.accept(dual);
             if let Err(failure) = self.evaluate_derivatives() {
                 return Exit::Ended(Status::NumericalFailure(failure));
             }
@@ -311,6 +332,7 @@ impl<'a> Run<'a> {
                 && has_arrived
                 && self.is_within(errors, dual, primal, complementarity);
             self.n_acceptable = if is_acceptable {
+                self.keep_acceptable(error);
                 self.n_acceptable + 1
             } else {
                 0
@@ -336,24 +358,14 @@ impl<'a> Run<'a> {
         None
     }
 
-    /// What a run has reached that cannot go on.
-    fn best_status(&self, errors: &Errors, failure: Failure) -> Status {
-        let error = self.optimality_error(errors, self.options.mu_target);
-        if !self.is_restoration && error <= self.options.acceptable_tolerance {
-            Status::Acceptable
-        } else {
-            Status::NumericalFailure(failure)
-        }
-    }
-
     /// Goes to the trial point; multipliers stay near μ / distance.
-    fn accept(&mut self) {
+    fn accept(&mut self, alpha_dual: f64) {
         let nv = self.nv();
         self.form.load(&self.trial);
         self.f = self.trial_f;
         self.c.copy_from_slice(&self.trial_c);
         self.residual.copy_from_slice(&self.trial_residual);
-        self.alpha_dual = self.dual_length(&self.step, self.tau);
+        self.alpha_dual = alpha_dual;
         self.v[..nv].copy_from_slice(&self.trial[..nv]);
         for (y, dy) in self.y.iter_mut().zip(&self.step.y) {
             *y += self.alpha * dy;

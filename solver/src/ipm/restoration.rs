@@ -67,7 +67,9 @@ impl Run<'_> {
         for (weight, v) in elastic.weights.iter_mut().zip(&self.v) {
             *weight = v.abs().max(1.0).powi(-2);
         }
-        // p and n that are best for this μ: ρ - μ/p = y, ρ - μ/n = -y.
+        // p and n that are best for this μ: ρ - μ/p = y, ρ - μ/n = -y. Their y is as large as ρ and would bring curvature
+        // from far away; the first step finds it.
+        self.y.fill(0.0);
         let mu = self.mu.max(largest(&self.residual));
         for j in 0..m {
             let r = self.residual[j];
@@ -90,7 +92,6 @@ impl Run<'_> {
                 self.v[place] = value;
                 self.z_l[place] = mu / value;
             }
-            self.y[j] = RHO - mu / p;
         }
         for z in self.z_l[..own].iter_mut().chain(&mut self.z_u[..own]) {
             *z = z.min(RHO);
