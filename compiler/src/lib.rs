@@ -107,6 +107,14 @@ fn compile_to<'e>(
             });
             return None;
         }
+        if let Some(law) = system.laws.first().filter(|_| !method.takes_jumps()) {
+            diags.push(ExperimentError::Jump {
+                method: method.word(),
+                name: law.name.clone(),
+                span: law.span,
+            });
+            return None;
+        }
         if let Method::Smoothing(options) = method {
             system = system::smoothing::smooth(&system, options);
         }

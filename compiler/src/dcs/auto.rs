@@ -41,15 +41,21 @@ pub fn check(system: &System, lowerings: &[Lowering], needs: bool) -> Result<(),
         None => choose(system).formulation,
         Some(formulation) => formulation,
     };
-    has_no_relay(system)?;
+    is_without_memory(system)?;
     match formulation {
         Formulation::Stewart => signs::check(system),
         Formulation::Step => Ok(()),
     }
 }
 
-/// A relay depends on the past, which complementarity knows nothing of.
-fn has_no_relay(system: &System) -> Result<(), DcsError> {
+/// A relay depends on the past, which complementarity knows nothing of, and a jump has no rate.
+fn is_without_memory(system: &System) -> Result<(), DcsError> {
+    if let Some(law) = system.laws.first() {
+        return Err(DcsError::Jump {
+            name: law.name.clone(),
+            span: law.span,
+        });
+    }
     match system.switches.iter().find(|switch| switch.relay.is_some()) {
         Some(relay) => Err(DcsError::Relay {
             name: relay.name.clone(),
@@ -68,7 +74,7 @@ fn asked(lowerings: &[Lowering]) -> Option<Formulation> {
 
 /// Lowers in the given formulation.
 pub fn lower_as<'e>(system: &System<'e>, formulation: Formulation) -> Result<Dcs<'e>, DcsError> {
-    has_no_relay(system)?;
+    is_without_memory(system)?;
     let mut dcs = match formulation {
         Formulation::Stewart => stewart::lower(system)?,
         Formulation::Step => heaviside::lower(system),

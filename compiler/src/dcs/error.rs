@@ -22,6 +22,20 @@ pub enum DcsError {
         span: Span,
     },
 
+    /// A jump has no complementarity form.
+    #[error("jump `{name}` cannot be lowered to complementarity yet")]
+    #[diagnostic(
+        code(E0904),
+        help("`simulate` with `method event` runs it as it is, without lowering")
+    )]
+    Jump {
+        /// Its name.
+        name: String,
+        /// Its statement.
+        #[label("a jump")]
+        span: Span,
+    },
+
     /// Stewart's reformulation needs one multiplier per region, and switches that multiply each other have 2^n of
     /// them. The step reformulation needs three variables per switch and one per product.
     #[error("{count} switches multiply each other, too many for `stewart`")]

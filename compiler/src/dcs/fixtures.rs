@@ -47,6 +47,7 @@ impl<'e> Builder<'e> {
         let alpha = self.exprs.variable("alpha");
         self.switches.push(Switch {
             relay: None,
+            unilateral: false,
             name: name.to_owned(),
             alpha,
             psi,
@@ -117,6 +118,7 @@ impl<'e> Builder<'e> {
                 states: states.collect(),
                 groups: Vec::new(),
                 switches: self.switches,
+                laws: Vec::new(),
                 partitions: self.partitions,
                 outputs: Vec::new(),
                 controls: Vec::new(),

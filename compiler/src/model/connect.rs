@@ -74,6 +74,19 @@ pub(super) fn connect<'e>(
             });
         }
     }
+    for jump in &mut model.jumps {
+        jump.guard = jump.guard.substitute(&connected.values);
+        if let Some(value) = jump.guard.as_constant() {
+            fine = false;
+            diags.push(DynamicsError::ConstantComparison {
+                value: value > 0.5,
+                span: jump.guard_span,
+            });
+        }
+        for reset in &mut jump.resets {
+            reset.value = reset.value.substitute(&connected.values);
+        }
+    }
     for surface in &mut model.surfaces {
         surface.psi = surface.psi.substitute(&connected.values);
     }

@@ -62,6 +62,7 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
             regions: vec![],
             partitions: vec![],
             hidden: vec![],
+            jumps: vec![],
             surfaces: vec![],
             param_order: vec![],
             scope: scope.clone(),

@@ -70,6 +70,12 @@ impl<'e> fmt::Display for Model<'e> {
             writeln!(f, "hidden on {}", self.switches[hidden.switch].name)?;
             self.write_rates(f, "  ", &hidden.rates)?;
         }
+        for jump in &self.jumps {
+            writeln!(f, "jump {} {}", jump.name, jump.guard)?;
+            for reset in &jump.resets {
+                writeln!(f, "  {} := {}", self.entry_name(reset.entry), reset.value)?;
+            }
+        }
         write_named(f, "output", &self.outputs)
     }
 }

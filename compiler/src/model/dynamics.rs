@@ -6,7 +6,7 @@ use super::check;
 use super::lower::Lowering;
 use super::names::local_lets;
 use super::scope::{Meaning, Reported};
-use super::{DynamicsError, Hidden, Model, Rate, Region, TargetKind, target};
+use super::{DynamicsError, Hidden, Jump, Model, Rate, Region, TargetKind, target};
 use crate::expr::{Expr, Substitution};
 use crate::source::Span;
 use crate::syntax::{self, For, RegionGuard, Stmt};
@@ -14,13 +14,14 @@ use crate::syntax::{self, For, RegionGuard, Stmt};
 /// What a walk over the statements of a model has found.
 pub(super) struct Walk<'e> {
     /// First entry of every state.
-    offsets: Vec<usize>,
+    pub(super) offsets: Vec<usize>,
     switches: Vec<super::NamedSwitch<'e>>,
     /// Indices of the loops around, as in `R[1,2]`.
     indices: Vec<i64>,
     pub dynamics: Vec<Rate<'e>>,
     pub regions: Vec<Region<'e>>,
     pub hidden: Vec<Hidden<'e>>,
+    pub jumps: Vec<Jump<'e>>,
     /// States with a statement that is wrong: whether they are set is unknown.
     pub touched: FxHashSet<String>,
 }
@@ -46,6 +47,7 @@ impl<'e> Walk<'e> {
             dynamics: vec![],
             regions: vec![],
             hidden: vec![],
+            jumps: vec![],
             touched: FxHashSet::default(),
         }
     }
@@ -69,6 +71,7 @@ impl<'e> Walk<'e> {
                 (Stmt::For(repeat), sink) => self.repeat(lowering, repeat, sink),
                 (Stmt::Region(region), Sink::Outside) => self.region(lowering, region),
                 (Stmt::Hidden(hidden), Sink::Outside) => self.hidden(lowering, hidden),
+                (Stmt::Jump(jump), Sink::Outside) => self.jump(lowering, jump),
                 _ => Ok(()),
             };
             result = result.and(one);
@@ -176,7 +179,7 @@ impl<'e> Walk<'e> {
         Ok(target.entries.iter().zip(&value.data).map(rate).collect())
     }
 
-    fn not_a_state<T>(
+    pub(super) fn not_a_state<T>(
         &self,
         lowering: &mut Lowering<'_, 'e>,
         path: &syntax::Path,
@@ -251,7 +254,7 @@ impl<'e> Walk<'e> {
         }
     }
 
-    fn guard(
+    pub(super) fn guard(
         &self,
         lowering: &mut Lowering<'_, 'e>,
         guard: &syntax::Expr,
@@ -270,7 +273,7 @@ impl<'e> Walk<'e> {
     }
 
     /// `R[1,2]` in loops.
-    fn indexed(&self, name: &str) -> String {
+    pub(super) fn indexed(&self, name: &str) -> String {
         let indices = self.indices.iter().map(i64::to_string).collect::<Vec<_>>();
         if indices.is_empty() {
             name.to_owned()

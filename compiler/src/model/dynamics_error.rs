@@ -207,6 +207,20 @@ pub enum DynamicsError {
         second_span: Span,
     },
 
+    /// A state that a jump sets twice.
+    #[error("the jump sets `{name}` twice")]
+    #[diagnostic(
+        code(E0318),
+        help("right-hand sides are values before the jump: write one reset for each state")
+    )]
+    ResetTwice {
+        name: String,
+        #[label("set here")]
+        first: Span,
+        #[label(primary, "and here")]
+        span: Span,
+    },
+
     /// Dynamics of a part, written outside of it.
     #[error("only `{part}` itself sets the dynamics of its states")]
     #[diagnostic(

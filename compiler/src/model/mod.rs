@@ -33,6 +33,7 @@ mod file;
 mod given_error;
 mod import;
 mod indicators;
+mod jumps;
 mod lookup;
 mod lower;
 mod names;
@@ -114,6 +115,8 @@ pub struct Model<'e> {
     pub partitions: Vec<Partition>,
     /// Terms that vanish off a switch's surface.
     pub hidden: Vec<Hidden<'e>>,
+    /// Laws by which states jump, in order.
+    pub jumps: Vec<Jump<'e>>,
     /// Every switching function with the name users know it by.
     pub surfaces: Vec<Surface<'e>>,
     /// Params in an order in which their defaults can be evaluated.
@@ -267,6 +270,32 @@ pub struct Hidden<'e> {
     /// The terms; all add.
     pub rates: Vec<Rate<'e>>,
     /// The statement.
+    pub span: Span,
+}
+
+/// `jump NAME when guard { v := -e*v; }`
+#[derive(Clone, Debug)]
+pub struct Jump<'e> {
+    /// Declared name, with the indices of enclosing loops.
+    pub name: String,
+    /// 1 where it happens, 0 elsewhere.
+    pub guard: Expr<'e>,
+    /// Where the guard stands.
+    pub guard_span: Span,
+    /// New values over values before the jump; each entry once.
+    pub resets: Vec<Reset<'e>>,
+    /// The statement.
+    pub span: Span,
+}
+
+/// The value of one state entry after a jump.
+#[derive(Clone, Copy, Debug)]
+pub struct Reset<'e> {
+    /// Index into [`Model::state_vars`].
+    pub entry: usize,
+    /// Its value.
+    pub value: Expr<'e>,
+    /// The line.
     pub span: Span,
 }
 

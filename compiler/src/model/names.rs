@@ -115,7 +115,7 @@ impl<'f> Collector<'_, 'f> {
                 }
                 Stmt::Region(region) => self.region(region, place),
                 Stmt::Jump(jump) => {
-                    self.in_loops(&jump.name, Item::Unsupported, "a `jump`", place, jump.span)
+                    self.in_loops(&jump.name, Item::Word("jump"), "a `jump`", place, jump.span)
                 }
                 Stmt::Contact(contact) => {
                     self.in_loops(

@@ -100,6 +100,7 @@ fn walk<'e>(
         open.extend(inner.rev());
     }
     (model.dynamics, model.regions, model.hidden) = (walk.dynamics, walk.regions, walk.hidden);
+    model.jumps = walk.jumps;
     walk.touched
 }
 

@@ -25,14 +25,6 @@ pub enum Unsupported {
         span: Span,
     },
 
-    /// Jumps.
-    #[error("state jumps are not supported yet")]
-    #[diagnostic(code(E0904))]
-    Jumps {
-        #[label("a jump")]
-        span: Span,
-    },
-
     /// Projected dynamics.
     #[error("projected dynamics are not supported yet")]
     #[diagnostic(code(E0905))]
@@ -91,7 +83,6 @@ fn refusal(stmt: &Stmt) -> Option<Unsupported> {
             span: mechanics.span,
         },
         Stmt::Contact(contact) => Unsupported::Mechanics { span: contact.span },
-        Stmt::Jump(jump) => Unsupported::Jumps { span: jump.span },
         Stmt::Project(project) => Unsupported::Projections { span: project.span },
         Stmt::Program(program) => Unsupported::Programs { span: program.span },
         Stmt::Equation { span, .. } | Stmt::Complementarity { span, .. } => {

@@ -116,6 +116,56 @@ pub enum Failure {
         surfaces: Vec<LabeledSpan>,
     },
 
+    /// A jump to where its own guard holds.
+    #[error("at t = {time}, a jump leads to where its own guard holds")]
+    #[diagnostic(
+        code(E0715),
+        help("a jump must leave its guard, or its guard must ask for a direction too: `c <= 0 and v < 0`")
+    )]
+    StaysInGuard {
+        time: f64,
+        #[label(collection)]
+        laws: Vec<LabeledSpan>,
+    },
+
+    /// Jumps without end at one instant.
+    #[error("at t = {time}, jumps follow each other without end")]
+    #[diagnostic(
+        code(E0716),
+        help("what one of them does makes the next one jump; let their guards exclude each other")
+    )]
+    EndlessJumps {
+        time: f64,
+        #[label(collection)]
+        laws: Vec<LabeledSpan>,
+    },
+
+    /// Two jumps that disagree.
+    #[error("at t = {time}, two jumps set `{state}` to different values")]
+    #[diagnostic(
+        code(E0717),
+        help("jumps at one instant apply together; let one of them do what both mean")
+    )]
+    ConflictingJumps {
+        time: f64,
+        state: String,
+        #[label(collection)]
+        laws: Vec<LabeledSpan>,
+    },
+
+    /// A state beyond a surface that it cannot pass.
+    #[error("at t = {time}, the state is below the surface of `{name}`, which it cannot pass")]
+    #[diagnostic(
+        code(E0718),
+        help("start where the gap is not negative; other jumps must not lead there either")
+    )]
+    Penetrates {
+        time: f64,
+        name: String,
+        #[label(collection)]
+        surfaces: Vec<LabeledSpan>,
+    },
+
     /// A finite element without a solution.
     #[error("at t = {time}, the equations of a finite element were not solved")]
     #[diagnostic(

@@ -217,6 +217,10 @@ pub enum Side {
     Off,
     /// A relay that is 1.
     On,
+    /// A contact with a gap.
+    Open,
+    /// A contact without one, staying so.
+    Closed,
 }
 
 /// A warning of a run.

@@ -14,6 +14,8 @@ impl Side {
             Side::Above => "above",
             Side::Off => "off",
             Side::On => "on",
+            Side::Open => "open",
+            Side::Closed => "closed",
         }
     }
 }
@@ -38,7 +40,7 @@ impl Trajectory {
             n if n > MAX_NAMES => words.push(format!("{n} sliding")),
             _ => words.push(format!("sliding({})", sliding.join(", "))),
         }
-        for side in [Side::Below, Side::Above, Side::Off, Side::On] {
+        for side in [Side::Below, Side::Above, Side::Off, Side::On, Side::Open, Side::Closed] {
             match on(side).count() {
                 0 => {}
                 n => words.push(format!("{n} {}", side.as_str())),

@@ -12,6 +12,7 @@ pub mod fesd;
 mod forms;
 mod functions;
 mod instants;
+mod laws;
 mod limits;
 mod modes;
 mod outcome;
@@ -36,7 +37,7 @@ use crate::system::System;
 use crate::system::experiment::{self, Branch, EventOptions, Settings};
 pub use bench::{Bench, End, Variant};
 use modes::ModeNames;
-use record::Recorder;
+use record::{Jump, Recorder};
 pub(crate) use record::{Points, recorded};
 pub use switched::Switched;
 pub use watch::Progress;
@@ -278,6 +279,9 @@ struct Comparison<'r> {
     n: usize,
     next: usize,
     modes: usize,
+    /// Jumps of the first run, and how many the second one has met.
+    jumps: &'r [Jump],
+    jumped: usize,
     x: Vec<f64>,
     difference: Vec<f64>,
     scale: Vec<f64>,
@@ -292,9 +296,22 @@ impl<'r> Comparison<'r> {
             n,
             next: 0,
             modes: 1,
+            jumps: run.jumps(),
+            jumped: 0,
             x: vec![0.0; n],
             difference: vec![0.0; n],
             scale: x0.iter().map(|x| x.abs()).collect(),
+        }
+    }
+}
+
+impl Comparison<'_> {
+    /// Compares the present state with a recorded one.
+    fn compare(&mut self, point: usize) {
+        let recorded = &self.states[point * self.n..(point + 1) * self.n];
+        for (i, (&x, &other)) in self.x.iter().zip(recorded).enumerate() {
+            self.scale[i] = self.scale[i].max(x.abs());
+            self.difference[i] = self.difference[i].max((x - other).abs());
         }
     }
 }
@@ -311,20 +328,35 @@ impl Observer for Comparison<'_> {
             }
         }
         let end = segment.start + segment.length;
+        // Beyond the next jump of the first run, which this one has not met yet.
+        let known = self.jumps.get(self.jumped).map_or(usize::MAX, |jump| jump.n_points);
         while let Some(&t) = self.points.get(self.next).filter(|t| **t <= end) {
-            segment.state(t - segment.start, &mut self.x);
-            let recorded = &self.states[self.next * self.n..(self.next + 1) * self.n];
-            for (i, (&x, &other)) in self.x.iter().zip(recorded).enumerate() {
-                self.scale[i] = self.scale[i].max(x.abs());
-                self.difference[i] = self.difference[i].max((x - other).abs());
+            if self.next >= known {
+                break;
             }
+            segment.state(t - segment.start, &mut self.x);
+            self.compare(self.next);
             self.next += 1;
         }
         ControlFlow::Continue(())
     }
 
-    fn event(&mut self, _: &solver::Event) {
+    fn event(&mut self, event: &solver::Event) {
         self.modes += 1;
+        if event.jumps.is_empty() {
+            return;
+        }
+        // Jumps are compared one by one: next to an instant, a run may be before or after it.
+        if let Some(jump) = self.jumps.get(self.jumped) {
+            for (seen, other) in [(event.before, &jump.before), (event.x, &jump.after)] {
+                for (i, (x, other)) in seen.iter().zip(other).enumerate() {
+                    self.scale[i] = self.scale[i].max(x.abs());
+                    self.difference[i] = self.difference[i].max((x - other).abs());
+                }
+            }
+            self.next = self.next.max(jump.n_points);
+        }
+        self.jumped += 1;
     }
 }
 

@@ -2,7 +2,7 @@
 
 use nsd_solver::simulate::Side;
 
-use crate::expr::Var;
+use crate::expr::{Expr, Var, variables_of};
 use crate::report::{self, EventKind};
 use crate::source::Span;
 use crate::system::System;
@@ -12,6 +12,8 @@ pub(super) struct ModeNames<'s, 'e> {
     system: &'s System<'e>,
     /// Switches that no partition shows.
     loose: Vec<usize>,
+    /// Switches that guards of jumps look at and nothing else: they are no part of the mode.
+    watched: Vec<bool>,
     /// The partition of every switch that compares indicators: what it does shows in the regions only.
     indicated: Vec<Option<usize>>,
 }
@@ -35,9 +37,11 @@ impl<'s, 'e> ModeNames<'s, 'e> {
             let mut partitions = system.partitions.iter();
             partitions.position(|p| !p.indicators.is_empty() && p.switches.contains(&i))
         };
+        let watched = only_watched(system);
         ModeNames {
             system,
-            loose: (0..system.switches.len()).filter(|i| !shown(i)).collect(),
+            loose: (0..system.switches.len()).filter(|i| !shown(i) && !watched[*i]).collect(),
+            watched,
             indicated: (0..system.switches.len()).map(partition_of).collect(),
         }
     }
@@ -58,7 +62,8 @@ impl<'s, 'e> ModeNames<'s, 'e> {
         let mut found = Vec::new();
         let mut told = vec![false; self.system.partitions.len()];
         for (i, switch) in self.system.switches.iter().enumerate() {
-            let Some(kind) = self.kind(i, from[i], to[i]) else {
+            let kind = self.kind(i, from[i], to[i]);
+            let Some(kind) = kind.filter(|_| !self.watched[i]) else {
                 continue;
             };
             let Some(partition) = self.indicated[i] else {
@@ -157,6 +162,12 @@ impl<'s, 'e> ModeNames<'s, 'e> {
 
     /// The report's side of a switch.
     fn side(&self, switch: usize, side: Side) -> report::Side {
+        if self.system.switches[switch].unilateral {
+            return match side {
+                Side::Slide => report::Side::Closed,
+                _ => report::Side::Open,
+            };
+        }
         match (side, self.is_relay(switch)) {
             (Side::Minus, false) => report::Side::Below,
             (Side::Slide, _) => report::Side::Sliding,
@@ -174,11 +185,40 @@ impl<'s, 'e> ModeNames<'s, 'e> {
 
     /// What the change of one switch is called; none where it did not change.
     fn kind(&self, switch: usize, from: Side, to: Side) -> Option<EventKind> {
-        match self.is_relay(switch) {
-            true => (from != to).then_some(EventKind::Relay),
-            false => kind(from, to),
+        let switch = &self.system.switches[switch];
+        match (switch.relay, to) {
+            _ if from == to => None,
+            (Some(_), _) => Some(EventKind::Relay),
+            (None, Side::Slide) if switch.unilateral => Some(EventKind::ContactClose),
+            (None, _) if switch.unilateral => Some(EventKind::ContactOpen),
+            _ => kind(from, to),
         }
     }
+
+    /// A law by its index.
+    pub(super) fn law(&self, law: usize) -> (String, Span) {
+        let law = &self.system.laws[law];
+        (law.name.clone(), law.span)
+    }
+}
+
+/// Switches that occur in guards and resets of laws only.
+fn only_watched(system: &System) -> Vec<bool> {
+    if system.laws.is_empty() {
+        return vec![false; system.switches.len()];
+    }
+    let recorded = system.outputs.iter().chain(&system.controls);
+    let regions = system.partitions.iter().flat_map(|partition| &partition.regions);
+    let used: Vec<Expr> = (system.states.iter().map(|state| state.rate))
+        .chain(recorded.flat_map(|output| output.exprs.iter().copied()))
+        .chain(system.limits.iter().map(|limit| limit.value))
+        .chain(regions.map(|region| region.weight))
+        .chain(system.switches.iter().map(|switch| switch.psi))
+        .collect();
+    let used = variables_of(&used);
+    let is_used = |alpha: Expr| alpha.as_variable().is_some_and(|var| used.contains(&var));
+    let named = |switch: &crate::system::Switch| !switch.named.is_empty();
+    (system.switches.iter()).map(|switch| !is_used(switch.alpha) && !named(switch)).collect()
 }
 
 fn kind(from: Side, to: Side) -> Option<EventKind> {

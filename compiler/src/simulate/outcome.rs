@@ -35,6 +35,24 @@ pub(super) fn failure(
             time,
             surfaces: at(switches),
         },
+        Status::StaysInGuard { law } => Failure::StaysInGuard {
+            time,
+            laws: of_laws(system, &[*law]),
+        },
+        Status::EndlessJumps { laws } => Failure::EndlessJumps {
+            time,
+            laws: of_laws(system, laws),
+        },
+        Status::ConflictingJumps { laws, state } => Failure::ConflictingJumps {
+            time,
+            state: system.states[*state].name.clone(),
+            laws: of_laws(system, laws),
+        },
+        Status::Penetrates { switch } => Failure::Penetrates {
+            time,
+            name: system.switches[*switch].name.clone(),
+            surfaces: at(&[*switch]),
+        },
         Status::NonUnique(candidates) => non_unique(system, names, candidates, time),
         Status::NoSolution { switches } => Failure::NoSolution {
             time,
@@ -117,6 +135,15 @@ fn non_unique(system: &System, names: &ModeNames, candidates: &[Candidate], time
         example,
         surfaces: labels(system, &switches),
     }
+}
+
+/// One label per law.
+fn of_laws(system: &System, laws: &[usize]) -> Vec<LabeledSpan> {
+    let label = |&l: &usize| {
+        let law = &system.laws[l];
+        LabeledSpan::new_with_span(Some(format!("jump `{}`", law.name)), law.span)
+    };
+    laws.iter().map(label).collect()
 }
 
 /// One label per surface, where it is first written.

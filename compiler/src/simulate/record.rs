@@ -15,6 +15,17 @@ use crate::system::{Output, System};
 /// When the mode changed, from what, to what.
 type Change = (f64, Box<[Side]>, Box<[Side]>);
 
+/// States that have jumped.
+pub(super) struct Jump {
+    pub time: f64,
+    /// The laws, in order.
+    laws: Vec<usize>,
+    /// Points recorded before.
+    pub n_points: usize,
+    pub before: Vec<f64>,
+    pub after: Vec<f64>,
+}
+
 /// Observes a run and keeps what the experiment asks for.
 pub(super) struct Recorder<'s, 'e> {
     n: usize,
@@ -29,6 +40,7 @@ pub(super) struct Recorder<'s, 'e> {
     limits: Limits<'s, 'e>,
     data: &'s [Data<'e>],
     changes: Vec<Change>,
+    jumps: Vec<Jump>,
     /// Instants at which infinitely many of them accumulate.
     accumulations: Vec<f64>,
     x: Vec<f64>,
@@ -55,6 +67,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
             limits: Limits::new(system, tolerance),
             data: &system.data,
             changes: Vec::new(),
+            jumps: Vec::new(),
             accumulations: Vec::new(),
             x: vec![0.0; n],
             alpha: vec![0.0; m],
@@ -69,8 +82,21 @@ impl<'s, 'e> Recorder<'s, 'e> {
         &self.states
     }
 
+    pub(super) fn jumps(&self) -> &[Jump] {
+        &self.jumps
+    }
+
     pub(super) fn n_modes(&self) -> usize {
         self.changes.len() + 1
+    }
+
+    /// Takes α of a mode, where they are known.
+    fn mark(&mut self, sides: &[Side]) {
+        for (alpha, side) in self.alpha.iter_mut().zip(sides) {
+            if *side != Side::Slide {
+                *alpha = 0.5 + 0.5 * side.sign();
+            }
+        }
     }
 
     /// The next instant to sample, which may lie beyond the horizon.
@@ -182,6 +208,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
                 .collect(),
             sides: names.sides(sides),
         };
+        let mut jumps = self.jumps.iter().peekable();
         let instants = || changes.iter().map(|((time, ..), _)| *time);
         let ends = instants().chain([outcome.time]);
         let starts = [0.0].into_iter().chain(instants());
@@ -198,6 +225,9 @@ impl<'s, 'e> Recorder<'s, 'e> {
             trajectory.modes.clear();
         }
         for ((time, from, to), what) in changes {
+            while let Some(jump) = jumps.next_if(|jump| jump.time <= *time) {
+                trajectory.events.extend(jump.events(names, &names.mode(from)));
+            }
             let (mode_from, mode_to) = (names.mode(from), names.mode(to));
             let limit = self.accumulations.contains(time);
             let limit = limit.then_some(EventKind::Zeno);
@@ -214,6 +244,26 @@ impl<'s, 'e> Recorder<'s, 'e> {
                 }
             }
         }
+        let last = trajectory.modes.last().map(|mode| mode.mode.clone());
+        let last = last.unwrap_or_default();
+        trajectory.events.extend(jumps.flat_map(|jump| jump.events(names, &last)));
+    }
+}
+
+impl Jump {
+    /// One event per law, in a mode.
+    fn events<'j>(&'j self, names: &'j ModeNames, mode: &'j str) -> impl Iterator<Item = report::Event> + 'j {
+        self.laws.iter().map(move |&law| {
+            let (surface, span) = names.law(law);
+            report::Event {
+                time: self.time,
+                kind: EventKind::Jump,
+                surface,
+                from: mode.to_owned(),
+                to: mode.to_owned(),
+                span: Some(span),
+            }
+        })
     }
 }
 
@@ -318,6 +368,27 @@ impl Observer for Recorder<'_, '_> {
     fn event(&mut self, event: &Event) {
         if event.accumulates {
             self.accumulations.push(event.time);
+        }
+        if !event.jumps.is_empty() {
+            if self.sampling == Sampling::Method {
+                self.mark(event.from);
+                if self.times.is_empty() {
+                    self.x.copy_from_slice(event.before);
+                    self.push(event.time);
+                }
+            }
+            self.jumps.push(Jump {
+                time: event.time,
+                laws: event.jumps.to_vec(),
+                n_points: self.times.len(),
+                before: event.before.to_vec(),
+                after: event.x.to_vec(),
+            });
+            if self.sampling == Sampling::Method {
+                self.mark(event.to);
+                self.x.copy_from_slice(event.x);
+                self.push(event.time);
+            }
         }
         self.changes
             .push((event.time, event.from.into(), event.to.into()));

@@ -10,7 +10,9 @@ use std::collections::hash_map::Entry;
 use std::ops::Range;
 use std::sync::Arc;
 
-use nsd_solver::simulate::{Block, Input, Partials, Rates, Side, Smooth, Surface, SwitchedSystem};
+use nsd_solver::simulate::{
+    Block, Input, Law, Partials, Rates, Side, Smooth, Surface, SwitchedSystem,
+};
 use rustc_hash::FxHashMap;
 
 use super::blocks;
@@ -18,6 +20,7 @@ use super::data::Pieces;
 use super::forms::{self, Copy, Form};
 use super::functions::{CompiledRates, CompiledSurface, Place, affine, partials, tape};
 use super::instants;
+use super::laws;
 use super::structure::Structure;
 use crate::expr::{self, Expr, Exprs, Node, Substitution, Var};
 use crate::system::System;
@@ -47,6 +50,8 @@ pub struct Switched<'e> {
     /// What every variable stands for.
     inputs: FxHashMap<Var, Input>,
     continuous: Vec<bool>,
+    unilateral: Vec<bool>,
+    laws: Vec<Law>,
     blocks: Vec<Block>,
     /// Switches whose α is in ψ_i.
     inside: Vec<Vec<usize>>,
@@ -162,6 +167,8 @@ impl<'e> Switched<'e> {
             couplings,
             blocks,
             continuous,
+            unilateral: (system.switches.iter()).map(|switch| switch.unilateral).collect(),
+            laws: laws::compile(system, &inputs, &[&numbers, &polynomials]),
             inputs,
             inside,
             known_rates: RefCell::default(),
@@ -374,6 +381,14 @@ impl SwitchedSystem for Switched<'_> {
 
     fn n_derivatives(&self, switch: usize) -> usize {
         self.derivatives[switch].len()
+    }
+
+    fn is_unilateral(&self, switch: usize) -> bool {
+        self.unilateral[switch]
+    }
+
+    fn laws(&self) -> &[Law] {
+        &self.laws
     }
 
     fn is_timed(&self, switch: usize) -> bool {

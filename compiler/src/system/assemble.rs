@@ -5,6 +5,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use super::continuity::classify;
 use super::corners::jumps_somewhere;
 use super::interaction::{positions, subsystems};
+use super::jumps::Lowered;
 use super::limits::Limit;
 use super::lower::Lowering;
 use super::partitions::Regions;
@@ -22,7 +23,7 @@ impl<'e> Lowering<'_, 'e> {
     /// Keeps the switches that matter, and finishes their description.
     pub(super) fn assemble(
         self,
-        rates: Vec<Expr<'e>>,
+        (rates, laws): (Vec<Expr<'e>>, Vec<Lowered<'e>>),
         (outputs, controls, limits): (Vec<Output<'e>>, Vec<Output<'e>>, Vec<Limit<'e>>),
         task: Option<Task<'e>>,
         named: &[Expr<'e>],
@@ -43,6 +44,7 @@ impl<'e> Lowering<'_, 'e> {
             .copied()
             .chain(recorded)
             .chain(named.iter().copied())
+            .chain(laws.iter().flat_map(Lowered::reads))
             .collect();
         let (kept, dropped) = self.used(&roots);
         for (place, &k) in kept.iter().enumerate() {
@@ -93,7 +95,7 @@ impl<'e> Lowering<'_, 'e> {
             .collect();
         let frame = self.frame(surfaces);
         for (k, switch) in switches.iter_mut().enumerate() {
-            if switch.relay.is_some() {
+            if switch.relay.is_some() || switch.unilateral {
                 continue;
             }
             let is_kink = self.switches.is_kink(kept[k]);
@@ -167,6 +169,7 @@ impl<'e> Lowering<'_, 'e> {
             states,
             groups,
             switches,
+            laws: self.finished_laws(laws, &kept),
             partitions,
             outputs,
             controls,
@@ -214,6 +217,7 @@ impl<'e> Lowering<'_, 'e> {
             psi: collected.psi,
             continuity: Continuity::Discontinuous,
             relay: collected.relay,
+            unilateral: collected.unilateral,
             named: collected.named.clone(),
             spans: match collected.spans[..] {
                 [] => vec![collected.origin],

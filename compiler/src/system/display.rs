@@ -26,6 +26,11 @@ impl fmt::Display for System<'_> {
                 Continuity::Certain => "continuous",
                 Continuity::Sampled => "continuous at sampled points",
             };
+            if switch.unilateral {
+                let (alpha, psi) = (switch.alpha, switch.psi);
+                writeln!(f, "0 <= 1 - {alpha} perp {psi} >= 0  // {}", switch.name)?;
+                continue;
+            }
             writeln!(
                 f,
                 "{} in step({})  // {}, {kind}",
@@ -47,6 +52,15 @@ impl fmt::Display for System<'_> {
                     .map(|k| format!("[{}]", k + 1))
                     .unwrap_or_default();
                 writeln!(f, "  read by {}{index} as {sign}psi", reading.name)?;
+            }
+        }
+        for law in &self.laws {
+            match law.strikes {
+                Some(k) => writeln!(f, "jump {} when {} is struck", law.name, self.switches[k].psi)?,
+                None => writeln!(f, "jump {} when {}", law.name, law.guard)?,
+            }
+            for (state, value) in &law.resets {
+                writeln!(f, "  {} := {value}", self.states[*state].name)?;
             }
         }
         for partition in &self.partitions {

@@ -80,6 +80,20 @@ pub enum SystemError {
         entry: Option<Span>,
     },
 
+    /// A jump after which its own guard holds as before.
+    #[error("after the jump `{name}` its guard still holds")]
+    #[diagnostic(
+        code(E0409),
+        help("a jump must leave its guard: a ball bounces with `v := -e*v`, for example")
+    )]
+    StaysInGuard {
+        name: String,
+        #[label("holds before and after")]
+        guard: Span,
+        #[label(primary, "this changes no comparison of the guard")]
+        span: Span,
+    },
+
     /// A switching function without a state or time.
     #[error("the switching function `{name}` is constant")]
     #[diagnostic(code(E0403), help("it must depend on a state or on time"))]

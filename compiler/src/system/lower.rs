@@ -60,17 +60,19 @@ pub fn lower<'e>(
     let regions = lowering.regions();
     let mut rates = lowering.rates(&regions, diags);
     rates.extend(lowering.integrals(diags));
+    let mut laws = lowering.laws();
     lowering.check_effort(&rates, diags);
     let (outputs, controls) = lowering.recorded();
     let named = lowering.named_surfaces();
     let limits = lowering.limits();
     let task = lowering.task();
+    lowering.find_contacts(&mut laws, &mut rates, &regions, (&outputs, &limits), diags);
     lowering.report_refused(diags);
     if diags.errors().count() > errors_before {
         return None;
     }
     let recorded = (outputs, controls, limits);
-    let system = lowering.assemble(rates, recorded, task, &named, regions, diags);
+    let system = lowering.assemble((rates, laws), recorded, task, &named, regions, diags);
     if diags.errors().count() > errors_before {
         return None;
     }

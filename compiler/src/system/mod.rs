@@ -18,6 +18,8 @@
 //!   whose ψ depends on time only.
 //! - A relay has memory: its α is 0 or 1 and stays until ψ, which contains it, leaves its side. Relays
 //!   come before all other switches, and their y may contain α of any.
+//! - A unilateral switch is discontinuous; its α occurs in rates only, in directions that push ψ up, and
+//!   one law at most strikes it.
 //! - No two ψ are multiples of each other, and none is constant.
 //! - Rates, outputs, limits, ψ and the task contain only time, parameters, data, states, controls that are decided,
 //!   and α.
@@ -40,6 +42,7 @@ mod effort;
 mod error;
 pub mod experiment;
 mod interaction;
+mod jumps;
 mod limits;
 mod lower;
 mod needs;
@@ -95,6 +98,8 @@ pub struct System<'e> {
     pub groups: Vec<StateGroup>,
     /// Switches α_i ∈ step(ψ_i).
     pub switches: Vec<Switch<'e>>,
+    /// Laws by which states jump, in order.
+    pub laws: Vec<Law<'e>>,
     /// Named regions by partition.
     pub partitions: Vec<Partition<'e>>,
     /// What is recorded besides states and controls.
@@ -163,6 +168,8 @@ pub struct Switch<'e> {
     pub continuity: Continuity,
     /// What a relay remembers; none for the others.
     pub relay: Option<Relay>,
+    /// True for a contact: ψ ≥ 0, and α is 1 where ψ > 0 and any number up to 1 where it is kept at zero.
+    pub unilateral: bool,
     /// Names of `switch` statements that read this switch.
     pub named: Vec<NamedReading>,
     /// Where ψ stands in the source, in order of appearance.
@@ -181,6 +188,21 @@ pub struct Relay {
     pub off: f64,
     /// Whether α = 1 at the start.
     pub start: bool,
+}
+
+/// A law by which states jump: x⁺ = r(t, x, p, α).
+#[derive(Clone, Debug)]
+pub struct Law<'e> {
+    /// Name in the model.
+    pub name: String,
+    /// 1 where it happens, multi-affine in α.
+    pub guard: Expr<'e>,
+    /// The unilateral switch whose surface is struck when it happens, where the law is a contact.
+    pub strikes: Option<usize>,
+    /// New values by index of the state; each once.
+    pub resets: Vec<(usize, Expr<'e>)>,
+    /// The statement.
+    pub span: Span,
 }
 
 /// An entry of a `switch` statement that reads a [`Switch`].

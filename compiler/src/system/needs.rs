@@ -209,6 +209,13 @@ impl<'m, 'e> Closure<'m, 'e> {
                 .iter()
                 .for_each(|rate| add(rate, Some(region.guard)));
         }
+        for jump in &model.jumps {
+            for reset in &jump.resets {
+                if let Some(needed) = rates.get_mut(reset.entry) {
+                    needed.extend([reset.value, jump.guard]);
+                }
+            }
+        }
         Closure {
             model,
             entry: entry.collect(),

@@ -45,6 +45,8 @@ pub(super) struct Collected<'e> {
     pub named: Vec<NamedReading>,
     /// What a relay remembers; none for the others.
     pub relay: Option<Relay>,
+    /// Its α is a force that keeps ψ from being negative.
+    pub unilateral: bool,
     /// ψ depends on time only.
     pub is_timed: bool,
     /// Scale of ψ over its canonical form.
@@ -64,6 +66,7 @@ impl<'e> Collected<'e> {
             origin,
             named: Vec::new(),
             relay: None,
+            unilateral: false,
             is_timed: false,
             scale: 1.0,
             entries: Vec::new(),
@@ -208,6 +211,13 @@ impl<'e> Switches<'e> {
             self.list.push(switch);
         }
         (k, scale * self.list[k].scale < 0.0)
+    }
+
+    /// Takes a positive or negative multiple of ψ as the switching function of a switch that occurs nowhere yet.
+    pub fn orient(&mut self, k: usize, psi: Expr<'e>) {
+        let switch = &mut self.list[k];
+        switch.psi = psi;
+        switch.scale = surface::canonical(psi, &self.params).0;
     }
 
     /// Makes the switch of a ψ that the user wrote as `name` at `span`.

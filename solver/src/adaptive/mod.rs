@@ -191,6 +191,8 @@ impl<F: Field> Simulator<F> {
                 observer.event(&Event {
                     time: t,
                     x: &x,
+                    before: &x,
+                    jumps: &[],
                     from: &sides,
                     to: &end_sides,
                     accumulates: false,

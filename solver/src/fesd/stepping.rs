@@ -155,6 +155,8 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
                 observer.event(&Event {
                     time: t,
                     x: &x,
+                    before: &x,
+                    jumps: &[],
                     from: before,
                     to: &now,
                     accumulates: false,

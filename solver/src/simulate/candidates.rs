@@ -59,7 +59,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
 
     /// The sides of a switch on its surface, the present one first.
     fn options(&self, state: &State, switch: usize) -> Vec<Side> {
-        let mut options = vec![Side::Minus, Side::Plus];
+        let mut options = match self.system.is_unilateral(switch) {
+            true => vec![Side::Plus],
+            false => vec![Side::Minus, Side::Plus],
+        };
         if !self.system.is_continuous(switch) {
             options.push(Side::Slide);
         }

@@ -107,6 +107,11 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         for (at, &i) in group.iter().enumerate() {
             // Positive inside, negative outside, relative to the natural size.
             let margin = match choice.sides[at] {
+                Side::Slide if mode.is_unilateral(i) => {
+                    let force = 1.0 - choice.alpha[at];
+                    let gain = mode.coupling(i, i).abs();
+                    force * if rates[at] > 0.0 { gain / rates[at] } else { 1.0 }
+                }
                 Side::Slide => choice.alpha[at].min(1.0 - choice.alpha[at]),
                 side if rates[at] > 0.0 => side.sign() * mode.phi(i) / rates[at],
                 _ => 0.0,
@@ -160,7 +165,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let stays = |(&i, side): (&usize, &Side)| match side {
             Side::Slide => {
                 let series = mode.alpha_series(i);
-                let inward = if series[0] <= TIE {
+                let inward = if series[0] <= TIE && !mode.is_unilateral(i) {
                     1.0
                 } else if series[0] >= 1.0 - TIE {
                     -1.0

@@ -17,6 +17,7 @@ mod drift;
 mod field;
 mod implicit;
 mod judge;
+mod jump;
 mod layout;
 mod lead;
 #[cfg(test)]
@@ -47,6 +48,7 @@ use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use dense::{Dense, Polynomials};
+use jump::{Jumps, Met};
 use mode::Mode;
 use pieces::Pieces;
 use radau::Radau;
@@ -56,7 +58,9 @@ pub use settings::Settings;
 use state::State;
 pub use status::{Note, Status};
 use stiffness::Stiffness;
-pub use system::{Affine, Block, Input, Partials, Rates, Smooth, Surface, SwitchedSystem};
+pub use system::{
+    Affine, Block, Guard, Input, Law, Partials, Rates, Reset, Smooth, Surface, SwitchedSystem,
+};
 
 /// Where a switch stands relative to its surface ψ = 0.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
@@ -85,13 +89,17 @@ impl Side {
     }
 }
 
-/// A change of mode.
+/// A change of mode, or a jump of the state.
 #[derive(Clone, Debug)]
 pub struct Event<'a> {
     /// When.
     pub time: f64,
-    /// Where; states do not jump.
+    /// Where; after a jump.
     pub x: &'a [f64],
+    /// Where before; the same without a jump.
+    pub before: &'a [f64],
+    /// The laws that have jumped, in order.
+    pub jumps: &'a [usize],
     /// Mode before.
     pub from: &'a [Side],
     /// Mode after.
@@ -227,6 +235,7 @@ pub struct Simulator<'s, S> {
     pieces: Pieces,
     roots: RootFinder,
     stiffness: Stiffness,
+    jumps: Jumps,
     /// Memory that one run leaves to the next.
     state: State,
 }
@@ -253,6 +262,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
             coupled_by,
             pieces: Pieces::new(system),
             roots: RootFinder::new(order.max(stiffness::MOST_NODES)),
+            jumps: Jumps::default(),
             state: State::default(),
         }
     }
@@ -301,7 +311,20 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
         let mut events = zeno::Events::default();
         // The mode before an accumulation of events, and where it ends.
         let mut limit: Option<(Box<[Side]>, f64)> = None;
-        let status = match self.start(&mut state, t1 - t0) {
+        let started_at = self.start(&mut state, t1 - t0);
+        if started_at.is_ok() && !self.jumps.fired.is_empty() {
+            state.stats.events += 1;
+            observer.event(&Event {
+                time: state.t,
+                x: &state.x,
+                before: self.jumps.before(&state.x),
+                jumps: &self.jumps.fired,
+                from: &state.sides,
+                to: &state.sides,
+                accumulates: false,
+            });
+        }
+        let status = match started_at {
             Err(status) => status,
             Ok(()) => loop {
                 if state.t >= t1 {
@@ -353,6 +376,8 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                     observer.event(&Event {
                         time: state.t,
                         x: &state.x,
+                        before: &state.x,
+                        jumps: &[],
                         from: &from,
                         to: &state.sides,
                         accumulates: true,
@@ -380,7 +405,13 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                     }
                 }
                 let from = state.sides.clone();
-                let changed = if passes {
+                let changed = if self.has_jumps() {
+                    let met = match passes {
+                        true => Met::Breakpoint(step.triggers),
+                        false => Met::Surfaces(step.triggers),
+                    };
+                    self.jump_and_change(&mut state, met, t1)
+                } else if passes {
                     self.pass_breakpoint(&mut state, &step.triggers, t1)
                 } else {
                     self.change(&mut state, &step.triggers, t1)
@@ -388,24 +419,33 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 if let Err(status) = changed {
                     break status;
                 }
-                if from == state.sides {
+                let jumped = !self.jumps.fired.is_empty();
+                if from == state.sides && !jumped {
                     continue;
                 }
                 self.stiffness.after_event();
                 state.stats.events += 1;
-                events.record(state.t, &from);
+                events.record(state.t, &from, &self.jumps.fired);
                 let slides = |sides: &[Side]| sides.iter().filter(|s| **s == Side::Slide).count();
                 let more = slides(&state.sides) > slides(&from);
-                match events.limit().filter(|end| more && *end < t1) {
-                    Some(end) if end > state.t => limit = Some((from, end)),
-                    accumulates => observer.event(&Event {
+                let mut end = events.limit();
+                if jumped {
+                    end = self.jumps.limit(end, state.t);
+                }
+                let end = end.filter(|end| more && *end < t1);
+                let waits = end.filter(|end| *end > state.t);
+                if jumped || waits.is_none() {
+                    observer.event(&Event {
                         time: state.t,
                         x: &state.x,
+                        before: self.jumps.before(&state.x),
+                        jumps: &self.jumps.fired,
                         from: &from,
-                        to: &state.sides,
-                        accumulates: accumulates.is_some(),
-                    }),
+                        to: if waits.is_some() { &from } else { &state.sides },
+                        accumulates: end.is_some() && waits.is_none(),
+                    });
                 }
+                limit = waits.map(|end| (from, end));
             },
         };
         state.stats.functions = self.mode.n_functions() - known;

@@ -30,6 +30,8 @@ pub(crate) struct Mode {
     pub(super) field: Field,
     pub(super) surfaces: Surfaces,
     pub(super) equations: Sliding,
+    /// Switches whose α has no lower bound.
+    unilateral: Vec<bool>,
     /// Whether the components of `equations` are those of the present mode.
     arranged: bool,
     /// Whether functions of any sides have been taken.
@@ -71,6 +73,7 @@ impl Mode {
             field: Field::new(system),
             surfaces: Surfaces::new(system),
             equations: Sliding::new(n, m),
+            unilateral: (0..m).map(|i| system.is_unilateral(i)).collect(),
             arranged: false,
             entered: false,
             terms: vec![0.0; n],
@@ -151,6 +154,19 @@ impl Mode {
     /// Takes the switching functions of these sides, and no rates.
     pub(crate) fn enter_surfaces(&mut self, system: &impl SwitchedSystem, sides: &[Side]) {
         self.surfaces.enter(system, &mut self.memory, sides);
+    }
+
+    /// True for a switch that is never below its surface.
+    pub(super) fn is_unilateral(&self, switch: usize) -> bool {
+        self.unilateral[switch]
+    }
+
+    /// What α of a sliding switch must not pass.
+    pub(super) fn limits(&self, switch: usize) -> &'static [f64] {
+        match self.unilateral[switch] {
+            true => &[1.0],
+            false => &[0.0, 1.0],
+        }
     }
 
     /// Functions taken up so far.

@@ -6,6 +6,7 @@
 //! higher derivatives, which depend on the others' sides.
 
 use super::judge::{Check, Verdict};
+use super::jump::Met;
 use super::state::State;
 use super::{Note, Side, Simulator, Status, SwitchedSystem};
 
@@ -41,14 +42,28 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     pub(super) fn start(&mut self, state: &mut State, horizon: f64) -> Result<(), Status> {
         self.load(state);
         let relay = |i: usize| self.system.relay(i).unwrap_or(Side::Plus);
+        state.set_sides((0..state.sides.len()).map(relay).collect());
+        let on = self.place(state, horizon)?;
+        let t1 = state.t + horizon;
+        if self.has_jumps() {
+            self.jump_and_change(state, Met::Surfaces(on), t1)
+        } else if on.is_empty() {
+            Ok(())
+        } else {
+            self.change(state, &on, t1)
+        }
+    }
+
+    /// Takes the sides that ψ have where the state is, and returns the switches on their surface.
+    pub(super) fn place(&mut self, state: &mut State, horizon: f64) -> Result<Vec<usize>, Status> {
         let all: Vec<usize> = (0..state.sides.len()).collect();
-        state.set_sides(all.iter().map(|&i| relay(i)).collect());
         // ψ of a nested max depends on the sides of the inner one: settle from the inside out.
         for round in 0.. {
             let psi = self.psi(state);
             let side = |(i, &psi): (usize, &f64)| match self.system.relay(i) {
                 // A relay stays where ψ is zero.
                 Some(_) if psi == 0.0 => state.sides[i],
+                _ if self.system.is_unilateral(i) => Side::Plus,
                 _ => Side::of(psi),
             };
             let sides: Box<[Side]> = psi.iter().enumerate().map(side).collect();
@@ -65,13 +80,15 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             self.mode.set(state.t, &state.x, &state.alpha);
         }
         self.measure_bands(state, &all, horizon);
+        let below =
+            |&&i: &&usize| self.system.is_unilateral(i) && self.mode.psi(i) < -state.band[i];
+        if let Some(&switch) = all.iter().find(below) {
+            return Err(Status::Penetrates { switch });
+        }
         let on = |&i: &usize| self.mode.psi(i).abs() <= state.band[i];
         let on: Vec<usize> = all.into_iter().filter(on).collect();
-        if on.is_empty() {
-            Ok(())
-        } else {
-            self.change(state, &on, state.t + horizon)
-        }
+        state.armed.fill(false);
+        Ok(on)
     }
 
     /// Finds the next mode where `triggers` have reached their surface or stop to slide.

@@ -22,6 +22,28 @@ pub enum Status {
         /// The switches that do.
         switches: Vec<usize>,
     },
+    /// A jump leads to where its own guard holds.
+    StaysInGuard {
+        /// The law.
+        law: usize,
+    },
+    /// Jumps follow each other without end, at one instant.
+    EndlessJumps {
+        /// Laws that jumped last.
+        laws: Vec<usize>,
+    },
+    /// Two laws give one state different values at one instant.
+    ConflictingJumps {
+        /// The laws.
+        laws: [usize; 2],
+        /// The state.
+        state: usize,
+    },
+    /// The state is below a surface that it cannot pass.
+    Penetrates {
+        /// The unilateral switch.
+        switch: usize,
+    },
     /// More than one solution continues from here; there may be more than [`MAX_NAMED`](super::MAX_NAMED).
     NonUnique(Vec<Candidate>),
     /// No choice of sides is consistent with its own rates.

@@ -143,7 +143,7 @@ pub(super) fn first_event(
     let mode = dense.mode();
     for &i in &mode.sliding {
         let alpha = dense.alpha(i);
-        for limit in [0.0, 1.0] {
+        for &limit in mode.limits(i) {
             let reach = first.map_or(h, |(root, _)| root.tau);
             let inside = if limit == 0.0 { 1.0 } else { -1.0 };
             let start = alpha[0] - limit;
@@ -223,7 +223,7 @@ pub(super) fn simultaneous(
     let mode = dense.mode();
     let together = |&i: &usize| {
         let alpha = series::value(dense.alpha(i), tau);
-        alpha.min(1.0 - alpha).abs() <= TOGETHER
+        (mode.limits(i).iter()).any(|limit| (alpha - limit).abs() <= TOGETHER)
     };
     let mut triggers: Vec<usize> = mode.sliding.iter().copied().filter(together).collect();
     let reached = |&i: &usize| {
@@ -287,6 +287,13 @@ impl Mode {
             let next = tau - value / slope;
             // A root that the function and its series do not share is a tangency: keep the series'.
             if !next.is_finite() || next < 0.0 || (next - tau).abs() > 1e-3 * h {
+                break;
+            }
+            // Where the surface has just been left, a value that is rounding says nothing of the root.
+            if let Watch::Surface(i) = watch
+                && state.armed[i]
+                && value.abs() <= 8.0 * f64::EPSILON * state.terms[i]
+            {
                 break;
             }
             let moved = (next - tau).abs();

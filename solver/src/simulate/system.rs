@@ -74,10 +74,53 @@ pub trait SwitchedSystem {
     fn is_piecewise(&self, _switch: usize) -> bool {
         false
     }
+    /// True for a switch that is never below its surface: it is above, or kept on it by an α that may
+    /// have any value up to 1. Its relative degree is two.
+    fn is_unilateral(&self, _switch: usize) -> bool {
+        false
+    }
+    /// How the state jumps.
+    fn laws(&self) -> &[Law] {
+        &[]
+    }
     /// Whether the rate φ of a switch, or that of its last derivative, contains a coefficient.
     fn has_piecewise_rate(&self, _switch: usize) -> bool {
         false
     }
+}
+
+/// A law by which states jump.
+#[derive(Clone, Debug)]
+pub struct Law {
+    /// When.
+    pub guard: Guard,
+    /// Where to.
+    pub reset: Reset,
+}
+
+/// When a law jumps.
+#[derive(Clone, Debug)]
+pub enum Guard {
+    /// When a function of the sides of some switches becomes 1.
+    Sides {
+        /// The switches.
+        switches: Vec<usize>,
+        /// From their α to 0 or 1.
+        holds: Tape,
+    },
+    /// When the surface of a unilateral switch is reached from above.
+    Strikes(usize),
+}
+
+/// New values of states.
+#[derive(Clone, Debug)]
+pub struct Reset {
+    /// What the inputs of the tape are.
+    pub inputs: Vec<Input>,
+    /// The states.
+    pub states: Vec<usize>,
+    /// To their new values.
+    pub values: Tape,
 }
 
 /// Rates that are computed together.

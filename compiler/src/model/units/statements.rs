@@ -53,10 +53,16 @@ impl<'f> Checker<'f, '_> {
                 self.frames.pop();
             }
             Stmt::Dynamics(dynamics) => self.dynamics(dynamics),
+            Stmt::Jump(jump) => {
+                self.expr(&jump.guard);
+                for bind in &jump.resets {
+                    let target = self.target(&bind.target);
+                    self.bind(bind, target);
+                }
+            }
             // Refused before units are looked at, or without values of their own.
             Stmt::Const(_)
             | Stmt::Project(_)
-            | Stmt::Jump(_)
             | Stmt::Mechanics(_)
             | Stmt::Contact(_)
             | Stmt::Program(_)

@@ -244,6 +244,16 @@ pub enum ExperimentError {
         span: Span,
     },
 
+    /// A jump in a method that integrates rates alone.
+    #[error("`method {method}` does not take state jumps yet")]
+    #[diagnostic(code(E0904), help("use `method event`, which is the default"))]
+    Jump {
+        method: &'static str,
+        name: String,
+        #[label("`{name}` sets states")]
+        span: Span,
+    },
+
     /// A comparison of methods of simulation.
     #[error("`{name}` is no simulation")]
     #[diagnostic(

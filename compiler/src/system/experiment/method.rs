@@ -49,6 +49,11 @@ impl Method<'_> {
         }
     }
 
+    /// Whether the method knows of states that jump.
+    pub fn takes_jumps(&self) -> bool {
+        matches!(self, Method::Auto | Method::Event(_))
+    }
+
     /// Whether the method looks at the present state alone, so that relays have no place in it.
     pub fn is_without_memory(&self) -> bool {
         matches!(self, Method::Smoothing(_) | Method::Adaptive)

@@ -1,0 +1,213 @@
+//! Jumps of the state at an event: x⁺ = r(t, x⁻).
+//!
+//! A law jumps where its guard, a function of the sides of switches, becomes true; or where the state
+//! strikes a closed surface: ψ = 0 and ψ' < 0 for a *unilateral* switch, which may be above its surface
+//! or be kept on it by x' = f(x) + d (1 - α), α ≤ 1, and is never below.
+//!
+//! 1. What strikes jumps first: only then do rates decide what is open and what closed.
+//! 2. The rates on all surfaces that meet decide the sides.
+//! 3. Laws whose guards hold on these sides jump together, all from the values before.
+//!
+//! After a jump all ψ are evaluated again, as at the start of a run, and the three steps are repeated
+//! until nothing jumps.
+
+use super::select::BAND;
+use super::state::State;
+use super::system::{Guard, Input, Law, Reset};
+use super::{Side, Simulator, Status, SwitchedSystem};
+
+/// Jumps at one instant before they count as endless.
+const MAX_ROUNDS: usize = 100;
+
+/// What has happened at the present instant, and memory for it.
+#[derive(Default)]
+pub(super) struct Jumps {
+    /// Laws that have jumped, in order.
+    pub fired: Vec<usize>,
+    /// The state before the first jump.
+    pub before: Vec<f64>,
+    registers: Vec<f64>,
+    /// New values of states, with the law they come from.
+    values: Vec<(usize, f64, usize)>,
+    /// Where jumps accumulate, as long as they do.
+    limit: Option<f64>,
+}
+
+impl Jumps {
+    /// The state before the jumps of this instant, `after` where there were none.
+    pub(super) fn before<'x>(&'x self, after: &'x [f64]) -> &'x [f64] {
+        match self.fired.is_empty() {
+            true => after,
+            false => &self.before,
+        }
+    }
+
+    /// Takes note of the limit that the events show so far; the last one shown, where they come too
+    /// close to it to be told apart.
+    pub(super) fn limit(&mut self, shown: Option<f64>, t: f64) -> Option<f64> {
+        self.limit = shown.or_else(|| {
+            let near = |end: &f64| (end - t).abs() <= NEAR * t.abs().max(f64::MIN_POSITIVE);
+            self.limit.filter(near)
+        });
+        self.limit
+    }
+}
+
+/// Instants that differ by less than this fraction of themselves may be the limit of events.
+const NEAR: f64 = 1e-9;
+
+/// What a new mode is found for.
+pub(super) enum Met {
+    /// Switches on their surface, or at the end of their sliding.
+    Surfaces(Vec<usize>),
+    /// New pieces of data, together with such switches.
+    Breakpoint(Vec<usize>),
+}
+
+impl<S: SwitchedSystem> Simulator<'_, S> {
+    /// True for a system with laws by which it jumps.
+    pub(super) fn has_jumps(&self) -> bool {
+        !self.system.laws().is_empty()
+    }
+
+    /// Lets everything jump that jumps here, and finds the mode that goes on.
+    pub(super) fn jump_and_change(
+        &mut self,
+        state: &mut State,
+        mut met: Met,
+        t1: f64,
+    ) -> Result<(), Status> {
+        self.jumps.fired.clear();
+        let mut last: Vec<usize> = Vec::new();
+        for _ in 0..MAX_ROUNDS {
+            let mut fired = self.struck(state, t1);
+            if fired.is_empty() {
+                match met {
+                    Met::Surfaces(on) if on.is_empty() => {}
+                    Met::Surfaces(on) => self.change(state, &on, t1)?,
+                    Met::Breakpoint(on) => self.pass_breakpoint(state, &on, t1)?,
+                }
+                fired = self.holding(state);
+            }
+            if fired.is_empty() {
+                return Ok(());
+            }
+            if let Some(&law) = fired.iter().find(|law| last.contains(law)) {
+                return Err(Status::StaysInGuard { law });
+            }
+            self.apply(state, &fired)?;
+            met = Met::Surfaces(self.place(state, t1 - state.t)?);
+            last = fired;
+        }
+        Err(Status::EndlessJumps { laws: last })
+    }
+
+    /// The laws of surfaces that the state strikes from above.
+    fn struck(&mut self, state: &mut State, t1: f64) -> Vec<usize> {
+        let mut struck = Vec::new();
+        for (l, law) in self.system.laws().iter().enumerate() {
+            let Guard::Strikes(switch) = law.guard else {
+                continue;
+            };
+            let closed = state.sides[switch] == Side::Slide;
+            if !closed {
+                self.measure_bands(state, &[switch], t1 - state.t);
+            }
+            let mode = &mut self.mode;
+            mode.set(state.t, &state.x, &state.alpha);
+            mode.surfaces.stand_for(switch, 0);
+            if !closed && mode.psi(switch) > state.band[switch] {
+                continue;
+            }
+            mode.surfaces.stand_for(switch, 1);
+            mode.surfaces.linearize(switch, &mode.memory.values);
+            let terms = mode.gradient(switch).iter();
+            let size: f64 = terms.map(|&(j, g)| g.abs() * state.size(j)).sum();
+            if mode.psi(switch) < -BAND * size {
+                struck.push(l);
+            }
+            let order = if closed { 1 } else { 0 };
+            mode.surfaces.stand_for(switch, order);
+        }
+        struck
+    }
+
+    /// The laws whose guards hold on the present sides.
+    fn holding(&mut self, state: &State) -> Vec<usize> {
+        let mut holding = Vec::new();
+        for (l, law) in self.system.laws().iter().enumerate() {
+            let Guard::Sides { switches, holds } = &law.guard else {
+                continue;
+            };
+            let registers = &mut self.jumps.registers;
+            registers.resize(holds.n_registers().max(switches.len()), 0.0);
+            for (register, &switch) in registers.iter_mut().zip(switches) {
+                *register = 0.5 + 0.5 * state.sides[switch].sign();
+            }
+            holds.run(registers);
+            if holds.results(registers).next().is_some_and(|v| v > 0.75) {
+                holding.push(l);
+            }
+        }
+        holding
+    }
+
+    /// Lets laws jump together.
+    fn apply(&mut self, state: &mut State, laws: &[usize]) -> Result<(), Status> {
+        if self.jumps.fired.is_empty() {
+            self.jumps.before.clone_from(&state.x);
+        }
+        self.mode.set(state.t, &state.x, &state.alpha);
+        let Jumps {
+            registers, values, ..
+        } = &mut self.jumps;
+        values.clear();
+        for &l in laws {
+            let Reset {
+                inputs,
+                states,
+                values: tape,
+            } = &self.system.laws()[l].reset;
+            registers.resize(tape.n_registers().max(inputs.len()), 0.0);
+            for (register, &input) in registers.iter_mut().zip(inputs) {
+                *register = match input {
+                    Input::Number(number) => number,
+                    input => {
+                        let slot = self.mode.memory.slot(input);
+                        self.mode.memory.values[slot]
+                    }
+                };
+            }
+            tape.run(registers);
+            for (&state, value) in states.iter().zip(tape.results(registers)) {
+                match values.iter().find(|(other, ..)| *other == state) {
+                    Some(&(_, known, other)) if known != value => {
+                        let laws = [other, l];
+                        return Err(Status::ConflictingJumps { laws, state });
+                    }
+                    Some(_) => {}
+                    None => values.push((state, value, l)),
+                }
+            }
+        }
+        for &(i, value, _) in &*values {
+            if !value.is_finite() {
+                return Err(Status::NotFinite);
+            }
+            state.x[i] = value;
+            state.scale[i] = state.scale[i].max(value.abs());
+        }
+        self.jumps.fired.extend_from_slice(laws);
+        Ok(())
+    }
+}
+
+impl Law {
+    /// The switch that closes where jumps of this law end.
+    pub fn closes(&self) -> Option<usize> {
+        match self.guard {
+            Guard::Strikes(switch) => Some(switch),
+            Guard::Sides { .. } => None,
+        }
+    }
+}
