@@ -119,8 +119,10 @@ pub enum Failure {
     /// A jump to where its own guard holds.
     #[error("at t = {time}, a jump leads to where its own guard holds")]
     #[diagnostic(
-        code(E0715),
-        help("a jump must leave its guard, or its guard must ask for a direction too: `c <= 0 and v < 0`")
+        code(E0721),
+        help(
+            "a jump must leave its guard, or its guard must ask for a direction too: `c <= 0 and v < 0`"
+        )
     )]
     StaysInGuard {
         time: f64,
@@ -131,7 +133,7 @@ pub enum Failure {
     /// Jumps without end at one instant.
     #[error("at t = {time}, jumps follow each other without end")]
     #[diagnostic(
-        code(E0716),
+        code(E0722),
         help("what one of them does makes the next one jump; let their guards exclude each other")
     )]
     EndlessJumps {
@@ -143,7 +145,7 @@ pub enum Failure {
     /// Two jumps that disagree.
     #[error("at t = {time}, two jumps set `{state}` to different values")]
     #[diagnostic(
-        code(E0717),
+        code(E0723),
         help("jumps at one instant apply together; let one of them do what both mean")
     )]
     ConflictingJumps {
@@ -156,7 +158,7 @@ pub enum Failure {
     /// A state beyond a surface that it cannot pass.
     #[error("at t = {time}, the state is below the surface of `{name}`, which it cannot pass")]
     #[diagnostic(
-        code(E0718),
+        code(E0724),
         help("start where the gap is not negative; other jumps must not lead there either")
     )]
     Penetrates {

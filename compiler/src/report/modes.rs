@@ -40,7 +40,14 @@ impl Trajectory {
             n if n > MAX_NAMES => words.push(format!("{n} sliding")),
             _ => words.push(format!("sliding({})", sliding.join(", "))),
         }
-        for side in [Side::Below, Side::Above, Side::Off, Side::On, Side::Open, Side::Closed] {
+        for side in [
+            Side::Below,
+            Side::Above,
+            Side::Off,
+            Side::On,
+            Side::Open,
+            Side::Closed,
+        ] {
             match on(side).count() {
                 0 => {}
                 n => words.push(format!("{n} {}", side.as_str())),

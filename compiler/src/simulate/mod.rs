@@ -329,7 +329,10 @@ impl Observer for Comparison<'_> {
         }
         let end = segment.start + segment.length;
         // Beyond the next jump of the first run, which this one has not met yet.
-        let known = self.jumps.get(self.jumped).map_or(usize::MAX, |jump| jump.n_points);
+        let known = self
+            .jumps
+            .get(self.jumped)
+            .map_or(usize::MAX, |jump| jump.n_points);
         while let Some(&t) = self.points.get(self.next).filter(|t| **t <= end) {
             if self.next >= known {
                 break;

@@ -40,7 +40,9 @@ impl<'s, 'e> ModeNames<'s, 'e> {
         let watched = only_watched(system);
         ModeNames {
             system,
-            loose: (0..system.switches.len()).filter(|i| !shown(i) && !watched[*i]).collect(),
+            loose: (0..system.switches.len())
+                .filter(|i| !shown(i) && !watched[*i])
+                .collect(),
             watched,
             indicated: (0..system.switches.len()).map(partition_of).collect(),
         }
@@ -208,7 +210,10 @@ fn only_watched(system: &System) -> Vec<bool> {
         return vec![false; system.switches.len()];
     }
     let recorded = system.outputs.iter().chain(&system.controls);
-    let regions = system.partitions.iter().flat_map(|partition| &partition.regions);
+    let regions = system
+        .partitions
+        .iter()
+        .flat_map(|partition| &partition.regions);
     let used: Vec<Expr> = (system.states.iter().map(|state| state.rate))
         .chain(recorded.flat_map(|output| output.exprs.iter().copied()))
         .chain(system.limits.iter().map(|limit| limit.value))
@@ -218,7 +223,9 @@ fn only_watched(system: &System) -> Vec<bool> {
     let used = variables_of(&used);
     let is_used = |alpha: Expr| alpha.as_variable().is_some_and(|var| used.contains(&var));
     let named = |switch: &crate::system::Switch| !switch.named.is_empty();
-    (system.switches.iter()).map(|switch| !is_used(switch.alpha) && !named(switch)).collect()
+    (system.switches.iter())
+        .map(|switch| !is_used(switch.alpha) && !named(switch))
+        .collect()
 }
 
 fn kind(from: Side, to: Side) -> Option<EventKind> {

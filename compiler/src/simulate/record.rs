@@ -226,7 +226,9 @@ impl<'s, 'e> Recorder<'s, 'e> {
         }
         for ((time, from, to), what) in changes {
             while let Some(jump) = jumps.next_if(|jump| jump.time <= *time) {
-                trajectory.events.extend(jump.events(names, &names.mode(from)));
+                trajectory
+                    .events
+                    .extend(jump.events(names, &names.mode(from)));
             }
             let (mode_from, mode_to) = (names.mode(from), names.mode(to));
             let limit = self.accumulations.contains(time);
@@ -246,13 +248,19 @@ impl<'s, 'e> Recorder<'s, 'e> {
         }
         let last = trajectory.modes.last().map(|mode| mode.mode.clone());
         let last = last.unwrap_or_default();
-        trajectory.events.extend(jumps.flat_map(|jump| jump.events(names, &last)));
+        trajectory
+            .events
+            .extend(jumps.flat_map(|jump| jump.events(names, &last)));
     }
 }
 
 impl Jump {
     /// One event per law, in a mode.
-    fn events<'j>(&'j self, names: &'j ModeNames, mode: &'j str) -> impl Iterator<Item = report::Event> + 'j {
+    fn events<'j>(
+        &'j self,
+        names: &'j ModeNames,
+        mode: &'j str,
+    ) -> impl Iterator<Item = report::Event> + 'j {
         self.laws.iter().map(move |&law| {
             let (surface, span) = names.law(law);
             report::Event {

@@ -167,7 +167,9 @@ impl<'e> Switched<'e> {
             couplings,
             blocks,
             continuous,
-            unilateral: (system.switches.iter()).map(|switch| switch.unilateral).collect(),
+            unilateral: (system.switches.iter())
+                .map(|switch| switch.unilateral)
+                .collect(),
             laws: laws::compile(system, &inputs, &[&numbers, &polynomials]),
             inputs,
             inside,

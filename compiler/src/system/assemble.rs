@@ -135,8 +135,12 @@ impl<'e> Lowering<'_, 'e> {
         for subsystem in &mut subsystems {
             subsystem.regions = regions_of(subsystem, &partitions, &rates, &alphas);
         }
+        // What else the guard of a contact compares follows from its gap.
+        let guards = laws.iter().map(|law| law.guard);
+        let watched: Vec<usize> = guards.flat_map(|e| self.switches.occurring(e)).collect();
         let dropped: Vec<(String, Expr<'e>)> = dropped
             .into_iter()
+            .filter(|k| !watched.contains(k))
             .map(|k| (self.switches.name_of(k), self.switches.list[k].psi))
             .collect();
         let skipped = skipped::describe(model, &self.needs, &switches, dropped);

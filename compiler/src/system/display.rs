@@ -56,7 +56,11 @@ impl fmt::Display for System<'_> {
         }
         for law in &self.laws {
             match law.strikes {
-                Some(k) => writeln!(f, "jump {} when {} is struck", law.name, self.switches[k].psi)?,
+                Some(k) => writeln!(
+                    f,
+                    "jump {} when {} is struck",
+                    law.name, self.switches[k].psi
+                )?,
                 None => writeln!(f, "jump {} when {}", law.name, law.guard)?,
             }
             for (state, value) in &law.resets {

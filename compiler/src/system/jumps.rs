@@ -10,10 +10,10 @@
 
 use rustc_hash::FxHashMap;
 
-use super::lower::Lowering;
-use super::regions::conjunction;
 use super::limits::Limit;
+use super::lower::Lowering;
 use super::partitions::Regions;
+use super::regions::conjunction;
 use super::{Law, Output, SystemError};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Substitution, Var, variables_of};
@@ -81,9 +81,12 @@ impl<'e> Lowering<'_, 'e> {
         (outputs, limits): (&[Output<'e>], &[Limit<'e>]),
         diags: &mut Diagnostics,
     ) {
-        let places: FxHashMap<usize, usize> =
-            (self.kept_states().enumerate()).map(|(place, (entry, _))| (entry, place)).collect();
-        let recorded = outputs.iter().flat_map(|output| output.exprs.iter().copied());
+        let places: FxHashMap<usize, usize> = (self.kept_states().enumerate())
+            .map(|(place, (entry, _))| (entry, place))
+            .collect();
+        let recorded = outputs
+            .iter()
+            .flat_map(|output| output.exprs.iter().copied());
         let used: Vec<Expr<'e>> = (regions.weights.iter().chain(&regions.guards).copied())
             .chain(recorded)
             .chain(limits.iter().map(|limit| limit.value))
@@ -93,7 +96,10 @@ impl<'e> Lowering<'_, 'e> {
             let guards = laws.iter().enumerate().filter(|(other, _)| *other != at);
             let elsewhere: Vec<Expr<'e>> = (used.iter().copied().chain(rates.iter().copied()))
                 .chain(guards.map(|(_, law)| law.guard))
-                .chain(laws.iter().flat_map(|law| law.resets.iter().map(|reset| reset.1)))
+                .chain(
+                    laws.iter()
+                        .flat_map(|law| law.resets.iter().map(|reset| reset.1)),
+                )
                 .collect();
             if self.stays(&laws[at], rates) {
                 diags.push(stays_in_guard(jump));
@@ -123,7 +129,12 @@ impl<'e> Lowering<'_, 'e> {
         places: &FxHashMap<usize, usize>,
         elsewhere: &[Expr<'e>],
     ) -> Option<Contact<'e>> {
-        let alphas: Vec<Var> = self.switches.list.iter().map(|switch| switch.alpha).collect();
+        let alphas: Vec<Var> = self
+            .switches
+            .list
+            .iter()
+            .map(|switch| switch.alpha)
+            .collect();
         let literals = conjunction(law.guard, &alphas)?;
         // The guard says that these are negative.
         let negative: Vec<(usize, Expr<'e>)> = (literals.iter())
@@ -155,8 +166,11 @@ impl<'e> Lowering<'_, 'e> {
         }
         let vars: Vec<Expr<'e>> = self.model.state_vars().collect();
         // d = -∂Δ/∂ċ, along the gradient of ċ by what the law sets.
-        let slopes: Vec<Expr<'e>> =
-            law.resets.iter().map(|&(entry, _)| self.slope(speed, entry)).collect();
+        let slopes: Vec<Expr<'e>> = law
+            .resets
+            .iter()
+            .map(|&(entry, _)| self.slope(speed, entry))
+            .collect();
         let square = self.model.exprs.sum(slopes.iter().map(|&s| s * s));
         if square.is_zero() {
             return None;
@@ -179,7 +193,9 @@ impl<'e> Lowering<'_, 'e> {
             direction.push((entry, d));
         }
         // 1 + e
-        let gain = direction.iter().map(|&(entry, d)| self.slope(speed, entry) * d);
+        let gain = direction
+            .iter()
+            .map(|&(entry, d)| self.slope(speed, entry) * d);
         let gain = self.model.exprs.sum(gain);
         if !self.at_samples(gain, |gain| gain >= 1.0 - 1e-9) {
             return None;
@@ -193,14 +209,20 @@ impl<'e> Lowering<'_, 'e> {
 
     /// Whether every comparison of a guard and its rate are the same after the jump, up to positive factors.
     fn stays(&self, law: &Lowered<'e>, rates: &[Expr<'e>]) -> bool {
-        let alphas: Vec<Var> = self.switches.list.iter().map(|switch| switch.alpha).collect();
+        let alphas: Vec<Var> = self
+            .switches
+            .list
+            .iter()
+            .map(|switch| switch.alpha)
+            .collect();
         let Some(literals) = conjunction(law.guard, &alphas) else {
             return false;
         };
         let vars: Vec<Expr<'e>> = self.model.state_vars().collect();
-        let after = law.resets.iter().filter_map(|&(entry, value)| {
-            Some((vars[entry].as_variable()?, value))
-        });
+        let after = law
+            .resets
+            .iter()
+            .filter_map(|&(entry, value)| Some((vars[entry].as_variable()?, value)));
         let after: Substitution<'e> = after.collect();
         let is_kept = |e: Expr<'e>| {
             let (a, before) = self.in_numbers(e).split_scale();
@@ -216,16 +238,23 @@ impl<'e> Lowering<'_, 'e> {
 
     /// dc/dt = ∇c·f + ∂c/∂t
     fn rate_of(&self, c: Expr<'e>, rates: &[Expr<'e>]) -> Expr<'e> {
-        let along = self.kept_states().zip(rates).filter_map(|((_, var), &rate)| {
-            let slope = c.diff(var.as_variable()?);
-            (!slope.is_zero()).then(|| slope * rate)
-        });
+        let along = self
+            .kept_states()
+            .zip(rates)
+            .filter_map(|((_, var), &rate)| {
+                let slope = c.diff(var.as_variable()?);
+                (!slope.is_zero()).then(|| slope * rate)
+            });
         let by_time = self.model.time.as_variable().map(|time| c.diff(time));
         self.model.exprs.sum(along.chain(by_time))
     }
 
     fn slope(&self, e: Expr<'e>, entry: usize) -> Expr<'e> {
-        let var = self.model.state_vars().nth(entry).and_then(Expr::as_variable);
+        let var = self
+            .model
+            .state_vars()
+            .nth(entry)
+            .and_then(Expr::as_variable);
         var.map_or(self.model.exprs.constant(0.0), |var| e.diff(var))
     }
 
@@ -233,7 +262,10 @@ impl<'e> Lowering<'_, 'e> {
         let params = self.model.params.iter().flat_map(|param| &param.vars);
         let numbers = params.filter_map(|var| {
             let var = var.as_variable()?;
-            Some((var, self.model.exprs.constant(*self.values.numbers.get(&var)?)))
+            Some((
+                var,
+                self.model.exprs.constant(*self.values.numbers.get(&var)?),
+            ))
         });
         numbers.collect()
     }
@@ -253,7 +285,8 @@ impl<'e> Lowering<'_, 'e> {
         let e = self.in_numbers(e);
         (1..=5).all(|point| {
             let point = f64::from(point);
-            let at = |var: Var| 0.3 + 0.618 * point + 0.7 * (point * 1.7 * var.index() as f64).sin();
+            let at =
+                |var: Var| 0.3 + 0.618 * point + 0.7 * (point * 1.7 * var.index() as f64).sin();
             holds(e.eval(&at))
         })
     }
@@ -270,18 +303,23 @@ fn stays_in_guard(jump: &Jump) -> SystemError {
 impl<'e> Lowering<'_, 'e> {
     /// The laws, once only the switches `kept` are left.
     pub(super) fn finished_laws(&self, laws: Vec<Lowered<'e>>, kept: &[usize]) -> Vec<Law<'e>> {
-        let places: FxHashMap<usize, usize> =
-            (self.kept_states().enumerate()).map(|(place, (entry, _))| (entry, place)).collect();
+        let places: FxHashMap<usize, usize> = (self.kept_states().enumerate())
+            .map(|(place, (entry, _))| (entry, place))
+            .collect();
         let finish = |law: Lowered<'e>| {
             let jump = &self.model.jumps[law.jump];
-            let strikes = law.strikes.and_then(|k| kept.iter().position(|&other| other == k));
+            let strikes = law
+                .strikes
+                .and_then(|k| kept.iter().position(|&other| other == k));
             let resets = law.resets.into_iter();
             let closed = |k: usize| 1.0 - self.model.exprs.expr(self.switches.list[k].alpha);
             Law {
                 name: jump.name.clone(),
                 guard: law.strikes.map_or(law.guard, closed),
                 strikes,
-                resets: resets.map(|(entry, value)| (places[&entry], value)).collect(),
+                resets: resets
+                    .map(|(entry, value)| (places[&entry], value))
+                    .collect(),
                 span: jump.span,
             }
         };

@@ -313,7 +313,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         let after = &self.modes[run.mode].element.reduced.sides;
         if before != *after {
             run.stats.events += 1;
-            run.events.record(run.t, &before, &[]);
+            run.events.record(run.t, &before);
             let slides = |sides: &[Side]| sides.iter().filter(|s| **s == Side::Slide).count();
             // Elements as short as rounding do not show what infinitely many would do.
             if slides(after) > slides(&before) && run.events.limit().is_some() {

@@ -110,7 +110,12 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 Side::Slide if mode.is_unilateral(i) => {
                     let force = 1.0 - choice.alpha[at];
                     let gain = mode.coupling(i, i).abs();
-                    force * if rates[at] > 0.0 { gain / rates[at] } else { 1.0 }
+                    force
+                        * if rates[at] > 0.0 {
+                            gain / rates[at]
+                        } else {
+                            1.0
+                        }
                 }
                 Side::Slide => choice.alpha[at].min(1.0 - choice.alpha[at]),
                 side if rates[at] > 0.0 => side.sign() * mode.phi(i) / rates[at],

@@ -8,6 +8,11 @@
 //! 2. The rates on all surfaces that meet decide the sides.
 //! 3. Laws whose guards hold on these sides jump together, all from the values before.
 //!
+//! A contact that opens by less than ψ is known closes at once: ψ'²/(2|ψ''|) ≤ ε, where ψ'' < 0 at α = 1.
+//! What is left of ψ' is taken away in the direction d in which the surface pushes. This is how infinitely
+//! many jumps end: with e = -ψ'⁺/ψ'⁻ the next one takes 2ψ'/|ψ''|, each one after it e times as long as the
+//! one before, and all together 2ψ'/(|ψ''| (1 - e)).
+//!
 //! After a jump all ψ are evaluated again, as at the start of a run, and the three steps are repeated
 //! until nothing jumps.
 
@@ -29,8 +34,12 @@ pub(super) struct Jumps {
     registers: Vec<f64>,
     /// New values of states, with the law they come from.
     values: Vec<(usize, f64, usize)>,
-    /// Where jumps accumulate, as long as they do.
-    limit: Option<f64>,
+    /// What small openings were taken away from the states, together.
+    pub closed: Vec<f64>,
+    /// Where the jumps of contacts that close here accumulate.
+    end: Option<f64>,
+    /// Contacts that were struck here, and how fast.
+    struck: Vec<(usize, f64)>,
 }
 
 impl Jumps {
@@ -42,19 +51,20 @@ impl Jumps {
         }
     }
 
-    /// Takes note of the limit that the events show so far; the last one shown, where they come too
-    /// close to it to be told apart.
-    pub(super) fn limit(&mut self, shown: Option<f64>, t: f64) -> Option<f64> {
-        self.limit = shown.or_else(|| {
-            let near = |end: &f64| (end - t).abs() <= NEAR * t.abs().max(f64::MIN_POSITIVE);
-            self.limit.filter(near)
-        });
-        self.limit
+    /// Where the jumps accumulate that end here. Where nothing says so, but that a contact opens no farther
+    /// than rounding, what was taken away from the states is an error.
+    pub(super) fn limit(&self, state: &mut State) -> Option<f64> {
+        if self.end.is_none() {
+            for (moved, closed) in state.moved.iter_mut().zip(&self.closed) {
+                *moved += closed * closed;
+            }
+        }
+        self.end
     }
 }
 
-/// Instants that differ by less than this fraction of themselves may be the limit of events.
-const NEAR: f64 = 1e-9;
+/// What a series does below this fraction of its terms is rounding.
+const ROUNDING: f64 = 1e-13;
 
 /// What a new mode is found for.
 pub(super) enum Met {
@@ -78,10 +88,16 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         t1: f64,
     ) -> Result<(), Status> {
         self.jumps.fired.clear();
+        self.jumps.closed.clear();
+        self.jumps.struck.clear();
+        self.jumps.end = None;
         let mut last: Vec<usize> = Vec::new();
         for _ in 0..MAX_ROUNDS {
             let mut fired = self.struck(state, t1);
             if fired.is_empty() {
+                if !self.jumps.fired.is_empty() {
+                    self.close(state, t1);
+                }
                 match met {
                     Met::Surfaces(on) if on.is_empty() => {}
                     Met::Surfaces(on) => self.change(state, &on, t1)?,
@@ -105,6 +121,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     /// The laws of surfaces that the state strikes from above.
     fn struck(&mut self, state: &mut State, t1: f64) -> Vec<usize> {
         let mut struck = Vec::new();
+        let mut speeds = Vec::new();
         for (l, law) in self.system.laws().iter().enumerate() {
             let Guard::Strikes(switch) = law.guard else {
                 continue;
@@ -123,13 +140,58 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             mode.surfaces.linearize(switch, &mode.memory.values);
             let terms = mode.gradient(switch).iter();
             let size: f64 = terms.map(|&(j, g)| g.abs() * state.size(j)).sum();
-            if mode.psi(switch) < -BAND * size {
+            let speed = mode.psi(switch);
+            if speed < -BAND * size {
                 struck.push(l);
+                speeds.push((switch, -speed));
             }
             let order = if closed { 1 } else { 0 };
             mode.surfaces.stand_for(switch, order);
         }
+        if !struck.is_empty() {
+            self.jumps.struck = speeds;
+        }
         struck
+    }
+
+    /// Takes away the speeds at which contacts open by less than their ψ is known.
+    fn close(&mut self, state: &mut State, t1: f64) {
+        for law in self.system.laws() {
+            let Guard::Strikes(switch) = law.guard else {
+                continue;
+            };
+            self.measure_bands(state, &[switch], t1 - state.t);
+            if self.mode.psi(switch).abs() > state.band[switch] {
+                continue;
+            }
+            let mut sides = state.sides.clone();
+            sides[switch] = Side::Slide;
+            self.mode.enter(self.system, &sides);
+            let mode = &mut self.mode;
+            mode.surfaces.stand_for(switch, 1);
+            state.alpha[switch] = 1.0;
+            mode.eval(state.t, &state.x, &state.alpha);
+            mode.linearize(&[switch]);
+            let (speed, bend) = (mode.psi(switch), mode.phi(switch));
+            let push = mode.coupling(switch, switch);
+            let rounding = ROUNDING * bend.abs() * state.last_step.powi(2);
+            let least = 2.0 * state.band[switch].max(rounding);
+            if speed > 0.0 && bend < 0.0 && speed * speed <= 2.0 * bend.abs() * least {
+                let known = self.jumps.struck.iter().find(|struck| struck.0 == switch);
+                let ratio = known.map_or(1.0, |(_, before)| speed / before);
+                if ratio < 1.0 {
+                    let end = state.t + 2.0 * speed / (bend.abs() * (1.0 - ratio));
+                    self.jumps.end = Some(self.jumps.end.map_or(end, |other| other.max(end)));
+                }
+                self.jumps.closed.resize(state.x.len(), 0.0);
+                for (i, closed) in self.jumps.closed.iter_mut().enumerate() {
+                    let slopes = mode.field.slopes(i).filter(|(j, _)| *j == switch);
+                    let change: f64 = slopes.map(|(_, slope)| slope * speed / push).sum();
+                    state.x[i] -= change;
+                    *closed += change;
+                }
+            }
+        }
     }
 
     /// The laws whose guards hold on the present sides.

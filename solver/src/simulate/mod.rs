@@ -51,12 +51,11 @@ use dense::{Dense, Polynomials};
 use jump::{Jumps, Met};
 use mode::Mode;
 use pieces::Pieces;
-use radau::Radau;
 use roots::RootFinder;
 pub use select::{Candidate, MAX_NAMED};
 pub use settings::Settings;
 use state::State;
-pub use status::{Note, Status};
+pub use status::{Note, Stats, Status};
 use stiffness::Stiffness;
 pub use system::{
     Affine, Block, Guard, Input, Law, Partials, Rates, Reset, Smooth, Surface, SwitchedSystem,
@@ -162,38 +161,6 @@ pub trait Observer {
     fn segment(&mut self, segment: &Segment) -> ControlFlow<()>;
     /// The mode changed.
     fn event(&mut self, event: &Event);
-}
-
-/// Counts of a run.
-#[derive(Clone, Copy, Default, Debug, PartialEq, Eq)]
-pub struct Stats {
-    /// Accepted steps.
-    pub steps: usize,
-    /// Steps cut because their series did not satisfy the equation.
-    pub rejected: usize,
-    /// Evaluations of f, a series of order p counting p.
-    pub rhs_evaluations: usize,
-    /// Steps of the implicit method among them.
-    pub implicit_steps: usize,
-    /// Its Newton iterations.
-    pub newton_iterations: usize,
-    /// Its factorizations, each of one real and several complex matrices.
-    pub factorizations: usize,
-    /// Changes of mode.
-    pub events: usize,
-    /// Functions of blocks and surfaces that were met for the first time.
-    pub functions: usize,
-}
-
-impl Stats {
-    /// Takes over what an implicit step counted.
-    fn absorb(&mut self, radau: &mut Radau) {
-        let counts = std::mem::take(&mut radau.counts);
-        self.rejected += counts.rejected;
-        self.rhs_evaluations += counts.evaluations;
-        self.newton_iterations += counts.iterations;
-        self.factorizations += counts.factorizations;
-    }
 }
 
 /// The end of a run.
@@ -425,13 +392,15 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 }
                 self.stiffness.after_event();
                 state.stats.events += 1;
-                events.record(state.t, &from, &self.jumps.fired);
                 let slides = |sides: &[Side]| sides.iter().filter(|s| **s == Side::Slide).count();
                 let more = slides(&state.sides) > slides(&from);
-                let mut end = events.limit();
-                if jumped {
-                    end = self.jumps.limit(end, state.t);
+                if from != state.sides {
+                    events.record(state.t, &from);
                 }
+                let end = match jumped {
+                    true => self.jumps.limit(&mut state),
+                    false => events.limit(),
+                };
                 let end = end.filter(|end| more && *end < t1);
                 let waits = end.filter(|end| *end > state.t);
                 if jumped || waits.is_none() {

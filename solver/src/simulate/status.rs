@@ -1,6 +1,7 @@
-//! How a run ended, and what it went on from.
+//! How a run ended, what it went on from, and what it cost.
 
 use super::Candidate;
+use super::radau::Radau;
 
 /// How a run ended.
 #[derive(Clone, PartialEq, Debug)]
@@ -105,5 +106,37 @@ impl Note {
             switches: others, ..
         } = other;
         switches == others
+    }
+}
+
+/// Counts of a run.
+#[derive(Clone, Copy, Default, Debug, PartialEq, Eq)]
+pub struct Stats {
+    /// Accepted steps.
+    pub steps: usize,
+    /// Steps cut because their series did not satisfy the equation.
+    pub rejected: usize,
+    /// Evaluations of f, a series of order p counting p.
+    pub rhs_evaluations: usize,
+    /// Steps of the implicit method among them.
+    pub implicit_steps: usize,
+    /// Its Newton iterations.
+    pub newton_iterations: usize,
+    /// Its factorizations, each of one real and several complex matrices.
+    pub factorizations: usize,
+    /// Changes of mode.
+    pub events: usize,
+    /// Functions of blocks and surfaces that were met for the first time.
+    pub functions: usize,
+}
+
+impl Stats {
+    /// Takes over what an implicit step counted.
+    pub(super) fn absorb(&mut self, radau: &mut Radau) {
+        let counts = std::mem::take(&mut radau.counts);
+        self.rejected += counts.rejected;
+        self.rhs_evaluations += counts.evaluations;
+        self.newton_iterations += counts.iterations;
+        self.factorizations += counts.factorizations;
     }
 }

@@ -31,13 +31,13 @@ pub(crate) struct Events {
 }
 
 impl Events {
-    /// Takes note of an event that ends a mode, with the laws that jump there.
-    pub(crate) fn record(&mut self, time: f64, from: &[Side], jumps: &[usize]) {
+    /// Takes note of an event.
+    pub(crate) fn record(&mut self, time: f64, from: &[Side]) {
         if self.last.len() > CYCLES * MAX_CYCLE {
             self.last.remove(0);
         }
         let mut hasher = FxHasher::default();
-        (from, jumps).hash(&mut hasher);
+        from.hash(&mut hasher);
         self.last.push((time, hasher.finish()));
     }
 
@@ -73,7 +73,7 @@ mod tests {
         let mut events = Events::default();
         let modes = [[Side::Plus], [Side::Minus]];
         for (k, &time) in times.iter().enumerate() {
-            events.record(time, &modes[k % 2], &[]);
+            events.record(time, &modes[k % 2]);
         }
         events.limit()
     }

@@ -9,8 +9,8 @@ use crate::report::text::significant;
 use crate::report::{ModeInterval, Side, Trajectory};
 use crate::syntax::{self, Arg, ExprKind};
 
-/// What contacts and projections do.
-const NOT_YET: [&str; 5] = ["open", "closed", "stick", "slip", "active"];
+/// What friction and projections do.
+const NOT_YET: [&str; 3] = ["stick", "slip", "active"];
 
 /// Finds the mistakes in the description of a mode.
 pub fn check(subject: &Subject<'_, '_>, mode: &syntax::Expr, diags: &mut Diagnostics) {
@@ -92,6 +92,8 @@ fn holds(
                 "below" => Side::Below,
                 "on" => Side::On,
                 "off" => Side::Off,
+                "open" => Side::Open,
+                "closed" => Side::Closed,
                 _ => return Err(not_a_mode(subject, mode)),
             };
             if wanted == Side::Sliding
@@ -108,16 +110,13 @@ fn holds(
                     return Err(not_a_mode(subject, mode));
                 }
                 for (switch, flipped) in switches_of(subject, surface)? {
-                    let is_relay = subject.system.switches[switch].relay.is_some();
-                    if is_relay != matches!(wanted, Side::On | Side::Off) {
+                    let words = words_of(subject, switch);
+                    if !words.contains(&word) {
                         let (name, span) = (subject.sources.text(surface.span), surface.span);
                         return Err(ExpectError::WrongWord {
                             word: word.to_owned(),
                             name: name.to_owned(),
-                            help: match is_relay {
-                                true => format!("`{name}` is a relay: write `on({name})`"),
-                                false => format!("only relays are `{word}`"),
-                            },
+                            help: format!("write `{}({name})`, for example", words[0]),
                             span,
                         });
                     }
@@ -161,6 +160,21 @@ fn indicated(subject: &Subject<'_, '_>, args: &[Arg]) -> Option<Vec<String>> {
     (!places.is_empty()).then(|| names.collect())
 }
 
+/// What a switch may be.
+fn words_of(subject: &Subject<'_, '_>, switch: usize) -> &'static [&'static str] {
+    let switch = &subject.system.switches[switch];
+    match switch.relay {
+        Some(_) => &["on", "off"],
+        None if switch.unilateral => &["closed", "open"],
+        None => &["above", "below", "sliding"],
+    }
+}
+
+/// The text of an expression without blanks: `pair[1,2]`.
+pub fn plain(subject: &Subject<'_, '_>, e: &syntax::Expr) -> String {
+    subject.sources.text(e.span).split_whitespace().collect()
+}
+
 /// The switches that a name or a switching function means, and whether each is flipped.
 pub fn switches_of(
     subject: &Subject<'_, '_>,
@@ -171,6 +185,11 @@ pub fn switches_of(
         span: surface.span,
         help: surfaces(subject),
     };
+    let text = plain(subject, surface);
+    let mut contacts = subject.system.switches.iter();
+    if let Some(k) = contacts.position(|k| k.unilateral && k.name == text) {
+        return Ok(vec![(k, false)]);
+    }
     let mut diags = Diagnostics::new();
     let value = Words::new(subject, &Run::Unknown)
         .value(surface, &mut diags)
@@ -232,6 +251,8 @@ fn not_a_mode(subject: &Subject<'_, '_>, mode: &syntax::Expr) -> ExpectError {
         "`below(..)`".into(),
         "`on(..)`".into(),
         "`off(..)`".into(),
+        "`open(..)`".into(),
+        "`closed(..)`".into(),
     ]);
     ExpectError::NotAMode {
         text: subject.sources.text(mode.span).to_owned(),

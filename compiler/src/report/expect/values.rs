@@ -131,11 +131,14 @@ impl<'w, 's, 'e> Words<'w, 's, 'e> {
         let Some(surface) = surface else {
             return Ok(self.list(|run| times(run, |event| event.kind == kind)));
         };
-        let switches = mode::switches_of(self.subject, surface)?;
-        let names: Vec<&str> = switches
-            .iter()
-            .map(|&(k, _)| self.subject.system.switches[k].name.as_str())
-            .collect();
+        let text = mode::plain(self.subject, surface);
+        let laws = self.subject.system.laws.iter();
+        let mut names: Vec<&str> = laws.map(|law| law.name.as_str()).collect();
+        names.retain(|name| *name == text);
+        if names.is_empty() {
+            let switches = mode::switches_of(self.subject, surface)?.into_iter();
+            names.extend(switches.map(|(k, _)| self.subject.system.switches[k].name.as_str()));
+        }
         Ok(self.list(|run| {
             times(run, |event| {
                 event.kind == kind && names.contains(&event.surface.as_str())

@@ -1,0 +1,254 @@
+//! State jumps against closed forms.
+
+use nsd_tests::{end, run, with_experiment};
+use nsdc::report::{EventKind, Failure, Status, Trajectory};
+
+const BALL: &str = include_str!("../../examples/bouncing_ball.nsd");
+
+fn times(trajectory: &Trajectory, kind: EventKind) -> Vec<f64> {
+    let events = trajectory.events.iter();
+    events
+        .filter(|event| event.kind == kind)
+        .map(|event| event.time)
+        .collect()
+}
+
+/// Position and speed of a ball that falls from h, and how often it has bounced.
+fn closed_form(g: f64, e: f64, h: f64, t: f64) -> ([f64; 2], usize) {
+    let mut bounce = (2.0 * h / g).sqrt();
+    if t < bounce {
+        return ([h - 0.5 * g * t * t, -g * t], 0);
+    }
+    let mut speed = e * g * bounce;
+    for n in 1.. {
+        let next = bounce + 2.0 * speed / g;
+        if t < next {
+            let s = t - bounce;
+            return ([speed * s - 0.5 * g * s * s, speed - g * s], n);
+        }
+        (bounce, speed) = (next, e * speed);
+        if 2.0 * speed / g < 1e-16 {
+            break;
+        }
+    }
+    ([0.0, 0.0], usize::MAX)
+}
+
+fn ball(g: f64, e: f64, h: f64, horizon: f64) -> Trajectory {
+    let text = format!(
+        "{BALL}\nsimulate this of ball {{ with {{ g = {g:?}; e = {e:?}; q = {h:?}; }} horizon {horizon:?}; tolerance 1e-10; }}"
+    );
+    run(&text, "this")
+}
+
+#[test]
+fn a_bouncing_ball_is_exact_to_rounding() {
+    // peers.md: height 1, e = 0.9, after 3 s.
+    let trajectory = ball(9.81, 0.9, 1.0, 3.0);
+    let (exact, bounces) = closed_form(9.81, 0.9, 1.0, 3.0);
+    assert!((exact[0] - 0.41835172).abs() < 1e-8 && (exact[1] + 0.48755089).abs() < 1e-8);
+    assert_eq!(times(&trajectory, EventKind::Jump).len(), bounces);
+    assert!((end(&trajectory, "q")[0] - exact[0]).abs() <= 1e-12);
+    assert!((end(&trajectory, "v")[0] - exact[1]).abs() <= 1e-12);
+    assert!(trajectory.warnings.is_empty(), "{:?}", trajectory.warnings);
+}
+
+/// Numbers in [0, 1) that look random and are always the same.
+fn scatter(seed: u32) -> f64 {
+    (43_758.545 * (12.9898 * (f64::from(seed) + 1.0)).sin())
+        .fract()
+        .abs()
+}
+
+#[test]
+fn a_hundred_balls_follow_the_closed_form() {
+    for k in 0..100 {
+        let (g, e, h) = (
+            1.0 + 19.0 * scatter(3 * k),
+            scatter(3 * k + 1),
+            0.1 + 2.0 * scatter(3 * k + 2),
+        );
+        // Up to five falls, past the end of the bounces for e below 2/3.
+        let horizon = 5.0 * (2.0 * h / g).sqrt();
+        let trajectory = ball(g, e, h, horizon);
+        let context = format!("g = {g}, e = {e}, h = {h}: {:?}", trajectory.failure);
+        assert_eq!(trajectory.status, Status::Solved, "{context}");
+        let (exact, bounces) = closed_form(g, e, h, horizon);
+        let error = (end(&trajectory, "q")[0] - exact[0]).abs() / h;
+        let error = error.max((end(&trajectory, "v")[0] - exact[1]).abs() / (2.0 * g * h).sqrt());
+        assert!(error <= 1e-9, "{error:e} with {context}");
+        let limit = (2.0 * h / g).sqrt() * (1.0 + e) / (1.0 - e);
+        if bounces == usize::MAX {
+            let found = times(&trajectory, EventKind::Zeno);
+            assert_eq!(found.len(), 1, "{context}");
+            assert!(
+                (found[0] - limit).abs() <= 1e-9 * limit,
+                "{found:?}, not {limit} with {context}"
+            );
+        } else {
+            assert_eq!(
+                times(&trajectory, EventKind::Jump).len(),
+                bounces,
+                "{context}"
+            );
+        }
+    }
+}
+
+#[test]
+fn an_instant_stands_twice_where_a_state_jumps() {
+    let trajectory = ball(9.81, 0.9, 1.0, 1.0);
+    let bounce = times(&trajectory, EventKind::Jump)[0];
+    let at: Vec<usize> = (0..trajectory.time.len())
+        .filter(|&k| trajectory.time[k] == bounce)
+        .collect();
+    let [before, after] = at[..] else {
+        panic!("{at:?}");
+    };
+    let v = &trajectory.states[1].values;
+    assert!((v[after] + 0.9 * v[before]).abs() <= 1e-15);
+    assert_eq!(trajectory.verify(), Ok(()));
+}
+
+#[test]
+fn a_ball_on_a_moving_floor_comes_to_rest_on_it() {
+    // The floor rises with speed 1: the ball falls on it with a relative speed, bounces, and is carried.
+    let text = "
+        model lift {
+          state q = 0.5;
+          state v = 0;
+          q' = v;
+          v' = -9.81;
+          jump floor when q - time <= 0 and v - 1 < 0 { v := 1 - 0.5*(v - 1); }
+        }
+        simulate rises of lift { horizon 3; }";
+    let trajectory = run(text, "rises");
+    assert_eq!(
+        trajectory.status,
+        Status::Solved,
+        "{:?}",
+        trajectory.failure
+    );
+    // 0.5 - g t²/2 = t; the relative speed then is w, and the bounces last 2 w/g (1/2 + 1/4 + ..).
+    let fall = ((1.0_f64 + 2.0 * 9.81 * 0.5).sqrt() - 1.0) / 9.81;
+    let limit = fall + 2.0 * (1.0 + 9.81 * fall) / 9.81;
+    let found = times(&trajectory, EventKind::Zeno);
+    assert!((found[0] - limit).abs() <= 1e-9, "{found:?}, not {limit}");
+    assert!((end(&trajectory, "q")[0] - 3.0).abs() <= 1e-9);
+    assert!((end(&trajectory, "v")[0] - 1.0).abs() <= 1e-9);
+}
+
+#[test]
+fn two_bodies_that_meet_exchange_their_speeds() {
+    // Equal masses, e = 1; the second one comes back from a wall.
+    let text = "
+        model line {
+          state a = 0;
+          state b = 1;
+          state u = 1;
+          state w = 0;
+          a' = u;
+          b' = w;
+          u' = 0;
+          w' = 0;
+          jump meet when b - a <= 0 and w - u < 0 { u := w; w := u; }
+          jump wall when 2 - b <= 0 and w > 0 { w := -w; }
+        }
+        simulate once of line { horizon 4; }";
+    let trajectory = run(text, "once");
+    assert_eq!(
+        trajectory.status,
+        Status::Solved,
+        "{:?}",
+        trajectory.failure
+    );
+    let found = times(&trajectory, EventKind::Jump);
+    assert_eq!(found.len(), 3, "{found:?}");
+    for (time, exact) in found.iter().zip([1.0, 2.0, 3.0]) {
+        assert!((time - exact).abs() <= 1e-14);
+    }
+    assert_eq!(end(&trajectory, "u"), [-1.0]);
+    assert!(end(&trajectory, "a")[0].abs() <= 1e-14);
+}
+
+#[test]
+fn guards_may_be_any_condition() {
+    // A counter that wraps around, and one that follows it at the same instant.
+    let text = "
+        model clock {
+          state phase = 0;
+          state turns = 0;
+          phase' = 1;
+          turns' = 0;
+          jump wrap when phase >= 1 { phase := phase - 1; turns := turns + 1; }
+          jump home when turns > 2.5 or phase < -1 { turns := 0; phase := 0.5; }
+        }
+        simulate runs of clock { horizon 3.25; }";
+    let trajectory = run(text, "runs");
+    assert_eq!(
+        trajectory.status,
+        Status::Solved,
+        "{:?}",
+        trajectory.failure
+    );
+    let found = times(&trajectory, EventKind::Jump);
+    for (time, exact) in found.iter().zip([1.0, 2.0, 3.0, 3.0]) {
+        assert!((time - exact).abs() <= 1e-14, "{found:?}");
+    }
+    assert_eq!(found.len(), 4, "{found:?}");
+    assert!((end(&trajectory, "phase")[0] - 0.75).abs() <= 1e-14);
+    assert_eq!(end(&trajectory, "turns"), [0.0]);
+}
+
+/// How a run of a model of `x` with one or two jumps fails.
+fn failure(jumps: &str) -> Failure {
+    let text = format!(
+        "model m {{ state x = 0; state y = 0; x' = 1; y' = 0; {jumps} }}
+        simulate s of m {{ horizon 2; }}"
+    );
+    let trajectory = run(&text, "s");
+    assert_ne!(trajectory.status, Status::Solved);
+    trajectory.failure.expect("a run that fails says why")
+}
+
+#[test]
+fn what_cannot_go_on_is_told() {
+    let stays = failure("jump a when x >= 1 { x := x + y*y + 1; }");
+    assert!(matches!(stays, Failure::StaysInGuard { time, .. } if (time - 1.0).abs() < 1e-14));
+    let endless = failure(
+        "jump a when x >= 1 and y < 0.5 { y := 1; }
+         jump b when x >= 1 and y > 0.5 { y := 0; }",
+    );
+    assert!(matches!(endless, Failure::EndlessJumps { .. }), "{endless}");
+    let conflict = failure("jump a when x >= 1 { x := 0; } jump b when x >= 1 { x := 0.5; }");
+    assert!(
+        matches!(conflict, Failure::ConflictingJumps { .. }),
+        "{conflict}"
+    );
+    let below = "
+        model m {
+          state q = -1;
+          state v = 0;
+          q' = v;
+          v' = -1;
+          jump floor when q <= 0 and v < 0 { v := -v; }
+        }
+        simulate s of m { horizon 2; }";
+    let below = run(below, "s").failure.expect("a run that fails says why");
+    assert!(matches!(below, Failure::Penetrates { .. }), "{below}");
+}
+
+#[test]
+fn jumps_are_printed_with_the_system() {
+    with_experiment(BALL, "bounces", |compiled| {
+        let text = compiled.system.to_string();
+        assert!(
+            text.contains("0 <= 1 - alpha[1] perp q >= 0  // floor"),
+            "{text}"
+        );
+        assert!(
+            text.contains("der(v) = -g + (e + 1)*(1 - alpha[1])"),
+            "{text}"
+        );
+    });
+}
