@@ -82,12 +82,17 @@ struct Shared<'e> {
     copies: Vec<Copy>,
 }
 
+/// The values of the parameters.
+fn numbers<'e>(system: &System<'e>) -> Substitution<'e> {
+    let params = system.params.iter();
+    params
+        .map(|param| (variable(param.var), system.exprs.constant(param.value)))
+        .collect()
+}
+
 /// All rates, and all ψ, with the values of the parameters.
 fn with_numbers<'e>(system: &System<'e>) -> [Vec<Expr<'e>>; 2] {
-    let mut numbers = Substitution::new();
-    for param in &system.params {
-        numbers.insert(variable(param.var), system.exprs.constant(param.value));
-    }
+    let numbers = numbers(system);
     let rates: Vec<_> = system.states.iter().map(|state| state.rate).collect();
     let switching: Vec<_> = system.switches.iter().map(|switch| switch.psi).collect();
     [numbers.apply(&rates), numbers.apply(&switching)]
@@ -170,7 +175,7 @@ impl<'e> Switched<'e> {
             unilateral: (system.switches.iter())
                 .map(|switch| switch.unilateral)
                 .collect(),
-            laws: laws::compile(system, &inputs, &[&numbers, &polynomials]),
+            laws: laws::compile(system, &inputs, &[&numbers(system), &polynomials]),
             inputs,
             inside,
             known_rates: RefCell::default(),
