@@ -82,7 +82,9 @@ impl Run<'_> {
 
     /// Takes the step that the line search has refused if it reduces the error of the barrier problem.
     pub(super) fn soft_step(&mut self, errors: &Errors) -> bool {
-        if self.is_restoration || self.n_soft >= MAX_SOFT {
+        // Far from feasible points the error may fall to where nothing is feasible.
+        let is_near = errors.primal <= self.options.acceptable_tolerance;
+        if self.is_restoration || !is_near || self.n_soft >= MAX_SOFT {
             return false;
         }
         let before = self.optimality_error(errors, self.mu);

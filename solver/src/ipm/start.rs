@@ -3,7 +3,6 @@
 //! Wächter & Biegler 2006, sections 3.6 to 3.8.
 
 use super::Run;
-use super::form::NONE;
 use super::kkt::largest;
 use super::solution::{Failure, Point, Status};
 
@@ -187,32 +186,7 @@ impl Run<'_> {
                 self.v[i] = upper - above;
             }
         }
-        self.absorb();
         self.keep_interior();
         self.reset_multipliers(super::KAPPA_SIGMA);
-    }
-
-    /// Rows may have followed μ, too: slacks take that up as far as half of their distance from bounds allows.
-    fn absorb(&mut self) {
-        self.form.load(&self.v);
-        self.form.rows(&mut self.c);
-        for (&slack, &c) in self.form.slacks.iter().zip(&self.c) {
-            if slack != NONE && c.is_finite() {
-                let slack = slack as usize;
-                let (lower, upper) = (self.lower[slack], self.upper[slack]);
-                let s = self.v[slack];
-                let low = if lower.is_finite() {
-                    0.5 * (lower + s)
-                } else {
-                    lower
-                };
-                let high = if upper.is_finite() {
-                    0.5 * (upper + s)
-                } else {
-                    upper
-                };
-                self.v[slack] = c.max(low).min(high);
-            }
-        }
     }
 }
