@@ -10,6 +10,7 @@ pub mod expr;
 pub mod imports;
 pub mod model;
 pub mod mpcc;
+pub mod nl;
 pub mod optimize;
 pub mod order;
 pub mod report;

@@ -172,6 +172,38 @@ fn a_sparse_sum_of_a_thousand_terms_has_a_sparse_hessian() {
     assert!(hessian.tape.len() < 20 * n, "{}", hessian.tape.len());
 }
 
+#[test]
+fn the_terms_of_a_long_sum_do_not_meet_each_other() {
+    // exp(Σ sin(i x)), all terms before the sum.
+    let n = 2000;
+    let mut b = Tape::builder(1);
+    let x = b.input(0);
+    let mut terms = Vec::new();
+    for i in 1..=n {
+        let angle = b.scale(i as f64, x);
+        terms.push(b.sin_cos(angle).0);
+    }
+    let first = terms[0];
+    let sum = terms[1..].iter().fold(first, |sum, &term| b.add(sum, term));
+    let output = b.exp(sum);
+    let hessian = b.finish(&[output]).hessian(1);
+    assert!(hessian.tape.len() < 20 * n, "{}", hessian.tape.len());
+    // f'' = (s'' + s'²) f
+    let x = 1e-3f64;
+    let terms = |f: fn(f64) -> f64, power: i32| -> f64 {
+        (1..=n)
+            .map(|i| f64::from(i as u32).powi(power) * f(i as f64 * x))
+            .sum()
+    };
+    let (s, slope, curvature) = (terms(f64::sin, 0), terms(f64::cos, 1), -terms(f64::sin, 2));
+    let exact = (curvature + slope * slope) * s.exp();
+    let found = values(&hessian, &[x, 1.0])[0].1;
+    assert!(
+        (found - exact).abs() <= 1e-10 * exact.abs(),
+        "{found} is not {exact}"
+    );
+}
+
 /// A tape of bounded operations, so that rounding is not magnified without bound.
 fn build(choices: &[(u8, usize, usize, f64)]) -> Tape {
     let mut b = Tape::builder(3);

@@ -1,9 +1,12 @@
 //! The arguments of each command.
 
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{Args as Arguments, Parser, Subcommand, ValueEnum};
+
+use crate::nl;
 
 /// Compiler for .nsd: nonsmooth dynamical systems as they stand in a paper
 #[derive(Debug, Parser)]
@@ -36,6 +39,9 @@ pub enum Command {
     /// Measure the error of every method over step size and time
     #[command(after_help = ORDER_HELP)]
     Order(OrderArgs),
+    /// Solve AMPL .nl files with complementarity conditions
+    #[command(after_help = SOLVE_HELP)]
+    Solve(SolveArgs),
     /// Lay files out in the standard way
     Fmt {
         /// Files, and folders with all .nsd files below them; `-` is standard input to output
@@ -184,6 +190,60 @@ pub struct OrderArgs {
     pub time_limit: Duration,
 }
 
+/// What `solve --help` ends with.
+const SOLVE_HELP: &str = "\
+A folder gives a table of all .nl files below it: a problem counts as solved when its violation and \
+every |min(G, H)| are at most 1e-6. Where a file results.csv with the column `problem` stands beside \
+them, its columns `best_known` and `peer_..` are compared with.
+
+As a solver of AMPL: `option solver nsdc;`, options in `nsdc_options` (tolerance=1e-9 time_limit=60 \
+outlev=0); `nsdc stub -AMPL` reads stub.nl and writes stub.sol.";
+
+/// Arguments of `solve`.
+#[derive(Debug, Arguments)]
+pub struct SolveArgs {
+    /// The file, or a folder with .nl files; `-` is standard input
+    pub path: PathBuf,
+    /// Options in the way of AMPL
+    #[arg(hide = true, requires = "ampl", value_name = "NAME=VALUE")]
+    pub options: Vec<String>,
+    /// Write the solution file for AMPL; also `-AMPL`
+    #[arg(long)]
+    pub ampl: bool,
+    /// Write results as JSON, one object per line; `-` is standard output
+    #[arg(long, value_name = "PATH")]
+    pub json: Option<PathBuf>,
+    /// Write the table of a folder as CSV; `-` is standard output
+    #[arg(long, value_name = "PATH", conflicts_with = "ampl")]
+    pub csv: Option<PathBuf>,
+    /// Draw the performance profile of a folder as SVG; `-` is standard output
+    #[arg(long, value_name = "PATH.svg", conflicts_with = "ampl")]
+    pub plot: Option<PathBuf>,
+    /// What the optimality error has to reach
+    #[arg(long, value_name = "NUMBER", value_parser = tolerance)]
+    pub tolerance: Option<f64>,
+    /// Stop solving a problem after so many seconds
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    pub time_limit: Option<Duration>,
+    /// Solve so many problems of a folder at once; all cores without it
+    #[arg(long, value_name = "N")]
+    pub jobs: Option<NonZeroUsize>,
+    /// What is told about the run
+    #[arg(long, value_enum, default_value = "summary")]
+    pub log: Log,
+}
+
+/// How much `solve` tells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
+pub enum Log {
+    /// Nothing but what is wrong
+    Off,
+    /// The result
+    Summary,
+    /// Every iteration, too
+    Iterations,
+}
+
 /// Arguments of `test`.
 #[derive(Debug, Arguments)]
 pub struct TestArgs {
@@ -214,6 +274,11 @@ fn seconds(text: &str) -> Result<Duration, String> {
     seconds
         .and_then(|seconds| Duration::try_from_secs_f64(seconds).ok())
         .ok_or_else(|| "expected a positive number of seconds".into())
+}
+
+/// A number between 0 and 1.
+fn tolerance(text: &str) -> Result<f64, String> {
+    nl::tolerance(text).ok_or_else(|| "expected a number between 0 and 1".into())
 }
 
 #[cfg(test)]

@@ -144,6 +144,11 @@ impl Loader for Imports {
 
 /// Files named one by one, and all model files below folders, in order of their names.
 pub fn find(paths: &[PathBuf]) -> Result<Vec<PathBuf>, FileError> {
+    find_all(paths, EXTENSION)
+}
+
+/// The same for files with another extension.
+pub fn find_all(paths: &[PathBuf], wanted: &str) -> Result<Vec<PathBuf>, FileError> {
     let mut found = Vec::new();
     for path in paths {
         let is_folder = !is_standard(path) && path.is_dir();
@@ -163,7 +168,7 @@ pub fn find(paths: &[PathBuf]) -> Result<Vec<PathBuf>, FileError> {
                     }
                 } else if path
                     .extension()
-                    .is_some_and(|extension| extension == EXTENSION)
+                    .is_some_and(|extension| extension == wanted)
                 {
                     files.push(path);
                 }

@@ -16,6 +16,7 @@ mod order;
 mod progress;
 mod project;
 mod run;
+mod solve;
 mod test;
 
 use std::ffi::OsString;
@@ -56,7 +57,7 @@ pub struct Streams<'a> {
 ///
 /// A reader of the output that stops reading is no mistake of ours.
 pub fn run(args: impl IntoIterator<Item = OsString>, streams: &mut Streams<'_>) -> Exit {
-    let result = match Args::try_parse_from(args) {
+    let result = match Args::try_parse_from(solve::without_ampl(args.into_iter().collect())) {
         Ok(args) => dispatch(args, streams),
         Err(error) => usage(&error, streams),
     };
@@ -79,6 +80,7 @@ fn dispatch(args: Args, streams: &mut Streams<'_>) -> io::Result<Exit> {
         Command::Run(args) => run::run(&args, streams),
         Command::Test(args) => test::run(&args, streams),
         Command::Order(args) => order::run(&args, streams),
+        Command::Solve(args) => solve::run(&args, streams),
         Command::Fmt { files, check } => fmt::run(&files, check, streams),
         Command::New { path } => new::run(&path, streams),
         Command::Explain { code } => explain::run(code.as_deref(), streams),

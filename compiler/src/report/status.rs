@@ -83,6 +83,10 @@ pub enum Stationarity {
     M,
     /// Clarke.
     C,
+    /// Alternative.
+    A,
+    /// Weak.
+    W,
     /// Bouligand.
     B,
     /// Not an optimization, or not known.
@@ -97,6 +101,8 @@ impl Stationarity {
             Stationarity::S => "S",
             Stationarity::M => "M",
             Stationarity::C => "C",
+            Stationarity::A => "A",
+            Stationarity::W => "W",
             Stationarity::B => "B",
             Stationarity::None => "none",
         }

@@ -180,7 +180,7 @@ fn chars(text: &str) -> usize {
 }
 
 /// `1 event`, `2 events`; nothing irregular is counted.
-fn counted(count: usize, noun: &str) -> String {
+pub fn counted(count: usize, noun: &str) -> String {
     match count {
         1 => format!("1 {noun}"),
         _ => format!("{count} {noun}s"),

@@ -13,13 +13,17 @@ mod expression;
 mod header;
 mod lift;
 mod program;
+mod quality;
 mod scan;
 mod segments;
 mod shape;
+mod solution;
 
 pub use error::{Error, Fault, Place};
 pub use header::Header;
+pub use quality::Quality;
 pub use segments::Sense;
+pub use solution::{Code, names};
 
 use crate::kernels::Program;
 
@@ -45,6 +49,15 @@ pub struct FileRow {
     pub row: u32,
     /// Whether it has the opposite sign there.
     pub negated: bool,
+}
+
+/// A row or variable of a file, from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Named {
+    /// A row.
+    Row(usize),
+    /// A variable.
+    Variable(usize),
 }
 
 /// How many of what a file has.

@@ -14,6 +14,11 @@ use crate::tape::{Tape, Term};
 /// How many operations all functions of a file may have together.
 const MAX_OPERATIONS: usize = 5_000_000;
 
+/// How many second derivatives the functions of many variables may have together.
+const MAX_CURVATURE: usize = 10_000_000;
+/// Functions of fewer variables are not counted: their second derivatives are a multiple of the file.
+const MANY_VARIABLES: usize = 100;
+
 /// Functions of one shape.
 #[derive(Clone, Debug, Default)]
 struct Group {
@@ -157,12 +162,23 @@ pub(super) fn build(mut contents: Contents) -> Result<Problem, Error> {
     let mut functions = Functions {
         writer: Writer::new(&contents.nodes, &contents.defined, lower.len()),
         left: MAX_OPERATIONS,
+        curvature: 0,
         contents: &contents,
     };
     let mut groups = Groups::default();
     for (number, row) in rows.iter().enumerate() {
         let user = || format!("row {number}");
         let shape = functions.shape(row.factor, row.nonlinear, &row.linear, user)?;
+        if shape.variables.len() > MANY_VARIABLES
+            && let Some(nonlinear) = row.nonlinear
+        {
+            let mut terms = Terms::default();
+            terms.collect_expression(&contents, 1.0, nonlinear);
+            for (factor, term) in terms.nonlinear {
+                let shape = functions.shape(factor, Some(term), &[], user)?;
+                functions.count(&shape, user)?;
+            }
+        }
         groups.add(shape, row.bounds, number);
     }
     let mut file_rows = vec![0; rows.len()];
@@ -218,7 +234,9 @@ fn merged(mut terms: Linear) -> Linear {
 /// Makes shapes, as long as there is room.
 struct Functions<'c> {
     writer: Writer<'c>,
+    /// Operations that there is room for, and second derivatives so far.
     left: usize,
+    curvature: usize,
     contents: &'c Contents,
 }
 
@@ -246,6 +264,25 @@ impl Functions<'_> {
         }
     }
 
+    /// Counts the second derivatives of a term: at most those by all pairs of its variables.
+    fn count(&mut self, shape: &Shape, user: impl Fn() -> String) -> Result<(), Error> {
+        let n = shape.variables.len();
+        if n > MANY_VARIABLES {
+            self.curvature += n * (n + 1) / 2;
+        }
+        if self.curvature > MAX_CURVATURE {
+            return Err(Error {
+                place: self.contents.end,
+                fault: Fault::Large {
+                    user: user(),
+                    what: "second derivatives",
+                    limit: MAX_CURVATURE,
+                },
+            });
+        }
+        Ok(())
+    }
+
     /// Adds the first objective, term by term; less is better from here on.
     fn objective(&mut self, program: &mut ProgramBuilder) -> Result<Sense, Error> {
         let Some((sense, function)) = self.contents.objectives.first() else {
@@ -261,6 +298,7 @@ impl Functions<'_> {
         let user = || "objective 0".to_owned();
         for &(factor, id) in &terms.nonlinear {
             let shape = self.shape(factor, Some(id), &[], user)?;
+            self.count(&shape, user)?;
             groups.add(shape, (0.0, 0.0), 0);
         }
         for (variable, factor) in merged(terms.linear) {
@@ -296,18 +334,16 @@ struct Terms {
 
 impl Terms {
     fn collect(&mut self, contents: &Contents, factor: f64, function: &Function) {
+        let linear = function.linear.iter();
+        (self.linear).extend(linear.map(|&(variable, c)| (variable, factor * c)));
+        if let Some(id) = function.nonlinear {
+            self.collect_expression(contents, factor, id);
+        }
+    }
+
+    fn collect_expression(&mut self, contents: &Contents, factor: f64, id: Id) {
         let nodes = &contents.nodes;
-        let mut stack: Vec<(f64, Id)> = Vec::new();
-        let linear = |terms: &mut Linear, factor: f64, function: &Function| {
-            terms.extend(
-                function
-                    .linear
-                    .iter()
-                    .map(|&(variable, c)| (variable, factor * c)),
-            );
-        };
-        linear(&mut self.linear, factor, function);
-        stack.extend(function.nonlinear.map(|id| (factor, id)));
+        let mut stack = vec![(factor, id)];
         let number = |id: Id| match nodes.nodes[id as usize] {
             Node::Number(number) => Some(number),
             _ => None,

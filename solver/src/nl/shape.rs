@@ -97,19 +97,15 @@ impl<'c> Writer<'c> {
         complete.then_some(shape)
     }
 
-    /// Tasks for an expression and linear terms; those of variables that occur already come first.
+    /// Tasks for an expression and linear terms.
     fn push_sum(&self, nonlinear: Option<Id>, linear: &[(u32, f64)], tasks: &mut Vec<Task>) {
-        let n = linear.len() + usize::from(nonlinear.is_some());
-        if n != 1 {
-            tasks.push(Task::Operator(Operator::Sum, n as u32));
-        }
-        tasks.extend(
-            linear
-                .iter()
-                .rev()
-                .map(|&(variable, factor)| Task::Linear(variable, factor)),
+        let linear = linear
+            .iter()
+            .map(|&(variable, factor)| Task::Linear(variable, factor));
+        push_chain(
+            nonlinear.map(Task::Expression).into_iter().chain(linear),
+            tasks,
         );
-        tasks.extend(nonlinear.map(Task::Expression));
     }
 
     fn run(&mut self, mut tasks: Vec<Task>, limit: usize) -> bool {
@@ -153,6 +149,14 @@ impl<'c> Writer<'c> {
                     self.push_sum(function.nonlinear, &function.linear, tasks);
                 }
             },
+            Node::Operation {
+                operator: Operator::Sum,
+                first,
+                n,
+            } => {
+                let operands = self.nodes.operands(first, n).iter();
+                push_chain(operands.map(|&id| Task::Expression(id)), tasks);
+            }
             Node::Operation { operator, first, n } => {
                 tasks.push(Task::Operator(operator, n));
                 let operands = self.nodes.operands(first, n);
@@ -184,6 +188,21 @@ impl<'c> Writer<'c> {
     fn operator(&mut self, operator: Operator, n: u32) {
         self.shape.code.push(Word::Operator(operator, n));
     }
+}
+
+/// Tasks for a sum, each term added before the next one is computed.
+fn push_chain(terms: impl Iterator<Item = Task>, tasks: &mut Vec<Task>) {
+    let first = tasks.len();
+    for (i, term) in terms.enumerate() {
+        tasks.push(term);
+        if i > 0 {
+            tasks.push(Task::Operator(Operator::Add, 2));
+        }
+    }
+    if tasks.len() == first {
+        tasks.push(Task::Operator(Operator::Sum, 0));
+    }
+    tasks[first..].reverse();
 }
 
 /// Computes a shape from its variables and numbers.

@@ -228,6 +228,55 @@ fn two_bounds_are_two_pairs() {
     assert_eq!(rows(&mut problem, &w), [0.0]);
 }
 
+#[test]
+fn quality_names_the_worst_row() {
+    let mut problem = program(&small());
+    // Row 0 is 2 + 3 · 1 = 5 > 4; the pair is (4, 1).
+    let quality = problem.quality(&[2.0, 1.0]);
+    assert_eq!(quality.violation, 1.0);
+    assert_eq!(quality.worst, Some(Named::Row(0)));
+    assert_eq!(
+        (quality.complementarity_min, quality.complementarity_product),
+        (1.0, 4.0)
+    );
+    let quality = problem.quality(&[2.0, -3.0]);
+    assert_eq!(
+        (quality.violation, quality.worst),
+        (8.0, Some(Named::Row(0)))
+    );
+    assert_eq!(problem.quality(&[f64::NAN, 0.0]).violation, f64::INFINITY);
+}
+
+#[test]
+fn solution_files_have_multipliers_in_the_sense_of_ampl() {
+    // minimize or maximize v1 with 3 v0 <= 0 complementing v1 <= 2: the row is turned around.
+    let text = header(2, 1, 0, "0 0") + "C0\nn0\nO0 1\nv1\nr\n5 2 2\nb\n3\n1 2\nJ0 1\n0 3\n";
+    let problem = program(&text);
+    let y = [0.25, 0.0];
+    let y: Vec<f64> = (0..2)
+        .map(|i| if i == problem.rows[0].row { y[0] } else { y[1] })
+        .collect();
+    let solution = problem.solution_file("nsdc: solved\n\nwell", &[-1.0, 2.0], &y, Code::Solved);
+    assert_eq!(
+        solution,
+        "nsdc: solved\n \nwell\n\nOptions\n3\n1\n1\n0\n1\n1\n2\n2\n-0.25\n-1\n2\nobjno 0 0\n"
+    );
+}
+
+#[test]
+fn a_sum_over_dense_terms_is_refused_and_one_over_sparse_terms_is_not() {
+    // √(Σ v_i²) is dense, Σ v_i² is not.
+    let n = 6000;
+    let squares: String = (0..n).map(|i| format!("o5\nv{i}\nn2\n")).collect();
+    let bounds = "r\n3\nb\n".to_owned() + &"3\n".repeat(n);
+    let sum = format!("o54\n{n}\n{squares}");
+    let sparse = header(n, 1, 0, "0 0") + "C0\n" + &sum + &bounds;
+    let problem = program(&sparse);
+    assert_eq!(problem.program.hessian_pattern().n_entries(), n);
+    let dense = header(n, 1, 0, "0 0") + "C0\no39\n" + &sum + &bounds;
+    assert!(fault(&dense).contains("row 0 makes more than 10000000 second derivatives"));
+}
+
 /// Both members of all pairs.
 fn distances(problem: &mut Problem, w: &[f64]) -> Vec<(f64, f64)> {
     let mut values = vec![0.0; problem.program.n_rows()];

@@ -8,13 +8,15 @@
 //!
 //! Gower & Mello 2012, *A new framework for the computation of Hessians* (edge pushing). Nothing that is zero by
 //! structure is ever touched, so the patterns are those of the function and the work is that of the sparse Hessian.
+//! The values are taken depth first: a term of a sum is done with before the next one, so that the terms of a long sum
+//! do not all meet each other.
 
 use std::collections::BTreeMap;
 
 use super::builder::Value;
 use super::partial::{Partials, replay};
 use super::term::Term;
-use super::{Slot, Tape, TapeBuilder, UNUSED};
+use super::{Instruction, Slot, Tape, TapeBuilder, UNUSED};
 
 /// Derivatives that are not structurally zero.
 ///
@@ -35,8 +37,8 @@ impl Tape {
     pub fn jacobian(&self, n: usize) -> Derivative {
         let mut sweep = Sweep::new(self, n, 0);
         let mut entries = Vec::new();
-        for (i, &output) in self.outputs.iter().enumerate() {
-            let adjoints = sweep.gradient(output);
+        for i in 0..self.n_outputs() {
+            let adjoints = sweep.gradient(sweep.outputs[i]);
             entries.extend(adjoints.into_iter().map(|(j, term)| ((i as u32, j), term)));
         }
         sweep.finish(entries)
@@ -53,6 +55,9 @@ impl Tape {
 /// The values of a tape in the tape of its derivatives.
 struct Sweep<'t> {
     tape: &'t Tape,
+    /// Its instructions and outputs, depth first.
+    instructions: Vec<Instruction>,
+    outputs: Vec<Slot>,
     /// How many inputs are differentiated by; they come first.
     n: u32,
     builder: TapeBuilder,
@@ -77,8 +82,9 @@ impl<'t> Sweep<'t> {
         for (i, term) in terms[..tape.n_inputs].iter_mut().enumerate() {
             *term = Term::value(builder.input(i));
         }
+        let (instructions, outputs) = depth_first(tape);
         let mut makers = vec![0; tape.n_values - tape.n_inputs];
-        for (number, instruction) in tape.values.iter().enumerate() {
+        for (number, instruction) in instructions.iter().enumerate() {
             let made = replay(instruction.op, |slot| terms[slot as usize], &mut builder);
             let depends = instruction.op.operands().any(|slot| active[slot as usize]);
             for (slot, term) in [instruction.out, instruction.second].into_iter().zip(made) {
@@ -92,6 +98,8 @@ impl<'t> Sweep<'t> {
         }
         Sweep {
             tape,
+            instructions,
+            outputs,
             n: n as u32,
             builder,
             terms,
@@ -102,8 +110,8 @@ impl<'t> Sweep<'t> {
 
     /// Derivatives of the operation that makes a value.
     fn partials(&mut self, value: Slot) -> Partials {
-        let tape = self.tape;
-        let instruction = tape.values[self.makers[value as usize - tape.n_inputs] as usize];
+        let maker = self.makers[value as usize - self.tape.n_inputs];
+        let instruction = self.instructions[maker as usize];
         let second = value == instruction.second;
         let other = if second {
             instruction.out
@@ -153,7 +161,7 @@ impl<'t> Sweep<'t> {
     /// The second derivatives of the weighted outputs.
     fn curvature(&mut self) -> Vec<((u32, u32), Term)> {
         let mut adjoints = Adjoints::new();
-        for (i, &output) in self.tape.outputs.iter().enumerate() {
+        for (i, &output) in self.outputs.iter().enumerate() {
             if self.active[output as usize] {
                 let weight = Term::value(self.builder.input(self.tape.n_inputs + i));
                 accumulate(&mut adjoints, output, weight, &mut self.builder);
@@ -219,6 +227,63 @@ impl<'t> Sweep<'t> {
             constant,
         }
     }
+}
+
+/// The instructions of a tape with its outputs, renumbered: whatever an instruction reads is made just before it,
+/// unless it has been made already.
+fn depth_first(tape: &Tape) -> (Vec<Instruction>, Vec<Slot>) {
+    let n_inputs = tape.n_inputs as Slot;
+    let mut makers = vec![UNUSED; tape.n_values];
+    for (number, instruction) in tape.values.iter().enumerate() {
+        for value in instruction.results() {
+            makers[value as usize] = number as Slot;
+        }
+    }
+    let mut number: Vec<Slot> = (0..tape.n_values as Slot).collect();
+    let mut next = n_inputs;
+    let mut is_done = vec![false; tape.values.len()];
+    let mut ordered = Vec::with_capacity(tape.values.len());
+    let mut stack: Vec<Slot> = Vec::new();
+    for &output in &tape.outputs {
+        stack.push(output);
+        while let Some(&value) = stack.last() {
+            let maker = makers[value as usize];
+            if maker == UNUSED || is_done[maker as usize] {
+                stack.pop();
+                continue;
+            }
+            let instruction = tape.values[maker as usize];
+            let is_open = |&operand: &Slot| match makers[operand as usize] {
+                UNUSED => false,
+                maker => !is_done[maker as usize],
+            };
+            // The first operand is on top.
+            let [a, b] = instruction.op.parts().0;
+            let open = [b, a].into_iter().filter(|&operand| operand != UNUSED);
+            let depth = stack.len();
+            stack.extend(open.filter(is_open));
+            if stack.len() > depth {
+                continue;
+            }
+            is_done[maker as usize] = true;
+            let op = instruction.op.map(|value| number[value as usize]);
+            let mut define = |value: Slot| {
+                if value != UNUSED {
+                    number[value as usize] = next;
+                    next += 1;
+                }
+            };
+            define(instruction.out);
+            define(instruction.second);
+            let [out, second] = [instruction.out, instruction.second].map(|value| match value {
+                UNUSED => UNUSED,
+                value => number[value as usize],
+            });
+            ordered.push(Instruction { op, out, second });
+        }
+    }
+    let outputs = tape.outputs.iter().map(|&value| number[value as usize]);
+    (ordered, outputs.collect())
 }
 
 /// Adds a term; a value is in the map from then on, even where the sum is zero.

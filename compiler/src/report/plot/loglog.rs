@@ -63,7 +63,7 @@ const FAMILIES: [[RGBColor; 2]; 6] = [
 const MEMBERS: usize = 4;
 
 /// A logarithmic axis.
-struct Decades {
+pub(super) struct Decades {
     /// Logarithms to base 10.
     lo: f64,
     hi: f64,
@@ -73,7 +73,7 @@ struct Decades {
 
 impl Decades {
     /// Covers all positive values with a margin.
-    fn around(values: impl Iterator<Item = f64>) -> Self {
+    pub(super) fn around(values: impl Iterator<Item = f64>) -> Self {
         let logs = values.filter(|v| *v > 0.0 && v.is_finite()).map(f64::log10);
         let (lo, hi) = logs.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| {
             (lo.min(v), hi.max(v))
@@ -89,11 +89,11 @@ impl Decades {
         }
     }
 
-    fn placed(self, start: f64, end: f64) -> Self {
+    pub(super) fn placed(self, start: f64, end: f64) -> Self {
         Decades { start, end, ..self }
     }
 
-    fn at(&self, value: f64) -> f64 {
+    pub(super) fn at(&self, value: f64) -> f64 {
         let share = (value.log10() - self.lo) / (self.hi - self.lo);
         self.start + share * (self.end - self.start)
     }
@@ -104,7 +104,7 @@ impl Decades {
     }
 
     /// Powers of ten with labels: every one, every second one, ..
-    fn labels(&self) -> Vec<(f64, String)> {
+    pub(super) fn labels(&self) -> Vec<(f64, String)> {
         let n = self.decades().count() as i32;
         let every = (n + MOST_LABELS - 1) / MOST_LABELS;
         let shown = self

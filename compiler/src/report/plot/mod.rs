@@ -10,6 +10,7 @@ mod loglog;
 mod marks;
 mod panel;
 mod phase;
+pub mod profile;
 
 use self::axis::Axis;
 pub use self::loglog::{Curve, LogLog};

@@ -1,0 +1,172 @@
+//! Problems from .nl files: read, solved and reported.
+//!
+//! The only stage that starts from a program instead of a model. What comes out is a [`Report`] in the terms of the
+//! file: its rows, its variables, its sense.
+
+mod ampl;
+mod benchmark;
+mod error;
+mod json;
+mod text;
+
+use std::time::Instant;
+
+use nsd_solver::mpcc::{self, Class};
+use nsd_solver::nl::{self, Code, Named, Problem, Quality};
+
+pub use ampl::{BadOption, Settings, tolerance};
+pub use benchmark::{Known, Peer, Record, Table, read_known};
+pub use error::NlError;
+pub use json::write as json;
+pub use text::{message, write as text};
+
+use crate::diagnostics::Diagnostics;
+use crate::report::{Stationarity, Stats, Status};
+use crate::source::SourceMap;
+
+/// Larger files are not read.
+pub const MAX_BYTES: usize = 256 << 20;
+
+/// What came of solving a problem.
+#[derive(Clone, Debug)]
+pub struct Report {
+    /// The name of the file without folder and extension.
+    pub problem: String,
+    /// How it ended.
+    pub status: Status,
+    /// Whether the point is feasible and complementary, stationary or not.
+    pub is_feasible: bool,
+    /// In the sense of the file.
+    pub objective: f64,
+    /// Sizes of the file.
+    pub sizes: nl::Sizes,
+    /// Whether more is better.
+    pub is_maximized: bool,
+    /// What the point is worth.
+    pub quality: Quality,
+    /// The name of the row or variable where the violation is largest.
+    pub worst: Option<String>,
+    /// What is known of the point.
+    pub stationarity: Stationarity,
+    /// What it took.
+    pub stats: Stats,
+    /// The variables of the file.
+    pub x: Vec<f64>,
+    /// The solution file of AMPL.
+    pub solution_file: String,
+}
+
+/// Names of rows and variables, as far as there are files with them.
+#[derive(Clone, Debug, Default)]
+pub struct Names {
+    /// Of the rows.
+    pub rows: Vec<String>,
+    /// Of the variables.
+    pub variables: Vec<String>,
+}
+
+/// Reads a file; what is wrong with it goes to the diagnostics.
+pub fn read(
+    name: &str,
+    bytes: Vec<u8>,
+    sources: &mut SourceMap,
+    diags: &mut Diagnostics,
+) -> Option<Problem> {
+    match nl::read(&bytes) {
+        Ok(problem) => Some(problem),
+        Err(error) => {
+            // Binary files cannot be shown.
+            let source = match error.place {
+                nl::Place::Line(_) => Some(sources.add_bytes(name, bytes)),
+                nl::Place::Byte(_) => None,
+            };
+            diags.push(NlError::new(error, source.as_deref()));
+            None
+        }
+    }
+}
+
+/// Solves a problem; `read_s` are the seconds that reading it took, and `log` takes the lines of iterations.
+pub fn solve(
+    name: &str,
+    problem: &mut Problem,
+    names: &Names,
+    settings: &Settings,
+    read_s: f64,
+    log: &mut dyn FnMut(&str),
+) -> Report {
+    let clock = Instant::now();
+    let mut options = mpcc::Options {
+        time_limit: settings.time_limit,
+        ..mpcc::Options::default()
+    };
+    if let Some(tolerance) = settings.tolerance {
+        options.tolerance = tolerance;
+    }
+    let solution = mpcc::solve(&mut problem.program, &options);
+    let solve_s = clock.elapsed().as_secs_f64();
+    let quality = problem.quality(&solution.w);
+    let (status, code) = outcome(solution.status);
+    let worst = quality.worst.map(|worst| match worst {
+        Named::Row(row) => names.rows.get(row).cloned().unwrap_or(format!("row {row}")),
+        Named::Variable(i) => names
+            .variables
+            .get(i)
+            .cloned()
+            .unwrap_or(format!("variable {i}")),
+    });
+    let objective = problem.objective(solution.objective);
+    let mut report = Report {
+        problem: name.to_owned(),
+        status,
+        is_feasible: solution.is_feasible(),
+        objective,
+        sizes: problem.sizes,
+        is_maximized: problem.sense == nl::Sense::Maximize,
+        quality,
+        worst,
+        stationarity: stationarity(solution.class, solution.b_stationary),
+        stats: Stats {
+            compile_s: read_s,
+            solve_s,
+            newton_iterations: (solution.stats.iterations + solution.stats.newton_steps) as u64,
+            homotopy_steps: solution.stats.relaxed as u64,
+            complementarity_residual: quality.complementarity_min,
+            ..Stats::default()
+        },
+        x: solution.w[..problem.sizes.variables].to_vec(),
+        solution_file: String::new(),
+    };
+    let message = text::message(&report);
+    report.solution_file =
+        problem.solution_file(&message, &solution.w, &solution.multipliers.rows, code);
+    report
+}
+
+/// The word of the language, and the number for AMPL.
+fn outcome(status: mpcc::Status) -> (Status, Code) {
+    match status {
+        mpcc::Status::Solved => (Status::Solved, Code::Solved),
+        mpcc::Status::Feasible => (Status::NumericalFailure, Code::Uncertain),
+        mpcc::Status::LocallyInfeasible => (Status::LocallyInfeasible, Code::Infeasible),
+        mpcc::Status::Unbounded => (Status::Unbounded, Code::Unbounded),
+        mpcc::Status::IterationLimit => (Status::IterationLimit, Code::IterationLimit),
+        mpcc::Status::TimeLimit => (Status::TimeLimit, Code::TimeLimit),
+        mpcc::Status::Evaluation | mpcc::Status::NumericalFailure => {
+            (Status::NumericalFailure, Code::Failure)
+        }
+    }
+}
+
+/// The strongest statement: S implies B, B implies nothing that the multipliers would show.
+fn stationarity(class: Class, b_stationary: Option<bool>) -> Stationarity {
+    match (class, b_stationary) {
+        (Class::S, _) => Stationarity::S,
+        (_, Some(true)) => Stationarity::B,
+        (Class::M, _) => Stationarity::M,
+        (Class::C, _) => Stationarity::C,
+        (Class::A, _) => Stationarity::A,
+        (Class::W, _) => Stationarity::W,
+        (Class::None, _) => Stationarity::None,
+    }
+}
