@@ -189,7 +189,7 @@ fn the_terms_of_a_long_sum_do_not_meet_each_other() {
     let hessian = b.finish(&[output]).hessian(1);
     assert!(hessian.tape.len() < 20 * n, "{}", hessian.tape.len());
     // f'' = (s'' + s'²) f
-    let x = 1e-3f64;
+    let x = 1e-6f64;
     let terms = |f: fn(f64) -> f64, power: i32| -> f64 {
         (1..=n)
             .map(|i| f64::from(i as u32).powi(power) * f(i as f64 * x))

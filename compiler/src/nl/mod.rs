@@ -137,7 +137,7 @@ pub fn solve(
         x: solution.w[..problem.sizes.variables].to_vec(),
         solution_file: String::new(),
     };
-    let message = text::message(&report);
+    let message = message(&report);
     report.solution_file =
         problem.solution_file(&message, &solution.w, &solution.multipliers.rows, code);
     report

@@ -234,9 +234,13 @@ impl<'t> Sweep<'t> {
 fn depth_first(tape: &Tape) -> (Vec<Instruction>, Vec<Slot>) {
     let n_inputs = tape.n_inputs as Slot;
     let mut makers = vec![UNUSED; tape.n_values];
+    let mut depths = vec![0; tape.n_values];
     for (number, instruction) in tape.values.iter().enumerate() {
+        let operands = instruction.op.operands();
+        let depth = operands.map(|operand| depths[operand as usize]).max();
         for value in instruction.results() {
             makers[value as usize] = number as Slot;
+            depths[value as usize] = 1 + depth.unwrap_or(0);
         }
     }
     let mut number: Vec<Slot> = (0..tape.n_values as Slot).collect();
@@ -257,12 +261,11 @@ fn depth_first(tape: &Tape) -> (Vec<Instruction>, Vec<Slot>) {
                 UNUSED => false,
                 maker => !is_done[maker as usize],
             };
-            // The first operand is on top.
-            let [a, b] = instruction.op.parts().0;
-            let open = [b, a].into_iter().filter(|&operand| operand != UNUSED);
+            // The deeper operand is on top: what a long sum has so far, before its next term.
             let depth = stack.len();
-            stack.extend(open.filter(is_open));
+            stack.extend(instruction.op.operands().filter(is_open));
             if stack.len() > depth {
+                stack[depth..].sort_by_key(|&operand| depths[operand as usize]);
                 continue;
             }
             is_done[maker as usize] = true;
