@@ -1,8 +1,8 @@
 //! The pages of `nsdc explain`: one for each code of a diagnostic.
 //!
 //! A page is a Markdown file `explain/E0203.md`: the title `# E0203: ...`, some
-//! prose, and two complete files, fenced as `nsd wrong` and `nsd right`; data that
-//! they read is fenced as `csv NAME`.
+//! prose, and two complete files, fenced as `nsd wrong` and `nsd right`, or `nl wrong` and
+//! `nl right` for problem files; data that they read is fenced as `csv NAME`.
 
 /// Codes and pages, in the order of the codes.
 pub static PAGES: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/pages.rs"));
@@ -32,9 +32,9 @@ pub fn closest(code: &str) -> Option<&'static str> {
     (distance(best) <= 2).then_some(best)
 }
 
-/// The contents of the fences whose info string is `nsd` and `word`.
-pub fn examples<'p>(page: &'p str, word: &str) -> Vec<&'p str> {
-    let opening = format!("```nsd {word}\n");
+/// The contents of the fences whose info string is a language, `nsd` or `nl`, and `word`.
+pub fn examples<'p>(page: &'p str, language: &str, word: &str) -> Vec<&'p str> {
+    let opening = format!("```{language} {word}\n");
     let fences = page.split(&opening).skip(1);
     fences.filter_map(|rest| rest.split("```").next()).collect()
 }
@@ -44,7 +44,7 @@ mod tests {
     use super::{PAGES, examples, page, title};
 
     /// Codes of files that a page cannot hold, not text, too large, full of errors, and of a command.
-    const WITHOUT_EXAMPLES: [&str; 4] = ["E0001", "E0002", "E0021", "E0521"];
+    const WITHOUT_EXAMPLES: [&str; 5] = ["E0001", "E0002", "E0021", "E0521", "E0808"];
 
     #[test]
     fn every_page_has_a_title_and_examples() {
@@ -56,7 +56,8 @@ mod tests {
             );
             // What only a run shows may have no example that is sure to show it.
             let may_lack = code[1..].starts_with("07") || WITHOUT_EXAMPLES.contains(code);
-            let counts = ["wrong", "right"].map(|word| examples(page, word).len());
+            let count = |language, word| examples(page, language, word).len();
+            let counts = ["wrong", "right"].map(|word| count("nsd", word) + count("nl", word));
             assert!(
                 (may_lack && counts == [0, 0]) || !counts.contains(&0),
                 "{code} lacks a wrong or a right example"
@@ -68,8 +69,8 @@ mod tests {
     fn parts_of_a_page_are_found() {
         let text = "# E0000: a title\n\nProse.\n\n```nsd wrong\nmodel a\n```\n```nsd right\nmodel b { }\n```\n";
         assert_eq!(title(text), "a title");
-        assert_eq!(examples(text, "wrong"), ["model a\n"]);
-        assert_eq!(examples(text, "right"), ["model b { }\n"]);
+        assert_eq!(examples(text, "nsd", "wrong"), ["model a\n"]);
+        assert_eq!(examples(text, "nsd", "right"), ["model b { }\n"]);
         assert!(page("E9999").is_none());
     }
 }

@@ -5,6 +5,7 @@ use nsdc::diagnostics::{Diagnostics, render};
 use nsdc::explain::{PAGES, examples};
 use nsdc::expr::Exprs;
 use nsdc::imports::{self, Loaded, Loader, NoFiles, NotLoaded};
+use nsdc::nl;
 use nsdc::optimize;
 use nsdc::report::Warning;
 use nsdc::simulate::{self, Request};
@@ -100,9 +101,9 @@ fn run(file: &File) -> Vec<String> {
 }
 
 /// Applies `judge` to all examples of a kind, and shows all that it finds.
-fn for_all(word: &str, judge: impl Fn(&str, &str, &str) -> Option<String>) {
+fn for_all(language: &str, word: &str, judge: impl Fn(&str, &str, &str) -> Option<String>) {
     let examples = PAGES.iter().flat_map(|(code, page)| {
-        examples(page, word)
+        examples(page, language, word)
             .into_iter()
             .map(move |text| (code, page, text))
     });
@@ -114,7 +115,7 @@ fn for_all(word: &str, judge: impl Fn(&str, &str, &str) -> Option<String>) {
 
 #[test]
 fn wrong_examples_give_the_code() {
-    for_all("wrong", |code, page, text| {
+    for_all("nsd", "wrong", |code, page, text| {
         let (codes, _, shown) = diagnose(page, text);
         let is_given = codes.iter().any(|got| got == code);
         (!is_given).then(|| format!("{code}: got {codes:?}\n{text}\n{shown}"))
@@ -123,8 +124,31 @@ fn wrong_examples_give_the_code() {
 
 #[test]
 fn right_examples_have_no_errors() {
-    for_all("right", |code, page, text| {
+    for_all("nsd", "right", |code, page, text| {
         let (_, has_errors, shown) = diagnose(page, text);
         has_errors.then(|| format!("{code}:\n{text}\n{shown}"))
+    });
+}
+
+/// The codes that a problem file gives.
+fn diagnose_nl(text: &str) -> Vec<String> {
+    let (mut sources, mut diags) = (SourceMap::new(), Diagnostics::new());
+    nl::read("page.nl", text.into(), &mut sources, &mut diags);
+    diags.codes()
+}
+
+#[test]
+fn wrong_problem_files_give_the_code() {
+    for_all("nl", "wrong", |code, _, text| {
+        let codes = diagnose_nl(text);
+        (codes != [code]).then(|| format!("{code}: got {codes:?}\n{text}"))
+    });
+}
+
+#[test]
+fn right_problem_files_have_no_errors() {
+    for_all("nl", "right", |code, _, text| {
+        let codes = diagnose_nl(text);
+        (!codes.is_empty()).then(|| format!("{code}: got {codes:?}\n{text}"))
     });
 }

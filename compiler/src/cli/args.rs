@@ -240,8 +240,6 @@ pub enum Log {
     Off,
     /// The result
     Summary,
-    /// Every iteration, too
-    Iterations,
 }
 
 /// Arguments of `test`.

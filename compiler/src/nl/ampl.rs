@@ -11,8 +11,6 @@ pub struct Settings {
     pub time_limit: Option<Duration>,
     /// Whether the report is left out.
     pub is_quiet: bool,
-    /// Whether every iteration is told.
-    pub tells_iterations: bool,
 }
 
 /// An option that is not understood.
@@ -56,11 +54,8 @@ impl Settings {
                     self.time_limit = Some(limit.ok_or(bad("a positive number of seconds"))?);
                 }
                 "outlev" => {
-                    let level: u32 = value.parse().map_err(|_| {
-                        bad("0 for silence, 1 for the result, 2 for all iterations")
-                    })?;
+                    let level: u32 = value.parse().map_err(|_| bad("0 for silence, else 1"))?;
                     self.is_quiet = level == 0;
-                    self.tells_iterations = level > 1;
                 }
                 // Set by AMPL itself: whether a solution file is wanted.
                 "wantsol" => {}
@@ -93,7 +88,6 @@ mod tests {
                 tolerance: Some(1e-9),
                 time_limit: Some(Duration::from_millis(2500)),
                 is_quiet: true,
-                tells_iterations: false,
             }
         );
         settings.add("").unwrap();

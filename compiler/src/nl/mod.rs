@@ -86,14 +86,13 @@ pub fn read(
     }
 }
 
-/// Solves a problem; `read_s` are the seconds that reading it took, and `log` takes the lines of iterations.
+/// Solves a problem; `read_s` are the seconds that reading it took.
 pub fn solve(
     name: &str,
     problem: &mut Problem,
     names: &Names,
     settings: &Settings,
     read_s: f64,
-    log: &mut dyn FnMut(&str),
 ) -> Report {
     let clock = Instant::now();
     let mut options = mpcc::Options {

@@ -90,7 +90,6 @@ fn settings(args: &SolveArgs) -> Result<Settings, nl::BadOption> {
     settings.tolerance = args.tolerance.or(settings.tolerance);
     settings.time_limit = args.time_limit.or(settings.time_limit);
     settings.is_quiet |= args.log == Log::Off;
-    settings.tells_iterations = args.log == Log::Iterations;
     Ok(settings)
 }
 
@@ -148,7 +147,6 @@ fn solve(
     settings: &Settings,
     sources: &mut SourceMap,
     diags: &mut Diagnostics,
-    log: &mut dyn FnMut(&str),
 ) -> Result<Option<Report>, files::FileError> {
     let clock = Instant::now();
     let bytes = files::read(path, nl::MAX_BYTES)?;
@@ -171,10 +169,7 @@ fn solve(
 fn one(args: &SolveArgs, settings: &Settings, streams: &mut Streams<'_>) -> io::Result<Exit> {
     let path = file_of(&args.path);
     let (mut sources, mut diags) = (SourceMap::new(), Diagnostics::new());
-    let mut tell = |line: &str| {
-        let _ = writeln!(streams.err, "{line}");
-    };
-    let report = match solve(&path, settings, &mut sources, &mut diags, &mut tell) {
+    let report = match solve(&path, settings, &mut sources, &mut diags) {
         Ok(Some(report)) => report,
         Ok(None) => {
             project::print(&diags, &sources, streams)?;
