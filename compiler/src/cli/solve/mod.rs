@@ -161,7 +161,6 @@ fn solve(
         &names,
         settings,
         read_s,
-        log,
     )))
 }
 
