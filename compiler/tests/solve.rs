@@ -174,7 +174,7 @@ fn what_is_wrong_is_said_with_a_code_and_a_line() {
         fs::write(folder.join(name), text).expect("the folder is writable");
     };
     write("kink.nl", corner().replace("o5\no0\nn2", "o13\no0\nn2"));
-    write("cut.nl", corner()[..200].to_owned());
+    write("cut.nl", corner()[..120].to_owned());
     for (file, code) in [("kink.nl", "E0804"), ("cut.nl", "E0802")] {
         let ran = nsdc(&folder, &["solve", file]);
         assert_eq!((ran.status, ran.out.as_str()), (1, ""), "{file}");
