@@ -9,7 +9,7 @@ use nsd_tests::DataFolder;
 use nsdc::diagnostics::{Diagnostics, render};
 use nsdc::imports;
 use nsdc::source::SourceMap;
-use nsdc::{check, nl, syntax};
+use nsdc::{check, syntax};
 
 #[test]
 fn every_mistake_is_reported_as_it_was() {
@@ -18,7 +18,7 @@ fn every_mistake_is_reported_as_it_was() {
     let mut paths: Vec<_> = entries
         .map(|entry| entry.expect("a readable folder").path())
         .collect();
-    paths.retain(|path| path.extension().is_some_and(|e| e == "nsd" || e == "nl"));
+    paths.retain(|path| path.extension().is_some_and(|e| e == "nsd"));
     paths.sort();
     assert!(!paths.is_empty(), "no case in {}", folder.display());
     for path in paths {
@@ -26,22 +26,19 @@ fn every_mistake_is_reported_as_it_was() {
         let bytes = fs::read(&path).expect("a case can be read");
         let mut sources = SourceMap::new();
         let mut diags = Diagnostics::new();
-        let text = if path.extension().is_some_and(|extension| extension == "nl") {
-            let text = String::from_utf8_lossy(&bytes).into_owned();
-            nl::read(&format!("{stem}.nl"), bytes, &mut sources, &mut diags);
-            text
-        } else {
-            let source = sources.add_bytes(format!("{stem}.nsd"), bytes);
-            let mut file = syntax::parse(&source, &mut diags);
-            let mut beside = DataFolder(folder.clone());
-            imports::link(&mut file, &stem, &mut beside, &mut sources, &mut diags);
-            check(&file, &sources, &mut diags);
-            source.text.clone()
-        };
+        let source = sources.add_bytes(format!("{stem}.nsd"), bytes);
+        let mut file = syntax::parse(&source, &mut diags);
+        let mut beside = DataFolder(folder.clone());
+        imports::link(&mut file, &stem, &mut beside, &mut sources, &mut diags);
+        check(&file, &sources, &mut diags);
 
         let code = stem.split('_').next().unwrap_or_default().to_owned();
         let codes = diags.codes();
         assert!(codes.contains(&code), "{stem} gives {codes:?}");
-        insta::assert_snapshot!(stem.as_ref(), render(&diags, &sources, false, 100), &text);
+        insta::assert_snapshot!(
+            stem.as_ref(),
+            render(&diags, &sources, false, 100),
+            &source.text
+        );
     }
 }

@@ -15,8 +15,6 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::process::Command;
 
-use nsd_solver::nl;
-use nsd_solver::problem::{Mpcc as _, Nlp};
 use nsd_solver::tableau::Family;
 use nsd_tests::with_experiment;
 use nsdc::dcs::{Formulation, lower_as};
@@ -287,55 +285,6 @@ fn rows_are_found_again() {
         let distinct: std::collections::HashSet<_> = complements.iter().collect();
         assert_eq!(distinct.len(), complements.len(), "{name}");
         assert_eq!(complements.len(), mpcc.sizes().pairs, "{name}");
-    });
-}
-
-#[test]
-fn the_solver_reads_the_same_program() {
-    for_each(|name, mpcc| {
-        let ampl = mpcc.nl();
-        let w = scatter(mpcc.n_variables());
-        let columns = point(&ampl, &w);
-        let file = read(&ampl.text, &columns);
-        let expected = expected(mpcc, &ampl, &w, &columns, &file);
-        let mut problem = nl::read(ampl.text.as_bytes()).expect("the file is right");
-        let program = &mut problem.program;
-        assert_eq!(program.n_variables(), columns.len(), "{name}");
-        assert_eq!(program.n_rows(), expected.rows.len(), "{name}");
-        assert_eq!(program.pairs().len(), mpcc.sizes().pairs, "{name}");
-        let mut values = vec![0.0; expected.rows.len()];
-        program.rows(&columns, &mut values);
-        let mut entries = vec![0.0; program.jacobian_pattern().n_entries()];
-        program.jacobian(&columns, &mut entries);
-        let mut gradient = vec![0.0; columns.len()];
-        program.gradient(&columns, &mut gradient);
-        let objective = program.objective(&columns);
-        assert!(close(objective, expected.objective), "{name}: {objective}");
-        let pattern = program.jacobian_pattern();
-        for (row, &value) in expected.rows.iter().enumerate() {
-            let at = problem.rows[row].row as usize;
-            let found = values[at] - program.row_bounds().lower[at];
-            assert!(
-                close(found, value),
-                "{name}: row {row} is {found}, not {value}"
-            );
-            let slope = |column: usize| {
-                let place = pattern.place(at, column as u32);
-                place.map_or(0.0, |place| entries[place])
-            };
-            let agrees = |(&column, &entry): (&usize, &f64)| close(slope(column), entry);
-            assert!(
-                expected.jacobian[row].iter().all(agrees),
-                "{name}: row {row}"
-            );
-            let known = |column: &u32| expected.jacobian[row].contains_key(&(*column as usize));
-            assert!(pattern.row(at).iter().all(known), "{name}: row {row}");
-        }
-        let of_objective = &expected.jacobian[expected.rows.len()];
-        for (column, &slope) in gradient.iter().enumerate() {
-            let exact = of_objective.get(&column).copied().unwrap_or(0.0);
-            assert!(close(slope, exact), "{name}: {slope} is not {exact}");
-        }
     });
 }
 
