@@ -37,7 +37,11 @@ impl<'e> System<'e> {
             .chain(psi)
             .chain(indicators.copied())
             .chain(self.task.iter().flat_map(Task::exprs))
-            .chain(self.laws.iter().flat_map(|law| law.resets.iter().map(|r| r.1)))
+            .chain(
+                self.laws
+                    .iter()
+                    .flat_map(|law| law.resets.iter().map(|r| r.1)),
+            )
             .chain(self.laws.iter().map(|law| law.guard))
             .collect();
 
