@@ -4,7 +4,9 @@
 
 use serde::ser::{Serialize, SerializeMap, SerializeSeq, Serializer};
 
-use super::{Event, Method, MethodOption, ModeInterval, Series, Stats, Trajectory, Warning};
+use super::{
+    Event, Method, MethodOption, ModeInterval, Optimum, Series, Stats, Trajectory, Warning,
+};
 
 /// The object, without a line break.
 pub fn write(trajectory: &Trajectory) -> String {
@@ -33,6 +35,8 @@ struct Object<'a> {
     error_estimate: Option<f64>,
     stats: &'a Stats,
     certificate: Certificate<'a>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    optimum: Option<Found>,
     skipped: &'a [String],
     /// Warnings, and last what ended the run early.
     warnings: Vec<Warning>,
@@ -49,6 +53,37 @@ struct Multipliers<'a> {
 struct Certificate<'a> {
     stationarity: &'a str,
     max_violation: f64,
+}
+
+/// How an optimum was found; what is not known is `null`.
+#[derive(serde::Serialize)]
+struct Found {
+    starts: usize,
+    feasible: usize,
+    at_best: usize,
+    best: Option<f64>,
+    median: Option<f64>,
+    worst: Option<f64>,
+    median_solve_s: f64,
+    terminal_error: Option<f64>,
+    objective_error: Option<f64>,
+}
+
+impl Found {
+    fn of(optimum: &Optimum) -> Self {
+        let (spread, check) = (optimum.spread.as_ref(), optimum.check.as_ref());
+        Found {
+            starts: optimum.starts,
+            feasible: spread.map_or(0, |spread| spread.n_feasible),
+            at_best: spread.map_or(0, |spread| spread.n_best),
+            best: spread.map(|spread| spread.best),
+            median: spread.map(|spread| spread.median),
+            worst: spread.map(|spread| spread.worst),
+            median_solve_s: optimum.median_s,
+            terminal_error: check.map(|check| check.terminal_error),
+            objective_error: check.map(|check| check.objective_error),
+        }
+    }
 }
 
 impl<'a> From<&'a Trajectory> for Object<'a> {
@@ -80,6 +115,7 @@ impl<'a> From<&'a Trajectory> for Object<'a> {
                 stationarity: trajectory.certificate.stationarity.as_str(),
                 max_violation: trajectory.certificate.max_violation,
             },
+            optimum: trajectory.optimum.as_ref().map(Found::of),
             skipped: &trajectory.skipped,
             warnings: (trajectory.warnings.iter().cloned())
                 .chain(

@@ -2,7 +2,7 @@
 
 use std::fmt::{self, Display, Write};
 
-use super::{MethodOption, Series, Stats, Status, Trajectory};
+use super::{MethodOption, Series, Stationarity, Stats, Status, Trajectory};
 
 /// Rows of a table before the rest is only counted.
 const MAX_ROWS: usize = 12;
@@ -35,6 +35,7 @@ fn report(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
     events(trajectory, text)?;
     modes(trajectory, text)?;
     origin(trajectory, text)?;
+    optimum(trajectory, text)?;
     for skipped in &trajectory.skipped {
         writeln!(text, "  skipped {skipped}")?;
     }
@@ -122,6 +123,7 @@ fn origin(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
     writeln!(text)?;
     match trajectory.error_estimate {
         Some(_) if trajectory.stats.steps == 0 => {}
+        Some(_) | None if trajectory.optimum.is_some() => {}
         Some(error) => writeln!(
             text,
             "  error estimate {error:.1e}, relative, largest over the states"
@@ -145,6 +147,39 @@ fn origin(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
     }
     let seconds = trajectory.stats.solve_s;
     writeln!(text, ", {}", duration(seconds))
+}
+
+/// What is known about an optimum.
+fn optimum(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
+    let Some(optimum) = &trajectory.optimum else {
+        return Ok(());
+    };
+    let certificate = &trajectory.certificate;
+    match certificate.stationarity {
+        Stationarity::None => writeln!(text, "  certificate: none")?,
+        class => writeln!(text, "  certificate: {}-stationary", class.as_str())?,
+    }
+    if let Some(check) = &optimum.check {
+        let (end, objective) = (check.terminal_error, check.objective_error.abs());
+        writeln!(
+            text,
+            "  simulated by `event`: end off by {end:.1e}, objective by {objective:.1e}"
+        )?;
+    }
+    if let (2.., Some(spread)) = (optimum.starts, &optimum.spread) {
+        writeln!(
+            text,
+            "  {} starts: {} feasible, {} at the best, objectives {} to {}, median {}, {} each",
+            optimum.starts,
+            spread.n_feasible,
+            spread.n_best,
+            significant(spread.best, 8),
+            significant(spread.worst, 8),
+            significant(spread.median, 8),
+            duration(optimum.median_s),
+        )?;
+    }
+    Ok(())
 }
 
 /// Left-aligned columns under their titles.
