@@ -107,6 +107,9 @@ pub fn solve_from(problem: &mut dyn Mpcc, start: &[f64], options: &Options) -> S
     solution
 }
 
+/// An objective below this at a feasible point, where no stationary one is found, has no bound.
+const UNBOUNDED: f64 = -1e10;
+
 impl Work<'_> {
     /// A problem without pairs is that of the interior-point method.
     fn smooth(&mut self, lifted: &mut Lifted<'_>, start: &[f64]) -> Solution {
@@ -123,6 +126,7 @@ impl Work<'_> {
                 w: point.w,
                 residuals,
                 status: found.status,
+                branch: None,
             };
             return self.dead_end(lifted, end);
         }
@@ -165,7 +169,6 @@ impl Work<'_> {
                         best = Some(candidate);
                     }
                 }
-                // No way leads out of an unbounded problem, unless the relaxation alone is unbounded.
                 Err(other) => {
                     if end.as_ref().is_none_or(|end| other.is_better(end)) {
                         end = Some(other);
@@ -238,6 +241,7 @@ impl Work<'_> {
         w.truncate(n);
         Solution {
             status: match certificate.class {
+                Class::None if best.objective < UNBOUNDED => Status::Unbounded,
                 Class::None => Status::Feasible,
                 _ => Status::Solved,
             },
@@ -263,6 +267,10 @@ impl Work<'_> {
                 _ if self.is_late() => Status::TimeLimit,
                 ipm::Status::LocallyInfeasible => Status::LocallyInfeasible,
                 ipm::Status::Solved | ipm::Status::Acceptable | ipm::Status::Stopped => {
+                    Status::NumericalFailure
+                }
+                // The relaxation has not become feasible, and the violation of its branch is least.
+                _ if end.branch == Some(ipm::Status::LocallyInfeasible) => {
                     Status::LocallyInfeasible
                 }
                 ipm::Status::IterationLimit => Status::IterationLimit,

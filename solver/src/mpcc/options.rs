@@ -57,8 +57,8 @@ impl Default for Options {
             certificate: Tolerances::default(),
             max_switches: 20,
             max_restarts: 5,
-            effort: 200_000,
-            max_iterations: 500,
+            effort: 100_000,
+            max_iterations: 3000,
             time_limit: None,
         }
     }

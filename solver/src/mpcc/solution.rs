@@ -12,7 +12,7 @@ pub enum Status {
     Feasible,
     /// No way that was tried led to a feasible point, and the violation is locally least.
     LocallyInfeasible,
-    /// The objective falls below all bounds.
+    /// The objective falls below -1e10 at points that are feasible, and no stationary one is found.
     Unbounded,
     /// The largest number of iterations was reached without a feasible point.
     IterationLimit,
@@ -20,7 +20,7 @@ pub enum Status {
     TimeLimit,
     /// Functions or derivatives are not finite where they have to be.
     Evaluation,
-    /// No further step was found, and the point is not feasible.
+    /// No further step was found, or no branch near the points of the relaxations was feasible.
     NumericalFailure,
 }
 

@@ -1,6 +1,6 @@
 //! Whole runs on problems with known solutions.
 
-use super::{Class, Options, Solution, Status, solve};
+use super::{Class, Form, Homotopy, Options, Relaxation, Solution, Status, Steering, solve};
 use crate::problem::Side;
 use crate::quadratic::{Function, Quadratic};
 
@@ -40,4 +40,212 @@ fn the_nearest_point_of_two_half_axes() {
             < 1e-9
     };
     assert!(at([0.0, 2.0]) || at([1.0, 0.0]), "{solution:?}");
+}
+
+fn linear(coefficients: &[f64]) -> Function {
+    let terms = (0..).zip(coefficients);
+    terms.fold(Function::default(), |f, (j, &c)| f.linear(j, c))
+}
+
+fn check_at(solution: &Solution, w: &[f64], tolerance: f64) {
+    assert_eq!(solution.status, Status::Solved, "{solution:?}");
+    for (found, expected) in solution.w.iter().zip(w) {
+        assert!((found - expected).abs() < tolerance, "{solution:?}");
+    }
+    assert_eq!(solution.residuals.product, 0.0);
+}
+
+#[test]
+fn every_relaxation_and_steering_finds_the_only_minimum() {
+    // (x - 1)² + y²: the origin is C-stationary and not a minimum.
+    for relaxation in Relaxation::ALL {
+        for steering in [Steering::Direct, Steering::L1, Steering::LInfinity] {
+            let homotopies = [
+                Options::default().homotopy,
+                Homotopy::Sequential {
+                    start: 1.0,
+                    factor: 0.1,
+                    stop: 1e-8,
+                },
+            ];
+            for homotopy in homotopies {
+                let mut problem = pair(Quadratic::new(2, distance(&[1.0, 0.0]), Vec::new()));
+                let form = Form {
+                    relaxation,
+                    steering,
+                    is_equation: false,
+                };
+                let options = Options {
+                    form,
+                    homotopy,
+                    max_restarts: 0,
+                    ..Options::default()
+                };
+                check_at(&solve(&mut problem, &options), &[1.0, 0.0], 1e-8);
+            }
+        }
+    }
+}
+
+#[test]
+fn curves_may_be_equations() {
+    for relaxation in Relaxation::ALL.into_iter().filter(|r| r.is_curve()) {
+        let mut problem = pair(Quadratic::new(2, distance(&[1.0, 0.0]), Vec::new()));
+        let options = Options {
+            form: Form {
+                relaxation,
+                is_equation: true,
+                ..Form::default()
+            },
+            ..Options::default()
+        };
+        check_at(&solve(&mut problem, &options), &[1.0, 0.0], 1e-8);
+    }
+}
+
+#[test]
+fn an_optimum_that_is_not_strongly_stationary() {
+    // minimize x + y - z, z <= 4x, z <= 4y (scholtes4 of MacMPEC): the origin is M-stationary.
+    let rows = vec![
+        (linear(&[4.0, 0.0, -1.0]), 0.0, INFINITY),
+        (linear(&[0.0, 4.0, -1.0]), 0.0, INFINITY),
+    ];
+    let solution = run(pair(Quadratic::new(3, linear(&[1.0, 1.0, -1.0]), rows)));
+    check_at(&solution, &[0.0; 3], 1e-8);
+    assert_eq!(solution.class, Class::M);
+    assert_eq!(solution.b_stationary, Some(true));
+    assert_eq!(solution.biactive, [0]);
+}
+
+#[test]
+fn sides_that_are_rows_have_the_multipliers_of_their_rows() {
+    // minimize 2x - y, 0 <= y ⟂ y - x >= 0 (ralph1 of MacMPEC), with x >= 0 and x >= ½.
+    let rows = vec![(linear(&[-1.0, 1.0]), 0.0, INFINITY)];
+    let problem = Quadratic::new(2, linear(&[2.0, -1.0]), rows)
+        .bound(0, 0.0, INFINITY)
+        .bound(1, 0.0, INFINITY)
+        .complement(Side::Variable(1), Side::Row(0));
+    let solution = run(problem.clone());
+    check_at(&solution, &[0.0, 0.0], 1e-8);
+    let away = run(problem.bound(0, 0.5, INFINITY));
+    // y = 0 would have y - x < 0.
+    check_at(&away, &[0.5, 0.5], 1e-8);
+    let [nu_y, nu_row] = away.multipliers.pairs[0];
+    // ∂(f + η (y - x))/∂y = η - 1 = 0, and ν = -η; the bound of x has 2 - η.
+    assert!(nu_y.abs() < 1e-8 && (nu_row + 1.0).abs() < 1e-8, "{away:?}");
+    assert!((away.multipliers.rows[0] - 1.0).abs() < 1e-8);
+    assert!((away.multipliers.lower[0] - 1.0).abs() < 1e-8);
+}
+
+#[test]
+fn what_cannot_be_met_is_locally_infeasible() {
+    let problem = Quadratic::new(
+        2,
+        distance(&[0.0, 0.0]),
+        vec![
+            (linear(&[1.0]), 1.0, INFINITY),
+            (linear(&[0.0, 1.0]), 1.0, INFINITY),
+        ],
+    );
+    let solution = run(pair(problem));
+    assert_eq!(solution.status, Status::LocallyInfeasible, "{solution:?}");
+    assert_eq!(solution.class, Class::None);
+    assert!(
+        solution
+            .residuals
+            .complementarity
+            .max(solution.residuals.violation)
+            > 0.1
+    );
+}
+
+#[test]
+fn what_falls_forever_is_unbounded() {
+    let solution = run(pair(Quadratic::new(2, linear(&[-1.0, 1.0]), Vec::new())));
+    assert_eq!(solution.status, Status::Unbounded, "{solution:?}");
+}
+
+#[test]
+fn fixed_variables_empty_rows_and_free_rows() {
+    let rows = || {
+        vec![
+            (Function::default(), -1.0, 1.0),
+            (linear(&[1.0, 1.0]), -INFINITY, INFINITY),
+        ]
+    };
+    let of = |value: f64| {
+        let problem = pair(Quadratic::new(2, distance(&[1.0, 2.0]), rows()));
+        run(problem.bound(0, value.min(0.0), value))
+    };
+    check_at(&of(0.0), &[0.0, 2.0], 1e-8);
+    // x = 2 above its bound 0 needs y = 0.
+    let mut rows = rows();
+    rows.push((linear(&[1.0]), 2.0, 2.0));
+    let problem = pair(Quadratic::new(2, distance(&[1.0, 2.0]), rows));
+    check_at(&run(problem), &[2.0, 0.0], 1e-8);
+}
+
+#[test]
+fn no_objective() {
+    let rows = vec![(linear(&[1.0, 2.0]), 2.0, 2.0)];
+    let solution = run(pair(Quadratic::new(2, Function::default(), rows)));
+    assert_eq!(solution.status, Status::Solved, "{solution:?}");
+    let w = &solution.w;
+    assert!((w[0] + 2.0 * w[1] - 2.0).abs() < 1e-9 && w[0].min(w[1]) == 0.0);
+}
+
+#[test]
+fn a_start_that_is_no_number() {
+    // A variable without bounds has no other place to start from.
+    let problem = pair(Quadratic::new(3, distance(&[1.0, 0.0, 0.0]), Vec::new()));
+    let solution = run(problem.start(&[0.0, 0.0, f64::NAN]));
+    assert_eq!(solution.status, Status::Evaluation, "{solution:?}");
+    assert_eq!(solution.class, Class::None);
+}
+
+#[test]
+fn a_program_without_pairs() {
+    // The nearest point of x + y = 1 to (1, 1).
+    let rows = vec![(linear(&[1.0, 1.0]), 1.0, 1.0)];
+    let solution = run(Quadratic::new(2, distance(&[1.0, 1.0]), rows));
+    check_at(&solution, &[0.5, 0.5], 1e-6);
+    assert!((solution.multipliers.rows[0] - 1.0).abs() < 1e-6);
+}
+
+#[test]
+fn no_constraint_qualification() {
+    // minimize (x - 1)² + (y + 1)², y² <= 0, 0 <= x ⟂ y >= 0: (1, 0), where the gradient of the row vanishes.
+    let rows = vec![(Function::default().product(1, 1, 1.0), -INFINITY, 0.0)];
+    let solution = run(pair(Quadratic::new(2, distance(&[1.0, -1.0]), rows)));
+    check_at(&solution, &[1.0, 0.0], 1e-8);
+    assert_eq!(solution.class, Class::S);
+}
+
+#[test]
+fn sums_are_held_with_their_terms() {
+    // (x + y) ⟂ z as a row: minimize (x + 1)² + (y - 1)² + (z - 3)²; the branch x = y = 0 has the value 2 at z = 3,
+    // that of z = 0 has 10.
+    let rows = vec![(linear(&[1.0, 1.0]), 0.0, INFINITY)];
+    let mut problem = Quadratic::new(3, distance(&[-1.0, 1.0, 3.0]), rows);
+    for j in 0..3 {
+        problem = problem.bound(j, 0.0, INFINITY);
+    }
+    let solution = run(problem.complement(Side::Row(0), Side::Variable(2)));
+    check_at(&solution, &[0.0, 0.0, 3.0], 1e-8);
+    assert_eq!(solution.w[..2], [0.0, 0.0]);
+    assert_eq!(solution.class, Class::S);
+}
+
+#[test]
+fn a_time_limit_of_nothing_ends_at_once() {
+    let mut problem = pair(Quadratic::new(2, distance(&[1.0, 0.0]), Vec::new()));
+    let options = Options {
+        time_limit: Some(std::time::Duration::ZERO),
+        ..Options::default()
+    };
+    let solution = solve(&mut problem, &options);
+    assert!(
+        !solution.is_feasible() || solution.stats.restarts == 0,
+        "{solution:?}"
+    );
 }

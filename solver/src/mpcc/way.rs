@@ -7,7 +7,7 @@ use super::certificate::Residuals;
 use super::lift::Lifted;
 use super::options::{Homotopy, Options};
 use super::polish::{Guess, Polished, polish};
-use super::relaxation::Relaxation;
+use super::relaxation::{Relaxation, Steering};
 use super::relaxed::{Coupling, Form, Relaxed};
 use super::work::Work;
 use crate::ipm;
@@ -29,8 +29,10 @@ pub struct DeadEnd {
     pub w: Vec<f64>,
     /// What its violation and complementarity are.
     pub residuals: Residuals,
-    /// How the last run ended.
+    /// How the last relaxed program ended.
     pub status: ipm::Status,
+    /// How the last branch ended, if one was tried.
+    pub branch: Option<ipm::Status>,
 }
 
 /// σ at which the polish is tried, one after the other.
@@ -41,6 +43,10 @@ const SETTLED: f64 = 1e-2;
 const FIRST_MU: f64 = 1.0;
 /// A run from a point of the relaxation with a larger σ.
 const WARM_MU: f64 = 1e-2;
+/// σ at which the polish is tried between the programs of a sequence.
+const NEAR: f64 = 1e-4;
+/// A relaxed program that takes longer than this has gone astray.
+const MAX_ITERATIONS: usize = 500;
 
 impl Way {
     /// Follows this way from a point of the vertical form.
@@ -71,6 +77,7 @@ impl Way {
     ) -> Result<Polished, DeadEnd> {
         let sigma = coupling.sigma(FIRST_MU);
         let mut tried: Vec<Member> = Vec::new();
+        let mut branch = None;
         // Feasible, but not solved to its end.
         let mut unfinished: Option<Polished> = None;
         let mut point: Option<ipm::Point> = None;
@@ -80,6 +87,7 @@ impl Way {
             let mut relaxed = Relaxed::new(lifted, self.form, sigma, start).coupled(coupling);
             let settings = ipm::Options {
                 mu_init: FIRST_MU,
+                max_iterations: MAX_ITERATIONS,
                 ..ipm::Options::default()
             };
             let mut observer = |progress: &ipm::Progress<'_>| {
@@ -104,7 +112,7 @@ impl Way {
                 match polish(lifted, &guess, &zeros, work) {
                     Ok(polished) if polished.is_optimal => return Ok(polished),
                     Ok(polished) => unfinished = Some(polished),
-                    Err(_) => {}
+                    Err(status) => branch = Some(status),
                 }
                 tried = zeros;
             }
@@ -117,6 +125,7 @@ impl Way {
                     residuals: Residuals::new(lifted, &guess.w),
                     w: guess.w,
                     status: found.status,
+                    branch,
                 });
             }
             point = Some(ipm::Point {
@@ -143,24 +152,33 @@ impl Way {
         loop {
             work.stats.relaxed += 1;
             let mut relaxed = Relaxed::new(lifted, self.form, sigma, start);
-            let settings = ipm::Options::default();
+            let settings = ipm::Options {
+                max_iterations: MAX_ITERATIONS,
+                ..ipm::Options::default()
+            };
             let found = work.minimize(&mut relaxed, settings, point.as_ref(), &mut ());
             let is_over = sigma <= stop || found.status == ipm::Status::Unbounded;
-            if is_over {
+            let is_near = found.status.is_solved() && sigma <= NEAR;
+            if is_over || is_near {
                 let n_rows = lifted.n_rows();
                 let guess = Guess {
                     w: found.w[..start.len()].to_vec(),
                     y: found.y[..n_rows].to_vec(),
                 };
                 let zeros = choose(lifted, &guess.w);
-                return polish(lifted, &guess, &zeros, work).map_err(|_| {
-                    lifted.settle(None);
-                    DeadEnd {
-                        residuals: Residuals::new(lifted, &guess.w),
-                        w: guess.w,
-                        status: found.status,
+                match polish(lifted, &guess, &zeros, work) {
+                    Ok(polished) if polished.is_optimal || is_over => return Ok(polished),
+                    Err(branch) if is_over => {
+                        lifted.settle(None);
+                        return Err(DeadEnd {
+                            residuals: Residuals::new(lifted, &guess.w),
+                            w: guess.w,
+                            status: found.status,
+                            branch: Some(branch),
+                        });
                     }
-                });
+                    _ => lifted.settle(None),
+                }
             }
             sigma = (sigma * factor).max(stop);
             point = Some(ipm::Point {
@@ -189,19 +207,24 @@ pub fn ways(options: &Options) -> Vec<Way> {
         relaxation: Relaxation::NaturalResidual,
         ..Form::default()
     };
+    let sequential = |form: Form, stop: f64| Way {
+        form,
+        homotopy: Homotopy::Sequential {
+            start: 1.0,
+            factor: 0.1,
+            stop,
+        },
+    };
+    let penalty = Form {
+        steering: Steering::L1,
+        ..Form::default()
+    };
     let mut ways = vec![
         Way { form, homotopy },
         coupled(Form::default(), 10.0),
         coupled(natural, 100.0),
-        Way {
-            form: Form::default(),
-            homotopy: Homotopy::Sequential {
-                start: 1.0,
-                factor: 0.1,
-                stop: 1e-8,
-            },
-        },
-        coupled(Form::default(), 1e4),
+        sequential(Form::default(), 1e-8),
+        sequential(penalty, 1e-6),
     ];
     ways.truncate(1 + options.max_restarts);
     ways
