@@ -70,10 +70,10 @@ impl Residuals {
         lifted.rows(w, &mut rows);
         let outside = |value: f64, lower: f64, upper: f64| {
             let excess = (lower - value).max(value - upper).max(0.0);
-            if value.is_nan() {
-                f64::INFINITY
-            } else {
+            if value.is_finite() {
                 excess
+            } else {
+                f64::INFINITY
             }
         };
         let of = |values: &[f64], bounds: crate::problem::Bounds<'_>| {

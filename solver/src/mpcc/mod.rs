@@ -120,7 +120,9 @@ impl Work<'_> {
             w: found.w,
             y: found.y,
         };
-        if residuals.violation > self.options.feasibility || found.status == ipm::Status::Unbounded
+        if residuals.violation > self.options.feasibility
+            || !found.objective.is_finite()
+            || found.status == ipm::Status::Unbounded
         {
             let end = DeadEnd {
                 w: point.w,

@@ -64,7 +64,7 @@ pub fn polish(
         };
         let found = work.minimize(&mut branch, settings, Some(&start), &mut ());
         let residuals = Residuals::new(lifted, &found.w);
-        if residuals.violation > work.options.feasibility {
+        if residuals.violation > work.options.feasibility || !found.objective.is_finite() {
             best = best.map_err(|_| found.status);
             continue;
         }
