@@ -371,7 +371,7 @@ fn elements_are_added_where_there_are_too_few() {
 }
 
 /// Sets are found by rates; where one vanishes by trial elements; where too many pairs meet by a
-/// smoothed problem.
+/// smoothed problem; and where that takes a set that a trial refuses by a whole element.
 #[test]
 fn each_rung_serves_where_the_one_above_fails() {
     let crossing = simulate(OSCILLATOR, "horizon pi/2; method fesd { steps = 20; }");
@@ -407,6 +407,30 @@ fn each_rung_serves_where_the_one_above_fails() {
         (y - (7.0 * reached + 1.4 * (3.0 - reached))).abs() < 1e-12,
         "{y}"
     );
+
+    // Five belts at once: where the blocks leave, the rates vanish whether they slide or not, and the
+    // smoothed problem has no reason to take one set rather than another.
+    let belts = "model belts { const c = 0.3; const e = ones(5); state x[5] = 2.4*e; \
+      state u[5] = e; x' = u - e; u' = -sign(u) - x - c*(u - e); }";
+    let settings = "horizon 20; method fesd { scheme = radau_iia(4); steps = 20; }";
+    let belts = simulate(belts, settings);
+    assert_eq!(belts.status, Status::Solved, "{:?}", belts.failure);
+    assert_eq!(
+        (
+            shown(&belts, "tried_sets"),
+            shown(&belts, "smoothed_sets"),
+            shown(&belts, "element_sets")
+        ),
+        (0.0, 2.0, 1.0)
+    );
+    assert!(belts.warnings.iter().any(|warning| warning.code == "W0706"));
+    // Each block goes the way of one alone.
+    let one = end(&simulate(BELT, settings));
+    let all = end(&belts);
+    for block in 0..5 {
+        let of_block = [all[block], all[5 + block]];
+        assert!(distance(&of_block, &one) < 1e-12, "{of_block:?}, {one:?}");
+    }
 }
 
 #[test]

@@ -103,22 +103,47 @@ impl Directional {
                 .map(|(_, rate)| rate.abs())
         });
         let rate_scale = rate_scale.fold(f64::MIN_POSITIVE, f64::max);
-        let choices = found.into_iter().filter_map(|(zeros, u)| {
-            let (starts, strict) = self.judge(system, &zeros, &u, z, bands, rate_scale)?;
-            let rates = self.rates(system, &u);
-            Some(Choice {
-                zeros,
-                u,
-                rates,
-                starts,
-                strict,
-            })
-        });
+        let choices = found
+            .into_iter()
+            .filter_map(|(zeros, u)| self.choice_of(system, (zeros, u), z, bands, rate_scale));
         Found {
             choices: choices.collect(),
             complete,
             open,
         }
+    }
+
+    /// The choice of one active set at the point of the last [`Directional::choices`], with u from a
+    /// guess; none where the first derivatives contradict it. Rates are zero next to `rate_scale`.
+    pub fn choice(
+        &mut self,
+        system: &impl ComplementaritySystem,
+        (zeros, u): (Vec<Zero>, Vec<f64>),
+        z: &[f64],
+        bands: &[f64],
+        rate_scale: f64,
+    ) -> Option<Choice> {
+        let u = self.solve(system, &zeros, u)?;
+        self.choice_of(system, (zeros, u), z, bands, rate_scale)
+    }
+
+    fn choice_of(
+        &mut self,
+        system: &impl ComplementaritySystem,
+        (zeros, u): (Vec<Zero>, Vec<f64>),
+        z: &[f64],
+        bands: &[f64],
+        rate_scale: f64,
+    ) -> Option<Choice> {
+        let (starts, strict) = self.judge(system, &zeros, &u, z, bands, rate_scale)?;
+        let rates = self.rates(system, &u);
+        Some(Choice {
+            zeros,
+            u,
+            rates,
+            starts,
+            strict,
+        })
     }
 
     /// The solutions for all choices of the open pairs.

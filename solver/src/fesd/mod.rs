@@ -17,6 +17,7 @@ mod element;
 mod emit;
 mod hidden;
 mod march;
+mod nodes;
 mod projection;
 mod scheme;
 mod select;
@@ -25,6 +26,7 @@ mod stepping;
 mod system;
 mod uniform;
 mod watch;
+mod whole;
 
 use std::time::{Duration, Instant};
 
@@ -39,6 +41,7 @@ use directional::Directional;
 use element::Element;
 pub use emit::{Multipliers, Observer};
 use hidden::Hidden;
+use nodes::Nodes;
 use scheme::Scheme;
 pub use stepping::{Stepper, SteppingSettings};
 pub use system::{ComplementaritySystem, Full, Member, Pair, Reduced, Watched, Zero};
@@ -102,6 +105,8 @@ pub struct Rungs {
     pub tried: usize,
     /// By a smoothed complementarity problem, where too many pairs meet to try all sets.
     pub smoothed: usize,
+    /// By the complementarity problem of a whole element, where all of these find none.
+    pub whole: usize,
 }
 
 /// The end of a run, with what concerns elements only.
@@ -135,6 +140,8 @@ pub struct Simulator<'s, S> {
     known: FxHashMap<Vec<Zero>, Option<usize>>,
     modes: Vec<Mode>,
     directional: Directional,
+    /// Memory for whole elements, once one is needed.
+    nodes: Option<Nodes>,
     /// What changes at breakpoints, as it is now.
     numbers: Vec<f64>,
     values: Values,
@@ -200,6 +207,7 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
             known: FxHashMap::default(),
             modes: Vec::new(),
             directional: Directional::new(system),
+            nodes: None,
             numbers: vec![0.0; system.n_numbers()],
             values: Values::default(),
             roots: RootFinder::new(scheme.points.len()),
@@ -266,8 +274,8 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
             Err(status) => status,
         };
         let after = total(&self.modes);
-        run.stats.newton_iterations = after[0] - before[0];
-        run.stats.factorizations = after[1] - before[1];
+        run.stats.newton_iterations += after[0] - before[0];
+        run.stats.factorizations += after[1] - before[1];
         run.stats.rhs_evaluations = after[2] - before[2];
         run.stats.functions = self.modes.len() - known;
         let n = x0.len();

@@ -91,18 +91,14 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 None => classes.push(vec![choice]),
             }
         }
-        if !found.complete && !classes.is_empty() {
-            run.rungs.smoothed += 1;
-            run.notes.push(Note::Unsearched {
-                time: run.t,
-                switches: self.switches_of_pairs(&found.open),
-            });
-        }
         let is_certain = |class: &&Vec<Choice>| class.iter().any(|choice| choice.strict);
         if let [class] = &classes[..]
             && let Some(choice) = class.iter().find(|choice| choice.strict)
         {
-            run.rungs.predicted += usize::from(found.complete);
+            match found.complete {
+                true => run.rungs.predicted += 1,
+                false => self.smoothed(run, &found),
+            }
             return self.take(run, choice.clone(), bands);
         }
         // Where a derivative vanishes, a short element of the set itself says what comes next.
@@ -117,9 +113,19 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         match accepted.len() {
             1 => {
                 run.rungs.tried += 1;
+                if !found.complete {
+                    self.smoothed(run, &found);
+                }
                 self.take(run, accepted.swap_remove(0), bands)
             }
-            0 => Err(self.nothing(run, &found)),
+            0 => match self.whole(run, bands, length) {
+                Some(choice) => {
+                    run.rungs.whole += 1;
+                    self.note_unsearched(run, &found);
+                    self.take(run, choice, bands)
+                }
+                None => Err(self.nothing(run, &found)),
+            },
             _ => {
                 let modes = accepted
                     .iter()
@@ -136,8 +142,22 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         }
     }
 
+    /// Counts a set that was found by the smoothed directional problem.
+    fn smoothed(&self, run: &mut Run, found: &Found) {
+        run.rungs.smoothed += 1;
+        self.note_unsearched(run, found);
+    }
+
+    /// Says that not all sets were tried.
+    fn note_unsearched(&self, run: &mut Run, found: &Found) {
+        run.notes.push(Note::Unsearched {
+            time: run.t,
+            switches: self.switches_of_pairs(&found.open),
+        });
+    }
+
     /// Whether the members of a set stay positive in a short element.
-    fn passes(&mut self, run: &Run, choice: &Choice, bands: &[f64], h: f64) -> bool {
+    pub(super) fn passes(&mut self, run: &Run, choice: &Choice, bands: &[f64], h: f64) -> bool {
         let Some(place) = self.mode(&choice.zeros) else {
             return false;
         };

@@ -218,6 +218,7 @@ fn method(
     for (name, count) in [
         ("tried_sets", solution.rungs.tried),
         ("smoothed_sets", solution.rungs.smoothed),
+        ("element_sets", solution.rungs.whole),
     ] {
         if count > 0 {
             shown.push(number(name, count));
