@@ -22,13 +22,14 @@ mod structure;
 mod switched;
 #[cfg(test)]
 mod switched_tests;
+mod touches;
 mod watch;
 
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use nsd_solver::simulate as solver;
-use solver::{Observer, Outcome, Segment, Simulator};
+use solver::{Approach, Observer, Outcome, Segment, Simulator};
 
 use crate::report::{
     Certificate, Failure, Kind, Method, MethodOption, Stats, Status, Trajectory, Warning,
@@ -40,6 +41,7 @@ use modes::ModeNames;
 use record::{Jump, Recorder};
 pub(crate) use record::{Points, recorded};
 pub use switched::Switched;
+use touches::Touches;
 pub use watch::Progress;
 use watch::Watched;
 
@@ -160,6 +162,11 @@ fn run_events(
     }
     if let Some(estimate) = estimate {
         judge(&mut trajectory, &estimate, settings);
+        let touches = &estimate.touches;
+        let warning = touches.warning(system, settings.tolerance);
+        trajectory
+            .warnings
+            .extend(warning.filter(|_| estimate.same_modes));
     }
     trajectory.stats.solve_s = started.elapsed().as_secs_f64();
     trajectory
@@ -212,10 +219,14 @@ fn tightened(
     tolerance: f64,
     attempt: usize,
 ) -> Option<f64> {
-    let missed = |e: &&Estimate| e.error > settings.tolerance && e.same_modes;
-    let estimate = estimate.filter(missed)?;
+    let estimate = estimate.filter(|estimate| estimate.same_modes)?;
+    let share = if estimate.error > settings.tolerance {
+        0.1 * settings.tolerance / estimate.error
+    } else {
+        estimate.touches.share_to_tell(settings.tolerance)?
+    };
     let again = attempt < MAX_ATTEMPTS && tolerance > 1e-15;
-    again.then(|| tolerance * (0.1 * settings.tolerance / estimate.error).max(1e-4))
+    again.then(|| tolerance * share.max(1e-4))
 }
 
 /// What a more accurate run says about a run.
@@ -224,6 +235,8 @@ struct Estimate {
     error: f64,
     /// Whether both went through the same modes.
     same_modes: bool,
+    /// What neither can tell.
+    touches: Touches,
 }
 
 impl Estimate {
@@ -237,6 +250,7 @@ impl Estimate {
         watch: &mut dyn FnMut(Progress),
     ) -> Option<Self> {
         let mut comparison = Comparison::new(run, x0);
+        comparison.approaches = &outcome.approaches;
         let mut watched = Watched::new(&mut comparison, horizon, true, watch);
         let fine = finer.run(0.0, horizon, x0, &mut watched);
         if fine.status == solver::Status::TimeLimit {
@@ -265,7 +279,13 @@ impl Estimate {
             .fold(0.0, f64::max);
         // Below rounding the two runs agree by chance.
         let rounding = f64::EPSILON * (outcome.stats.steps as f64).sqrt();
+        let known = |i: usize| {
+            let activity = (4.0 * events).max(1.0) * f64::EPSILON * outcome.activity[i];
+            activity * outcome.time + outcome.moved[i] + rounding * comparison.scale[i]
+        };
+        let touches = Touches::find(outcome, &comparison.misses, known, &comparison.scale);
         Some(Estimate {
+            touches,
             error: error.max(rounding),
             same_modes: comparison.modes == run.n_modes() && fine.status == outcome.status,
         })
@@ -285,6 +305,9 @@ struct Comparison<'r> {
     x: Vec<f64>,
     difference: Vec<f64>,
     scale: Vec<f64>,
+    approaches: &'r [Approach],
+    /// What the differences so far make of ψ, at the approaches that were passed.
+    misses: Vec<f64>,
 }
 
 impl<'r> Comparison<'r> {
@@ -301,6 +324,8 @@ impl<'r> Comparison<'r> {
             x: vec![0.0; n],
             difference: vec![0.0; n],
             scale: x0.iter().map(|x| x.abs()).collect(),
+            approaches: &[],
+            misses: Vec::new(),
         }
     }
 }
@@ -340,6 +365,16 @@ impl Observer for Comparison<'_> {
             segment.state(t - segment.start, &mut self.x);
             self.compare(self.next);
             self.next += 1;
+        }
+        let approaches = &self.approaches[self.misses.len()..];
+        for approach in approaches.iter().take_while(|a| a.time <= end) {
+            segment.state(approach.time - segment.start, &mut self.x);
+            for (i, (x, other)) in self.x.iter().zip(&approach.x).enumerate() {
+                self.difference[i] = self.difference[i].max((x - other).abs());
+            }
+            let terms = approach.gradient.iter();
+            let miss = terms.map(|&(j, g)| g.abs() * self.difference[j]).sum();
+            self.misses.push(miss);
         }
         ControlFlow::Continue(())
     }
@@ -404,7 +439,7 @@ fn assemble(
 
 /// Adds what the second run found.
 fn judge(trajectory: &mut Trajectory, estimate: &Estimate, settings: &Settings) {
-    trajectory.error_estimate = Some(estimate.error);
+    trajectory.error_estimate = Some(estimate.error + estimate.touches.error);
     let mut warn = |code: &str, message: String| {
         let span = Some(settings.span);
         trajectory.warnings.push(Warning {

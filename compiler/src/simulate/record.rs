@@ -320,6 +320,7 @@ pub(crate) fn recorded(
         drift: 0.0,
         defect: 0.0,
         notes: Vec::new(),
+        approaches: Vec::new(),
         stats: nsd_solver::simulate::Stats::default(),
     };
     let changes = sides.windows(2).filter(|pair| pair[0].1 != pair[1].1);

@@ -211,6 +211,7 @@ impl<F: Field> Simulator<F> {
             drift: 0.0,
             defect: 0.0,
             notes: Vec::new(),
+            approaches: Vec::new(),
             stats,
         }
     }

@@ -300,6 +300,7 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
                 drift: 0.0,
                 defect: run.defect,
                 notes: run.notes,
+                approaches: Vec::new(),
                 stats: run.stats,
             },
             added_elements: run.added,

@@ -149,6 +149,7 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
             drift: 0.0,
             defect: 0.0,
             notes: Vec::new(),
+            approaches: Vec::new(),
             stats,
             x,
         }

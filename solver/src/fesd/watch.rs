@@ -158,7 +158,7 @@ impl Values {
                     scheme.point_series(values, &mut self.series);
                     let start = values[0].max(f64::MIN_POSITIVE);
                     roots
-                        .first(start, &self.series[1..], 1.0)
+                        .first(start, &self.series[1..], 1.0, 0.0)
                         .map(|root| root.tau)
                 }
                 // What is zero at the start is divided by its leading power of σ.
@@ -180,7 +180,7 @@ impl Values {
                     self.series.resize(n_points - 1, 0.0);
                     scheme.inner_series(|j| self.quotients[j], &mut self.series);
                     let width = 1.0 - scheme.points[1];
-                    let root = roots.first(self.quotients[0], &self.series[1..], width);
+                    let root = roots.first(self.quotients[0], &self.series[1..], width, 0.0);
                     root.map(|root| scheme.points[1] + root.tau)
                 }
             };

@@ -171,6 +171,9 @@ impl Mode {
                 continue;
             }
             self.expand_psi(i, state);
+            if !self.continuous[i] {
+                self.surfaces.linearize(i, &self.memory.values);
+            }
             self.watched.push(i);
             curved |= !self.surfaces.is_affine(i);
         }

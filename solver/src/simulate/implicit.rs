@@ -10,7 +10,7 @@ use super::pieces::is_at_end;
 use super::radau::{Implicit, Radau, Shape, Start};
 use super::roots::Root;
 use super::state::State;
-use super::step::{Step, Watch, first_event, simultaneous, verify_start};
+use super::step::{Step, Watch, first_event, met, simultaneous, verify_start};
 use super::{Side, Simulator, Status, SwitchedSystem, series};
 
 /// Steps rejected in a row, for what their polynomials missed, before the method is given up.
@@ -107,7 +107,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             stiff.mode.watch_along(radau, start, state);
             let mut seen = stiff.mode.is_faithful(radau, start, state, tolerance);
             let dense = Dense::Collocation(stiff.mode, radau);
-            let event = first_event(&mut self.roots, dense, state, h);
+            let closeness = self.settings.tolerance;
+            let event = first_event(&mut self.roots, dense, state, h, closeness);
             let (mut length, mut triggers) = (h, Vec::new());
             if let Some((root, watch)) = event {
                 verify_start(dense, state, root.tau, watch, h)?;
@@ -135,6 +136,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 radau.limit_next(0.5 * h);
                 continue;
             }
+            let dense = Dense::Collocation(mode, radau);
+            mode.note_approaches(dense, state, length, met(event), closeness);
             state.accept(radau, h);
             let worth = mode.worth(radau.degree());
             self.stiffness.after_implicit(h, worth);
@@ -229,6 +232,9 @@ impl Mode {
         };
         self.watched.extend((0..self.sides.len()).filter(may_reach));
         for &i in &self.watched {
+            if !self.continuous[i] {
+                self.surfaces.linearize(i, values);
+            }
             state.terms[i] = self
                 .surfaces
                 .terms(i, values, &self.perturbed, PERTURBATION);

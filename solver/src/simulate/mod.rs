@@ -10,6 +10,7 @@
 //! event inside it; the next mode follows from the rates on all surfaces that meet
 //! there.
 
+mod approach;
 mod candidates;
 mod control;
 pub(crate) mod dense;
@@ -41,12 +42,14 @@ mod surfaces;
 mod system;
 #[cfg(test)]
 mod tests;
+mod turn;
 mod window;
 pub(crate) mod zeno;
 
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
+pub use approach::{Approach, Visit};
 use dense::{Dense, Polynomials};
 use jump::{Jumps, Met};
 use mode::Mode;
@@ -187,6 +190,8 @@ pub struct Outcome {
     pub defect: f64,
     /// What it went on from although it could not be sure.
     pub notes: Vec<Note>,
+    /// Surfaces with another field behind them that came close, in order of time.
+    pub approaches: Vec<Approach>,
     /// Counts.
     pub stats: Stats,
 }
@@ -294,6 +299,9 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
         let status = match started_at {
             Err(status) => status,
             Ok(()) => loop {
+                if !state.pending.is_empty() {
+                    self.look_behind(&mut state);
+                }
                 if state.t >= t1 {
                     break Status::Solved;
                 }
@@ -418,6 +426,8 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
             },
         };
         state.stats.functions = self.mode.n_functions() - known;
+        let by_time = |a: &Approach, b: &Approach| a.time.total_cmp(&b.time);
+        state.approaches.sort_by(by_time);
         let elapsed = if state.t > t0 { state.t - t0 } else { 1.0 };
         let outcome = Outcome {
             status,
@@ -430,6 +440,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
             drift,
             defect,
             notes: std::mem::take(&mut state.notes),
+            approaches: std::mem::take(&mut state.approaches),
             stats: state.stats,
         };
         self.state = state;

@@ -24,6 +24,8 @@ pub(crate) struct Mode {
     pub sides: Box<[Side]>,
     /// K: the sliding switches.
     pub sliding: Vec<usize>,
+    /// Switches whose sides have the same field where they meet.
+    pub continuous: Vec<bool>,
     pub n: usize,
     pub order: usize,
     pub(super) memory: Memory,
@@ -67,6 +69,7 @@ impl Mode {
         Mode {
             sides: vec![Side::Plus; m].into(),
             sliding: Vec::new(),
+            continuous: (0..m).map(|i| system.is_continuous(i)).collect(),
             n,
             order,
             memory: Memory::new(system, order),

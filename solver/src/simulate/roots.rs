@@ -5,8 +5,12 @@
 //! one (Descartes' rule; Farouki 2012, section 5.4). Halving the interval by de
 //! Casteljau's algorithm ends in one of the two, or in an interval as narrow as
 //! rounding, which holds a double root.
+//!
+//! Where coefficients of one sign are small and their differences change their sign, the polynomial
+//! comes close to zero and turns back (`turn`).
 
 use super::series;
+use super::turn::{Turn, lowest, turn};
 
 /// A root, and whether the polynomial changes its sign there.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,6 +32,8 @@ pub(crate) struct RootFinder {
     /// Intervals left to look at, with their Bernstein coefficients one after another.
     stack: Vec<Interval>,
     bernstein: Vec<f64>,
+    /// Where the polynomial comes close to zero and turns back, before its first root.
+    pub close: Vec<f64>,
 }
 
 #[derive(Clone, Copy)]
@@ -38,6 +44,9 @@ struct Interval {
 
 /// Intervals below this fraction of the step hold a double root.
 const NARROWEST: f64 = 1e-11;
+
+/// Several turns within this fraction of the step are one.
+const NARROW: f64 = 1e-3;
 
 /// Halvings until an interval is that narrow.
 const DEPTH: usize = 40;
@@ -51,17 +60,20 @@ impl RootFinder {
             weighted: Vec::with_capacity(degree + 1),
             stack: Vec::with_capacity(DEPTH),
             bernstein: Vec::with_capacity(DEPTH * (degree + 1)),
+            close: Vec::new(),
         }
     }
 
     /// The least root in (0, h] of `start` + Σ `rest[k]` τᵏ⁺¹, whose value at 0 counts as non-zero.
-    pub(crate) fn first(&mut self, start: f64, rest: &[f64], h: f64) -> Option<Root> {
+    /// Leaves in `close` where it turns back, no farther than `level` from zero.
+    pub(crate) fn first(&mut self, start: f64, rest: &[f64], h: f64, level: f64) -> Option<Root> {
+        self.close.clear();
         let degree = rest.len();
         debug_assert!(
             degree < self.binomials.len(),
             "the tables reach to the degree"
         );
-        if stays_away(start, rest, h) {
+        if stays_away(start, rest, h, level) {
             return None;
         }
         self.scaled.clear();
@@ -71,7 +83,7 @@ impl RootFinder {
             power *= h;
             self.scaled.push(c * power);
         }
-        if self.low_terms_decide() {
+        if self.low_terms_decide(level) {
             return None;
         }
         // b_j = Σ_k C(j, k) / C(degree, k) c_k
@@ -93,7 +105,25 @@ impl RootFinder {
         });
         while let Some(interval) = self.stack.pop() {
             let place = self.bernstein.len() - (degree + 1);
-            match sign_changes(&self.bernstein[place..]) {
+            let mut changes = sign_changes(&self.bernstein[place..]);
+            if changes == 0 {
+                let at = match turn(&self.bernstein[place..], level) {
+                    Turn::None => None,
+                    Turn::Start => Some(interval.start),
+                    Turn::End => Some(interval.start + interval.width),
+                    Turn::Several if interval.width > NARROW => {
+                        changes = 2;
+                        None
+                    }
+                    Turn::Inside | Turn::Several => {
+                        let end = interval.start + interval.width;
+                        Some(lowest(scaled, interval.start, end))
+                    }
+                };
+                let is_close = |s: &f64| series::value(scaled, *s).abs() <= level;
+                self.close.extend(at.filter(is_close).map(|s| h * s));
+            }
+            match changes {
                 0 => self.bernstein.truncate(place),
                 1 => {
                     let s = refine(scaled, interval.start, interval.start + interval.width);
@@ -134,7 +164,7 @@ impl RootFinder {
 impl RootFinder {
     /// True when the lowest terms stay away from zero, as their own Bernstein form shows, by more than
     /// all others add up to.
-    fn low_terms_decide(&self) -> bool {
+    fn low_terms_decide(&self, level: f64) -> bool {
         let start = self.scaled[0];
         // The least degree whose rest is small.
         let (mut degree, mut rest) = (self.scaled.len() - 1, 0.0);
@@ -148,7 +178,7 @@ impl RootFinder {
                 let binomials = self.binomials[j].iter().zip(&self.binomials[degree]);
                 let terms = binomials.zip(&self.scaled);
                 let b: f64 = terms.map(|((of_j, of_all), c)| of_j / of_all * c).sum();
-                side * b > rest
+                side * b > rest + level
             })
     }
 }
@@ -156,10 +186,10 @@ impl RootFinder {
 /// Terms that add up to less than this fraction of the constant one are left out at first.
 const SMALL_REST: f64 = 0.02;
 
-/// True when the constant term outweighs all others on the interval.
-fn stays_away(start: f64, rest: &[f64], h: f64) -> bool {
+/// True when the constant term outweighs all others on the interval by more than `level`.
+fn stays_away(start: f64, rest: &[f64], h: f64, level: f64) -> bool {
     let others = rest.iter().rev().fold(0.0, |sum, c| (sum + c.abs()) * h);
-    start.abs() > others
+    start.abs() > others + level
 }
 
 /// C(n, k) by n and k, exact up to n = 57.
@@ -276,7 +306,7 @@ mod tests {
     }
 
     fn first_root(degree: usize, c: &[f64], h: f64) -> Option<Root> {
-        RootFinder::new(degree).first(c[0], &c[1..], h)
+        RootFinder::new(degree).first(c[0], &c[1..], h, 0.0)
     }
 
     proptest! {

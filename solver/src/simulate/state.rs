@@ -1,7 +1,8 @@
 //! What changes from step to step.
 
+use super::approach::Pending;
 use super::radau::{Radau, Start};
-use super::{Note, Side, Stats};
+use super::{Approach, Note, Side, Stats};
 
 /// Time, state and mode, with the sizes that tell motion from rounding.
 #[derive(Default)]
@@ -32,6 +33,11 @@ pub(super) struct State {
     pub functions: usize,
     /// What the caller should know, up to a number of them.
     pub notes: Vec<Note>,
+    /// Switches whose ψ turns back close to zero in a step, and when after its start.
+    pub close: Vec<(usize, f64)>,
+    /// Those in the last step, and all that came close in the run.
+    pub pending: Vec<Pending>,
+    pub approaches: Vec<Approach>,
     /// Events in a row without progress in time.
     pub stalled: usize,
     /// How long the last event is uncertain; 0 once that is accounted for.
@@ -78,6 +84,8 @@ impl State {
         (self.functions, self.stalled, self.window) = (0, 0, 0.0);
         self.stats = Stats::default();
         self.notes.clear();
+        self.pending.clear();
+        self.approaches.clear();
         self.start = Start::default();
     }
 

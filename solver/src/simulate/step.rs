@@ -75,7 +75,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let h = mode.step_size(self.stiffness.explicit_tolerance(), state, longest);
         let mut h = mode.watch(tolerance, state, h);
         for _ in 0..MAX_HALVINGS {
-            let event = first_event(&mut self.roots, Dense::Taylor(mode), state, h);
+            let closeness = self.settings.tolerance;
+            let event = first_event(&mut self.roots, Dense::Taylor(mode), state, h, closeness);
             let length = event.as_ref().map_or(h, |(root, _)| root.tau);
             let defect = mode.defect(state, length, tolerance, allowed);
             let unseen = event.is_none() && mode.on_wrong_side(state);
@@ -110,6 +111,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 self.stiffness.after_explicit(mode, h, motion, left);
             }
             let dense = Dense::Taylor(mode);
+            mode.note_approaches(dense, state, length, met(event), closeness);
             dense.states_at(length, &mut state.next);
             std::mem::swap(&mut state.x, &mut state.next);
             dense.alphas_at(length, &mut state.alpha);
@@ -132,15 +134,26 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     }
 }
 
-/// The least root of everything watched in (0, h].
+/// The surface that an event meets, and how.
+pub(super) fn met(event: Option<(Root, Watch)>) -> Option<(usize, Root)> {
+    match event {
+        Some((root, Watch::Surface(switch))) => Some((switch, root)),
+        _ => None,
+    }
+}
+
+/// The least root of everything watched in (0, h]. Takes note of each ψ that turns back before as close
+/// to zero as a run of this tolerance may be on either side.
 pub(super) fn first_event(
     roots: &mut RootFinder,
     dense: Dense,
-    state: &State,
+    state: &mut State,
     h: f64,
+    tolerance: f64,
 ) -> Option<(Root, Watch)> {
     let mut first: Option<(Root, Watch)> = None;
     let mode = dense.mode();
+    state.close.clear();
     for &i in &mode.sliding {
         let alpha = dense.alpha(i);
         for &limit in mode.limits(i) {
@@ -148,7 +161,7 @@ pub(super) fn first_event(
             let inside = if limit == 0.0 { 1.0 } else { -1.0 };
             let start = alpha[0] - limit;
             let band = (start.abs() <= super::judge::TIE).then_some(super::judge::TIE);
-            if let Some(root) = first_root(roots, start, alpha, reach, inside, band) {
+            if let Some(root) = first_root(roots, start, alpha, reach, inside, band, 0.0) {
                 first = Some((root, Watch::Bound(i, limit)));
             }
         }
@@ -156,7 +169,10 @@ pub(super) fn first_event(
     for &i in &mode.watched {
         let reach = first.map_or(h, |(root, _)| root.tau);
         let (c, band) = (dense.psi(i), state.armed[i].then_some(SEEN * state.band[i]));
-        if let Some(root) = first_root(roots, c[0], c, reach, mode.sides[i].sign(), band) {
+        let level = mode.closeness(i, state, tolerance);
+        let root = first_root(roots, c[0], c, reach, mode.sides[i].sign(), band, level);
+        state.close.extend(roots.close.iter().map(|&tau| (i, tau)));
+        if let Some(root) = root {
             first = Some((root, Watch::Surface(i)));
         }
     }
@@ -168,8 +184,8 @@ pub(super) fn first_event(
 const SEEN: f64 = 16.0 * f64::EPSILON / BAND;
 
 /// The least root of a series that should have sign `side`; its constant term is `start` instead of
-/// `c[0]`. One that starts at zero, within `band`, is divided by its leading power first; one that
-/// starts on the wrong side has its root at once.
+/// `c[0]`. One that starts at zero, within `band`, is divided by its leading power first, as is `level`;
+/// one that starts on the wrong side has its root at once.
 fn first_root(
     roots: &mut RootFinder,
     start: f64,
@@ -177,13 +193,15 @@ fn first_root(
     h: f64,
     side: f64,
     band: Option<f64>,
+    level: f64,
 ) -> Option<Root> {
-    let (start, c) = match band {
+    roots.close.clear();
+    let (start, c, level) = match band {
         Some(band) => {
             let leading = series::leading(c, h, band)?;
-            (c[leading], &c[leading..])
+            (c[leading], &c[leading..], level / h.powi(leading as i32))
         }
-        None => (start, c),
+        None => (start, c, level),
     };
     if start * side <= 0.0 {
         return Some(Root {
@@ -191,7 +209,7 @@ fn first_root(
             crosses: true,
         });
     }
-    roots.first(start, &c[1..], h)
+    roots.first(start, &c[1..], h, level)
 }
 
 /// A root at the very start is rounding, or a switch that was missed.

@@ -16,7 +16,9 @@ use nsd_solver::simulate::{Event, Observer, Outcome, Segment, Status};
 pub use complementarity::Complementarity;
 
 use super::watch::{Progress, Watched};
-use super::{Comparison, Estimate, REFINEMENT, Recorder, Request, assemble, judge, tightened};
+use super::{
+    Comparison, Estimate, REFINEMENT, Recorder, Request, Touches, assemble, judge, tightened,
+};
 use crate::dcs::{self, Formulation};
 use crate::report::{Failure, Method, MethodOption, Multipliers, Series, Trajectory};
 use crate::system::System;
@@ -184,6 +186,7 @@ pub(super) fn estimate(
     let error = comparison.difference.iter().zip(scales).map(relative);
     let rounding = f64::EPSILON * (found.stats.steps as f64).sqrt();
     Estimate {
+        touches: Touches::default(),
         error: error.fold(rounding, f64::max),
         same_modes: comparison.modes == run.n_modes() && fine.status == found.status,
     }
