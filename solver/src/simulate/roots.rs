@@ -121,7 +121,11 @@ impl RootFinder {
                     }
                 };
                 let is_close = |s: &f64| series::value(scaled, *s).abs() <= level;
-                self.close.extend(at.filter(is_close).map(|s| h * s));
+                let tau = at.filter(is_close).map(|s| h * s);
+                // A turn where two intervals meet belongs to both.
+                let before = self.close.last().copied();
+                let is_new = |tau: &f64| before.is_none_or(|before| tau - before > 1e-6 * h);
+                self.close.extend(tau.filter(is_new));
             }
             match changes {
                 0 => self.bernstein.truncate(place),
