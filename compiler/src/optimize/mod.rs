@@ -60,6 +60,10 @@ struct Problem<'p, 'e> {
     program: Program,
 }
 
+/// How much a single start may cost while other relaxations are tried for a smaller objective: local minima abound, and
+/// whoever asks for many starts has another remedy.
+const SINGLE_EFFORT: usize = 2_000_000;
+
 /// Solves the task of a system; `sampled` are trajectories to start from, the last one counts most.
 pub fn run<'e>(
     system: &System<'e>,
@@ -145,6 +149,10 @@ fn solve(problem: &Problem, guess: &[f64], request: &Request) -> MultiStart {
         form,
         homotopy,
         time_limit: request.time_limit,
+        effort: match problem.task.starts {
+            None => SINGLE_EFFORT,
+            Some(_) => Options::default().effort,
+        },
         ..Options::default()
     };
     let starts: Vec<Vec<f64>> = match problem.task.starts {
