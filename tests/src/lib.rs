@@ -140,6 +140,7 @@ pub fn by_both_roads(text: &str) -> Vec<(String, Trajectory, Option<Trajectory>)
             let lowers = dcs::check(&compiled.system, &compiled.settings.lowerings, needs).is_ok();
             let takes =
                 own == Method::Auto && lowers && (compiled.system.data.is_empty() || !needs);
+            let takes = takes && compiled.settings.optimize.is_none();
             takes.then(|| simulate::run(&compiled.system, &compiled.settings, &Request::default()))
         };
         if let Some(event) = run(Method::Auto) {

@@ -157,7 +157,8 @@ fn both_lowerings_give_the_same_rates() {
                 b.residual
             );
             for ((a, b), state) in a.rates.iter().zip(&b.rates).zip(&system.states) {
-                let close = (a - b).abs() <= 1e-12 * (1.0 + a.abs());
+                // A point may be where no function of the rate is defined; then both forms say so.
+                let close = (a - b).abs() <= 1e-12 * (1.0 + a.abs()) || a.is_nan() && b.is_nan();
                 assert!(close, "{stem}: der({}) is {a} and {b}", state.name);
             }
         }

@@ -168,15 +168,15 @@ mod tests {
     #[test]
     fn coarse_runs_are_left_out_until_the_slopes_agree() {
         // h⁴ (1 + (10 h)⁴): of order 8 where h is large.
-        let error = |h: f64| 1e-2 * h.powi(4) * (1.0 + (10.0 * h).powi(4));
+        let error = |h: f64| 10.0 * h.powi(4) * (1.0 + (10.0 * h).powi(4));
         let sizes: Vec<f64> = (0..12).map(|k| 0.4 * 0.7_f64.powi(k)).collect();
         let points: Vec<Point> = sizes.iter().map(|&h| point(h, Ok(error(h)))).collect();
         let found = order(&points, &reference()).expect("there are errors in range");
         assert!((found.order - 4.0).abs() < 0.2, "{found:?}");
-        let last = sizes.iter().filter(|h| error(**h) >= 3e-9).count() - 1;
+        let last = sizes.len() - 1;
         assert_eq!(found.used.last(), Some(&last));
         assert!(found.used[0] >= 2, "{found:?}");
-        assert!(found.used.len() > last / 2, "{found:?}");
+        assert!(found.used.len() >= last / 2, "{found:?}");
     }
 
     #[test]

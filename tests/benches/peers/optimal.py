@@ -96,7 +96,7 @@ def tanks(ca, nosnoc):
     model = nosnoc.NosnocModel(
         x=x, F=[modes], S=[signs], c=[ca.vertcat(x[1] - H, x[2] - H)], u=w, x0=0.1 * np.ones(3)
     )
-    ocp = nosnoc.NosnocOcp(lbu=0.25 * np.ones(4), ubu=1.25 * np.ones(4), u_guess=0.5*np.ones(4), f_q=ca.sum1((x - 0.75) ** 2))
+    ocp = nosnoc.NosnocOcp(lbu=0.25 * np.ones(4), ubu=1.25 * np.ones(4), u_guess=0.5 * np.ones(4), f_q=ca.sum1((x - 0.75) ** 2))
     return model, ocp, 100.0
 
 
@@ -129,9 +129,18 @@ def main():
         started = time.perf_counter()
         result = solver.solve()
         seconds = time.perf_counter() - started
+    objective = float(result["cost_val"])
+    if ASKED["problem"] == "tanks":
+        # With one node nosnoc 0.2.0 leaves out the cost of every other element.
+        states = np.array(result["x_list"])
+        objective = float((((states - 0.75) ** 2).sum(1) * np.ravel(result["time_steps"])).sum())
     row = {
-        "solver": "nosnoc", "status": str(result.get("status", "")), "objective": float(result["cost_val"]),
-        "seconds": seconds, "iterations": int(np.sum(result["nlp_iter"])), "complementarity": float(solver.problem.comp_res(result["w_sol"], solver.p_val)),
+        "solver": "nosnoc",
+        "status": str(result.get("status", "")),
+        "objective": objective,
+        "seconds": seconds,
+        "iterations": int(np.sum(result["nlp_iter"])),
+        "complementarity": float(solver.problem.comp_res(result["w_sol"], solver.p_val)),
     }
     print(json.dumps(row), flush=True)
 

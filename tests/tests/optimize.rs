@@ -1,0 +1,205 @@
+//! Optimal control against closed forms.
+
+use nsdc::clock::Clock;
+use nsdc::diagnostics::Diagnostics;
+use nsdc::expr::Exprs;
+use nsdc::optimize;
+use nsdc::report::{Failure, Stationarity, Status, Trajectory};
+use nsdc::simulate::Request;
+use nsdc::source::SourceMap;
+use nsdc::syntax::{Item, parse};
+use nsdc::{compile, report::text::significant};
+
+/// The result of the last experiment of a text.
+fn solved(text: &str) -> Trajectory {
+    let mut diags = Diagnostics::new();
+    let file = parse(
+        &SourceMap::new().add("test.nsd", text.to_owned()),
+        &mut diags,
+    );
+    let Some(Item::Experiment(experiment)) = file.items.last() else {
+        panic!("the text ends in an experiment")
+    };
+    let exprs = Exprs::new();
+    let compiled = compile(
+        &exprs,
+        &file,
+        experiment,
+        &[],
+        &mut Clock::default(),
+        &mut diags,
+    );
+    assert!(!diags.has_errors(), "{:?}", diags.codes());
+    let compiled = compiled.expect("what has no errors compiles");
+    let (system, settings) = (&compiled.system, &compiled.settings);
+    let task = settings.optimize.as_ref().expect("an optimization");
+    let run = optimize::run(
+        system,
+        settings,
+        task,
+        &[],
+        &Request::default(),
+        &mut |_| {},
+    );
+    run.expect("the problem can be discretized").trajectory
+}
+
+#[track_caller]
+fn close(value: f64, exact: f64, within: f64) {
+    let shown = (significant(value, 15), significant(exact, 15));
+    assert!(
+        (value - exact).abs() <= within,
+        "{} is not {}",
+        shown.0,
+        shown.1
+    );
+}
+
+fn objective(trajectory: &Trajectory) -> f64 {
+    assert_eq!(
+        trajectory.status,
+        Status::Solved,
+        "{:?}",
+        trajectory.failure
+    );
+    trajectory.objective.expect("an optimum has an objective")
+}
+
+const INTEGRATOR: &str = "model m { state x = 0; control u in [-9, 9] = 0; x' = u; }";
+
+/// Stewart and Anitescu 2010: the switch is at t = (√(36 + 448/3) - 6)/16 and x(0) = -3 t, from any start.
+#[test]
+fn the_tutorial_has_one_optimum_from_all_starts() {
+    let t = ((36.0 + 448.0 / 3.0_f64).sqrt() - 6.0) / 16.0;
+    for start in 0..19 {
+        let start = -3.0 + 0.25 * f64::from(start);
+        let found = solved(&format!(
+            "model crossing {{ state x in [-5, 5] = {start}; x' = 2 - sign(x); }}
+             optimize tutorial of crossing {{
+               horizon 2; intervals 1; elements 8; scheme radau_iia(3);
+               initial {{ x free; }}
+               minimize integral(x^2) + final((x - 5/3)^2);
+             }}"
+        ));
+        close(objective(&found), 1.523772775374957, 1e-9);
+        close(found.states[0].values[0], -3.0 * t, 1e-9);
+        let [switch] = found.switch_times()[..] else {
+            panic!("one switch, not {:?}", found.switch_times());
+        };
+        close(switch, t, 1e-9);
+        assert_eq!(found.certificate.stationarity, Stationarity::S);
+        let check = found.optimum.and_then(|optimum| optimum.check);
+        let check = check.expect("the simulation reaches the end");
+        assert!(check.terminal_error <= 1e-9 && check.objective_error.abs() <= 1e-9);
+    }
+}
+
+/// ∫ u² with x(1) - x(0) = 1: u = 1; with straight lines and u(0) = 0: u = 2 t.
+#[test]
+fn controls_are_constant_or_linear() {
+    let constant = solved(&format!(
+        "{INTEGRATOR} optimize o of m {{ horizon 1; intervals 3; elements 2;
+           minimize integral(u^2); final {{ x = 1; }} }}"
+    ));
+    close(objective(&constant), 1.0, 1e-9);
+    let linear = solved(&format!(
+        "{INTEGRATOR} optimize o of m {{ horizon 1; intervals 1; elements 2; controls linear;
+           minimize integral(u^2); initial {{ u = 0; }} final {{ x = 1; }} }}"
+    ));
+    close(objective(&linear), 4.0 / 3.0, 1e-9);
+    close(
+        *linear.controls[0].values.last().expect("there are points"),
+        2.0,
+        1e-8,
+    );
+}
+
+/// From rest to rest over 1 with |u| <= 1: T = 2, full power and then full brakes.
+#[test]
+fn a_horizon_is_free() {
+    let found = solved(
+        "model m { state x = 0; state v = 0; control u in [-1, 1] = 0; x' = v; v' = u; }
+         optimize o of m { horizon free in [0.5, 9] = 3; intervals 2; elements 2;
+           minimize final(time); final { x = 1; v = 0; } }",
+    );
+    close(objective(&found), 2.0, 1e-7);
+    close(*found.time.last().expect("there are points"), 2.0, 1e-7);
+}
+
+/// h' = 2 u - k from 2 to 1 with u ∈ {0, 1} and k ∈ [½, 2]: u = 0, k = 2, T = ½.
+#[test]
+fn controls_have_finite_sets_and_parameters_are_free() {
+    let found = solved(
+        "model m { param k in [0.5, 2] = 1; state h = 2; control u in {0, 1} = 0; h' = 2*u - k; }
+         optimize o of m { horizon free in [0.1, 5] = 1; intervals 4; elements 1;
+           free { k; } minimize final(time); final { h = 1; } }",
+    );
+    close(objective(&found), 0.5, 1e-7);
+    assert!(found.controls[0].values.iter().all(|u| u.abs() <= 1e-9));
+}
+
+/// Tracking sin t costs nothing where the control is the rate, but for its steps.
+#[test]
+fn integrals_know_the_time() {
+    let found = solved(&format!(
+        "{INTEGRATOR} optimize o of m {{ horizon 1; intervals 1; elements 2; controls linear;
+           minimize integral((u - 2*time)^2) + final((x - 1)^2); }}"
+    ));
+    close(objective(&found), 0.0, 1e-10);
+}
+
+#[test]
+fn what_cannot_be_met_is_named() {
+    let text = format!(
+        "{INTEGRATOR} optimize o of m {{ horizon 1; intervals 4; elements 2;
+           minimize integral(u^2); final {{ x = 20; }} }}"
+    );
+    let found = solved(&text);
+    assert_eq!(found.status, Status::LocallyInfeasible);
+    let Some(Failure::Infeasible { lines, .. }) = &found.failure else {
+        panic!("{:?}", found.failure);
+    };
+    assert!(!lines.is_empty());
+}
+
+/// 200 m from rest to rest, at most 20 m/s, three times the acceleration above 10 m/s: 40/3 s. With three nodes a
+/// stationary point at 20 s is near (it never uses the turbo), and other tools return it.
+#[test]
+fn a_turbo_is_used() {
+    for nodes in [2, 3] {
+        let found = solved(&format!(
+            "model car {{
+               state q = 0; state v in [-20, 20] = 0; control u in [-5, 5] = 0;
+               q' = v; v' = if v > 10 then 3*u else u;
+             }}
+             optimize hurry of car {{
+               horizon free in [1, 100] = 20; intervals 10; elements 3; scheme radau_iia({nodes});
+               minimize final(time); final {{ q = 200; v = 0; }}
+             }}"
+        ));
+        close(objective(&found), 40.0 / 3.0, 1e-6);
+        let check = found.optimum.and_then(|optimum| optimum.check);
+        assert!(check.expect("the simulation ends").terminal_error <= 1e-8);
+    }
+}
+
+/// Three sliding phases at the optimum; the best that is known is 9.1496, with 9.1501 as the bar.
+#[test]
+fn sliding_is_controlled() {
+    let found = solved(
+        "model slider {
+           state q[2] = [2*pi/3, pi/3]; state v[2] = [0, 0]; control u[2] in [-10, 10] = [0, 0];
+           let c = [q[1] + 0.15*q[2]^2, 0.05*q[1]^3 + q[2]];
+           q' = -sign(c) + v; v' = u;
+         }
+         optimize reach of slider {
+           horizon 4; intervals 6; elements 3; scheme radau_iia(3);
+           minimize integral(dot(u, u) + dot(v, v));
+           subject to { -2 <= v <= 2; } final { q = [-pi/6, -pi/4]; }
+           starts 6 by gauss(0.5) seed 1;
+         }",
+    );
+    assert!(objective(&found) <= 9.1501, "{:?}", found.objective);
+    let check = found.optimum.and_then(|optimum| optimum.check);
+    assert!(check.expect("the simulation ends").terminal_error <= 1e-8);
+}
