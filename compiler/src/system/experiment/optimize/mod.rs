@@ -6,6 +6,7 @@
 mod goal;
 mod rows;
 mod settings;
+mod start;
 
 pub(super) use settings::Draft;
 
