@@ -105,7 +105,10 @@ pub fn run<'e>(
         .best
         .unwrap_or_else(|| least_violated(&found.solutions));
     let solution = &found.solutions[best];
-    let solved = solved::system(&problem, &solution.w);
+    let mut solved = solved::system(&problem, &solution.w);
+    // Integrals are no states of the model.
+    let integrals = system.task.as_ref().map_or(0, |task| task.integrals);
+    solved.states.truncate(solved.states.len() - integrals);
     let mut trajectory = record::trajectory(&problem, &solved, &solution.w);
     describe(&problem, solution, &mut trajectory);
     trajectory.optimum = Some(Optimum {

@@ -18,18 +18,10 @@ const ROUNDING: f64 = 1e-7;
 /// Elements that are so short, as a share of the horizon, have no mode of their own.
 const SHORTEST: f64 = 1e-9;
 
-/// States, α and modes; nothing about how they were found.
-pub(super) fn trajectory(problem: &Problem, solved: &System, w: &[f64]) -> Trajectory {
+/// States, α and modes of a system without integrals; nothing about how they were found.
+pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Trajectory {
     let layout = &problem.layout;
     let horizon = problem.horizon(w);
-    // Integrals are no states of the model.
-    let mut system = solved.clone();
-    let integrals = problem
-        .system
-        .task
-        .as_ref()
-        .map_or(0, |task| task.integrals);
-    system.states.truncate(system.states.len() - integrals);
     let (n, n_data) = (system.states.len(), system.data.len());
     let nodes = problem.nodes();
     let through = basis(&nodes);
@@ -109,7 +101,7 @@ pub(super) fn trajectory(problem: &Problem, solved: &System, w: &[f64]) -> Traje
             system.switches.len(),
         );
     }
-    recorded(&system, problem.settings, points, dense.pieces, &sides)
+    recorded(system, problem.settings, points, dense.pieces, &sides)
 }
 
 /// The polynomials at the instants that the experiment asks for.
