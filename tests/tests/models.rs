@@ -89,6 +89,7 @@ const MODELS: &[&str] = &[
     "oscillator.nsd: seventh_order",
     "parts.nsd: on_ice",
     "parts.nsd: to_rest",
+    "sliding_ocp.nsd: reach",
     "spiral.nsd: zeno",
     "stewart_anitescu.nsd: tutorial",
     "stiction.nsd: coulomb",
