@@ -2,8 +2,8 @@
 //!
 //! 1. The complementarity system is discretized ([`crate::discretize`]) and compiled.
 //! 2. It is solved from one or several starts: relaxation, polish, certificate ([`nsd_solver::mpcc`]).
-//! 3. The best solution is a trajectory ([`record`]) of a system that has nothing left to decide ([`solved`]).
-//! 4. That system is simulated from event to event, as a check by another method ([`check`]).
+//! 3. The best solution is a trajectory (`record.rs`) of a system that has nothing left to decide (`solved.rs`).
+//! 4. That system is simulated from event to event, as a check by another method (`check.rs`).
 
 mod check;
 mod failure;
