@@ -402,6 +402,26 @@ fn emit_prints_every_form() {
 }
 
 #[test]
+fn emit_of_discretized_forms_refuses_data() {
+    let folder = folder("data");
+    fs::write(folder.join("data.csv"), "t,r\n0,0\n1,1\n").expect("the folder is writable");
+    let model = "model m { signal r = table(\"data.csv\", \"r\"); state x = 1; x' = r - sign(x); }
+      simulate s of m { horizon 1; }";
+    fs::write(folder.join("m.nsd"), model).expect("the folder is writable");
+    let emit = |ir| nsdc(&folder, &["emit", "m.nsd", "--ir", ir]);
+    assert_eq!(emit("dcs").status, 0);
+    for ir in ["fesd", "mpcc", "nl"] {
+        let ran = emit(ir);
+        assert_eq!((ran.status, ran.out.as_str()), (1, ""), "{ir}");
+        assert!(
+            ran.err.contains("E0909") && ran.err.contains("`r`"),
+            "{}",
+            ran.err
+        );
+    }
+}
+
+#[test]
 fn fmt_lays_out_and_check_only_looks() {
     let folder = folder("fmt");
     let ugly = "model m{state x=1;x'=-x;}";

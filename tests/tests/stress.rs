@@ -1,5 +1,10 @@
 //! Hard cases with known answers: what is easy to get wrong without noticing.
 
+#[path = "stress/pulses.rs"]
+mod pulses;
+#[path = "stress/touches.rs"]
+mod touches;
+
 use std::f64::consts::PI;
 
 use nsd_tests::{end, run};
@@ -33,32 +38,6 @@ fn refused(model: &str, experiment: &str, words: &[&str]) -> (f64, String) {
         assert!(reason.contains(word), "{model}: {reason}");
     }
     (trajectory.time[trajectory.time.len() - 1], reason)
-}
-
-/// Pulses that are zero wherever a long step looks.
-#[test]
-fn pulses_are_not_passed_over() {
-    let pulses = [
-        ("exp(-((time - 5)/0.001)^2)", 1e-3 * PI.sqrt()),
-        ("tanh((time - 3)/1e-4) - tanh((time - 3.001)/1e-4)", 2e-3),
-        (
-            "1e6/(1 + ((time - 7)/1e-6)^2)",
-            7e6_f64.atan() + 3e6_f64.atan(),
-        ),
-    ];
-    for (pulse, area) in pulses {
-        for k in [3, 8] {
-            let experiment = format!("horizon 10; tolerance 1e-{k};");
-            let model = format!("state x = 0; x' = {pulse};");
-            let trajectory = check(&model, &experiment, "x", area, 1e-2 * area);
-            let error = (end(&trajectory, "x")[0] - area).abs();
-            let covered = error <= 10.0_f64.powi(-k) * area || !trajectory.warnings.is_empty();
-            assert!(covered, "{model}: an error of {error:e} without a warning");
-        }
-    }
-    let model = "state x = 0; x' = step(exp(-((time - 5)/0.001)^2) - 0.5);";
-    let width = 2e-3 * 2.0_f64.ln().sqrt();
-    check(model, "horizon 10;", "x", width, 1e-12);
 }
 
 /// What rounding does to the times of both events is what remains.
@@ -132,18 +111,6 @@ fn a_thousand_periods_of_a_square_wave() {
             "{t} and {exact}"
         );
     }
-}
-
-/// The expansion at the start knows nothing of the pulse.
-#[test]
-fn a_pulse_within_the_first_step_is_seen() {
-    check(
-        "state x = 1; x' = exp(-1000*(time - 0.5)^2);",
-        "horizon 1;",
-        "x",
-        1.0 + (PI / 1000.0).sqrt(),
-        1e-8,
-    );
 }
 
 #[test]
@@ -316,45 +283,6 @@ fn touching_the_bounds_of_sliding_is_no_event() {
 fn codes(trajectory: &Trajectory) -> Vec<&str> {
     let warnings = trajectory.warnings.iter();
     warnings.map(|warning| warning.code.as_str()).collect()
-}
-
-/// x = 1 + sin t touches zero.
-#[test]
-fn a_touch_is_told_where_it_matters() {
-    // Behind the surface x falls to the end.
-    for tolerance in [4, 8, 11] {
-        let experiment = format!("horizon 6; tolerance 1e-{tolerance};");
-        let falls = "state x = 1; x' = if x > 0 then cos(time) else -10;";
-        // Where one of both runs crosses, they do not agree.
-        let trajectory = simulate(falls, &experiment);
-        let codes = codes(&trajectory);
-        assert!(codes == ["W0710"] || codes == ["W0701"], "{codes:?}");
-    }
-    // The clock is exact, but for rounding.
-    let clock = "state x = 0; x' = if 1 + sin(time) > 0 then 0 else 1;";
-    let trajectory = simulate(clock, "horizon 6;");
-    let codes = codes(&trajectory);
-    assert!(codes == ["W0710"] || codes == ["W0701"], "{codes:?}");
-    // Behind the surface x rises, its field is the same, or the run is over.
-    let exact = 1.0 + 6.0_f64.sin();
-    for (field, horizon) in [
-        ("if x > 0 then cos(time) else 10", 6.0),
-        ("cos(time) + 2*max(-x, 0)", 6.0),
-        ("if x > 0.001 then cos(time) else 10", 4.5),
-    ] {
-        let model = format!("state x = 1; x' = {field};");
-        let trajectory = simulate(&model, &format!("horizon {horizon};"));
-        assert!(
-            trajectory.warnings.is_empty(),
-            "{model}: {:?}",
-            trajectory.warnings
-        );
-        let end = end(&trajectory, "x")[0];
-        assert!(
-            horizon < 6.0 || (end - exact).abs() < 1e-10,
-            "{model}: {end}"
-        );
-    }
 }
 
 /// The state ends where it should, to the tolerance asked; or else the run says that it might not.

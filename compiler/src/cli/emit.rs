@@ -8,7 +8,7 @@ use crate::diagnostics::Diagnostics;
 use crate::discretize::{self, DiscretizeError, Grid, discretize};
 use crate::expr::Exprs;
 use crate::syntax::{Bind, Experiment, Item};
-use crate::system::experiment::{FesdOptions, Method};
+use crate::system::experiment::{ExperimentError, FesdOptions, Method};
 use crate::{Compiled, compile, dcs, model};
 
 /// Steps of a grid that the experiment does not say.
@@ -136,13 +136,11 @@ fn lowered(
         _ => {}
     }
     if let Some(data) = system.data.first() {
-        return Some(Err(Refused {
-            fact: format!(
-                "`{}` is a signal from a table, which the discretized forms do not hold yet",
-                data.name
-            ),
-            help: "`--ir dcs` shows the system before it is discretized; `nsdc run` takes tables with every method",
-        }));
+        diags.push(ExperimentError::DataInProgram {
+            name: data.name.clone(),
+            span: settings.span,
+        });
+        return None;
     }
     let (steps, options) = match (&settings.optimize, &settings.method) {
         (Some(task), _) => (Some(task.intervals), discretize::Options::optimize(task)),

@@ -29,8 +29,9 @@ use grid::Sweep;
 const COARSE: f64 = 0.1;
 /// Runs below the floor before a sweep ends.
 const MOST_BELOW: usize = 2;
-/// Failed runs in a row before a sweep ends.
-const MOST_FAILED: usize = 6;
+/// Failed runs in a row before a sweep ends, after one that reached the end and before: the first grids
+/// may be far too coarse.
+const MOST_FAILED: [usize; 2] = [6, 24];
 /// What is left for a refinement that doubles the work of the last one, at least.
 const GROWTH: f64 = 2.0;
 
@@ -240,7 +241,8 @@ fn measure(
             seconds,
         });
         let next = before.elapsed().mul_f64(GROWTH);
-        if below >= MOST_BELOW || failed >= MOST_FAILED || started.elapsed() + next > limit {
+        let most_failed = MOST_FAILED[usize::from(failed == points.len())];
+        if below >= MOST_BELOW || failed >= most_failed || started.elapsed() + next > limit {
             break;
         }
     }

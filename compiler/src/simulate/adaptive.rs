@@ -12,6 +12,7 @@ use nsd_solver::tape::{Scratch, Tape};
 use super::data::Pieces;
 use super::fesd::estimate;
 use super::functions::tape;
+use super::instants::Pulses;
 use super::switched::variable;
 use super::watch::{Progress, Watched};
 use super::{Comparison, REFINEMENT, Recorder, Request, assemble, judge};
@@ -29,6 +30,7 @@ pub(super) fn run(
 ) -> Trajectory {
     let started = Instant::now();
     let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
+    let pulses = Pulses::of(system, settings.horizon);
     let simulator = |tolerance: f64| {
         let left = |limit: std::time::Duration| limit.saturating_sub(started.elapsed());
         let settings = adaptive::Settings {
@@ -36,7 +38,8 @@ pub(super) fn run(
             time_limit: request.time_limit.map(left),
             ..adaptive::Settings::default()
         };
-        Simulator::new(Jumping::new(system), settings)
+        let field = Jumping::new(system, pulses.clone());
+        Simulator::new(field, settings)
     };
     let mut recorder = Recorder::new(system, settings, settings.tolerance, request.dense);
     let mut watched = Watched::new(&mut recorder, settings.horizon, false, watch);
@@ -82,13 +85,15 @@ pub(super) struct Jumping {
     n: usize,
     m: usize,
     pieces: Pieces,
+    pulses: Pulses,
     /// t, x, α, and the coefficients of data.
     inputs: Vec<f64>,
     psi: Vec<f64>,
 }
 
 impl Jumping {
-    pub(super) fn new(system: &System) -> Self {
+    /// Lets no step pass over the pulses.
+    pub(super) fn new(system: &System, pulses: Pulses) -> Self {
         let params = system.params.iter();
         let mut numbers: Substitution = params
             .map(|param| (variable(param.var), system.exprs.constant(param.value)))
@@ -126,6 +131,7 @@ impl Jumping {
             n: system.states.len(),
             m: alphas.len(),
             pieces,
+            pulses,
             inputs: vec![0.0; inputs.len()],
             psi: vec![0.0; alphas.len()],
         }
@@ -168,7 +174,8 @@ impl Field for Jumping {
 
     fn load(&mut self, t: f64) -> f64 {
         let first = 1 + self.n + self.m;
-        self.pieces.write(t, &mut self.inputs[first..])
+        let breakpoint = self.pieces.write(t, &mut self.inputs[first..]);
+        breakpoint.min(self.pulses.after(t))
     }
 
     fn rates(&mut self, t: f64, x: &[f64], rates: &mut [f64]) {

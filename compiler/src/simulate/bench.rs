@@ -14,6 +14,7 @@ use solver::{Observer, Outcome, Segment, Simulator, Status};
 
 use super::adaptive::Jumping;
 use super::fesd::Complementarity;
+use super::instants::Pulses;
 use super::modes::ModeNames;
 use super::switched::Switched;
 use super::{outcome, solver_settings};
@@ -206,7 +207,10 @@ impl<'s, 'e> Bench<'s, 'e> {
                     time_limit: Some(limit),
                     ..adaptive::Settings::default()
                 };
-                let mut simulator = adaptive::Simulator::new(Jumping::new(self.system), settings);
+                let mut simulator = adaptive::Simulator::new(
+                    Jumping::new(self.system, Pulses::of(self.system, horizon)),
+                    settings,
+                );
                 self.measure(|| simulator.run(0.0, horizon, &self.x0, &mut Unseen))
             }
         };

@@ -1,151 +1,103 @@
 //! Instants that a step must not pass over: where a function of time is narrow.
 //!
 //! A pulse like exp(-((t - 5)/0.001)²) is zero to rounding wherever a long step looks. So steps end where
-//! the argument u(t) of such a function turns, u' = 0, and where that of a sigmoid vanishes, but only if
-//! what happens there is narrow compared with the horizon.
+//! such a function may have one, and before and behind by its width and multiples:
+//!
+//! - where the argument u(t) of an exponential, a root, a logarithm or a power turns, u' = 0,
+//! - where that of a sigmoid vanishes,
+//! - where two terms of a divisor balance, as in 1/(1 + exp(-u)),
+//! - at the ends of the horizon, from which an exponential may fall off,
+//!
+//! but only if what happens there is narrow compared with the horizon.
 
-use rustc_hash::FxHashSet;
+mod search;
 
-use crate::expr::{self, Evaluator, Expr, Function, Node, Var};
+use search::Search;
 
-/// Places in the horizon where an argument is looked at.
-const SAMPLES: usize = 4096;
+use super::switched::{variable, with_numbers};
+use crate::expr::{Expr, Var};
+use crate::report::Warning;
+use crate::system::System;
+use crate::system::experiment::Settings;
 
-/// What is wider than this fraction of the horizon is seen by every step.
-const NARROW: f64 = 0.02;
-
-/// More turns of one function than this are no pulses, but what it does all the time.
-const MOST: usize = 256;
-
-/// Halvings of an interval around a turn.
-const HALVINGS: usize = 60;
-
-/// The instants within the horizon at which functions of time in `roots` are narrow, in order.
-pub(super) fn narrow(roots: &[Expr], time: Var, horizon: f64) -> Vec<f64> {
-    let mut search = Search {
-        time,
-        horizon,
-        found: Vec::new(),
-    };
-    search.visit(roots);
-    let mut found = search.found;
-    found.sort_by(f64::total_cmp);
-    found.dedup();
-    found
+/// A function of time varies around an instant, on either side within a width.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Pulse {
+    at: f64,
+    width: f64,
 }
 
-struct Search {
-    time: Var,
-    horizon: f64,
-    found: Vec<f64>,
+/// Where functions of time are narrow within the horizon, in order.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Pulses {
+    pulses: Vec<Pulse>,
+    /// Instants that no step passes over, in order.
+    stops: Vec<f64>,
 }
 
-impl Search {
-    /// Looks at everything below some expressions.
-    fn visit<'e>(&mut self, roots: &[Expr<'e>]) {
-        let mut open = roots.to_vec();
-        let mut seen = FxHashSet::default();
-        while let Some(e) = open.pop() {
-            if !seen.insert(e) {
-                continue;
-            }
-            match e.node() {
-                Node::Constant(_) | Node::Variable(_) => {}
-                Node::Sum { terms, .. } => open.extend(terms.into_iter().map(|term| term.1)),
-                Node::Product(factors) => {
-                    for (factor, power) in factors {
-                        if power < 0 {
-                            self.turns(factor, true);
-                        }
-                        open.push(factor);
-                    }
-                }
-                Node::Unary(function, argument) => {
-                    self.look_at(function, argument);
-                    open.push(argument);
-                }
-                Node::Binary(_, a, b) => open.extend([a, b]),
-            }
-        }
+/// The distance of a stop from a pulse next to that of the stop before.
+const FARTHER: f64 = 4.0;
+
+/// The part of an element that a pulse has to fill for a grid to see it.
+const SEEN: f64 = 0.5;
+
+impl Pulses {
+    /// Of the rates and switching functions of a system.
+    pub fn of(system: &System, horizon: f64) -> Self {
+        let functions = with_numbers(system).concat();
+        Pulses::among(&functions, variable(system.time), horizon)
     }
 
-    fn look_at(&mut self, function: Function, argument: Expr) {
-        match function {
-            Function::Exp | Function::Sinh | Function::Cosh => self.turns(argument, false),
-            Function::Sqrt | Function::Log => self.turns(argument, true),
-            Function::Tanh | Function::Atan => {
-                self.turns(argument, false);
-                self.vanishes(argument);
-            }
-            _ => {}
-        }
+    /// Of functions without parameters.
+    fn among(functions: &[Expr], time: Var, horizon: f64) -> Self {
+        let mut pulses = Search::new(time, horizon).run(functions);
+        pulses.retain(|p| p.at - p.width < horizon && p.at + p.width > 0.0);
+        // Ever longer steps lead away from a pulse, so that its tails are seen, too.
+        let around = |p: &Pulse| {
+            let widths = std::iter::successors(Some(p.width), |width| Some(FARTHER * width));
+            let widths = widths.take_while(|width| *width < search::NARROW * horizon);
+            let around = widths.flat_map(|width| [p.at - width, p.at + width]);
+            around.chain([p.at]).collect::<Vec<f64>>()
+        };
+        let mut stops: Vec<f64> = pulses.iter().flat_map(around).collect();
+        stops.retain(|stop| 0.0 < *stop && *stop < horizon);
+        stops.sort_by(f64::total_cmp);
+        stops.dedup();
+        Pulses { pulses, stops }
     }
 
-    fn is_timed(&self, u: Expr) -> bool {
-        expr::variables_of(&[u]) == [self.time]
+    /// The next pulse behind `t`, for steps by Taylor series: from there these see all of it.
+    pub fn next(&self, t: f64) -> f64 {
+        let next = self.pulses.partition_point(|pulse| pulse.at <= t);
+        self.pulses
+            .get(next)
+            .map_or(f64::INFINITY, |pulse| pulse.at)
     }
 
-    /// Takes the instants at which u turns within the narrow width: |u''| w² > 1, or |u''/u| w² > 1 where
-    /// u matters in relation to itself.
-    fn turns(&mut self, u: Expr, relative: bool) {
-        if !self.is_timed(u) {
-            return;
-        }
-        let slope = u.diff(self.time);
-        if slope.as_constant().is_some() {
-            return;
-        }
-        let (value, bend) = (Evaluator::new(u), Evaluator::new(slope.diff(self.time)));
-        let width = NARROW * self.horizon;
-        self.take(slope, |t| {
-            let size = if relative {
-                value.eval(&|_| t).abs()
-            } else {
-                1.0
-            };
-            bend.eval(&|_| t).abs() * width * width > size
-        });
+    /// The next instant behind `t` that no step passes over; infinity where there is none.
+    pub fn after(&self, t: f64) -> f64 {
+        let next = self.stops.partition_point(|stop| *stop <= t);
+        self.stops.get(next).copied().unwrap_or(f64::INFINITY)
     }
 
-    /// Takes the instants at which u vanishes within the narrow width: |u'| w > 1.
-    fn vanishes(&mut self, u: Expr) {
-        if self.is_timed(u) {
-            let slope = Evaluator::new(u.diff(self.time));
-            let width = NARROW * self.horizon;
-            self.take(u, |t| slope.eval(&|_| t).abs() * width > 1.0);
-        }
-    }
-
-    /// Takes the roots of f that are sharp.
-    fn take(&mut self, f: Expr, is_sharp: impl Fn(f64) -> bool) {
-        let f = Evaluator::new(f);
-        let at = |t: f64| f.eval(&|_| t);
-        let instant = |k: usize| self.horizon * k as f64 / SAMPLES as f64;
-        let mut roots = Vec::new();
-        let mut before = at(0.0);
-        for k in 1..=SAMPLES {
-            let now = at(instant(k));
-            if now == 0.0 {
-                roots.push(instant(k));
-            } else if before * now < 0.0 {
-                let (mut low, mut high) = (instant(k - 1), instant(k));
-                for _ in 0..HALVINGS {
-                    let middle = 0.5 * (low + high);
-                    if at(middle) * before > 0.0 {
-                        low = middle;
-                    } else {
-                        high = middle;
-                    }
-                }
-                roots.push(high);
-            }
-            before = now;
-        }
-        if roots.len() > MOST {
-            return;
-        }
-        let sharp = |t: &f64| *t < self.horizon && is_sharp(*t);
-        self.found.extend(roots.into_iter().filter(sharp));
+    /// That elements of this length may not see all pulses.
+    pub fn warning(&self, length: f64, settings: &Settings) -> Option<Warning> {
+        let is_unseen = |pulse: &&Pulse| pulse.width < SEEN * length;
+        let mut unseen = self.pulses.iter().filter(is_unseen);
+        let Pulse { at, width } = *unseen.next()?;
+        let others = match unseen.count() {
+            0 => String::new(),
+            1 => ", and at another instant".into(),
+            more => format!(", and at {more} more instants"),
+        };
+        Some(Warning {
+            code: "W0711".into(),
+            message: format!(
+                "something varies within {width:.1e} around time = {at:.6}{others}: steps of {length:.1e} \
+                 may pass over it"
+            ),
+            span: Some(settings.span),
+        })
     }
 }
 
@@ -154,17 +106,44 @@ mod tests {
     use super::*;
     use crate::expr::Exprs;
 
-    #[test]
-    fn narrow_pulses_are_found_and_wide_ones_are_not() {
+    fn found(horizon: f64, function: impl for<'e> Fn(Expr<'e>) -> Expr<'e>) -> Vec<Pulse> {
         let exprs = Exprs::new();
         let time = exprs.variable("time");
         let var = time.as_variable().expect("a variable");
-        let pulse = |at: f64, width: f64| {
-            let s = (time - at) * (1.0 / width);
-            (s * s * -1.0).exp()
-        };
-        let found = narrow(&[pulse(3.7, 1e-3), pulse(5.0, 2.0), time.sin()], var, 10.0);
-        assert_eq!(found.len(), 1, "{found:?}");
-        assert!((found[0] - 3.7).abs() < 1e-12, "{found:?}");
+        Pulses::among(&[function(time)], var, horizon).pulses
+    }
+
+    fn gauss(time: Expr<'_>, at: f64, width: f64) -> Expr<'_> {
+        let s = (time - at) * (1.0 / width);
+        (s * s * -1.0).exp()
+    }
+
+    #[test]
+    fn narrow_pulses_are_found_and_wide_ones_are_not() {
+        let pulses = found(10.0, |t| gauss(t, 3.7, 1e-3) + gauss(t, 5.0, 2.0) + t.sin());
+        assert_eq!(pulses.len(), 1, "{pulses:?}");
+        let Pulse { at, width } = pulses[0];
+        assert!((at - 3.7).abs() < 1e-12, "{pulses:?}");
+        assert!((1e-3..2e-3).contains(&width), "{pulses:?}");
+    }
+
+    #[test]
+    fn terms_of_a_divisor_balance() {
+        // exp(-(t - 3)/w) = 5
+        let w = 1e-4;
+        let pulses = found(10.0, |t| (((t - 3.0) * (-1.0 / w)).exp() + 5.0).powi(-1));
+        assert_eq!(pulses.len(), 1, "{pulses:?}");
+        let at = 3.0 - w * 5.0_f64.ln();
+        assert!((pulses[0].at - at).abs() < 1e-12, "{pulses:?}");
+    }
+
+    #[test]
+    fn flat_tops_and_high_powers_are_narrow_too() {
+        let flat = found(10.0, |t| (((t - 3.0) * 1e3).powi(8) * -1.0).exp());
+        assert_eq!(flat.len(), 1, "{flat:?}");
+        // cos(t)^100000 at multiples of π.
+        let comb = found(100.0, |t| t.cos().powi(100_000));
+        assert_eq!(comb.len(), 31, "{comb:?}");
+        assert!(found(100.0, |t| t.cos().powi(2)).is_empty());
     }
 }

@@ -19,7 +19,7 @@ use super::blocks;
 use super::data::Pieces;
 use super::forms::{self, Copy, Form};
 use super::functions::{CompiledRates, CompiledSurface, Place, affine, partials, tape};
-use super::instants;
+use super::instants::Pulses;
 use super::laws;
 use super::structure::Structure;
 use crate::expr::{self, Expr, Exprs, Node, Substitution, Var};
@@ -62,8 +62,8 @@ pub struct Switched<'e> {
     /// Switches whose α the rate φ_i may contain, or that of its last derivative.
     couplings: Vec<Vec<usize>>,
     data: Pieces,
-    /// Where functions of time are narrow, in order.
-    instants: Vec<f64>,
+    /// Where functions of time are narrow.
+    pulses: Pulses,
     with_data: [Vec<bool>; 2],
     /// Where the derivatives of ψ_i along the solution stand in `switching`, up to the one whose rate
     /// contains an α.
@@ -91,7 +91,7 @@ fn numbers<'e>(system: &System<'e>) -> Substitution<'e> {
 }
 
 /// All rates, and all ψ, with the values of the parameters.
-fn with_numbers<'e>(system: &System<'e>) -> [Vec<Expr<'e>>; 2] {
+pub(super) fn with_numbers<'e>(system: &System<'e>) -> [Vec<Expr<'e>>; 2] {
     let numbers = numbers(system);
     let rates: Vec<_> = system.states.iter().map(|state| state.rate).collect();
     let switching: Vec<_> = system.switches.iter().map(|switch| switch.psi).collect();
@@ -163,7 +163,7 @@ impl<'e> Switched<'e> {
             relays: system.switches.iter().map(start).collect(),
             timed,
             data,
-            instants: Vec::new(),
+            pulses: Pulses::default(),
             with_data,
             rates: share(&groups),
             switching: share(&surfaces),
@@ -186,8 +186,7 @@ impl<'e> Switched<'e> {
 
     /// Lets no step pass over where functions of time are narrow, in a run from 0 to the horizon.
     pub fn over(mut self, system: &System<'e>, horizon: f64) -> Self {
-        let functions = with_numbers(system).concat();
-        self.instants = instants::narrow(&functions, variable(system.time), horizon);
+        self.pulses = Pulses::of(system, horizon);
         self
     }
 
@@ -415,10 +414,8 @@ impl SwitchedSystem for Switched<'_> {
     }
 
     fn coefficients(&self, t: f64, coefficients: &mut [f64]) -> f64 {
-        let next = self.instants.partition_point(|&instant| instant <= t);
-        let next = self.instants.get(next).copied();
         let breakpoint = self.data.write(t, coefficients);
-        next.map_or(breakpoint, |next| next.min(breakpoint))
+        breakpoint.min(self.pulses.next(t))
     }
 
     fn is_piecewise(&self, switch: usize) -> bool {

@@ -55,9 +55,16 @@ impl Touches {
                 } else {
                     jump.abs() * lasts
                 };
-                if scale[i] > 8.0 * rounding(i) {
-                    matters = matters.max(change / scale[i]);
-                    moved[i] += if ends { change / scale[i] } else { 0.0 };
+                // A state that has not moved would be as large as its change.
+                let scale = scale[i].max(change);
+                if scale > 8.0 * rounding(i) {
+                    let share = if change.is_finite() {
+                        change / scale
+                    } else {
+                        change
+                    };
+                    matters = matters.max(share);
+                    moved[i] += if ends { share } else { 0.0 };
                 }
             }
             let distance = approach.distance.abs();

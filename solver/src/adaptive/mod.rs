@@ -66,6 +66,8 @@ const DEFECTS: [f64; 2] = [0.3, 0.7];
 /// Largest |x' - f| H over the local tolerance, and over the size of the state.
 const DEFECT: f64 = 1e3;
 const LEAST_DEFECT: f64 = 1e-11;
+/// No state counts as smaller: below, underflow takes the digits that rows would have to agree in.
+const LEAST_SCALE: f64 = 1e-280;
 /// A breakpoint this close to the end, relative to time, is there.
 const NEAR: f64 = 16.0 * f64::EPSILON;
 /// Steps between two looks at the clock.
@@ -95,7 +97,7 @@ impl<F: Field> Simulator<F> {
     pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut impl Observer) -> Outcome {
         let (n, m) = (x0.len(), self.field.n_switches());
         let mut x = x0.to_vec();
-        let mut scale: Vec<f64> = x0.iter().map(|x| x.abs()).collect();
+        let mut scale: Vec<f64> = x0.iter().map(|x| x.abs().max(LEAST_SCALE)).collect();
         let mut rates = vec![0.0; n];
         let mut sides = vec![Side::Plus; m];
         let mut end_sides = vec![Side::Plus; m];

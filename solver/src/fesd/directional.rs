@@ -6,20 +6,19 @@
 //! 0 = g or g' at (t, x, u),   and for each pair with members J, which jumps, and C = 0:   0 ≤ J ⟂ C' ≥ 0
 //!
 //! For Stewart's form this is his linear complementarity problem for θ, with λ' and μ' as slacks.
-//! All choices of the pairs that meet are tried, which finds every solution.
+//! All choices of the pairs that meet are tried, which finds every solution; of more than a few pairs
+//! those of each independent group (`independent.rs`).
 
+use super::independent::{MAX_OPEN, rate_scale};
 use super::system::{ComplementaritySystem, Full, Member, Zero};
 use super::watch::Start;
 use crate::linalg::DenseLu;
-
-/// Pairs that are decided together by trying all choices.
-const MAX_OPEN: usize = 8;
 
 /// Newton iterations for one active set.
 const MAX_NEWTON: usize = 40;
 
 /// Values and rates below this, relative to their size, are zero: what comes next decides.
-const TIE: f64 = 1e-9;
+pub(super) const TIE: f64 = 1e-9;
 
 /// An active set that the first derivatives allow.
 #[derive(Clone, Debug)]
@@ -31,7 +30,12 @@ pub(super) struct Choice {
     pub starts: Vec<Start>,
     /// Whether no member that could vanish is zero with its rate.
     pub strict: bool,
+    /// What rates are zero next to.
+    pub rate_scale: f64,
 }
+
+/// An active set, and u.
+pub(super) type Solved = (Vec<Zero>, Vec<f64>);
 
 /// What was found.
 pub(super) struct Found {
@@ -91,18 +95,15 @@ impl Directional {
         self.inputs[0] = t;
         self.inputs[1..=self.n].copy_from_slice(x);
         self.inputs[1 + self.n..][..n_z].copy_from_slice(z);
-        let complete = open.len() <= MAX_OPEN;
-        let found = match complete {
-            true => self.all(system, zeros, z, &open),
-            false => self.one(system, zeros, z, &open),
+        let each = |directional: &mut Self| directional.each(system, zeros, z, &open, bands);
+        let (found, scale, complete) = if open.len() <= MAX_OPEN {
+            (self.all(system, zeros, z, &open), 0.0, true)
+        } else if let Some((found, scale)) = each(self) {
+            (found, scale, true)
+        } else {
+            (self.one(system, zeros, z, &open), 0.0, false)
         };
-        let rate_scale = found.iter().flat_map(|(_, u)| {
-            let continuous = u.iter().enumerate();
-            continuous
-                .filter(|(i, _)| system.is_continuous(*i))
-                .map(|(_, rate)| rate.abs())
-        });
-        let rate_scale = rate_scale.fold(f64::MIN_POSITIVE, f64::max);
+        let rate_scale = rate_scale(system, &found).max(scale);
         let choices = found
             .into_iter()
             .filter_map(|(zeros, u)| self.choice_of(system, (zeros, u), z, bands, rate_scale));
@@ -118,7 +119,7 @@ impl Directional {
     pub fn choice(
         &mut self,
         system: &impl ComplementaritySystem,
-        (zeros, u): (Vec<Zero>, Vec<f64>),
+        (zeros, u): Solved,
         z: &[f64],
         bands: &[f64],
         rate_scale: f64,
@@ -130,12 +131,15 @@ impl Directional {
     fn choice_of(
         &mut self,
         system: &impl ComplementaritySystem,
-        (zeros, u): (Vec<Zero>, Vec<f64>),
+        (zeros, u): Solved,
         z: &[f64],
         bands: &[f64],
         rate_scale: f64,
     ) -> Option<Choice> {
-        let (starts, strict) = self.judge(system, &zeros, &u, z, bands, rate_scale)?;
+        let starts = (0..zeros.len())
+            .map(|pair| self.starts(system, (&zeros, &u), z, bands, rate_scale, pair))
+            .collect::<Option<Vec<Start>>>()?;
+        let strict = !starts.contains(&Start::Tangent);
         let rates = self.rates(system, &u);
         Some(Choice {
             zeros,
@@ -143,18 +147,19 @@ impl Directional {
             rates,
             starts,
             strict,
+            rate_scale,
         })
     }
 
     /// The solutions for all choices of the open pairs.
-    fn all(
+    pub(super) fn all(
         &mut self,
         system: &impl ComplementaritySystem,
         zeros: &[Zero],
         z: &[f64],
         open: &[usize],
-    ) -> Vec<(Vec<Zero>, Vec<f64>)> {
-        let mut found: Vec<(Vec<Zero>, Vec<f64>)> = Vec::new();
+    ) -> Vec<Solved> {
+        let mut found: Vec<Solved> = Vec::new();
         for mask in 0..1_usize << open.len() {
             let mut tried = zeros.to_vec();
             for (bit, &pair) in open.iter().enumerate() {
@@ -169,8 +174,7 @@ impl Directional {
                 let Some(u) = self.solve(system, &tried, u) else {
                     continue;
                 };
-                let known =
-                    |(zeros, other): &(Vec<Zero>, Vec<f64>)| *zeros == tried && is_near(other, &u);
+                let known = |(zeros, other): &Solved| *zeros == tried && is_near(other, &u);
                 if !found.iter().any(known) {
                     found.push((tried.clone(), u));
                 }
@@ -180,13 +184,13 @@ impl Directional {
     }
 
     /// One solution, where there are too many choices to try them all.
-    fn one(
+    pub(super) fn one(
         &mut self,
         system: &impl ComplementaritySystem,
         zeros: &[Zero],
         z: &[f64],
         open: &[usize],
-    ) -> Vec<(Vec<Zero>, Vec<f64>)> {
+    ) -> Vec<Solved> {
         let start = self.start(system, z, open, [0.5, 0.5]);
         let Some(u) = self.smooth(system, zeros, open, start) else {
             return Vec::new();
@@ -201,7 +205,7 @@ impl Directional {
     }
 
     /// Where Newton's method starts: what is open stands at `guess`, every other pair at the second.
-    fn start(
+    pub(super) fn start(
         &self,
         system: &impl ComplementaritySystem,
         z: &[f64],
@@ -237,39 +241,31 @@ impl Directional {
         (value(pair.left), value(pair.right))
     }
 
-    /// How the members that are not zero start; none where one is negative or becomes so.
-    fn judge(
+    /// How the member of a pair that is not zero starts; none where it is negative or becomes so.
+    pub(super) fn starts(
         &self,
         system: &impl ComplementaritySystem,
-        zeros: &[Zero],
-        u: &[f64],
+        (zeros, u): (&[Zero], &[f64]),
         z: &[f64],
         bands: &[f64],
         rate_scale: f64,
-    ) -> Option<(Vec<Start>, bool)> {
-        let mut strict = true;
-        let mut starts = Vec::with_capacity(zeros.len());
-        for ((pair, &zero), &band) in system.pairs().iter().zip(zeros).zip(bands) {
-            let (_, member) = pair.split(zero);
-            let start = if system.is_continuous(member.variable) {
-                let rate = member.slope() * u[member.variable] / rate_scale;
-                match rate {
-                    _ if member.value(z) > band => Start::Inside,
-                    _ if rate > TIE => Start::Rising,
-                    _ if rate >= -TIE => Start::Tangent,
-                    _ => return None,
-                }
-            } else {
-                match member.value(u) {
-                    value if value > TIE => Start::Inside,
-                    value if value >= -TIE => Start::Tangent,
-                    _ => return None,
-                }
-            };
-            strict &= start != Start::Tangent;
-            starts.push(start);
+        pair: usize,
+    ) -> Option<Start> {
+        let (_, member) = system.pairs()[pair].split(zeros[pair]);
+        if system.is_continuous(member.variable) {
+            match member.slope() * u[member.variable] / rate_scale {
+                _ if member.value(z) > bands[pair] => Some(Start::Inside),
+                rate if rate > TIE => Some(Start::Rising),
+                rate if rate >= -TIE => Some(Start::Tangent),
+                _ => None,
+            }
+        } else {
+            match member.value(u) {
+                value if value > TIE => Some(Start::Inside),
+                value if value >= -TIE => Some(Start::Tangent),
+                _ => None,
+            }
         }
-        Some((starts, strict))
     }
 
     /// f where the problem was solved.
@@ -284,7 +280,7 @@ impl Directional {
 
     /// u with these members zero, from a guess; none where the equations contradict that or do not
     /// determine u.
-    fn solve(
+    pub(super) fn solve(
         &mut self,
         system: &impl ComplementaritySystem,
         zeros: &[Zero],

@@ -250,16 +250,16 @@ impl Element {
     }
 
     /// Solves for an element that ends where a watched member vanishes, from the present one as a
-    /// guess. Returns its length.
+    /// guess. Values of the member below `zero` are zero where it does not cross. Returns the length.
     pub fn solve_to(
         &mut self,
         scheme: &Scheme,
         hidden: &mut Hidden,
-        member: usize,
+        (member, zero): (usize, f64),
         scale: &[f64],
     ) -> Result<f64, Unsolved> {
         let longest = self.h;
-        let mut last = f64::INFINITY;
+        let (mut last, mut last_step) = (f64::INFINITY, f64::INFINITY);
         for _ in 0..MAX_NEWTON {
             self.finish(scheme);
             self.factor(scheme, self.h)?;
@@ -288,11 +288,18 @@ impl Element {
                 self.h * terms.sum::<f64>()
             };
             let by_h = rate + along(&self.by_length);
-            let step = -(value + along(&self.rhs)) / by_h;
-            if !step.is_finite() {
+            let value = value + along(&self.rhs);
+            let step = -value / by_h;
+            // Towards a root of higher order Newton's method slows down, and rounding ends it anywhere.
+            let is_multiple = value.abs() <= zero && !(step.abs() < 0.4 * last_step);
+            if !step.is_finite() && !is_multiple {
                 return Err(Unsolved::Singular);
             }
-            let step = step.clamp(-0.9 * self.h, 0.5 * longest);
+            let step = match is_multiple {
+                true => 0.0,
+                false => step.clamp(-0.9 * self.h, 0.5 * longest),
+            };
+            last_step = step.abs();
             for (y, by_length) in self.rhs.iter_mut().zip(&self.by_length) {
                 *y += by_length * step;
             }
@@ -302,7 +309,8 @@ impl Element {
             if !change.is_finite() {
                 return Err(Unsolved::Diverged);
             }
-            if change <= CONVERGED || (change >= 0.5 * last && change <= ROUNDING) {
+            let is_solved = change <= CONVERGED || (change >= 0.5 * last && change <= ROUNDING);
+            if is_solved || (is_multiple && change <= ROUNDING) {
                 self.factored = 0.0;
                 self.finish(scheme);
                 return Ok(self.h);

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use super::system::ComplementaritySystem;
-use super::watch::BAND;
+use super::watch::{BAND, Start};
 use super::{Run, Simulator};
 use crate::simulate::{Segment, Side, Status, series};
 
@@ -69,8 +69,21 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 self.tell_multipliers(run, at, observer);
             }
         }
-        run.starts.fill(super::Start::Inside);
+        self.go_on(run, self.solved[count - 1].h);
         Ok(())
+    }
+
+    /// How the members start in an element that follows on one of length `h` in the same mode: one that
+    /// has not left zero yet starts as it did.
+    fn go_on(&self, run: &mut Run, h: f64) {
+        let sizes = run.sizes.iter().enumerate();
+        for (start, (member, size)) in run.starts.iter_mut().zip(sizes) {
+            let values = self.values.of(&self.scheme, member).iter();
+            let largest = values.fold(0.0_f64, |largest, value| largest.max(value.abs()));
+            if *start != Start::Tangent || largest > BAND * size.max(run.rate_scale * h) {
+                *start = Start::Inside;
+            }
+        }
     }
 
     /// Writes the polynomials of an element: x(τ) = x₀ + ∫ V, and α through its values at the points.

@@ -3,7 +3,7 @@
 use super::element::Unsolved;
 use super::emit::Observer;
 use super::system::ComplementaritySystem;
-use super::watch::Verdict;
+use super::watch::{BAND, Verdict};
 use super::{Run, Simulator};
 use crate::simulate::{Side, Status};
 
@@ -149,9 +149,10 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             self.evaluate(run)?;
             // Only the first element after a switch has members that start at zero.
             let starts = if at == 0 { &run.starts[..] } else { &[] };
+            let scales = (&run.sizes[..], run.rate_scale * tried);
             let verdict = self
                 .values
-                .judge(&self.scheme, starts, &run.sizes, &mut self.roots);
+                .judge(&self.scheme, starts, scales, &mut self.roots);
             match verdict {
                 Verdict::Stays => {
                     run.last = tried;
@@ -170,11 +171,12 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                     return Ok(Some(member));
                 }
                 Verdict::Leaves { sigma, member } => {
+                    let end = (member, BAND * run.sizes[member]);
                     let mode = &mut self.modes[run.mode];
                     mode.element.shorten(&self.scheme, sigma);
                     let length =
                         mode.element
-                            .solve_to(&self.scheme, &mut mode.hidden, member, &run.scale);
+                            .solve_to(&self.scheme, &mut mode.hidden, end, &run.scale);
                     let length = length.map_err(|_| Status::Unsolved)?;
                     if !(length > 0.0 && length <= tried * (1.0 + 1e-9)) {
                         return Err(Status::Unsolved);
@@ -202,6 +204,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         member: usize,
     ) -> Result<(), Status> {
         let unsolved = |_: Unsolved| Status::Unsolved;
+        let end = (member, BAND * run.sizes[member]);
         for _ in 0..MAX_ROUNDS {
             for at in 0..count {
                 self.place(run, at);
@@ -214,7 +217,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 if at + 1 == count {
                     let hidden = &mut mode.hidden;
                     mode.element
-                        .solve_to(&self.scheme, hidden, member, &run.scale)
+                        .solve_to(&self.scheme, hidden, end, &run.scale)
                         .map_err(unsolved)?;
                 }
                 self.evaluate(run)?;

@@ -16,6 +16,7 @@ mod directional;
 mod element;
 mod emit;
 mod hidden;
+mod independent;
 mod march;
 mod nodes;
 mod projection;
@@ -166,6 +167,8 @@ struct Run {
     until: f64,
     /// Values of the watched members that count as zero, over [`watch::BAND`].
     sizes: Vec<f64>,
+    /// What rates of members are zero next to.
+    rate_scale: f64,
     /// Largest magnitude of each state so far.
     scale: Vec<f64>,
     /// Length of the last element in this mode, zero before the first.
@@ -255,6 +258,7 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
             starts: Vec::new(),
             until: f64::INFINITY,
             sizes: Vec::new(),
+            rate_scale: 0.0,
             scale: x0.iter().map(|x| x.abs()).collect(),
             last: 0.0,
             next: 0.0,
@@ -333,9 +337,14 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
                 Ok(())
             }
             Grid::Adaptive { tolerance } => {
-                self.pieces(run, t1, observer, |simulator, run, end, observer| {
-                    simulator.adapt(run, end, tolerance, observer)
-                })
+                let mut end = t0;
+                while end < t1 {
+                    end = self.system.stop(end).min(t1);
+                    self.pieces(run, end, observer, |simulator, run, end, observer| {
+                        simulator.adapt(run, end, tolerance, observer)
+                    })?;
+                }
+                Ok(())
             }
         }
     }

@@ -7,8 +7,21 @@ use super::watch::{BAND, Start, Verdict};
 use super::{Run, Simulator};
 use crate::simulate::{Note, Status};
 
-/// Length of a trial element, relative to that of a step.
+/// Length of the first trial element, relative to that of a step, and of every other to the one before.
 const TRIAL: f64 = 1e-3;
+const LONGER: f64 = 10.0;
+
+/// What a trial element says about its set.
+enum Trial {
+    /// A member is negative from the start,
+    Fails,
+    /// or is, but by no more than a rate that counts as zero explains.
+    Open,
+    /// No member is negative, and one stays as close to zero.
+    Tied,
+    /// All members stay positive, or leave later.
+    Passes,
+}
 
 impl<S: ComplementaritySystem> Simulator<'_, S> {
     /// Finds the set that a run starts with.
@@ -91,7 +104,6 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 None => classes.push(vec![choice]),
             }
         }
-        let is_certain = |class: &&Vec<Choice>| class.iter().any(|choice| choice.strict);
         if let [class] = &classes[..]
             && let Some(choice) = class.iter().find(|choice| choice.strict)
         {
@@ -101,14 +113,11 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             }
             return self.take(run, choice.clone(), bands);
         }
-        // Where a derivative vanishes, a short element of the set itself says what comes next.
+        // Where a derivative vanishes, an element of the set itself says what comes next.
         let mut accepted: Vec<Choice> = Vec::new();
         for class in &classes {
-            let certain = is_certain(&class);
-            let mut members = class.iter().filter(|choice| choice.strict || !certain);
-            let passes = members
-                .find(|choice| choice.strict || self.passes(run, choice, bands, TRIAL * length));
-            accepted.extend(passes.cloned());
+            let certain = class.iter().find(|choice| choice.strict).cloned();
+            accepted.extend(certain.or_else(|| self.confirmed(run, class, bands, length)));
         }
         match accepted.len() {
             1 => {
@@ -156,10 +165,49 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         });
     }
 
+    /// The choice that trial elements confirm, of several with the same rates: short ones first, and
+    /// longer ones as long as none of these tells.
+    fn confirmed(
+        &mut self,
+        run: &Run,
+        class: &[Choice],
+        bands: &[f64],
+        length: f64,
+    ) -> Option<Choice> {
+        let mut left: Vec<&Choice> = class.iter().collect();
+        let mut tied = None;
+        let mut h = TRIAL * length;
+        loop {
+            let mut open = Vec::with_capacity(left.len());
+            for choice in left {
+                match self.trial(run, choice, bands, h) {
+                    Trial::Passes => return Some(choice.clone()),
+                    Trial::Fails => continue,
+                    Trial::Tied => tied = tied.or(Some(choice)),
+                    Trial::Open => {}
+                }
+                open.push(choice);
+            }
+            if open.is_empty() || h >= length {
+                return tied.cloned();
+            }
+            left = open;
+            h = (LONGER * h).min(length);
+        }
+    }
+
     /// Whether the members of a set stay positive in a short element.
     pub(super) fn passes(&mut self, run: &Run, choice: &Choice, bands: &[f64], h: f64) -> bool {
+        matches!(
+            self.trial(run, choice, bands, h),
+            Trial::Passes | Trial::Tied
+        )
+    }
+
+    /// Solves for an element of a set, and looks at its members.
+    fn trial(&mut self, run: &Run, choice: &Choice, bands: &[f64], h: f64) -> Trial {
         let Some(place) = self.mode(&choice.zeros) else {
-            return false;
+            return Trial::Fails;
         };
         let mode = &mut self.modes[place];
         let w: Vec<f64> = mode
@@ -175,21 +223,41 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             .solve(&self.scheme, run.t, h, &run.x, &run.scale)
             .is_err()
         {
-            return false;
+            return Trial::Fails;
         }
         let evaluated = self
             .values
             .evaluate(&self.scheme, &mode.element, &mut mode.hidden);
         if evaluated.is_err() {
-            return false;
+            return Trial::Fails;
         }
         let watched = &mode.element.reduced.watched;
         let starts: Vec<Start> = watched.iter().map(|w| choice.starts[w.pair]).collect();
-        let sizes: Vec<f64> = watched.iter().map(|w| bands[w.pair] / BAND).collect();
+        let sizes = watched.iter();
+        let sizes = sizes.map(|w| size(self.system, &choice.zeros, bands, w.pair));
+        let scales = (&sizes.collect::<Vec<f64>>()[..], choice.rate_scale * h);
         let verdict = self
             .values
-            .judge(&self.scheme, &starts, &sizes, &mut self.roots);
-        !matches!(verdict, Verdict::Wrong { .. })
+            .judge(&self.scheme, &starts, scales, &mut self.roots);
+        let (scheme, values) = (&self.scheme, &self.values);
+        // A rate within the tie moves a member by as much, whatever is behind it.
+        let is_tied = |member: usize| {
+            let pair = watched[member].pair;
+            let (_, z) = self.system.pairs()[pair].split(choice.zeros[pair]);
+            let tie = match self.system.is_continuous(z.variable) {
+                true => directional::TIE * choice.rate_scale * h,
+                false => directional::TIE,
+            };
+            let largest = values.of(scheme, member).iter();
+            let largest = largest.fold(0.0_f64, |size, value| size.max(value.abs()));
+            starts[member] == Start::Tangent && largest <= tie
+        };
+        match verdict {
+            Verdict::Wrong { member } if is_tied(member) => Trial::Open,
+            Verdict::Wrong { .. } => Trial::Fails,
+            _ if (0..watched.len()).any(is_tied) => Trial::Tied,
+            _ => Trial::Passes,
+        }
     }
 
     /// Goes on with a set.
@@ -209,8 +277,10 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         run.starts
             .extend(reduced.watched.iter().map(|w| choice.starts[w.pair]));
         run.sizes.clear();
+        let sizes = reduced.watched.iter();
         run.sizes
-            .extend(reduced.watched.iter().map(|w| bands[w.pair] / BAND));
+            .extend(sizes.map(|w| size(self.system, &choice.zeros, bands, w.pair)));
+        run.rate_scale = choice.rate_scale;
         for (i, (z, u)) in run.z.iter_mut().zip(&choice.u).enumerate() {
             if !self.system.is_continuous(i) {
                 *z = *u;
@@ -281,5 +351,14 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         switches.sort_unstable();
         switches.dedup();
         switches
+    }
+}
+
+/// What the member of a pair that is not zero is compared with: what jumps, like θ and α, is up to 1.
+fn size(system: &impl ComplementaritySystem, zeros: &[Zero], bands: &[f64], pair: usize) -> f64 {
+    let (_, member) = system.pairs()[pair].split(zeros[pair]);
+    match system.is_continuous(member.variable) {
+        true => bands[pair] / BAND,
+        false => 1.0,
     }
 }

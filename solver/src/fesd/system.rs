@@ -39,6 +39,11 @@ pub trait ComplementaritySystem {
     fn numbers(&self, _t: f64, _numbers: &mut [f64]) -> f64 {
         f64::INFINITY
     }
+    /// The next instant behind `t` that no element passes over whose length is free, since functions of
+    /// time are narrow there; infinity where there is none.
+    fn stop(&self, _t: f64) -> f64 {
+        f64::INFINITY
+    }
     /// z at a point from which a new piece of a function of time begins, with every side's share where
     /// it is on a surface.
     fn z_at(&self, _t: f64, _x: &[f64]) -> Vec<f64> {

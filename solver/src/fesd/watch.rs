@@ -137,11 +137,12 @@ impl Values {
     }
 
     /// Whether the members stay positive; `starts` says how each begins, above zero where it does not.
+    /// What starts at zero stays there below `least` and the `scales`, next to which it is rounding.
     pub fn judge(
         &mut self,
         scheme: &Scheme,
         starts: &[Start],
-        scales: &[f64],
+        (scales, least): (&[f64], f64),
         roots: &mut RootFinder,
     ) -> Verdict {
         let n_points = scheme.points.len();
@@ -151,7 +152,7 @@ impl Values {
             let sigma = match start {
                 Start::Inside if stays_positive(values, scheme.lebesgue) => continue,
                 Start::Inside => {
-                    if values[0] <= -BAND * scales[member] {
+                    if values[0] <= -BAND * scales[member].max(least) {
                         return Verdict::Wrong { member };
                     }
                     self.series.resize(n_points, 0.0);
@@ -169,7 +170,7 @@ impl Values {
                     self.quotients
                         .extend(quotients.map(|(sigma, v)| v / sigma.powi(power)));
                     let size = values.iter().fold(0.0_f64, |s, v| s.max(v.abs()));
-                    if size <= BAND * scales[member]
+                    if size <= BAND * scales[member].max(least)
                         || stays_positive(&self.quotients, scheme.inner_lebesgue)
                     {
                         continue;

@@ -12,6 +12,7 @@ use nsd_solver::tape::Tape;
 use rustc_hash::FxHashMap;
 
 use super::super::data::Pieces;
+use super::super::instants::Pulses;
 use super::reduce::{Remainder, eliminate};
 use crate::dcs::{self, Cause, Dcs, Origin};
 use crate::expr::{self, Expr, Exprs, Substitution, Var, variables_of};
@@ -34,6 +35,8 @@ pub struct Complementarity<'e> {
     /// Coefficients of data, the last inputs of all functions.
     coefficients: Vec<Var>,
     pieces: Pieces,
+    /// Where functions of time are narrow.
+    pulses: Pulses,
     /// What z at a breakpoint follows from; none without data.
     at_breakpoints: Option<(System<'e>, Dcs<'e>)>,
     known: RefCell<FxHashMap<Vec<Zero>, Option<Arc<Reduced>>>>,
@@ -99,11 +102,18 @@ impl<'e> Complementarity<'e> {
             equations,
             coefficients,
             pieces,
+            pulses: Pulses::default(),
             at_breakpoints,
             known: RefCell::default(),
         };
         system.full = system.compile_full();
         system
+    }
+
+    /// Lets no element whose length is free pass over pulses.
+    pub(in crate::simulate) fn over(mut self, pulses: Pulses) -> Self {
+        self.pulses = pulses;
+        self
     }
 
     /// Names of z, in order.
@@ -328,6 +338,10 @@ impl ComplementaritySystem for Complementarity<'_> {
 
     fn numbers(&self, t: f64, numbers: &mut [f64]) -> f64 {
         self.pieces.write(t, numbers)
+    }
+
+    fn stop(&self, t: f64) -> f64 {
+        self.pulses.after(t)
     }
 
     fn z_at(&self, t: f64, x: &[f64]) -> Vec<f64> {

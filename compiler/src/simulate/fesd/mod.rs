@@ -15,6 +15,7 @@ use nsd_solver::simulate::{Event, Observer, Outcome, Segment, Status};
 
 pub use complementarity::Complementarity;
 
+use super::instants::Pulses;
 use super::watch::{Progress, Watched};
 use super::{
     Comparison, Estimate, REFINEMENT, Recorder, Request, Touches, assemble, judge, tightened,
@@ -71,6 +72,8 @@ pub(super) fn run(
 ) -> Trajectory {
     let started = Instant::now();
     let (formulation, complementarity) = lower(system, settings);
+    let pulses = Pulses::of(system, settings.horizon);
+    let complementarity = complementarity.over(pulses.clone());
     let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
     let left = || {
         let limit = request.time_limit?;
@@ -119,6 +122,10 @@ pub(super) fn run(
     trajectory.method = method(settings, options, order, formulation.word(), &solution);
     trajectory.certificate.max_violation = -solution.least_member;
     trajectory.multipliers = kept;
+    if let Some(steps) = options.steps {
+        let length = settings.horizon / (steps * options.elements) as f64;
+        trajectory.warnings.extend(pulses.warning(length, settings));
+    }
     if let Some(estimate) = estimate {
         match options.steps {
             None => judge(&mut trajectory, &estimate, settings),

@@ -7,6 +7,7 @@ use nsd_solver::simulate::Status;
 
 use super::{estimate, lower};
 use crate::report::{Method, MethodOption, Trajectory};
+use crate::simulate::instants::Pulses;
 use crate::simulate::watch::{Progress, Watched};
 use crate::simulate::{Comparison, Recorder, Request, assemble};
 use crate::system::System;
@@ -58,6 +59,9 @@ pub(in crate::simulate) fn run(
             ("steps".into(), MethodOption::Number(options.steps as f64)),
         ],
     };
+    let length = settings.horizon / options.steps as f64;
+    let pulses = Pulses::of(system, settings.horizon);
+    trajectory.warnings.extend(pulses.warning(length, settings));
     trajectory.error_estimate = error;
     trajectory.stats.solve_s = started.elapsed().as_secs_f64();
     trajectory

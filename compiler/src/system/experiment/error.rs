@@ -275,6 +275,20 @@ pub enum ExperimentError {
         span: Span,
     },
 
+    /// Data where a discretized form is printed.
+    #[error("discretized forms do not hold signals from tables yet")]
+    #[diagnostic(
+        code(E0909),
+        help(
+            "`--ir dcs` shows the system before it is discretized; `nsdc run` takes tables with every method"
+        )
+    )]
+    DataInProgram {
+        name: String,
+        #[label("needs `{name}`, which is data")]
+        span: Span,
+    },
+
     /// Perturbations and repeated runs.
     #[error("`{setting}` is not supported yet")]
     #[diagnostic(code(E0923))]
