@@ -108,11 +108,11 @@ fn compile_to<'e>(
             });
             return None;
         }
-        if let Some(law) = system.laws.first().filter(|_| !method.takes_jumps()) {
+        if let Some((name, span)) = system.first_jump().filter(|_| !method.takes_jumps()) {
             diags.push(ExperimentError::Jump {
                 method: method.word(),
-                name: law.name.clone(),
-                span: law.span,
+                name: name.to_owned(),
+                span,
             });
             return None;
         }

@@ -50,10 +50,10 @@ pub fn check(system: &System, lowerings: &[Lowering], needs: bool) -> Result<(),
 
 /// A relay depends on the past, which complementarity knows nothing of, and a jump has no rate.
 fn is_without_memory(system: &System) -> Result<(), DcsError> {
-    if let Some(law) = system.laws.first() {
+    if let Some((name, span)) = system.first_jump() {
         return Err(DcsError::Jump {
-            name: law.name.clone(),
-            span: law.span,
+            name: name.to_owned(),
+            span,
         });
     }
     match system.switches.iter().find(|switch| switch.relay.is_some()) {

@@ -48,6 +48,7 @@ impl<'e> Builder<'e> {
         self.switches.push(Switch {
             relay: None,
             unilateral: false,
+            slip_of: None,
             name: name.to_owned(),
             alpha,
             psi,
@@ -119,6 +120,8 @@ impl<'e> Builder<'e> {
                 groups: Vec::new(),
                 switches: self.switches,
                 laws: Vec::new(),
+                bodies: Vec::new(),
+                contacts: Vec::new(),
                 partitions: self.partitions,
                 outputs: Vec::new(),
                 controls: Vec::new(),

@@ -74,6 +74,19 @@ pub(super) fn connect<'e>(
             });
         }
     }
+    for body in &mut model.bodies {
+        connected.replace(&mut body.mass);
+        connected.replace(&mut body.inverse);
+        connected.replace(&mut body.force);
+    }
+    for contact in &mut model.contacts {
+        let friction = contact.friction.as_mut().map(|friction| &mut friction.0);
+        let slip = contact.slip.as_mut().map(|slip| &mut slip.0);
+        let exprs = [&mut contact.gap, &mut contact.restitution].into_iter();
+        for e in exprs.chain(friction).chain(slip) {
+            *e = e.substitute(&connected.values);
+        }
+    }
     for jump in &mut model.jumps {
         jump.guard = jump.guard.substitute(&connected.values);
         if let Some(value) = jump.guard.as_constant() {

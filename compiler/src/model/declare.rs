@@ -63,6 +63,8 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
             partitions: vec![],
             hidden: vec![],
             jumps: vec![],
+            bodies: vec![],
+            contacts: vec![],
             surfaces: vec![],
             param_order: vec![],
             scope: scope.clone(),

@@ -70,6 +70,16 @@ impl<'e> fmt::Display for Model<'e> {
             writeln!(f, "hidden on {}", self.switches[hidden.switch].name)?;
             self.write_rates(f, "  ", &hidden.rates)?;
         }
+        for contact in &self.contacts {
+            writeln!(f, "contact {} {} >= 0", contact.name, contact.gap)?;
+            writeln!(f, "  restitution {}", contact.restitution)?;
+            if let Some((friction, _)) = contact.friction {
+                writeln!(f, "  friction {friction}")?;
+            }
+            if let Some((slip, _)) = contact.slip {
+                writeln!(f, "  slip {slip}")?;
+            }
+        }
         for jump in &self.jumps {
             writeln!(f, "jump {} {}", jump.name, jump.guard)?;
             for reset in &jump.resets {

@@ -6,7 +6,7 @@ use super::check;
 use super::lower::Lowering;
 use super::names::local_lets;
 use super::scope::{Meaning, Reported};
-use super::{DynamicsError, Hidden, Jump, Model, Rate, Region, TargetKind, target};
+use super::{Body, Contact, DynamicsError, Hidden, Jump, Model, Rate, Region, TargetKind, target};
 use crate::expr::{Expr, Substitution};
 use crate::source::Span;
 use crate::syntax::{self, For, RegionGuard, Stmt};
@@ -15,6 +15,8 @@ use crate::syntax::{self, For, RegionGuard, Stmt};
 pub(super) struct Walk<'e> {
     /// First entry of every state.
     pub(super) offsets: Vec<usize>,
+    /// Variables of all state entries.
+    pub(super) vars: Vec<Expr<'e>>,
     switches: Vec<super::NamedSwitch<'e>>,
     /// Indices of the loops around, as in `R[1,2]`.
     indices: Vec<i64>,
@@ -22,6 +24,8 @@ pub(super) struct Walk<'e> {
     pub regions: Vec<Region<'e>>,
     pub hidden: Vec<Hidden<'e>>,
     pub jumps: Vec<Jump<'e>>,
+    pub bodies: Vec<Body<'e>>,
+    pub contacts: Vec<Contact<'e>>,
     /// States with a statement that is wrong: whether they are set is unknown.
     pub touched: FxHashSet<String>,
 }
@@ -48,6 +52,9 @@ impl<'e> Walk<'e> {
             regions: vec![],
             hidden: vec![],
             jumps: vec![],
+            bodies: vec![],
+            contacts: vec![],
+            vars: model.state_vars().collect(),
             touched: FxHashSet::default(),
         }
     }
@@ -72,6 +79,8 @@ impl<'e> Walk<'e> {
                 (Stmt::Region(region), Sink::Outside) => self.region(lowering, region),
                 (Stmt::Hidden(hidden), Sink::Outside) => self.hidden(lowering, hidden),
                 (Stmt::Jump(jump), Sink::Outside) => self.jump(lowering, jump),
+                (Stmt::Mechanics(mechanics), Sink::Outside) => self.mechanics(lowering, mechanics),
+                (Stmt::Contact(contact), Sink::Outside) => self.contact(lowering, contact, None),
                 _ => Ok(()),
             };
             result = result.and(one);
@@ -111,6 +120,10 @@ impl<'e> Walk<'e> {
             match stmt {
                 Stmt::Dynamics(dynamics) => {
                     let name = &dynamics.target.head.name;
+                    self.touched.insert(format!("{prefix}{name}"));
+                }
+                Stmt::Mechanics(mechanics) => {
+                    let name = &mechanics.v.head.name;
                     self.touched.insert(format!("{prefix}{name}"));
                 }
                 Stmt::For(repeat) => self.touch(prefix, &repeat.body),

@@ -221,6 +221,20 @@ pub enum DynamicsError {
         span: Span,
     },
 
+    /// A block of mechanics, or a contact, that is not described as it must be.
+    #[error("{what}")]
+    #[diagnostic(
+        code(E0319),
+        help(
+            "write `mechanics q, v {{ mass = M; force = f; }}`, and `contact C {{ gap = c; restitution = e; }}` with `friction = mu; slip = w;` where it is rough"
+        )
+    )]
+    MechanicsForm {
+        what: String,
+        #[label("here")]
+        span: Span,
+    },
+
     /// Dynamics of a part, written outside of it.
     #[error("only `{part}` itself sets the dynamics of its states")]
     #[diagnostic(

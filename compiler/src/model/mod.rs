@@ -36,6 +36,7 @@ mod indicators;
 mod jumps;
 mod lookup;
 mod lower;
+mod mechanics;
 mod names;
 mod order;
 mod partition;
@@ -117,6 +118,10 @@ pub struct Model<'e> {
     pub hidden: Vec<Hidden<'e>>,
     /// Laws by which states jump, in order.
     pub jumps: Vec<Jump<'e>>,
+    /// `mechanics` blocks, whose dynamics are among the others.
+    pub bodies: Vec<Body<'e>>,
+    /// Contacts between these, in order.
+    pub contacts: Vec<Contact<'e>>,
     /// Every switching function with the name users know it by.
     pub surfaces: Vec<Surface<'e>>,
     /// Params in an order in which their defaults can be evaluated.
@@ -286,6 +291,54 @@ pub struct Jump<'e> {
     pub resets: Vec<Reset<'e>>,
     /// The statement.
     pub span: Span,
+}
+
+/// `mechanics q, v { mass = M; force = f; }`
+#[derive(Clone, Debug)]
+pub struct Body<'e> {
+    /// Entries of q, as indices into [`Model::state_vars`].
+    pub positions: Vec<usize>,
+    /// Entries of v.
+    pub velocities: Vec<usize>,
+    /// M, row by row.
+    pub mass: Vec<Expr<'e>>,
+    /// M⁻¹, row by row.
+    pub inverse: Vec<Expr<'e>>,
+    /// f.
+    pub force: Vec<Expr<'e>>,
+    /// The statement.
+    pub span: Span,
+}
+
+/// `contact C { gap = c; restitution = e; slip = w; friction = mu; }`
+#[derive(Clone, Debug)]
+pub struct Contact<'e> {
+    /// Declared name, with the indices of enclosing loops.
+    pub name: String,
+    /// c >= 0.
+    pub gap: Expr<'e>,
+    /// Where c stands.
+    pub gap_span: Span,
+    /// e of Newton's law.
+    pub restitution: Expr<'e>,
+    /// μ of Coulomb's law, and where it stands.
+    pub friction: Option<(Expr<'e>, Span)>,
+    /// The velocity along the surface, and where it stands.
+    pub slip: Option<(Expr<'e>, Span)>,
+    /// The statement.
+    pub span: Span,
+}
+
+impl<'e> Contact<'e> {
+    /// All its expressions.
+    pub fn exprs(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
+        let friction = self.friction.map(|friction| friction.0);
+        let slip = self.slip.map(|slip| slip.0);
+        [self.gap, self.restitution]
+            .into_iter()
+            .chain(friction)
+            .chain(slip)
+    }
 }
 
 /// The value of one state entry after a jump.

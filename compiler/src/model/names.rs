@@ -120,7 +120,7 @@ impl<'f> Collector<'_, 'f> {
                 Stmt::Contact(contact) => {
                     self.in_loops(
                         &contact.name,
-                        Item::Unsupported,
+                        Item::Word("contact"),
                         "a `contact`",
                         place,
                         contact.span,
@@ -130,7 +130,7 @@ impl<'f> Collector<'_, 'f> {
                     for contact in &mechanics.contacts {
                         self.in_loops(
                             &contact.name,
-                            Item::Unsupported,
+                            Item::Word("contact"),
                             "a `contact`",
                             place,
                             contact.span,

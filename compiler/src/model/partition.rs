@@ -9,12 +9,10 @@ use crate::source::Span;
 
 /// Finds the partitions and checks who sets what.
 ///
-/// `touched` are states of which some statement is wrong; `complete` is false where statements that are
-/// not supported set states too.
+/// `touched` are states of which some statement is wrong.
 pub(super) fn partition(
     model: &mut Model<'_>,
     touched: &FxHashSet<String>,
-    complete: bool,
     diags: &mut Diagnostics,
 ) {
     thin_guards(model, diags);
@@ -48,9 +46,7 @@ pub(super) fn partition(
     for partition in &model.partitions {
         check(model, partition, &inside, touched, diags);
     }
-    if complete {
-        missing(model, &outside, touched, diags);
-    }
+    missing(model, &outside, touched, diags);
     complements(model);
     indicators::compare(model, diags);
 }

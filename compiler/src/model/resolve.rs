@@ -69,8 +69,7 @@ fn resolve_in<'e>(
     let mut seen = FxHashSet::default();
     model.surfaces.retain(|surface| seen.insert(surface.psi));
     if is_connected && !is_forgiving(&whole) {
-        let complete = !sets_elsewhere(&whole);
-        partition::partition(&mut model, &touched, complete, diags);
+        partition::partition(&mut model, &touched, diags);
     }
     model.scope.forgiving |= is_forgiving(&whole);
     if !diags.has_errors() && !model.scope.forgiving {
@@ -101,6 +100,7 @@ fn walk<'e>(
     }
     (model.dynamics, model.regions, model.hidden) = (walk.dynamics, walk.regions, walk.hidden);
     model.jumps = walk.jumps;
+    (model.bodies, model.contacts) = (walk.bodies, walk.contacts);
     walk.touched
 }
 
@@ -108,13 +108,6 @@ fn walk<'e>(
 fn is_forgiving(whole: &Instance<'_, '_>) -> bool {
     let inner = whole.parts.iter();
     whole.scope.forgiving || inner.map(|inner| &inner.instance).any(is_forgiving)
-}
-
-/// Statements that set dynamics in ways that are not looked at here.
-fn sets_elsewhere(whole: &Instance<'_, '_>) -> bool {
-    let own = |stmt: &Stmt| matches!(stmt, Stmt::Mechanics(_));
-    let mut inner = whole.parts.iter().map(|inner| &inner.instance);
-    whole.item.body.iter().any(own) || inner.any(sets_elsewhere)
 }
 
 /// True where a statement could not be read, also in blocks.

@@ -14,14 +14,14 @@ use crate::syntax::{DeclKind, Stmt};
     reason = "fields are the words of the message; labels say the rest"
 )]
 pub enum Unsupported {
-    /// Mechanics and contacts.
-    #[error("mechanics and contacts are not supported yet")]
+    /// Friction along a surface in space.
+    #[error("friction with several slip velocities is not supported yet")]
     #[diagnostic(
         code(E0903),
-        help("write `v' = ..;` and a switch for the contact force")
+        help("`slip` is one velocity: in the plane a surface has one direction")
     )]
-    Mechanics {
-        #[label("mechanics")]
+    FrictionInSpace {
+        #[label("several velocities")]
         span: Span,
     },
 
@@ -79,10 +79,6 @@ pub(super) fn is_refused(stmt: &Stmt) -> bool {
 
 fn refusal(stmt: &Stmt) -> Option<Unsupported> {
     Some(match stmt {
-        Stmt::Mechanics(mechanics) => Unsupported::Mechanics {
-            span: mechanics.span,
-        },
-        Stmt::Contact(contact) => Unsupported::Mechanics { span: contact.span },
         Stmt::Project(project) => Unsupported::Projections { span: project.span },
         Stmt::Program(program) => Unsupported::Programs { span: program.span },
         Stmt::Equation { span, .. } | Stmt::Complementarity { span, .. } => {

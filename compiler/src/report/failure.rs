@@ -155,6 +155,21 @@ pub enum Failure {
         laws: Vec<LabeledSpan>,
     },
 
+    /// Painlevé's paradox.
+    #[error("at t = {time}, friction pulls the body into the contact `{name}`")]
+    #[diagnostic(
+        code(E0725),
+        help(
+            "no force of the contact keeps its gap from closing here (Painlevé's paradox): take less friction, or a model of the contact that gives way"
+        )
+    )]
+    Painleve {
+        time: f64,
+        name: String,
+        #[label(collection)]
+        surfaces: Vec<LabeledSpan>,
+    },
+
     /// A state beyond a surface that it cannot pass.
     #[error("at t = {time}, the state is below the surface of `{name}`, which it cannot pass")]
     #[diagnostic(

@@ -221,6 +221,10 @@ pub enum Side {
     Open,
     /// A contact without one, staying so.
     Closed,
+    /// A closed contact that does not slip.
+    Stick,
+    /// A closed contact that slips.
+    Slip,
 }
 
 /// A warning of a run.

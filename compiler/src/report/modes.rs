@@ -16,6 +16,8 @@ impl Side {
             Side::On => "on",
             Side::Open => "open",
             Side::Closed => "closed",
+            Side::Stick => "stick",
+            Side::Slip => "slip",
         }
     }
 }
@@ -47,6 +49,8 @@ impl Trajectory {
             Side::On,
             Side::Open,
             Side::Closed,
+            Side::Stick,
+            Side::Slip,
         ] {
             match on(side).count() {
                 0 => {}

@@ -14,6 +14,10 @@ pub(super) struct ModeNames<'s, 'e> {
     loose: Vec<usize>,
     /// Switches that guards of jumps look at and nothing else: they are no part of the mode.
     watched: Vec<bool>,
+    /// Contacts with friction.
+    rough: Vec<bool>,
+    /// Whether there are so many contacts that those which are open are not told.
+    has_many: bool,
     /// The partition of every switch that compares indicators: what it does shows in the regions only.
     indicated: Vec<Option<usize>>,
 }
@@ -24,6 +28,9 @@ pub(super) struct Change {
     pub surface: String,
     pub span: Option<Span>,
 }
+
+/// More contacts than this are told only while they are closed.
+const MANY: usize = 8;
 
 impl<'s, 'e> ModeNames<'s, 'e> {
     pub(super) fn new(system: &'s System<'e>) -> Self {
@@ -44,6 +51,15 @@ impl<'s, 'e> ModeNames<'s, 'e> {
                 .filter(|i| !shown(i) && !watched[*i])
                 .collect(),
             watched,
+            rough: (0..system.switches.len())
+                .map(|i| system.switches.iter().any(|other| other.slip_of == Some(i)))
+                .collect(),
+            has_many: system
+                .switches
+                .iter()
+                .filter(|switch| switch.unilateral)
+                .count()
+                > MANY,
             indicated: (0..system.switches.len()).map(partition_of).collect(),
         }
     }
@@ -64,7 +80,10 @@ impl<'s, 'e> ModeNames<'s, 'e> {
         let mut found = Vec::new();
         let mut told = vec![false; self.system.partitions.len()];
         for (i, switch) in self.system.switches.iter().enumerate() {
-            let kind = self.kind(i, from[i], to[i]);
+            let kind = match switch.slip_of {
+                Some(contact) => friction(from, to, i, contact),
+                None => self.kind(i, from[i], to[i]),
+            };
             let Some(kind) = kind.filter(|_| !self.watched[i]) else {
                 continue;
             };
@@ -133,6 +152,9 @@ impl<'s, 'e> ModeNames<'s, 'e> {
         }
         for (i, side) in sides.iter().enumerate() {
             let is_hidden = self.indicated[i].is_some();
+            if self.is_told_otherwise(i, sides) {
+                continue;
+            }
             if (*side == Side::Slide && !is_hidden) || self.loose.contains(&i) {
                 words.push(self.word(i, *side));
             }
@@ -141,6 +163,17 @@ impl<'s, 'e> ModeNames<'s, 'e> {
             "smooth".to_owned()
         } else {
             words.join(", ")
+        }
+    }
+
+    /// True for a slip velocity of an open contact, for a closed contact with friction, which sticks or slips, and
+    /// for the open ones among many.
+    fn is_told_otherwise(&self, switch: usize, sides: &[Side]) -> bool {
+        let is_closed = |contact: usize| sides[contact] == Side::Slide;
+        match self.system.switches[switch].slip_of {
+            Some(contact) => !is_closed(contact),
+            None if is_closed(switch) => self.rough[switch],
+            None => self.system.switches[switch].unilateral && self.has_many,
         }
     }
 
@@ -168,6 +201,12 @@ impl<'s, 'e> ModeNames<'s, 'e> {
             return match side {
                 Side::Slide => report::Side::Closed,
                 _ => report::Side::Open,
+            };
+        }
+        if self.system.switches[switch].slip_of.is_some() {
+            return match side {
+                Side::Slide => report::Side::Stick,
+                _ => report::Side::Slip,
             };
         }
         match (side, self.is_relay(switch)) {
@@ -199,14 +238,14 @@ impl<'s, 'e> ModeNames<'s, 'e> {
 
     /// A law by its index.
     pub(super) fn law(&self, law: usize) -> (String, Span) {
-        let law = &self.system.laws[law];
-        (law.name.clone(), law.span)
+        let (name, span) = law_of(self.system, law);
+        (name.to_owned(), span)
     }
 }
 
 /// Switches that occur in guards and resets of laws only.
 fn only_watched(system: &System) -> Vec<bool> {
-    if system.laws.is_empty() {
+    if system.first_jump().is_none() {
         return vec![false; system.switches.len()];
     }
     let recorded = system.outputs.iter().chain(&system.controls);
@@ -226,6 +265,27 @@ fn only_watched(system: &System) -> Vec<bool> {
     (system.switches.iter())
         .map(|switch| !is_used(switch.alpha) && !named(switch))
         .collect()
+}
+
+/// A law by its index: jumps come first, then contacts.
+pub(super) fn law_of<'s>(system: &'s System, law: usize) -> (&'s str, Span) {
+    match law.checked_sub(system.laws.len()) {
+        Some(contact) => {
+            let contact = &system.contacts[contact];
+            (&contact.name, contact.span)
+        }
+        None => (&system.laws[law].name, system.laws[law].span),
+    }
+}
+
+/// What friction does in a contact that is closed, or has just closed.
+fn friction(from: &[Side], to: &[Side], slip: usize, contact: usize) -> Option<EventKind> {
+    let state = |sides: &[Side]| (sides[contact] == Side::Slide).then_some(sides[slip]);
+    match (state(from), state(to)) {
+        (_, None) => None,
+        (before, Some(Side::Slide)) => (before != Some(Side::Slide)).then_some(EventKind::Stick),
+        (before, Some(side)) => (before != Some(side)).then_some(EventKind::Slip),
+    }
 }
 
 fn kind(from: Side, to: Side) -> Option<EventKind> {

@@ -3,7 +3,7 @@
 use miette::LabeledSpan;
 use nsd_solver::simulate::{Candidate, MAX_NAMED, Note, Outcome, Side, Status};
 
-use super::modes::ModeNames;
+use super::modes::{ModeNames, law_of};
 use crate::report::{Failure, Warning};
 use crate::source::Span;
 use crate::system::System;
@@ -48,6 +48,11 @@ pub(super) fn failure(
             state: system.states[*state].name.clone(),
             laws: of_laws(system, laws),
         },
+        Status::Painleve { switch } => Failure::Painleve {
+            time,
+            name: system.switches[*switch].name.clone(),
+            surfaces: at(&[*switch]),
+        },
         Status::Penetrates { switch } => Failure::Penetrates {
             time,
             name: system.switches[*switch].name.clone(),
@@ -85,7 +90,8 @@ pub(super) fn failure(
 
 /// What the run went on from although it could not be sure.
 pub(super) fn warnings(system: &System, outcome: &Outcome) -> Vec<Warning> {
-    let warning = |Note::Unsearched { time, switches }: &Note| {
+    let warning = |note: &Note| {
+        let (Note::Unsearched { time, switches } | Note::EnergyGained { time, switches }) = note;
         let names = (switches.iter().take(MAX_SHOWN))
             .map(|&i| format!("`{}`", system.switches[i].name))
             .collect::<Vec<_>>();
@@ -93,13 +99,23 @@ pub(super) fn warnings(system: &System, outcome: &Outcome) -> Vec<Warning> {
             n if n > MAX_SHOWN => ", ..",
             _ => "",
         };
-        Warning {
-            code: "W0706".into(),
-            message: format!(
-                "at t = {time}, {} surfaces meet: {}{more}; a solution was found, others were not ruled out",
-                switches.len(),
-                names.join(", ")
+        let names = format!("{}{more}", names.join(", "));
+        let (code, message) = match note {
+            Note::Unsearched { .. } => (
+                "W0706",
+                format!(
+                    "at t = {time}, {} surfaces meet: {names}; a solution was found, others were not ruled out",
+                    switches.len()
+                ),
             ),
+            Note::EnergyGained { .. } => (
+                "W0711",
+                format!("at t = {time}, an impact of {names} has added energy"),
+            ),
+        };
+        Warning {
+            code: code.into(),
+            message,
             span: switches
                 .first()
                 .and_then(|&i| system.switches[i].spans.first().copied()),
@@ -140,8 +156,8 @@ fn non_unique(system: &System, names: &ModeNames, candidates: &[Candidate], time
 /// One label per law.
 fn of_laws(system: &System, laws: &[usize]) -> Vec<LabeledSpan> {
     let label = |&l: &usize| {
-        let law = &system.laws[l];
-        LabeledSpan::new_with_span(Some(format!("jump `{}`", law.name)), law.span)
+        let (name, span) = law_of(system, l);
+        LabeledSpan::new_with_span(Some(format!("jump `{name}`")), span)
     };
     laws.iter().map(label).collect()
 }

@@ -319,6 +319,7 @@ pub(crate) fn recorded(
         moved: vec![0.0; n],
         drift: 0.0,
         defect: 0.0,
+        complementarity: 0.0,
         notes: Vec::new(),
         approaches: Vec::new(),
         stats: nsd_solver::simulate::Stats::default(),

@@ -51,6 +51,7 @@ pub struct Switched<'e> {
     inputs: FxHashMap<Var, Input>,
     continuous: Vec<bool>,
     unilateral: Vec<bool>,
+    slip_of: Vec<Option<usize>>,
     laws: Vec<Law>,
     blocks: Vec<Block>,
     /// Switches whose α is in ψ_i.
@@ -174,6 +175,11 @@ impl<'e> Switched<'e> {
             continuous,
             unilateral: (system.switches.iter())
                 .map(|switch| switch.unilateral)
+                .collect(),
+            slip_of: system
+                .switches
+                .iter()
+                .map(|switch| switch.slip_of)
                 .collect(),
             laws: laws::compile(system, &inputs, &[&numbers(system), &polynomials]),
             inputs,
@@ -391,6 +397,10 @@ impl SwitchedSystem for Switched<'_> {
 
     fn is_unilateral(&self, switch: usize) -> bool {
         self.unilateral[switch]
+    }
+
+    fn slip_of(&self, switch: usize) -> Option<usize> {
+        self.slip_of[switch]
     }
 
     fn laws(&self) -> &[Law] {

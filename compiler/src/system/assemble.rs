@@ -12,18 +12,27 @@ use super::partitions::Regions;
 use super::regions::regions_of;
 use super::relay::at_all_sides;
 use super::{
-    Continuity, Output, Param, State, StateGroup, Switch, System, SystemError, Task, skipped,
+    Body, Contact, Continuity, Output, Param, State, StateGroup, Switch, System, SystemError, Task,
+    skipped,
 };
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Var, variables_of};
 use crate::model::{self, Data, SwitchKind, TargetKind};
 use crate::source::Span;
 
+/// Rates, laws of jumps, bodies, and contacts with collected switches.
+type Motion<'e> = (
+    Vec<Expr<'e>>,
+    Vec<Lowered<'e>>,
+    Vec<Body<'e>>,
+    Vec<Contact<'e>>,
+);
+
 impl<'e> Lowering<'_, 'e> {
     /// Keeps the switches that matter, and finishes their description.
     pub(super) fn assemble(
         self,
-        (rates, laws): (Vec<Expr<'e>>, Vec<Lowered<'e>>),
+        (rates, laws, bodies, contacts): Motion<'e>,
         (outputs, controls, limits): (Vec<Output<'e>>, Vec<Output<'e>>, Vec<Limit<'e>>),
         task: Option<Task<'e>>,
         named: &[Expr<'e>],
@@ -54,6 +63,16 @@ impl<'e> Lowering<'_, 'e> {
             );
         }
         let mut switches: Vec<Switch<'e>> = kept.iter().map(|&k| self.finished(k)).collect();
+        for contact in &contacts {
+            let place = |k: usize| kept.binary_search(&k).ok();
+            let slip = contact
+                .friction
+                .as_ref()
+                .and_then(|friction| place(friction.switch));
+            if let Some(slip) = slip {
+                switches[slip].slip_of = place(contact.switch);
+            }
+        }
         let alphas: Vec<Var> = kept.iter().map(|&k| self.switches.list[k].alpha).collect();
         let sampler = self.sampler_of(
             switches
@@ -95,7 +114,7 @@ impl<'e> Lowering<'_, 'e> {
             .collect();
         let frame = self.frame(surfaces);
         for (k, switch) in switches.iter_mut().enumerate() {
-            if switch.relay.is_some() || switch.unilateral {
+            if switch.relay.is_some() || switch.unilateral || switch.slip_of.is_some() {
                 continue;
             }
             let is_kink = self.switches.is_kink(kept[k]);
@@ -174,6 +193,8 @@ impl<'e> Lowering<'_, 'e> {
             groups,
             switches,
             laws: self.finished_laws(laws, &kept),
+            bodies,
+            contacts: self.finished_contacts(contacts, &kept),
             partitions,
             outputs,
             controls,
@@ -222,6 +243,7 @@ impl<'e> Lowering<'_, 'e> {
             continuity: Continuity::Discontinuous,
             relay: collected.relay,
             unilateral: collected.unilateral,
+            slip_of: None,
             named: collected.named.clone(),
             spans: match collected.spans[..] {
                 [] => vec![collected.origin],

@@ -2,7 +2,8 @@
 
 use std::fmt;
 
-use super::{Continuity, Coverage, System};
+use super::{Continuity, Coverage, Direction, System};
+use crate::expr::Expr;
 
 impl fmt::Display for System<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -65,6 +66,45 @@ impl fmt::Display for System<'_> {
             }
             for (state, value) in &law.resets {
                 writeln!(f, "  {} := {value}", self.states[*state].name)?;
+            }
+        }
+        for body in &self.bodies {
+            let names = |states: &[usize]| {
+                let names: Vec<&str> = states
+                    .iter()
+                    .map(|&s| self.states[s].name.as_str())
+                    .collect();
+                names.join(", ")
+            };
+            let list = |exprs: &[Expr]| {
+                let texts: Vec<String> = exprs.iter().map(Expr::to_string).collect();
+                texts.join(", ")
+            };
+            writeln!(
+                f,
+                "body {} with {}",
+                names(&body.positions),
+                names(&body.velocities)
+            )?;
+            writeln!(f, "  mass [{}]", list(&body.mass))?;
+            writeln!(f, "  force [{}]", list(&body.force))?;
+        }
+        for contact in &self.contacts {
+            let directions = |list: &[Direction]| {
+                let entry = |d: &Direction| format!("{}: {}", self.states[d.state].name, d.row);
+                list.iter().map(entry).collect::<Vec<_>>().join(", ")
+            };
+            writeln!(f, "contact {} {} >= 0", contact.name, contact.gap)?;
+            writeln!(f, "  normal {}", directions(&contact.normal))?;
+            writeln!(f, "  restitution {}", contact.restitution)?;
+            if let Some(friction) = &contact.friction {
+                writeln!(
+                    f,
+                    "  slip {}, tangent {}",
+                    friction.slip,
+                    directions(&friction.tangent)
+                )?;
+                writeln!(f, "  friction {}", friction.coefficient)?;
             }
         }
         for partition in &self.partitions {

@@ -94,6 +94,35 @@ pub enum SystemError {
         span: Span,
     },
 
+    /// A contact whose gap or slip velocity is none.
+    #[error("`{name}` is no contact: {what}")]
+    #[diagnostic(
+        code(E0410),
+        help(
+            "a gap is a smooth function of positions that no other contact has; a slip velocity is linear in velocities; 0 <= restitution <= 1, friction >= 0"
+        )
+    )]
+    NoContact {
+        name: String,
+        what: String,
+        #[label("here")]
+        span: Span,
+    },
+
+    /// Friction without a direction.
+    #[error("the direction in which `{name}` slips is not known")]
+    #[diagnostic(
+        code(E0411),
+        help(
+            "write `slip = w;`, the velocity along the surface; it follows from the gap only where all bodies are points in the plane, with `mass = m*eye(2);`"
+        )
+    )]
+    NoTangent {
+        name: String,
+        #[label("friction without `slip`")]
+        span: Span,
+    },
+
     /// A switching function without a state or time.
     #[error("the switching function `{name}` is constant")]
     #[diagnostic(code(E0403), help("it must depend on a state or on time"))]

@@ -270,7 +270,7 @@ impl<'e> Lowering<'_, 'e> {
         numbers.collect()
     }
 
-    fn in_numbers(&self, e: Expr<'e>) -> Expr<'e> {
+    pub(super) fn in_numbers(&self, e: Expr<'e>) -> Expr<'e> {
         e.substitute(&self.numbers())
     }
 

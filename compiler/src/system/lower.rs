@@ -67,12 +67,15 @@ pub fn lower<'e>(
     let limits = lowering.limits();
     let task = lowering.task();
     lowering.find_contacts(&mut laws, &mut rates, &regions, (&outputs, &limits), diags);
+    let contacts = lowering.contacts(&mut rates, diags);
+    let bodies = lowering.bodies();
     lowering.report_refused(diags);
     if diags.errors().count() > errors_before {
         return None;
     }
     let recorded = (outputs, controls, limits);
-    let system = lowering.assemble((rates, laws), recorded, task, &named, regions, diags);
+    let motion = (rates, laws, bodies, contacts);
+    let system = lowering.assemble(motion, recorded, task, &named, regions, diags);
     if diags.errors().count() > errors_before {
         return None;
     }

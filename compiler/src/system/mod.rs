@@ -20,7 +20,8 @@
 //!   come before all other switches, and their y may contain α of any.
 //! - A unilateral switch is discontinuous; its α occurs in rates only, in directions that push ψ up, and
 //!   one law at most strikes it.
-//! - No two ψ are multiples of each other, and none is constant.
+//! - A slip switch is discontinuous, and its α occurs in rates only, in products with 1 - α of its contact.
+//! - No two ψ are multiples of each other but those of slip switches, and none is constant.
 //! - Rates, outputs, limits, ψ and the task contain only time, parameters, data, states, controls that are decided,
 //!   and α.
 //! - Every α that occurs belongs to exactly one switch, every switch to exactly
@@ -34,6 +35,7 @@ mod affine;
 mod agreement_tests;
 pub mod arrangement;
 mod assemble;
+mod contacts;
 mod continuity;
 mod corners;
 mod coverage;
@@ -100,6 +102,10 @@ pub struct System<'e> {
     pub switches: Vec<Switch<'e>>,
     /// Laws by which states jump, in order.
     pub laws: Vec<Law<'e>>,
+    /// Bodies that have contacts, and others.
+    pub bodies: Vec<Body<'e>>,
+    /// Contacts between bodies, in order.
+    pub contacts: Vec<Contact<'e>>,
     /// Named regions by partition.
     pub partitions: Vec<Partition<'e>>,
     /// What is recorded besides states and controls.
@@ -170,6 +176,8 @@ pub struct Switch<'e> {
     pub relay: Option<Relay>,
     /// True for a contact: ψ ≥ 0, and α is 1 where ψ > 0 and any number up to 1 where it is kept at zero.
     pub unilateral: bool,
+    /// The unilateral switch without which it means nothing: that of the contact whose slip velocity is ψ.
+    pub slip_of: Option<usize>,
     /// Names of `switch` statements that read this switch.
     pub named: Vec<NamedReading>,
     /// Where ψ stands in the source, in order of appearance.
@@ -203,6 +211,89 @@ pub struct Law<'e> {
     pub resets: Vec<(usize, Expr<'e>)>,
     /// The statement.
     pub span: Span,
+}
+
+/// A block of mechanics, M(q) v' = f + Σ J_n λ_n + J_t λ_t.
+#[derive(Clone, Debug)]
+pub struct Body<'e> {
+    /// Indices of the states q.
+    pub positions: Vec<usize>,
+    /// Indices of the states v.
+    pub velocities: Vec<usize>,
+    /// M, row by row.
+    pub mass: Vec<Expr<'e>>,
+    /// f.
+    pub force: Vec<Expr<'e>>,
+    /// The statement.
+    pub span: Span,
+}
+
+/// A contact between bodies: gap ≥ 0 ⟂ λ_n ≥ 0, and at an impact J_nᵀ(v⁺ + e v⁻) ≥ 0 ⟂ Λ_n ≥ 0.
+#[derive(Clone, Debug)]
+pub struct Contact<'e> {
+    /// Name in the model.
+    pub name: String,
+    /// What is never negative.
+    pub gap: Expr<'e>,
+    /// Its rate J_nᵀv + ∂gap/∂t.
+    pub speed: Expr<'e>,
+    /// J_n, which may depend on q and t.
+    pub normal: Vec<Direction<'e>>,
+    /// e.
+    pub restitution: Expr<'e>,
+    /// None where it is smooth.
+    pub friction: Option<Friction<'e>>,
+    /// The unilateral switch of the gap: λ_n = 1 - α.
+    pub switch: usize,
+    /// The statement.
+    pub span: Span,
+}
+
+/// Coulomb's law λ_t ∈ -μ λ_n sign(w), of impulses, too.
+#[derive(Clone, Debug)]
+pub struct Friction<'e> {
+    /// μ.
+    pub coefficient: Expr<'e>,
+    /// The slip velocity w, J_tᵀv and what does not depend on v.
+    pub slip: Expr<'e>,
+    /// J_t.
+    pub tangent: Vec<Direction<'e>>,
+    /// The switch of w: λ_t = -μ λ_n (2α - 1).
+    pub switch: usize,
+}
+
+/// What a force of a contact does to a velocity.
+#[derive(Clone, Copy, Debug)]
+pub struct Direction<'e> {
+    /// Index of the velocity among the states.
+    pub state: usize,
+    /// Entry of J.
+    pub row: Expr<'e>,
+    /// Entry of M⁻¹J.
+    pub push: Expr<'e>,
+}
+
+impl System<'_> {
+    /// The first jump or contact, by which states jump.
+    pub fn first_jump(&self) -> Option<(&str, Span)> {
+        let laws = self.laws.iter().map(|law| (law.name.as_str(), law.span));
+        let contacts = self.contacts.iter();
+        let contacts = contacts.map(|contact| (contact.name.as_str(), contact.span));
+        laws.chain(contacts).next()
+    }
+}
+
+impl<'e> Contact<'e> {
+    /// All its expressions.
+    pub fn exprs(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
+        let friction = self.friction.iter();
+        let tangent = friction.clone().flat_map(|friction| &friction.tangent);
+        let directions = self.normal.iter().chain(tangent);
+        [self.gap, self.speed, self.restitution]
+            .into_iter()
+            .chain(friction.flat_map(|friction| [friction.coefficient, friction.slip]))
+            .chain(directions.flat_map(|direction| [direction.row, direction.push]))
+    }
 }
 
 /// An entry of a `switch` statement that reads a [`Switch`].

@@ -209,6 +209,36 @@ impl<'m, 'e> Closure<'m, 'e> {
                 .iter()
                 .for_each(|rate| add(rate, Some(region.guard)));
         }
+        let mut needs_too = |entry: usize, exprs: &[Expr<'e>]| {
+            if let Some(needed) = rates.get_mut(entry) {
+                needed.extend_from_slice(exprs);
+            }
+        };
+        let mut body_of = FxHashMap::default();
+        let vars: Vec<Expr<'e>> = model.state_vars().collect();
+        for (b, body) in model.bodies.iter().enumerate() {
+            let n = body.velocities.len();
+            let entries = body.positions.iter().chain(&body.velocities);
+            body_of.extend(entries.filter_map(|&entry| Some((states[entry]?, b))));
+            let coupled = (0..n * n).any(|k| k / n != k % n && !body.inverse[k].is_zero());
+            let all: Vec<Expr<'e>> = body.velocities.iter().map(|&entry| vars[entry]).collect();
+            for &entry in body.velocities.iter().filter(|_| coupled) {
+                needs_too(entry, &all);
+            }
+        }
+        for contact in &model.contacts {
+            let exprs: Vec<Expr<'e>> = contact.exprs().collect();
+            let touched = variables_of(&exprs).into_iter();
+            let mut touched: Vec<usize> = touched
+                .filter_map(|var| body_of.get(&var).copied())
+                .collect();
+            touched.sort_unstable();
+            touched.dedup();
+            let bodies = touched.into_iter().map(|b| &model.bodies[b]);
+            for &entry in bodies.flat_map(|body| &body.velocities) {
+                needs_too(entry, &exprs);
+            }
+        }
         for jump in &model.jumps {
             for reset in &jump.resets {
                 if let Some(needed) = rates.get_mut(reset.entry) {

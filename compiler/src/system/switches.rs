@@ -220,6 +220,32 @@ impl<'e> Switches<'e> {
         switch.scale = surface::canonical(psi, &self.params).0;
     }
 
+    /// Makes the switch of the gap of a contact; nothing where ψ is none, or that of another switch.
+    pub fn contact(&mut self, gap: Expr<'e>, name: &str, span: Span) -> Option<usize> {
+        self.here = span;
+        let is_surface = surface::form(gap, &self.params) == Form::Regular;
+        if !is_surface || self.find(gap).is_some() {
+            return None;
+        }
+        let (k, _) = self.switch(gap);
+        let switch = &mut self.list[k];
+        switch.unilateral = true;
+        switch.name = Some(name.to_owned());
+        switch.spans.push(span);
+        Some(k)
+    }
+
+    /// Makes the switch of a slip velocity, which no other term shares.
+    pub fn slip(&mut self, slip: Expr<'e>, name: &str, span: Span) -> usize {
+        let alpha = self.exprs.variable("alpha").as_variable();
+        let alpha = alpha.expect("a fresh variable is one");
+        let mut switch = Collected::new(alpha, slip, span);
+        switch.name = Some(name.to_owned());
+        switch.spans.push(span);
+        self.list.push(switch);
+        self.list.len() - 1
+    }
+
     /// Makes the switch of a ψ that the user wrote as `name` at `span`.
     pub fn declare(&mut self, psi: Expr<'e>, name: &str, span: Span) {
         if surface::form(psi, &self.params) != Form::Regular || self.deciding(psi).is_some() {

@@ -5,7 +5,7 @@ use rustc_hash::FxHashSet;
 use super::affine::is_affine;
 use super::interaction::{positions, subsystems};
 use super::regions::are_weights;
-use super::{Output, System, Task};
+use super::{Contact, Output, System, Task};
 use crate::expr::{Expr, Node, Var, rewrite, variables_of};
 
 impl<'e> System<'e> {
@@ -43,6 +43,12 @@ impl<'e> System<'e> {
                     .flat_map(|law| law.resets.iter().map(|r| r.1)),
             )
             .chain(self.laws.iter().map(|law| law.guard))
+            .chain(self.contacts.iter().flat_map(Contact::exprs))
+            .chain(
+                self.bodies
+                    .iter()
+                    .flat_map(|body| body.mass.iter().chain(&body.force).copied()),
+            )
             .collect();
 
         if all.iter().any(|&e| has_nonsmooth_node(e)) {
@@ -93,12 +99,9 @@ impl<'e> System<'e> {
                 return Err(format!("ψ of `{}` is constant", switch.name));
             }
         }
-        let surfaces: FxHashSet<Expr<'e>> = self
-            .switches
-            .iter()
-            .map(|s| s.psi.split_scale().1)
-            .collect();
-        if surfaces.len() < self.switches.len() {
+        let shared = || self.switches.iter().filter(|s| s.slip_of.is_none());
+        let surfaces: FxHashSet<Expr<'e>> = shared().map(|s| s.psi.split_scale().1).collect();
+        if surfaces.len() < shared().count() {
             return Err("two switches share a surface".into());
         }
         if self.partitions.iter().any(|p| !are_weights(p, &alphas)) {

@@ -212,6 +212,7 @@ impl<F: Field> Simulator<F> {
             moved: vec![0.0; n],
             drift: 0.0,
             defect: 0.0,
+            complementarity: 0.0,
             notes: Vec::new(),
             approaches: Vec::new(),
             stats,

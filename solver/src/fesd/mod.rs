@@ -303,6 +303,7 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
                 moved: vec![0.0; n],
                 drift: 0.0,
                 defect: run.defect,
+                complementarity: 0.0,
                 notes: run.notes,
                 approaches: Vec::new(),
                 stats: run.stats,

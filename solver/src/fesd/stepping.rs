@@ -148,6 +148,7 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
             moved: vec![0.0; n],
             drift: 0.0,
             defect: 0.0,
+            complementarity: 0.0,
             notes: Vec::new(),
             approaches: Vec::new(),
             stats,

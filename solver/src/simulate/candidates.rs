@@ -9,7 +9,7 @@ use super::mode::Mode;
 use super::pivot::Problem;
 use super::select::{Choice, Choices};
 use super::state::State;
-use super::{Side, Simulator, SwitchedSystem};
+use super::{Side, Simulator, Status, SwitchedSystem};
 use crate::linalg::DenseLu;
 
 /// Beyond this many interacting surfaces, Lemke's method replaces enumeration.
@@ -26,7 +26,14 @@ const FAR: f64 = 1e6;
 
 impl<S: SwitchedSystem> Simulator<'_, S> {
     /// All choices of sides with their α.
-    pub(super) fn choices(&mut self, state: &State, group: &[usize]) -> Choices {
+    pub(super) fn choices(
+        &mut self,
+        state: &mut State,
+        group: &[usize],
+    ) -> Result<Choices, Status> {
+        if self.is_of_contacts(group) {
+            return self.contact_choices(state, group);
+        }
         let options: Vec<Vec<Side>> = group.iter().map(|&i| self.options(state, i)).collect();
         let (candidates, all) = if group.len() > MAX_ENUMERATED {
             self.pivots(state, group, &options)
@@ -44,7 +51,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             choices.singular |= outcome == Search::Singular;
             choices.all &= outcome != Search::Bounded;
         }
-        choices
+        Ok(choices)
     }
 
     /// Takes the switching functions on the sides of a choice: one may have a kink where another is zero, and then its
@@ -128,12 +135,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 }
             };
         }
-        let mut zeros = Zeros {
-            mode,
-            alpha,
-            unknowns,
-            found: Vec::new(),
-        };
+        let mut zeros = Zeros::new(mode, alpha, unknowns);
         let outcome = zeros.find();
         let (solutions, mut alpha, unknowns) = (zeros.found, zeros.alpha, zeros.unknowns);
         for solution in solutions {
@@ -186,9 +188,9 @@ fn alternatives(options: &[Vec<Side>]) -> Vec<Vec<Side>> {
 }
 
 /// Every combination of one option each.
-fn product(options: &[Vec<Side>]) -> Vec<Vec<Side>> {
+pub(super) fn product<T: Copy>(options: &[Vec<T>]) -> Vec<Vec<T>> {
     options.iter().fold(vec![Vec::new()], |prefixes, options| {
-        let extend = |prefix: Vec<Side>| {
+        let extend = |prefix: Vec<T>| {
             options
                 .iter()
                 .map(move |&side| [prefix.as_slice(), &[side]].concat())
@@ -198,16 +200,36 @@ fn product(options: &[Vec<Side>]) -> Vec<Vec<Side>> {
 }
 
 /// The zeros of φ_S(α_S) in the unit cube.
-struct Zeros<'m> {
+pub(super) struct Zeros<'m> {
     mode: &'m mut Mode,
     /// Of all switches; the unknown ones start where Newton's method does.
     alpha: Vec<f64>,
     /// The switches S.
-    unknowns: Vec<usize>,
+    pub unknowns: Vec<usize>,
     found: Vec<Vec<f64>>,
 }
 
-impl Zeros<'_> {
+impl<'m> Zeros<'m> {
+    /// None found yet.
+    pub(super) fn new(mode: &'m mut Mode, alpha: Vec<f64>, unknowns: Vec<usize>) -> Self {
+        Zeros {
+            mode,
+            alpha,
+            unknowns,
+            found: Vec::new(),
+        }
+    }
+
+    /// The one that Newton's method finds from where the unknowns start.
+    pub(super) fn near(&mut self) -> Option<Vec<f64>> {
+        let start = self.values();
+        if self.unknowns.is_empty() {
+            return Some(start);
+        }
+        self.newton(&start);
+        self.found.pop()
+    }
+
     /// Finds them.
     fn find(&mut self) -> Search {
         let start = self.values();

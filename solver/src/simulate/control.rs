@@ -164,6 +164,7 @@ impl Mode {
         let mut curved = false;
         for i in 0..self.sides.len() {
             if self.sides[i] == Side::Slide
+                || self.is_idle(i, &self.sides)
                 || self
                     .surfaces
                     .stays_away(i, &self.memory.values, &self.reach, h)

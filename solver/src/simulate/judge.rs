@@ -104,7 +104,14 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         mode.vary(&alpha);
         mode.linearize(group);
         let mut tie = false;
+        let mut sides = state.sides.clone();
+        for (&i, &side) in group.iter().zip(&choice.sides) {
+            sides[i] = side;
+        }
         for (at, &i) in group.iter().enumerate() {
+            if mode.is_idle(i, &sides) {
+                continue;
+            }
             // Positive inside, negative outside, relative to the natural size.
             let margin = match choice.sides[at] {
                 Side::Slide if mode.is_unilateral(i) => {
@@ -161,13 +168,17 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         mode.expand(state.t, &state.x, &mut alpha).ok()?;
         mode.measure_terms(state);
         mode.watched.clear();
-        for &i in group.iter().filter(|&&i| sides[i] != Side::Slide) {
+        for &i in group {
+            if sides[i] == Side::Slide || mode.is_idle(i, &sides) {
+                continue;
+            }
             mode.expand_psi(i, state);
             mode.watched.push(i);
         }
         let h = mode.step_size(tolerance, state, t1 - state.t);
         let h = mode.step_size_of_psi(tolerance, state, h);
         let stays = |(&i, side): (&usize, &Side)| match side {
+            _ if mode.is_idle(i, &sides) => true,
             Side::Slide => {
                 let series = mode.alpha_series(i);
                 let inward = if series[0] <= TIE && !mode.is_unilateral(i) {

@@ -18,7 +18,7 @@
 
 use super::select::BAND;
 use super::state::State;
-use super::system::{Guard, Input, Law, Reset};
+use super::system::{Effect, Guard, Input, Law};
 use super::{Side, Simulator, Status, SwitchedSystem};
 
 /// Jumps at one instant before they count as endless.
@@ -31,7 +31,7 @@ pub(super) struct Jumps {
     pub fired: Vec<usize>,
     /// The state before the first jump.
     pub before: Vec<f64>,
-    registers: Vec<f64>,
+    pub registers: Vec<f64>,
     /// New values of states, with the law they come from.
     values: Vec<(usize, f64, usize)>,
     /// What small openings were taken away from the states, together.
@@ -92,6 +92,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         self.jumps.struck.clear();
         self.jumps.end = None;
         let mut last: Vec<usize> = Vec::new();
+        let (Met::Surfaces(on) | Met::Breakpoint(on)) = &mut met;
+        self.wake(state, on, t1);
         for _ in 0..MAX_ROUNDS {
             let mut fired = self.struck(state, t1);
             if fired.is_empty() {
@@ -108,14 +110,42 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             if fired.is_empty() {
                 return Ok(());
             }
-            if let Some(&law) = fired.iter().find(|law| last.contains(law)) {
+            // What one impact sets in motion may strike the same contact again.
+            let again = |law: &&usize| {
+                let effect = &self.system.laws()[**law].effect;
+                last.contains(law) && matches!(effect, Effect::Reset(_))
+            };
+            if let Some(&law) = fired.iter().find(again) {
                 return Err(Status::StaysInGuard { law });
             }
             self.apply(state, &fired)?;
+            self.impact(state, &fired, t1)?;
             met = Met::Surfaces(self.place(state, t1 - state.t)?);
             last = fired;
         }
         Err(Status::EndlessJumps { laws: last })
+    }
+
+    /// Looks again at the slip velocities of contacts that are met, which nobody has watched while they were
+    /// open.
+    fn wake(&mut self, state: &mut State, on: &mut Vec<usize>, t1: f64) {
+        for slip in 0..state.sides.len() {
+            let Some(contact) = self.system.slip_of(slip) else {
+                continue;
+            };
+            if state.sides[contact] == Side::Slide || !on.contains(&contact) {
+                continue;
+            }
+            self.measure_bands(state, &[slip], t1 - state.t);
+            let speed = self.mode.psi(slip);
+            let mut sides = state.sides.clone();
+            sides[slip] = Side::of(speed);
+            state.set_sides(sides);
+            if speed.abs() <= state.band[slip] && !on.contains(&slip) {
+                on.push(slip);
+            }
+        }
+        on.sort_unstable();
     }
 
     /// The laws of surfaces that the state strikes from above.
@@ -225,11 +255,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         } = &mut self.jumps;
         values.clear();
         for &l in laws {
-            let Reset {
-                inputs,
-                states,
-                values: tape,
-            } = &self.system.laws()[l].reset;
+            let Effect::Reset(reset) = &self.system.laws()[l].effect else {
+                continue;
+            };
+            let (inputs, states, tape) = (&reset.inputs, &reset.states, &reset.values);
             registers.resize(tape.n_registers().max(inputs.len()), 0.0);
             for (register, &input) in registers.iter_mut().zip(inputs) {
                 *register = match input {

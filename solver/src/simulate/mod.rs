@@ -16,6 +16,7 @@ mod control;
 pub(crate) mod dense;
 mod drift;
 mod field;
+mod impact;
 mod implicit;
 mod judge;
 mod jump;
@@ -23,8 +24,10 @@ mod layout;
 mod lead;
 #[cfg(test)]
 mod lead_tests;
+mod meeting;
 mod merge;
 mod mode;
+mod persist;
 mod pieces;
 mod pivot;
 mod psi;
@@ -61,7 +64,8 @@ use state::State;
 pub use status::{Note, Stats, Status};
 use stiffness::Stiffness;
 pub use system::{
-    Affine, Block, Guard, Input, Law, Partials, Rates, Reset, Smooth, Surface, SwitchedSystem,
+    Affine, Block, Effect, Guard, Impact, Input, Law, Partials, Rates, Reset, Smooth, Surface,
+    SwitchedSystem,
 };
 
 /// Where a switch stands relative to its surface ψ = 0.
@@ -188,6 +192,8 @@ pub struct Outcome {
     pub drift: f64,
     /// Largest ‖x' - f‖ h at the end of a step, relative to the tolerance's scale.
     pub defect: f64,
+    /// Largest residual of the complementarity problems of contacts, relative to the size of their rates.
+    pub complementarity: f64,
     /// What it went on from although it could not be sure.
     pub notes: Vec<Note>,
     /// Surfaces with another field behind them that came close, in order of time.
@@ -439,6 +445,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
             moved: state.moved.iter().map(|squares| squares.sqrt()).collect(),
             drift,
             defect,
+            complementarity: state.complementarity,
             notes: std::mem::take(&mut state.notes),
             approaches: std::mem::take(&mut state.approaches),
             stats: state.stats,

@@ -34,6 +34,8 @@ pub(crate) struct Mode {
     pub(super) equations: Sliding,
     /// Switches whose α has no lower bound.
     unilateral: Vec<bool>,
+    /// The contacts whose slip velocities ψ are.
+    slip_of: Vec<Option<usize>>,
     /// Whether the components of `equations` are those of the present mode.
     arranged: bool,
     /// Whether functions of any sides have been taken.
@@ -77,6 +79,7 @@ impl Mode {
             surfaces: Surfaces::new(system),
             equations: Sliding::new(n, m),
             unilateral: (0..m).map(|i| system.is_unilateral(i)).collect(),
+            slip_of: (0..m).map(|i| system.slip_of(i)).collect(),
             arranged: false,
             entered: false,
             terms: vec![0.0; n],
@@ -162,6 +165,11 @@ impl Mode {
     /// True for a switch that is never below its surface.
     pub(super) fn is_unilateral(&self, switch: usize) -> bool {
         self.unilateral[switch]
+    }
+
+    /// True for the slip velocity of a contact that is open, which does not matter.
+    pub(super) fn is_idle(&self, switch: usize, sides: &[Side]) -> bool {
+        self.slip_of[switch].is_some_and(|of| sides[of] != Side::Slide)
     }
 
     /// What α of a sliding switch must not pass.

@@ -85,7 +85,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         if let Some(&switch) = all.iter().find(below) {
             return Err(Status::Penetrates { switch });
         }
-        let on = |&i: &usize| self.mode.psi(i).abs() <= state.band[i];
+        let near: Vec<bool> = (all.iter())
+            .map(|&i| self.mode.psi(i).abs() <= state.band[i])
+            .collect();
+        let on = |&i: &usize| near[i] && self.system.slip_of(i).is_none_or(|of| near[of]);
         let on: Vec<usize> = all.into_iter().filter(on).collect();
         state.armed.fill(false);
         Ok(on)
@@ -118,8 +121,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     /// Chooses the sides of all switches that meet here and interact with `triggers`.
     fn select(&mut self, state: &mut State, triggers: &[usize], t1: f64) -> Result<(), Status> {
         let meets = |i: &usize| state.sides[*i] == Side::Slide || state.armed[*i];
+        let is_met = |i: &usize| triggers.contains(i) || meets(i) && !self.leads(*i);
         let meeting: Vec<usize> = (0..state.sides.len())
-            .filter(|i| triggers.contains(i) || meets(i) && !self.leads(*i))
+            .filter(|i| is_met(i) && self.system.slip_of(*i).is_none_or(|of| is_met(&of)))
             .collect();
         self.measure_bands(state, &meeting, t1 - state.t);
         let mut groups: Vec<Vec<usize>> = Vec::new();
@@ -165,7 +169,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     }
 
     /// The surfaces among `meeting` that `switch` interacts with, in order.
-    fn interacting(&self, switch: usize, meeting: &[usize]) -> Vec<usize> {
+    pub(super) fn interacting(&self, switch: usize, meeting: &[usize]) -> Vec<usize> {
         let mut group = vec![switch];
         let mut next = 0;
         while next < group.len() {
@@ -201,7 +205,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             self.take_order(state, i);
         }
         self.mode.focus(state.t, &state.x, &state.alpha, group);
-        let choices = self.choices(state, group);
+        let choices = self.choices(state, group)?;
         let rates = self.rates(state, group, &choices.found);
         let mut verdicts = Vec::new();
         for choice in choices.found {

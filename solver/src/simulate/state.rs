@@ -28,6 +28,8 @@ pub(super) struct State {
     /// Length of the last step that no event cut; 0 before the first step.
     pub last_step: f64,
     pub longest_step: f64,
+    /// Largest residual of complementarity problems so far.
+    pub complementarity: f64,
     pub stats: Stats,
     /// Functions taken up when the clock was looked at.
     pub functions: usize,
@@ -82,6 +84,7 @@ impl State {
         (self.t, self.t_low) = (t, 0.0);
         (self.last_step, self.longest_step) = (0.0, 0.0);
         (self.functions, self.stalled, self.window) = (0, 0, 0.0);
+        self.complementarity = 0.0;
         self.stats = Stats::default();
         self.notes.clear();
         self.pending.clear();

@@ -45,6 +45,12 @@ pub enum Status {
         /// The unilateral switch.
         switch: usize,
     },
+    /// Friction pulls a body into its contact: the force of a closed contact does not push it open
+    /// (Painlevé's paradox).
+    Painleve {
+        /// The unilateral switch.
+        switch: usize,
+    },
     /// More than one solution continues from here; there may be more than [`MAX_NAMED`](super::MAX_NAMED).
     NonUnique(Vec<Candidate>),
     /// No choice of sides is consistent with its own rates.
@@ -96,16 +102,33 @@ pub enum Note {
         /// The switches that met there.
         switches: Vec<usize>,
     },
+    /// An impact has added energy, as several contacts with restitutions that differ, or with friction, may do.
+    EnergyGained {
+        /// When.
+        time: f64,
+        /// The contacts.
+        switches: Vec<usize>,
+    },
 }
 
 impl Note {
     /// True when both say the same of the same switches.
     pub(super) fn is_like(&self, other: &Note) -> bool {
-        let Note::Unsearched { switches, .. } = self;
-        let Note::Unsearched {
-            switches: others, ..
-        } = other;
-        switches == others
+        match (self, other) {
+            (
+                Note::Unsearched { switches, .. },
+                Note::Unsearched {
+                    switches: others, ..
+                },
+            )
+            | (
+                Note::EnergyGained { switches, .. },
+                Note::EnergyGained {
+                    switches: others, ..
+                },
+            ) => switches == others,
+            _ => false,
+        }
     }
 }
 

@@ -79,6 +79,11 @@ pub trait SwitchedSystem {
     fn is_unilateral(&self, _switch: usize) -> bool {
         false
     }
+    /// The unilateral switch α_n of which the α of a switch is a factor: it means nothing where that one does
+    /// not slide.
+    fn slip_of(&self, _switch: usize) -> Option<usize> {
+        None
+    }
     /// How the state jumps.
     fn laws(&self) -> &[Law] {
         &[]
@@ -94,8 +99,28 @@ pub trait SwitchedSystem {
 pub struct Law {
     /// When.
     pub guard: Guard,
-    /// Where to.
-    pub reset: Reset,
+    /// What happens.
+    pub effect: Effect,
+}
+
+/// What a law does.
+#[derive(Clone, Debug)]
+pub enum Effect {
+    /// Sets states.
+    Reset(Reset),
+    /// Gives impulses along the forces of closed contacts; its guard is [`Guard::Strikes`].
+    Impact(Impact),
+}
+
+/// The impulses of a contact x' = f + (1 - α_n)(D - (2α_t - 1) T).
+#[derive(Clone, Debug)]
+pub struct Impact {
+    /// What the inputs of the tape are.
+    pub inputs: Vec<Input>,
+    /// To the coefficients of restitution and of friction.
+    pub numbers: Tape,
+    /// The switch α_t of the slip velocity, where there is friction.
+    pub slip: Option<usize>,
 }
 
 /// When a law jumps.

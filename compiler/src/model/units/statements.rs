@@ -4,7 +4,7 @@ use super::dimension::Dimension;
 use super::infer::{factor, is};
 use super::{Checker, Dim, Frame, Thing, UnitError, gives};
 use crate::syntax::{
-    Bind, Decl, Domain, Dynamics, Expect, ExpectWhen, Experiment, Expr, OutputWhen, Part,
+    Bind, Contact, Decl, Domain, Dynamics, Expect, ExpectWhen, Experiment, Expr, OutputWhen, Part,
     RegionGuard, SettingKind, Stmt,
 };
 
@@ -53,6 +53,16 @@ impl<'f> Checker<'f, '_> {
                 self.frames.pop();
             }
             Stmt::Dynamics(dynamics) => self.dynamics(dynamics),
+            Stmt::Mechanics(mechanics) => {
+                for option in &mechanics.options {
+                    self.expr(&option.value);
+                }
+                mechanics
+                    .contacts
+                    .iter()
+                    .for_each(|contact| self.contact(contact));
+            }
+            Stmt::Contact(contact) => self.contact(contact),
             Stmt::Jump(jump) => {
                 self.expr(&jump.guard);
                 for bind in &jump.resets {
@@ -63,12 +73,28 @@ impl<'f> Checker<'f, '_> {
             // Refused before units are looked at, or without values of their own.
             Stmt::Const(_)
             | Stmt::Project(_)
-            | Stmt::Mechanics(_)
-            | Stmt::Contact(_)
             | Stmt::Program(_)
             | Stmt::Equation { .. }
             | Stmt::Complementarity { .. }
             | Stmt::Bad(_) => {}
+        }
+    }
+
+    /// Restitution and friction are pure numbers.
+    fn contact(&mut self, contact: &'f Contact) {
+        for option in &contact.options {
+            match option.name.name.as_str() {
+                name @ ("restitution" | "friction") => {
+                    let one = match self.place.has_units {
+                        true => Dim::Known(Dimension::NUMBER),
+                        false => Dim::Unknown,
+                    };
+                    self.expect(&format!("`{name}`"), one, &option.value, None);
+                }
+                _ => {
+                    self.expr(&option.value);
+                }
+            }
         }
     }
 

@@ -9,8 +9,8 @@ use crate::report::text::significant;
 use crate::report::{ModeInterval, Side, Trajectory};
 use crate::syntax::{self, Arg, ExprKind};
 
-/// What friction and projections do.
-const NOT_YET: [&str; 3] = ["stick", "slip", "active"];
+/// What projections do.
+const NOT_YET: [&str; 1] = ["active"];
 
 /// Finds the mistakes in the description of a mode.
 pub fn check(subject: &Subject<'_, '_>, mode: &syntax::Expr, diags: &mut Diagnostics) {
@@ -94,6 +94,8 @@ fn holds(
                 "off" => Side::Off,
                 "open" => Side::Open,
                 "closed" => Side::Closed,
+                "stick" => Side::Stick,
+                "slip" => Side::Slip,
                 _ => return Err(not_a_mode(subject, mode)),
             };
             if wanted == Side::Sliding
@@ -109,7 +111,16 @@ fn holds(
                 if !binders.is_empty() {
                     return Err(not_a_mode(subject, mode));
                 }
-                for (switch, flipped) in switches_of(subject, surface)? {
+                for (mut switch, flipped) in switches_of(subject, surface)? {
+                    let mut is_closed = true;
+                    if matches!(wanted, Side::Stick | Side::Slip) {
+                        let side = interval.sides.get(switch).copied();
+                        is_closed = side != Some(Side::Open);
+                        let mut slips = subject.system.switches.iter();
+                        switch = slips
+                            .position(|s| s.slip_of == Some(switch))
+                            .unwrap_or(switch);
+                    }
                     let words = words_of(subject, switch);
                     if !words.contains(&word) {
                         let (name, span) = (subject.sources.text(surface.span), surface.span);
@@ -122,7 +133,7 @@ fn holds(
                     }
                     let side = interval.sides.get(switch).copied().unwrap_or(Side::Sliding);
                     let side = if flipped { opposite(side) } else { side };
-                    all &= side == wanted;
+                    all &= is_closed && side == wanted;
                 }
             }
             match args.is_empty() {
@@ -166,6 +177,7 @@ fn words_of(subject: &Subject<'_, '_>, switch: usize) -> &'static [&'static str]
     match switch.relay {
         Some(_) => &["on", "off"],
         None if switch.unilateral => &["closed", "open"],
+        None if switch.slip_of.is_some() => &["stick", "slip"],
         None => &["above", "below", "sliding"],
     }
 }
@@ -253,6 +265,8 @@ fn not_a_mode(subject: &Subject<'_, '_>, mode: &syntax::Expr) -> ExpectError {
         "`off(..)`".into(),
         "`open(..)`".into(),
         "`closed(..)`".into(),
+        "`stick(..)`".into(),
+        "`slip(..)`".into(),
     ]);
     ExpectError::NotAMode {
         text: subject.sources.text(mode.span).to_owned(),

@@ -132,8 +132,10 @@ impl<'w, 's, 'e> Words<'w, 's, 'e> {
             return Ok(self.list(|run| times(run, |event| event.kind == kind)));
         };
         let text = mode::plain(self.subject, surface);
-        let laws = self.subject.system.laws.iter();
-        let mut names: Vec<&str> = laws.map(|law| law.name.as_str()).collect();
+        let system = self.subject.system;
+        let laws = system.laws.iter().map(|law| law.name.as_str());
+        let contacts = system.contacts.iter().map(|contact| contact.name.as_str());
+        let mut names: Vec<&str> = laws.chain(contacts).collect();
         names.retain(|name| *name == text);
         if names.is_empty() {
             let switches = mode::switches_of(self.subject, surface)?.into_iter();

@@ -1,0 +1,267 @@
+//! `mechanics q, v { .. }` and `contact C { .. }`.
+//!
+//! M v' = f + J_n λ_n + J_t λ_t: v' = M⁻¹ f is dynamics as any other; contacts keep what their forces are made
+//! of, for when they are lowered.
+
+use super::dynamics::Walk;
+use super::lower::Lowering;
+use super::scope::{Meaning, Reported};
+use super::{
+    Body, Contact, DynamicsError, Rate, Shape, Target, TargetKind, Tensor, Unsupported, algebra,
+    target,
+};
+use crate::expr::Expr;
+use crate::source::Span;
+use crate::syntax::{self, Setting};
+
+/// Symbolic matrices up to this size are inverted by Cramer's rule, larger ones by elimination.
+const MAX_CRAMER: usize = 3;
+
+impl<'e> Walk<'e> {
+    /// One block: the dynamics of its velocities, and the contacts inside.
+    pub(super) fn mechanics(
+        &mut self,
+        lowering: &mut Lowering<'_, 'e>,
+        mechanics: &syntax::Mechanics,
+    ) -> Result<(), Reported> {
+        let body = self.body(lowering, mechanics);
+        if body.is_err() {
+            let name = &mechanics.v.head.name;
+            self.touched
+                .insert(format!("{}{name}", lowering.scope.prefix));
+        }
+        let velocities = body.as_ref().ok().map(|body| body.velocities.clone());
+        let mut result = body.map(|body| self.bodies.push(body));
+        for contact in &mechanics.contacts {
+            result = result.and(self.contact(lowering, contact, velocities.as_deref()));
+        }
+        result
+    }
+
+    fn body(
+        &mut self,
+        lowering: &mut Lowering<'_, 'e>,
+        mechanics: &syntax::Mechanics,
+    ) -> Result<Body<'e>, Reported> {
+        let span = mechanics.span;
+        let [mass, force] = options(lowering, &mechanics.options, ["mass", "force"])?;
+        let mass = required(lowering, mass, "mass", span)?;
+        let force = required(lowering, force, "force", span)?;
+        let q = self.states(lowering, &mechanics.q)?;
+        let v = self.states(lowering, &mechanics.v)?;
+        let n = v.entries.len();
+        let force = lowering.numbers_as(&force.value, v.shape, "`force`")?;
+        let matrix = lowering.numbers(&mass.value)?;
+        let matrix = match matrix.as_scalar() {
+            Some(mass) => diagonal(lowering, n, mass),
+            None if matrix.shape == Shape::Matrix(n, n) => matrix,
+            None => {
+                let what = format!("`mass` is {}, not a matrix of {n} by {n}", matrix.shape);
+                return wrong(lowering, what, mass.value.span);
+            }
+        };
+        let inverse = inverse(lowering, &matrix, mass.value.span)?;
+        let first = self.offset(&v);
+        let velocities: Vec<usize> = v.entries.iter().map(|&entry| first + entry).collect();
+        for (i, &entry) in velocities.iter().enumerate() {
+            let row = (0..n).map(|j| inverse[i * n + j] * force.data[j]);
+            self.dynamics.push(Rate {
+                entry,
+                value: lowering.scope.exprs.sum(row),
+                adds: false,
+                span,
+            });
+        }
+        let first = self.offset(&q);
+        Ok(Body {
+            positions: q.entries.iter().map(|&entry| first + entry).collect(),
+            velocities,
+            mass: matrix.data,
+            inverse,
+            force: force.data,
+            span,
+        })
+    }
+
+    /// One contact; `velocities` are those of the block around it.
+    pub(super) fn contact(
+        &mut self,
+        lowering: &mut Lowering<'_, 'e>,
+        contact: &syntax::Contact,
+        velocities: Option<&[usize]>,
+    ) -> Result<(), Reported> {
+        let span = contact.span;
+        let names = ["gap", "restitution", "friction", "slip", "along"];
+        let [gap, restitution, friction, slip, along] = options(lowering, &contact.options, names)?;
+        let gap = required(lowering, gap, "gap", span)?;
+        let restitution = required(lowering, restitution, "restitution", span)?;
+        let gap_value = lowering.scalar(&gap.value, "a gap");
+        let restitution = lowering.scalar(&restitution.value, "a restitution");
+        let friction = friction.map(|friction| {
+            let value = lowering.scalar(&friction.value, "a coefficient of friction");
+            value.map(|value| (value, friction.value.span))
+        });
+        let friction = friction.transpose()?;
+        let slip = match (slip, along) {
+            (Some(_), Some(along)) => {
+                let what = "`slip` and `along` say the same".to_owned();
+                return wrong(lowering, what, along.span);
+            }
+            (Some(slip), None) => {
+                let span = slip.value.span;
+                let value = lowering.numbers(&slip.value)?;
+                let Some(value) = value.as_scalar() else {
+                    return lowering.error(Unsupported::FrictionInSpace { span });
+                };
+                Some((value, span))
+            }
+            (None, Some(along)) => Some(self.along(lowering, along, velocities)?),
+            (None, None) => None,
+        };
+        let name = self.indexed(&contact.name.name);
+        self.contacts.push(Contact {
+            name: format!("{}{name}", lowering.scope.prefix),
+            gap: gap_value?,
+            gap_span: gap.value.span,
+            restitution: restitution?,
+            friction,
+            slip,
+            span,
+        });
+        Ok(())
+    }
+
+    /// Dᵀv of `along = D`.
+    fn along(
+        &self,
+        lowering: &mut Lowering<'_, 'e>,
+        along: &Setting,
+        velocities: Option<&[usize]>,
+    ) -> Result<(Expr<'e>, Span), Reported> {
+        let span = along.value.span;
+        let Some(velocities) = velocities else {
+            let what = "`along` belongs to a contact inside `mechanics`".to_owned();
+            return wrong(lowering, what, along.span);
+        };
+        let direction = lowering.numbers(&along.value)?;
+        if direction.data.len() != velocities.len() {
+            let (found, n) = (direction.data.len(), velocities.len());
+            let what = format!("`along` has {found} entries, and there are {n} velocities");
+            return wrong(lowering, what, span);
+        }
+        let terms = velocities.iter().zip(&direction.data);
+        let terms = terms.map(|(&v, &d)| self.vars[v] * d);
+        Ok((lowering.scope.exprs.sum(terms), span))
+    }
+
+    /// The entries of a state that a path names.
+    fn states(
+        &self,
+        lowering: &mut Lowering<'_, 'e>,
+        path: &syntax::Path,
+    ) -> Result<Target, Reported> {
+        let meaning = lowering.scope.names.get(&path.head.name);
+        if let Some(Meaning::Part(_) | Meaning::Parts(_)) = meaning {
+            let (part, span) = (path.head.name.clone(), path.span);
+            return lowering.error(DynamicsError::OfAPart { part, span });
+        }
+        let target = target::resolve(lowering, path)?;
+        match target.kind {
+            TargetKind::State(_) => Ok(target),
+            kind => self.not_a_state(lowering, path, kind.word()),
+        }
+    }
+
+    fn offset(&self, target: &Target) -> usize {
+        match target.kind {
+            TargetKind::State(state) => self.offsets[state],
+            _ => 0,
+        }
+    }
+}
+
+/// The options of a block by name, each at most once.
+fn options<'s, const N: usize>(
+    lowering: &mut Lowering<'_, '_>,
+    given: &'s [Setting],
+    names: [&str; N],
+) -> Result<[Option<&'s Setting>; N], Reported> {
+    let mut found = [None; N];
+    for setting in given {
+        let name = &setting.name.name;
+        let Some(place) = names.iter().position(|known| known == name) else {
+            let what = format!("there is no option `{name}`");
+            return wrong(lowering, what, setting.name.span);
+        };
+        if found[place].replace(setting).is_some() {
+            let what = format!("`{name}` is given twice");
+            return wrong(lowering, what, setting.name.span);
+        }
+    }
+    Ok(found)
+}
+
+fn required<'s>(
+    lowering: &mut Lowering<'_, '_>,
+    option: Option<&'s Setting>,
+    name: &str,
+    span: Span,
+) -> Result<&'s Setting, Reported> {
+    match option {
+        Some(option) => Ok(option),
+        None => wrong(lowering, format!("`{name}` is missing"), span),
+    }
+}
+
+fn wrong<T>(lowering: &mut Lowering<'_, '_>, what: String, span: Span) -> Result<T, Reported> {
+    lowering.error(DynamicsError::MechanicsForm { what, span })
+}
+
+/// m I
+fn diagonal<'e>(lowering: &Lowering<'_, 'e>, n: usize, mass: Expr<'e>) -> Tensor<'e> {
+    let zero = lowering.constant(0.0);
+    let entry = |k: usize| if k / n == k % n { mass } else { zero };
+    Tensor {
+        shape: Shape::Matrix(n, n),
+        data: (0..n * n).map(entry).collect(),
+    }
+}
+
+/// M⁻¹ of a positive definite M.
+fn inverse<'e>(
+    lowering: &mut Lowering<'_, 'e>,
+    mass: &Tensor<'e>,
+    span: Span,
+) -> Result<Vec<Expr<'e>>, Reported> {
+    let n = mass.shape.size().0;
+    let is_diagonal = (0..n * n).all(|k| k / n == k % n || mass.data[k].is_zero());
+    if !is_diagonal && (n <= MAX_CRAMER || mass.constants().is_some()) {
+        return Ok(algebra::inverse(lowering, mass, span)?.data);
+    }
+    if (0..n).any(|i| mass.at(i, i).is_zero()) {
+        let what = "`mass` is singular".to_owned();
+        return wrong(lowering, what, span);
+    }
+    lowering.spend(n.pow(3), span)?;
+    // Elimination without exchanges, which a positive definite matrix does not need.
+    let (mut a, one) = (mass.data.clone(), lowering.constant(1.0));
+    let mut inverse = diagonal(lowering, n, one).data;
+    for column in 0..n {
+        let pivot = a[column * n + column];
+        for k in 0..n {
+            a[column * n + k] = a[column * n + k] / pivot;
+            inverse[column * n + k] = inverse[column * n + k] / pivot;
+        }
+        for row in (0..n).filter(|&row| row != column) {
+            let factor = a[row * n + column];
+            if factor.is_zero() {
+                continue;
+            }
+            for k in 0..n {
+                a[row * n + k] = a[row * n + k] - factor * a[column * n + k];
+                inverse[row * n + k] = inverse[row * n + k] - factor * inverse[column * n + k];
+            }
+        }
+    }
+    Ok(inverse)
+}

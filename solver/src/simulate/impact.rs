@@ -1,0 +1,172 @@
+//! Impacts: velocities jump where contacts are struck.
+//!
+//! v⁺ = v⁻ + D Λ - T β,   0 ≤ Λ ⟂ J_nᵀ(v⁺ + e v⁻) ≥ 0,   β ∈ Λ sign(J_tᵀ v⁺),
+//!
+//! over all closed contacts that hang together, those at rest too: Newton's law with Coulomb's friction for
+//! impulses (Moreau 1988), the problem of `meeting` with a₀ = (1 + e) J_nᵀv⁻ and b₀ = J_tᵀv⁻.
+
+use super::meeting::{Meeting, NoForces};
+use super::state::State;
+use super::system::{Effect, Guard, Impact, Input};
+use super::{Note, Side, Simulator, Status, SwitchedSystem};
+
+/// Energy that is gained by less than this fraction of what is exchanged is rounding.
+const GAIN: f64 = 1e-9;
+
+impl<S: SwitchedSystem> Simulator<'_, S> {
+    /// Lets velocities jump by the impulses of the contacts that `laws` strike, and all that they act on.
+    pub(super) fn impact(
+        &mut self,
+        state: &mut State,
+        laws: &[usize],
+        t1: f64,
+    ) -> Result<(), Status> {
+        let system = self.system;
+        let struck = laws.iter().filter_map(|&law| impact_of(system, law));
+        let struck: Vec<usize> = struck.map(|(normal, _)| normal).collect();
+        if struck.is_empty() {
+            return Ok(());
+        }
+        let mut touching = Vec::new();
+        let mut impacts = Vec::new();
+        for law in 0..system.laws().len() {
+            let Some((normal, impact)) = impact_of(system, law) else {
+                continue;
+            };
+            self.measure_bands(state, &[normal], t1 - state.t);
+            if self.mode.psi(normal) <= state.band[normal] {
+                touching.push(normal);
+                touching.extend(impact.slip);
+                impacts.push((normal, impact));
+            }
+        }
+        touching.sort_unstable();
+        let mut done: Vec<usize> = Vec::new();
+        for normal in struck {
+            if done.contains(&normal) {
+                continue;
+            }
+            let group = self.interacting(normal, &touching);
+            let of_group = |(normal, _): &&(usize, &Impact)| group.contains(normal);
+            let impacts: Vec<_> = impacts.iter().filter(of_group).copied().collect();
+            self.strike(state, &impacts)?;
+            done.extend(impacts.iter().map(|(normal, _)| normal));
+        }
+        for (scale, x) in state.scale.iter_mut().zip(&state.x) {
+            *scale = scale.max(x.abs());
+        }
+        Ok(())
+    }
+
+    /// One impact of contacts that hang together.
+    fn strike(&mut self, state: &mut State, impacts: &[(usize, &Impact)]) -> Result<(), Status> {
+        let contacts: Vec<(usize, Option<usize>)> = impacts
+            .iter()
+            .map(|&(normal, i)| (normal, i.slip))
+            .collect();
+        let switches = || impacts.iter().map(|&(normal, _)| normal).collect();
+        let mut sides = state.sides.clone();
+        for &(normal, slip) in &contacts {
+            sides[normal] = Side::Slide;
+            state.alpha[normal] = 0.0;
+            if let Some(slip) = slip {
+                sides[slip] = Side::Slide;
+                state.alpha[slip] = 0.5;
+            }
+        }
+        self.mode.enter(self.system, &sides);
+        self.mode.eval(state.t, &state.x, &state.alpha);
+        let numbers: Vec<[f64; 2]> = impacts.iter().map(|(_, i)| self.numbers(i)).collect();
+        let mode = &mut self.mode;
+        let mut all: Vec<usize> = contacts
+            .iter()
+            .flat_map(|c| [Some(c.0), c.1])
+            .flatten()
+            .collect();
+        all.sort_unstable();
+        mode.linearize(&all);
+        let speeds: Vec<f64> = contacts.iter().map(|c| mode.psi(c.0)).collect();
+        let slips: Vec<f64> = contacts
+            .iter()
+            .map(|c| c.1.map_or(0.0, |t| mode.psi(t)))
+            .collect();
+        let meeting = Meeting::of(mode, contacts);
+        let rebound = speeds
+            .iter()
+            .zip(&numbers)
+            .map(|(speed, [e, _])| (1.0 + e) * speed);
+        let rebound: Vec<f64> = rebound.collect();
+        let impulses = meeting.solve(&rebound, &slips).map_err(|why| match why {
+            NoForces::Paradox(at) => Status::Painleve {
+                switch: impacts[at].0,
+            },
+            NoForces::NotFound => Status::NoSolution {
+                switches: switches(),
+            },
+        })?;
+        state.complementarity = state.complementarity.max(impulses.residual);
+        for (j, x) in state.x.iter_mut().enumerate() {
+            for (switch, slope) in mode.field.slopes(j) {
+                for (i, &(normal, slip)) in meeting.contacts.iter().enumerate() {
+                    if switch == normal {
+                        *x -= slope * impulses.normal[i];
+                    } else if Some(switch) == slip {
+                        *x += 0.5 * slope * impulses.friction[i];
+                    }
+                }
+            }
+        }
+        if !state.x.iter().all(|x| x.is_finite()) {
+            return Err(Status::NotFinite);
+        }
+        // ½ (v⁺ + v⁻)ᵀ M (v⁺ - v⁻), impulse by impulse.
+        mode.set(state.t, &state.x, &state.alpha);
+        let (mut gain, mut exchanged) = (0.0, 0.0);
+        for (i, &(normal, slip)) in meeting.contacts.iter().enumerate() {
+            let speed = mode.psi(normal) + speeds[i];
+            gain += 0.5 * impulses.normal[i] * speed;
+            exchanged += impulses.normal[i] * speeds[i].abs();
+            if let Some(slip) = slip {
+                let drag = numbers[i][1] * impulses.friction[i];
+                gain -= 0.5 * drag * (mode.psi(slip) + slips[i]);
+                exchanged += (drag * slips[i]).abs();
+            }
+        }
+        if gain > GAIN * exchanged {
+            state.note(Note::EnergyGained {
+                time: state.t,
+                switches: switches(),
+            });
+        }
+        Ok(())
+    }
+
+    /// Restitution and friction where the state is.
+    fn numbers(&mut self, impact: &Impact) -> [f64; 2] {
+        let registers = &mut self.jumps.registers;
+        registers.resize(impact.numbers.n_registers().max(impact.inputs.len()), 0.0);
+        for (register, &input) in registers.iter_mut().zip(&impact.inputs) {
+            *register = match input {
+                Input::Number(number) => number,
+                input => {
+                    let slot = self.mode.memory.slot(input);
+                    self.mode.memory.values[slot]
+                }
+            };
+        }
+        impact.numbers.run(registers);
+        let mut numbers = impact.numbers.results(registers);
+        [numbers.next().unwrap_or(0.0), numbers.next().unwrap_or(0.0)]
+    }
+}
+
+/// The switch and the impact of a law that is one.
+fn impact_of(system: &impl SwitchedSystem, law: usize) -> Option<(usize, &Impact)> {
+    match &system.laws()[law] {
+        super::Law {
+            guard: Guard::Strikes(normal),
+            effect: Effect::Impact(impact),
+        } => Some((*normal, impact)),
+        _ => None,
+    }
+}
