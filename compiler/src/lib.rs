@@ -97,6 +97,16 @@ fn compile_to<'e>(
         let settings = system::experiment::evaluate(&model, experiment, overrides, diags)?;
         missing_guesses(file, &settings, diags)?;
         model::check_experiment(file, home, definition, experiment, overrides, diags)?;
+        // What cannot be run is refused before it is lowered, which may be long.
+        let contact = model.contacts.first();
+        if let Some(contact) = contact.filter(|_| !settings.method.takes_jumps()) {
+            diags.push(ExperimentError::Jump {
+                method: settings.method.word(),
+                name: contact.name.clone(),
+                span: contact.span,
+            });
+            return None;
+        }
         let mut system = system::lower(&model, &settings, extent, diags)?;
         let method = &settings.method;
         let relay = system.switches.iter().find(|switch| switch.relay.is_some());

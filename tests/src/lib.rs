@@ -9,7 +9,7 @@ use nsdc::clock::Clock;
 use nsdc::diagnostics::{self, Diagnostics};
 use nsdc::expr::Exprs;
 use nsdc::imports::{self, Loaded, Loader, NoFiles, NotLoaded};
-use nsdc::report::Trajectory;
+use nsdc::report::{EventKind, Trajectory};
 use nsdc::simulate::{self, Request};
 use nsdc::source::SourceMap;
 use nsdc::syntax::{self, Item};
@@ -164,6 +164,15 @@ pub fn test_folder(folder: &Path) -> (Exit, String, String) {
     let exit = cli::run(["nsdc".into(), "test".into(), folder.into()], &mut streams);
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     (exit, text(&out), text(&err))
+}
+
+/// The times of all events of a kind, in order.
+pub fn times(trajectory: &Trajectory, kind: EventKind) -> Vec<f64> {
+    let events = trajectory.events.iter();
+    events
+        .filter(|event| event.kind == kind)
+        .map(|event| event.time)
+        .collect()
 }
 
 /// The last values of a state or output.

@@ -1,17 +1,9 @@
 //! State jumps against closed forms.
 
-use nsd_tests::{end, run, with_experiment};
+use nsd_tests::{end, run, times, with_experiment};
 use nsdc::report::{EventKind, Failure, Status, Trajectory};
 
 const BALL: &str = include_str!("../../examples/bouncing_ball.nsd");
-
-fn times(trajectory: &Trajectory, kind: EventKind) -> Vec<f64> {
-    let events = trajectory.events.iter();
-    events
-        .filter(|event| event.kind == kind)
-        .map(|event| event.time)
-        .collect()
-}
 
 /// Position and speed of a ball that falls from h, and how often it has bounced.
 fn closed_form(g: f64, e: f64, h: f64, t: f64) -> ([f64; 2], usize) {

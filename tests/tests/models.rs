@@ -102,11 +102,9 @@ const MODELS: &[&str] = &[
 
 /// Experiments of the design models that are refused as not supported yet, with the code.
 const NOT_YET: &[&str] = &[
-    "ball_pile.nsd: by_events (E0903)",
-    "ball_pile.nsd: settle (E0903)",
+    "ball_pile.nsd: settle (E0904)",
     "bouncing_ball.nsd: frozen (E0924)",
-    "box_friction.nsd: throw (E0903)",
-    "box_friction.nsd: throw_frozen (E0903)",
+    "box_friction.nsd: throw_frozen (E0924)",
     "convex.nsd: one (E0907)",
     "convex.nsd: two (E0906)",
     "hidden_modes.nsd: attract (E0920)",
@@ -116,8 +114,7 @@ const NOT_YET: &[&str] = &[
     "stiction.nsd: small_errors (E0923)",
     "stiction.nsd: stick_slip (E0920)",
     "thermostat.nsd: frozen (E0924)",
-    "throw_and_catch.nsd: track (E0903)",
-    "two_contacts.nsd: drop (E0903)",
+    "throw_and_catch.nsd: track (E0924)",
 ];
 
 /// What `nsdc test` says of the experiments below a folder.

@@ -16,8 +16,6 @@ pub(super) struct ModeNames<'s, 'e> {
     watched: Vec<bool>,
     /// Contacts with friction.
     rough: Vec<bool>,
-    /// Whether there are so many contacts that those which are open are not told.
-    has_many: bool,
     /// The partition of every switch that compares indicators: what it does shows in the regions only.
     indicated: Vec<Option<usize>>,
 }
@@ -28,9 +26,6 @@ pub(super) struct Change {
     pub surface: String,
     pub span: Option<Span>,
 }
-
-/// More contacts than this are told only while they are closed.
-const MANY: usize = 8;
 
 impl<'s, 'e> ModeNames<'s, 'e> {
     pub(super) fn new(system: &'s System<'e>) -> Self {
@@ -54,12 +49,6 @@ impl<'s, 'e> ModeNames<'s, 'e> {
             rough: (0..system.switches.len())
                 .map(|i| system.switches.iter().any(|other| other.slip_of == Some(i)))
                 .collect(),
-            has_many: system
-                .switches
-                .iter()
-                .filter(|switch| switch.unilateral)
-                .count()
-                > MANY,
             indicated: (0..system.switches.len()).map(partition_of).collect(),
         }
     }
@@ -166,14 +155,12 @@ impl<'s, 'e> ModeNames<'s, 'e> {
         }
     }
 
-    /// True for a slip velocity of an open contact, for a closed contact with friction, which sticks or slips, and
-    /// for the open ones among many.
+    /// True for a slip velocity of an open contact, and for a closed contact with friction, which sticks or slips.
     fn is_told_otherwise(&self, switch: usize, sides: &[Side]) -> bool {
         let is_closed = |contact: usize| sides[contact] == Side::Slide;
         match self.system.switches[switch].slip_of {
             Some(contact) => !is_closed(contact),
-            None if is_closed(switch) => self.rough[switch],
-            None => self.system.switches[switch].unilateral && self.has_many,
+            None => self.rough[switch] && is_closed(switch),
         }
     }
 

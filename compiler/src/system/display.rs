@@ -23,6 +23,7 @@ impl fmt::Display for System<'_> {
         for switch in &self.switches {
             let kind = match switch.continuity {
                 _ if switch.relay.is_some() => "relay",
+                _ if switch.slip_of.is_some() => "slips where it is closed",
                 Continuity::Discontinuous => "discontinuous",
                 Continuity::Certain => "continuous",
                 Continuity::Sampled => "continuous at sampled points",

@@ -173,7 +173,6 @@ fn refuses_what_is_not_supported() {
     E0906: algebraic states and complementarity are not supported yet | 0 <= z perp x >= 0;: algebraic | solve for the algebraic state where that is possible
     E0907: convex programs and variational inequalities are not supported yet | y in argmin (y - x)^2;: a program | projections onto boxes can be written with `min` and `max`
     E0905: projected dynamics are not supported yet | project x onto { x >= 0; }: a projection
-    E0903: mechanics and contacts are not supported yet | mechanics x, T { mass = 1; force = 0; contact wall { gap = x; restitution = 0; } }: mechanics | write `v' = ..;` and a switch for the contact force
     "#);
 }
 
