@@ -1,7 +1,7 @@
 //! Contacts between bodies against closed forms.
 
 use nsd_tests::{end, run, times, with_experiment};
-use nsdc::report::{EventKind, Status};
+use nsdc::report::{EventKind, Failure, Status, Trajectory};
 
 /// A ball of mass 2 above a floor, as mechanics.
 const BALL: &str = "
@@ -100,6 +100,209 @@ fn a_thrown_ball_slips_and_sticks() {
             Some("stick(floor)")
         );
     }
+}
+
+/// Point masses in a row that touch or nearly do, the first one with speed 1.
+fn cradle(e: f64, apart: f64) -> Trajectory {
+    let text = format!(
+        "model cradle {{
+           const n = 3;
+           param d = {apart:?};
+           state q[n] = [(1 + d)*i for i in 1..n];
+           state v[n] = [1, 0, 0];
+           q' = v;
+           mechanics q, v {{ mass = eye(n); force = zeros(n); }}
+           for i in 1..n-1 {{ contact touch {{ gap = q[i+1] - q[i] - 1; restitution = {e:?}; }} }}
+         }}
+         simulate this of cradle {{ horizon 1; }}"
+    );
+    let trajectory = run(&text, "this");
+    assert_eq!(
+        trajectory.status,
+        Status::Solved,
+        "{:?}",
+        trajectory.failure
+    );
+    trajectory
+}
+
+#[test]
+fn an_impact_of_several_contacts_is_that_of_newton_and_moreau() {
+    // Impulses Λ of the two contacts: 2 Λ1 - Λ2 = 1 + e, 2 Λ2 - Λ1 = 0.
+    for e in [0.0, 0.5, 1.0] {
+        let share = (1.0 + e) / 3.0;
+        let v = end(&cradle(e, 0.0), "v");
+        for (v, exact) in v.iter().zip([1.0 - 2.0 * share, share, share]) {
+            assert!((v - exact).abs() <= 1e-14, "{v}, not {exact} with e = {e}");
+        }
+    }
+    // Balls apart collide one after the other.
+    let v = end(&cradle(1.0, 0.01), "v");
+    assert!(
+        v[0].abs() <= 1e-14 && v[1].abs() <= 1e-14 && (v[2] - 1.0).abs() <= 1e-14,
+        "{v:?}"
+    );
+}
+
+#[test]
+fn a_ball_in_a_box_is_a_pair_of_triangle_waves() {
+    let text = "
+        model billiard {
+          state q[2] = [0.3, 0.4];
+          state v[2] = [1, 0.7];
+          q' = v;
+          mechanics q, v {
+            mass = 1;
+            force = [0, 0];
+            contact left  { gap = q[1]; restitution = 1; }
+            contact right { gap = 1 - q[1]; restitution = 1; }
+            contact floor { gap = q[2]; restitution = 1; }
+            contact roof  { gap = 1 - q[2]; restitution = 1; }
+          }
+        }
+        simulate this of billiard { horizon 10.1; }
+        simulate corner of billiard { with { q = [0.5, 0.5]; v = [1, 1]; } horizon 3.2; }";
+    let wave = |s: f64| 1.0 - ((s.rem_euclid(2.0)) - 1.0).abs();
+    let trajectory = run(text, "this");
+    let q = end(&trajectory, "q");
+    assert!((q[0] - wave(0.3 + 10.1)).abs() <= 1e-12 && (q[1] - wave(0.4 + 7.07)).abs() <= 1e-12);
+    // Into a corner: two contacts at once.
+    let trajectory = run(text, "corner");
+    let found = times(&trajectory, EventKind::Jump);
+    assert_eq!(found.len(), 6);
+    for (found, exact) in found.iter().zip([0.5, 0.5, 1.5, 1.5, 2.5, 2.5]) {
+        assert!((found - exact).abs() <= 1e-15, "{found}");
+    }
+    assert!(
+        end(&trajectory, "q")
+            .iter()
+            .all(|q| (q - 0.3).abs() <= 1e-14)
+    );
+}
+
+#[test]
+fn a_floor_throws_what_lies_on_it_where_it_falls_faster() {
+    // The floor is at sin(2 t)/2; with g = 1 it falls as fast as the ball for sin(2 t) = 1/2.
+    let text = "
+        model lift {
+          state q = 0;
+          state v = 1;
+          q' = v;
+          mechanics q, v { mass = 1; force = -1; contact floor { gap = q - 0.5*sin(2*time); restitution = 0; } }
+        }
+        simulate this of lift { horizon 1.5; }";
+    let trajectory = run(text, "this");
+    assert_eq!(
+        trajectory.status,
+        Status::Solved,
+        "{:?}",
+        trajectory.failure
+    );
+    let leaves = 0.5 * (0.5_f64).asin();
+    let found = times(&trajectory, EventKind::ContactOpen);
+    assert!((found[0] - leaves).abs() <= 1e-9, "{found:?}, not {leaves}");
+    // Back on the floor where q + v s - s²/2 meets it, by bisection.
+    let (q, v) = (0.5 * (2.0 * leaves).sin(), (2.0 * leaves).cos());
+    let gap = |s: f64| q + v * s - 0.5 * s * s - 0.5 * (2.0 * (leaves + s)).sin();
+    let (mut low, mut high) = (0.5, 1.5);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if gap(middle) > 0.0 {
+            low = middle
+        } else {
+            high = middle
+        }
+    }
+    match times(&trajectory, EventKind::Jump)[..] {
+        [back] => assert!((back - leaves - low).abs() <= 1e-9, "{back}"),
+        _ => assert!(leaves + low > 1.5 && end(&trajectory, "q")[0] > 0.0),
+    }
+}
+
+/// A rod of length 1 and mass 1, its angle measured from the vertical.
+const ROD: &str = "
+    model rod {
+      param J = 1/32;
+      param mu = 0.7;
+      state q[3] = [0, 0.5*cos(pi/4) + 0.2, pi/4];
+      state v[3] = [2, 0, 0];
+      q' = v;
+      mechanics q, v {
+        mass = [1, 0, 0; 0, 1, 0; 0, 0, J];
+        force = [0, -9.81, 0];
+        contact lower {
+          gap = q[2] - 0.5*cos(q[3]);
+          restitution = 0;
+          friction = mu;
+          slip = v[1] + 0.5*cos(q[3])*v[3];
+        }
+        contact upper {
+          gap = q[2] + 0.5*cos(q[3]);
+          restitution = 0;
+          friction = mu;
+          slip = v[1] - 0.5*cos(q[3])*v[3];
+        }
+      }
+      output energy = 0.5*(v[1]^2 + v[2]^2 + J*v[3]^2) + 9.81*q[2];
+    }";
+
+#[test]
+fn a_rod_falls_on_its_end_then_flat_and_comes_to_rest() {
+    let text = format!("{ROD} simulate this of rod {{ horizon 3; }}");
+    let trajectory = run(&text, "this");
+    assert_eq!(
+        trajectory.status,
+        Status::Solved,
+        "{:?}",
+        trajectory.failure
+    );
+    let struck = times(&trajectory, EventKind::Jump);
+    assert!((struck[0] - (2.0_f64 * 0.2 / 9.81).sqrt()).abs() <= 1e-12);
+    // The impulse of the end, by hand: v = (2, -u, 0), slip 2 > 0 stays positive or sticks.
+    let u = (2.0_f64 * 9.81 * 0.2).sqrt();
+    let (s, j, mu) = (0.5 * (std::f64::consts::FRAC_PI_4).cos(), 1.0 / 32.0, 0.7);
+    let impulse = u / (1.0 + s * (s - mu * s) / j);
+    let slip = 2.0 - mu * impulse + s * impulse * (s - mu * s) / j;
+    assert!(slip > 0.0);
+    let at = trajectory
+        .time
+        .iter()
+        .rposition(|&t| t == struck[0])
+        .expect("an instant");
+    let v = &trajectory.states[1].values[3 * at..3 * at + 3];
+    let exact = [2.0 - mu * impulse, -u + impulse, impulse * (s - mu * s) / j];
+    for (v, exact) in v.iter().zip(exact) {
+        assert!((v - exact).abs() <= 1e-12, "{v}, not {exact}");
+    }
+    let (q, v) = (end(&trajectory, "q"), end(&trajectory, "v"));
+    assert!(
+        q[1].abs() <= 1e-12 && (q[2] - std::f64::consts::FRAC_PI_2).abs() <= 1e-12,
+        "{q:?}"
+    );
+    assert!(v.iter().all(|v| v.abs() <= 1e-12), "{v:?}");
+    let energy = &trajectory.outputs[0].values;
+    assert!(energy.windows(2).all(|pair| pair[1] <= pair[0] + 1e-12));
+}
+
+#[test]
+fn painleves_paradox_is_told() {
+    // J_n M⁻¹(J_n - μ J_t) = 5 - 4 cos 2θ - 4 μ sin 2θ for this rod where its end slips forwards: least at
+    // tan 2θ = μ, where it is 5 - 4 √(1 + μ²).
+    let failure = |mu: f64, speed: f64| {
+        let text = format!(
+            "{ROD} simulate this of rod {{
+               with {{ mu = {mu:?}; q = [0, 0.5*cos(pi/8) + 0.1, pi/8]; v = [{speed:?}, 0, 0]; }}
+               horizon 0.2;
+             }}"
+        );
+        run(&text, "this").failure
+    };
+    let Some(Failure::Painleve { time, name, .. }) = failure(1.0, 10.0) else {
+        panic!("a paradox");
+    };
+    assert!((time - (0.2_f64 / 9.81).sqrt()).abs() <= 1e-12 && name == "lower");
+    assert!(failure(0.74, 10.0).is_none());
+    assert!(failure(1.0, -10.0).is_none());
 }
 
 #[test]

@@ -83,6 +83,10 @@ impl<'e> Lowering<'_, 'e> {
             let what = "its gap, or the rate of it, has a switching term";
             return Err(wrong(what, contact.gap_span));
         }
+        let vars = variables_of(&[gap]);
+        if vars.iter().any(|var| places.velocities.contains_key(var)) {
+            return Err(wrong("its gap depends on velocities", contact.gap_span));
+        }
         let normal = self.directions(speed, places);
         if normal.is_empty() {
             let what = "its gap does not depend on positions of a `mechanics` block";

@@ -96,14 +96,16 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             .zip(&numbers)
             .map(|(speed, [e, _])| (1.0 + e) * speed);
         let rebound: Vec<f64> = rebound.collect();
-        let impulses = meeting.solve(&rebound, &slips).map_err(|why| match why {
-            NoForces::Paradox(at) => Status::Painleve {
-                switch: impacts[at].0,
-            },
-            NoForces::NotFound => Status::NoSolution {
-                switches: switches(),
-            },
-        })?;
+        let impulses = meeting
+            .solve(&rebound, &slips, &slips)
+            .map_err(|why| match why {
+                NoForces::Paradox(at) => Status::Painleve {
+                    switch: impacts[at].0,
+                },
+                NoForces::NotFound => Status::NoSolution {
+                    switches: switches(),
+                },
+            })?;
         state.complementarity = state.complementarity.max(impulses.residual);
         for (j, x) in state.x.iter_mut().enumerate() {
             for (switch, slope) in mode.field.slopes(j) {

@@ -209,7 +209,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             if speed > 0.0 && bend < 0.0 && speed * speed <= 2.0 * bend.abs() * least {
                 let known = self.jumps.struck.iter().find(|struck| struck.0 == switch);
                 let ratio = known.map_or(1.0, |(_, before)| speed / before);
-                if ratio < 1.0 {
+                let terms = mode.gradient(switch).iter();
+                let size: f64 = terms.map(|&(j, g)| g.abs() * state.size(j)).sum();
+                // Where nothing bounces, what is left of a speed is rounding.
+                if ratio < 1.0 && speed > BAND * size {
                     let end = state.t + 2.0 * speed / (bend.abs() * (1.0 - ratio));
                     self.jumps.end = Some(self.jumps.end.map_or(end, |other| other.max(end)));
                 }

@@ -79,13 +79,24 @@ impl Meeting {
         row.iter().zip(v).map(|(entry, v)| entry * v).sum()
     }
 
-    /// λ and β for the rates `a` and `b` without forces.
-    pub(super) fn solve(&self, a: &[f64], b: &[f64]) -> Result<Forces, NoForces> {
+    /// Whether a force of this contact, with friction against slipping in this direction, pushes it open.
+    fn pushes(&self, contact: usize, direction: f64) -> bool {
+        let at = contact * self.contacts.len() + contact;
+        let (push, drag) = (self.blocks[0][at], direction * self.blocks[1][at]);
+        push - drag > BAND * (push.abs() + drag.abs())
+    }
+
+    /// λ and β for the rates `a` and `b` without forces. `slips` are slip velocities before: friction has their
+    /// directions, and where it stops them or they vanish it may have either.
+    pub(super) fn solve(&self, a: &[f64], b: &[f64], slips: &[f64]) -> Result<Forces, NoForces> {
         let n = self.contacts.len();
         let [nn, nt, tn, tt] = &self.blocks;
-        for i in 0..n {
-            let (push, drag) = (nn[i * n + i], nt[i * n + i].abs());
-            if push.is_nan() || push - drag <= BAND * (push.abs() + drag) {
+        for (i, &slip) in slips.iter().enumerate() {
+            let either = slip == 0.0;
+            let positive = (slip > 0.0 || either).then_some(1.0);
+            let negative = (slip < 0.0 || either).then_some(-1.0);
+            let mut directions = positive.into_iter().chain(negative);
+            if !directions.all(|direction| self.pushes(i, direction)) {
                 return Err(NoForces::Paradox(i));
             }
         }
@@ -140,6 +151,11 @@ impl Meeting {
         let mut friction = vec![0.0; n];
         for (r, &i) in rough.iter().enumerate() {
             friction[i] = scale * unit[i] * (z[n + r] - z[n + m + r]);
+        }
+        let turns =
+            |i: usize| slips[i] * friction[i] < 0.0 && !self.pushes(i, friction[i].signum());
+        if let Some(i) = (0..n).find(|&i| turns(i)) {
+            return Err(NoForces::Paradox(i));
         }
         let rates = (0..n)
             .map(|i| a[i] + self.times(0, i, &normal) - self.times(1, i, &friction))

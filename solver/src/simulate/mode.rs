@@ -33,9 +33,9 @@ pub(crate) struct Mode {
     pub(super) surfaces: Surfaces,
     pub(super) equations: Sliding,
     /// Switches whose α has no lower bound.
-    unilateral: Vec<bool>,
+    pub(super) unilateral: Vec<bool>,
     /// The contacts whose slip velocities ψ are.
-    slip_of: Vec<Option<usize>>,
+    pub(super) slip_of: Vec<Option<usize>>,
     /// Whether the components of `equations` are those of the present mode.
     arranged: bool,
     /// Whether functions of any sides have been taken.
@@ -160,24 +160,6 @@ impl Mode {
     /// Takes the switching functions of these sides, and no rates.
     pub(crate) fn enter_surfaces(&mut self, system: &impl SwitchedSystem, sides: &[Side]) {
         self.surfaces.enter(system, &mut self.memory, sides);
-    }
-
-    /// True for a switch that is never below its surface.
-    pub(super) fn is_unilateral(&self, switch: usize) -> bool {
-        self.unilateral[switch]
-    }
-
-    /// True for the slip velocity of a contact that is open, which does not matter.
-    pub(super) fn is_idle(&self, switch: usize, sides: &[Side]) -> bool {
-        self.slip_of[switch].is_some_and(|of| sides[of] != Side::Slide)
-    }
-
-    /// What α of a sliding switch must not pass.
-    pub(super) fn limits(&self, switch: usize) -> &'static [f64] {
-        match self.unilateral[switch] {
-            true => &[1.0],
-            false => &[0.0, 1.0],
-        }
     }
 
     /// Functions taken up so far.

@@ -6,6 +6,7 @@
 
 use super::candidates::{Zeros, product};
 use super::meeting::{Forces, Meeting, NoForces};
+use super::mode::Mode;
 use super::select::{Choice, Choices};
 use super::state::State;
 use super::{Side, Simulator, Status, SwitchedSystem};
@@ -63,7 +64,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         mode.vary(&alpha);
         mode.linearize(group);
         let meeting = Meeting::of(mode, contacts);
-        let forces = meeting.solve(&a, &b).map_err(|why| match why {
+        let at_rest = vec![0.0; a.len()];
+        let forces = meeting.solve(&a, &b, &at_rest).map_err(|why| match why {
             NoForces::Paradox(at) => Status::Painleve {
                 switch: meeting.contacts[at].0,
             },
@@ -137,6 +139,26 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             alpha: group.iter().map(|&i| alpha[i]).collect(),
             f: states.map(|&state| mode.f()[state]).collect(),
         })
+    }
+}
+
+impl Mode {
+    /// True for a switch that is never below its surface.
+    pub(super) fn is_unilateral(&self, switch: usize) -> bool {
+        self.unilateral[switch]
+    }
+
+    /// True for the slip velocity of a contact that is open, which does not matter.
+    pub(super) fn is_idle(&self, switch: usize, sides: &[Side]) -> bool {
+        self.slip_of[switch].is_some_and(|of| sides[of] != Side::Slide)
+    }
+
+    /// What α of a sliding switch must not pass.
+    pub(super) fn limits(&self, switch: usize) -> &'static [f64] {
+        match self.unilateral[switch] {
+            true => &[1.0],
+            false => &[0.0, 1.0],
+        }
     }
 }
 

@@ -15,6 +15,8 @@ pub(super) struct Surfaces {
     derivatives: Vec<(usize, usize)>,
     /// The first derivative of every switch, and how many there are.
     of_switch: Vec<(usize, usize)>,
+    /// Switches of slip velocities.
+    slips: Vec<bool>,
     /// What stands for a switch at present: its ψ, or the derivative that has its α in its rate.
     slot: Vec<usize>,
     /// Switches in whose ψ the α of a switch occurs, and the switches that have any.
@@ -69,6 +71,7 @@ impl Surfaces {
             inner: (0..m).filter(|&i| !around[i].is_empty()).collect(),
             deep: (0..m).filter(|&i| of_switch[i].1 > 0).collect(),
             of_switch,
+            slips: (0..m).map(|i| system.slip_of(i).is_some()).collect(),
             slot: (0..m).collect(),
             around,
             sides: None,
@@ -183,8 +186,12 @@ impl Surfaces {
     }
 
     /// True when two switches stand for multiples of one affine function, and one of them for a
-    /// derivative: then keeping one at zero keeps the other there too.
+    /// derivative, or are slip velocities with one direction: then keeping one at zero keeps the other there
+    /// too.
     pub(super) fn is_same(&self, a: usize, b: usize) -> bool {
+        if self.slips[a] && self.slips[b] {
+            return are_parallel(self.gradient(a), self.gradient(b));
+        }
         if !self.is_deep(a) && !self.is_deep(b) {
             return false;
         }
@@ -358,6 +365,26 @@ impl Surfaces {
             }
         }
     }
+}
+
+/// True where one gradient is a multiple of the other.
+fn are_parallel(a: &[(usize, f64)], b: &[(usize, f64)]) -> bool {
+    const SAME: f64 = 1e-9;
+    let largest = |a: &(usize, f64), b: &(usize, f64)| a.1.abs().total_cmp(&b.1.abs());
+    let Some(&(at, first)) = a.iter().max_by(|x, y| largest(x, y)) else {
+        return false;
+    };
+    let of = |list: &[(usize, f64)], state: usize| {
+        let entry = list.iter().find(|entry| entry.0 == state);
+        entry.map_or(0.0, |entry| entry.1)
+    };
+    let ratio = of(b, at) / first;
+    let size = SAME * (ratio * first).abs();
+    let states = a.iter().chain(b).map(|entry| entry.0);
+    size > 0.0
+        && states
+            .into_iter()
+            .all(|state| (of(a, state) * ratio - of(b, state)).abs() <= size)
 }
 
 impl Local {
