@@ -109,7 +109,7 @@ pub(super) fn warnings(system: &System, outcome: &Outcome) -> Vec<Warning> {
                 ),
             ),
             Note::EnergyGained { .. } => (
-                "W0711",
+                "W0712",
                 format!("at t = {time}, an impact of {names} has added energy"),
             ),
         };
