@@ -219,6 +219,49 @@ fn a_floor_throws_what_lies_on_it_where_it_falls_faster() {
     }
 }
 
+#[test]
+fn more_contacts_than_forces_have_one_motion() {
+    // Two discs fill the box from wall to wall, and a third one falls between them: eight contacts, six
+    // coordinates, and rest at the height of an equilateral triangle.
+    let text = "
+        model disc {
+          state q[2];
+          state v[2] = [0, 0];
+          q' = v;
+          mechanics q, v { mass = 1; force = [0, -1]; }
+        }
+        model wedge {
+          part a = disc { q = [1, 1]; }
+          part b = disc { q = [3, 1]; }
+          part c = disc { q = [2, 1 + sqrt(3) + 0.5]; }
+          contact floor_a { gap = a.q[2] - 1; restitution = 0; }
+          contact floor_b { gap = b.q[2] - 1; restitution = 0; }
+          contact left    { gap = a.q[1] - 1; restitution = 0; }
+          contact right   { gap = 3 - b.q[1]; restitution = 0; }
+          contact ab { gap = norm(a.q - b.q) - 2; restitution = 0; }
+          contact ac { gap = norm(a.q - c.q) - 2; restitution = 0; }
+          contact bc { gap = norm(b.q - c.q) - 2; restitution = 0; }
+        }
+        simulate this of wedge { horizon 3; }";
+    let trajectory = run(text, "this");
+    assert_eq!(
+        trajectory.status,
+        Status::Solved,
+        "{:?}",
+        trajectory.failure
+    );
+    let c = end(&trajectory, "c.q");
+    assert!(
+        (c[0] - 2.0).abs() <= 1e-12 && (c[1] - 1.0 - 3.0_f64.sqrt()).abs() <= 1e-12,
+        "{c:?}"
+    );
+    for (name, exact) in [("a.q", [1.0, 1.0]), ("b.q", [3.0, 1.0])] {
+        let found = end(&trajectory, name);
+        assert!((found[0] - exact[0]).abs() <= 1e-12 && (found[1] - exact[1]).abs() <= 1e-12);
+    }
+    assert!(trajectory.stats.complementarity_residual <= 1e-12);
+}
+
 /// A rod of length 1 and mass 1, its angle measured from the vertical.
 const ROD: &str = "
     model rod {

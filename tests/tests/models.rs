@@ -17,6 +17,8 @@ const EXAMPLES: &[&str] = &[
     "continuous.nsd: a",
     "continuous.nsd: b",
     "continuous.nsd: c",
+    "falling_rod.nsd: falls",
+    "falling_rod.nsd: jams",
     "fast_actuator.nsd: follows",
     "fast_actuator.nsd: slides",
     "friction_chain.nsd: longer",
@@ -28,6 +30,9 @@ const EXAMPLES: &[&str] = &[
     "intersections.nsd: codimension_two",
     "intersections.nsd: product_selection",
     "motor.nsd: shift",
+    "newtons_cradle.nsd: apart",
+    "newtons_cradle.nsd: clay",
+    "newtons_cradle.nsd: together",
     "oscillator.nsd: crossing",
     "oscillator.nsd: reversed",
     "parts.nsd: on_ice",
@@ -51,6 +56,8 @@ const EXAMPLES: &[&str] = &[
     "switching_cases.nsd: upwards",
     "tanks.nsd: level",
     "thermostat.nsd: day",
+    "thrown_ball.nsd: slower",
+    "thrown_ball.nsd: throw",
     "turbo_car.nsd: hurry",
     "tutorial_ocp.nsd: tutorial",
     "two_gene_network.nsd: both_thresholds",
@@ -75,8 +82,10 @@ const LIBRARY: &[&str] = &[
 
 /// Experiments of the design models that pass.
 const MODELS: &[&str] = &[
+    "ball_pile.nsd: by_events",
     "bouncing_ball.nsd: at_rest",
     "bouncing_ball.nsd: bounces",
+    "box_friction.nsd: throw",
     "branicky.nsd: growth",
     "continuous.nsd: a",
     "continuous.nsd: b",
@@ -98,6 +107,7 @@ const MODELS: &[&str] = &[
     "switching_cases.nsd: leave",
     "switching_cases.nsd: slide",
     "thermostat.nsd: day",
+    "two_contacts.nsd: drop",
 ];
 
 /// Experiments of the design models that are refused as not supported yet, with the code.

@@ -257,9 +257,20 @@ pub(super) fn reduce<'e>(
     name: &str,
     entries: &[Expr<'e>],
 ) -> Expr<'e> {
-    match (name, entries.split_first()) {
-        ("min", Some((&first, rest))) => rest.iter().fold(first, |a, &b| a.min(b)),
-        ("max", Some((&first, rest))) => rest.iter().fold(first, |a, &b| a.max(b)),
+    match (name, entries) {
+        ("min", [_, ..]) => halves(entries, Expr::min),
+        ("max", [_, ..]) => halves(entries, Expr::max),
         _ => lowering.scope.exprs.sum(entries.iter().copied()),
+    }
+}
+
+/// Both halves first: then a comparison is nested in few others.
+fn halves<'e>(entries: &[Expr<'e>], of: fn(Expr<'e>, Expr<'e>) -> Expr<'e>) -> Expr<'e> {
+    match entries {
+        [only] => *only,
+        _ => {
+            let (a, b) = entries.split_at(entries.len().div_ceil(2));
+            of(halves(a, of), halves(b, of))
+        }
     }
 }

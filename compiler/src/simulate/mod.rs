@@ -423,6 +423,7 @@ fn assemble(
             rhs_evaluations: outcome.stats.rhs_evaluations as u64,
             newton_iterations: outcome.stats.newton_iterations as u64,
             factorizations: outcome.stats.factorizations as u64,
+            complementarity_residual: outcome.complementarity,
             ..Stats::default()
         },
         certificate: Certificate {

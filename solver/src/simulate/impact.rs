@@ -15,12 +15,7 @@ const GAIN: f64 = 1e-9;
 
 impl<S: SwitchedSystem> Simulator<'_, S> {
     /// Lets velocities jump by the impulses of the contacts that `laws` strike, and all that they act on.
-    pub(super) fn impact(
-        &mut self,
-        state: &mut State,
-        laws: &[usize],
-        t1: f64,
-    ) -> Result<(), Status> {
+    pub(super) fn impact(&mut self, state: &mut State, laws: &[usize]) -> Result<(), Status> {
         let system = self.system;
         let struck = laws.iter().filter_map(|&law| impact_of(system, law));
         let struck: Vec<usize> = struck.map(|(normal, _)| normal).collect();
@@ -29,12 +24,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         }
         let mut touching = Vec::new();
         let mut impacts = Vec::new();
-        for law in 0..system.laws().len() {
-            let Some((normal, impact)) = impact_of(system, law) else {
-                continue;
-            };
-            self.measure_bands(state, &[normal], t1 - state.t);
-            if self.mode.psi(normal) <= state.band[normal] {
+        for &(law, _) in &self.jumps.near {
+            if let Some((normal, impact)) = impact_of(system, law) {
                 touching.push(normal);
                 touching.extend(impact.slip);
                 impacts.push((normal, impact));

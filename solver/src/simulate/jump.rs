@@ -38,6 +38,8 @@ pub(super) struct Jumps {
     pub closed: Vec<f64>,
     /// Where the jumps of contacts that close here accumulate.
     end: Option<f64>,
+    /// Laws of contacts without a gap, and their switches.
+    pub near: Vec<(usize, usize)>,
     /// Contacts that were struck here, and how fast.
     struck: Vec<(usize, f64)>,
 }
@@ -94,11 +96,12 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let mut last: Vec<usize> = Vec::new();
         let (Met::Surfaces(on) | Met::Breakpoint(on)) = &mut met;
         self.wake(state, on, t1);
+        self.find_near(state, t1);
         for _ in 0..MAX_ROUNDS {
-            let mut fired = self.struck(state, t1);
+            let mut fired = self.struck(state);
             if fired.is_empty() {
                 if !self.jumps.fired.is_empty() {
-                    self.close(state, t1);
+                    self.close(state);
                 }
                 match met {
                     Met::Surfaces(on) if on.is_empty() => {}
@@ -119,8 +122,12 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 return Err(Status::StaysInGuard { law });
             }
             self.apply(state, &fired)?;
-            self.impact(state, &fired, t1)?;
+            self.impact(state, &fired)?;
             met = Met::Surfaces(self.place(state, t1 - state.t)?);
+            let moves = |law: &usize| matches!(self.system.laws()[*law].effect, Effect::Reset(_));
+            if fired.iter().any(moves) {
+                self.find_near(state, t1);
+            }
             last = fired;
         }
         Err(Status::EndlessJumps { laws: last })
@@ -148,24 +155,42 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         on.sort_unstable();
     }
 
+    /// Finds the contacts without a gap: no impact changes that.
+    fn find_near(&mut self, state: &mut State, t1: f64) {
+        let mut near = std::mem::take(&mut self.jumps.near);
+        near.clear();
+        near.extend(
+            self.system
+                .laws()
+                .iter()
+                .enumerate()
+                .filter_map(|(l, law)| {
+                    let Guard::Strikes(switch) = law.guard else {
+                        return None;
+                    };
+                    Some((l, switch))
+                }),
+        );
+        let mode = &mut self.mode;
+        mode.set(state.t, &state.x, &state.alpha);
+        near.retain(|&(_, switch)| {
+            let closed = state.sides[switch] == Side::Slide;
+            state.band[switch] = mode.band(switch, state, t1 - state.t);
+            let is_near = closed || mode.psi(switch) <= state.band[switch];
+            mode.surfaces.stand_for(switch, usize::from(closed));
+            is_near
+        });
+        self.jumps.near = near;
+    }
+
     /// The laws of surfaces that the state strikes from above.
-    fn struck(&mut self, state: &mut State, t1: f64) -> Vec<usize> {
+    fn struck(&mut self, state: &State) -> Vec<usize> {
         let mut struck = Vec::new();
         let mut speeds = Vec::new();
-        for (l, law) in self.system.laws().iter().enumerate() {
-            let Guard::Strikes(switch) = law.guard else {
-                continue;
-            };
+        let mode = &mut self.mode;
+        mode.set(state.t, &state.x, &state.alpha);
+        for &(l, switch) in &self.jumps.near {
             let closed = state.sides[switch] == Side::Slide;
-            if !closed {
-                self.measure_bands(state, &[switch], t1 - state.t);
-            }
-            let mode = &mut self.mode;
-            mode.set(state.t, &state.x, &state.alpha);
-            mode.surfaces.stand_for(switch, 0);
-            if !closed && mode.psi(switch) > state.band[switch] {
-                continue;
-            }
             mode.surfaces.stand_for(switch, 1);
             mode.surfaces.linearize(switch, &mode.memory.values);
             let terms = mode.gradient(switch).iter();
@@ -185,15 +210,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     }
 
     /// Takes away the speeds at which contacts open by less than their ψ is known.
-    fn close(&mut self, state: &mut State, t1: f64) {
-        for law in self.system.laws() {
-            let Guard::Strikes(switch) = law.guard else {
-                continue;
-            };
-            self.measure_bands(state, &[switch], t1 - state.t);
-            if self.mode.psi(switch).abs() > state.band[switch] {
-                continue;
-            }
+    fn close(&mut self, state: &mut State) {
+        for at in 0..self.jumps.near.len() {
+            let (_, switch) = self.jumps.near[at];
             let mut sides = state.sides.clone();
             sides[switch] = Side::Slide;
             self.mode.enter(self.system, &sides);

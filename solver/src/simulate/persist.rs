@@ -192,17 +192,25 @@ fn options(meeting: &Meeting, forces: &Forces, i: usize, near: f64) -> Vec<Sides
     closed.chain(open).collect()
 }
 
-/// Combinations of options: all, or the first ones but for one contact.
+/// Combinations of options: all, or where that is too many the first or the last ones everywhere or but for one
+/// contact. Normals that depend on each other leave contacts in doubt whose force is zero: with the last options
+/// these are open, which holds what the others hold.
 fn tried(options: &[Vec<Sides>]) -> Vec<Vec<Sides>> {
     let doubts = options.iter().filter(|sides| sides.len() > 1).count();
     if doubts <= MAX_DOUBTS {
         return product(options);
     }
     let first: Vec<Sides> = options.iter().map(|sides| sides[0]).collect();
-    let mut found = vec![first.clone()];
+    let last: Vec<Sides> = options.iter().map(|sides| sides[sides.len() - 1]).collect();
+    let mut found = vec![first.clone(), last.clone()];
     for (i, others) in options.iter().enumerate() {
         for &other in &others[1..] {
             let mut sides = first.clone();
+            sides[i] = other;
+            found.push(sides);
+        }
+        for &other in &others[..others.len() - 1] {
+            let mut sides = last.clone();
             sides[i] = other;
             found.push(sides);
         }

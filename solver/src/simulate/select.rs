@@ -7,6 +7,7 @@
 
 use super::judge::{Check, Verdict};
 use super::jump::Met;
+use super::mode::Mode;
 use super::state::State;
 use super::{Note, Side, Simulator, Status, SwitchedSystem};
 
@@ -35,6 +36,17 @@ pub(super) struct Choices {
     pub singular: bool,
     /// No bound of a search was met, so that there are no others.
     pub all: bool,
+}
+
+impl Mode {
+    /// Below what |ψ| is the surface, where the point is. The switch stands for ψ afterwards.
+    pub(super) fn band(&mut self, switch: usize, state: &State, horizon: f64) -> f64 {
+        self.surfaces.stand_for(switch, 0);
+        self.surfaces.linearize(switch, &self.memory.values);
+        let terms = self.gradient(switch).iter();
+        let size: f64 = terms.map(|&(j, g)| g.abs() * state.size(j)).sum();
+        BAND * (size + self.time_gradient(switch).abs() * horizon)
+    }
 }
 
 impl<S: SwitchedSystem> Simulator<'_, S> {
@@ -107,14 +119,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
 
     /// |ψ| ≤ `BAND` (|∇ψ| scale(x) + |∂ψ/∂t| horizon) is the surface.
     pub(super) fn measure_bands(&mut self, state: &mut State, switches: &[usize], horizon: f64) {
-        let mode = &mut self.mode;
-        mode.set(state.t, &state.x, &state.alpha);
+        self.mode.set(state.t, &state.x, &state.alpha);
         for &i in switches {
-            mode.surfaces.stand_for(i, 0);
-            mode.surfaces.linearize(i, &mode.memory.values);
-            let terms = mode.gradient(i).iter();
-            let size: f64 = terms.map(|&(j, g)| g.abs() * state.size(j)).sum();
-            state.band[i] = BAND * (size + mode.time_gradient(i).abs() * horizon);
+            state.band[i] = self.mode.band(i, state, horizon);
         }
     }
 
