@@ -82,7 +82,6 @@ const LIBRARY: &[&str] = &[
 
 /// Experiments of the design models that pass.
 const MODELS: &[&str] = &[
-    "ball_pile.nsd: by_events",
     "bouncing_ball.nsd: at_rest",
     "bouncing_ball.nsd: bounces",
     "box_friction.nsd: throw",
@@ -127,10 +126,15 @@ const NOT_YET: &[&str] = &[
     "throw_and_catch.nsd: track (E0924)",
 ];
 
+/// Experiments of the design models that end before their horizon, with a failure that says so: in a bin that is
+/// exactly as wide as three discs, the third one goes in between two others without room for rounding.
+const FAILED: &[&str] = &["ball_pile.nsd: by_events"];
+
 /// What `nsdc test` says of the experiments below a folder.
 struct Outcome {
     exit: Exit,
     passed: Vec<String>,
+    failed: Vec<String>,
     not_yet: Vec<String>,
     text: String,
 }
@@ -143,17 +147,19 @@ fn test(folder: &Path) -> Outcome {
             .filter_map(|line| line.strip_prefix(prefix).map(below))
             .collect::<Vec<_>>()
     };
-    let mut passed = lines("ok ");
+    let (mut passed, mut failed) = (lines("ok "), lines("FAILED "));
     let mut not_yet: Vec<String> = lines("-- ")
         .into_iter()
         .map(|line| line.replacen(": not yet supported", "", 1))
         .collect();
     passed.sort();
+    failed.sort();
     not_yet.sort();
     let text = format!("{text}{err}");
     Outcome {
         exit,
         passed,
+        failed,
         not_yet,
         text,
     }
@@ -190,5 +196,6 @@ fn the_design_models_pass_or_are_refused_by_name() {
     let outcome = test(&models);
     assert_eq!(outcome.passed, MODELS, "{}", outcome.text);
     assert_eq!(outcome.not_yet, NOT_YET);
-    assert_eq!(outcome.exit, Exit::Success);
+    assert_eq!(outcome.failed, FAILED);
+    assert_eq!(outcome.exit, Exit::Failed);
 }
