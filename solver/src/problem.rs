@@ -77,6 +77,22 @@ pub trait Mpcc: Nlp {
     fn terms(&self, _pair: usize, _member: Member) -> &[u32] {
         &[]
     }
+    /// Points of other branches that mean the same as this one, which solves its branch with multipliers y of the rows.
+    ///
+    /// A program may describe one and the same solution by points that are far from each other, with other members
+    /// zero. A minimum is one only where none of them has a direction of descent.
+    fn others(&mut self, _w: &[f64], _zeros: &[Member], _y: &[f64]) -> Vec<Other> {
+        Vec::new()
+    }
+}
+
+/// A point near a branch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Other {
+    /// The variables.
+    pub w: Vec<f64>,
+    /// The member of every pair that the branch holds at zero.
+    pub zeros: Vec<Member>,
 }
 
 /// A member of a pair.

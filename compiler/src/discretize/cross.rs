@@ -92,10 +92,17 @@ impl<'e> Problem<'_, 'e> {
     }
 
     /// The number of the variable that a member contains.
-    fn algebraic(&self, member: Expr<'e>) -> usize {
+    pub(super) fn algebraic(&self, member: Expr<'e>) -> usize {
         let contains = |z: &crate::dcs::Algebraic| z.var == member || z.var == 1.0 - member;
         let place = self.dcs.algebraics.iter().position(contains);
         place.expect("members of pairs are algebraic variables, or 1 minus one")
+    }
+
+    /// The number of the variable that a member contains, and the derivative by it.
+    pub(super) fn jump(&self, member: Expr<'e>) -> (usize, f64) {
+        let i = self.algebraic(member);
+        let is_variable = self.dcs.algebraics[i].var == member;
+        (i, if is_variable { 1.0 } else { -1.0 })
     }
 
     /// The pairs.

@@ -130,6 +130,11 @@ impl Layout {
         self.slopes.map(|slopes| slopes + node * self.n_states)
     }
 
+    /// Whether continuous z start anew in every step, because the switching functions contain what jumps there.
+    pub fn restarts(&self) -> bool {
+        self.restarts
+    }
+
     /// The number of algebraic variables.
     pub fn n_algebraics(&self) -> usize {
         self.n_algebraics

@@ -319,6 +319,7 @@ impl<'e> Problem<'_, 'e> {
         let mut conditions = Conditions {
             steps: layout.steps,
             elements: layout.elements,
+            has_more: self.groups().iter().any(|group| !group.is_crossed),
             ..Conditions::default()
         };
         let pairs = |block: &&Block| block.kind == Kind::Pair;
@@ -339,6 +340,8 @@ impl<'e> Problem<'_, 'e> {
                 first_pair,
                 per_element: places / (layout.steps * layout.elements),
                 members: group.members.len(),
+                continuous: group.continuous().iter().map(|&b| self.algebraic(b)).collect(),
+                jumps: group.jumps().iter().map(|&a| self.jump(a)).collect(),
                 leave: mpcc.blocks.len(),
             });
             // What jumps, at the end of an element: the polynomial through its values at the nodes.

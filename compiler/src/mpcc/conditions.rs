@@ -9,10 +9,12 @@
 //! Where a pair opens, b is continuous and zero at the boundary, which is row enough. Of several pairs that close at
 //! one boundary, the first fixes it.
 
+use std::ops::Range;
+
 use nsd_solver::problem::Member;
 
 /// The blocks of one grid of elements.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Conditions {
     /// Steps.
     pub steps: usize,
@@ -22,10 +24,12 @@ pub struct Conditions {
     pub groups: Vec<Group>,
     /// The block of rows that make lengths equal.
     pub equal: Option<usize>,
+    /// Whether elements have pairs besides.
+    pub has_more: bool,
 }
 
 /// Pairs of elements, and their conditional rows.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Group {
     /// The number of the first of these pairs among all pairs.
     pub first_pair: usize,
@@ -33,6 +37,10 @@ pub struct Group {
     pub per_element: usize,
     /// Members.
     pub members: usize,
+    /// The algebraic variable that b of every member is.
+    pub continuous: Vec<usize>,
+    /// The algebraic variable in a of every member, and its derivative by it: 1, or -1 for 1 - z.
+    pub jumps: Vec<(usize, f64)>,
     /// The block of rows by which a closes.
     pub leave: usize,
 }
@@ -77,6 +85,27 @@ impl Conditions {
         equal.into_iter().chain(leave)
     }
 
+    /// Which pairs are open in an element, counted from 0: those of all groups, one after the other.
+    pub fn open(&self, element: usize, zeros: &[Member]) -> Vec<bool> {
+        let n = self.steps * self.elements;
+        let of_group = |group: &Group| {
+            let open = |member| group.is_open(member, element, n, zeros);
+            (0..group.members).map(open).collect::<Vec<bool>>()
+        };
+        self.groups.iter().flat_map(of_group).collect()
+    }
+
+    /// Opens these pairs in an element, and closes the others.
+    pub fn set_open(&self, element: usize, open: &[bool], zeros: &mut [Member]) {
+        let n = self.steps * self.elements;
+        let members = (self.groups.iter())
+            .flat_map(|group| (0..group.members).map(move |member| (group, member)));
+        for ((group, member), &open) in members.zip(open) {
+            let zero = if open { Member::B } else { Member::A };
+            zeros[group.pairs(member, element, n)].fill(zero);
+        }
+    }
+
     /// The rows that hold.
     pub(super) fn holding(&self, zeros: &[Member]) -> Holding {
         let mut rows = Vec::new();
@@ -115,8 +144,12 @@ impl Conditions {
 
 impl Group {
     fn is_open(&self, member: usize, element: usize, n_elements: usize, zeros: &[Member]) -> bool {
+        zeros[self.pairs(member, element, n_elements)].contains(&Member::B)
+    }
+
+    fn pairs(&self, member: usize, element: usize, n_elements: usize) -> Range<usize> {
         let places = n_elements * self.per_element;
         let first = self.first_pair + member * places + element * self.per_element;
-        zeros[first..first + self.per_element].contains(&Member::B)
+        first..first + self.per_element
     }
 }

@@ -35,7 +35,7 @@ pub use conditions::{Conditions, Group};
 pub use evaluate::Evaluator;
 pub use flat::{Flat, Row, Value};
 pub use nl::Ampl;
-pub use program::Program;
+pub use program::{Linearized, Others, Program};
 
 use crate::dcs;
 use crate::expr::{Expr, Exprs, Var};

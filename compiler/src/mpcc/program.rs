@@ -5,10 +5,12 @@
 //! Once it is known which member of every pair is zero, terms that only steer leave the objective, and those
 //! conditional rows hold that [`Conditions`] say.
 
+use std::fmt;
 use std::ops::Range;
+use std::sync::Arc;
 
 use nsd_solver::kernels::{self, ProgramBuilder};
-use nsd_solver::problem::{self, Member, Nlp, Pair, Pattern, Side};
+use nsd_solver::problem::{self, Member, Nlp, Other, Pair, Pattern, Side};
 use rustc_hash::FxHashMap;
 
 use super::conditions::Conditions;
@@ -29,6 +31,35 @@ pub struct Program {
     term_variables: Vec<u32>,
     /// Block and first row of the rows of the program.
     rows: Vec<(usize, Range<usize>)>,
+    others: Option<Arc<dyn Others>>,
+}
+
+/// Points of other branches that mean the same: see [`nsd_solver::problem::Mpcc::others`].
+pub trait Others: fmt::Debug + Send + Sync {
+    /// Those of a point.
+    fn at(&self, w: &[f64], zeros: &[Member], near: &Linearized) -> Vec<Other>;
+}
+
+/// A program near a point.
+#[derive(Clone, Debug)]
+pub struct Linearized {
+    /// The derivatives of the Lagrangian, without rows that are sides of pairs.
+    pub slopes: Vec<f64>,
+    /// Entries (row, column, value) of the Jacobian of the equations that hold in all branches.
+    equations: Vec<(u32, u32, f64)>,
+}
+
+impl Linearized {
+    /// By how much the equations change at most with these variables.
+    pub fn change(&self, direction: &FxHashMap<usize, f64>) -> f64 {
+        let mut rows: FxHashMap<u32, f64> = FxHashMap::default();
+        for &(row, column, value) in &self.equations {
+            if let Some(d) = direction.get(&(column as usize)) {
+                *rows.entry(row).or_default() += value * d;
+            }
+        }
+        rows.values().fold(0.0, |m: f64, change| m.max(change.abs()))
+    }
 }
 
 impl<'e> Mpcc<'e> {
@@ -86,6 +117,7 @@ impl<'e> Mpcc<'e> {
             terms: pairs.terms,
             term_variables: pairs.term_variables,
             rows,
+            others: None,
         })
     }
 
@@ -249,6 +281,46 @@ impl Program {
     pub fn set_start(&mut self, start: &[f64]) {
         self.kernels.set_start(start);
     }
+
+    /// The program near a point with multipliers y.
+    fn linearized(&mut self, w: &[f64], y: &[f64]) -> Linearized {
+        let pairs = problem::Mpcc::pairs(&self.kernels).iter();
+        let sides = pairs.flat_map(|pair| [pair.a, pair.b]);
+        let mut is_side = vec![false; y.len()];
+        for side in sides {
+            if let Side::Row(row) = side {
+                is_side[row as usize] = true;
+            }
+        }
+        let bounds = self.kernels.row_bounds();
+        let bounds = bounds.lower.iter().zip(bounds.upper);
+        let mut is_equation: Vec<bool> = bounds.map(|(lower, upper)| lower == upper).collect();
+        for block in self.conditions.blocks() {
+            let first = self.first_rows[block.number];
+            is_equation[first..first + block.rows].fill(false);
+        }
+        let mut slopes = vec![0.0; w.len()];
+        self.kernels.gradient(w, &mut slopes);
+        let mut entries = vec![0.0; self.kernels.jacobian_pattern().n_entries()];
+        self.kernels.jacobian(w, &mut entries);
+        let pattern = self.kernels.jacobian_pattern();
+        let mut equations = Vec::new();
+        for (row, &y) in y.iter().enumerate().filter(|(row, _)| !is_side[*row]) {
+            let values = &entries[pattern.starts[row]..pattern.starts[row + 1]];
+            for (&column, &value) in pattern.row(row).iter().zip(values) {
+                slopes[column as usize] += value * y;
+                if is_equation[row] {
+                    equations.push((row as u32, column, value));
+                }
+            }
+        }
+        Linearized { slopes, equations }
+    }
+
+    /// What knows other points that mean the same.
+    pub fn set_others(&mut self, others: Arc<dyn Others>) {
+        self.others = Some(others);
+    }
 }
 
 impl Nlp for Program {
@@ -326,5 +398,13 @@ impl problem::Mpcc for Program {
     fn terms(&self, pair: usize, member: Member) -> &[u32] {
         let range = self.terms[pair][member as usize].clone();
         &self.term_variables[range.start as usize..range.end as usize]
+    }
+
+    fn others(&mut self, w: &[f64], zeros: &[Member], y: &[f64]) -> Vec<Other> {
+        let Some(others) = self.others.clone() else {
+            return Vec::new();
+        };
+        let near = self.linearized(w, y);
+        others.at(w, zeros, &near)
     }
 }

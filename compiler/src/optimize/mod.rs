@@ -8,12 +8,14 @@
 mod check;
 mod failure;
 mod guess;
+mod moved;
 mod read;
 mod record;
 mod solved;
 #[cfg(test)]
 mod tests;
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use nsd_solver::mpcc::{self, Class, Form, Homotopy, MultiStart, Options, Solution};
@@ -31,6 +33,7 @@ use crate::system::System;
 use crate::system::experiment::{Optimize, Settings};
 
 pub use guess::Sampled;
+use moved::Moved;
 
 /// A solved task.
 pub struct Solved<'e> {
@@ -80,7 +83,8 @@ pub fn run<'e>(
         steps: task.intervals,
     };
     let (mpcc, layout) = discretize(&dcs, grid, &discretize::Options::optimize(task))?;
-    let program = mpcc.program().expect("kernels are smooth");
+    let mut program = mpcc.program().expect("kernels are smooth");
+    program.set_others(Arc::new(Moved::new(&layout, &mpcc.conditions)));
     let mut problem = Problem {
         system,
         settings,
@@ -95,11 +99,14 @@ pub fn run<'e>(
 
     let started = Instant::now();
     let n_starts = task.starts.map_or(1, |starts| starts.count);
-    watch(Progress {
-        done: 0,
-        starts: n_starts,
-    });
-    let found = solve(&problem, &guess, request);
+    let mut heard = |done| {
+        watch(Progress {
+            done,
+            starts: n_starts,
+        });
+    };
+    heard(0);
+    let found = solve(&problem, &guess, request, &mut heard);
     let seconds = started.elapsed().as_secs_f64();
     let best = found
         .best
@@ -133,7 +140,12 @@ pub fn run<'e>(
 }
 
 /// All starts, in parallel.
-fn solve(problem: &Problem, guess: &[f64], request: &Request) -> MultiStart {
+fn solve(
+    problem: &Problem,
+    guess: &[f64],
+    request: &Request,
+    watch: &mut dyn FnMut(usize),
+) -> MultiStart {
     let chosen = &problem.task.options;
     let form = Form {
         relaxation: chosen.relaxation,
@@ -167,7 +179,7 @@ fn solve(problem: &Problem, guess: &[f64], request: &Request) -> MultiStart {
         }
     };
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    mpcc::multistart(&problem.program, &starts, &options, threads)
+    mpcc::multistart(&problem.program, &starts, &options, threads, watch)
 }
 
 /// Where no start led to a feasible point, the one that came closest.
@@ -232,4 +244,9 @@ fn describe(problem: &Problem, solution: &Solution, trajectory: &mut Trajectory)
 /// What a failure of the discretization means for a run.
 pub fn refused(error: &DiscretizeError, settings: &Settings) -> Failure {
     failure::refused(error, settings)
+}
+#[doc(hidden)]
+#[allow(missing_docs)]
+pub fn equip(program: &mut Program, layout: &Layout, conditions: &crate::mpcc::Conditions) {
+    program.set_others(Arc::new(Moved::new(layout, conditions)));
 }

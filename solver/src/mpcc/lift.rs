@@ -4,7 +4,7 @@
 //! bounds. A row that belongs to several pairs has one slack.
 
 use super::forcing::Forcing;
-use crate::problem::{Bounds, Member, Mpcc, Nlp, Pattern, Side};
+use crate::problem::{Bounds, Member, Mpcc, Nlp, Other, Pattern, Side};
 
 /// A problem in vertical form: its variables are those of the original one, then the slacks.
 ///
@@ -173,6 +173,16 @@ impl<'p> Lifted<'p> {
         self.forcing
             .propagate(self.row_bounds(), &mut lower, &mut upper);
         (lower, upper)
+    }
+
+    /// Points of other branches that mean the same.
+    pub fn others(&mut self, w: &[f64], zeros: &[Member], y: &[f64]) -> Vec<Other> {
+        let n = self.n_original();
+        let mut others = self.problem.others(&w[..n], zeros, y);
+        for other in &mut others {
+            other.w = self.extend(&other.w);
+        }
+        others
     }
 
     /// Distances a and b of a pair from their lower bounds.

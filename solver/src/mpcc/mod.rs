@@ -107,6 +107,8 @@ pub fn solve_from(problem: &mut dyn Mpcc, start: &[f64], options: &Options) -> S
     solution
 }
 
+/// How often a branch is left for one in which another point means the same.
+const MAX_MOVES: usize = 200;
 /// An objective below this at a feasible point, where no stationary one is found, has no bound.
 const UNBOUNDED: f64 = -1e10;
 
@@ -191,7 +193,11 @@ impl Work<'_> {
             lifted.settle(Some(&best.zeros));
             let certificate = certify(lifted, &best.point.w, &best.point.y, tolerances);
             let Some(step) = &certificate.descent else {
-                return Candidate { best, certificate };
+                match self.elsewhere(lifted, &best, &certificate) {
+                    Some(next) => best = next,
+                    None => return Candidate { best, certificate },
+                }
+                continue;
             };
             if self.stats.switches >= self.options.max_switches || self.is_late() {
                 return Candidate { best, certificate };
@@ -211,6 +217,38 @@ impl Work<'_> {
                 _ => return Candidate { best, certificate },
             }
         }
+    }
+
+    /// A better branch among those in which another point means the same as this one.
+    fn elsewhere(
+        &mut self,
+        lifted: &mut Lifted<'_>,
+        best: &Polished,
+        certificate: &Certificate,
+    ) -> Option<Polished> {
+        self.stats.others = 0;
+        if !best.is_optimal || self.stats.moves >= MAX_MOVES {
+            return None;
+        }
+        let gain = 1e-10 * best.objective.abs().max(1.0);
+        for other in lifted.others(&best.point.w, &best.zeros, &certificate.y) {
+            if self.is_late() {
+                return None;
+            }
+            self.stats.others += 1;
+            let guess = Guess {
+                w: other.w,
+                y: best.point.y.clone(),
+            };
+            match polish(lifted, &guess, &other.zeros, self) {
+                Ok(next) if next.is_optimal && next.objective < best.objective - gain => {
+                    self.stats.moves += 1;
+                    return Some(next);
+                }
+                _ => {}
+            }
+        }
+        None
     }
 
     fn feasible(&self, lifted: &mut Lifted<'_>, candidate: Candidate) -> Solution {

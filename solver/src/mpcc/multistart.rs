@@ -1,6 +1,7 @@
 //! Many starts, in parallel.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc;
 
 use super::solution::Solution;
 use super::{Options, solve_from};
@@ -50,7 +51,8 @@ impl MultiStart {
 
 /// Solves a problem from all of these points on up to `n_threads` threads.
 ///
-/// Every run is the same as [`solve_from`] from its point alone, whatever the number of threads.
+/// Every run is the same as [`solve_from`] from its point alone, whatever the number of threads. `watch` hears how
+/// many are done whenever one more is.
 ///
 /// # Panics
 ///
@@ -60,26 +62,35 @@ pub fn multistart<P: Mpcc + Clone + Sync>(
     starts: &[Vec<f64>],
     options: &Options,
     n_threads: usize,
+    watch: &mut dyn FnMut(usize),
 ) -> MultiStart {
     let next = AtomicUsize::new(0);
     // Takes the next start until there is none.
-    let work = || {
+    let work = |found: mpsc::Sender<(usize, Solution)>| {
         let mut problem = problem.clone();
-        let mut done = Vec::new();
-        loop {
-            let index = next.fetch_add(1, Ordering::Relaxed);
-            let Some(start) = starts.get(index) else {
-                return done;
-            };
-            done.push((index, solve_from(&mut problem, start, options)));
+        while let index = next.fetch_add(1, Ordering::Relaxed)
+            && let Some(start) = starts.get(index)
+        {
+            let solution = solve_from(&mut problem, start, options);
+            if found.send((index, solution)).is_err() {
+                return;
+            }
         }
     };
-    let mut solutions: Vec<(usize, Solution)> = std::thread::scope(|scope| {
+    let mut solutions: Vec<(usize, Solution)> = Vec::with_capacity(starts.len());
+    std::thread::scope(|scope| {
         let n_threads = n_threads.clamp(1, starts.len().max(1));
-        let threads: Vec<_> = (0..n_threads).map(|_| scope.spawn(work)).collect();
-        let done = threads.into_iter().map(|thread| thread.join());
-        done.flat_map(|done| done.unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
-            .collect()
+        let (sender, found) = mpsc::channel();
+        for _ in 0..n_threads {
+            let sender = sender.clone();
+            scope.spawn(|| work(sender));
+        }
+        drop(sender);
+        // Ends when all threads have, or one has panicked, which the scope passes on.
+        for solution in found {
+            solutions.push(solution);
+            watch(solutions.len());
+        }
     });
     solutions.sort_by_key(|(index, _)| *index);
     let solutions: Vec<Solution> = solutions
@@ -158,7 +169,8 @@ mod tests {
             .complement(Side::Variable(0), Side::Variable(1));
         let starts: Vec<Vec<f64>> = (0..8).map(|k| perturbed(&[1.0, 1.0], 2.0, 1, k)).collect();
         let options = Options::default();
-        let found = multistart(&problem, &starts, &options, 2);
+        let mut heard = Vec::new();
+        let found = multistart(&problem, &starts, &options, 2, &mut |done| heard.push(done));
         let best = &found.solutions[found.best.expect("all are feasible")];
         assert!((best.objective - 1.0).abs() < 1e-8, "{best:?}");
         let spread = found.spread().expect("all are feasible");
@@ -171,8 +183,9 @@ mod tests {
                 "{solution:?}"
             );
         }
+        assert_eq!(heard, (1..=8).collect::<Vec<_>>());
         // Threads change nothing.
-        let alone = multistart(&problem, &starts, &options, 1);
+        let alone = multistart(&problem, &starts, &options, 1, &mut |_| {});
         for (one, other) in alone.solutions.iter().zip(&found.solutions) {
             assert_eq!(one.w, other.w);
         }

@@ -51,6 +51,10 @@ pub struct Stats {
     pub newton_steps: usize,
     /// Branches that were left for a better one.
     pub switches: usize,
+    /// Branches that were left for one in which another point means the same.
+    pub moves: usize,
+    /// Such branches at the end, none of which has a smaller objective near their point.
+    pub others: usize,
     /// Other ways that were tried.
     pub restarts: usize,
     /// Seconds.

@@ -1,0 +1,384 @@
+//! Switches at ends of control intervals, moved to either side.
+//!
+//! Where the mode changes exactly at the end of an interval, nothing switches inside the two intervals, and their
+//! elements are equal. The same trajectory has other descriptions: the interval behind may start with an element of
+//! length zero in the old mode, or the interval before may end with one in the new mode. These points are far from
+//! each other, as all elements of an interval have other lengths; a switch that would rather happen a little later
+//! can do so from the one, a little earlier from the other, and from neither where it is: without more, every
+//! end of an interval is a local minimum for every switch.
+//!
+//! With b the members of pairs that are continuous, b = 0 at the switch is a constraint. Its multiplier, without those
+//! of the pairs, says in which direction the switch wants to go, where something closes on that side.
+//!
+//! In the same way a part of the trajectory that lies on a surface, where it makes no difference which side counts,
+//! has descriptions in both modes.
+
+use nsd_solver::problem::{Member, Other};
+use nsd_solver::tableau::lagrange;
+use rustc_hash::FxHashMap;
+
+use crate::discretize::Layout;
+use crate::mpcc::{Conditions, Linearized, Others};
+
+/// Runs that are so short, as a share of their interval, are none.
+const SHORTEST: f64 = 1e-9;
+/// b that is so small is zero.
+const ON_SURFACE: f64 = 1e-9;
+/// Rates that differ by no more, over the length of an element, are the same.
+const SAME_RATES: f64 = 1e-7;
+/// Multipliers above this are not negative.
+const NEGATIVE: f64 = -1e-9;
+
+/// Moves switches of a discretized system.
+#[derive(Debug)]
+pub(super) struct Moved {
+    layout: Layout,
+    conditions: Conditions,
+}
+
+/// Consecutive elements of an interval in one mode.
+#[derive(Clone, Debug, PartialEq)]
+struct Run {
+    /// Which pairs are open.
+    open: Vec<bool>,
+    /// Where its values come from: elements from j to before j.
+    from: (usize, usize, usize),
+    /// When it starts in its interval, and how long it is.
+    start: f64,
+    length: f64,
+    /// How many elements it gets.
+    count: usize,
+}
+
+/// Another description.
+#[derive(Clone, Debug)]
+enum Change {
+    /// The switch at the end of interval k belongs to the one behind.
+    Later(usize),
+    /// It belongs to interval k itself.
+    Earlier(usize),
+    /// There is none at the end of interval k.
+    Plain(usize),
+    /// A run has another mode.
+    Mode {
+        interval: usize,
+        run: usize,
+        open: Vec<bool>,
+    },
+}
+
+/// A point under construction.
+struct Point<'a> {
+    old: &'a [f64],
+    new: Vec<f64>,
+    zeros: Vec<Member>,
+}
+
+impl Moved {
+    pub fn new(layout: &Layout, conditions: &Conditions) -> Self {
+        Moved {
+            layout: layout.clone(),
+            conditions: conditions.clone(),
+        }
+    }
+
+    /// The modes of interval k, without those of no length.
+    fn runs(&self, k: usize, w: &[f64], zeros: &[Member]) -> Vec<Run> {
+        let layout = &self.layout;
+        let lengths: Vec<f64> = (1..=layout.elements)
+            .map(|j| w[layout.h(k, j)].max(0.0))
+            .collect();
+        let whole: f64 = lengths.iter().sum();
+        let mut runs: Vec<Run> = Vec::new();
+        let mut start = 0.0;
+        for (j, length) in (1..).zip(lengths) {
+            let element = (k - 1) * layout.elements + j - 1;
+            let open = self.conditions.open(element, zeros);
+            match runs.last_mut().filter(|run| run.open == open) {
+                Some(run) => {
+                    run.from.2 = j + 1;
+                    run.length += length;
+                    run.count += 1;
+                }
+                None => runs.push(Run {
+                    open,
+                    from: (k, j, j + 1),
+                    start,
+                    length,
+                    count: 1,
+                }),
+            }
+            start += length;
+        }
+        runs.retain(|run| run.length > SHORTEST * whole);
+        // One mode before and after one that has no length is one run.
+        runs.into_iter().fold(Vec::new(), |mut runs: Vec<Run>, run| {
+            match runs.last_mut().filter(|last| last.open == run.open) {
+                Some(last) => {
+                    last.from.2 = run.from.2;
+                    last.length += run.length;
+                    last.count += run.count;
+                }
+                None => runs.push(run),
+            }
+            runs
+        })
+    }
+
+    /// Changes at the end of interval k that multipliers ask for, and those about which they say nothing.
+    fn at_end(&self, k: usize, runs: &[Vec<Run>], near: &Linearized) -> [Vec<Change>; 2] {
+        let mut changes = [Vec::new(), Vec::new()];
+        let (Some(before), Some(behind)) = (runs[k - 1].last(), runs[k].first()) else {
+            return changes;
+        };
+        if before.open == behind.open {
+            changes[0].push(Change::Plain(k));
+            return changes;
+        }
+        let (layout, continuous) = (&self.layout, self.continuous());
+        for (change, stays, goes) in [
+            (Change::Later(k), before, behind),
+            (Change::Earlier(k), behind, before),
+        ] {
+            // What is positive where `stays` is the mode for a little longer.
+            let opens = stays.open.iter().zip(&goes.open);
+            let mut positive = opens.zip(&continuous);
+            let slope = positive.find_map(|((stays, goes), &i)| {
+                let b = layout.z(k, layout.elements, layout.end, i);
+                (!stays && *goes).then(|| b.map_or(0.0, |b| near.slopes[b]))
+            });
+            match slope {
+                None => changes[1].push(change),
+                Some(slope) if slope < NEGATIVE => changes[0].push(change),
+                _ => {}
+            }
+        }
+        changes
+    }
+
+    /// The algebraic variables b of all members.
+    fn continuous(&self) -> Vec<usize> {
+        let groups = self.conditions.groups.iter();
+        groups.flat_map(|group| group.continuous.clone()).collect()
+    }
+
+    /// Other modes of runs on a surface, on both sides of which rates are the same.
+    fn other_modes(&self, runs: &[Vec<Run>], w: &[f64], near: &Linearized) -> Vec<Change> {
+        let (layout, continuous) = (&self.layout, self.continuous());
+        let groups = self.conditions.groups.iter();
+        let jumps: Vec<(usize, f64)> = groups.flat_map(|group| group.jumps.clone()).collect();
+        let mut changes = Vec::new();
+        for (interval, runs) in runs.iter().enumerate() {
+            for (run, Run { open, from, .. }) in runs.iter().enumerate() {
+                let (k, first, behind) = *from;
+                let nodes = || (first..behind).flat_map(|j| (1..=layout.nodes).map(move |m| (j, m)));
+                let is_zero = |i: usize| {
+                    let mut values = nodes().filter_map(|(j, m)| layout.z(k, j, m, i));
+                    values.all(|b| w[b].abs() <= ON_SURFACE)
+                };
+                let members = 0..open.len();
+                let on: Vec<usize> = members.filter(|&i| open[i] || is_zero(continuous[i])).collect();
+                let pairs = on.iter().flat_map(|&a| on.iter().map(move |&b| (a, b)));
+                for (opens, closes) in pairs.filter(|&(a, b)| a != b && open[b]) {
+                    let mut direction = FxHashMap::default();
+                    for (member, change) in [(closes, -1.0), (opens, 1.0)] {
+                        let (i, sign) = jumps[member];
+                        let places = nodes().filter_map(|(j, m)| layout.z(k, j, m, i));
+                        direction.extend(places.map(|place| (place, sign * change)));
+                    }
+                    if near.change(&direction) <= SAME_RATES {
+                        let mut open = open.clone();
+                        (open[opens], open[closes]) = (true, false);
+                        changes.push(Change::Mode { interval, run, open });
+                    }
+                }
+            }
+        }
+        changes
+    }
+
+    /// The point with these changes, where elements suffice.
+    fn changed(
+        &self,
+        changes: &[Change],
+        runs: &[Vec<Run>],
+        w: &[f64],
+        zeros: &[Member],
+    ) -> Option<Other> {
+        let mut point = Point {
+            old: w,
+            new: w.to_vec(),
+            zeros: zeros.to_vec(),
+        };
+        let mut intervals = runs.to_vec();
+        let mut touched = Vec::new();
+        let empty = |run: &Run, start: f64| Run {
+            start,
+            length: 0.0,
+            count: 1,
+            ..run.clone()
+        };
+        for change in changes {
+            match change {
+                Change::Later(k) => {
+                    intervals[*k].insert(0, empty(runs[k - 1].last()?, 0.0));
+                    touched.extend([k - 1, *k]);
+                }
+                Change::Earlier(k) => {
+                    let last = runs[k - 1].last()?;
+                    let end = last.start + last.length;
+                    intervals[k - 1].push(empty(runs[*k].first()?, end));
+                    touched.extend([k - 1, *k]);
+                }
+                Change::Plain(k) => touched.extend([k - 1, *k]),
+                Change::Mode {
+                    interval,
+                    run,
+                    open,
+                } => {
+                    intervals[*interval][*run].open.clone_from(open);
+                    touched.extend(interval.saturating_sub(1)..(interval + 2).min(runs.len()));
+                }
+            }
+        }
+        touched.sort_unstable();
+        touched.dedup();
+        for i in touched {
+            if !self.arrange(i + 1, std::mem::take(&mut intervals[i]), &mut point) {
+                return None;
+            }
+        }
+        (point.zeros != zeros).then_some(Other {
+            w: point.new,
+            zeros: point.zeros,
+        })
+    }
+
+    /// Gives interval k these runs; false where there are more than elements.
+    fn arrange(&self, k: usize, mut runs: Vec<Run>, point: &mut Point) -> bool {
+        let n = self.layout.elements;
+        if runs.len() > n {
+            return false;
+        }
+        loop {
+            let count: usize = runs.iter().map(|run| run.count).sum();
+            let change = match count.cmp(&n) {
+                std::cmp::Ordering::Equal => break,
+                std::cmp::Ordering::Greater => runs.iter_mut().max_by_key(|run| run.count),
+                std::cmp::Ordering::Less => {
+                    let each = |run: &Run| run.length / run.count as f64;
+                    runs.iter_mut().max_by(|a, b| each(a).total_cmp(&each(b)))
+                }
+            };
+            let run = change.expect("an interval has a length");
+            run.count = if count > n { run.count - 1 } else { run.count + 1 };
+        }
+        let mut j = 1;
+        for run in &runs {
+            let length = run.length / run.count as f64;
+            for number in 0..run.count {
+                let start = run.start + number as f64 * length;
+                self.element((k, j), run, (start, length), point);
+                j += 1;
+            }
+        }
+        true
+    }
+
+    /// Fills an element of a run.
+    fn element(
+        &self,
+        (k, j): (usize, usize),
+        run: &Run,
+        (start, length): (f64, f64),
+        point: &mut Point,
+    ) {
+        let layout = &self.layout;
+        point.new[layout.h(k, j)] = length;
+        if let (Some(t), Some(first)) = (layout.t(k, j), layout.t(k, 1)) {
+            point.new[t] = point.old[first] + start;
+        }
+        let element = (k - 1) * layout.elements + j - 1;
+        self.conditions.set_open(element, &run.open, &mut point.zeros);
+        for (m, c) in layout.points.iter().enumerate().skip(1) {
+            self.node((k, j, m), run, start + c * length, point);
+        }
+    }
+
+    /// Fills a node: at an instant of the interval the polynomials of the element that the instant is in.
+    fn node(&self, (k, j, m): (usize, usize, usize), run: &Run, at: f64, point: &mut Point) {
+        let layout = &self.layout;
+        let (from, first, behind) = run.from;
+        // A run of no length is where it touches the one that its mode comes from.
+        let (source, share) = if run.length == 0.0 {
+            match from.cmp(&k) {
+                std::cmp::Ordering::Less => (behind - 1, 1.0),
+                _ => (first, 0.0),
+            }
+        } else {
+            let mut start = run.start;
+            let mut found = (first, 0.0);
+            for source in first..behind {
+                let length = point.old[layout.h(from, source)].max(0.0);
+                if length > 0.0 {
+                    found = (source, ((at - start) / length).clamp(0.0, 1.0));
+                }
+                if at <= start + length {
+                    break;
+                }
+                start += length;
+            }
+            found
+        };
+        let n = layout.nodes;
+        let through = lagrange(&layout.points[..=n], &[share]);
+        for i in 0..layout.n_states() {
+            let values = (0..=n).map(|m| point.old[layout.x(from, source, m) + i]);
+            point.new[layout.x(k, j, m) + i] = dot(&through, values);
+        }
+        let inner = lagrange(&layout.points[1..=n], &[share]);
+        for i in 0..layout.n_states() {
+            if let Some(v) = layout.v(k, j, m.min(n)).filter(|_| m <= n) {
+                let slope = |m| layout.v(from, source, m).map_or(0.0, |v| point.old[v + i]);
+                point.new[v + i] = dot(&inner, (1..=n).map(slope));
+            }
+        }
+        for i in 0..layout.n_algebraics() {
+            if let Some(z) = layout.z(k, j, m, i) {
+                let value = |m| layout.z(from, source, m, i).map_or(0.0, |z| point.old[z]);
+                point.new[z] = dot(&inner, (1..=n).map(value));
+            }
+        }
+    }
+}
+
+impl Others for Moved {
+    fn at(&self, w: &[f64], zeros: &[Member], near: &Linearized) -> Vec<Other> {
+        let (layout, conditions) = (&self.layout, &self.conditions);
+        // Where controls enter the switching functions a mode does not last beyond its interval.
+        if conditions.groups.is_empty() || conditions.has_more || layout.restarts() {
+            return Vec::new();
+        }
+        let runs = |k| self.runs(k, w, zeros);
+        let runs: Vec<Vec<Run>> = (1..=layout.steps).map(runs).collect();
+        let (mut asked, mut open) = (Vec::new(), Vec::new());
+        for k in 1..layout.steps {
+            let [first, second] = self.at_end(k, &runs, near);
+            asked.extend(first);
+            open.extend(second);
+        }
+        // Several switches may hold each other: all at once, then one by one.
+        let all = (asked.len() > 1).then(|| asked.clone());
+        let alone = (asked.into_iter().chain(open))
+            .chain(self.other_modes(&runs, w, near))
+            .map(|change| vec![change]);
+        let changes = all.into_iter().chain(alone);
+        changes
+            .filter_map(|changes| self.changed(&changes, &runs, w, zeros))
+            .collect()
+    }
+}
+
+fn dot(weights: &[f64], values: impl Iterator<Item = f64>) -> f64 {
+    weights.iter().zip(values).map(|(a, b)| a * b).sum()
+}
