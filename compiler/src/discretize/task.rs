@@ -340,7 +340,11 @@ impl<'e> Problem<'_, 'e> {
                 first_pair,
                 per_element: places / (layout.steps * layout.elements),
                 members: group.members.len(),
-                continuous: group.continuous().iter().map(|&b| self.algebraic(b)).collect(),
+                continuous: group
+                    .continuous()
+                    .iter()
+                    .map(|&b| self.algebraic(b))
+                    .collect(),
                 jumps: group.jumps().iter().map(|&a| self.jump(a)).collect(),
                 leave: mpcc.blocks.len(),
             });

@@ -58,7 +58,8 @@ impl Linearized {
                 *rows.entry(row).or_default() += value * d;
             }
         }
-        rows.values().fold(0.0, |m: f64, change| m.max(change.abs()))
+        rows.values()
+            .fold(0.0, |m: f64, change| m.max(change.abs()))
     }
 }
 

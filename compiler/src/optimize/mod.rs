@@ -123,6 +123,7 @@ pub fn run<'e>(
         starts: found.solutions.len(),
         spread: found.spread(),
         median_s: median(found.solutions.iter().map(|s| s.stats.seconds)),
+        branches: solution.others,
         check: None,
     });
     trajectory.stats.solve_s = seconds;
@@ -244,9 +245,4 @@ fn describe(problem: &Problem, solution: &Solution, trajectory: &mut Trajectory)
 /// What a failure of the discretization means for a run.
 pub fn refused(error: &DiscretizeError, settings: &Settings) -> Failure {
     failure::refused(error, settings)
-}
-#[doc(hidden)]
-#[allow(missing_docs)]
-pub fn equip(program: &mut Program, layout: &Layout, conditions: &crate::mpcc::Conditions) {
-    program.set_others(Arc::new(Moved::new(layout, conditions)));
 }

@@ -112,17 +112,18 @@ impl Moved {
         }
         runs.retain(|run| run.length > SHORTEST * whole);
         // One mode before and after one that has no length is one run.
-        runs.into_iter().fold(Vec::new(), |mut runs: Vec<Run>, run| {
-            match runs.last_mut().filter(|last| last.open == run.open) {
-                Some(last) => {
-                    last.from.2 = run.from.2;
-                    last.length += run.length;
-                    last.count += run.count;
+        runs.into_iter()
+            .fold(Vec::new(), |mut runs: Vec<Run>, run| {
+                match runs.last_mut().filter(|last| last.open == run.open) {
+                    Some(last) => {
+                        last.from.2 = run.from.2;
+                        last.length += run.length;
+                        last.count += run.count;
+                    }
+                    None => runs.push(run),
                 }
-                None => runs.push(run),
-            }
-            runs
-        })
+                runs
+            })
     }
 
     /// Changes at the end of interval k that multipliers ask for, and those about which they say nothing.
@@ -162,8 +163,8 @@ impl Moved {
         groups.flat_map(|group| group.continuous.clone()).collect()
     }
 
-    /// Other modes of runs on a surface, on both sides of which rates are the same.
-    fn other_modes(&self, runs: &[Vec<Run>], w: &[f64], near: &Linearized) -> Vec<Change> {
+    /// Other modes of every run, where it is on a surface on both sides of which rates are the same.
+    fn other_modes(&self, runs: &[Vec<Run>], w: &[f64], near: &Linearized) -> Vec<Vec<Change>> {
         let (layout, continuous) = (&self.layout, self.continuous());
         let groups = self.conditions.groups.iter();
         let jumps: Vec<(usize, f64)> = groups.flat_map(|group| group.jumps.clone()).collect();
@@ -171,13 +172,17 @@ impl Moved {
         for (interval, runs) in runs.iter().enumerate() {
             for (run, Run { open, from, .. }) in runs.iter().enumerate() {
                 let (k, first, behind) = *from;
-                let nodes = || (first..behind).flat_map(|j| (1..=layout.nodes).map(move |m| (j, m)));
+                let nodes =
+                    || (first..behind).flat_map(|j| (1..=layout.nodes).map(move |m| (j, m)));
                 let is_zero = |i: usize| {
                     let mut values = nodes().filter_map(|(j, m)| layout.z(k, j, m, i));
                     values.all(|b| w[b].abs() <= ON_SURFACE)
                 };
                 let members = 0..open.len();
-                let on: Vec<usize> = members.filter(|&i| open[i] || is_zero(continuous[i])).collect();
+                let on: Vec<usize> = members
+                    .filter(|&i| open[i] || is_zero(continuous[i]))
+                    .collect();
+                let mut others = Vec::new();
                 let pairs = on.iter().flat_map(|&a| on.iter().map(move |&b| (a, b)));
                 for (opens, closes) in pairs.filter(|&(a, b)| a != b && open[b]) {
                     let mut direction = FxHashMap::default();
@@ -189,9 +194,14 @@ impl Moved {
                     if near.change(&direction) <= SAME_RATES {
                         let mut open = open.clone();
                         (open[opens], open[closes]) = (true, false);
-                        changes.push(Change::Mode { interval, run, open });
+                        others.push(Change::Mode {
+                            interval,
+                            run,
+                            open,
+                        });
                     }
                 }
+                changes.push(others);
             }
         }
         changes
@@ -271,7 +281,11 @@ impl Moved {
                 }
             };
             let run = change.expect("an interval has a length");
-            run.count = if count > n { run.count - 1 } else { run.count + 1 };
+            run.count = if count > n {
+                run.count - 1
+            } else {
+                run.count + 1
+            };
         }
         let mut j = 1;
         for run in &runs {
@@ -299,7 +313,8 @@ impl Moved {
             point.new[t] = point.old[first] + start;
         }
         let element = (k - 1) * layout.elements + j - 1;
-        self.conditions.set_open(element, &run.open, &mut point.zeros);
+        self.conditions
+            .set_open(element, &run.open, &mut point.zeros);
         for (m, c) in layout.points.iter().enumerate().skip(1) {
             self.node((k, j, m), run, start + c * length, point);
         }
@@ -367,15 +382,21 @@ impl Others for Moved {
             asked.extend(first);
             open.extend(second);
         }
-        // Several switches may hold each other: all at once, then one by one.
-        let all = (asked.len() > 1).then(|| asked.clone());
-        let alone = (asked.into_iter().chain(open))
-            .chain(self.other_modes(&runs, w, near))
-            .map(|change| vec![change]);
-        let changes = all.into_iter().chain(alone);
-        changes
-            .filter_map(|changes| self.changed(&changes, &runs, w, zeros))
-            .collect()
+        // Several switches may hold each other: all at once, in every mode where several will do, then one by one.
+        let modes = self.other_modes(&runs, w, near);
+        let together = (0..modes.iter().map(Vec::len).max().unwrap_or(0)).map(|number| {
+            let chosen = modes.iter().filter_map(|modes| modes.get(number));
+            [asked.clone(), chosen.cloned().collect()].concat()
+        });
+        let together: Vec<Vec<Change>> = [asked.clone()].into_iter().chain(together).collect();
+        let alone = asked.into_iter().chain(open).chain(modes.concat());
+        let mut others: Vec<Other> = Vec::new();
+        for changes in together.into_iter().chain(alone.map(|change| vec![change])) {
+            let other = self.changed(&changes, &runs, w, zeros);
+            let is_new = |other: &Other| others.iter().all(|known| known.zeros != other.zeros);
+            others.extend(other.filter(is_new));
+        }
+        others
     }
 }
 

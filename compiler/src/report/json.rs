@@ -65,6 +65,7 @@ struct Found {
     median: Option<f64>,
     worst: Option<f64>,
     median_solve_s: f64,
+    branches: usize,
     terminal_error: Option<f64>,
     objective_error: Option<f64>,
 }
@@ -80,6 +81,7 @@ impl Found {
             median: spread.map(|spread| spread.median),
             worst: spread.map(|spread| spread.worst),
             median_solve_s: optimum.median_s,
+            branches: optimum.branches,
             terminal_error: check.map(|check| check.terminal_error),
             objective_error: check.map(|check| check.objective_error),
         }

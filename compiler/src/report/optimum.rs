@@ -13,6 +13,8 @@ pub struct Optimum {
     pub spread: Option<Spread>,
     /// Seconds of the solver per start, the median.
     pub median_s: f64,
+    /// In how many other branches the same trajectory has a description; near none of them is a better one.
+    pub branches: usize,
     /// What a simulation with the controls that were found says, where it reached the end.
     pub check: Option<Check>,
 }

@@ -157,7 +157,13 @@ fn optimum(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
     let certificate = &trajectory.certificate;
     match certificate.stationarity {
         Stationarity::None => writeln!(text, "  certificate: none")?,
-        class => writeln!(text, "  certificate: {}-stationary", class.as_str())?,
+        class => write!(text, "  certificate: {}-stationary", class.as_str())?,
+    }
+    match (certificate.stationarity, optimum.branches) {
+        (Stationarity::None, _) => {}
+        (_, 0) => writeln!(text)?,
+        (_, 1) => writeln!(text, ", confirmed in a branch that it is in, too")?,
+        (_, n) => writeln!(text, ", confirmed in {n} branches that it is in, too")?,
     }
     if let Some(check) = &optimum.check {
         let (end, objective) = (check.terminal_error, check.objective_error.abs());

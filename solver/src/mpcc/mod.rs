@@ -38,7 +38,7 @@ use crate::ipm;
 use crate::problem::{Mpcc, Nlp};
 use branch::{Branch, choose};
 use certificate::{Certificate, certify};
-use polish::{Guess, Polished, polish};
+use polish::{Guess, Polished, polish, polish_briefly};
 use way::{DeadEnd, ways};
 use work::Work;
 
@@ -150,6 +150,7 @@ impl Work<'_> {
         let candidate = Candidate {
             best: polished,
             certificate,
+            others: 0,
         };
         self.feasible(lifted, candidate)
     }
@@ -194,13 +195,23 @@ impl Work<'_> {
             let certificate = certify(lifted, &best.point.w, &best.point.y, tolerances);
             let Some(step) = &certificate.descent else {
                 match self.elsewhere(lifted, &best, &certificate) {
-                    Some(next) => best = next,
-                    None => return Candidate { best, certificate },
+                    Elsewhere::Better(next) => best = *next,
+                    Elsewhere::Nothing(others) => {
+                        return Candidate {
+                            best,
+                            certificate,
+                            others,
+                        };
+                    }
                 }
                 continue;
             };
             if self.stats.switches >= self.options.max_switches || self.is_late() {
-                return Candidate { best, certificate };
+                return Candidate {
+                    best,
+                    certificate,
+                    others: 0,
+                };
             }
             let moved: Vec<f64> = best.point.w.iter().zip(step).map(|(w, d)| w + d).collect();
             let guess = Guess {
@@ -214,7 +225,13 @@ impl Work<'_> {
                     self.stats.switches += 1;
                     best = next;
                 }
-                _ => return Candidate { best, certificate },
+                _ => {
+                    return Candidate {
+                        best,
+                        certificate,
+                        others: 0,
+                    };
+                }
             }
         }
     }
@@ -225,34 +242,44 @@ impl Work<'_> {
         lifted: &mut Lifted<'_>,
         best: &Polished,
         certificate: &Certificate,
-    ) -> Option<Polished> {
-        self.stats.others = 0;
-        if !best.is_optimal || self.stats.moves >= MAX_MOVES {
-            return None;
+    ) -> Elsewhere {
+        if self.stats.moves >= MAX_MOVES {
+            return Elsewhere::Nothing(0);
         }
-        let gain = 1e-10 * best.objective.abs().max(1.0);
-        for other in lifted.others(&best.point.w, &best.zeros, &certificate.y) {
+        let size = best.objective.abs().max(1.0);
+        let others = lifted.others(&best.point.w, &best.zeros, &certificate.y);
+        let n_others = others.len();
+        for (number, other) in others.into_iter().enumerate() {
             if self.is_late() {
-                return None;
+                return Elsewhere::Nothing(0);
             }
-            self.stats.others += 1;
+            // Multipliers of another branch are worse than none.
             let guess = Guess {
+                y: vec![0.0; best.point.y.len()],
                 w: other.w,
-                y: best.point.y.clone(),
             };
-            match polish(lifted, &guess, &other.zeros, self) {
-                Ok(next) if next.is_optimal && next.objective < best.objective - gain => {
-                    self.stats.moves += 1;
-                    return Some(next);
-                }
-                _ => {}
+            let polish = match number {
+                0 => polish,
+                _ => polish_briefly,
+            };
+            let Ok(next) = polish(lifted, &guess, &other.zeros, self) else {
+                continue;
+            };
+            let gain = if next.is_optimal { 1e-10 } else { 1e-4 };
+            if next.objective < best.objective - gain * size {
+                self.stats.moves += 1;
+                return Elsewhere::Better(Box::new(next));
             }
         }
-        None
+        Elsewhere::Nothing(n_others)
     }
 
     fn feasible(&self, lifted: &mut Lifted<'_>, candidate: Candidate) -> Solution {
-        let Candidate { best, certificate } = candidate;
+        let Candidate {
+            best,
+            certificate,
+            others,
+        } = candidate;
         let n = lifted.n_original();
         let reduced = &certificate.reduced;
         let mut multipliers = Multipliers {
@@ -293,6 +320,7 @@ impl Work<'_> {
             is_class_exact: certificate.is_exact,
             b_stationary: certificate.b_stationary,
             biactive: certificate.biactive,
+            others,
             stats: self.stats,
         }
     }
@@ -333,6 +361,7 @@ impl Work<'_> {
             is_class_exact: false,
             b_stationary: None,
             biactive: Vec::new(),
+            others: 0,
             stats: self.stats,
         }
     }
@@ -342,6 +371,15 @@ impl Work<'_> {
 struct Candidate {
     best: Polished,
     certificate: Certificate,
+    /// Branches with other points that mean the same, none of which is better.
+    others: usize,
+}
+
+/// What was found in branches with other points that mean the same.
+enum Elsewhere {
+    Better(Box<Polished>),
+    /// So many were tried.
+    Nothing(usize),
 }
 
 impl Candidate {

@@ -43,10 +43,30 @@ pub fn polish(
     zeros: &[Member],
     work: &mut Work<'_>,
 ) -> Result<Polished, ipm::Status> {
+    polish_by(&RUNS, lifted, guess, zeros, work)
+}
+
+/// The solution of the branch with these zeros, where it is close to a point that is feasible.
+pub fn polish_briefly(
+    lifted: &mut Lifted<'_>,
+    guess: &Guess,
+    zeros: &[Member],
+    work: &mut Work<'_>,
+) -> Result<Polished, ipm::Status> {
+    polish_by(&RUNS[..1], lifted, guess, zeros, work)
+}
+
+fn polish_by(
+    runs: &[(f64, usize)],
+    lifted: &mut Lifted<'_>,
+    guess: &Guess,
+    zeros: &[Member],
+    work: &mut Work<'_>,
+) -> Result<Polished, ipm::Status> {
     lifted.settle(Some(zeros));
     let reduced = Local::new(lifted, &guess.w).reduced_gradient(&guess.y);
     let mut best: Result<Polished, ipm::Status> = Err(ipm::Status::LocallyInfeasible);
-    for (mu, max_iterations) in RUNS {
+    for &(mu, max_iterations) in runs {
         work.stats.branches += 1;
         let mut branch = Branch::new(lifted, zeros, &guess.w);
         let settings = ipm::Options {

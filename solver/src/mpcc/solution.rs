@@ -53,8 +53,6 @@ pub struct Stats {
     pub switches: usize,
     /// Branches that were left for one in which another point means the same.
     pub moves: usize,
-    /// Such branches at the end, none of which has a smaller objective near their point.
-    pub others: usize,
     /// Other ways that were tried.
     pub restarts: usize,
     /// Seconds.
@@ -82,6 +80,8 @@ pub struct Solution {
     pub b_stationary: Option<bool>,
     /// Pairs with both sides zero.
     pub biactive: Vec<usize>,
+    /// In how many other branches a point that means the same is known; near none of them the objective is smaller.
+    pub others: usize,
     /// What the run took.
     pub stats: Stats,
 }
