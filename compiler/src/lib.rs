@@ -28,7 +28,8 @@ use self::report::expect::{self, Subject};
 use self::source::SourceMap;
 use self::syntax::{Bind, Experiment, File, GuessSource, Item, SettingKind};
 use self::system::experiment::{ExperimentError, Method, Settings};
-use self::system::{Extent, System};
+use self::system::task::{Control, Shape};
+use self::system::{Allowed, Extent, System};
 
 /// An experiment that is ready to run.
 pub struct Compiled<'e> {
@@ -130,10 +131,10 @@ fn compile_to<'e>(
             system = system::smoothing::smooth(&system, options);
         }
         let needs = method.needs_dcs() || settings.optimize.is_some();
-        if let Some(data) = (system.data.first()).filter(|_| settings.optimize.is_some()) {
-            let (name, span) = (data.name.clone(), settings.span);
-            diags.push(ExperimentError::Data { name, span });
-            return None;
+        for data in settings.optimize.iter().flat_map(|_| &system.data) {
+            bends(data, &settings)
+                .map_err(|error| diags.push(error))
+                .ok()?;
         }
         let lowerings = dcs::check(&system, &settings.lowerings, needs);
         lowerings.map_err(|error| diags.push(error)).ok()?;
@@ -143,6 +144,22 @@ fn compile_to<'e>(
             system,
         })
     })
+}
+
+/// Refuses data that bend inside of control intervals.
+fn bends(data: &model::Data, settings: &Settings) -> Result<(), ExperimentError> {
+    let Some(task) = &settings.optimize else {
+        return Ok(());
+    };
+    let horizon = task.horizon.unwrap_or((settings.horizon, settings.horizon));
+    match discretize::inside(&data.table, horizon, task.intervals) {
+        None => Ok(()),
+        Some(time) => Err(ExperimentError::Bends {
+            name: data.name.clone(),
+            time,
+            span: settings.span,
+        }),
+    }
 }
 
 /// Reports guesses from experiments that the file does not have.

@@ -414,7 +414,7 @@ fn emit_of_discretized_forms_refuses_data() {
         let ran = emit(ir);
         assert_eq!((ran.status, ran.out.as_str()), (1, ""), "{ir}");
         assert!(
-            ran.err.contains("E0909") && ran.err.contains("`r`"),
+            ran.err.contains("E0522") && ran.err.contains("`r`"),
             "{}",
             ran.err
         );

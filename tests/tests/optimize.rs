@@ -1,5 +1,6 @@
 //! Optimal control against closed forms.
 
+use nsd_tests::{DataFiles, with_data};
 use nsdc::clock::Clock;
 use nsdc::diagnostics::Diagnostics;
 use nsdc::expr::Exprs;
@@ -146,6 +147,57 @@ fn integrals_know_the_time() {
            minimize integral((u - 2*time)^2) + final((x - 1)^2); }}"
     ));
     close(objective(&found), 0.0, 1e-10);
+}
+
+/// r is 0, 1, 3 with kinks at 1/2 and 3/4 (linear) or jumps there (hold); x' = u follows r up to its jumps exactly, or
+/// is the mean of r where it is a parameter: ∫ (k - r)² with k = 1/4 · 1 + 1/4 · 3 = 1 is 1/2 + 0 + 1 = 3/2.
+#[test]
+fn data_are_tracked() {
+    let rows = |rows: &str| DataFiles(vec![("data.csv", format!("time,r\n{rows}"))]);
+    let follow = |fit: &str, model: &str, settings: &str, data: &mut DataFiles| {
+        let text = format!(
+            "model m {{ signal r = table(\"data.csv\", \"r\", fit = {fit}); {model} }}
+             optimize o of m {{ horizon 1; intervals 4; elements 2; {settings} }}"
+        );
+        with_data(&text, data, "o", |compiled| {
+            let settings = &compiled.settings;
+            let task = settings.optimize.as_ref().expect("an optimization");
+            let request = Request::default();
+            let run = optimize::run(&compiled.system, settings, task, &[], &request, &mut |_| {});
+            run.expect("the problem can be discretized").trajectory
+        })
+    };
+    let found = follow(
+        "linear",
+        "state x = 0; control u = 0; x' = u;",
+        "minimize integral((x - r)^2) + final((x - r)^2);",
+        &mut rows("0,0\n0.5,1\n0.75,3\n1,3\n"),
+    );
+    close(objective(&found), 0.0, 1e-12);
+    let found = follow(
+        "hold",
+        "param k in [-9, 9] = 0; state x = 0; x' = k - r;",
+        "free { k; } minimize integral((k - r)^2) + 0*final(x);",
+        &mut rows("0,0\n0.5,1\n0.75,3\n"),
+    );
+    close(objective(&found), 1.5, 1e-9);
+    // A switch on the data: -1 until they exceed 2 at 3/4, 1 behind.
+    let found = follow(
+        "hold",
+        "state x = 0; control u in [-1, 1] = 0; x' = sign(r - 2) + 0*u;",
+        "minimize integral(u^2) + final(x);",
+        &mut rows("0,0\n0.5,1\n0.75,3\n"),
+    );
+    close(objective(&found), -0.5, 1e-9);
+}
+
+#[test]
+fn what_has_no_minimum_is_told() {
+    let found = solved(
+        "model m { state x = 0; control u = 0; x' = u; }
+         optimize o of m { horizon 1; intervals 4; elements 2; minimize final(x); }",
+    );
+    assert_eq!(found.status, Status::Unbounded);
 }
 
 #[test]

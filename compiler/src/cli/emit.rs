@@ -135,7 +135,8 @@ fn lowered(
         Ir::Tex => return Some(Ok(dcs::tex(&dcs))),
         _ => {}
     }
-    if let Some(data) = system.data.first() {
+    // Of an optimization it is known that a step needs one piece of them.
+    if let Some(data) = system.data.first().filter(|_| settings.optimize.is_none()) {
         diags.push(ExperimentError::DataInProgram {
             name: data.name.clone(),
             span: settings.span,

@@ -34,6 +34,7 @@ pub(crate) mod fixtures;
 mod tests;
 
 use std::fmt;
+use std::sync::Arc;
 
 pub use auto::{Choice, check, choose, lower, lower_as};
 pub use dot::{Vertex, dot, graph};
@@ -45,6 +46,7 @@ pub use tex::tex;
 use crate::expr::{Expr, Exprs};
 use crate::source::Span;
 use crate::system::{Param, System, Task};
+use crate::table::Table;
 
 /// x' = f(t, x, z, p), 0 = g(t, x, z, p), 0 <= a ⟂ b >= 0.
 #[derive(Clone, Debug)]
@@ -61,6 +63,8 @@ pub struct Dcs<'e> {
     pub time: Expr<'e>,
     /// Functions of time from data that occur, as variables.
     pub data: Vec<Expr<'e>>,
+    /// What these functions are.
+    pub tables: Vec<Arc<Table>>,
     /// Scalar parameters p with their values.
     pub params: Vec<Param<'e>>,
     /// Scalar states x.
@@ -196,6 +200,9 @@ impl<'e> Dcs<'e> {
             reason: None,
             time: system.time,
             data: system.data.iter().map(|data| data.var).collect(),
+            tables: (system.data.iter())
+                .map(|data| data.table.clone())
+                .collect(),
             params: system.params.clone(),
             states: system.states.iter().map(state).collect(),
             rates: Vec::new(),

@@ -260,7 +260,7 @@ impl<'e> Problem<'_, 'e> {
         let mut values = Substitution::new();
         let time = self.dcs.time + self.node * h;
         values.insert(variable(self.dcs.time), time);
-        for (u, line) in self.lines(time) {
+        for (u, line) in self.lines(time).into_iter().chain(self.functions(time)) {
             values.insert(u, line);
         }
         values.apply(rows)

@@ -41,7 +41,9 @@ pub(super) fn check_start(dcs: &Dcs) -> Result<(), DiscretizeError> {
     let params = dcs.params.iter().map(|param| (param.var, param.value));
     let states = dcs.states.iter().map(|state| (state.var, state.initial));
     let algebraics = dcs.algebraics.iter().map(|z| (z.var, z.guess));
-    let values: FxHashMap<Var, f64> = (params.chain(states).chain(algebraics))
+    let data = dcs.data.iter().zip(&dcs.tables);
+    let data = data.map(|(&var, table)| (var, table.value(0.0)));
+    let values: FxHashMap<Var, f64> = (params.chain(states).chain(algebraics).chain(data))
         .chain([(dcs.time, 0.0)])
         .filter_map(|(var, value)| Some((var.as_variable()?, value)))
         .collect();

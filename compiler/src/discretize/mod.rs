@@ -24,6 +24,7 @@
 
 mod block;
 mod cross;
+mod data;
 mod definitions;
 mod dynamics;
 mod equilibrate;
@@ -37,6 +38,7 @@ mod tests;
 
 use nsd_solver::tableau::{Family, Tableau};
 
+pub use data::inside;
 pub use error::DiscretizeError;
 pub use layout::Layout;
 
@@ -150,6 +152,8 @@ struct Problem<'p, 'e> {
     horizon: Expr<'e>,
     /// k - 1, a formal argument.
     before: Expr<'e>,
+    /// Functions of time as polynomials.
+    data: Vec<data::Polynomial<'e>>,
     /// Linear controls at the end of a step, formal arguments; at its start they are those of the system.
     next: Vec<Expr<'e>>,
 }
@@ -210,6 +214,7 @@ pub fn discretize<'e>(
             None => dcs.exprs.constant(grid.horizon),
         },
         before: dcs.exprs.variable("before"),
+        data: data::polynomials(dcs),
         next: task::next(dcs),
     };
     problem.define(&mut mpcc);

@@ -186,6 +186,9 @@ impl<'e> Problem<'_, 'e> {
         let block = self.at_place(Builder::new(name, []), h, value, |[]| place)?;
         let mut values = Substitution::new();
         values.insert(variable(self.dcs.time), self.horizon);
+        for (data, value) in self.functions_at(self.grid.horizon) {
+            values.insert(data, value);
+        }
         let controls = self.dcs.task.iter().flat_map(|task| &task.controls);
         for (control, &next) in controls.zip(&self.next) {
             values.insert(variable(control.var), next);
@@ -202,7 +205,10 @@ impl<'e> Problem<'_, 'e> {
         let h = self.dcs.exprs.variable("h");
         let block = self.at_place(Builder::new(name, []), h, value, |[]| (1, 1, 0))?;
         let zero = self.dcs.exprs.constant(0.0);
-        let at_zero = Substitution::one(variable(self.dcs.time), zero);
+        let mut at_zero = Substitution::one(variable(self.dcs.time), zero);
+        for (data, value) in self.functions_at(0.0) {
+            at_zero.insert(data, value);
+        }
         Ok((block, value.substitute(&at_zero)))
     }
 

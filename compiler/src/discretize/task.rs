@@ -62,9 +62,10 @@ impl Start {
             .initial
             .iter()
             .any(|free| occurs(dcs.states[free.place].var));
+        let jumps = super::data::jumps(dcs, &occurring);
         Start {
-            is_free: controls || params || states,
-            restarts: controls && task.shape == Shape::Constant,
+            is_free: controls || params || states || jumps,
+            restarts: controls && task.shape == Shape::Constant || jumps,
         }
     }
 }
@@ -81,7 +82,9 @@ pub(super) fn is_timed(dcs: &Dcs, occurring: &[Var]) -> bool {
         occurring.contains(&var) || in_rows.contains(&var)
     };
     let lines = task.shape == Shape::Linear;
-    occurs(dcs.time) || lines && task.controls.iter().any(|control| occurs(control.var))
+    occurs(dcs.time)
+        || dcs.data.iter().any(|&data| occurs(data))
+        || lines && task.controls.iter().any(|control| occurs(control.var))
 }
 
 /// Parameters that stay numbers.
@@ -186,7 +189,7 @@ impl<'e> Problem<'_, 'e> {
             return block;
         };
         let layout = &self.layout;
-        let mut block = self.with_horizon(block);
+        let mut block = self.with_data(self.with_horizon(block), &step);
         block = block.number(self.before, |place| (step(place) - 1) as f64);
         for (i, free) in task.params.iter().enumerate() {
             block = block.variable(self.dcs.params[free.place].var, |_| layout.p(i));

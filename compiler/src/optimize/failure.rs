@@ -11,6 +11,9 @@ use crate::report::Failure;
 use crate::source::Span;
 use crate::system::experiment::Settings;
 
+/// Objectives below this, at points that satisfy all constraints up to so much of their size, have no minimum.
+const UNBOUNDED: f64 = -1e9;
+const ROUNDING: f64 = 1e-6;
 /// Lines that are named at most.
 const MOST_LINES: usize = 4;
 /// Violations below this share of the largest one are left out.
@@ -25,8 +28,17 @@ pub(super) fn of(problem: &mut Problem, solution: &Solution) -> Option<Failure> 
             span,
         })
     };
+    // Feasible but for rounding, and beyond all bounds.
+    let size = solution.w.iter().fold(1.0, |m: f64, w| m.max(w.abs()));
+    let is_feasible = solution.residuals.violation <= ROUNDING * size;
+    let is_beyond = is_feasible && solution.objective < UNBOUNDED;
     match solution.status {
         Status::Solved => None,
+        Status::Feasible | Status::IterationLimit | Status::NumericalFailure if is_beyond => {
+            Some(Failure::Unbounded {
+                span: problem.task.cost_span,
+            })
+        }
         Status::Feasible => {
             failed("a feasible point was reached that was not shown to be stationary")
         }

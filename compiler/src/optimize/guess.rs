@@ -176,6 +176,9 @@ impl Known<'_, '_, '_> {
             values.extend(var.as_variable().map(|var| (var, value)));
         };
         insert(system.time, share * self.horizon);
+        for data in &system.data {
+            insert(data.var, data.table.value(share * self.horizon));
+        }
         for param in &system.params {
             insert(param.var, param.value);
         }

@@ -265,13 +265,20 @@ impl Work<'_> {
             let Ok(next) = polish(lifted, &guess, &other.zeros, self) else {
                 continue;
             };
-            let gain = if next.is_optimal { 1e-10 } else { 1e-4 };
-            if next.objective < best.objective - gain * size {
+            let is_better = next.objective < best.objective - 1e-10 * size;
+            if is_better && self.is_stationary(lifted, &next) {
                 self.stats.moves += 1;
                 return Elsewhere::Better(Box::new(next));
             }
         }
         Elsewhere::Nothing(n_others)
+    }
+
+    /// Whether a point is stationary, whatever its solver says.
+    fn is_stationary(&self, lifted: &mut Lifted<'_>, polished: &Polished) -> bool {
+        lifted.settle(Some(&polished.zeros));
+        let Guess { w, y } = &polished.point;
+        certify(lifted, w, y, &self.options.certificate).class != Class::None
     }
 
     fn feasible(&self, lifted: &mut Lifted<'_>, candidate: Candidate) -> Solution {

@@ -266,19 +266,43 @@ pub enum ExperimentError {
         span: Span,
     },
 
-    /// Data where something is optimized.
-    #[error("`optimize` does not take signals from tables yet")]
-    #[diagnostic(code(E0909), help("write the signal as an expression in `time`"))]
-    Data {
+    /// Data with another piece inside a control interval.
+    #[error(
+        "the data of `{name}` go on with another piece at t = {time}, inside a control interval"
+    )]
+    #[diagnostic(
+        code(E0522),
+        help(
+            "choose `intervals` whose ends are at the times of the data, and a horizon that is fixed"
+        )
+    )]
+    Bends {
         name: String,
-        #[label("needs `{name}`, which is data")]
+        time: f64,
+        #[label("needs `{name}`")]
+        span: Span,
+    },
+
+    /// Straight lines between values of a finite set.
+    #[error(
+        "`{name}` has a finite set of values, and `controls linear` has all values between them"
+    )]
+    #[diagnostic(
+        code(E0523),
+        help("write `controls constant;`, or give `{name}` an interval `[lo, hi]`")
+    )]
+    LinesOfChoices {
+        name: String,
+        #[label("one of these values")]
+        control: Span,
+        #[label("straight lines here")]
         span: Span,
     },
 
     /// Data where a discretized form is printed.
     #[error("discretized forms do not hold signals from tables yet")]
     #[diagnostic(
-        code(E0909),
+        code(E0522),
         help(
             "`--ir dcs` shows the system before it is discretized; `nsdc run` takes tables with every method"
         )
