@@ -136,6 +136,10 @@ fn compile_to<'e>(
                 .map_err(|error| diags.push(error))
                 .ok()?;
         }
+        if let Some(error) = line_of_choices(&system, &settings) {
+            diags.push(error);
+            return None;
+        }
         let lowerings = dcs::check(&system, &settings.lowerings, needs);
         lowerings.map_err(|error| diags.push(error)).ok()?;
         Some(Compiled {
@@ -143,6 +147,20 @@ fn compile_to<'e>(
             settings,
             system,
         })
+    })
+}
+
+/// Refuses straight lines for controls with finite sets of values.
+fn line_of_choices(system: &System, settings: &Settings) -> Option<ExperimentError> {
+    let task = system.task.as_ref()?;
+    let chosen = |control: &&Control| matches!(control.allowed, Some(Allowed::OneOf(_)));
+    let control = (task.controls.iter())
+        .filter(|_| task.shape == Shape::Linear)
+        .find(chosen)?;
+    Some(ExperimentError::LinesOfChoices {
+        name: control.name.clone(),
+        control: control.span,
+        span: settings.span,
     })
 }
 
