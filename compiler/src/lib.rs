@@ -29,7 +29,7 @@ use self::source::SourceMap;
 use self::syntax::{Bind, Experiment, File, GuessSource, Item, SettingKind};
 use self::system::experiment::{ExperimentError, Method, Settings};
 use self::system::task::{Control, Shape};
-use self::system::{Allowed, Extent, System};
+use self::system::{Allowed, Extent, System, freezing};
 
 /// An experiment that is ready to run.
 pub struct Compiled<'e> {
@@ -42,6 +42,15 @@ pub struct Compiled<'e> {
 }
 
 impl<'e> Compiled<'e> {
+    /// The system after the lowerings of jumps and relays that the experiment asks for.
+    pub fn lowered(&self) -> System<'e> {
+        if self.settings.freezes() {
+            let frozen = freezing::freeze(&self.system, self.settings.horizon);
+            return frozen.expect("compilation has checked it").system;
+        }
+        self.system.clone()
+    }
+
     /// What its expectations are about; a free horizon is its guess.
     pub fn subject<'s>(&'s self, sources: &'s SourceMap) -> Subject<'s, 'e> {
         Subject {
@@ -100,7 +109,21 @@ fn compile_to<'e>(
         model::check_experiment(file, home, definition, experiment, overrides, diags)?;
         // What cannot be run is refused before it is lowered, which may be long.
         let contact = model.contacts.first();
-        if let Some(contact) = contact.filter(|_| !settings.method.takes_jumps()) {
+        let freezes = settings.freezes();
+        let here = match (&settings.optimize, settings.method.takes_frozen_time()) {
+            (Some(_), _) => Some("in `optimize` "),
+            (None, false) => Some("by this method "),
+            (None, true) => None,
+        };
+        if let Some(with) = here.filter(|_| freezes) {
+            diags.push(ExperimentError::Lowering {
+                name: "timefreezing".to_owned(),
+                with,
+                span: settings.span,
+            });
+            return None;
+        }
+        if let Some(contact) = contact.filter(|_| !settings.method.takes_jumps() && !freezes) {
             diags.push(ExperimentError::Jump {
                 method: settings.method.word(),
                 name: contact.name.clone(),
@@ -109,6 +132,9 @@ fn compile_to<'e>(
             return None;
         }
         let mut system = system::lower(&model, &settings, extent, diags)?;
+        if freezes {
+            return frozen(model, settings, system, diags);
+        }
         let method = &settings.method;
         let relay = system.switches.iter().find(|switch| switch.relay.is_some());
         if let Some(relay) = relay.filter(|_| method.is_without_memory()) {
@@ -178,6 +204,25 @@ fn bends(data: &model::Data, settings: &Settings) -> Result<(), ExperimentError>
             span: settings.span,
         }),
     }
+}
+
+/// An experiment whose jumps and relays are lowered by time-freezing.
+fn frozen<'e>(
+    model: Model<'e>,
+    settings: Settings<'e>,
+    system: System<'e>,
+    diags: &mut Diagnostics,
+) -> Option<Compiled<'e>> {
+    let frozen = freezing::freeze(&system, settings.horizon);
+    let frozen = frozen.map_err(|error| diags.push(error)).ok()?;
+    let needs = settings.method.needs_dcs();
+    let lowerings = dcs::check(&frozen.system, &settings.lowerings, needs);
+    lowerings.map_err(|error| diags.push(error)).ok()?;
+    Some(Compiled {
+        model,
+        settings,
+        system,
+    })
 }
 
 /// Reports guesses from experiments that the file does not have.
@@ -262,7 +307,7 @@ pub fn check(file: &File, sources: &SourceMap, diags: &mut Diagnostics) {
             // A lowering that is asked for by name must exist, whatever the method needs.
             let lowerings = &compiled.settings.lowerings;
             if !lowerings.is_empty()
-                && let Err(error) = dcs::lower(&compiled.system, lowerings)
+                && let Err(error) = dcs::lower(&compiled.lowered(), lowerings)
             {
                 found.push(error);
             }

@@ -90,8 +90,8 @@ fn experiments(
         );
         let text = compiled.and_then(|compiled| match args.ir {
             Ir::Model => Some(Ok(compiled.model.to_string())),
-            Ir::System => Some(Ok(compiled.system.to_string())),
-            Ir::Dot => Some(Ok(dcs::dot(&compiled.system))),
+            Ir::System => Some(Ok(compiled.lowered().to_string())),
+            Ir::Dot => Some(Ok(dcs::dot(&compiled.lowered()))),
             _ => lowered(&compiled, args.ir, &mut diags),
         });
         project::print(&diags, &project.sources, streams)?;
@@ -127,7 +127,7 @@ fn lowered(
     ir: Ir,
     diags: &mut Diagnostics,
 ) -> Option<Result<String, Refused>> {
-    let (system, settings) = (&compiled.system, &compiled.settings);
+    let (system, settings) = (&compiled.lowered(), &compiled.settings);
     let dcs = dcs::lower(system, &settings.lowerings);
     let dcs = dcs.map_err(|error| diags.push(error)).ok()?;
     match ir {

@@ -309,7 +309,7 @@ fn lowering(
         return Ok(None);
     }
     let form =
-        dcs::lower(&compiled.system, &settings.lowerings).map_err(|error| error.to_string())?;
+        dcs::lower(&compiled.lowered(), &settings.lowerings).map_err(|error| error.to_string())?;
     let golden = dcs::golden(&project.path, &settings.name, &form);
     if args.accept {
         files::write(&golden.path, &golden.text).map_err(|error| error.to_string())?;

@@ -66,9 +66,10 @@ fn is_without_memory(system: &System) -> Result<(), DcsError> {
 }
 
 fn asked(lowerings: &[Lowering]) -> Option<Formulation> {
-    lowerings.first().map(|lowering| match lowering {
-        Lowering::Stewart => Formulation::Stewart,
-        Lowering::Step => Formulation::Step,
+    lowerings.iter().find_map(|lowering| match lowering {
+        Lowering::Stewart => Some(Formulation::Stewart),
+        Lowering::Step => Some(Formulation::Step),
+        Lowering::TimeFreezing => None,
     })
 }
 

@@ -90,6 +90,19 @@ pub enum Failure {
         span: Span,
     },
 
+    /// A clock that does not go on.
+    #[error("at t = {time}, {what}, and time-freezing does not get beyond")]
+    #[diagnostic(
+        code(E0726),
+        help("every bounce takes numerical time; `method event` without `lower` goes on from the limit")
+    )]
+    Standstill {
+        time: f64,
+        what: String,
+        #[label("this run")]
+        span: Span,
+    },
+
     /// Events without time between them.
     #[error("at t = {time}, events follow each other without time passing")]
     #[diagnostic(

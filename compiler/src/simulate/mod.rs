@@ -10,6 +10,7 @@ mod blocks;
 mod data;
 pub mod fesd;
 mod forms;
+mod frozen;
 mod functions;
 mod instants;
 mod laws;
@@ -87,6 +88,9 @@ pub fn run_watched(
     request: &Request,
     watch: &mut dyn FnMut(Progress),
 ) -> Trajectory {
+    if settings.freezes() {
+        return frozen::run(system, settings, request, watch);
+    }
     match &settings.method {
         experiment::Method::Fesd(options) => fesd::run(system, settings, options, request, watch),
         experiment::Method::Timestepping(options) => {

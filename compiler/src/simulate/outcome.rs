@@ -163,7 +163,7 @@ fn of_laws(system: &System, laws: &[usize]) -> Vec<LabeledSpan> {
 }
 
 /// One label per surface, where it is first written.
-fn labels(system: &System, switches: &[usize]) -> Vec<LabeledSpan> {
+pub(super) fn labels(system: &System, switches: &[usize]) -> Vec<LabeledSpan> {
     let label = |&i: &usize| {
         let switch = &system.switches[i];
         let span = switch.spans.first()?;

@@ -251,6 +251,15 @@ pub enum SystemError {
         span: Span,
     },
 
+    /// What time-freezing would change.
+    #[error("`lower timefreezing` does not take {what}")]
+    #[diagnostic(code(E0925), help("`method event` without `lower` runs it"))]
+    Unfrozen {
+        what: String,
+        #[label("not lowered yet")]
+        span: Span,
+    },
+
     /// Nonlinear sliding.
     #[error("nonlinear sliding is not supported yet")]
     #[diagnostic(

@@ -43,6 +43,7 @@ mod display;
 mod effort;
 mod error;
 pub mod experiment;
+pub mod freezing;
 mod interaction;
 mod jumps;
 mod limits;

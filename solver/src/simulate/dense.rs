@@ -72,7 +72,7 @@ impl<'a> Dense<'a> {
 }
 
 /// The polynomials of a segment.
-pub(crate) trait Polynomials {
+pub trait Polynomials {
     /// Their degree.
     fn degree(&self) -> usize;
     /// Series of state i.

@@ -53,7 +53,8 @@ use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 pub use approach::{Approach, Visit};
-use dense::{Dense, Polynomials};
+use dense::Dense;
+pub use dense::Polynomials;
 use jump::{Jumps, Met};
 use mode::Mode;
 use pieces::Pieces;
@@ -127,7 +128,29 @@ pub struct Segment<'a> {
     pub(crate) dense: &'a dyn Polynomials,
 }
 
-impl Segment<'_> {
+impl<'a> Segment<'a> {
+    /// A step of a run that is made of another one.
+    pub fn new(
+        start: f64,
+        length: f64,
+        sides: &'a [Side],
+        end: &'a [f64],
+        dense: &'a dyn Polynomials,
+    ) -> Self {
+        Segment {
+            start,
+            length,
+            sides,
+            end,
+            dense,
+        }
+    }
+
+    /// Its polynomials.
+    pub fn polynomials(&self) -> &'a dyn Polynomials {
+        self.dense
+    }
+
     /// The state `tau` after the start.
     pub fn state(&self, tau: f64, x: &mut [f64]) {
         for (i, x) in x.iter_mut().enumerate() {

@@ -242,7 +242,7 @@ fn method(
 
 /// What a grid of the user's choice is worth: no warning for what it was chosen for, but none that
 /// is too coarse to show what the model does passes for a solution.
-fn judge_grid(trajectory: &mut Trajectory, estimate: &Estimate, settings: &Settings) {
+pub(super) fn judge_grid(trajectory: &mut Trajectory, estimate: &Estimate, settings: &Settings) {
     trajectory.error_estimate = Some(estimate.error);
     if trajectory.failure.is_some() {
         return;

@@ -322,11 +322,15 @@ pub enum ExperimentError {
         span: Span,
     },
 
-    /// Lowerings of jumps and contacts.
-    #[error("lowering `{name}` is not supported yet")]
-    #[diagnostic(code(E0924), help("`stewart` and `step` lower switches"))]
+    /// A lowering that there is not, or not here.
+    #[error("lowering `{name}` is not supported {with}yet")]
+    #[diagnostic(
+        code(E0924),
+        help("`method event` runs jumps and relays as they are; `stewart` and `step` lower switches")
+    )]
     Lowering {
         name: String,
+        with: &'static str,
         #[label("not supported yet")]
         span: Span,
     },

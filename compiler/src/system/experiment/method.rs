@@ -54,6 +54,11 @@ impl Method<'_> {
         matches!(self, Method::Auto | Method::Event(_))
     }
 
+    /// Whether it runs a system in numerical time.
+    pub fn takes_frozen_time(&self) -> bool {
+        matches!(self, Method::Auto | Method::Event(_) | Method::Fesd(_))
+    }
+
     /// Whether the method looks at the present state alone, so that relays have no place in it.
     pub fn is_without_memory(&self) -> bool {
         matches!(self, Method::Smoothing(_) | Method::Adaptive)
@@ -101,13 +106,15 @@ pub enum Branch {
     Plus,
 }
 
-/// A lowering of switches that an experiment may ask for.
+/// A lowering that an experiment may ask for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lowering {
     /// Stewart's reformulation.
     Stewart,
     /// The step (Heaviside) reformulation.
     Step,
+    /// Jumps and relays take place while a clock stands still.
+    TimeFreezing,
 }
 
 const METHODS: [&str; 6] = [
@@ -254,9 +261,11 @@ pub(super) fn lowering(reader: &mut Reader<'_, '_>, name: &Ident) -> Option<Lowe
     match name.name.as_str() {
         "stewart" => Some(Lowering::Stewart),
         "step" => Some(Lowering::Step),
+        "timefreezing" => Some(Lowering::TimeFreezing),
         known if LOWERINGS.contains(&known) => {
             reader.error(ExperimentError::Lowering {
                 name: known.to_owned(),
+                with: "",
                 span: name.span,
             });
             None

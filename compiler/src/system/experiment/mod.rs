@@ -57,6 +57,13 @@ pub struct Settings<'e> {
     pub(super) sliding: FxHashMap<usize, Sliding>,
 }
 
+impl Settings<'_> {
+    /// Whether time stands still where states jump.
+    pub fn freezes(&self) -> bool {
+        self.lowerings.contains(&Lowering::TimeFreezing)
+    }
+}
+
 /// A quantity that `output` names.
 #[derive(Clone, Debug)]
 pub struct Kept<'e> {

@@ -1,0 +1,74 @@
+//! What cannot be frozen.
+
+use super::bounce::{Contact, refused};
+use super::{alpha, numbers};
+use crate::expr::{Expr, Var, variables_of};
+use crate::system::affine::at;
+use crate::system::{System, SystemError};
+
+/// Refuses what auxiliary dynamics would change.
+pub(super) fn check(system: &System<'_>) -> Result<(), SystemError> {
+    if let Some(data) = system.data.first() {
+        let what = format!("`{}`, a signal from a table", data.name);
+        return Err(refused(what, data.span));
+    }
+    let alphas = system.alphas();
+    let jumping: Vec<Var> = (system.laws.iter())
+        .flat_map(|law| law.resets.iter().map(|reset| reset.0))
+        .chain(system.contacts.iter().flat_map(|contact| {
+            let tangent = contact.friction.iter().flat_map(|f| &f.tangent);
+            contact.normal.iter().chain(tangent).map(|d| d.state)
+        }))
+        .filter_map(|state| system.states[state].var.as_variable())
+        .collect();
+    for (k, switch) in system.switches.iter().enumerate() {
+        let span = switch.spans.first().copied().unwrap_or_default();
+        if switch.relay.is_some() {
+            let watched = variables_of(&[at(switch.psi, alpha(system, k), 0.0)]);
+            let jumps = |var: &Var| alphas.contains(var) || jumping.contains(var);
+            if watched.iter().any(jumps) {
+                let what = format!("relay `{}`, which watches what may jump", switch.name);
+                return Err(refused(what, span));
+            }
+        }
+        let others = system.switches.iter().enumerate();
+        let mut others = others.filter(|(other, _)| *other != k);
+        let is_read = |(_, other): (usize, &crate::system::Switch<'_>)| {
+            switch.relay.is_some() && variables_of(&[other.psi]).contains(&alpha(system, k))
+        };
+        if others.any(is_read) {
+            let what = format!("relay `{}`, which other switching functions read", switch.name);
+            return Err(refused(what, span));
+        }
+    }
+    Ok(())
+}
+
+/// Refuses contacts that may be closed at once and act on each other: one after the other is not Newton's law.
+pub(super) fn together<'e>(
+    system: &System<'e>,
+    contacts: &[Contact<'e>],
+) -> Result<(), SystemError> {
+    let numbers = numbers(system);
+    let acts = |by: &Contact<'e>, on: &Contact<'e>| {
+        let terms = by.normal.iter().map(|&(state, n)| {
+            let var = system.states[state].var.as_variable();
+            on.speed.diff(var.expect("a state is a variable")) * n
+        });
+        let effect: Expr<'e> = system.exprs.sum(terms);
+        !effect.substitute(&numbers).is_zero()
+    };
+    for (j, second) in contacts.iter().enumerate() {
+        for first in &contacts[..j] {
+            let apart = (first.gap + second.gap).substitute(&numbers).as_constant();
+            let never = apart.is_some_and(|sum| sum > 0.0);
+            if !never && (acts(first, second) || acts(second, first)) {
+                let name = |contact: &Contact<'e>| &system.switches[contact.switch].name;
+                let (one, other) = (name(first), name(second));
+                let what = format!("contacts `{one}` and `{other}`, which may close at once");
+                return Err(refused(what, second.span));
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,182 @@
+//! Time-freezing: a system with relays and elastic contacts -> one whose states do not jump.
+//!
+//! x' = s f(x),   t' = s,   s ∈ {0, 1} off all surfaces
+//!
+//! The run is in a numerical time τ, and physical time t is a state, the *clock*. Where the system has a jump, the
+//! clock stands still, and auxiliary dynamics take the state from one side of it to the other: a relay moves a
+//! memory (`relay`), a contact a spring (`bounce`). What is left when the intervals without motion of the clock
+//! are cut out is the trajectory of the original system, which the way back in [`Frozen`] is for.
+//!
+//! Nurkanović, Sartor, Albrecht & Diehl 2021 for the idea.
+
+mod bounce;
+mod check;
+mod relay;
+
+use super::affine::at;
+use super::interaction::subsystems;
+use super::regions::regions_of;
+use super::{Readings, State, Switch, System, SystemError};
+use crate::expr::{Expr, Substitution, Var, variables_of};
+use crate::source::Span;
+
+/// A system in numerical time, and the way back to the one it comes from.
+#[derive(Clone, Debug)]
+pub struct Frozen<'e> {
+    /// The states of the original, the clock, and what moves while that stands still.
+    pub system: System<'e>,
+    /// Number of states of the original, which come first.
+    pub n_states: usize,
+    /// The state that is physical time.
+    pub clock: usize,
+    /// Where each switch of the original is; none for relays and contacts.
+    pub places: Vec<Option<usize>>,
+    /// The relays.
+    pub relays: Vec<Memory>,
+    /// The contacts.
+    pub bounces: Vec<Spring>,
+}
+
+/// A relay that has become a state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Memory {
+    /// The relay in the original.
+    pub relay: usize,
+    /// The state that is 0 or 1 while time passes.
+    pub state: usize,
+}
+
+/// A contact that has become a spring.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Spring {
+    /// The unilateral switch in the original.
+    pub contact: usize,
+    /// The law, jumps first and then contacts.
+    pub law: usize,
+    /// The switch that is below its surface while the contact is closed.
+    pub switch: usize,
+}
+
+/// The frozen system of a run of this length.
+pub fn freeze<'e>(system: &System<'e>, horizon: f64) -> Result<Frozen<'e>, SystemError> {
+    check::check(system)?;
+    let exprs = system.exprs;
+    let contacts = bounce::contacts(system)?;
+    check::together(system, &contacts)?;
+    let relays = (0..system.switches.len()).filter(|&k| system.switches[k].relay.is_some());
+    let relays: Vec<usize> = relays.collect();
+
+    // Motion without contact, then the rate of the clock.
+    let open = |rate: Expr<'e>| {
+        let apart = contacts.iter().map(|contact| alpha(system, contact.switch));
+        apart.fold(rate, |rate, alpha| at(rate, alpha, 1.0))
+    };
+    let mut rates: Vec<Expr<'e>> = system.states.iter().map(|s| open(s.rate)).collect();
+    rates.push(exprs.constant(1.0));
+
+    let n_states = system.states.len();
+    let mut frozen = Frozen {
+        system: system.clone(),
+        n_states,
+        clock: n_states,
+        places: vec![None; system.switches.len()],
+        relays: Vec::new(),
+        bounces: Vec::new(),
+    };
+    let mut switches: Vec<Switch<'e>> = Vec::new();
+    for (k, switch) in system.switches.iter().enumerate() {
+        let is_kept = switch.relay.is_none() && !switch.unilateral;
+        if is_kept {
+            frozen.places[k] = Some(switches.len());
+            switches.push(switch.clone());
+        }
+    }
+    let mut added: Vec<State<'e>> = Vec::new();
+    let mut partitions = system.partitions.clone();
+    partitions.retain(|partition| {
+        let weights: Vec<Expr<'e>> = partition.regions.iter().map(|r| r.weight).collect();
+        let inside = variables_of(&weights);
+        !relays.iter().any(|&k| inside.contains(&alpha(system, k)))
+    });
+    for partition in &mut partitions {
+        let place = |k: usize| frozen.places[k];
+        partition.switches = partition.switches.iter().filter_map(|&k| place(k)).collect();
+        for region in &mut partition.regions {
+            for literal in region.literals.iter_mut().flatten() {
+                literal.0 = place(literal.0).expect("relays and contacts are in no guard that is kept");
+            }
+        }
+    }
+    for &k in &relays {
+        let first = switches.len();
+        let cells = relay::cells(system, k, horizon, first);
+        let read = alpha(system, k);
+        for rate in &mut rates {
+            *rate = at(*rate, read, 0.0) * cells.off + at(*rate, read, 1.0) * cells.on;
+        }
+        frozen.relays.push(Memory {
+            relay: k,
+            state: n_states + 1 + added.len(),
+        });
+        switches.extend(cells.switches);
+        added.push(cells.memory);
+        partitions.push(cells.partition);
+    }
+    for contact in &contacts {
+        let spring = bounce::spring(system, contact, horizon, &mut rates);
+        frozen.bounces.push(Spring {
+            contact: contact.switch,
+            law: contact.law,
+            switch: switches.len(),
+        });
+        switches.push(spring.switch);
+        added.push(spring.state);
+    }
+
+    let clock = State {
+        name: "time".to_owned(),
+        var: system.time,
+        initial: 0.0,
+        rate: rates[n_states],
+        span: Span::default(),
+    };
+    let whole = &mut frozen.system;
+    for (state, rate) in whole.states.iter_mut().zip(&rates) {
+        state.rate = *rate;
+    }
+    whole.states.push(clock);
+    whole.states.extend(added);
+    let set: Vec<usize> = (0..whole.states.len()).collect();
+    for partition in partitions.iter_mut().filter(|p| p.states.is_empty()) {
+        partition.states.clone_from(&set);
+    }
+    whole.time = exprs.variable("tau");
+    let rates: Vec<Expr<'e>> = whole.states.iter().map(|state| state.rate).collect();
+    let alphas: Vec<Var> = switches.iter().filter_map(|s| s.alpha.as_variable()).collect();
+    whole.subsystems = subsystems(&rates, &alphas);
+    for subsystem in &mut whole.subsystems {
+        subsystem.regions = regions_of(subsystem, &partitions, &rates, &alphas);
+    }
+    (whole.switches, whole.partitions) = (switches, partitions);
+    // What is recorded, watched and read is that of the original.
+    (whole.outputs, whole.controls, whole.limits) = (Vec::new(), Vec::new(), Vec::new());
+    (whole.groups, whole.skipped) = (Vec::new(), Vec::new());
+    (whole.laws, whole.contacts, whole.bodies) = (Vec::new(), Vec::new(), Vec::new());
+    whole.readings = Readings::default();
+    debug_assert_eq!(whole.verify(), Ok(()), "freezing keeps the invariants of `System`");
+    Ok(frozen)
+}
+
+/// α of a switch.
+fn alpha(system: &System<'_>, switch: usize) -> Var {
+    let alpha = system.switches[switch].alpha.as_variable();
+    alpha.expect("α of a switch is a variable")
+}
+
+/// Parameters as numbers.
+fn numbers<'e>(system: &System<'e>) -> Substitution<'e> {
+    let params = system.params.iter();
+    params
+        .filter_map(|param| Some((param.var.as_variable()?, system.exprs.constant(param.value))))
+        .collect()
+}
