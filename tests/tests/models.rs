@@ -9,6 +9,7 @@ use nsdc::cli::Exit;
 const EXAMPLES: &[&str] = &[
     "bouncing_ball.nsd: at_rest",
     "bouncing_ball.nsd: bounces",
+    "bouncing_ball.nsd: frozen",
     "branicky.nsd: growth",
     "cart_pole.nsd: swing",
     "choices_ocp.nsd: empty",
@@ -56,6 +57,7 @@ const EXAMPLES: &[&str] = &[
     "switching_cases.nsd: upwards",
     "tanks.nsd: level",
     "thermostat.nsd: day",
+    "thermostat.nsd: frozen",
     "thrown_ball.nsd: slower",
     "thrown_ball.nsd: throw",
     "turbo_car.nsd: hurry",
@@ -84,7 +86,9 @@ const LIBRARY: &[&str] = &[
 const MODELS: &[&str] = &[
     "bouncing_ball.nsd: at_rest",
     "bouncing_ball.nsd: bounces",
+    "bouncing_ball.nsd: frozen",
     "box_friction.nsd: throw",
+    "box_friction.nsd: throw_frozen",
     "branicky.nsd: growth",
     "continuous.nsd: a",
     "continuous.nsd: b",
@@ -106,14 +110,13 @@ const MODELS: &[&str] = &[
     "switching_cases.nsd: leave",
     "switching_cases.nsd: slide",
     "thermostat.nsd: day",
+    "thermostat.nsd: frozen",
     "two_contacts.nsd: drop",
 ];
 
 /// Experiments of the design models that are refused as not supported yet, with the code.
 const NOT_YET: &[&str] = &[
     "ball_pile.nsd: settle (E0904)",
-    "bouncing_ball.nsd: frozen (E0924)",
-    "box_friction.nsd: throw_frozen (E0924)",
     "convex.nsd: one (E0907)",
     "convex.nsd: two (E0906)",
     "hidden_modes.nsd: attract (E0920)",
@@ -122,7 +125,6 @@ const NOT_YET: &[&str] = &[
     "stiction.nsd: large_errors (E0923)",
     "stiction.nsd: small_errors (E0923)",
     "stiction.nsd: stick_slip (E0920)",
-    "thermostat.nsd: frozen (E0924)",
     "throw_and_catch.nsd: track (E0924)",
 ];
 

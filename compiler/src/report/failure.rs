@@ -94,7 +94,9 @@ pub enum Failure {
     #[error("at t = {time}, {what}, and time-freezing does not get beyond")]
     #[diagnostic(
         code(E0726),
-        help("every bounce takes numerical time; `method event` without `lower` goes on from the limit")
+        help(
+            "every bounce takes numerical time; `method event` without `lower` goes on from the limit"
+        )
     )]
     Standstill {
         time: f64,

@@ -1,12 +1,13 @@
 //! Runs in numerical time: a system is frozen, run event by event or by finite elements, and thawed.
 
+mod stretch;
 mod thaw;
 
 use std::time::{Duration, Instant};
 
 use nsd_solver::fesd::{self as elements, Grid};
 use nsd_solver::simulate::{Observer, Outcome, Simulator, Status};
-use thaw::{Thaw, drive};
+use thaw::{End, drive};
 
 use super::fesd::{Complementarity, estimate, judge_grid};
 use super::modes::ModeNames;
@@ -141,29 +142,30 @@ impl<'e> Road<'e> {
         time_limit: Option<Duration>,
         observer: &mut dyn Observer,
     ) -> Found {
-        let mut thaw = Thaw::new(frozen, settings.horizon, observer);
         let (order, mut least_member) = (self.order(settings, tolerance), 0.0_f64);
-        let outcome = match self {
-            Road::Events(switched) => {
-                let mut chosen = solver_settings(&settings.method, tolerance, time_limit);
+        let started = Instant::now();
+        // All runs together have the time that is given.
+        let left = || Some(time_limit?.saturating_sub(started.elapsed()));
+        let horizon = settings.horizon;
+        let (outcome, end) = match self {
+            Road::Events(switched) => drive(frozen, horizon, observer, |end, x, thaw| {
+                let mut chosen = solver_settings(&settings.method, tolerance, None);
                 if fine {
                     chosen = finer(&chosen, order, tolerance);
-                    chosen.time_limit = time_limit;
                 }
-                let mut simulator = Simulator::new(&**switched, chosen);
-                drive(&mut thaw, |from, to, x, thaw| simulator.run(from, to, x, thaw))
-            }
+                chosen.time_limit = left();
+                Simulator::new(&**switched, chosen).run(0.0, end, x, thaw)
+            }),
             Road::Elements(complementarity, options, _) => {
-                drive(&mut thaw, |from, to, x, thaw| {
-                    let share = (to - from) / settings.horizon;
+                drive(frozen, horizon, observer, |end, x, thaw| {
                     let settings = elements::Settings {
-                        time_limit,
-                        grid: grid(options, tolerance, fine, share),
+                        time_limit: left(),
+                        grid: grid(options, tolerance, fine, end / horizon),
                         ..elements::Settings::new(options.scheme.0, options.scheme.1)
                     };
                     let simulator = elements::Simulator::new(&**complementarity, settings);
                     let mut simulator = simulator.expect("the number of nodes has been checked");
-                    let solution = simulator.run(from, to, x, thaw);
+                    let solution = simulator.run(0.0, end, x, thaw);
                     least_member = least_member.min(solution.least_member);
                     solution.outcome
                 })
@@ -174,9 +176,16 @@ impl<'e> Road<'e> {
             what,
             span: settings.span,
         };
-        let failure = match thaw.limit {
-            Some(limit) => Some(stops(format!("bounces accumulate at t = {limit:.6}"))),
-            None if thaw.stands => Some(stops("a contact stays closed".to_owned())),
+        let failure = match end {
+            Some(End::Limit(limit)) => {
+                Some(stops(format!("bounces accumulate towards t = {limit:.6}")))
+            }
+            Some(End::Closed) => Some(stops("a contact stays closed".to_owned())),
+            Some(End::Locked(contact)) => Some(Failure::Painleve {
+                time: outcome.time,
+                name: frozen.system.switches[contact].name.clone(),
+                surfaces: outcome::labels(&frozen.system, &[contact]),
+            }),
             None => {
                 let names = ModeNames::new(&frozen.system);
                 outcome::failure(&frozen.system, &names, &outcome, settings.span)
@@ -207,7 +216,8 @@ impl<'e> Road<'e> {
 
     fn method(&self, settings: &Settings, order: usize) -> Method {
         let number = |name: &str, value: f64| (name.to_owned(), MethodOption::Number(value));
-        let word = |name: &str, value: &str| (name.to_owned(), MethodOption::Text(value.to_owned()));
+        let word =
+            |name: &str, value: &str| (name.to_owned(), MethodOption::Text(value.to_owned()));
         let mut shown = vec![number("order", order as f64)];
         let name = match self {
             Road::Events(_) => {
@@ -236,7 +246,7 @@ impl<'e> Road<'e> {
     }
 }
 
-/// The grid of a stretch of numerical time, a share of the horizon: steps keep their length.
+/// The grid of a numerical time, as a share of the horizon: steps keep their length.
 fn grid(options: &FesdOptions, tolerance: f64, fine: bool, share: f64) -> Grid {
     let refined = if fine { 2 } else { 1 };
     match options.steps {
@@ -245,7 +255,11 @@ fn grid(options: &FesdOptions, tolerance: f64, fine: bool, share: f64) -> Grid {
             elements: options.elements,
         },
         None => Grid::Adaptive {
-            tolerance: if fine { REFINEMENT * tolerance } else { tolerance },
+            tolerance: if fine {
+                REFINEMENT * tolerance
+            } else {
+                tolerance
+            },
         },
     }
 }

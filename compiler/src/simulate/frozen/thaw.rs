@@ -1,23 +1,42 @@
 //! The way back from numerical to physical time: what an observer sees of the original system.
 //!
 //! Steps during which the clock stands still are left out. What happened in them is one event: relays have switched,
-//! states have jumped by laws.
+//! states have jumped by laws. Where the clock is slower, in a contact that lasts, series are stretched.
 
 use std::ops::ControlFlow;
 
 use nsd_solver::fesd;
-use nsd_solver::simulate::{Event, Observer, Outcome, Polynomials, Segment, Side, Stats, Status};
+use nsd_solver::simulate::{Event, Observer, Outcome, Polynomials, Segment, Side, Status};
 
-use crate::system::freezing::Frozen;
+use rustc_hash::FxHashMap;
+
+use super::stretch::Stretched;
+use crate::expr::Var;
+use crate::system::freezing::{Frozen, Rest};
 
 /// A clock slower than this stands still.
 const STANDS: f64 = 1e-6;
 /// The end of the horizon is reached to this, relative to it.
-const NEAR: f64 = 1e-12;
+const NEAR: f64 = 1e-10;
+/// A first run in numerical time is so much longer than the horizon, and every other than the one before.
+const LONGER: f64 = 4.0;
+/// Corrections of the numerical time at which the run ends.
+const CORRECTIONS: usize = 8;
 /// Bounces this close, relative to the horizon, that become ever closer are on their way to a Zeno point.
 const DENSE: f64 = 1e-6;
 /// How much the ratio of successive intervals may still change where they are.
 const SETTLED: f64 = 0.1;
+
+/// Why time does not go on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum End {
+    /// Infinitely many bounces follow up to this time.
+    Limit(f64),
+    /// An elastic contact stays closed.
+    Closed,
+    /// Friction of a contact, by its switch in the frozen system, is stronger than what opens it.
+    Locked(usize),
+}
 
 /// Passes on a run in numerical time as one in physical time.
 pub(super) struct Thaw<'t, 'e> {
@@ -38,14 +57,18 @@ pub(super) struct Thaw<'t, 'e> {
     accumulates: bool,
     /// The last bounces of every contact.
     bounces: Vec<Vec<f64>>,
-    /// Where infinitely many bounces would follow.
-    pub limit: Option<f64>,
-    /// Whether the clock stands still for good.
-    pub stands: bool,
-    /// Whether a run ends when time passes again.
-    waits: bool,
-    /// The state of the frozen system when it did.
-    resumed: Option<Vec<f64>>,
+    /// Strengths of the contacts that last, by switch of the original.
+    forces: Vec<Option<f64>>,
+    /// Places of the states of the frozen system.
+    state_of: FxHashMap<Var, usize>,
+    /// Set when time does not go on.
+    end: Option<End>,
+    /// The rate of the clock, of late.
+    rate: f64,
+    /// Whether the run ends where the clock reaches the horizon.
+    probes: bool,
+    /// The numerical time at which it did.
+    reached: Option<f64>,
 }
 
 /// The polynomials of the original's states and switches.
@@ -65,7 +88,8 @@ impl Polynomials for Thawed<'_> {
 
     fn alpha(&self, switch: usize) -> &[f64] {
         let place = self.places[switch];
-        self.inner.alpha(place.expect("relays and contacts that bounce do not slide"))
+        self.inner
+            .alpha(place.expect("relays and contacts that bounce do not slide"))
     }
 }
 
@@ -82,11 +106,15 @@ impl<'t, 'e> Thaw<'t, 'e> {
             stopped: None,
             fired: Vec::new(),
             accumulates: false,
-            bounces: vec![Vec::new(); frozen.bounces.len()],
-            limit: None,
-            stands: false,
-            waits: false,
-            resumed: None,
+            bounces: vec![Vec::new(); frozen.contacts.len()],
+            forces: vec![None; frozen.places.len()],
+            state_of: (frozen.system.states.iter().enumerate())
+                .filter_map(|(i, state)| Some((state.var.as_variable()?, i)))
+                .collect(),
+            end: None,
+            rate: 1.0,
+            probes: false,
+            reached: None,
         }
     }
 
@@ -98,6 +126,43 @@ impl<'t, 'e> Thaw<'t, 'e> {
         for memory in &self.frozen.relays {
             self.next[memory.relay] = Side::of(x[memory.state] - 0.5);
         }
+        for contact in &self.frozen.contacts {
+            let lasts = |rest: &&Rest| sides[rest.speed] == Side::Slide;
+            let rest = contact.rest.as_ref().filter(lasts);
+            self.forces[contact.contact] = rest.map(|rest| rest.strength);
+            if rest.is_some() {
+                self.next[contact.contact] = Side::Slide;
+            }
+        }
+    }
+
+    /// Notes the contacts that act while the clock stands still.
+    fn act(&mut self, sides: &[Side]) {
+        for contact in &self.frozen.contacts {
+            let comes = |rest: &Rest| sides[rest.speed] == Side::Minus;
+            let closed = sides[contact.switch] == Side::Minus;
+            let acts = closed && contact.rest.as_ref().is_none_or(comes);
+            if acts && !self.fired.contains(&contact.law) {
+                self.fired.push(contact.law);
+            }
+        }
+    }
+
+    /// The contact that friction closes whatever pushes, at a state of the frozen system.
+    fn locked(&self, x: &[f64]) -> Option<usize> {
+        let params = &self.frozen.system.params;
+        let value = |var: Var| match self.state_of.get(&var) {
+            Some(&i) => x[i],
+            None => {
+                let param = params.iter().find(|p| p.var.as_variable() == Some(var));
+                param.map_or(f64::NAN, |param| param.value)
+            }
+        };
+        let opens = |rest: &Rest| rest.cone.iter().all(|e| e.eval(&value) > 0.0);
+        let contacts = self.frozen.contacts.iter();
+        let mut struck = contacts.filter(|contact| self.fired.contains(&contact.law));
+        let locked = struck.find(|contact| contact.rest.as_ref().is_some_and(|r| !opens(r)))?;
+        Some(locked.switch)
     }
 
     /// Tells what has happened at the present instant, if anything.
@@ -128,8 +193,8 @@ impl<'t, 'e> Thaw<'t, 'e> {
 
     /// Takes note of the bounces that have ended, and sees where they would accumulate.
     fn count(&mut self) {
-        for (spring, times) in self.frozen.bounces.iter().zip(&mut self.bounces) {
-            if !self.fired.contains(&spring.law) {
+        for (contact, times) in self.frozen.contacts.iter().zip(&mut self.bounces) {
+            if contact.rest.is_some() || !self.fired.contains(&contact.law) {
                 continue;
             }
             times.push(self.t);
@@ -141,7 +206,8 @@ impl<'t, 'e> Thaw<'t, 'e> {
             let settles = (ratio - before).abs() <= SETTLED * before && ratio < 1.0;
             if settles && third <= DENSE * self.horizon {
                 let limit = d + third * ratio / (1.0 - ratio);
-                self.limit = Some(limit).filter(|limit| *limit < self.horizon);
+                let is_near = limit < self.horizon;
+                self.end = is_near.then_some(End::Limit(limit)).or(self.end);
             }
         }
     }
@@ -156,18 +222,17 @@ impl Observer for Thaw<'_, '_> {
                 segment.state(0.0, &mut self.x);
                 self.stopped = Some(self.x.clone());
             }
-            for spring in &self.frozen.bounces {
-                let closed = segment.sides[spring.switch] == Side::Minus;
-                if closed && !self.fired.contains(&spring.law) {
-                    self.fired.push(spring.law);
-                }
+            self.act(segment.sides);
+            if let Some(switch) = self.locked(segment.end) {
+                self.end = Some(End::Locked(switch));
+                return ControlFlow::Break(());
             }
             return ControlFlow::Continue(());
         }
-        if self.waits {
-            let mut state = segment.end.to_vec();
-            segment.state(0.0, &mut state);
-            self.resumed = Some(state);
+        self.rate = advance / segment.length;
+        let over = segment.end[clock] - self.horizon;
+        if self.probes && over >= 0.0 {
+            self.reached = Some(segment.start + segment.length - over / self.rate);
             return ControlFlow::Break(());
         }
         if self.t >= self.horizon {
@@ -178,21 +243,31 @@ impl Observer for Thaw<'_, '_> {
         self.read(segment.sides, segment.end);
         segment.state(0.0, &mut self.x);
         self.tell();
-        if self.limit.is_some() {
+        if self.end.is_some() {
             return ControlFlow::Break(());
         }
-        let mut length = segment.length;
+        let lasts = self.forces.iter().any(Option::is_some);
+        let mut length = if lasts { advance } else { segment.length };
         if (self.t + length - self.horizon).abs() <= NEAR * self.horizon {
             length = self.horizon - self.t;
             while self.t + length < self.horizon {
                 length = length.next_up();
             }
         }
-        let thawed = Thawed {
-            inner: segment.polynomials(),
-            places: &self.frozen.places,
+        let (inner, places) = (segment.polynomials(), &self.frozen.places[..]);
+        let seen = Thawed { inner, places };
+        let stretched = lasts.then(|| {
+            // Of what slides there are series.
+            let slides = places.iter().zip(&self.sides);
+            let slides = slides.map(|(place, side)| place.filter(|_| *side == Side::Slide));
+            let slides: Vec<Option<usize>> = slides.collect();
+            Stretched::new(inner, clock, n, &slides, &self.forces)
+        });
+        let dense: &dyn Polynomials = match &stretched {
+            Some(stretched) => stretched,
+            None => &seen,
         };
-        let passed = Segment::new(self.t, length, &self.sides, &segment.end[..n], &thawed);
+        let passed = Segment::new(self.t, length, &self.sides, &segment.end[..n], dense);
         self.t += length;
         self.observer.segment(&passed)
     }
@@ -204,41 +279,66 @@ impl Observer for Thaw<'_, '_> {
 
 impl fesd::Observer for Thaw<'_, '_> {}
 
-/// Runs from one end of numerical time to the next until the clock has reached the horizon.
-///
-/// The clock is never faster than numerical time, so that no stretch goes beyond the horizon, but one that begins
-/// while the clock stands still: it ends where time passes again. The outcome is that of the original, but for a
-/// status that is not `Solved`, whose switches are those of the frozen system.
-pub(super) fn drive<'t, 'e>(
-    thaw: &mut Thaw<'t, 'e>,
-    mut run: impl FnMut(f64, f64, &[f64], &mut Thaw<'t, 'e>) -> Outcome,
-) -> Outcome {
-    let (frozen, horizon) = (thaw.frozen, thaw.horizon);
-    let states = &frozen.system.states;
-    let mut x: Vec<f64> = states.iter().map(|state| state.initial).collect();
-    let (mut tau, mut stats) = (0.0, Stats::default());
-    loop {
-        let left = horizon - x[frozen.clock];
-        thaw.waits = thaw.stopped.is_some();
-        let length = if thaw.waits { horizon } else { left };
-        let mut outcome = run(tau, tau + length, &x, thaw);
-        stats = sum(stats, outcome.stats);
-        if let Some(state) = thaw.resumed.take() {
-            (tau, x) = (outcome.time, state);
-            continue;
-        }
-        if outcome.status == Status::Solved && thaw.waits {
-            thaw.stands = true;
-            outcome.status = Status::Stopped;
-        }
-        let arrived = horizon - outcome.x[frozen.clock] <= NEAR * horizon;
-        if outcome.status == Status::Solved && !arrived {
-            (tau, x) = (outcome.time, outcome.x);
-            continue;
-        }
-        outcome.stats = stats;
-        return thawed(thaw, outcome);
+/// Sees nothing.
+struct Silent;
+
+impl Observer for Silent {
+    fn segment(&mut self, _segment: &Segment) -> ControlFlow<()> {
+        ControlFlow::Continue(())
     }
+
+    fn event(&mut self, _event: &Event) {}
+}
+
+/// Runs to the numerical time at which the clock is at the horizon; `run` gets the end, the start and what observes it.
+///
+/// That time is found by a run that goes on until then, and corrected by runs that end there. The outcome is that of
+/// the original, but for a status that is not `Solved`, whose switches are those of the frozen system.
+pub(super) fn drive(
+    frozen: &Frozen,
+    horizon: f64,
+    observer: &mut dyn Observer,
+    mut run: impl FnMut(f64, &[f64], &mut Thaw) -> Outcome,
+) -> (Outcome, Option<End>) {
+    let states = &frozen.system.states;
+    let x: Vec<f64> = states.iter().map(|state| state.initial).collect();
+    let (mut end, mut before) = (LONGER * horizon, -1.0);
+    loop {
+        let mut silent = Silent;
+        let mut probe = Thaw::new(frozen, horizon, &mut silent);
+        probe.probes = true;
+        let outcome = run(end, &x, &mut probe);
+        if let Some(reached) = probe.reached {
+            end = reached;
+            break;
+        }
+        let stands = probe.stopped.is_some() && probe.t == before;
+        if outcome.status != Status::Solved || stands {
+            break;
+        }
+        before = probe.t;
+        end *= LONGER;
+    }
+    for _ in 0..CORRECTIONS {
+        let mut silent = Silent;
+        let mut probe = Thaw::new(frozen, horizon, &mut silent);
+        let outcome = run(end, &x, &mut probe);
+        let miss = horizon - outcome.x[frozen.clock];
+        let is_open = outcome.status == Status::Solved && probe.stopped.is_none();
+        if !is_open || miss.abs() <= 1e-3 * NEAR * horizon {
+            break;
+        }
+        end += miss / probe.rate;
+    }
+    let mut thaw = Thaw::new(frozen, horizon, observer);
+    let mut outcome = run(end, &x, &mut thaw);
+    let missed = horizon - outcome.x[frozen.clock] > NEAR * horizon;
+    if outcome.status == Status::Solved && missed {
+        thaw.end = Some(End::Closed);
+        outcome.status = Status::Stopped;
+    }
+    let outcome = thawed(&mut thaw, outcome);
+    (outcome, thaw.end)
 }
 
 /// The outcome in physical time, of the states and switches of the original.
@@ -263,18 +363,5 @@ fn thawed(thaw: &mut Thaw, outcome: Outcome) -> Outcome {
         notes: Vec::new(),
         approaches: Vec::new(),
         ..outcome
-    }
-}
-
-fn sum(a: Stats, b: Stats) -> Stats {
-    Stats {
-        steps: a.steps + b.steps,
-        events: a.events + b.events,
-        rejected: a.rejected + b.rejected,
-        rhs_evaluations: a.rhs_evaluations + b.rhs_evaluations,
-        functions: a.functions + b.functions,
-        newton_iterations: a.newton_iterations + b.newton_iterations,
-        factorizations: a.factorizations + b.factorizations,
-        implicit_steps: a.implicit_steps + b.implicit_steps,
     }
 }

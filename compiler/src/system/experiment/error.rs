@@ -326,7 +326,9 @@ pub enum ExperimentError {
     #[error("lowering `{name}` is not supported {with}yet")]
     #[diagnostic(
         code(E0924),
-        help("`method event` runs jumps and relays as they are; `stewart` and `step` lower switches")
+        help(
+            "`method event` runs jumps and relays as they are; `stewart` and `step` lower switches"
+        )
     )]
     Lowering {
         name: String,

@@ -1,7 +1,7 @@
 //! What cannot be frozen.
 
-use super::bounce::{Contact, refused};
-use super::{alpha, numbers};
+use super::contact::{Contact, refused};
+use super::{alpha, numbers, slope};
 use crate::expr::{Expr, Var, variables_of};
 use crate::system::affine::at;
 use crate::system::{System, SystemError};
@@ -37,7 +37,10 @@ pub(super) fn check(system: &System<'_>) -> Result<(), SystemError> {
             switch.relay.is_some() && variables_of(&[other.psi]).contains(&alpha(system, k))
         };
         if others.any(is_read) {
-            let what = format!("relay `{}`, which other switching functions read", switch.name);
+            let what = format!(
+                "relay `{}`, which other switching functions read",
+                switch.name
+            );
             return Err(refused(what, span));
         }
     }
@@ -51,12 +54,13 @@ pub(super) fn together<'e>(
 ) -> Result<(), SystemError> {
     let numbers = numbers(system);
     let acts = |by: &Contact<'e>, on: &Contact<'e>| {
-        let terms = by.normal.iter().map(|&(state, n)| {
-            let var = system.states[state].var.as_variable();
-            on.speed.diff(var.expect("a state is a variable")) * n
-        });
-        let effect: Expr<'e> = system.exprs.sum(terms);
-        !effect.substitute(&numbers).is_zero()
+        let effect = |(state, push): (usize, Expr<'e>)| slope(system, on.speed, state) * push;
+        let is_zero = |terms: &[(usize, Expr<'e>)]| {
+            let sum = system.exprs.sum(terms.iter().copied().map(effect));
+            sum.substitute(&numbers).is_zero()
+        };
+        let tangent = by.friction.as_ref().map(|friction| &friction.tangent[..]);
+        !is_zero(&by.normal) || !is_zero(tangent.unwrap_or_default())
     };
     for (j, second) in contacts.iter().enumerate() {
         for first in &contacts[..j] {

@@ -4,14 +4,17 @@
 //!
 //! The run is in a numerical time τ, and physical time t is a state, the *clock*. Where the system has a jump, the
 //! clock stands still, and auxiliary dynamics take the state from one side of it to the other: a relay moves a
-//! memory (`relay`), a contact a spring (`bounce`). What is left when the intervals without motion of the clock
-//! are cut out is the trajectory of the original system, which the way back in [`Frozen`] is for.
+//! memory (`relay`), an elastic contact compresses a spring (`bounce`), an inelastic one pushes (`rest`); while that
+//! lasts, the clock is slower. What is left over the clock is the trajectory of the original system, which the way
+//! back in [`Frozen`] is for.
 //!
 //! Nurkanović, Sartor, Albrecht & Diehl 2021 for the idea.
 
 mod bounce;
 mod check;
+mod contact;
 mod relay;
+mod rest;
 
 use super::affine::at;
 use super::interaction::subsystems;
@@ -34,7 +37,7 @@ pub struct Frozen<'e> {
     /// The relays.
     pub relays: Vec<Memory>,
     /// The contacts.
-    pub bounces: Vec<Spring>,
+    pub contacts: Vec<Impact<'e>>,
 }
 
 /// A relay that has become a state.
@@ -46,22 +49,35 @@ pub struct Memory {
     pub state: usize,
 }
 
-/// A contact that has become a spring.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Spring {
+/// A contact that has become motion of its own.
+#[derive(Clone, Debug)]
+pub struct Impact<'e> {
     /// The unilateral switch in the original.
     pub contact: usize,
     /// The law, jumps first and then contacts.
     pub law: usize,
-    /// The switch that is below its surface while the contact is closed.
+    /// The switch that is below its surface while the contact acts.
     pub switch: usize,
+    /// Where it is inelastic.
+    pub rest: Option<Rest<'e>>,
+}
+
+/// How an inelastic contact lasts.
+#[derive(Clone, Debug)]
+pub struct Rest<'e> {
+    /// The switch of the gap's rate, which slides.
+    pub speed: usize,
+    /// a: the force is a (1/t' - 1).
+    pub strength: f64,
+    /// What must be positive.
+    pub cone: Vec<Expr<'e>>,
 }
 
 /// The frozen system of a run of this length.
 pub fn freeze<'e>(system: &System<'e>, horizon: f64) -> Result<Frozen<'e>, SystemError> {
     check::check(system)?;
     let exprs = system.exprs;
-    let contacts = bounce::contacts(system)?;
+    let contacts = contact::contacts(system)?;
     check::together(system, &contacts)?;
     let relays = (0..system.switches.len()).filter(|&k| system.switches[k].relay.is_some());
     let relays: Vec<usize> = relays.collect();
@@ -81,14 +97,17 @@ pub fn freeze<'e>(system: &System<'e>, horizon: f64) -> Result<Frozen<'e>, Syste
         clock: n_states,
         places: vec![None; system.switches.len()],
         relays: Vec::new(),
-        bounces: Vec::new(),
+        contacts: Vec::new(),
     };
     let mut switches: Vec<Switch<'e>> = Vec::new();
     for (k, switch) in system.switches.iter().enumerate() {
         let is_kept = switch.relay.is_none() && !switch.unilateral;
         if is_kept {
             frozen.places[k] = Some(switches.len());
-            switches.push(switch.clone());
+            switches.push(Switch {
+                slip_of: None,
+                ..switch.clone()
+            });
         }
     }
     let mut added: Vec<State<'e>> = Vec::new();
@@ -100,10 +119,15 @@ pub fn freeze<'e>(system: &System<'e>, horizon: f64) -> Result<Frozen<'e>, Syste
     });
     for partition in &mut partitions {
         let place = |k: usize| frozen.places[k];
-        partition.switches = partition.switches.iter().filter_map(|&k| place(k)).collect();
+        partition.switches = partition
+            .switches
+            .iter()
+            .filter_map(|&k| place(k))
+            .collect();
         for region in &mut partition.regions {
             for literal in region.literals.iter_mut().flatten() {
-                literal.0 = place(literal.0).expect("relays and contacts are in no guard that is kept");
+                literal.0 =
+                    place(literal.0).expect("relays and contacts are in no guard that is kept");
             }
         }
     }
@@ -123,14 +147,27 @@ pub fn freeze<'e>(system: &System<'e>, horizon: f64) -> Result<Frozen<'e>, Syste
         partitions.push(cells.partition);
     }
     for contact in &contacts {
-        let spring = bounce::spring(system, contact, horizon, &mut rates);
-        frozen.bounces.push(Spring {
+        let switch = switches.len();
+        let rest = if contact.is_inelastic() {
+            let rest = rest::rest(system, contact, horizon, &mut rates);
+            switches.extend(rest.switches);
+            Some(Rest {
+                speed: switch + 1,
+                strength: rest.strength,
+                cone: rest.cone,
+            })
+        } else {
+            let (above, state) = bounce::spring(system, contact, horizon, &mut rates);
+            switches.push(above);
+            added.push(state);
+            None
+        };
+        frozen.contacts.push(Impact {
             contact: contact.switch,
             law: contact.law,
-            switch: switches.len(),
+            switch,
+            rest,
         });
-        switches.push(spring.switch);
-        added.push(spring.state);
     }
 
     let clock = State {
@@ -152,7 +189,10 @@ pub fn freeze<'e>(system: &System<'e>, horizon: f64) -> Result<Frozen<'e>, Syste
     }
     whole.time = exprs.variable("tau");
     let rates: Vec<Expr<'e>> = whole.states.iter().map(|state| state.rate).collect();
-    let alphas: Vec<Var> = switches.iter().filter_map(|s| s.alpha.as_variable()).collect();
+    let alphas: Vec<Var> = switches
+        .iter()
+        .filter_map(|s| s.alpha.as_variable())
+        .collect();
     whole.subsystems = subsystems(&rates, &alphas);
     for subsystem in &mut whole.subsystems {
         subsystem.regions = regions_of(subsystem, &partitions, &rates, &alphas);
@@ -163,7 +203,11 @@ pub fn freeze<'e>(system: &System<'e>, horizon: f64) -> Result<Frozen<'e>, Syste
     (whole.groups, whole.skipped) = (Vec::new(), Vec::new());
     (whole.laws, whole.contacts, whole.bodies) = (Vec::new(), Vec::new(), Vec::new());
     whole.readings = Readings::default();
-    debug_assert_eq!(whole.verify(), Ok(()), "freezing keeps the invariants of `System`");
+    debug_assert_eq!(
+        whole.verify(),
+        Ok(()),
+        "freezing keeps the invariants of `System`"
+    );
     Ok(frozen)
 }
 
@@ -171,6 +215,21 @@ pub fn freeze<'e>(system: &System<'e>, horizon: f64) -> Result<Frozen<'e>, Syste
 fn alpha(system: &System<'_>, switch: usize) -> Var {
     let alpha = system.switches[switch].alpha.as_variable();
     alpha.expect("α of a switch is a variable")
+}
+
+/// ∂e/∂x of a state.
+fn slope<'e>(system: &System<'e>, e: Expr<'e>, state: usize) -> Expr<'e> {
+    let var = system.states[state].var.as_variable();
+    e.diff(var.expect("a state is a variable"))
+}
+
+/// de/dt where states have these rates.
+fn along<'e>(system: &System<'e>, e: Expr<'e>, rate: impl Fn(usize) -> Expr<'e>) -> Expr<'e> {
+    let states = (0..system.states.len()).map(|state| (state, slope(system, e, state)));
+    let states = states.filter(|(_, slope)| !slope.is_zero());
+    let by_state = states.map(|(state, slope)| slope * rate(state));
+    let by_time = system.time.as_variable().map(|time| e.diff(time));
+    system.exprs.sum(by_state.chain(by_time))
 }
 
 /// Parameters as numbers.

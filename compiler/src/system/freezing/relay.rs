@@ -1,7 +1,7 @@
 //! A relay α ∈ {0, 1} -> a memory w ∈ [0, 1] and four cells of the (y, w) plane.
 //!
 //! With ŷ = 0 where the relay switches off and ŷ = 1 where it switches on, the cells are those of the points
-//! (¼, -¼), (¼, ¼), (¾, ¾), (¾, 5/4), the nearest of which is found by the indicators w, 0, 1 - ŷ - w, 2 - ŷ - 2w:
+//! s = (¼, -¼), (¼, ¼), (¾, ¾), (¾, 5/4), the nearest of which has the least indicator |s|² - 2 sᵀ(ŷ, w):
 //!
 //! - off:   x' = (2 - κ₀) f₀,  w' = b      - falls: x' = κ₀ f₀,  w' = -b     κ₀ = ŷ²/(1 + ŷ²)
 //! - on:    x' = (2 - κ₁) f₁,  w' = -b     - rises: x' = κ₁ f₁,  w' = b      κ₁ = (ŷ - 1)²/(1 + (ŷ - 1)²)
@@ -24,6 +24,9 @@ use crate::system::{Continuity, Coverage, Partition, Region, State, Switch, Syst
 /// Numerical time in which a relay switches, as a share of the horizon.
 const SHARE: f64 = 0.01;
 
+/// The points in the cells.
+const SITES: [[f64; 2]; 4] = [[0.25, -0.25], [0.25, 0.25], [0.75, 0.75], [0.75, 1.25]];
+
 /// What takes the place of a relay.
 pub(super) struct Cells<'e> {
     pub switches: Vec<Switch<'e>>,
@@ -45,7 +48,7 @@ pub(super) fn cells<'e>(system: &System<'e>, k: usize, horizon: f64, first: usiz
     let y = 1.0 + at(switch.psi, alpha(system, k), 0.0) / (relay.off - relay.on).abs();
     let w = exprs.variable(&format!("memory[{}]", switch.name));
     let names = ["off", "falls", "rises", "on"].map(|cell| format!("{}.{cell}", switch.name));
-    let indicators = [w, exprs.constant(0.0), 1.0 - y - w, 2.0 - y - 2.0 * w];
+    let indicators = SITES.map(|[a, b]| a * a + b * b - 2.0 * a * y - 2.0 * b * w);
 
     // A tournament: β_k says that cell k beats all before it.
     let mut switches: Vec<Switch<'e>> = Vec::new();

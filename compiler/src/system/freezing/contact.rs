@@ -1,0 +1,136 @@
+//! The contacts of a system: those between bodies, and the jumps that are some.
+
+use super::{alpha, numbers, slope};
+use crate::expr::Expr;
+use crate::source::Span;
+use crate::system::affine::at;
+use crate::system::{System, SystemError};
+
+/// A restitution below this is none.
+const ROUNDING: f64 = 1e-9;
+
+/// A contact of a system.
+pub(super) struct Contact<'e> {
+    /// Its law: jumps first, then contacts.
+    pub law: usize,
+    /// Its unilateral switch.
+    pub switch: usize,
+    pub gap: Expr<'e>,
+    /// gap' in free motion.
+    pub speed: Expr<'e>,
+    /// M⁻¹J_n, by state; of a jump -∂Δ/∂(gap').
+    pub normal: Vec<(usize, Expr<'e>)>,
+    /// G = J_nᵀM⁻¹J_n
+    pub gain: Expr<'e>,
+    /// e
+    pub restitution: f64,
+    pub friction: Option<Friction<'e>>,
+    pub span: Span,
+}
+
+/// Friction of a contact.
+pub(super) struct Friction<'e> {
+    /// μ
+    pub coefficient: Expr<'e>,
+    /// M⁻¹J_t, by state.
+    pub tangent: Vec<(usize, Expr<'e>)>,
+    /// The switch of the slip velocity.
+    pub switch: usize,
+}
+
+impl<'e> Contact<'e> {
+    /// Whether bodies stay where they meet.
+    pub fn is_inelastic(&self) -> bool {
+        self.restitution <= ROUNDING
+    }
+}
+
+/// All contacts; jumps must be contacts.
+pub(super) fn contacts<'e>(system: &System<'e>) -> Result<Vec<Contact<'e>>, SystemError> {
+    let mut found = Vec::new();
+    for (law, jump) in system.laws.iter().enumerate() {
+        let Some(switch) = jump.strikes else {
+            let what = format!("jump `{}`, which is no contact", jump.name);
+            return Err(refused(what, jump.span));
+        };
+        let states = jump.resets.iter().map(|reset| reset.0);
+        let mut contact = contact(system, law, switch, states, jump.span);
+        // A jump by -ċ d has e = ∇ċ·d - 1.
+        contact.restitution = restitution(system, &contact, contact.gain - 1.0)?;
+        found.push(contact);
+    }
+    for (c, given) in system.contacts.iter().enumerate() {
+        let (law, states) = (system.laws.len() + c, given.normal.iter().map(|d| d.state));
+        let mut contact = contact(system, law, given.switch, states, given.span);
+        contact.restitution = restitution(system, &contact, given.restitution)?;
+        contact.friction = given.friction.as_ref().map(|friction| Friction {
+            coefficient: friction.coefficient,
+            tangent: friction.tangent.iter().map(|d| (d.state, d.push)).collect(),
+            switch: friction.switch,
+        });
+        if contact.friction.is_some() && !contact.is_inelastic() {
+            let what = format!("contact `{}`, which bounces with friction", given.name);
+            return Err(refused(what, given.span));
+        }
+        found.push(contact);
+    }
+    Ok(found)
+}
+
+pub(super) fn refused(what: String, span: Span) -> SystemError {
+    SystemError::Unfrozen { what, span }
+}
+
+/// A contact without restitution and friction, by what its switch does to these states.
+fn contact<'e>(
+    system: &System<'e>,
+    law: usize,
+    switch: usize,
+    states: impl Iterator<Item = usize>,
+    span: Span,
+) -> Contact<'e> {
+    let closed = alpha(system, switch);
+    let gap = system.switches[switch].psi;
+    let free = |state: usize| at(system.states[state].rate, closed, 1.0);
+    let speed = super::along(system, gap, free);
+    // The force of a closed contact is -∂x'/∂α; that of friction has mean zero.
+    let slips = (system.contacts.iter())
+        .filter_map(|contact| contact.friction.as_ref())
+        .map(|friction| alpha(system, friction.switch));
+    let slips: Vec<_> = slips.collect();
+    let normal = states.map(|state| {
+        let rate = system.states[state].rate;
+        let push = at(rate, closed, 0.0) - at(rate, closed, 1.0);
+        let push = slips.iter().fold(push, |push, &slip| at(push, slip, 0.5));
+        (state, push)
+    });
+    let normal: Vec<(usize, Expr<'e>)> = normal.collect();
+    let gain = normal
+        .iter()
+        .map(|&(state, push)| slope(system, speed, state) * push);
+    Contact {
+        law,
+        switch,
+        gap,
+        speed,
+        gain: system.exprs.sum(gain),
+        normal,
+        restitution: 0.0,
+        friction: None,
+        span,
+    }
+}
+
+/// e as a number.
+fn restitution<'e>(
+    system: &System<'e>,
+    contact: &Contact<'e>,
+    e: Expr<'e>,
+) -> Result<f64, SystemError> {
+    let number = e.substitute(&numbers(system)).as_constant();
+    number.ok_or_else(|| {
+        let name = &system.switches[contact.switch].name;
+        let what = format!("contact `{name}`, whose restitution is no number");
+        refused(what, contact.span)
+    })
+}

@@ -1,0 +1,113 @@
+//! An inelastic contact, with or without friction -> forces that stop the body while the clock stands still.
+//!
+//! With α_g ∈ step(gap), α_n ∈ step(J_nᵀv), α_t ∈ step(J_tᵀv) and the weight of free flight ϑ = α_g + α_n - α_g α_n,
+//!
+//! x' = ϑ f + (1 - ϑ) a M⁻¹(J_n - μ (2α_t - 1) J_t),   t' = ϑ,
+//!
+//! where the second term acts on velocities alone. At an impact ϑ = 0 until J_nᵀv = 0, and the impulse keeps to
+//! Coulomb's law. A contact that lasts is the sliding mode on J_nᵀv = 0, with the force λ_n = a (1 - ϑ)/ϑ in
+//! physical time; there the clock is slower than numerical time, t' = a G/(a G - φ) for a free acceleration φ < 0.
+//! It needs J_nᵀM⁻¹(J_n ∓ μ J_t) > 0 (Painlevé).
+//!
+//! Nurkanović, Albrecht, Brogliato & Diehl 2023.
+
+use super::contact::Contact;
+use super::{along, alpha, numbers, slope};
+use crate::expr::{Expr, Var};
+use crate::system::{Continuity, Switch, System};
+
+/// The auxiliary acceleration in free accelerations at the start: the clock of a contact that lasts has 1/(1 + 1/9).
+const STRENGTH: f64 = 9.0;
+
+/// What takes the place of a contact.
+pub(super) struct Rest<'e> {
+    /// Of the gap, and of its rate.
+    pub switches: [Switch<'e>; 2],
+    /// a
+    pub strength: f64,
+    /// J_nᵀM⁻¹(J_n ∓ μ J_t)
+    pub cone: Vec<Expr<'e>>,
+}
+
+/// Adds the auxiliary forces of a contact to the rates, which are slowed down.
+pub(super) fn rest<'e>(
+    system: &System<'e>,
+    contact: &Contact<'e>,
+    horizon: f64,
+    rates: &mut [Expr<'e>],
+) -> Rest<'e> {
+    let exprs = system.exprs;
+    let old = &system.switches[contact.switch];
+    let name = format!("speed[{}]", old.name);
+    let (apart, leaves) = (old.alpha, exprs.variable(&format!("alpha[{name}]")));
+    let free = apart + leaves - apart * leaves;
+    let strength = strength(system, contact, horizon);
+    for rate in rates.iter_mut() {
+        *rate = free * *rate;
+    }
+    for &(state, push) in &contact.normal {
+        rates[state] = rates[state] + (1.0 - free) * (strength * push);
+    }
+    let mut cone = vec![contact.gain];
+    if let Some(friction) = &contact.friction {
+        let sign = 2.0 * system.switches[friction.switch].alpha - 1.0;
+        for &(state, push) in &friction.tangent {
+            let drag = strength * friction.coefficient * push * sign;
+            rates[state] = rates[state] - (1.0 - free) * drag;
+        }
+        let terms = friction.tangent.iter();
+        let across = terms.map(|&(state, push)| slope(system, contact.speed, state) * push);
+        let across = friction.coefficient * exprs.sum(across);
+        cone = vec![contact.gain - across, contact.gain + across];
+    }
+    let switch = |name: String, alpha: Expr<'e>, psi: Expr<'e>| Switch {
+        name,
+        alpha,
+        psi,
+        unilateral: false,
+        continuity: Continuity::Discontinuous,
+        ..old.clone()
+    };
+    Rest {
+        switches: [
+            switch(old.name.clone(), apart, contact.gap),
+            switch(name, leaves, contact.speed),
+        ],
+        strength,
+        cone,
+    }
+}
+
+/// a, so that a G is well above accelerations at the start.
+fn strength(system: &System<'_>, contact: &Contact<'_>, horizon: f64) -> f64 {
+    let alphas = system.alphas();
+    let closed: Vec<Var> = (system.switches.iter().enumerate())
+        .filter(|(_, switch)| switch.unilateral)
+        .map(|(k, _)| alpha(system, k))
+        .collect();
+    let numbers = numbers(system);
+    let value = |e: Expr<'_>| {
+        e.eval(&|var| {
+            let state = system
+                .states
+                .iter()
+                .find(|s| s.var.as_variable() == Some(var));
+            match state {
+                Some(state) => state.initial,
+                None if closed.contains(&var) => 1.0,
+                None if alphas.contains(&var) => 0.5,
+                None => numbers.get(var).and_then(Expr::as_constant).unwrap_or(0.0),
+            }
+        })
+    };
+    let acceleration = along(system, contact.speed, |state| system.states[state].rate);
+    let found = value(acceleration).abs();
+    let known = [
+        STRENGTH * found,
+        value(contact.speed).abs() / horizon,
+        1.0 / (horizon * horizon),
+    ];
+    let known = known.into_iter().filter(|number| number.is_finite());
+    let gain = value(contact.gain);
+    known.fold(0.0, f64::max) / if gain > 0.0 { gain } else { 1.0 }
+}

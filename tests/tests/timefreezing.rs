@@ -1,0 +1,316 @@
+//! Time-freezing against closed forms and against runs with jumps: printed forms, both methods, and what it refuses.
+
+use nsd_tests::{end, run, times, with_experiment};
+use nsdc::dcs::{Formulation, lower_as};
+use nsdc::report::{EventKind, Failure, Status, Trajectory};
+
+const HEATING: &str = "
+    model heating {
+      state y = 15;
+      switch heater = hysteresis(y, on = 18, off = 20);
+      y' = -0.2*y + 10*heater;
+    }";
+
+const BALL: &str = "
+    model ball {
+      param g = 9.81;
+      param e = 0.9;
+      state q = 1;
+      state v = 0;
+      q' = v;
+      v' = -g;
+      jump floor when q <= 0 and v < 0 { v := -e*v; }
+    }";
+
+const SLIDER: &str = "
+    model slider {
+      param mu = 0.3;
+      state q[2] = [0, 1];
+      state v[2] = [4, 0];
+      q' = v;
+      mechanics q, v {
+        mass = eye(2);
+        force = [0, -10];
+        contact floor { gap = q[2]; restitution = 0; friction = mu; }
+      }
+    }";
+
+const METHODS: [&str; 3] = [
+    "method event;",
+    "method fesd;",
+    "method fesd { scheme = radau_iia(4); steps = 100; }",
+];
+
+/// The model in an experiment with `lower timefreezing`, by every method that takes it.
+fn each_way(model: &str, settings: &str, mut check: impl FnMut(&Trajectory)) {
+    let name = model.split_whitespace().nth(1).unwrap_or_default();
+    for method in METHODS {
+        let experiment = format!(
+            "{model} simulate this of {name} {{ {settings} lower timefreezing; {method} }}"
+        );
+        let trajectory = run(&experiment, "this");
+        assert_eq!(
+            trajectory.status,
+            Status::Solved,
+            "{method} {:?}",
+            trajectory.failure
+        );
+        trajectory
+            .verify()
+            .expect("a run keeps the invariants of `Trajectory`");
+        check(&trajectory);
+    }
+}
+
+fn close(found: &[f64], expected: &[f64], within: f64) {
+    assert_eq!(found.len(), expected.len(), "{found:?} for {expected:?}");
+    for (found, expected) in found.iter().zip(expected) {
+        assert!((found - expected).abs() <= within, "{found} for {expected}");
+    }
+}
+
+#[test]
+fn a_relay_switches_at_the_times_of_its_closed_form() {
+    // y tends to 50 while heating and to 0 while cooling.
+    let (first, cool, heat) = (
+        5.0 * (35.0_f64 / 30.0).ln(),
+        5.0 * (20.0_f64 / 18.0).ln(),
+        5.0 * (32.0_f64 / 30.0).ln(),
+    );
+    let expected: Vec<f64> = (0..8)
+        .map(|k| first + f64::from((k + 1) / 2) * cool + f64::from(k / 2) * heat)
+        .collect();
+    let last = 50.0 - 32.0 * (-0.2 * (4.0 - expected[7])).exp();
+    each_way(HEATING, "horizon 4;", |trajectory| {
+        close(&times(trajectory, EventKind::Relay), &expected, 1e-9);
+        close(&trajectory.switch_times(), &expected, 1e-9);
+        close(&end(trajectory, "y"), &[last], 1e-9);
+        assert_eq!(trajectory.time.last(), Some(&4.0));
+        assert_eq!(trajectory.modes[0].mode, "on(heater)");
+        assert_eq!(trajectory.modes[1].mode, "off(heater)");
+    });
+}
+
+#[test]
+fn values_are_reported_in_physical_time() {
+    each_way(HEATING, "horizon 1; output y every 0.25;", |trajectory| {
+        assert_eq!(trajectory.time, [0.0, 0.25, 0.5, 0.75, 1.0]);
+        let switches = 5.0 * (35.0_f64 / 30.0).ln();
+        let y = |t: f64| match t < switches {
+            true => 50.0 - 35.0 * (-0.2 * t).exp(),
+            false => 20.0 * (-0.2 * (t - switches)).exp(),
+        };
+        let expected: Vec<f64> = trajectory.time.iter().map(|&t| y(t)).collect();
+        close(&trajectory.states[0].values, &expected, 1e-7);
+    });
+}
+
+#[test]
+fn a_ball_bounces_as_its_law_says() {
+    let (g, e) = (9.81_f64, 0.9);
+    let (mut bounce, mut speed) = ((2.0 / g).sqrt(), e * (2.0 * g).sqrt());
+    let mut bounces = vec![bounce];
+    while bounce + 2.0 * speed / g < 3.0 {
+        (bounce, speed) = (bounce + 2.0 * speed / g, e * speed);
+        bounces.push(bounce);
+    }
+    let s = 3.0 - bounce;
+    each_way(BALL, "horizon 3;", |trajectory| {
+        close(&end(trajectory, "q"), &[speed * s - 0.5 * g * s * s], 1e-8);
+        close(&end(trajectory, "v"), &[speed - g * s], 1e-8);
+        close(&times(trajectory, EventKind::Jump), &bounces, 1e-8);
+    });
+}
+
+#[test]
+fn bounces_that_accumulate_end_the_run() {
+    for method in ["method event;", "method fesd;"] {
+        let text = format!(
+            "{BALL} simulate this of ball {{
+               with {{ e = 0.5; q = 0.5; }} horizon 3; lower timefreezing; {method}
+             }}"
+        );
+        let trajectory = run(&text, "this");
+        let Some(Failure::Standstill { time, what, .. }) = &trajectory.failure else {
+            panic!("{:?}", trajectory.failure);
+        };
+        let limit = 3.0 * (1.0_f64 / 9.81).sqrt();
+        assert!(*time < limit && limit - time < 1e-5, "{time}");
+        assert_eq!(*what, format!("bounces accumulate towards t = {limit:.6}"));
+    }
+}
+
+#[test]
+fn a_ball_that_rests_on_a_floor_that_bounces_ends_the_run() {
+    let text = format!(
+        "{BALL} simulate this of ball {{ with {{ q = 0; }} horizon 3; lower timefreezing; }}"
+    );
+    let failure = run(&text, "this").failure;
+    assert!(
+        matches!(failure, Some(Failure::Standstill { .. })),
+        "{failure:?}"
+    );
+}
+
+#[test]
+fn a_start_below_the_floor_is_refused() {
+    let text = format!(
+        "{BALL} simulate this of ball {{ with {{ q = -0.1; }} horizon 3; lower timefreezing; }}"
+    );
+    let failure = run(&text, "this").failure;
+    assert!(
+        matches!(failure, Some(Failure::Penetrates { .. })),
+        "{failure:?}"
+    );
+}
+
+#[test]
+fn a_thrown_ball_slips_and_sticks() {
+    // Impact at sqrt(2 h/g) with speed sqrt(2 g h); the impulse takes mu times that off the slip velocity, and
+    // mu g the rest.
+    let (g, mu) = (10.0_f64, 0.3);
+    let fall = (2.0 / g).sqrt();
+    let slip = 4.0 - mu * g * fall;
+    let stop = fall + slip / (mu * g);
+    let x = 4.0 * fall + slip * slip / (2.0 * mu * g);
+    each_way(SLIDER, "horizon 3;", |trajectory| {
+        close(&end(trajectory, "q"), &[x, 0.0], 1e-9);
+        close(&end(trajectory, "v"), &[0.0, 0.0], 1e-9);
+        close(&times(trajectory, EventKind::Jump), &[fall], 1e-9);
+        close(&times(trajectory, EventKind::ContactClose), &[fall], 1e-9);
+        close(&times(trajectory, EventKind::Stick), &[stop], 1e-9);
+        let half = trajectory.dense.at(1.0).expect("there is a solution then");
+        let s = 1.0 - fall;
+        close(
+            &half[..4],
+            &[
+                4.0 * fall + slip * s - 0.5 * mu * g * s * s,
+                0.0,
+                slip - mu * g * s,
+                0.0,
+            ],
+            1e-7,
+        );
+    });
+}
+
+#[test]
+fn strong_friction_that_locks_a_rod_ends_the_run() {
+    // J_n M⁻¹ (J_n - μ J_t) is negative for a slender rod that leans forward: Painlevé's paradox.
+    let rod = "
+        model rod {
+          state q[3] = [0, 0.6, pi/6];
+          state v[3] = [-10, 0, 0];
+          q' = v;
+          mechanics q, v {
+            mass = diag([1, 1, 1/32]);
+            force = [0, -9.81, 0];
+            contact tip {
+              gap = q[2] - 0.5*cos(q[3]);
+              slip = v[1] - 0.5*cos(q[3])*v[3];
+              restitution = 0;
+              friction = 3;
+            }
+          }
+        }
+        simulate this of rod { horizon 1; lower timefreezing; }";
+    let failure = run(rod, "this").failure;
+    assert!(
+        matches!(failure, Some(Failure::Painleve { .. })),
+        "{failure:?}"
+    );
+}
+
+/// Models whose runs with jumps and frozen runs must agree, with their horizons.
+const MODELS: [(&str, f64); 5] = [
+    (HEATING, 4.0),
+    (BALL, 2.0),
+    // Positions that are not orthogonal in the mass.
+    (
+        "model oblique {
+           state q[2] = [0, 0.5];
+           state v[2] = [1, 0];
+           q' = v;
+           mechanics q, v {
+             mass = [2, 0.5; 0.5, 1];
+             force = [0, -9.81];
+             contact floor { gap = q[2] + 0.1*sin(3*q[1]); restitution = 0.8; }
+           }
+         }",
+        1.5,
+    ),
+    (
+        "model box {
+           state q[2] = [0, 0];
+           state v[2] = [3, 2];
+           q' = v;
+           mechanics q, v {
+             mass = eye(2);
+             force = [0, -1];
+             contact left { gap = q[1] + 1; restitution = 0.9; }
+             contact right { gap = 1 - q[1]; restitution = 0.8; }
+             contact bottom { gap = q[2] + 1; restitution = 0.7; }
+             contact top { gap = 1 - q[2]; restitution = 1; }
+           }
+         }",
+        2.0,
+    ),
+    (
+        "model lift {
+           state q = 1;
+           state v = 0;
+           q' = v;
+           mechanics q, v {
+             mass = 2;
+             force = -2*9.81;
+             contact floor { gap = q - 0.2*sin(3*time); restitution = 0.6; }
+           }
+         }",
+        1.2,
+    ),
+];
+
+#[test]
+fn jumps_and_frozen_time_agree() {
+    for (model, horizon) in MODELS {
+        let name = model.split_whitespace().nth(1).unwrap_or_default();
+        let text = format!("{model} simulate this of {name} {{ horizon {horizon:?}; }}");
+        let jumps = run(&text, "this");
+        assert_eq!(jumps.status, Status::Solved, "{name}: {:?}", jumps.failure);
+        each_way(model, &format!("horizon {horizon:?};"), |frozen| {
+            for (a, b) in jumps.states.iter().zip(&frozen.states) {
+                let (a, b) = (a.at(jumps.time.len() - 1), b.at(frozen.time.len() - 1));
+                close(b, a, 1e-7);
+            }
+            let kinds = |t: &Trajectory| {
+                t.events
+                    .iter()
+                    .map(|e| (e.kind, e.surface.clone()))
+                    .collect::<Vec<_>>()
+            };
+            assert_eq!(kinds(frozen), kinds(&jumps), "{name}");
+            let instants = |t: &Trajectory| t.events.iter().map(|e| e.time).collect::<Vec<_>>();
+            close(&instants(frozen), &instants(&jumps), 1e-7);
+        });
+    }
+}
+
+#[test]
+fn printed_forms() {
+    for (model, experiment) in [(HEATING, "heating"), (BALL, "ball"), (SLIDER, "slider")] {
+        let text = format!(
+            "{model} simulate this of {experiment} {{ horizon 4; lower timefreezing; method fesd; }}"
+        );
+        with_experiment(&text, "this", |compiled| {
+            let system = compiled.lowered();
+            system
+                .verify()
+                .expect("freezing keeps the invariants of `System`");
+            insta::assert_snapshot!(format!("{experiment}.system"), system);
+            for formulation in [Formulation::Stewart, Formulation::Step] {
+                let dcs = lower_as(&system, formulation).expect("the systems are small");
+                insta::assert_snapshot!(format!("{experiment}.{formulation}"), dcs);
+            }
+        });
+    }
+}
