@@ -291,7 +291,8 @@ impl Element {
             let value = value + along(&self.rhs);
             let step = -value / by_h;
             // Towards a root of higher order Newton's method slows down, and rounding ends it anywhere.
-            let is_multiple = value.abs() <= zero && !(step.abs() < 0.4 * last_step);
+            let converges = step.abs() < 0.4 * last_step;
+            let is_multiple = value.abs() <= zero && !converges;
             if !step.is_finite() && !is_multiple {
                 return Err(Unsolved::Singular);
             }

@@ -130,7 +130,7 @@ impl<'e> Road<'e> {
         let dcs = dcs::lower(&frozen.system, &settings.lowerings);
         let dcs = dcs.expect("compilation has checked that the system can be lowered");
         let complementarity = Complementarity::new(&frozen.system, &dcs);
-        Road::Elements(Box::new(complementarity), options.clone(), dcs.formulation)
+        Road::Elements(Box::new(complementarity), *options, dcs.formulation)
     }
 
     /// One run with a tolerance, or the finer one that shows its error.

@@ -75,7 +75,7 @@ impl Search {
                 Node::Sum { terms, .. } => open.extend(terms.into_iter().map(|term| term.1)),
                 Node::Product(factors) => {
                     for (factor, power) in factors {
-                        if power < 0 || power >= HIGH_POWER {
+                        if !(0..HIGH_POWER).contains(&power) {
                             self.turns(factor, Measure::Ratio(f64::from(power).abs()));
                         }
                         if power < 0 {
