@@ -240,6 +240,8 @@ pub enum Log {
     Off,
     /// The result
     Summary,
+    /// Every iteration of the solver, too
+    Iterations,
 }
 
 /// Arguments of `test`.

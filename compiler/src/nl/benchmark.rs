@@ -7,8 +7,8 @@
 use std::collections::HashMap;
 
 use super::Report;
-use crate::report::Status;
 use crate::report::text::{duration, significant};
+use crate::report::{Stationarity, Status};
 
 /// What a solved problem may violate.
 const FEASIBLE: f64 = 1e-6;
@@ -114,6 +114,12 @@ impl Record {
         point.is_some_and(|q| q.violation <= FEASIBLE && q.complementarity_min <= FEASIBLE)
     }
 
+    /// Whether the point has a class of stationarity; the other solver shows none.
+    pub fn is_stationary(&self) -> bool {
+        let report = self.result.as_ref().ok();
+        report.is_some_and(|report| report.stationarity != Stationarity::None)
+    }
+
     /// Whether it is as good as the best known one; `None` where none is known.
     pub fn is_solved_well(&self) -> Option<bool> {
         let best = self.known.best?;
@@ -208,8 +214,9 @@ impl Table {
         };
         let solved = count(&Record::is_solved);
         let solved_well = well(count(&|r| r.is_solved_well() == Some(true)));
+        let stationary = count(&|r| r.is_solved() && r.is_stationary());
         let mut text = format!(
-            "{solved} of {n} solved{solved_well}, {}\n",
+            "{solved} of {n} solved{solved_well}, {stationary} shown to be stationary, {}\n",
             duration(seconds)
         );
         if count(&|r| r.known.peer.is_some()) > 0 {
@@ -275,6 +282,7 @@ impl Table {
             "best_known",
             "solved",
             "solved_well",
+            "stationary",
             "peer_objective",
             "peer_solved",
             "peer_solved_well",
@@ -312,6 +320,7 @@ impl Table {
                 },
                 record.is_solved().to_string(),
                 yes(record.is_solved_well()),
+                yes(Some(record.is_stationary())),
                 number(peer.map(|peer| peer.objective)),
                 yes(peer.map(|peer| peer.is_solved())),
                 yes(record.is_solved_well_by_peer()),

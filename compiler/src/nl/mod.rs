@@ -13,6 +13,7 @@ use std::time::Instant;
 
 use nsd_solver::mpcc::{self, Class};
 use nsd_solver::nl::{self, Code, Named, Problem, Quality};
+use nsd_solver::problem::Nlp;
 
 pub use ampl::{BadOption, Settings, tolerance};
 pub use benchmark::{Known, Peer, Record, Table, read_known};
@@ -86,13 +87,14 @@ pub fn read(
     }
 }
 
-/// Solves a problem; `read_s` are the seconds that reading it took.
+/// Solves a problem; `read_s` are the seconds that reading it took, and the observer sees every iteration.
 pub fn solve(
     name: &str,
     problem: &mut Problem,
     names: &Names,
     settings: &Settings,
     read_s: f64,
+    observer: &mut dyn mpcc::Observer,
 ) -> Report {
     let clock = Instant::now();
     let mut options = mpcc::Options {
@@ -102,7 +104,8 @@ pub fn solve(
     if let Some(tolerance) = settings.tolerance {
         options.tolerance = tolerance;
     }
-    let solution = mpcc::solve(&mut problem.program, &options);
+    let start = problem.program.start().to_vec();
+    let solution = mpcc::solve_observed(&mut problem.program, &start, &options, observer);
     let solve_s = clock.elapsed().as_secs_f64();
     let quality = problem.quality(&solution.w);
     let (status, code) = outcome(solution.status);
@@ -128,7 +131,7 @@ pub fn solve(
         stats: Stats {
             compile_s: read_s,
             solve_s,
-            newton_iterations: (solution.stats.iterations + solution.stats.newton_steps) as u64,
+            newton_iterations: solution.stats.iterations as u64,
             homotopy_steps: solution.stats.relaxed as u64,
             complementarity_residual: quality.complementarity_min,
             ..Stats::default()

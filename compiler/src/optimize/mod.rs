@@ -234,7 +234,7 @@ fn describe(problem: &Problem, solution: &Solution, trajectory: &mut Trajectory)
     };
     trajectory.stats = Stats {
         steps: (task.intervals * task.elements) as u64,
-        newton_iterations: (solution.stats.iterations + solution.stats.newton_steps) as u64,
+        newton_iterations: solution.stats.iterations as u64,
         homotopy_steps: solution.stats.relaxed as u64,
         complementarity_residual: solution.residuals.complementarity,
         ..Stats::default()

@@ -18,6 +18,8 @@ pub struct BunchKaufman {
     swaps: Vec<u32>,
     /// Whether a block of two rows starts here.
     is_double: Vec<bool>,
+    /// The columns of the pivot block.
+    columns: [Vec<f64>; 2],
 }
 
 impl BunchKaufman {
@@ -31,6 +33,7 @@ impl BunchKaufman {
             matrix: vec![0.0; n * n],
             swaps: vec![0; n],
             is_double: vec![false; n],
+            columns: [vec![0.0; n], vec![0.0; n]],
         }
     }
 
@@ -101,32 +104,33 @@ impl KktSolver for BunchKaufman {
             if size == 1 {
                 let d = self.at(k, k);
                 positive += usize::from(d > 0.0);
+                let [column, _] = &mut self.columns;
                 for i in k + 1..n {
-                    let l = self.at(i, k) / d;
-                    for j in k + 1..=i {
-                        self.matrix[i * n + j] -= l * self.at(j, k);
+                    column[i] = self.matrix[i * n + k];
+                    let l = column[i] / d;
+                    self.matrix[i * n + k] = l;
+                    let row = &mut self.matrix[i * n + k + 1..=i * n + i];
+                    for (a, y) in row.iter_mut().zip(&column[k + 1..]) {
+                        *a -= l * y;
                     }
-                }
-                for i in k + 1..n {
-                    self.matrix[i * n + k] /= d;
                 }
             } else {
                 // One eigenvalue of the block has either sign: |a b| < c².
                 positive += 1;
                 let (a, b, c) = (self.at(k, k), self.at(k + 1, k + 1), self.at(k + 1, k));
                 let det = a * b - c * c;
+                let [first, second] = &mut self.columns;
                 for i in k + 2..n {
-                    let (p, q) = (self.at(i, k), self.at(i, k + 1));
+                    let (p, q) = (self.matrix[i * n + k], self.matrix[i * n + k + 1]);
+                    (first[i], second[i]) = (p, q);
                     let (l0, l1) = ((p * b - q * c) / det, (q * a - p * c) / det);
-                    for j in k + 2..=i {
-                        let update = l0 * self.at(j, k) + l1 * self.at(j, k + 1);
-                        self.matrix[i * n + j] -= update;
+                    self.matrix[i * n + k] = l0;
+                    self.matrix[i * n + k + 1] = l1;
+                    let row = &mut self.matrix[i * n + k + 2..=i * n + i];
+                    let columns = first[k + 2..].iter().zip(&second[k + 2..]);
+                    for (a, (p, q)) in row.iter_mut().zip(columns) {
+                        *a -= l0 * p + l1 * q;
                     }
-                }
-                for i in k + 2..n {
-                    let (p, q) = (self.at(i, k), self.at(i, k + 1));
-                    self.matrix[i * n + k] = (p * b - q * c) / det;
-                    self.matrix[i * n + k + 1] = (q * a - p * c) / det;
                 }
             }
             k += size;

@@ -1,5 +1,7 @@
 //! What a point is: its residuals, its stationarity class by multipliers, and B-stationarity.
 
+use std::time::Instant;
+
 use super::class::{Class, classify};
 use super::lift::Lifted;
 use super::local::{Local, Sets};
@@ -30,6 +32,18 @@ pub struct Tolerances {
     pub radius: f64,
     /// How many linear programs may be solved for B-stationarity.
     pub node_limit: usize,
+    /// When searches have to end, undecided if need be.
+    pub deadline: Option<Instant>,
+}
+
+impl Tolerances {
+    /// The time that is left, in seconds; infinite without a deadline.
+    pub(super) fn remaining(&self) -> f64 {
+        let now = Instant::now();
+        (self.deadline).map_or(f64::INFINITY, |deadline| {
+            deadline.saturating_duration_since(now).as_secs_f64()
+        })
+    }
 }
 
 impl Default for Tolerances {
@@ -40,6 +54,7 @@ impl Default for Tolerances {
             stationarity: 1e-6,
             radius: 1e-4,
             node_limit: 100,
+            deadline: None,
         }
     }
 }
@@ -104,14 +119,7 @@ pub fn certify(
 ) -> Certificate {
     let local = Local::new(lifted, w);
     let sets = Sets::new(lifted, w, tolerances.biactive);
-    let classified = classify(
-        lifted,
-        &local,
-        &sets,
-        y,
-        tolerances.stationarity,
-        tolerances.active,
-    );
+    let classified = classify(lifted, &local, &sets, y, tolerances);
     let mut certificate = Certificate {
         class: classified.class,
         is_exact: classified.is_exact,

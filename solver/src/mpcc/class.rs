@@ -15,6 +15,7 @@
 //! branching over the pairs, each node a linear program: minimize the largest violation e over y. A point belongs to
 //! the class when e is at most the tolerance times max(1, |∇f|).
 
+use super::certificate::Tolerances;
 use super::lift::Lifted;
 use super::linear::{LinearProgram, Outcome, solve};
 use super::local::{Local, Sets};
@@ -66,6 +67,7 @@ struct Conditions<'a> {
     /// The cone of r for every variable that is in no biactive pair.
     variables: Vec<Cone>,
     rows: Vec<Cone>,
+    tolerances: &'a Tolerances,
     tolerance: f64,
 }
 
@@ -74,16 +76,15 @@ const NODE_LIMIT: usize = 100;
 /// Multipliers beyond this, times max(1, |∇f|), are none.
 const LARGEST_MULTIPLIER: f64 = 1e8;
 
-/// The class of a point; `y` are multipliers to try first, and `active` the distance at which a bound is active.
+/// The class of a point; `y` are multipliers to try first.
 pub fn classify(
     lifted: &Lifted<'_>,
     local: &Local,
     sets: &Sets,
     y: &[f64],
-    tolerance: f64,
-    active: f64,
+    tolerances: &Tolerances,
 ) -> Classified {
-    let conditions = Conditions::new(lifted, local, sets, tolerance, active);
+    let conditions = Conditions::new(lifted, local, sets, tolerances);
     let of_these = conditions.class_of(y);
     let mut best = Classified {
         class: of_these,
@@ -124,11 +125,10 @@ impl<'a> Conditions<'a> {
         lifted: &'a Lifted<'_>,
         local: &'a Local,
         sets: &'a Sets,
-        tolerance: f64,
-        active: f64,
+        tolerances: &'a Tolerances,
     ) -> Self {
         let cone = |value: f64, lower: f64, upper: f64| {
-            let reach = active * value.abs().max(1.0);
+            let reach = tolerances.active * value.abs().max(1.0);
             match (value - lower <= reach, upper - value <= reach) {
                 (false, false) => Cone::Zero,
                 (true, false) => Cone::Positive,
@@ -157,7 +157,8 @@ impl<'a> Conditions<'a> {
             biactive: &sets.biactive,
             variables,
             rows: rows.collect(),
-            tolerance: tolerance * local.scale,
+            tolerances,
+            tolerance: tolerances.stationarity * local.scale,
         }
     }
 
@@ -313,7 +314,11 @@ impl<'a> Conditions<'a> {
                     .extend(lines.map(|line| (line, place[row], value)));
             }
         }
-        match solve(&program, &program.lower, &program.upper) {
+        let left = self.tolerances.remaining();
+        if left == 0.0 {
+            return Err(Undecided);
+        }
+        match solve(&program, &program.lower, &program.upper, left) {
             Outcome::Optimal(x) if x[e] * self.local.scale <= self.tolerance => {
                 let mut y = vec![0.0; self.rows.len()];
                 for (index, &row) in active.iter().enumerate() {

@@ -37,8 +37,8 @@ pub enum Outcome {
 const TOLERANCE: f64 = 1e-9;
 const REDUCED: f64 = 1e-7;
 
-/// Solves the program, with these bounds on x instead of its own.
-pub fn solve(program: &LinearProgram, lower: &[f64], upper: &[f64]) -> Outcome {
+/// Solves the program, with these bounds on x instead of its own, in so many seconds.
+pub fn solve(program: &LinearProgram, lower: &[f64], upper: &[f64], seconds: f64) -> Outcome {
     if lower.iter().zip(upper).any(|(l, u)| l > u) {
         return Outcome::Infeasible;
     }
@@ -98,6 +98,7 @@ pub fn solve(program: &LinearProgram, lower: &[f64], upper: &[f64]) -> Outcome {
     let settings = DefaultSettings {
         verbose: false,
         max_iter: 100,
+        time_limit: seconds,
         tol_gap_abs: TOLERANCE,
         tol_gap_rel: TOLERANCE,
         tol_feas: TOLERANCE,

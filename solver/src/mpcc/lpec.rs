@@ -36,7 +36,11 @@ pub fn descend(lifted: &Lifted<'_>, local: &Local, tolerances: &Tolerances) -> D
                 false => Descent::None,
             };
         };
-        let d = match solve(&search.program, &lower, &upper) {
+        let left = tolerances.remaining();
+        if left == 0.0 {
+            return Descent::Undecided;
+        }
+        let d = match solve(&search.program, &lower, &upper, left) {
             Outcome::Optimal(d) => d,
             Outcome::Infeasible => continue,
             Outcome::Failed => {
@@ -53,7 +57,7 @@ pub fn descend(lifted: &Lifted<'_>, local: &Local, tolerances: &Tolerances) -> D
         // The smaller sides at zero: if that descends, it is enough.
         let mut rounded = upper.clone();
         search.round(&d, &mut rounded);
-        if let Outcome::Optimal(d) = solve(&search.program, &lower, &rounded)
+        if let Outcome::Optimal(d) = solve(&search.program, &lower, &rounded, left)
             && search.decrease(&d) > needed
         {
             return search.found(d);

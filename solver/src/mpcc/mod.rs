@@ -19,6 +19,7 @@ mod linear;
 mod local;
 mod lpec;
 mod multistart;
+mod observer;
 mod options;
 mod polish;
 mod relaxation;
@@ -46,6 +47,7 @@ pub use certificate::{Residuals, Tolerances};
 pub use class::Class;
 pub use lift::Lifted;
 pub use multistart::{MultiStart, Spread, multistart, perturbed};
+pub use observer::{Observer, Program};
 pub use options::{Homotopy, Options};
 pub use relaxation::{Relaxation, Steering};
 pub use relaxed::{Coupling, Form, Relaxed};
@@ -93,7 +95,21 @@ pub fn solve(problem: &mut dyn Mpcc, options: &Options) -> Solution {
 ///
 /// When the point has more or fewer values than the problem has variables, or as [`solve`].
 pub fn solve_from(problem: &mut dyn Mpcc, start: &[f64], options: &Options) -> Solution {
-    let mut run = Work::new(options);
+    solve_observed(problem, start, options, &mut ())
+}
+
+/// Finds a local minimum from a point, as [`solve_from`] does, and tells of every iteration.
+///
+/// # Panics
+///
+/// As [`solve_from`].
+pub fn solve_observed(
+    problem: &mut dyn Mpcc,
+    start: &[f64],
+    options: &Options,
+    observer: &mut dyn Observer,
+) -> Solution {
+    let mut run = Work::new(options, observer);
     assert_eq!(start.len(), problem.n_variables(), "one value per variable");
     let mut lifted = Lifted::new(problem);
     let start = lifted.extend(start);
@@ -116,7 +132,13 @@ impl Work<'_> {
     /// A problem without pairs is that of the interior-point method.
     fn smooth(&mut self, lifted: &mut Lifted<'_>, start: &[f64]) -> Solution {
         let mut program = Branch::new(lifted, &[], start);
-        let found = self.minimize(&mut program, ipm::Options::default(), None, &mut ());
+        let found = self.minimize(
+            Program::Smooth,
+            &mut program,
+            ipm::Options::default(),
+            None,
+            &mut (),
+        );
         let residuals = Residuals::new(lifted, &found.w);
         let point = Guess {
             w: found.w,
@@ -145,7 +167,7 @@ impl Work<'_> {
             lifted,
             &polished.point.w,
             &polished.point.y,
-            &self.options.certificate,
+            &self.tolerances(),
         );
         let candidate = Candidate {
             best: polished,
@@ -189,8 +211,8 @@ impl Work<'_> {
 
     /// Takes better branches as long as the certificate finds them.
     fn improve(&mut self, lifted: &mut Lifted<'_>, mut best: Polished) -> Candidate {
-        let tolerances = &self.options.certificate;
         loop {
+            let tolerances = &self.tolerances();
             lifted.settle(Some(&best.zeros));
             let certificate = certify(lifted, &best.point.w, &best.point.y, tolerances);
             let Some(step) = &certificate.descent else {

@@ -4,6 +4,7 @@ use super::branch::Branch;
 use super::certificate::Residuals;
 use super::lift::Lifted;
 use super::local::Local;
+use super::observer::Program;
 use super::work::Work;
 use crate::ipm;
 use crate::problem::{Member, Nlp};
@@ -82,7 +83,13 @@ fn polish_by(
             z_u: reduced.iter().map(|r| (-r).max(0.0)).collect(),
             mu,
         };
-        let found = work.minimize(&mut branch, settings, Some(&start), &mut ());
+        let found = work.minimize(
+            Program::Branch,
+            &mut branch,
+            settings,
+            Some(&start),
+            &mut (),
+        );
         let residuals = Residuals::new(lifted, &found.w);
         if residuals.violation > work.options.feasibility || !found.objective.is_finite() {
             best = best.map_err(|_| found.status);

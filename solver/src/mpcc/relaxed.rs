@@ -47,6 +47,16 @@ impl Default for Coupling {
 }
 
 impl Coupling {
+    /// The same σ for all μ.
+    pub fn constant(sigma: f64) -> Self {
+        Coupling {
+            factor: sigma,
+            power: 0.0,
+            smallest: sigma,
+            largest: sigma,
+        }
+    }
+
     /// σ(μ).
     pub fn sigma(&self, mu: f64) -> f64 {
         let sigma = self.factor * mu.powf(self.power);

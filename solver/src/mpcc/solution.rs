@@ -47,8 +47,6 @@ pub struct Stats {
     pub relaxed: usize,
     /// Programs of branches.
     pub branches: usize,
-    /// Newton steps with fixed active sets.
-    pub newton_steps: usize,
     /// Branches that were left for a better one.
     pub switches: usize,
     /// Branches that were left for one in which another point means the same.

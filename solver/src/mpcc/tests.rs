@@ -1,6 +1,10 @@
 //! Whole runs on problems with known solutions.
 
-use super::{Class, Form, Homotopy, Options, Relaxation, Solution, Status, Steering, solve};
+use super::{
+    Class, Form, Homotopy, Observer, Options, Program, Relaxation, Solution, Status, Steering,
+    solve, solve_observed,
+};
+use crate::ipm::Progress;
 use crate::problem::Side;
 use crate::quadratic::{Function, Quadratic};
 
@@ -247,5 +251,47 @@ fn a_time_limit_of_nothing_ends_at_once() {
     assert!(
         !solution.is_feasible() || solution.stats.restarts == 0,
         "{solution:?}"
+    );
+}
+
+/// What was seen: σ of the relaxations, and how many iterations of branches.
+#[derive(Default)]
+struct Seen {
+    programs: Vec<Program>,
+    sigmas: Vec<f64>,
+    in_branches: usize,
+}
+
+impl Observer for Seen {
+    fn program(&mut self, program: &Program) {
+        self.programs.push(*program);
+    }
+
+    fn iteration(&mut self, program: &Program, progress: &Progress<'_>) {
+        match program.sigma(progress.mu) {
+            Some(sigma) => self.sigmas.push(sigma),
+            None => self.in_branches += 1,
+        }
+    }
+}
+
+#[test]
+fn an_observer_sees_every_program_and_iteration() {
+    let mut problem = pair(Quadratic::new(2, distance(&[1.0, 2.0]), Vec::new()));
+    let mut seen = Seen::default();
+    let options = Options {
+        max_restarts: 0,
+        ..Options::default()
+    };
+    let solution = solve_observed(&mut problem, &[1.0, 1.0], &options, &mut seen);
+    let alone = super::solve_from(&mut problem, &[1.0, 1.0], &options);
+    assert_eq!(solution.w, alone.w);
+    assert!(matches!(seen.programs[0], Program::Relaxed { .. }));
+    assert!(seen.programs.contains(&Program::Branch));
+    assert!(seen.sigmas.windows(2).all(|pair| pair[1] <= pair[0]));
+    assert!(seen.sigmas.last() < seen.sigmas.first());
+    // Every program shows its start, too.
+    assert!(
+        seen.sigmas.len() + seen.in_branches >= solution.stats.iterations + seen.programs.len()
     );
 }

@@ -5,6 +5,7 @@ use std::ops::ControlFlow;
 use super::branch::choose;
 use super::certificate::Residuals;
 use super::lift::Lifted;
+use super::observer::Program;
 use super::options::{Homotopy, Options};
 use super::polish::{Guess, Polished, polish};
 use super::relaxation::{Relaxation, Steering};
@@ -76,6 +77,8 @@ impl Way {
         work: &mut Work<'_>,
     ) -> Result<Polished, DeadEnd> {
         let sigma = coupling.sigma(FIRST_MU);
+        let form = self.form;
+        let program = Program::Relaxed { form, coupling };
         let mut tried: Vec<Member> = Vec::new();
         let mut branch = None;
         // Feasible, but not solved to its end.
@@ -99,7 +102,13 @@ impl Way {
                     false => ControlFlow::Continue(()),
                 }
             };
-            let found = work.minimize(&mut relaxed, settings, point.as_ref(), &mut observer);
+            let found = work.minimize(
+                program,
+                &mut relaxed,
+                settings,
+                point.as_ref(),
+                &mut observer,
+            );
             let is_last = found.status != ipm::Status::Stopped || crossover == 0.0;
             let n_rows = lifted.n_rows();
             let guess = Guess {
@@ -151,12 +160,16 @@ impl Way {
         let mut point: Option<ipm::Point> = None;
         loop {
             work.stats.relaxed += 1;
+            let program = Program::Relaxed {
+                form: self.form,
+                coupling: Coupling::constant(sigma),
+            };
             let mut relaxed = Relaxed::new(lifted, self.form, sigma, start);
             let settings = ipm::Options {
                 max_iterations: MAX_ITERATIONS,
                 ..ipm::Options::default()
             };
-            let found = work.minimize(&mut relaxed, settings, point.as_ref(), &mut ());
+            let found = work.minimize(program, &mut relaxed, settings, point.as_ref(), &mut ());
             let is_over = sigma <= stop || found.status == ipm::Status::Unbounded;
             let is_near = found.status.is_solved() && sigma <= NEAR;
             if is_over || is_near {

@@ -2,6 +2,8 @@
 
 use std::time::{Duration, Instant};
 
+use super::certificate::Tolerances;
+use super::observer::{Observer, Program, Shown};
 use super::options::Options;
 use super::solution::Stats;
 use crate::ipm;
@@ -15,15 +17,20 @@ pub struct Work<'o> {
     pub clock: Instant,
     /// What it took.
     pub stats: Stats,
+    /// Who is told.
+    observer: &'o mut dyn Observer,
 }
 
+/// The share of the time that the search for a certificate may take.
+const CERTIFICATE: f64 = 0.1;
 impl<'o> Work<'o> {
     /// Starts the clock.
-    pub fn new(options: &'o Options) -> Self {
+    pub fn new(options: &'o Options, observer: &'o mut dyn Observer) -> Self {
         Work {
             options,
             clock: Instant::now(),
             stats: Stats::default(),
+            observer,
         }
     }
 
@@ -33,25 +40,42 @@ impl<'o> Work<'o> {
         Some(limit.saturating_sub(self.clock.elapsed()))
     }
 
+    /// Tolerances of a certificate, whose searches may take a share of a limited time.
+    pub fn tolerances(&self) -> Tolerances {
+        let budget = |limit: Duration| limit.mul_f64(CERTIFICATE);
+        let left = self.remaining().zip(self.options.time_limit.map(budget));
+        Tolerances {
+            deadline: left.map(|(left, budget)| Instant::now() + left.min(budget)),
+            ..self.options.certificate
+        }
+    }
+
     /// Whether the time is up.
     pub fn is_late(&self) -> bool {
         self.remaining().is_some_and(|left| left.is_zero())
     }
 
-    /// An interior-point run, counted.
+    /// An interior-point run, counted and shown.
     pub fn minimize(
         &mut self,
+        program: Program,
         nlp: &mut dyn Nlp,
         settings: ipm::Options,
         start: Option<&ipm::Point>,
-        observer: &mut dyn ipm::Observer,
+        inner: &mut dyn ipm::Observer,
     ) -> ipm::Solution {
         let settings = ipm::Options {
             time_limit: self.remaining(),
             max_iterations: self.options.max_iterations.min(settings.max_iterations),
             ..settings
         };
-        let found = ipm::solve(nlp, &settings, start, observer);
+        self.observer.program(&program);
+        let mut shown = Shown {
+            program,
+            observer: self.observer,
+            inner,
+        };
+        let found = ipm::solve(nlp, &settings, start, &mut shown);
         self.stats.iterations += found.iterations;
         found
     }

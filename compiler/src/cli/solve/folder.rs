@@ -173,7 +173,7 @@ fn record(
 ) -> Record {
     let name = name_of(path);
     let (mut sources, mut diags) = (SourceMap::new(), Diagnostics::new());
-    let result = match solve(path, settings, &mut sources, &mut diags) {
+    let result = match solve(path, settings, &mut sources, &mut diags, &mut ()) {
         Ok(Some(report)) => Ok(report),
         Ok(None) => {
             let first = diags.iter().next().map(|diagnostic| {

@@ -1,10 +1,13 @@
 //! `nsdc solve`
 
 mod folder;
+mod iterations;
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+
+use nsd_solver::mpcc::Observer;
 
 use super::args::{Log, SolveArgs};
 use super::files::{self, Sink, is_standard};
@@ -14,6 +17,7 @@ use crate::diagnostics::Diagnostics;
 use crate::nl::{self, Names, Report, Settings};
 use crate::report::Status;
 use crate::source::SourceMap;
+use iterations::Iterations;
 
 /// Extension of problem files.
 const EXTENSION: &str = "nl";
@@ -147,6 +151,7 @@ fn solve(
     settings: &Settings,
     sources: &mut SourceMap,
     diags: &mut Diagnostics,
+    observer: &mut dyn Observer,
 ) -> Result<Option<Report>, files::FileError> {
     let clock = Instant::now();
     let bytes = files::read(path, nl::MAX_BYTES)?;
@@ -161,6 +166,7 @@ fn solve(
         &names,
         settings,
         read_s,
+        observer,
     )))
 }
 
@@ -168,7 +174,18 @@ fn solve(
 fn one(args: &SolveArgs, settings: &Settings, streams: &mut Streams<'_>) -> io::Result<Exit> {
     let path = file_of(&args.path);
     let (mut sources, mut diags) = (SourceMap::new(), Diagnostics::new());
-    let report = match solve(&path, settings, &mut sources, &mut diags) {
+    let to_standard = args.json.as_deref().is_some_and(is_standard);
+    // What is read by a program stays free of it.
+    let out: &mut dyn io::Write = match to_standard || args.ampl {
+        true => &mut *streams.err,
+        false => &mut *streams.out,
+    };
+    let mut iterations = Iterations::new(out);
+    let observer: &mut dyn Observer = match args.log {
+        Log::Iterations => &mut iterations,
+        Log::Off | Log::Summary => &mut (),
+    };
+    let report = match solve(&path, settings, &mut sources, &mut diags, observer) {
         Ok(Some(report)) => report,
         Ok(None) => {
             project::print(&diags, &sources, streams)?;
@@ -179,7 +196,6 @@ fn one(args: &SolveArgs, settings: &Settings, streams: &mut Streams<'_>) -> io::
             return Ok(Exit::Wrong);
         }
     };
-    let to_standard = args.json.as_deref().is_some_and(is_standard);
     if !settings.is_quiet && !to_standard {
         match args.ampl {
             true => writeln!(streams.out, "{}", nl::message(&report))?,

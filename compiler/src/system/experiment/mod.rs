@@ -24,7 +24,9 @@ pub use fesd::{Cross, Equilibration, FesdOptions, Form, SteppingOptions};
 pub use law::Law;
 pub use method::{Branch, EventOptions, Lowering, Method, SmoothingOptions};
 use optimize::Draft;
-pub use optimize::{At, Freed, Integral, MpccOptions, Optimize, Row, Shape, Starts};
+pub use optimize::{
+    At, Freed, Integral, MpccOptions, Optimize, Row, Shape, Starts, relaxation_word, steering_word,
+};
 
 /// What an experiment asks for.
 #[derive(Clone, Debug)]

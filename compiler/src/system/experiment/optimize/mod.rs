@@ -9,6 +9,7 @@ mod settings;
 mod start;
 
 pub(super) use settings::Draft;
+pub use settings::{relaxation_word, steering_word};
 
 use nsd_solver::mpcc::{Relaxation, Steering};
 use nsd_solver::tableau::Family;

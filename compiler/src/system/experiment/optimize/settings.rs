@@ -57,6 +57,18 @@ const STEERINGS: [(&str, Steering); 3] = [
     ("l1", Steering::L1),
     ("linf", Steering::LInfinity),
 ];
+/// The word of a relaxation.
+pub fn relaxation_word(relaxation: Relaxation) -> &'static str {
+    let entry = RELAXATIONS.iter().find(|entry| entry.1 == relaxation);
+    entry.map_or("", |entry| entry.0)
+}
+
+/// The word of a steering.
+pub fn steering_word(steering: Steering) -> &'static str {
+    let entry = STEERINGS.iter().find(|entry| entry.1 == steering);
+    entry.map_or("", |entry| entry.0)
+}
+
 const PATHS: [(&str, bool); 2] = [("coupled", false), ("sequential", true)];
 
 const MOST_INTERVALS: f64 = 1e6;
