@@ -143,7 +143,7 @@ fn these_fail() {
 
 #[test]
 fn these_cannot_be_decided_yet() {
-    all(&["mode at 1 is stick(s)"], |verdict| {
+    all(&["mode at 1 is active(s)"], |verdict| {
         matches!(verdict, Verdict::Unsupported { .. })
     });
 }

@@ -87,9 +87,10 @@ fn for_each_model(stem: &str, text: &str, check: &mut impl FnMut(&str, &System))
         let Some(compiled) = compiled else {
             panic!("{}", diagnostics::render(&found, &sources, false, 100));
         };
-        // Relays and jumps have no complementarity form.
+        // Relays, jumps and contacts have no complementarity form.
         let system = &compiled.system;
-        if !system.laws.is_empty() || system.switches.iter().any(|switch| switch.relay.is_some()) {
+        let jumps = !system.laws.is_empty() || !system.contacts.is_empty();
+        if jumps || system.switches.iter().any(|switch| switch.relay.is_some()) {
             continue;
         }
         check(stem, &compiled.system);

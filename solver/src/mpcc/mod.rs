@@ -129,7 +129,8 @@ const MAX_MOVES: usize = 200;
 const UNBOUNDED: f64 = -1e10;
 
 impl Work<'_> {
-    /// A problem without pairs is that of the interior-point method.
+    /// A problem without pairs is that of the interior-point method, and polished as its only branch: bounds with small
+    /// multipliers are not reached before.
     fn smooth(&mut self, lifted: &mut Lifted<'_>, start: &[f64]) -> Solution {
         let mut program = Branch::new(lifted, &[], start);
         let found = self.minimize(
@@ -163,14 +164,13 @@ impl Work<'_> {
             is_optimal: found.status.is_solved(),
             point,
         };
-        let certificate = certify(
-            lifted,
-            &polished.point.w,
-            &polished.point.y,
-            &self.tolerances(),
-        );
+        let best = match polish(lifted, &polished.point, &[], self) {
+            Ok(finer) if finer.is_optimal => finer,
+            _ => polished,
+        };
+        let certificate = certify(lifted, &best.point.w, &best.point.y, &self.tolerances());
         let candidate = Candidate {
-            best: polished,
+            best,
             certificate,
             others: 0,
         };
