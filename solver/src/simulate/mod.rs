@@ -27,6 +27,7 @@ mod lead_tests;
 mod meeting;
 mod merge;
 mod mode;
+mod observer;
 mod persist;
 mod pieces;
 mod pivot;
@@ -49,7 +50,6 @@ mod turn;
 mod window;
 pub(crate) mod zeno;
 
-use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 pub use approach::{Approach, Visit};
@@ -57,6 +57,7 @@ use dense::Dense;
 pub use dense::Polynomials;
 use jump::{Jumps, Met};
 use mode::Mode;
+pub use observer::{Event, Observer, Segment};
 use pieces::Pieces;
 use roots::RootFinder;
 pub use select::{Candidate, MAX_NAMED};
@@ -94,103 +95,6 @@ impl Side {
     pub fn of(value: f64) -> Side {
         if value < 0.0 { Side::Minus } else { Side::Plus }
     }
-}
-
-/// A change of mode, or a jump of the state.
-#[derive(Clone, Debug)]
-pub struct Event<'a> {
-    /// When.
-    pub time: f64,
-    /// Where; after a jump.
-    pub x: &'a [f64],
-    /// Where before; the same without a jump.
-    pub before: &'a [f64],
-    /// The laws that have jumped, in order.
-    pub jumps: &'a [usize],
-    /// Mode before.
-    pub from: &'a [Side],
-    /// Mode after.
-    pub to: &'a [Side],
-    /// Infinitely many events accumulate here: the time is the limit of a series.
-    pub accumulates: bool,
-}
-
-/// One accepted step with its dense output.
-pub struct Segment<'a> {
-    /// Start.
-    pub start: f64,
-    /// Length.
-    pub length: f64,
-    /// The mode.
-    pub sides: &'a [Side],
-    /// State at the end, with the drift off sliding surfaces projected away.
-    pub end: &'a [f64],
-    pub(crate) dense: &'a dyn Polynomials,
-}
-
-impl<'a> Segment<'a> {
-    /// A step of a run that is made of another one.
-    pub fn new(
-        start: f64,
-        length: f64,
-        sides: &'a [Side],
-        end: &'a [f64],
-        dense: &'a dyn Polynomials,
-    ) -> Self {
-        Segment {
-            start,
-            length,
-            sides,
-            end,
-            dense,
-        }
-    }
-
-    /// Its polynomials.
-    pub fn polynomials(&self) -> &'a dyn Polynomials {
-        self.dense
-    }
-
-    /// The state `tau` after the start.
-    pub fn state(&self, tau: f64, x: &mut [f64]) {
-        for (i, x) in x.iter_mut().enumerate() {
-            *x = series::value(self.dense.x(i), tau);
-        }
-    }
-
-    /// Degree of the series.
-    pub fn order(&self) -> usize {
-        self.dense.degree()
-    }
-
-    /// Coefficients of the series of a state around the start, constant term first.
-    pub fn state_series(&self, state: usize) -> &[f64] {
-        self.dense.x(state)
-    }
-
-    /// Coefficients of the series of α of a sliding switch; none where α is constant.
-    pub fn alpha_series(&self, switch: usize) -> Option<&[f64]> {
-        (self.sides[switch] == Side::Slide).then(|| self.dense.alpha(switch))
-    }
-
-    /// α of every switch `tau` after the start.
-    pub fn alpha(&self, tau: f64, alpha: &mut [f64]) {
-        for (i, alpha) in alpha.iter_mut().enumerate() {
-            *alpha = match self.sides[i] {
-                Side::Minus => 0.0,
-                Side::Slide => series::value(self.dense.alpha(i), tau),
-                Side::Plus => 1.0,
-            };
-        }
-    }
-}
-
-/// Sees a run while it happens.
-pub trait Observer {
-    /// A step was accepted. Breaking ends the run.
-    fn segment(&mut self, segment: &Segment) -> ControlFlow<()>;
-    /// The mode changed.
-    fn event(&mut self, event: &Event);
 }
 
 /// The end of a run.
