@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
 
-use super::solution::Solution;
+use super::solution::{Solution, Status};
 use super::{Options, solve_from};
 use crate::problem::Mpcc;
 
@@ -12,7 +12,7 @@ use crate::problem::Mpcc;
 pub struct MultiStart {
     /// The solution from every start, in their order.
     pub solutions: Vec<Solution>,
-    /// The feasible solution with the smallest objective.
+    /// The solved one with the smallest objective, or where there is none, the feasible one.
     pub best: Option<usize>,
 }
 
@@ -98,7 +98,11 @@ pub fn multistart<P: Mpcc + Clone + Sync>(
         .map(|(_, solution)| solution)
         .collect();
     let feasible = (0..solutions.len()).filter(|&i| solutions[i].is_feasible());
-    let best = feasible.min_by(|&i, &j| solutions[i].objective.total_cmp(&solutions[j].objective));
+    let is_unsolved = |i: usize| solutions[i].status != Status::Solved;
+    let best = feasible.min_by(|&i, &j| {
+        let by_status = is_unsolved(i).cmp(&is_unsolved(j));
+        by_status.then(solutions[i].objective.total_cmp(&solutions[j].objective))
+    });
     MultiStart { solutions, best }
 }
 
