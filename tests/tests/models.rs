@@ -19,7 +19,6 @@ const EXAMPLES: &[&str] = &[
     "continuous.nsd: b",
     "continuous.nsd: c",
     "falling_rod.nsd: falls",
-    "falling_rod.nsd: jams",
     "fast_actuator.nsd: follows",
     "fast_actuator.nsd: slides",
     "friction_chain.nsd: longer",
