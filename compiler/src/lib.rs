@@ -45,7 +45,7 @@ impl<'e> Compiled<'e> {
     /// The system after the lowerings of jumps and relays that the experiment asks for.
     pub fn lowered(&self) -> System<'e> {
         if self.settings.freezes() {
-            let frozen = freezing::freeze(&self.system, self.settings.horizon);
+            let frozen = freezing::freeze(&self.system, self.settings.pace());
             return frozen.expect("compilation has checked it").system;
         }
         self.system.clone()
@@ -110,15 +110,10 @@ fn compile_to<'e>(
         // What cannot be run is refused before it is lowered, which may be long.
         let contact = model.contacts.first();
         let freezes = settings.freezes();
-        let here = match (&settings.optimize, settings.method.takes_frozen_time()) {
-            (Some(_), _) => Some("in `optimize` "),
-            (None, false) => Some("by this method "),
-            (None, true) => None,
-        };
-        if let Some(with) = here.filter(|_| freezes) {
+        if freezes && !settings.method.takes_frozen_time() {
             diags.push(ExperimentError::Lowering {
                 name: "timefreezing".to_owned(),
-                with,
+                with: "by this method ",
                 span: settings.span,
             });
             return None;
@@ -132,6 +127,10 @@ fn compile_to<'e>(
             return None;
         }
         let mut system = system::lower(&model, &settings, extent, diags)?;
+        if let Some(error) = line_of_choices(&system, &settings) {
+            diags.push(error);
+            return None;
+        }
         if freezes {
             return frozen(model, settings, system, diags);
         }
@@ -161,10 +160,6 @@ fn compile_to<'e>(
             bends(data, &settings)
                 .map_err(|error| diags.push(error))
                 .ok()?;
-        }
-        if let Some(error) = line_of_choices(&system, &settings) {
-            diags.push(error);
-            return None;
         }
         let lowerings = dcs::check(&system, &settings.lowerings, needs);
         lowerings.map_err(|error| diags.push(error)).ok()?;
@@ -213,9 +208,9 @@ fn frozen<'e>(
     system: System<'e>,
     diags: &mut Diagnostics,
 ) -> Option<Compiled<'e>> {
-    let frozen = freezing::freeze(&system, settings.horizon);
+    let frozen = freezing::freeze(&system, settings.pace());
     let frozen = frozen.map_err(|error| diags.push(error)).ok()?;
-    let needs = settings.method.needs_dcs();
+    let needs = settings.method.needs_dcs() || settings.optimize.is_some();
     let lowerings = dcs::check(&frozen.system, &settings.lowerings, needs);
     lowerings.map_err(|error| diags.push(error)).ok()?;
     Some(Compiled {

@@ -38,6 +38,7 @@ const EXAMPLES: &[&str] = &[
     "parts.nsd: on_ice",
     "parts.nsd: pulled",
     "parts.nsd: to_rest",
+    "puck.nsd: carry",
     "schedule.nsd: day",
     "spiral.nsd: zeno",
     "stick_slip.nsd: coulomb",
@@ -110,6 +111,7 @@ const MODELS: &[&str] = &[
     "switching_cases.nsd: slide",
     "thermostat.nsd: day",
     "thermostat.nsd: frozen",
+    "throw_and_catch.nsd: track",
     "two_contacts.nsd: drop",
 ];
 
@@ -124,7 +126,6 @@ const NOT_YET: &[&str] = &[
     "stiction.nsd: large_errors (E0923)",
     "stiction.nsd: small_errors (E0923)",
     "stiction.nsd: stick_slip (E0920)",
-    "throw_and_catch.nsd: track (E0924)",
 ];
 
 /// Experiments of the design models that end before their horizon, with a failure that says so: in a bin that is

@@ -12,7 +12,7 @@ pub enum DcsError {
     #[error("relay `{name}` cannot be lowered to complementarity yet")]
     #[diagnostic(
         code(E0908),
-        help("`simulate` with `method event` runs it as it is, without lowering")
+        help("`lower timefreezing;` makes motion of it, and `method event` runs it as it is")
     )]
     Relay {
         /// Its name.
@@ -26,7 +26,7 @@ pub enum DcsError {
     #[error("jump `{name}` cannot be lowered to complementarity yet")]
     #[diagnostic(
         code(E0904),
-        help("`simulate` with `method event` runs it as it is, without lowering")
+        help("`lower timefreezing;` makes motion of it, and `method event` runs it as it is")
     )]
     Jump {
         /// Its name.

@@ -40,7 +40,7 @@ pub use auto::{Choice, check, choose, lower, lower_as};
 pub use dot::{Vertex, dot, graph};
 pub use error::DcsError;
 pub use golden::{Golden, golden};
-pub use pointwise::{Pointwise, solve_pointwise};
+pub use pointwise::{Pointwise, solve_in_mode, solve_pointwise};
 pub use tex::tex;
 
 use crate::expr::{Expr, Exprs};

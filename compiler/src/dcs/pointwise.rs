@@ -93,6 +93,20 @@ pub fn solve_pointwise<'e>(
     solve_with(system, dcs, &Sides::at(system, value), value)
 }
 
+/// The same in a mode that is given by α.
+pub fn solve_in_mode<'e>(
+    system: &System<'e>,
+    dcs: &Dcs<'e>,
+    alphas: &[f64],
+    value: &impl Fn(Var) -> f64,
+) -> Pointwise {
+    let sides = Sides {
+        alpha: alphas.to_vec(),
+        ..Sides::at(system, value)
+    };
+    solve_with(system, dcs, &sides, value)
+}
+
 /// The same for given α, which need not be those of the point.
 pub(super) fn solve_with<'e>(
     system: &System<'e>,

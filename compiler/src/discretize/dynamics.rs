@@ -193,11 +193,14 @@ impl<'e> Problem<'_, 'e> {
     /// Lengths add up to steps, and to times.
     fn grid_rows(&self, mpcc: &mut Mpcc<'e>) {
         let (exprs, layout) = (mpcc.exprs, &self.layout);
+        let step = self.horizon / self.grid.steps as f64;
+        if let Some(clock) = self.clock() {
+            return self.clock_rows(clock, step, mpcc);
+        }
         if layout.elements == 1 && layout.horizon().is_none() {
             return;
         }
         let h = exprs.variables("h", layout.elements);
-        let step = self.horizon / self.grid.steps as f64;
         let mut block = Builder::new("steps", [self.steps()]);
         for (j, &h) in h.iter().enumerate() {
             block = block.variable(h, |[k]| layout.h(k, j + 1));
@@ -237,6 +240,34 @@ impl<'e> Problem<'_, 'e> {
             .push(block.finish(Kind::Equation, vec![row], vec![Source::Grid], text));
     }
 
+    /// The clock at the ends of steps, which have free lengths.
+    fn clock_rows(&self, clock: usize, step: Expr<'e>, mpcc: &mut Mpcc<'e>) {
+        let layout = &self.layout;
+        let (last, end) = (layout.elements, layout.end);
+        let time = self.dcs.states[clock].var;
+        let block = Builder::new("clock", [self.steps()])
+            .variable(time, |[k]| layout.x(k, last, end) + clock)
+            .number(self.before, |[k]| (k - 1) as f64);
+        let block = self.with_horizon(block);
+        let row = (self.before + 1.0) * step - time;
+        let text = format!("0 = k*{step} - {time}[k,{last},{end}]");
+        mpcc.blocks
+            .push(block.finish(Kind::Equation, vec![row], vec![Source::Grid], text));
+    }
+
+    /// The state that is physical time.
+    fn clock(&self) -> Option<usize> {
+        self.dcs.task.as_ref().and_then(|task| task.clock)
+    }
+
+    /// Physical time at c of an element.
+    fn instant(&self, h: Expr<'e>) -> Expr<'e> {
+        match self.clock() {
+            Some(clock) => self.dcs.states[clock].var,
+            None => self.dcs.time + self.node * h,
+        }
+    }
+
     /// Binds x, z, h and the time at the nodes.
     pub(super) fn at_nodes(&self, block: Builder<3>, h: Expr<'e>) -> Builder<3> {
         let (dcs, layout) = (self.dcs, &self.layout);
@@ -255,10 +286,10 @@ impl<'e> Problem<'_, 'e> {
         }
     }
 
-    /// With t + c h for the time, t the start of the element, and with what linear controls are there.
+    /// With t + c h or the clock for the time, t the start of the element, and with what linear controls are there.
     pub(super) fn timed(&self, rows: &[Expr<'e>], h: Expr<'e>) -> Vec<Expr<'e>> {
         let mut values = Substitution::new();
-        let time = self.dcs.time + self.node * h;
+        let time = self.instant(h);
         values.insert(variable(self.dcs.time), time);
         for (u, line) in self.lines(time).into_iter().chain(self.functions(time)) {
             values.insert(u, line);

@@ -165,6 +165,9 @@ impl Layout {
     }
 }
 
+/// Steps in numerical time are at most so many times as long as in physical time.
+const SLOWEST: f64 = 10.0;
+
 /// Declares all variables with bounds and guesses.
 pub(super) fn declare(
     mpcc: &mut Mpcc,
@@ -208,7 +211,10 @@ pub(super) fn declare(
         (1.0 + spread) * longest,
         mean,
     );
-    let length = if spread == 0.0 && free_horizon.is_none() {
+    let is_frozen = task.is_some_and(|task| task.clock.is_some());
+    let length = if is_frozen {
+        Bounds::between(0.0, SLOWEST * elements as f64 * longest, mean)
+    } else if spread == 0.0 && free_horizon.is_none() {
         Bounds::fixed(mean)
     } else {
         length

@@ -1,6 +1,8 @@
 //! Optimal control: controls, free parameters, free initial values and a free horizon.
 //!
 //! Steps are control intervals of length T/N. In step k, controls are u_k, or the straight line from u_(k-1) to u_k.
+//! In numerical time intervals have free lengths, and a clock that is k T/N at their ends: s_k = Σ_j h_kj N/T is the
+//! speed of time of Nurkanović, Sartor, Albrecht & Diehl 2021, who scale rates by it instead.
 //! A control with a finite set of values is one of them by complementarity: 0 <= u - a ⟂ b - u >= 0 for {a, b}, and
 //! u = Σ a_i y_i, Σ y_i = 1, 0 <= y_i ⟂ 1 - y_i >= 0 for more.
 //!
@@ -72,7 +74,7 @@ impl Start {
 
 /// Whether instants occur in more than the rates and equations, in which `occurring` do.
 pub(super) fn is_timed(dcs: &Dcs, occurring: &[Var]) -> bool {
-    let Some(task) = &dcs.task else {
+    let Some(task) = dcs.task.as_ref().filter(|task| task.clock.is_none()) else {
         return false;
     };
     let rows: Vec<Expr> = task.rows.iter().map(|row| row.value).collect();

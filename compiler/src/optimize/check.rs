@@ -30,6 +30,7 @@ pub(super) fn simulate(problem: &Problem, solution: &Solution, trajectory: &mut 
     settings.tolerance = (FINER * settings.tolerance).max(FINEST);
     settings.method = Method::Event(EventOptions::default());
     settings.sampling = Sampling::Method;
+    settings.lowerings.clear();
     (settings.outputs, settings.optimize) = (None, None);
     let request = Request {
         dense: false,
@@ -56,7 +57,10 @@ pub(super) fn simulate(problem: &Problem, solution: &Solution, trajectory: &mut 
     let last = run.time.len() - 1;
     let x = run.states[0].at(last);
     let end = layout.x(layout.steps, layout.elements, layout.end);
-    let n = layout.n_states().min(x.len());
+    let n = match &problem.frozen {
+        Some(frozen) => frozen.n_states,
+        None => layout.n_states().min(x.len()),
+    };
     let differences = x[..n].iter().zip(&w[end..end + n]);
     let terminal = differences.fold(0.0, |m: f64, (a, b)| m.max((a - b).abs()));
     let all = (0..run.time.len()).flat_map(|k| &run.states[0].at(k)[..n]);

@@ -63,7 +63,6 @@ impl Sampled {
 /// The point to start from.
 pub(super) fn start(problem: &Problem, sampled: &[Sampled]) -> Vec<f64> {
     let Problem {
-        system,
         task,
         layout,
         mpcc,
@@ -103,7 +102,8 @@ pub(super) fn start(problem: &Problem, sampled: &[Sampled]) -> Vec<f64> {
             );
         }
     }
-    let is_moved = !sampled.is_empty() || !task.guess.is_empty();
+    let system = problem.lowered();
+    let is_moved = !sampled.is_empty() || !task.guess.is_empty() || decided.clock.is_some();
     let (steps, elements) = (layout.steps, layout.elements);
     for (k, j) in (1..=steps).flat_map(|k| (1..=elements).map(move |j| (k, j))) {
         for (m, &c) in nodes.iter().enumerate() {
@@ -115,7 +115,11 @@ pub(super) fn start(problem: &Problem, sampled: &[Sampled]) -> Vec<f64> {
             for i in 0..layout.n_states() {
                 let state = &system.states[i];
                 let index = layout.x(k, j, m) + i;
-                set(&mut w, index, known.value(state.var, &state.name, share));
+                let value = match decided.clock == Some(i) {
+                    true => Some(share * horizon),
+                    false => known.value(state.var, &state.name, share),
+                };
+                set(&mut w, index, value);
             }
             if is_moved {
                 known.multipliers(&mut w, (k, j, m), share, &bounds);
@@ -165,12 +169,8 @@ impl Known<'_, '_, '_> {
         share: f64,
         bounds: &[crate::mpcc::Bounds],
     ) {
-        let Problem {
-            system,
-            layout,
-            dcs,
-            ..
-        } = self.problem;
+        let Problem { layout, dcs, .. } = self.problem;
+        let system = self.problem.lowered();
         let mut values: FxHashMap<Var, f64> = FxHashMap::default();
         let mut insert = |var: Expr, value: f64| {
             values.extend(var.as_variable().map(|var| (var, value)));

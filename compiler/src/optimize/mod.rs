@@ -4,6 +4,8 @@
 //! 2. It is solved from one or several starts: relaxation, polish, certificate ([`nsd_solver::mpcc`]).
 //! 3. The best solution is a trajectory (`record.rs`) of a system that has nothing left to decide (`solved.rs`).
 //! 4. That system is simulated from event to event, as a check by another method (`check.rs`).
+//!
+//! What is in numerical time ([`crate::system::freezing`]) comes back to physical time with the trajectory (`thaw.rs`).
 
 mod check;
 mod failure;
@@ -11,9 +13,11 @@ mod guess;
 mod moved;
 mod read;
 mod record;
+mod rehearsal;
 mod solved;
 #[cfg(test)]
 mod tests;
+mod thaw;
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -23,6 +27,7 @@ use nsd_solver::problem::Nlp;
 
 use crate::dcs::{self, Dcs};
 use crate::discretize::{self, DiscretizeError, Grid, Layout, discretize};
+use crate::expr::Var;
 use crate::mpcc::{Mpcc, Program};
 use crate::report::{
     Certificate, Failure, Kind, Method, MethodOption, Optimum, Stationarity, Stats, Status,
@@ -31,6 +36,7 @@ use crate::report::{
 use crate::simulate::Request;
 use crate::system::System;
 use crate::system::experiment::{Optimize, Settings};
+use crate::system::freezing::{Frozen, freeze};
 
 pub use guess::Sampled;
 use moved::Moved;
@@ -55,6 +61,8 @@ pub struct Progress {
 /// Everything about one task before it is solved.
 struct Problem<'p, 'e> {
     system: &'p System<'e>,
+    /// The same in numerical time.
+    frozen: Option<Frozen<'e>>,
     settings: &'p Settings<'e>,
     task: &'p Optimize<'e>,
     dcs: Dcs<'e>,
@@ -77,7 +85,12 @@ pub fn run<'e>(
     watch: &mut dyn FnMut(Progress),
 ) -> Result<Solved<'e>, DiscretizeError> {
     let started = Instant::now();
-    let dcs = dcs::lower(system, &settings.lowerings).expect("the lowering has been checked");
+    let frozen = settings.freezes().then(|| {
+        let frozen = freeze(system, settings.pace());
+        frozen.expect("compilation has checked that the system can be frozen")
+    });
+    let lowered = frozen.as_ref().map_or(system, |frozen| &frozen.system);
+    let dcs = dcs::lower(lowered, &settings.lowerings).expect("the lowering has been checked");
     let grid = Grid {
         horizon: settings.horizon,
         steps: task.intervals,
@@ -87,6 +100,7 @@ pub fn run<'e>(
     program.set_others(Arc::new(Moved::new(&layout, &mpcc.conditions)));
     let mut problem = Problem {
         system,
+        frozen,
         settings,
         task,
         dcs,
@@ -94,7 +108,9 @@ pub fn run<'e>(
         layout,
         program,
     };
-    let guess = guess::start(&problem, sampled);
+    let mut guess = guess::start(&problem, sampled);
+    let is_free = sampled.is_empty() && task.guess.iter().all(|(var, _)| is_control(system, *var));
+    let rehearsed = is_free && rehearsal::rehearse(&problem, &mut guess);
     let built = started.elapsed().as_secs_f64();
 
     let started = Instant::now();
@@ -106,7 +122,7 @@ pub fn run<'e>(
         });
     };
     heard(0);
-    let found = solve(&problem, &guess, request, &mut heard);
+    let found = solve(&problem, &guess, rehearsed, request, &mut heard);
     let seconds = started.elapsed().as_secs_f64();
     let best = found
         .best
@@ -140,10 +156,17 @@ pub fn run<'e>(
     })
 }
 
+/// Whether a variable is a control that is decided.
+fn is_control(system: &System, var: Var) -> bool {
+    let mut controls = system.task.iter().flat_map(|task| &task.controls);
+    controls.any(|control| control.var.as_variable() == Some(var))
+}
+
 /// All starts, in parallel.
 fn solve(
     problem: &Problem,
     guess: &[f64],
+    rehearsed: bool,
     request: &Request,
     watch: &mut dyn FnMut(usize),
 ) -> MultiStart {
@@ -165,6 +188,7 @@ fn solve(
         form,
         homotopy,
         time_limit: request.time_limit,
+        trusts_start: rehearsed && problem.task.starts.is_none(),
         effort: match problem.task.starts {
             None => SINGLE_EFFORT,
             Some(_) => Options::default().effort,
@@ -205,6 +229,11 @@ fn describe(problem: &Problem, solution: &Solution, trajectory: &mut Trajectory)
     let (family, nodes) = task.scheme;
     let number = |name: &str, value: usize| (name.to_owned(), MethodOption::Number(value as f64));
     let word = |name: &str, value: &str| (name.to_owned(), MethodOption::Text(value.to_owned()));
+    let formulation = problem.dcs.formulation.word();
+    let lowering = match &problem.frozen {
+        Some(_) => format!("timefreezing, {formulation}"),
+        None => formulation.to_owned(),
+    };
     trajectory.experiment = settings.name.clone();
     trajectory.model = settings.model.clone();
     trajectory.kind = Kind::Optimize;
@@ -216,7 +245,7 @@ fn describe(problem: &Problem, solution: &Solution, trajectory: &mut Trajectory)
             word("scheme", &format!("{}({nodes})", family.word())),
             number("intervals", task.intervals),
             number("elements", task.elements),
-            word("lowering", problem.dcs.formulation.word()),
+            word("lowering", &lowering),
             number("variables", problem.program.n_variables()),
             number("rows", problem.program.n_rows()),
             number("pairs", problem.mpcc.sizes().pairs),

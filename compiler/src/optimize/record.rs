@@ -1,13 +1,12 @@
 //! The solution of a program as a trajectory.
 //!
 //! In an element, states are polynomials through their values at its nodes, and α through its values. A switch has one
-//! side in an element: α is 0 or 1 at all of its nodes, or the state slides.
+//! side in an element: α is 0 or 1 at all of its nodes, or the state slides. Where states have jumped there are two
+//! values at one time.
 
 use nsd_solver::simulate::Side;
-use rustc_hash::FxHashMap;
 
 use super::Problem;
-use crate::expr::Var;
 use crate::report::{Dense, Piece, Trajectory};
 use crate::simulate::{Points, recorded};
 use crate::system::System;
@@ -18,25 +17,30 @@ const ROUNDING: f64 = 1e-7;
 /// Elements that are so short, as a share of the horizon, have no mode of their own.
 const SHORTEST: f64 = 1e-9;
 
+/// Nodes that are closer, as a share of their element, make no polynomial.
+const CLOSEST: f64 = 1e-4;
+
 /// States, α and modes of a system without integrals; nothing about how they were found.
 pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Trajectory {
     let layout = &problem.layout;
     let horizon = problem.horizon(w);
-    let (n, n_data) = (system.states.len(), system.data.len());
-    let nodes = problem.nodes();
-    let through = basis(&nodes);
-    let inner = basis(&nodes[1..=layout.nodes]);
-    let n_coefficients = nodes.len();
+    let n = system.states.len();
+    let n_coefficients = layout.points.len();
 
     let mut points = Points::default();
     let mut pieces: Vec<Piece> = Vec::new();
     let mut sides: Vec<(f64, Box<[Side]>)> = Vec::new();
-    let mut t = 0.0;
+    // The state when the clock stopped, and the laws that have acted since.
+    let mut stopped: Option<(&[f64], Vec<usize>)> = None;
+    let mut t = 0.0_f64;
     for (k, j) in layout.all_elements() {
         if j == 1 {
-            t = horizon * (k - 1) as f64 / layout.steps as f64;
+            t = t.max(horizon * (k - 1) as f64 / layout.steps as f64);
         }
-        let h = w[layout.h(k, j)].max(0.0);
+        let instants = problem.instants(w, (k, j), t);
+        // Clocks are continuous but for rounding.
+        let from = instants[0].max(t).min(horizon);
+        let to = instants[layout.end].max(from).min(horizon);
         let x = |m: usize| &w[layout.x(k, j, m)..][..n];
         let alphas: Vec<Vec<f64>> = (1..=layout.nodes)
             .map(|m| problem.alphas(w, (k, j, m)))
@@ -44,30 +48,43 @@ pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Traje
         if (k, j) == (1, 1) {
             points.push(0.0, x(0), &alphas[0]);
         }
-        if h > SHORTEST * horizon {
+        if problem.stands(w, (k, j), &instants) {
+            let (_, laws) = stopped.get_or_insert_with(|| (x(0), Vec::new()));
+            laws.extend(problem.acting(w, (k, j)));
+            continue;
+        }
+        if let Some((before, laws)) = stopped.take().filter(|(_, laws)| !laws.is_empty()) {
+            points.jump(from, laws, before, x(0));
+            points.push(from, x(0), &alphas[0]);
+        }
+        if to - from > SHORTEST * horizon {
+            let nodes = apart(&instants, &layout.points);
+            let through = basis(&nodes);
+            let inner = basis(&nodes[1..=layout.nodes]);
             let mut coefficients = Vec::with_capacity((n + alphas[0].len()) * n_coefficients);
             for i in 0..n {
                 let values = (0..nodes.len()).map(|m| x(m)[i]);
-                push(&mut coefficients, &through, values, h, n_coefficients);
+                push(
+                    &mut coefficients,
+                    &through,
+                    values,
+                    to - from,
+                    n_coefficients,
+                );
             }
             for i in 0..alphas[0].len() {
                 let values = alphas.iter().map(|alpha| alpha[i]);
-                push(&mut coefficients, &inner, values, h, n_coefficients);
+                push(&mut coefficients, &inner, values, to - from, n_coefficients);
             }
             for data in &system.data {
-                let known = data.table.piece(t + 0.5 * h).around(t);
+                let known = data.table.piece(0.5 * (from + to)).around(from);
                 let rest = n_coefficients.saturating_sub(known.len());
                 coefficients.extend(known.into_iter().take(n_coefficients));
                 coefficients.resize(coefficients.len() + rest, 0.0);
             }
-            debug_assert_eq!(
-                coefficients.len() % n_coefficients,
-                0,
-                "{n_data} functions of time"
-            );
             pieces.push(Piece {
-                from: t,
-                to: t + h,
+                from,
+                to,
                 n_coefficients,
                 coefficients,
             });
@@ -79,14 +96,20 @@ pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Traje
                     });
                 match (low >= 1.0 - ROUNDING, high <= ROUNDING) {
                     (true, _) => Side::Plus,
-                    (_, true) => Side::Minus,
+                    (_, true) if !system.switches[i].unilateral => Side::Minus,
                     _ => Side::Slide,
                 }
             };
-            sides.push((t, (0..alphas[0].len()).map(side).collect()));
+            sides.push((from, (0..alphas[0].len()).map(side).collect()));
         }
-        t += h;
-        points.push(t.min(horizon), x(layout.end), &alphas[layout.nodes - 1]);
+        t = to;
+        points.push(t, x(layout.end), &alphas[layout.nodes - 1]);
+    }
+    if let Some((before, laws)) = stopped.filter(|(_, laws)| !laws.is_empty()) {
+        let (k, j, m) = (layout.steps, layout.elements, layout.end);
+        let x = &w[layout.x(k, j, m)..][..n];
+        points.jump(horizon, laws, before, x);
+        points.push(horizon, x, &problem.alphas(w, (k, j, layout.nodes)));
     }
     if let Some(piece) = pieces.last_mut() {
         piece.to = horizon;
@@ -97,15 +120,29 @@ pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Traje
             &dense,
             &problem.settings.sampling,
             horizon,
-            n,
-            system.switches.len(),
+            (n, system.switches.len()),
+            points,
         );
     }
     recorded(system, problem.settings, points, dense.pieces, &sides)
 }
 
+/// Instants as shares of an element, or where nodes are while time passes evenly, should they be too close.
+fn apart(instants: &[f64], even: &[f64]) -> Vec<f64> {
+    let (from, to) = (instants[0], instants[instants.len() - 1]);
+    let shares: Vec<f64> = instants.iter().map(|t| (t - from) / (to - from)).collect();
+    let are_apart = shares.windows(2).all(|pair| pair[1] - pair[0] > CLOSEST);
+    if are_apart { shares } else { even.to_vec() }
+}
+
 /// The polynomials at the instants that the experiment asks for.
-fn sampled(dense: &Dense, sampling: &Sampling, horizon: f64, n: usize, m: usize) -> Points {
+fn sampled(
+    dense: &Dense,
+    sampling: &Sampling,
+    horizon: f64,
+    (n, m): (usize, usize),
+    known: Points,
+) -> Points {
     let instants: Vec<f64> = match sampling {
         Sampling::Method => Vec::new(),
         Sampling::Every(period) => {
@@ -115,7 +152,7 @@ fn sampled(dense: &Dense, sampling: &Sampling, horizon: f64, n: usize, m: usize)
         }
         Sampling::At(instants) => instants.iter().copied().filter(|t| *t <= horizon).collect(),
     };
-    let mut points = Points::default();
+    let mut points = known.emptied();
     for t in instants {
         if let Some(row) = dense.at(t) {
             points.push(t, &row[..n], &row[n..n + m]);
@@ -160,20 +197,5 @@ fn push(
             *sum += scale * c;
             scale /= h;
         }
-    }
-}
-
-impl Problem<'_, '_> {
-    /// α of all switches at a node.
-    pub(super) fn alphas(&self, w: &[f64], (k, j, m): (usize, usize, usize)) -> Vec<f64> {
-        let dcs = &self.dcs;
-        let known = dcs
-            .algebraics
-            .iter()
-            .enumerate()
-            .filter_map(|(i, z)| Some((z.var.as_variable()?, w[self.layout.z(k, j, m, i)?])));
-        let known: FxHashMap<Var, f64> = known.collect();
-        let value = |var: Var| known.get(&var).copied().unwrap_or(f64::NAN);
-        dcs.alphas.iter().map(|alpha| alpha.eval(&value)).collect()
     }
 }

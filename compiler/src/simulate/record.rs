@@ -16,6 +16,7 @@ use crate::system::{Output, System};
 type Change = (f64, Box<[Side]>, Box<[Side]>);
 
 /// States that have jumped.
+#[derive(Clone, Debug)]
 pub(super) struct Jump {
     pub time: f64,
     /// The laws, in order.
@@ -275,15 +276,37 @@ impl Jump {
     }
 }
 
-/// States and α at instants.
+/// States and α at instants, and jumps.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Points {
     times: Vec<f64>,
     states: Vec<f64>,
     alphas: Vec<f64>,
+    jumps: Vec<Jump>,
 }
 
 impl Points {
+    /// Takes note of a jump of states by laws.
+    pub fn jump(&mut self, time: f64, mut laws: Vec<usize>, before: &[f64], after: &[f64]) {
+        laws.sort_unstable();
+        laws.dedup();
+        self.jumps.push(Jump {
+            time,
+            laws,
+            n_points: self.times.len(),
+            before: before.to_vec(),
+            after: after.to_vec(),
+        });
+    }
+
+    /// The jumps alone.
+    pub fn emptied(self) -> Self {
+        Points {
+            jumps: self.jumps,
+            ..Points::default()
+        }
+    }
+
     /// Adds an instant behind the others.
     pub fn push(&mut self, time: f64, x: &[f64], alpha: &[f64]) {
         self.times.push(time);
@@ -330,6 +353,7 @@ pub(crate) fn recorded(
         times: points.times,
         states: points.states,
         alphas: points.alphas,
+        jumps: points.jumps,
         pieces: Some(pieces),
         changes: changes.collect(),
         x,

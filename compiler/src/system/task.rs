@@ -33,6 +33,8 @@ pub struct Task<'e> {
     pub bounds: Vec<Free>,
     /// How many of the last states are integrals.
     pub integrals: usize,
+    /// The state that is physical time, where the system is in numerical time.
+    pub clock: Option<usize>,
     /// φ, at the end.
     pub cost: Expr<'e>,
     /// `minimize ..`
@@ -179,6 +181,7 @@ impl<'e> Lowering<'_, 'e> {
             initial: places(&asked.initial, &states),
             bounds: self.state_bounds(&states),
             integrals: asked.integrals.len(),
+            clock: None,
             cost,
             cost_span: asked.cost_span,
             rows,

@@ -181,11 +181,21 @@ impl Work<'_> {
         let size = lifted.n_variables() + lifted.n_rows();
         let mut best: Option<Candidate> = None;
         let mut end: Option<DeadEnd> = None;
+        if self.options.trusts_start {
+            let guess = Guess {
+                w: start.to_vec(),
+                y: vec![0.0; lifted.n_rows()],
+            };
+            let zeros = choose(lifted, start);
+            if let Ok(polished) = polish(lifted, &guess, &zeros, self) {
+                best = Some(self.improve(lifted, polished));
+            }
+        }
         for (index, way) in ways(self.options).into_iter().enumerate() {
             let is_over = self.is_late()
                 || best.is_some()
                     && self.stats.iterations.saturating_mul(size) > self.options.effort;
-            if index > 0 && is_over {
+            if is_over && (index > 0 || best.is_some() && self.is_late()) {
                 break;
             }
             self.stats.restarts = index;

@@ -49,7 +49,7 @@ pub(super) fn run(
     watch: &mut dyn FnMut(Progress),
 ) -> Trajectory {
     let started = Instant::now();
-    let frozen = freeze(system, settings.horizon);
+    let frozen = freeze(system, settings.pace());
     let frozen = frozen.expect("compilation has checked that the system can be frozen");
     let road = Road::new(&frozen, settings);
     let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();

@@ -129,7 +129,7 @@ impl<'t, 'e> Thaw<'t, 'e> {
         for contact in &self.frozen.contacts {
             let lasts = |rest: &&Rest| sides[rest.speed] == Side::Slide;
             let rest = contact.rest.as_ref().filter(lasts);
-            self.forces[contact.contact] = rest.map(|rest| rest.strength);
+            self.forces[contact.contact] = rest.and_then(|_| contact.strength.as_constant());
             if rest.is_some() {
                 self.next[contact.contact] = Side::Slide;
             }
@@ -198,19 +198,29 @@ impl<'t, 'e> Thaw<'t, 'e> {
                 continue;
             }
             times.push(self.t);
-            let &[.., a, b, c, d] = &times[..] else {
-                continue;
-            };
-            let (first, second, third) = (b - a, c - b, d - c);
-            let (ratio, before) = (third / second, second / first);
-            let settles = (ratio - before).abs() <= SETTLED * before && ratio < 1.0;
-            if settles && third <= DENSE * self.horizon {
-                let limit = d + third * ratio / (1.0 - ratio);
-                let is_near = limit < self.horizon;
-                self.end = is_near.then_some(End::Limit(limit)).or(self.end);
-            }
+            let found = accumulation(times).filter(|(interval, limit)| {
+                *interval <= DENSE * self.horizon && *limit < self.horizon
+            });
+            self.end = found.map(|(_, limit)| End::Limit(limit)).or(self.end);
         }
     }
+
+    /// Where bounces accumulate that have become too short to compute.
+    fn limit(&self) -> Option<End> {
+        let mut found = self.bounces.iter().filter_map(|times| accumulation(times));
+        found.next().map(|(_, limit)| End::Limit(limit))
+    }
+}
+
+/// The last interval between bounces that become ever closer, and when infinitely many will have been.
+fn accumulation(times: &[f64]) -> Option<(f64, f64)> {
+    let &[.., a, b, c, d] = times else {
+        return None;
+    };
+    let (first, second, third) = (b - a, c - b, d - c);
+    let (ratio, before) = (third / second, second / first);
+    let settles = (ratio - before).abs() <= SETTLED * before && ratio < 1.0;
+    settles.then(|| (third, d + third * ratio / (1.0 - ratio)))
 }
 
 impl Observer for Thaw<'_, '_> {
@@ -240,6 +250,10 @@ impl Observer for Thaw<'_, '_> {
         }
         self.fired.sort_unstable();
         self.count();
+        let mut elastic = (self.frozen.contacts.iter()).filter(|contact| contact.rest.is_none());
+        if elastic.any(|contact| segment.sides[contact.switch] == Side::Slide) {
+            self.end = self.end.or(Some(End::Closed));
+        }
         self.read(segment.sides, segment.end);
         segment.state(0.0, &mut self.x);
         self.tell();
@@ -336,6 +350,9 @@ pub(super) fn drive(
     if outcome.status == Status::Solved && missed {
         thaw.end = Some(End::Closed);
         outcome.status = Status::Stopped;
+    }
+    if outcome.status == Status::Accumulation {
+        thaw.end = thaw.limit().or(thaw.end);
     }
     let outcome = thawed(&mut thaw, outcome);
     (outcome, thaw.end)

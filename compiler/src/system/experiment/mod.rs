@@ -64,6 +64,14 @@ impl Settings<'_> {
     pub fn freezes(&self) -> bool {
         self.lowerings.contains(&Lowering::TimeFreezing)
     }
+
+    /// What the motion of a frozen system is measured in: the time of a run, or of a control interval.
+    pub fn pace(&self) -> f64 {
+        match &self.optimize {
+            None => self.horizon,
+            Some(task) => self.horizon / task.intervals as f64,
+        }
+    }
 }
 
 /// A quantity that `output` names.

@@ -13,6 +13,17 @@ pub(super) fn check(system: &System<'_>) -> Result<(), SystemError> {
         return Err(refused(what, data.span));
     }
     let alphas = system.alphas();
+    let closed = system.switches.iter().enumerate();
+    let closed: Vec<Var> = (closed.filter(|(_, switch)| switch.unilateral))
+        .map(|(k, _)| alpha(system, k))
+        .collect();
+    for row in system.task.iter().flat_map(|task| task.exprs()) {
+        if variables_of(&[row]).iter().any(|var| closed.contains(var)) {
+            let span = system.task.as_ref().map(|task| task.cost_span);
+            let what = "costs and constraints that contain forces of contacts".to_owned();
+            return Err(refused(what, span.unwrap_or_default()));
+        }
+    }
     let jumping: Vec<Var> = (system.laws.iter())
         .flat_map(|law| law.resets.iter().map(|reset| reset.0))
         .chain(system.contacts.iter().flat_map(|contact| {

@@ -15,11 +15,12 @@ mod check;
 mod contact;
 mod relay;
 mod rest;
+mod start;
 
 use super::affine::at;
 use super::interaction::subsystems;
 use super::regions::regions_of;
-use super::{Readings, State, Switch, System, SystemError};
+use super::{Readings, State, Switch, System, SystemError, Task};
 use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::source::Span;
 
@@ -58,6 +59,8 @@ pub struct Impact<'e> {
     pub law: usize,
     /// The switch that is below its surface while the contact acts.
     pub switch: usize,
+    /// a: the force of a contact that lasts is a (1/t' - 1).
+    pub strength: Expr<'e>,
     /// Where it is inelastic.
     pub rest: Option<Rest<'e>>,
 }
@@ -67,14 +70,12 @@ pub struct Impact<'e> {
 pub struct Rest<'e> {
     /// The switch of the gap's rate, which slides.
     pub speed: usize,
-    /// a: the force is a (1/t' - 1).
-    pub strength: f64,
     /// What must be positive.
     pub cone: Vec<Expr<'e>>,
 }
 
-/// The frozen system of a run of this length.
-pub fn freeze<'e>(system: &System<'e>, horizon: f64) -> Result<Frozen<'e>, SystemError> {
+/// The frozen system; what moves while the clock stands still takes a share of `pace`, a time.
+pub fn freeze<'e>(system: &System<'e>, pace: f64) -> Result<Frozen<'e>, SystemError> {
     check::check(system)?;
     let exprs = system.exprs;
     let contacts = contact::contacts(system)?;
@@ -90,7 +91,9 @@ pub fn freeze<'e>(system: &System<'e>, horizon: f64) -> Result<Frozen<'e>, Syste
     let mut rates: Vec<Expr<'e>> = system.states.iter().map(|s| open(s.rate)).collect();
     rates.push(exprs.constant(1.0));
 
-    let n_states = system.states.len();
+    // Integrals of a cost stay behind all other states.
+    let integrals = system.task.as_ref().map_or(0, |task| task.integrals);
+    let n_states = system.states.len() - integrals;
     let mut frozen = Frozen {
         system: system.clone(),
         n_states,
@@ -133,7 +136,7 @@ pub fn freeze<'e>(system: &System<'e>, horizon: f64) -> Result<Frozen<'e>, Syste
     }
     for &k in &relays {
         let first = switches.len();
-        let cells = relay::cells(system, k, horizon, first);
+        let cells = relay::cells(system, k, pace, first);
         let read = alpha(system, k);
         for rate in &mut rates {
             *rate = at(*rate, read, 0.0) * cells.off + at(*rate, read, 1.0) * cells.on;
@@ -148,24 +151,27 @@ pub fn freeze<'e>(system: &System<'e>, horizon: f64) -> Result<Frozen<'e>, Syste
     }
     for contact in &contacts {
         let switch = switches.len();
+        let strength;
         let rest = if contact.is_inelastic() {
-            let rest = rest::rest(system, contact, horizon, &mut rates);
+            let rest = rest::rest(system, contact, pace, &mut rates);
             switches.extend(rest.switches);
+            strength = exprs.constant(rest.strength);
             Some(Rest {
                 speed: switch + 1,
-                strength: rest.strength,
                 cone: rest.cone,
             })
         } else {
-            let (above, state) = bounce::spring(system, contact, horizon, &mut rates);
-            switches.push(above);
-            added.push(state);
+            let bounce = bounce::bounce(system, contact, pace, &mut rates);
+            switches.push(bounce.switch);
+            added.push(bounce.state);
+            strength = bounce.strength;
             None
         };
         frozen.contacts.push(Impact {
             contact: contact.switch,
             law: contact.law,
             switch,
+            strength,
             rest,
         });
     }
@@ -174,15 +180,27 @@ pub fn freeze<'e>(system: &System<'e>, horizon: f64) -> Result<Frozen<'e>, Syste
         name: "time".to_owned(),
         var: system.time,
         initial: 0.0,
-        rate: rates[n_states],
+        rate: rates[system.states.len()],
         span: Span::default(),
     };
+    let task = system.task.as_ref();
+    // While time passes a relay is what it remembers.
+    let memories = relays.iter().zip(&added);
+    let memories = memories.map(|(&k, memory)| (alpha(system, k), memory.var));
+    let memories: Substitution = memories.collect();
+    let task = task.map(|task| Task {
+        clock: Some(n_states),
+        ..task.map(|e| e.substitute(&memories))
+    });
     let whole = &mut frozen.system;
     for (state, rate) in whole.states.iter_mut().zip(&rates) {
         state.rate = *rate;
     }
+    let last = whole.states.split_off(n_states);
     whole.states.push(clock);
     whole.states.extend(added);
+    whole.states.extend(last);
+    whole.task = task;
     let set: Vec<usize> = (0..whole.states.len()).collect();
     for partition in partitions.iter_mut().filter(|p| p.states.is_empty()) {
         partition.states.clone_from(&set);

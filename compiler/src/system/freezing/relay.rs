@@ -21,7 +21,7 @@ use crate::system::affine::at;
 use crate::system::regions::conjunction;
 use crate::system::{Continuity, Coverage, Partition, Region, State, Switch, System};
 
-/// Numerical time in which a relay switches, as a share of the horizon.
+/// Numerical time in which a relay switches, as a share of the pace.
 const SHARE: f64 = 0.01;
 
 /// The points in the cells.
@@ -39,7 +39,7 @@ pub(super) struct Cells<'e> {
 }
 
 /// The cells of relay `k`; their switches are numbered from `first`.
-pub(super) fn cells<'e>(system: &System<'e>, k: usize, horizon: f64, first: usize) -> Cells<'e> {
+pub(super) fn cells<'e>(system: &System<'e>, k: usize, pace: f64, first: usize) -> Cells<'e> {
     let exprs = system.exprs;
     let switch = &system.switches[k];
     let relay = switch.relay.expect("it is a relay");
@@ -77,7 +77,7 @@ pub(super) fn cells<'e>(system: &System<'e>, k: usize, horizon: f64, first: usiz
         square / (1.0 + square)
     };
     let (still, moving) = (share(0.0), share(1.0));
-    let speed = 1.0 / (SHARE * horizon);
+    let speed = 1.0 / (SHARE * pace);
     let memory = State {
         name: format!("memory[{}]", switch.name),
         var: w,

@@ -12,8 +12,9 @@
 //! Nurkanović, Albrecht, Brogliato & Diehl 2023.
 
 use super::contact::Contact;
-use super::{along, alpha, numbers, slope};
-use crate::expr::{Expr, Var};
+use super::slope;
+use super::start::Start;
+use crate::expr::Expr;
 use crate::system::{Continuity, Switch, System};
 
 /// The auxiliary acceleration in free accelerations at the start: the clock of a contact that lasts has 1/(1 + 1/9).
@@ -33,7 +34,7 @@ pub(super) struct Rest<'e> {
 pub(super) fn rest<'e>(
     system: &System<'e>,
     contact: &Contact<'e>,
-    horizon: f64,
+    pace: f64,
     rates: &mut [Expr<'e>],
 ) -> Rest<'e> {
     let exprs = system.exprs;
@@ -41,7 +42,7 @@ pub(super) fn rest<'e>(
     let name = format!("speed[{}]", old.name);
     let (apart, leaves) = (old.alpha, exprs.variable(&format!("alpha[{name}]")));
     let free = apart + leaves - apart * leaves;
-    let strength = strength(system, contact, horizon);
+    let strength = strength(system, contact, pace);
     for rate in rates.iter_mut() {
         *rate = free * *rate;
     }
@@ -79,35 +80,14 @@ pub(super) fn rest<'e>(
 }
 
 /// a, so that a G is well above accelerations at the start.
-fn strength(system: &System<'_>, contact: &Contact<'_>, horizon: f64) -> f64 {
-    let alphas = system.alphas();
-    let closed: Vec<Var> = (system.switches.iter().enumerate())
-        .filter(|(_, switch)| switch.unilateral)
-        .map(|(k, _)| alpha(system, k))
-        .collect();
-    let numbers = numbers(system);
-    let value = |e: Expr<'_>| {
-        e.eval(&|var| {
-            let state = system
-                .states
-                .iter()
-                .find(|s| s.var.as_variable() == Some(var));
-            match state {
-                Some(state) => state.initial,
-                None if closed.contains(&var) => 1.0,
-                None if alphas.contains(&var) => 0.5,
-                None => numbers.get(var).and_then(Expr::as_constant).unwrap_or(0.0),
-            }
-        })
-    };
-    let acceleration = along(system, contact.speed, |state| system.states[state].rate);
-    let found = value(acceleration).abs();
+fn strength(system: &System<'_>, contact: &Contact<'_>, pace: f64) -> f64 {
+    let start = Start::of(system);
     let known = [
-        STRENGTH * found,
-        value(contact.speed).abs() / horizon,
-        1.0 / (horizon * horizon),
+        STRENGTH * start.acceleration(contact.speed).abs(),
+        start.value(contact.speed).abs() / pace,
+        1.0 / (pace * pace),
     ];
     let known = known.into_iter().filter(|number| number.is_finite());
-    let gain = value(contact.gain);
+    let gain = start.value(contact.gain);
     known.fold(0.0, f64::max) / if gain > 0.0 { gain } else { 1.0 }
 }

@@ -1,0 +1,208 @@
+//! A start in numerical time: the guessed controls are run from event to event, and elements end where that switches.
+//!
+//! What stands still at an instant takes time in the program, and a guess that does not know of it begins in the
+//! wrong modes: contacts then never close.
+
+use std::collections::HashMap;
+
+use super::Problem;
+use crate::dcs::solve_in_mode;
+use crate::expr::Var;
+use crate::report::{Dense, Trajectory};
+use crate::simulate::{self, Request};
+use crate::system::experiment::{EventOptions, Method, Sampling, Settings};
+use crate::system::{Param, System};
+
+/// Runs in numerical time are so many horizons long, the shorter ones first.
+const LONGER: [f64; 3] = [2.0, 4.0, 16.0];
+/// Instants closer than this, as a share of an interval, are one.
+const CLOSEST: f64 = 1e-9;
+/// α that is so close to 0 or 1 is.
+const ROUNDING: f64 = 1e-9;
+/// How far inside of its element α is read, as a share of it: at its ends it belongs to others.
+const INSIDE: f64 = 1e-6;
+
+/// Gives lengths, states and multipliers the values of a run; false where there is none to the end of the horizon.
+pub(super) fn rehearse(problem: &Problem, w: &mut [f64]) -> bool {
+    let (layout, settings) = (&problem.layout, problem.settings);
+    let (Some(frozen), Some(task)) = (&problem.frozen, &problem.dcs.task) else {
+        return false;
+    };
+    let mut system = frozen.system.clone();
+    system.task = None;
+    for (i, control) in task.controls.iter().enumerate() {
+        let values: Vec<f64> = layout
+            .control_instants()
+            .map(|(k, _)| w[layout.u(k) + i])
+            .collect();
+        if values.iter().any(|value| *value != values[0]) {
+            return false;
+        }
+        system.params.push(Param {
+            name: control.name.clone(),
+            var: control.var,
+            value: values[0],
+        });
+    }
+    let horizon = settings.horizon;
+    let Some((run, ends)) = run(&system, settings, frozen.clock, layout.steps, horizon) else {
+        return false;
+    };
+    let switches: Vec<f64> = run.modes.iter().skip(1).map(|mode| mode.from).collect();
+    let mut start = 0.0;
+    for (k, &end) in (1..).zip(&ends) {
+        let lengths = cut(start, end, &switches, layout.elements);
+        for (j, h) in (1..).zip(lengths) {
+            w[layout.h(k, j)] = h;
+            fill(problem, &system, &run.dense, (k, j), (start, h), w);
+            start += h;
+        }
+        start = end;
+    }
+    true
+}
+
+/// A run in numerical time, and the instants at which its clock is at the ends of control intervals.
+fn run(
+    system: &System,
+    settings: &Settings,
+    clock: usize,
+    steps: usize,
+    horizon: f64,
+) -> Option<(Trajectory, Vec<f64>)> {
+    let mut settings = settings.clone();
+    settings.method = Method::Event(EventOptions::default());
+    settings.sampling = Sampling::Method;
+    settings.lowerings.clear();
+    (settings.outputs, settings.optimize) = (None, None);
+    let request = Request {
+        dense: true,
+        estimate: false,
+        multipliers: false,
+        time_limit: None,
+    };
+    LONGER.iter().find_map(|longer| {
+        settings.horizon = longer * horizon;
+        let run = simulate::run(system, &settings, &request);
+        let instant = |k: usize| reached(&run.dense, clock, horizon * k as f64 / steps as f64);
+        let ends: Option<Vec<f64>> = (1..=steps).map(instant).collect();
+        Some((ends?, run)).map(|(ends, run)| (run, ends))
+    })
+}
+
+/// When the clock shows a time first.
+fn reached(dense: &Dense, clock: usize, time: f64) -> Option<f64> {
+    let shows = |t: f64, piece: &crate::report::Piece| piece.at(t)[clock];
+    let number = dense
+        .pieces
+        .partition_point(|piece| shows(piece.to, piece) < time);
+    let piece = dense.pieces.get(number)?;
+    let (mut before, mut behind) = (piece.from, piece.to);
+    while behind - before > f64::EPSILON * piece.to {
+        let middle = 0.5 * (before + behind);
+        match shows(middle, piece) < time {
+            true => before = middle,
+            false => behind = middle,
+        }
+        if middle == before && middle == behind {
+            break;
+        }
+    }
+    Some(behind)
+}
+
+/// The lengths of the elements of an interval: cuts are switches, as far as there are elements for them.
+fn cut(start: f64, end: f64, switches: &[f64], elements: usize) -> Vec<f64> {
+    let near = CLOSEST * (end - start);
+    let inside = |t: &f64| *t > start + near && *t < end - near;
+    let mut cuts = vec![start];
+    cuts.extend(switches.iter().copied().filter(inside));
+    cuts.push(end);
+    cuts.dedup_by(|a, b| *a - *b <= near);
+    while cuts.len() - 1 > elements {
+        // The shortest part joins a neighbour.
+        let lengths = cuts.windows(2).map(|pair| pair[1] - pair[0]);
+        let shortest = lengths
+            .enumerate()
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+            .map_or(1, |(i, _)| i.clamp(1, cuts.len() - 2));
+        cuts.remove(shortest);
+    }
+    let parts: Vec<f64> = cuts.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let mut counts = vec![1; parts.len()];
+    for _ in parts.len()..elements {
+        let each = |i: &usize| parts[*i] / counts[*i] as f64;
+        let longest = (0..parts.len()).max_by(|a, b| each(a).total_cmp(&each(b)));
+        counts[longest.expect("an interval has a part")] += 1;
+    }
+    let parts = parts.iter().zip(&counts);
+    parts
+        .flat_map(|(length, &count)| vec![length / count as f64; count])
+        .collect()
+}
+
+/// States and multipliers of an element.
+fn fill(
+    problem: &Problem,
+    system: &System,
+    dense: &Dense,
+    (k, j): (usize, usize),
+    (start, h): (f64, f64),
+    w: &mut [f64],
+) {
+    let layout = &problem.layout;
+    let bounds = problem.mpcc.bounds();
+    let mut set = |index: usize, value: f64| {
+        if value.is_finite() {
+            w[index] = value.max(bounds[index].lower).min(bounds[index].upper);
+        }
+    };
+    let n = system.states.len();
+    for (m, c) in layout.points.iter().enumerate() {
+        let inside = c.clamp(INSIDE, 1.0 - INSIDE);
+        // Both values of what jumps nowhere are the same at the ends.
+        let (Some(row), Some(within)) = (dense.at(start + c * h), dense.at(start + inside * h))
+        else {
+            continue;
+        };
+        if m > 0 || (k, j) == (1, 1) {
+            for (i, &value) in row[..layout.n_states()].iter().enumerate() {
+                set(layout.x(k, j, m) + i, value);
+            }
+        }
+        let states = system.states.iter().map(|state| state.var).zip(&row);
+        let params = system.params.iter().map(|param| (param.var, &param.value));
+        let known = states.chain(params);
+        let known: HashMap<Var, f64> = known
+            .filter_map(|(var, &value)| Some((var.as_variable()?, value)))
+            .collect();
+        let mut alphas = within[n..n + system.switches.len()].to_vec();
+        settle(problem, &mut alphas);
+        let value = |var: Var| known.get(&var).copied().unwrap_or(f64::NAN);
+        let found = solve_in_mode(system, &problem.dcs, &alphas, &value);
+        if m == 0 && (k, j) != (1, 1) {
+            continue;
+        }
+        for (i, z) in found.algebraics.into_iter().enumerate() {
+            if let Some(index) = layout.z(k, j, m, i) {
+                set(index, z);
+            }
+        }
+    }
+}
+
+/// Of a contact that lasts, only the weight of free flight is determined by α of its gap and of its speed: it is all
+/// that of the speed.
+fn settle(problem: &Problem, alphas: &mut [f64]) {
+    let contacts = problem.frozen.iter().flat_map(|frozen| &frozen.contacts);
+    for contact in contacts {
+        let Some(rest) = &contact.rest else {
+            continue;
+        };
+        let (apart, leaves) = (alphas[contact.switch], alphas[rest.speed]);
+        let free = apart + leaves - apart * leaves;
+        if free > ROUNDING && free < 1.0 - ROUNDING {
+            (alphas[contact.switch], alphas[rest.speed]) = (0.0, free);
+        }
+    }
+}

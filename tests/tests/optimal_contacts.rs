@@ -1,0 +1,176 @@
+//! Optimal control of what jumps, in frozen time: closed forms, agreement with runs from event to event, printed forms.
+
+use nsd_tests::{times, with_experiment};
+use nsdc::dcs;
+use nsdc::discretize::{self, Grid, discretize};
+use nsdc::optimize;
+use nsdc::report::{EventKind, Status, Trajectory};
+use nsdc::simulate::Request;
+
+/// The result of experiment `o` of a text.
+fn solved(text: &str) -> Trajectory {
+    with_experiment(text, "o", |compiled| {
+        let settings = &compiled.settings;
+        let task = settings.optimize.as_ref().expect("an optimization");
+        let request = Request::default();
+        let run = optimize::run(&compiled.system, settings, task, &[], &request, &mut |_| {});
+        let found = run.expect("the problem can be discretized").trajectory;
+        assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
+        found.verify().expect("the invariants of `Trajectory`");
+        found
+    })
+}
+
+#[track_caller]
+fn close(value: f64, exact: f64, within: f64) {
+    assert!((value - exact).abs() <= within, "{value} is not {exact}");
+}
+
+/// By how much the end, and the objective, differ from those of a run from event to event with the same controls.
+#[track_caller]
+fn agrees(found: &Trajectory, within: f64) {
+    let check = found.optimum.as_ref().and_then(|optimum| optimum.check);
+    let check = check.expect("the run reaches its end");
+    close(check.terminal_error, 0.0, within);
+    close(check.objective_error, 0.0, within);
+}
+
+const BALL: &str = "
+    model ball {
+      state q = 1;
+      state v = 0;
+      control u in [-1, 1] = 0;
+      q' = v;
+      mechanics q, v {
+        mass = 1;
+        force = u - 10;
+        contact floor { gap = q; restitution = 0.8; }
+      }
+    }";
+
+/// Where the ball is at 0.8 if it falls with 11 until 0.4, and then moves with `rest` and bounces with 0.8.
+fn thrown(rest: f64) -> (f64, f64) {
+    let (q, v) = (1.0 - 0.5 * 11.0 * 0.16, -11.0 * 0.4);
+    // q + v s - rest s²/2 = 0
+    let s = (v + (v * v + 2.0 * rest * q).sqrt()) / rest;
+    let left = 0.4 - s;
+    let speed = -0.8 * (v - rest * s);
+    (0.4 + s, speed * left - 0.5 * rest * left * left)
+}
+
+#[test]
+fn a_ball_is_thrown_down_to_come_up() {
+    let found = solved(&format!(
+        "{BALL} optimize o of ball {{
+           horizon 0.8; intervals 4; elements 3; scheme radau_iia(2);
+           lower timefreezing;
+           minimize -final(q);
+         }}"
+    ));
+    let ((bounce, highest), (_, lower)) = (thrown(9.0), thrown(11.0));
+    assert!(highest > lower);
+    close(found.objective.expect("an optimum"), -highest, 1e-7);
+    let bounces = times(&found, EventKind::Jump);
+    assert_eq!(bounces.len(), 1, "{bounces:?}");
+    close(bounces[0], bounce, 1e-7);
+    assert_eq!(found.time.last(), Some(&0.8));
+    agrees(&found, 1e-7);
+}
+
+/// With a acceleration downward, 1 is left after √(2/a) with 0.8 √(2 a); 0.3 is reached √0.68/√a before the top, which
+/// is 0.8 √(2/a) after that. The ball is the faster, the larger a is.
+#[test]
+fn the_least_time_is_that_of_the_clock() {
+    let found = solved(&format!(
+        "{BALL} optimize o of ball {{
+           horizon free in [0.2, 2] = 0.8; intervals 1; elements 3; scheme radau_iia(2);
+           lower timefreezing;
+           minimize final(time);
+           final {{ q = 0.3; v >= 0; }}
+         }}"
+    ));
+    let least = (1.8 * 2.0_f64.sqrt() - 0.68_f64.sqrt()) / 11.0_f64.sqrt();
+    close(found.objective.expect("an optimum"), least, 1e-7);
+    close(*found.time.last().expect("a run has an end"), least, 1e-7);
+    agrees(&found, 1e-7);
+}
+
+/// The ball lies on the floor all the time, and friction takes 0.2 · 10 off u: from v = 1 it gets 2 far in 1 s where
+/// ∫ (1 - t) (u - 2) = 1, with the least ∫ u² = 12 for u = 6 (1 - t).
+#[test]
+fn a_ball_that_lies_is_pushed() {
+    let found = solved(
+        "model ball {
+           state q[2] = [0, 0];
+           state v[2] = [1, 0];
+           control u = 0;
+           q' = v;
+           mechanics q, v {
+             mass = eye(2);
+             force = [u, -10];
+             contact floor { gap = q[2]; slip = v[1]; restitution = 0; friction = 0.2; }
+           }
+         }
+         optimize o of ball {
+           horizon 1; intervals 4; elements 2; scheme radau_iia(2); controls linear;
+           lower timefreezing;
+           minimize integral(u^2);
+           final { q[1] = 2; }
+         }",
+    );
+    close(found.objective.expect("an optimum"), 12.0, 1e-6);
+    agrees(&found, 1e-6);
+}
+
+/// A heater with memory goes on at 18: the colder it is outside before, the sooner. Half a second later it is warmest
+/// where u = 0 until 1/4, and 1 behind, as little of that is left until 18 is reached.
+#[test]
+fn a_relay_switches_where_the_outside_lets_it() {
+    let found = solved(
+        "model heating {
+           state y = 19;
+           control u in [0, 1] = 0.5;
+           switch heater = hysteresis(y, on = 18, off = 20, start = 0);
+           y' = -0.2*(y - u) + 10*heater;
+         }
+         optimize o of heating {
+           horizon 0.5; intervals 2; elements 3; scheme radau_iia(3);
+           lower timefreezing;
+           minimize -final(y);
+         }",
+    );
+    // y is y₁ at 1/4, and 1 + (y₁ - 1) exp(-(t - 1/4)/5) until the heater is on.
+    let middle = 19.0 * (-0.05_f64).exp();
+    let on = 5.0 * ((middle - 1.0) / 17.0).ln();
+    let warmest = 51.0 - 33.0 * (-0.2 * (0.25 - on)).exp();
+    close(found.objective.expect("an optimum"), -warmest, 1e-6);
+    close(times(&found, EventKind::Relay)[0], 0.25 + on, 1e-6);
+    agrees(&found, 1e-6);
+}
+
+#[test]
+fn printed_forms() {
+    let text = format!(
+        "{BALL} optimize o of ball {{
+           horizon free in [0.2, 2] = 0.8; intervals 2; elements 2; scheme radau_iia(2);
+           lower timefreezing;
+           minimize integral(u^2) + final(time);
+           final {{ q = 0.3; v >= 0; }}
+         }}"
+    );
+    with_experiment(&text, "o", |compiled| {
+        let (system, settings) = (compiled.lowered(), &compiled.settings);
+        system.verify().expect("the invariants of `System`");
+        insta::assert_snapshot!("ball.system", system);
+        let dcs = dcs::lower(&system, &settings.lowerings).expect("it is small");
+        insta::assert_snapshot!("ball.dcs", dcs);
+        let task = settings.optimize.as_ref().expect("an optimization");
+        let grid = Grid {
+            horizon: settings.horizon,
+            steps: task.intervals,
+        };
+        let options = discretize::Options::optimize(task);
+        let (mpcc, _) = discretize(&dcs, grid, &options).expect("it is small");
+        insta::assert_snapshot!("ball.fesd", mpcc);
+    });
+}
