@@ -86,7 +86,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 h *= 0.5;
                 continue;
             }
-            if event.is_none() && state.t + (length + state.t_low) <= state.t {
+            let reaches_end = length >= remaining;
+            if event.is_none() && !reaches_end && state.t + (length + state.t_low) <= state.t {
                 return Err(mode.stuck());
             }
             let (length, triggers) = match event {
