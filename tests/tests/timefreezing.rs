@@ -92,6 +92,24 @@ fn a_relay_switches_at_the_times_of_its_closed_form() {
 }
 
 #[test]
+fn a_relay_switches_so_by_events_too() {
+    let text = format!("{HEATING} simulate this of heating {{ horizon 4; }}");
+    let trajectory = run(&text, "this");
+    let published = [
+        0.770_753_4,
+        1.297_556_0,
+        1.620_248_6,
+        2.147_051_2,
+        2.469_743_8,
+        2.996_546_3,
+        3.319_239_0,
+        3.846_041_5,
+    ];
+    close(&times(&trajectory, EventKind::Relay), &published, 1e-7);
+    close(&end(&trajectory, "y"), &[18.970_318_67], 1e-7);
+}
+
+#[test]
 fn values_are_reported_in_physical_time() {
     each_way(HEATING, "horizon 1; output y every 0.25;", |trajectory| {
         assert_eq!(trajectory.time, [0.0, 0.25, 0.5, 0.75, 1.0]);
@@ -222,7 +240,7 @@ fn strong_friction_that_locks_a_rod_ends_the_run() {
 }
 
 /// Models whose runs with jumps and frozen runs must agree, with their horizons.
-const MODELS: [(&str, f64); 5] = [
+const MODELS: [(&str, f64); 7] = [
     (HEATING, 4.0),
     (BALL, 2.0),
     // Positions that are not orthogonal in the mass.
@@ -267,6 +285,34 @@ const MODELS: [(&str, f64); 5] = [
            }
          }",
         1.2,
+    ),
+    // Two relays that do not hear of each other, and one state that both act on.
+    (
+        "model rooms {
+           state y[2] = [15, 12];
+           state mix = 0;
+           switch near = hysteresis(y[1], on = 18, off = 20);
+           switch far = hysteresis(y[2], on = 13, off = 14);
+           y[1]' = -0.2*y[1] + 10*near;
+           y[2]' = -0.3*y[2] + 9*far;
+           mix' = near + 2*far*y[1];
+         }",
+        3.0,
+    ),
+    // Two inelastic walls at a right angle to each other: the ball is pressed into the corner.
+    (
+        "model corner {
+           state q[2] = [0.3, 0.5];
+           state v[2] = [-1, 0];
+           q' = v;
+           mechanics q, v {
+             mass = eye(2);
+             force = [-1, -9.81];
+             contact wall { gap = q[1]; restitution = 0; }
+             contact floor { gap = q[2]; restitution = 0; }
+           }
+         }",
+        1.0,
     ),
 ];
 
