@@ -52,6 +52,11 @@ pub trait Nlp {
     fn jacobian(&mut self, w: &[f64], entries: &mut [f64]);
     /// The entries of the Hessian of `factor` f + yᵀc at w, in the order of its pattern.
     fn hessian(&mut self, w: &[f64], factor: f64, y: &[f64], entries: &mut [f64]);
+    /// Adds to the entries of the Hessian at w what is known to be missing for a convex Lagrangian: a solver asks for
+    /// it where that is not convex enough to go down. Says whether there is anything.
+    fn convexify(&mut self, _w: &[f64], _y: &[f64], _entries: &mut [f64]) -> bool {
+        false
+    }
     /// Called when an interior-point method changes its barrier parameter: a relaxation follows it. Says whether
     /// rows or bounds have changed.
     fn follow(&mut self, _mu: f64) -> bool {

@@ -10,6 +10,7 @@
 
 use super::direction::Step;
 use super::filter::{Filter, Merit};
+use super::kkt::largest;
 use super::options::BarrierRule;
 use super::residuals::Errors;
 use super::solution::Failure;
@@ -25,6 +26,8 @@ const MAX_SECTIONS: usize = 8;
 const SECTION: f64 = 1e-2;
 /// μ relative to the average product, where it starts to be kept.
 const KEPT: f64 = 0.8;
+/// Multipliers this many times as large as those along the rows are the work of a correction.
+const INFLATED: f64 = 3.0;
 /// The margin by which progress has to exceed what was.
 const MARGIN: f64 = 1e-5;
 
@@ -258,8 +261,33 @@ impl Run<'_> {
     fn plain_step(&mut self) -> Result<(), Failure> {
         let mut step = std::mem::take(&mut self.step);
         let result = self.direction(self.mu, 1.0, &mut step);
+        if result.is_ok() && self.kkt.is_corrected() && !self.is_restoration {
+            self.tangential_multipliers(&mut step);
+        }
         self.step = step;
         result
+    }
+
+    /// The multipliers of the step along the rows alone. Those of the whole one have a part δ_w (E Eᵀ)⁻¹ r, which grows
+    /// with the correction, brings curvature that asks for a larger one, and says nothing about the problem.
+    fn tangential_multipliers(&mut self, step: &mut Step) {
+        let size = |y: &[f64], dy: &[f64]| {
+            let sums = y.iter().zip(dy).map(|(y, dy)| (y + dy).abs());
+            sums.fold(1.0, f64::max)
+        };
+        let whole = size(&self.y, &step.y);
+        if whole <= INFLATED * largest(&self.y).max(1.0) {
+            return;
+        }
+        let mut tangential = std::mem::take(&mut self.corrected);
+        self.target.fill(0.0);
+        if self.direction(self.mu, 1.0, &mut tangential).is_ok()
+            && whole > INFLATED * size(&self.y, &tangential.y)
+        {
+            step.y.copy_from_slice(&tangential.y);
+        }
+        self.target.copy_from_slice(&self.residual);
+        self.corrected = tangential;
     }
 
     /// The μ that makes the quality function least.

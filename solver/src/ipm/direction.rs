@@ -45,8 +45,8 @@ impl Run<'_> {
         self.add_proximity_curvature();
         let nv = self.nv();
         self.kkt.factor(
-            &self.form,
-            &self.hessian,
+            &mut self.form,
+            &mut self.hessian,
             &self.jacobian,
             &self.sigma[..nv],
             self.mu,

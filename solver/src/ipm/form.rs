@@ -2,9 +2,10 @@
 //!
 //! minimize f(x)   subject to   c(x) - s - b = 0,   l <= (x, s) <= u
 //!
-//! x are the variables that are not fixed and c the rows that have a bound, both scaled; a row that is no equation has
-//! a slack s and b = 0. Variables v = (x, s) are numbered together. While the violation is minimized, rows have
-//! elastic variables p, n >= 0 besides, c(x) - s - b - p + n = 0: what a row has besides c(x) is *attached* to it.
+//! x are the variables that are not fixed and c the rows that have a bound and depend on them, both scaled; a row that
+//! is no equation has a slack s and b = 0. Variables v = (x, s) are numbered together. While the violation is minimized,
+//! rows have elastic variables p, n >= 0 besides, c(x) - s - b - p + n = 0: what a row has besides c(x) is *attached* to
+//! it.
 
 use super::solution::Point;
 use crate::problem::{Bounds, Nlp};
@@ -31,6 +32,8 @@ pub(super) struct Form<'a> {
     pub n: usize,
     pub n_slacks: usize,
     pub m: usize,
+    /// How many rows hold at the only values that their variables can have.
+    n_empty: usize,
     /// The slacks, then p, then n.
     pub attached: Vec<Attached>,
     /// The slack of every row, or `NONE`.
@@ -55,6 +58,8 @@ pub(super) struct Form<'a> {
 }
 
 pub(super) const NONE: u32 = u32::MAX;
+/// Rows whose variables are fixed hold when they miss their bounds by no more, relative to their size.
+const EMPTY: f64 = 1e-9;
 
 /// What a row or variable is by its bounds.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -79,19 +84,31 @@ impl<'a> Form<'a> {
     pub fn new(nlp: &'a mut dyn Nlp) -> Self {
         let (n_all, m_all) = (nlp.n_variables(), nlp.n_rows());
         let bounds = nlp.variable_bounds();
+        let is_fixed: Vec<bool> = (0..n_all)
+            .map(|i| kind(&bounds, i) == Kind::Fixed)
+            .collect();
         let variables: Vec<u32> = (0..n_all as u32)
-            .filter(|&i| kind(&bounds, i as usize) != Kind::Fixed)
+            .filter(|&i| !is_fixed[i as usize])
             .collect();
         let mut w = nlp.start().to_vec();
         for (i, w) in w.iter_mut().enumerate() {
-            if kind(&bounds, i) == Kind::Fixed {
+            if is_fixed[i] {
                 *w = bounds.lower[i];
             }
         }
+        let mut values = vec![0.0; m_all];
+        nlp.rows(&w, &mut values);
         let bounds = nlp.row_bounds();
-        let rows: Vec<u32> = (0..m_all as u32)
-            .filter(|&row| kind(&bounds, row as usize) != Kind::Free)
-            .collect();
+        let pattern = nlp.jacobian_pattern();
+        let is_empty = |row: usize| {
+            let reach = EMPTY * values[row].abs().max(1.0);
+            let is_within = values[row] >= bounds.lower[row] - reach;
+            is_within
+                && values[row] <= bounds.upper[row] + reach
+                && pattern.row(row).iter().all(|&j| is_fixed[j as usize])
+        };
+        let bounded = (0..m_all as u32).filter(|&row| kind(&bounds, row as usize) != Kind::Free);
+        let (empty, rows): (Vec<u32>, Vec<u32>) = bounded.partition(|&row| is_empty(row as usize));
         let (n, m) = (variables.len(), rows.len());
         let mut slacks = vec![NONE; m];
         let mut attached = Vec::new();
@@ -120,6 +137,7 @@ impl<'a> Form<'a> {
             n,
             n_slacks,
             m,
+            n_empty: empty.len(),
             attached,
             slacks,
             variables,
@@ -161,7 +179,7 @@ impl<'a> Form<'a> {
             }
         };
         let mut rows = self.rows.iter().zip(&self.slacks);
-        free.count() + self.m == self.all_rows.len()
+        free.count() + self.n_empty + self.m == self.all_rows.len()
             && rows.all(|(&row, &slack)| kind(&bounds, row as usize) == expected(slack))
     }
 
@@ -267,6 +285,17 @@ impl<'a> Form<'a> {
         for (entry, &source) in entries.iter_mut().zip(&self.hessian.sources) {
             *entry = self.all_hessian[source as usize];
         }
+    }
+
+    /// Adds what is missing for a convex Lagrangian to the entries that [`Form::hessian`] gave last.
+    pub fn convexify(&mut self, entries: &mut [f64]) -> bool {
+        if !(self.nlp).convexify(&self.w, &self.all_y, &mut self.all_hessian) {
+            return false;
+        }
+        for (entry, &source) in entries.iter_mut().zip(&self.hessian.sources) {
+            *entry = self.all_hessian[source as usize];
+        }
+        true
     }
 
     /// c(x) - b plus what is attached: the first `n_attached` of them.

@@ -3,10 +3,11 @@
 //! ( H + Σ_x + δ_w    Jᵀ           ) (Δx)
 //! ( J               -Σ 1/w - δ_c  ) (Δy)
 //!
-//! where what is attached to a row is eliminated: w = Σ_i + δ_w of each. δ_w and δ_c, at least 1e-8 or a tenth of a small μ, make a static order
-//! of pivots valid. The solution is refined with δ_c = 0, so that steps reach the linearized rows, unless these depend on
-//! each other. δ_w is a proximal term: it shortens steps and does not move where they end. It grows until there are
-//! n positive and m negative eigenvalues (Wächter & Biegler 2006, algorithm IC).
+//! where what is attached to a row is eliminated: w = Σ_i + δ_w of each. δ_w, at least 1e-8 or a tenth of a small μ, and
+//! δ_c, a hundredth of that, make a static order of pivots valid. The solution is refined with δ_c = 0, so that steps reach the linearized rows, unless these depend on
+//! each other. δ_w is a proximal term: it shortens steps and does not move where they end. There have to be n positive
+//! and m negative eigenvalues: first H gets what the program knows to be missing, then δ_w grows (Wächter & Biegler
+//! 2006, algorithm IC).
 
 use super::form::{Form, Sparse};
 use super::solution::Failure;
@@ -15,10 +16,12 @@ use crate::linalg::ldl::SparseLdl;
 use crate::linalg::symmetric::{Inertia, KktSolver};
 use crate::problem::Pattern;
 
-/// The least regularization where μ is larger, relative to μ below, and where a static order loses its meaning.
+/// The least δ_w where μ is larger, relative to μ below, and where a static order loses its meaning.
 const PERMANENT: f64 = 1e-8;
 const PERMANENT_BY_MU: f64 = 0.1;
 const LEAST_PERMANENT: f64 = 1e-10;
+/// δ_c relative to the least δ_w: rows that nearly depend on each other need a small one, or the inertia is not theirs.
+const DUAL: f64 = 1e-2;
 const FIRST: f64 = 1e-4;
 const DECREASE: f64 = 3.0;
 const LARGEST_DECREASE: f64 = 243.0;
@@ -45,10 +48,11 @@ pub(super) struct Kkt {
     sparse: SparseLdl,
     dense: Option<BunchKaufman>,
     is_dense: bool,
-    /// δ_w of the matrix factored last, and the least δ_w, which is δ_c.
+    /// δ_w of the matrix factored last, and the least δ_w.
     pub regularization: f64,
     permanent: f64,
     last_correction: f64,
+    was_corrected: bool,
     /// By what the next correction is smaller than the last: more the longer the first guess was enough.
     decrease: f64,
     /// Whether refinement with δ_c = 0 has failed for the matrix factored last.
@@ -95,6 +99,7 @@ impl Kkt {
             regularization: 0.0,
             permanent: PERMANENT,
             last_correction: 0.0,
+            was_corrected: false,
             decrease: DECREASE,
             is_dependent: false,
             residual: vec![0.0; n + m],
@@ -105,30 +110,32 @@ impl Kkt {
     /// Factors with the least δ_w that gives the right inertia; `sigma` is Σ of all variables at `mu`.
     pub fn factor(
         &mut self,
-        form: &Form<'_>,
-        hessian: &[f64],
+        form: &mut Form<'_>,
+        hessian: &mut [f64],
         jacobian: &[f64],
         sigma: &[f64],
         mu: f64,
     ) -> Result<(), Failure> {
-        self.values.fill(0.0);
-        for (&place, &entry) in self.hessian_places.iter().zip(hessian) {
-            self.values[place as usize] = entry;
-        }
-        for (&place, &entry) in self.jacobian_places.iter().zip(jacobian) {
-            self.values[place as usize] = entry;
-        }
-        for (curvature, &place) in self.curvature.iter_mut().zip(&self.diagonal_places) {
-            *curvature = self.values[place as usize];
-        }
+        self.fill(hessian, jacobian);
+        let mut is_convexified = false;
         self.is_dependent = false;
         self.permanent = (PERMANENT_BY_MU * mu).clamp(LEAST_PERMANENT, PERMANENT);
         let expected = Inertia {
             positive: self.n,
             negative: self.m,
         };
+        // What has been needed is likely to be needed again.
+        let guess = self.last_correction / self.decrease;
         let mut correction = 0.0;
-        let mut n_corrections = 0;
+        if self.was_corrected && guess >= FIRST {
+            correction = guess;
+            self.permanent = PERMANENT;
+            is_convexified = true;
+            if form.convexify(hessian) {
+                self.fill(hessian, jacobian);
+            }
+        }
+        let mut n_corrections = usize::from(correction > 0.0);
         loop {
             self.regularize(form, sigma, correction);
             self.is_dense = false;
@@ -139,6 +146,13 @@ impl Kkt {
             if self.permanent < PERMANENT {
                 self.permanent = PERMANENT;
                 continue;
+            }
+            if !is_convexified && found.is_ok() {
+                is_convexified = true;
+                if form.convexify(hessian) {
+                    self.fill(hessian, jacobian);
+                    continue;
+                }
             }
             // Where the static order gives no answer, pivots may.
             if found.is_err() && self.factor_dense() == Some(expected) {
@@ -155,6 +169,7 @@ impl Kkt {
                 return Err(Failure::LinearSystem);
             }
         }
+        self.was_corrected = correction > 0.0;
         if correction > 0.0 {
             self.last_correction = correction;
             self.decrease = match n_corrections {
@@ -163,6 +178,25 @@ impl Kkt {
             };
         }
         Ok(())
+    }
+
+    /// Whether the matrix factored last has more than the permanent regularization.
+    pub fn is_corrected(&self) -> bool {
+        self.regularization > 2.0 * PERMANENT
+    }
+
+    /// Takes over entries; the diagonal of H is kept apart.
+    fn fill(&mut self, hessian: &[f64], jacobian: &[f64]) {
+        self.values.fill(0.0);
+        for (&place, &entry) in self.hessian_places.iter().zip(hessian) {
+            self.values[place as usize] = entry;
+        }
+        for (&place, &entry) in self.jacobian_places.iter().zip(jacobian) {
+            self.values[place as usize] = entry;
+        }
+        for (curvature, &place) in self.curvature.iter_mut().zip(&self.diagonal_places) {
+            *curvature = self.values[place as usize];
+        }
     }
 
     fn factor_dense(&mut self) -> Option<Inertia> {
@@ -186,7 +220,8 @@ impl Kkt {
             self.values[self.diagonal_places[i] as usize] = self.curvature[i] + self.diagonal[i];
         }
         for i in n..n + self.m {
-            self.values[self.diagonal_places[i] as usize] = self.diagonal[i] - self.permanent;
+            self.values[self.diagonal_places[i] as usize] =
+                self.diagonal[i] - DUAL * self.permanent;
         }
     }
 
@@ -207,13 +242,27 @@ impl Kkt {
             }
             self.is_dependent = true;
         }
-        let error = self.refine(form, hessian, jacobian, rhs, solution, self.permanent);
+        let error = self.refine(
+            form,
+            hessian,
+            jacobian,
+            rhs,
+            solution,
+            DUAL * self.permanent,
+        );
         if error <= USABLE {
             return Ok(());
         }
         // Pivots are more accurate than refinement of a static order.
         if !self.is_dense && self.factor_dense().is_some() {
-            let error = self.refine(form, hessian, jacobian, rhs, solution, self.permanent);
+            let error = self.refine(
+                form,
+                hessian,
+                jacobian,
+                rhs,
+                solution,
+                DUAL * self.permanent,
+            );
             if error <= USABLE {
                 return Ok(());
             }

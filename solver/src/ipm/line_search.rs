@@ -134,6 +134,9 @@ impl Run<'_> {
                 is_accepted = true;
                 self.update_filter(prospect, trial, alpha);
                 self.alpha = length;
+                if self.kkt.is_corrected() && !self.is_restoration {
+                    corrected.y.copy_from_slice(&step.y);
+                }
                 std::mem::swap(step, &mut corrected);
                 break;
             }

@@ -40,6 +40,9 @@ const KAPPA_SIGMA: f64 = 1e10;
 /// Absolute tolerances in the units of the problem: gradient of the Lagrangian, rows, complementarity.
 const ABSOLUTE: [f64; 3] = [1.0, 1e-4, 1e-4];
 const ABSOLUTE_ACCEPTABLE: [f64; 3] = [1e10, 1e-2, 1e-2];
+/// So many steps in a row of less than this length lead nowhere.
+const SHORT: f64 = 1e-6;
+const MAX_SHORT: usize = 10;
 /// A variable or objective beyond this is unbounded.
 const BEYOND: f64 = 1e20;
 
@@ -154,6 +157,7 @@ struct Run<'a> {
     alpha_dual: f64,
     trials: usize,
     n_tiny: usize,
+    n_short: usize,
     n_acceptable: usize,
     /// Soft steps in a row, what they go back to, and the best acceptable point.
     n_soft: usize,
@@ -208,6 +212,7 @@ impl<'a> Run<'a> {
             alpha_dual: 0.0,
             trials: 0,
             n_tiny: 0,
+            n_short: 0,
             n_acceptable: 0,
             n_soft: 0,
             saved: Saved::new(n + form.n_slacks, m),
@@ -259,7 +264,13 @@ impl<'a> Run<'a> {
             } else {
                 0
             };
-            if search == Search::Failed {
+            self.n_short = if search == Search::Accepted && self.alpha < SHORT {
+                self.n_short + 1
+            } else {
+                0
+            };
+            if search == Search::Failed || self.n_short >= MAX_SHORT {
+                self.n_short = 0;
                 if is_step && self.soft_step(&errors) {
                     self.iterations += 1;
                     continue;

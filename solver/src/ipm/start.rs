@@ -140,7 +140,13 @@ impl Run<'_> {
         let sigma = &self.sigma[..nv];
         if self
             .kkt
-            .factor(&self.form, &self.hessian, &self.jacobian, sigma, 1.0)
+            .factor(
+                &mut self.form,
+                &mut self.hessian,
+                &self.jacobian,
+                sigma,
+                1.0,
+            )
             .is_err()
         {
             return;

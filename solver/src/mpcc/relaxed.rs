@@ -18,6 +18,8 @@ pub struct Form {
     pub steering: Steering,
     /// Φ = 0 instead of Φ <= 0, where Φ is a smooth curve.
     pub is_equation: bool,
+    /// Whether second derivatives of Φ stay as they are, where the Lagrangian is not convex, too.
+    pub keeps_curvature: bool,
 }
 
 /// σ as a function of the barrier parameter μ: clamp(factor μ^power, smallest, largest).
@@ -226,6 +228,28 @@ impl<'l, 'p> Relaxed<'l, 'p> {
     }
 }
 
+/// What makes the second derivatives aa, ba, bb positive semidefinite in the metric of relative changes of a and b, in
+/// which the eigenvalue that is negative becomes zero.
+fn missing_curvature([aa, ba, bb]: [f64; 3], [a, b]: [f64; 2]) -> [f64; 3] {
+    let (a, b) = (a.abs().max(f64::EPSILON), b.abs().max(f64::EPSILON));
+    let (p, q, r) = (aa * a * a, ba * a * b, bb * b * b);
+    let (mean, spread) = (0.5 * (p + r), (0.5 * (p - r)).hypot(q));
+    let (larger, smaller) = (mean + spread, mean - spread);
+    if smaller >= 0.0 {
+        return [0.0; 3];
+    }
+    if larger <= 0.0 {
+        return [-aa, -ba, -bb];
+    }
+    // The projection on the eigenvector of the smaller eigenvalue is (larger - M) / (larger - smaller).
+    let share = -smaller / (larger - smaller);
+    [
+        share * (larger - p) / (a * a),
+        -share * ba,
+        share * (larger - r) / (b * b),
+    ]
+}
+
 impl Nlp for Relaxed<'_, '_> {
     fn n_variables(&self) -> usize {
         self.lower.len()
@@ -327,6 +351,26 @@ impl Nlp for Relaxed<'_, '_> {
                 entries[place as usize] += y * count * value;
             }
         }
+    }
+
+    fn convexify(&mut self, w: &[f64], y: &[f64], entries: &mut [f64]) -> bool {
+        if self.form.keeps_curvature {
+            return false;
+        }
+        let relaxed = &y[self.lifted.n_rows()..];
+        for (y, (pair, row)) in relaxed.iter().zip(self.pair_rows()) {
+            let [a, b] = self.lifted.pairs()[pair];
+            if *y == 0.0 || a == b {
+                continue;
+            }
+            let second = self.row(pair, row, w).hessian;
+            let curvature = [second[0], second[1], second[2]].map(|h| y * h);
+            let missing = missing_curvature(curvature, self.lifted.distances(pair, w));
+            for (&place, value) in self.pair_places[pair].iter().zip(missing) {
+                entries[place as usize] += value;
+            }
+        }
+        true
     }
 
     fn follow(&mut self, mu: f64) -> bool {

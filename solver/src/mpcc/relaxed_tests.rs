@@ -153,6 +153,7 @@ fn derivatives_are_those_of_differences() {
                 relaxation,
                 steering,
                 is_equation: false,
+                keeps_curvature: false,
             };
             let mut relaxed = Relaxed::new(&mut lifted, form, 0.3, &start);
             let w = relaxed.start().to_vec();
@@ -238,6 +239,34 @@ proptest! {
         for relaxation in Relaxation::ALL {
             let lost = if relaxation == Relaxation::Kadrani { f64::sqrt(sigma) } else { 0.0 };
             prop_assert!(admits(relaxation, a, 0.0, sigma) == (a >= lost), "{relaxation:?}");
+        }
+    }
+}
+
+proptest! {
+    #[test]
+    fn what_is_missing_makes_a_pair_convex(a in 1e-3..10.0_f64, b in 1e-3..10.0_f64, sigma in 1e-4..1.0_f64, y in 0.0..1e3_f64) {
+        for relaxation in Relaxation::ALL {
+            let mut problem = Quadratic::new(2, Function::default(), Vec::new())
+                .bound(0, 0.0, f64::INFINITY)
+                .bound(1, 0.0, f64::INFINITY)
+                .complement(Side::Variable(0), Side::Variable(1));
+            let mut lifted = Lifted::new(&mut problem);
+            let form = Form { relaxation, ..Form::default() };
+            let mut relaxed = Relaxed::new(&mut lifted, form, sigma, &[a, b]);
+            let y = vec![y; relaxed.n_rows()];
+            let mut entries = vec![0.0; relaxed.hessian_pattern().n_entries()];
+            relaxed.hessian(&[a, b], 1.0, &y, &mut entries);
+            let before = entries.clone();
+            prop_assert!(relaxed.convexify(&[a, b], &y, &mut entries));
+            let [aa, ba, bb] = [entries[0], entries[1], entries[2]];
+            let size = entries.iter().chain(&before).fold(1.0, |m: f64, h| m.max(h.abs()));
+            prop_assert!(aa.min(bb) >= -1e-12 * size, "{relaxation:?}");
+            prop_assert!(ba * ba - aa * bb <= 1e-12 * size * size, "{relaxation:?}");
+            // What is convex stays as it is.
+            if before[0].min(before[2]) >= 0.0 && before[1] * before[1] < 0.99 * before[0] * before[2] && y.len() == 1 {
+                prop_assert_eq!(entries, before);
+            }
         }
     }
 }

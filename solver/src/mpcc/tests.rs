@@ -78,6 +78,7 @@ fn every_relaxation_and_steering_finds_the_only_minimum() {
                     relaxation,
                     steering,
                     is_equation: false,
+                    keeps_curvature: false,
                 };
                 let options = Options {
                     form,

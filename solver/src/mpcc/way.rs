@@ -232,8 +232,16 @@ pub fn ways(options: &Options) -> Vec<Way> {
         steering: Steering::L1,
         ..Form::default()
     };
+    let other_curvature = Form {
+        keeps_curvature: !form.keeps_curvature,
+        ..form
+    };
     let mut ways = vec![
         Way { form, homotopy },
+        Way {
+            form: other_curvature,
+            homotopy,
+        },
         coupled(Form::default(), 10.0),
         coupled(natural, 100.0),
         sequential(Form::default(), 1e-8),
