@@ -79,15 +79,13 @@ fn run(file: &File) -> Vec<String> {
             let (system, settings) = (&compiled.system, &compiled.settings);
             let trajectory = match &settings.optimize {
                 None => simulate::run(system, settings, &request),
-                Some(task) => {
-                    match optimize::run(system, settings, task, &[], &request, &mut |_| {}) {
-                        Ok(solved) => solved.trajectory,
-                        Err(error) => {
-                            codes.push(Warning::of(&optimize::refused(&error, settings)).code);
-                            continue;
-                        }
+                Some(task) => match optimize::run(system, settings, task, &[], &request, &mut ()) {
+                    Ok(solved) => solved.trajectory,
+                    Err(error) => {
+                        codes.push(Warning::of(&optimize::refused(&error, settings)).code);
+                        continue;
                     }
-                }
+                },
             };
             let failure = trajectory
                 .failure

@@ -91,13 +91,13 @@ pub trait Mpcc: Nlp {
     }
 }
 
-/// A point near a branch.
-#[derive(Clone, Debug, PartialEq)]
+/// A point near another branch, by what differs: where a program is long and the change short, this stays small.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Other {
-    /// The variables.
-    pub w: Vec<f64>,
-    /// The member of every pair that the branch holds at zero.
-    pub zeros: Vec<Member>,
+    /// Variables with their values, ascending.
+    pub w: Vec<(u32, f64)>,
+    /// Pairs with the member that the branch holds at zero, ascending.
+    pub zeros: Vec<(u32, Member)>,
 }
 
 /// A member of a pair.

@@ -62,8 +62,7 @@ impl Problem {
                 .as_ref()
                 .expect("an optimal control problem");
             let request = Request::default();
-            let solved =
-                optimize::run(&compiled.system, settings, task, &[], &request, &mut |_| ());
+            let solved = optimize::run(&compiled.system, settings, task, &[], &request, &mut ());
             match solved {
                 Ok(solved) => self.line("nsdc", &solved.trajectory),
                 Err(error) => print(&format!("nsdc     {:<11} {error}", self.experiment)),

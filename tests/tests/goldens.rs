@@ -3,11 +3,12 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use nsd_tests::DataFolder;
+use nsd_tests::{DataFolder, with_experiment};
 use nsdc::dcs::{Dcs, Formulation, lower_as, solve_pointwise};
 use nsdc::diagnostics::{self, Diagnostics};
 use nsdc::expr::{Exprs, Var};
 use nsdc::imports;
+use nsdc::optimize;
 use nsdc::source::SourceMap;
 use nsdc::syntax::{DeclKind, Experiment, Item, Model, Stmt};
 use nsdc::system::System;
@@ -164,4 +165,54 @@ fn both_lowerings_give_the_same_rates() {
             }
         }
     });
+}
+
+/// Small versions of the optimal control problems of the examples: file, and what is asked of its model.
+const PROGRAMS: [(&str, &str); 5] = [
+    (
+        "tutorial_ocp",
+        "of crossing { horizon 2; intervals 1; elements 2; scheme radau_iia(2); initial { x free; }
+           minimize integral(x^2) + final((x - 5/3)^2); }",
+    ),
+    (
+        "motor",
+        "of voice_coil { horizon 0.08; intervals 2; elements 2; scheme radau_iia(1);
+           minimize integral(U^2); final { x1 = 0.01; v1 = 0; x2 = 0.01; v2 = 0; I = 0; } }",
+    ),
+    (
+        "turbo_car",
+        "of turbo_car { horizon free in [1, 100] = 20; intervals 2; elements 2; scheme radau_iia(1);
+           minimize final(time); final { q = 200; v = 0; } }",
+    ),
+    (
+        "choices_ocp",
+        "of tank { horizon 1; intervals 2; elements 1; scheme radau_iia(1); free { leak; }
+           minimize integral((h - 2)^2); subject to { h <= 3; } at nodes; final { h >= 1; } }",
+    ),
+    (
+        "tanks",
+        "of tanks { horizon 10; intervals 1; elements 2; scheme radau_iia(1); controls linear;
+           minimize integral((L[1] - 0.75)^2) + final((L[3] - 0.75)^2); }",
+    ),
+];
+
+/// As `nsdc emit --ir fesd` and `--ir mpcc` show them.
+#[test]
+fn printed_programs() {
+    for (stem, asked) in PROGRAMS {
+        let path = examples().join(stem).with_extension("nsd");
+        let text = fs::read_to_string(path).expect("an example is text");
+        with_experiment(
+            &format!("{text}\noptimize golden {asked}"),
+            "golden",
+            |compiled| {
+                let settings = &compiled.settings;
+                let task = settings.optimize.as_ref().expect("an optimization");
+                let program = optimize::program(&compiled.system, settings, task, &[]);
+                let program = program.expect("the program is small");
+                insta::assert_snapshot!(format!("{stem}.fesd"), program);
+                insta::assert_snapshot!(format!("{stem}.mpcc"), program.flat());
+            },
+        );
+    }
 }

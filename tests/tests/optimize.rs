@@ -34,14 +34,7 @@ fn solved(text: &str) -> Trajectory {
     let compiled = compiled.expect("what has no errors compiles");
     let (system, settings) = (&compiled.system, &compiled.settings);
     let task = settings.optimize.as_ref().expect("an optimization");
-    let run = optimize::run(
-        system,
-        settings,
-        task,
-        &[],
-        &Request::default(),
-        &mut |_| {},
-    );
+    let run = optimize::run(system, settings, task, &[], &Request::default(), &mut ());
     run.expect("the problem can be discretized").trajectory
 }
 
@@ -163,7 +156,7 @@ fn data_are_tracked() {
             let settings = &compiled.settings;
             let task = settings.optimize.as_ref().expect("an optimization");
             let request = Request::default();
-            let run = optimize::run(&compiled.system, settings, task, &[], &request, &mut |_| {});
+            let run = optimize::run(&compiled.system, settings, task, &[], &request, &mut ());
             run.expect("the problem can be discretized").trajectory
         })
     };
@@ -189,6 +182,40 @@ fn data_are_tracked() {
         &mut rows("0,0\n0.5,1\n0.75,3\n"),
     );
     close(objective(&found), -0.5, 1e-9);
+}
+
+/// y' = x, x' = u and ∫ y² + y(1)²: `output` names x alone, and cost and constraints keep what they need. z, which
+/// nobody needs, is left out.
+#[test]
+fn outputs_leave_costs_as_they_are() {
+    let with = |output: &str| {
+        solved(&format!(
+            "model m {{
+               state x = 1; state y = 0; state z = 0; state k = 0; control u in [-3, 3] = 0;
+               x' = u; y' = x; z' = -z + 1; k' = sign(x - 1/2);
+             }}
+             optimize o of m {{
+               horizon 1; intervals 4; elements 2; {output}
+               minimize integral(y^2 + 0.1*u^2) + final(y^2);
+               subject to {{ k <= 0.75; }}
+             }}"
+        ))
+    };
+    let (all, some) = (with(""), with("output x;"));
+    close(objective(&some), objective(&all), 1e-9);
+    let names = |t: &Trajectory| t.states.iter().map(|s| s.name.clone()).collect::<Vec<_>>();
+    assert_eq!(names(&some), ["x"]);
+    assert_eq!(names(&all), ["x", "y", "z", "k"]);
+    assert!(
+        some.skipped.iter().any(|skipped| skipped.contains('z')),
+        "{:?}",
+        some.skipped
+    );
+    assert!(
+        !some.skipped.iter().any(|skipped| skipped.contains('k')),
+        "{:?}",
+        some.skipped
+    );
 }
 
 #[test]

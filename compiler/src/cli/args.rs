@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use clap::{Args as Arguments, Parser, Subcommand, ValueEnum};
 
+use super::files::is_standard;
 use crate::nl;
 
 /// Compiler for .nsd: nonsmooth dynamical systems as they stand in a paper
@@ -78,6 +79,14 @@ pub struct EmitArgs {
     /// How switches are lowered, instead of what the experiment says
     #[arg(long, value_enum)]
     pub lower: Option<Lower>,
+    /// Write to a file; beside an AMPL file, names of its rows and variables go to .row and .col
+    #[arg(
+        long,
+        value_name = "PATH",
+        default_value = "-",
+        hide_default_value = true
+    )]
+    pub output: PathBuf,
     /// Override a parameter, initial value or input of the experiment
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = assignment)]
     pub set: Vec<String>,
@@ -156,6 +165,22 @@ pub struct RunArgs {
     /// Say where the time went
     #[arg(long)]
     pub time: bool,
+    /// What is told about the run; `iterations` of an optimization, or its starts where there are several
+    #[arg(long, value_enum, default_value = "summary")]
+    pub log: Log,
+}
+
+impl RunArgs {
+    /// How many results go to standard output.
+    pub fn n_to_standard(&self) -> usize {
+        let targets = [&self.json, &self.csv, &self.plot].into_iter().flatten();
+        targets.filter(|target| is_standard(target)).count()
+    }
+
+    /// Whether results take the place of the report.
+    pub fn to_standard(&self) -> bool {
+        self.n_to_standard() > 0
+    }
 }
 
 /// What `order --help` ends with.
@@ -233,7 +258,7 @@ pub struct SolveArgs {
     pub log: Log,
 }
 
-/// How much `solve` tells.
+/// How much `run` and `solve` tell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
 pub enum Log {
     /// Nothing but what is wrong

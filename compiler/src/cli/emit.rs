@@ -1,6 +1,8 @@
 //! `nsdc emit`
 
 use super::args::{EmitArgs, Ir};
+use super::files::{Sink, is_standard};
+use super::launch;
 use super::project::{self, Project};
 use super::{Exit, Streams, io};
 use crate::clock::Clock;
@@ -9,7 +11,7 @@ use crate::discretize::{self, DiscretizeError, Grid, discretize};
 use crate::expr::Exprs;
 use crate::syntax::{Bind, Experiment, Item};
 use crate::system::experiment::{ExperimentError, FesdOptions, Method};
-use crate::{Compiled, compile, dcs, model};
+use crate::{Compiled, compile, dcs, model, optimize};
 
 /// Steps of a grid that the experiment does not say.
 const STEPS: usize = 10;
@@ -25,15 +27,69 @@ pub fn run(args: &EmitArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
     let Some((mut project, overrides)) = Project::open(&args.file, &args.set, streams)? else {
         return Ok(Exit::Wrong);
     };
-    match args.ir {
-        Ir::Ast => ast(&project, args, streams),
-        Ir::Model if args.experiment.is_none() => models(&project, streams),
-        _ => experiments(&mut project, args, &overrides, streams),
+    let mut printed = Printed::default();
+    let mut exit = match args.ir {
+        Ir::Ast => ast(&project, args, &mut printed, streams)?,
+        Ir::Model if args.experiment.is_none() => models(&project, &mut printed, streams)?,
+        _ => experiments(&mut project, args, &overrides, &mut printed, streams)?,
+    };
+    // What could not be made replaces no file.
+    if exit != Exit::Success && !is_standard(&args.output) {
+        return Ok(exit);
+    }
+    let mut sinks = vec![Sink::with(&args.output, printed.text)];
+    if !is_standard(&args.output) {
+        let names = [("row", printed.row_names), ("col", printed.column_names)];
+        sinks.extend(
+            names
+                .into_iter()
+                .filter(|(_, names)| !names.is_empty())
+                .map(|(extension, names)| {
+                    let lines: String = names.iter().map(|name| format!("{name}\n")).collect();
+                    Sink::with(&args.output.with_extension(extension), lines)
+                }),
+        );
+    }
+    for sink in sinks {
+        if !sink.finish(streams)? {
+            exit = Exit::Wrong;
+        }
+    }
+    Ok(exit)
+}
+
+/// What is printed.
+#[derive(Default)]
+struct Printed {
+    text: String,
+    /// Names of rows and variables, where the text has numbers for them.
+    row_names: Vec<String>,
+    column_names: Vec<String>,
+}
+
+impl Printed {
+    /// One form.
+    fn of(text: impl ToString) -> Self {
+        Printed {
+            text: text.to_string(),
+            ..Printed::default()
+        }
+    }
+
+    fn add(&mut self, other: Printed) {
+        self.text.push_str(other.text.trim_end());
+        self.text.push('\n');
+        (self.row_names, self.column_names) = (other.row_names, other.column_names);
     }
 }
 
 /// Prints the syntax of the file, or of one experiment.
-fn ast(project: &Project, args: &EmitArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
+fn ast(
+    project: &Project,
+    args: &EmitArgs,
+    printed: &mut Printed,
+    streams: &mut Streams<'_>,
+) -> io::Result<Exit> {
     let mut file = project.file.clone();
     if args.experiment.is_some() {
         let Some(selected) = project.selected(args.experiment.as_deref(), streams)? else {
@@ -41,7 +97,7 @@ fn ast(project: &Project, args: &EmitArgs, streams: &mut Streams<'_>) -> io::Res
         };
         file.items = selected.into_iter().map(Item::Experiment).collect();
     }
-    write!(streams.out, "{file}")?;
+    printed.add(Printed::of(file));
     Ok(Exit::Success)
 }
 
@@ -50,6 +106,7 @@ fn experiments(
     project: &mut Project,
     args: &EmitArgs,
     overrides: &[Bind],
+    printed: &mut Printed,
     streams: &mut Streams<'_>,
 ) -> io::Result<Exit> {
     // A file of models alone is shown as if each was run with its defaults.
@@ -89,10 +146,10 @@ fn experiments(
             &mut diags,
         );
         let text = compiled.and_then(|compiled| match args.ir {
-            Ir::Model => Some(Ok(compiled.model.to_string())),
-            Ir::System => Some(Ok(compiled.lowered().to_string())),
-            Ir::Dot => Some(Ok(dcs::dot(&compiled.lowered()))),
-            _ => lowered(&compiled, args.ir, &mut diags),
+            Ir::Model => Some(Ok(Printed::of(&compiled.model))),
+            Ir::System => Some(Ok(Printed::of(compiled.lowered()))),
+            Ir::Dot => Some(Ok(Printed::of(dcs::dot(&compiled.lowered())))),
+            _ => lowered(project, &compiled, args.ir, &mut diags),
         });
         project::print(&diags, &project.sources, streams)?;
         match text {
@@ -100,13 +157,13 @@ fn experiments(
                 writeln!(streams.err, "error: {fact}\n  help: {help}")?;
                 exit = Exit::Wrong;
             }
-            Some(Ok(text)) => {
+            Some(Ok(form)) => {
                 if several {
-                    writeln!(streams.out, "// {}", experiment.name.name)?;
+                    printed.add(Printed::of(format!("// {}", experiment.name.name)));
                 }
-                writeln!(streams.out, "{}", text.trim_end())?;
+                printed.add(form);
                 if several {
-                    writeln!(streams.out)?;
+                    printed.text.push('\n');
                 }
             }
             None => exit = Exit::Wrong,
@@ -123,16 +180,17 @@ struct Refused {
 
 /// A form behind the lowering of switches; `None` after an error.
 fn lowered(
+    project: &Project,
     compiled: &Compiled,
     ir: Ir,
     diags: &mut Diagnostics,
-) -> Option<Result<String, Refused>> {
+) -> Option<Result<Printed, Refused>> {
     let (system, settings) = (&compiled.lowered(), &compiled.settings);
     let dcs = dcs::lower(system, &settings.lowerings);
     let dcs = dcs.map_err(|error| diags.push(error)).ok()?;
     match ir {
-        Ir::Dcs => return Some(Ok(dcs.to_string())),
-        Ir::Tex => return Some(Ok(dcs::tex(&dcs))),
+        Ir::Dcs => return Some(Ok(Printed::of(dcs))),
+        Ir::Tex => return Some(Ok(Printed::of(dcs::tex(&dcs)))),
         _ => {}
     }
     // Of an optimization it is known that a step needs one piece of them.
@@ -174,7 +232,7 @@ fn lowered(
         }
     };
     if ir == Ir::Fesd {
-        return Some(Ok(program.to_string()));
+        return Some(Ok(Printed::of(program)));
     }
     let (most, reason) = match ir {
         Ir::Nl => (MOST_NL_ROWS, "for one file"),
@@ -188,14 +246,28 @@ fn lowered(
             help: "`--ir fesd` prints one line for all rows of a kind",
         }));
     }
-    if ir == Ir::Nl {
-        return Some(Ok(program.nl().text));
+    if ir == Ir::Mpcc {
+        return Some(Ok(Printed::of(program.flat())));
     }
-    Some(Ok(program.flat().to_string()))
+    // The file says where to start from.
+    let program = match &settings.optimize {
+        None => program,
+        Some(task) => {
+            let sampled = launch::sampled(project, task);
+            let sampled = sampled.map_err(|found| diags.append(found)).ok()?;
+            optimize::program(&compiled.system, settings, task, &sampled).ok()?
+        }
+    };
+    let ampl = program.nl();
+    Some(Ok(Printed {
+        text: ampl.text,
+        row_names: ampl.row_names,
+        column_names: ampl.column_names,
+    }))
 }
 
 /// Prints all models of the file, as they are before any experiment.
-fn models(project: &Project, streams: &mut Streams<'_>) -> io::Result<Exit> {
+fn models(project: &Project, printed: &mut Printed, streams: &mut Streams<'_>) -> io::Result<Exit> {
     let mut diags = Diagnostics::new();
     for item in &project.file.items {
         let Item::Model(definition) = item else {
@@ -211,7 +283,8 @@ fn models(project: &Project, streams: &mut Streams<'_>) -> io::Result<Exit> {
             &mut found,
         );
         if let Some(model) = model {
-            writeln!(streams.out, "{}\n", model.to_string().trim_end())?;
+            printed.add(Printed::of(model));
+            printed.text.push('\n');
         }
         found.remove_known(&diags);
         diags.append(found);

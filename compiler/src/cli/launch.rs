@@ -3,6 +3,7 @@
 use super::files;
 use super::progress::Bar;
 use super::project::Project;
+use super::watch::Watching;
 use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
@@ -11,7 +12,7 @@ use crate::report::Trajectory;
 use crate::simulate::{self, Request};
 use crate::source::Span;
 use crate::syntax::{GuessSource, Path};
-use crate::system::experiment::ExperimentError;
+use crate::system::experiment::{ExperimentError, Optimize};
 use crate::{Compiled, compile};
 
 /// Largest file of guesses that is read, in bytes.
@@ -24,32 +25,25 @@ pub fn launch(
     project: &Project,
     compiled: &mut Compiled<'_>,
     request: &Request,
-    bar: &mut Bar,
+    watching: &mut Watching<'_>,
 ) -> Result<Trajectory, Diagnostics> {
-    within(project, compiled, request, bar, MAX_DEPTH)
+    within(project, compiled, request, watching, MAX_DEPTH)
 }
 
 fn within(
     project: &Project,
     compiled: &mut Compiled<'_>,
     request: &Request,
-    bar: &mut Bar,
+    watching: &mut Watching<'_>,
     depth: usize,
 ) -> Result<Trajectory, Diagnostics> {
     let (system, settings) = (&compiled.system, &compiled.settings);
     let Some(task) = &settings.optimize else {
-        let mut watch = |progress| bar.update(progress);
+        let mut watch = |progress| watching.simulation(progress);
         return Ok(simulate::run_watched(system, settings, request, &mut watch));
     };
-    let mut sampled = Vec::new();
-    for source in &task.sources {
-        sampled.push(match source {
-            GuessSource::File(name, span) => from_file(project, name, *span)?,
-            GuessSource::Experiment(path) => from_experiment(project, path, depth)?,
-        });
-    }
-    let mut watch = |progress| bar.update_starts(progress);
-    match optimize::run(system, settings, task, &sampled, request, &mut watch) {
+    let sampled = sampled_within(project, task, depth)?;
+    match optimize::run(system, settings, task, &sampled, request, watching) {
         Ok(solved) => {
             compiled.system = solved.system;
             Ok(solved.trajectory)
@@ -60,6 +54,23 @@ fn within(
             Err(diags)
         }
     }
+}
+
+/// The trajectories that an optimization starts from.
+pub fn sampled(project: &Project, task: &Optimize<'_>) -> Result<Vec<Sampled>, Diagnostics> {
+    sampled_within(project, task, MAX_DEPTH)
+}
+
+fn sampled_within(
+    project: &Project,
+    task: &Optimize<'_>,
+    depth: usize,
+) -> Result<Vec<Sampled>, Diagnostics> {
+    let sources = task.sources.iter().map(|source| match source {
+        GuessSource::File(name, span) => from_file(project, name, *span),
+        GuessSource::Experiment(path) => from_experiment(project, path, depth),
+    });
+    sources.collect()
 }
 
 /// The states and controls of another experiment of the file.
@@ -91,8 +102,8 @@ fn from_experiment(project: &Project, path: &Path, depth: usize) -> Result<Sampl
         estimate: false,
         ..Request::default()
     };
-    let mut bar = Bar::new(name, false);
-    let trajectory = within(project, &mut compiled, &request, &mut bar, depth)?;
+    let mut watching = Watching::new(Bar::new(name, false));
+    let trajectory = within(project, &mut compiled, &request, &mut watching, depth)?;
     match trajectory.time.len() {
         0 | 1 => Err(bad("its run does not leave its start")),
         _ => Ok(Sampled::of(&trajectory)),

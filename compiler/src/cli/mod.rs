@@ -10,6 +10,7 @@ mod explain;
 mod figure;
 mod files;
 mod fmt;
+mod iterations;
 mod launch;
 mod new;
 mod order;
@@ -18,6 +19,7 @@ mod project;
 mod run;
 mod solve;
 mod test;
+mod watch;
 
 use std::ffi::OsString;
 use std::io::{self, Write};

@@ -4,7 +4,6 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use crate::optimize;
 use crate::simulate::Progress;
 
 /// Runs that are over before it show nothing.
@@ -14,6 +13,8 @@ const INTERVAL: Duration = Duration::from_millis(100);
 /// Parts of the bar.
 const LENGTH: u64 = 1000;
 const STYLE: &str = "{prefix} [{bar:24}] {wide_msg}";
+/// Where nobody knows how much is left.
+const OPEN_STYLE: &str = "{prefix} {wide_msg}";
 
 /// The line for one experiment; gone when dropped.
 pub struct Bar {
@@ -52,30 +53,35 @@ impl Bar {
         });
     }
 
-    /// Shows how far an optimization is.
-    pub fn update_starts(&mut self, progress: optimize::Progress) {
-        let optimize::Progress { done, starts } = progress;
-        self.show(done as f64 / starts as f64, || {
-            format!("{done} of {starts} starts")
-        });
-    }
-
     /// Shows the share that is done, and what it is, now and then.
     pub fn show(&mut self, done: f64, message: impl FnOnce() -> String) {
+        if let Some(line) = self.due(STYLE) {
+            line.set_position((done.clamp(0.0, 1.0) * LENGTH as f64) as u64);
+            line.set_message(message());
+        }
+    }
+
+    /// Shows what is being done, now and then, where its share of the whole is not known.
+    pub fn note(&mut self, message: impl FnOnce() -> String) {
+        if let Some(line) = self.due(OPEN_STYLE) {
+            line.set_message(message());
+        }
+    }
+
+    /// The line, where it is to be drawn again.
+    fn due(&mut self, style: &str) -> Option<&ProgressBar> {
         if !self.is_shown || self.last.elapsed() < self.pause {
-            return;
+            return None;
         }
         (self.last, self.pause) = (Instant::now(), INTERVAL);
         let name = &self.name;
-        let line = self.line.get_or_insert_with(|| new_line(name));
-        line.set_position((done.clamp(0.0, 1.0) * LENGTH as f64) as u64);
-        line.set_message(message());
+        Some(self.line.get_or_insert_with(|| new_line(name, style)))
     }
 }
 
-fn new_line(name: &str) -> ProgressBar {
+fn new_line(name: &str, style: &str) -> ProgressBar {
     let line = ProgressBar::with_draw_target(Some(LENGTH), ProgressDrawTarget::stderr());
-    if let Ok(style) = ProgressStyle::with_template(STYLE) {
+    if let Ok(style) = ProgressStyle::with_template(style) {
         line.set_style(style.progress_chars("=> "));
     }
     line.set_prefix(name.to_owned());

@@ -2,11 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use super::args::RunArgs;
+use super::args::{Log, RunArgs};
 use super::files::{Sink, is_standard};
+use super::iterations::Iterations;
 use super::launch::launch;
 use super::progress::Bar;
 use super::project::{self, Project};
+use super::watch::Watching;
 use super::{Exit, Streams, figure, io};
 use crate::clock::Clock;
 use crate::compile;
@@ -75,12 +77,7 @@ pub fn run(args: &RunArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
 
 /// What is wrong with a combination of arguments.
 fn misuse(args: &RunArgs) -> Option<String> {
-    let targets = [&args.json, &args.csv, &args.plot];
-    let to_standard = targets
-        .iter()
-        .filter(|target| target.as_deref().is_some_and(is_standard))
-        .count();
-    if to_standard > 1 {
+    if args.n_to_standard() > 1 {
         return Some("only one of `--json`, `--csv`, `--plot` can write to standard output".into());
     }
     let plot = args.plot.as_deref().filter(|plot| !is_standard(plot))?;
@@ -128,11 +125,25 @@ fn one(
         multipliers: args.multipliers,
         time_limit: args.time_limit,
     };
-    let mut bar = Bar::new(&compiled.settings.name, streams.progress);
+    let name = &compiled.settings.name;
+    // A log shows how far the run is.
+    let logs = args.log == Log::Iterations && compiled.settings.optimize.is_some();
+    let bar = Bar::new(name, streams.progress && !logs);
+    let mut watching = match logs {
+        false => Watching::new(bar),
+        true => {
+            let out: &mut dyn io::Write = match args.to_standard() {
+                true => &mut *streams.err,
+                false => &mut *streams.out,
+            };
+            writeln!(out, "{name}")?;
+            Watching::logged(bar, Iterations::new(out))
+        }
+    };
     let launched = clock.time("solve", || {
-        launch(project, &mut compiled, &request, &mut bar)
+        launch(project, &mut compiled, &request, &mut watching)
     });
-    drop(bar);
+    drop(watching);
     let mut trajectory = match launched {
         Ok(trajectory) => trajectory,
         Err(diags) => {
@@ -165,7 +176,7 @@ fn one(
 /// Where the results of a run go.
 struct Outputs {
     report: String,
-    /// Whether the short report is printed: not where results take its place.
+    /// Whether the short report is printed: not where results take its place, or where silence is asked for.
     reports: bool,
     json: Option<Sink>,
     csv: Option<PathBuf>,
@@ -177,12 +188,9 @@ struct Outputs {
 
 impl Outputs {
     fn new(args: &RunArgs, several: bool) -> Self {
-        let targets = [&args.json, &args.csv, &args.plot];
         Outputs {
             report: String::new(),
-            reports: !targets
-                .iter()
-                .any(|target| target.as_deref().is_some_and(is_standard)),
+            reports: args.log > Log::Off && !args.to_standard(),
             json: args.json.as_deref().map(Sink::new),
             csv: args.csv.clone(),
             plot: args.plot.clone(),

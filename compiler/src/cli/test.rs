@@ -7,6 +7,7 @@ use super::args::TestArgs;
 use super::launch::launch;
 use super::progress::Bar;
 use super::project::{self, Project};
+use super::watch::Watching;
 use super::{Exit, Streams, files, io};
 use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
@@ -229,20 +230,20 @@ fn one(
         estimate: true,
         time_limit,
     };
-    let mut bar = Bar::new(&compiled.settings.name, streams.progress);
-    let trajectory = match launch(project, &mut compiled, &request, &mut bar) {
+    let mut watching = Watching::new(Bar::new(&compiled.settings.name, streams.progress));
+    let trajectory = match launch(project, &mut compiled, &request, &mut watching) {
         Ok(trajectory) => trajectory,
         Err(diags) => return compilation(&diags, &project.sources, streams),
     };
     let subject = compiled.subject(&project.sources);
     let order = expect::asks_for_order(&subject, &expects).then(|| {
         let mut watch = |order::Progress { name, knob, done }: order::Progress<'_>| {
-            bar.show(done, || format!("{name}, {knob:.1e}"));
+            watching.bar.show(done, || format!("{name}, {knob:.1e}"));
         };
         let limit = time_limit.unwrap_or(STUDY);
         order::of_method(&compiled, &project.sources, limit, &mut watch)
     });
-    drop(bar);
+    drop(watching);
     let mut warnings = project::warning_codes(&diags);
     warnings.extend(
         trajectory

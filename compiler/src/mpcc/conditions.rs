@@ -95,15 +95,19 @@ impl Conditions {
         self.groups.iter().flat_map(of_group).collect()
     }
 
-    /// Opens these pairs in an element, and closes the others.
-    pub fn set_open(&self, element: usize, open: &[bool], zeros: &mut [Member]) {
+    /// The pairs of an element with the member that is zero where these are open, and the others are not.
+    pub fn zeros(
+        &self,
+        element: usize,
+        open: &[bool],
+    ) -> impl Iterator<Item = (Range<usize>, Member)> {
         let n = self.steps * self.elements;
         let members = (self.groups.iter())
             .flat_map(|group| (0..group.members).map(move |member| (group, member)));
-        for ((group, member), &open) in members.zip(open) {
+        members.zip(open).map(move |((group, member), &open)| {
             let zero = if open { Member::B } else { Member::A };
-            zeros[group.pairs(member, element, n)].fill(zero);
-        }
+            (group.pairs(member, element, n), zero)
+        })
     }
 
     /// The rows that hold.

@@ -340,6 +340,20 @@ impl<'e> Mpcc<'e> {
         blocks.flat_map(|block| &block.bounds).copied().collect()
     }
 
+    /// Changes where solvers start.
+    ///
+    /// # Panics
+    ///
+    /// When there are fewer values than variables.
+    pub fn set_guess(&mut self, w: &[f64]) {
+        for block in &mut self.variables {
+            let values = &w[block.start..block.start + block.bounds.len()];
+            for (bounds, &value) in block.bounds.iter_mut().zip(values) {
+                bounds.guess = value;
+            }
+        }
+    }
+
     /// Names of all variables: `q[1,2,3]`.
     pub fn names(&self) -> Vec<String> {
         let blocks = self.variables.iter();

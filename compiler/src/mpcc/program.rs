@@ -45,7 +45,7 @@ pub trait Others: fmt::Debug + Send + Sync {
 pub struct Linearized {
     /// The derivatives of the Lagrangian, without rows that are sides of pairs.
     pub slopes: Vec<f64>,
-    /// Entries (row, column, value) of the Jacobian of the equations that hold in all branches.
+    /// Entries (column, row, value) of the Jacobian of the equations that hold in all branches, column by column.
     equations: Vec<(u32, u32, f64)>,
 }
 
@@ -53,8 +53,11 @@ impl Linearized {
     /// By how much the equations change at most with these variables.
     pub fn change(&self, direction: &FxHashMap<usize, f64>) -> f64 {
         let mut rows: FxHashMap<u32, f64> = FxHashMap::default();
-        for &(row, column, value) in &self.equations {
-            if let Some(d) = direction.get(&(column as usize)) {
+        for (&column, d) in direction {
+            let column = column as u32;
+            let first = self.equations.partition_point(|entry| entry.0 < column);
+            let entries = self.equations[first..].iter();
+            for &(_, row, value) in entries.take_while(|entry| entry.0 == column) {
                 *rows.entry(row).or_default() += value * d;
             }
         }
@@ -311,10 +314,11 @@ impl Program {
             for (&column, &value) in pattern.row(row).iter().zip(values) {
                 slopes[column as usize] += value * y;
                 if is_equation[row] {
-                    equations.push((row as u32, column, value));
+                    equations.push((column, row as u32, value));
                 }
             }
         }
+        equations.sort_unstable_by_key(|&(column, row, _)| (column, row));
         Linearized { slopes, equations }
     }
 

@@ -18,6 +18,8 @@ struct Object<'a> {
     complementarity_product: f64,
     stats: &'a Stats,
     certificate: Certificate<'a>,
+    #[serde(skip_serializing_if = "<[String]>::is_empty")]
+    names: &'a [String],
     x: &'a [f64],
 }
 
@@ -48,6 +50,7 @@ pub fn write(report: &Report) -> String {
                 .violation
                 .max(report.quality.complementarity_min),
         },
+        names: &report.names,
         x: &report.x,
     };
     // Names and numbers only: nothing that serialization can refuse.

@@ -51,6 +51,8 @@ pub struct Report {
     pub stationarity: Stationarity,
     /// What it took.
     pub stats: Stats,
+    /// Names of the variables, where there is a file with one for each.
+    pub names: Vec<String>,
     /// The variables of the file.
     pub x: Vec<f64>,
     /// The solution file of AMPL.
@@ -135,6 +137,10 @@ pub fn solve(
             homotopy_steps: solution.stats.relaxed as u64,
             complementarity_residual: quality.complementarity_min,
             ..Stats::default()
+        },
+        names: match names.variables.len() == problem.sizes.variables {
+            true => names.variables.clone(),
+            false => Vec::new(),
         },
         x: solution.w[..problem.sizes.variables].to_vec(),
         solution_file: String::new(),

@@ -50,13 +50,24 @@ pub struct Solved<'e> {
 }
 
 /// How far an optimization is.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Progress {
+#[derive(Clone, Copy, Debug)]
+pub struct Progress<'s> {
     /// Starts that are done.
     pub done: usize,
     /// All starts.
     pub starts: usize,
+    /// The start that was done last, counted from 1, and what came of it.
+    pub last: Option<(usize, &'s Solution)>,
 }
+
+/// Sees an optimization while it goes on: every iteration of a single start, or several starts as they are done.
+pub trait Watch: mpcc::Observer {
+    /// A start is done, or none yet.
+    fn progress(&mut self, _progress: &Progress<'_>) {}
+}
+
+/// Sees nothing.
+impl Watch for () {}
 
 /// Everything about one task before it is solved.
 struct Problem<'p, 'e> {
@@ -82,47 +93,15 @@ pub fn run<'e>(
     task: &Optimize<'e>,
     sampled: &[Sampled],
     request: &Request,
-    watch: &mut dyn FnMut(Progress),
+    watch: &mut dyn Watch,
 ) -> Result<Solved<'e>, DiscretizeError> {
     let started = Instant::now();
-    let frozen = settings.freezes().then(|| {
-        let frozen = freeze(system, settings.pace());
-        frozen.expect("compilation has checked that the system can be frozen")
-    });
-    let lowered = frozen.as_ref().map_or(system, |frozen| &frozen.system);
-    let dcs = dcs::lower(lowered, &settings.lowerings).expect("the lowering has been checked");
-    let grid = Grid {
-        horizon: settings.horizon,
-        steps: task.intervals,
-    };
-    let (mpcc, layout) = discretize(&dcs, grid, &discretize::Options::optimize(task))?;
-    let mut program = mpcc.program().expect("kernels are smooth");
-    program.set_others(Arc::new(Moved::new(&layout, &mpcc.conditions)));
-    let mut problem = Problem {
-        system,
-        frozen,
-        settings,
-        task,
-        dcs,
-        mpcc,
-        layout,
-        program,
-    };
-    let mut guess = guess::start(&problem, sampled);
-    let is_free = sampled.is_empty() && task.guess.iter().all(|(var, _)| is_control(system, *var));
-    let rehearsed = is_free && rehearsal::rehearse(&problem, &mut guess);
+    let mut problem = Problem::new(system, settings, task)?;
+    let (guess, rehearsed) = problem.start(sampled);
     let built = started.elapsed().as_secs_f64();
 
     let started = Instant::now();
-    let n_starts = task.starts.map_or(1, |starts| starts.count);
-    let mut heard = |done| {
-        watch(Progress {
-            done,
-            starts: n_starts,
-        });
-    };
-    heard(0);
-    let found = solve(&problem, &guess, rehearsed, request, &mut heard);
+    let found = solve(&mut problem, &guess, rehearsed, request, watch);
     let seconds = started.elapsed().as_secs_f64();
     let best = found
         .best
@@ -136,6 +115,7 @@ pub fn run<'e>(
     describe(&problem, solution, &mut trajectory);
     trajectory.optimum = Some(Optimum {
         built_s: built,
+        factor_entries: solution.stats.factor_entries,
         starts: found.solutions.len(),
         spread: found.spread(),
         median_s: median(found.solutions.iter().map(|s| s.stats.seconds)),
@@ -162,13 +142,67 @@ fn is_control(system: &System, var: Var) -> bool {
     controls.any(|control| control.var.as_variable() == Some(var))
 }
 
-/// All starts, in parallel.
+/// The program of a task, with the point to start from as its guess.
+pub fn program<'e>(
+    system: &System<'e>,
+    settings: &Settings<'e>,
+    task: &Optimize<'e>,
+    sampled: &[Sampled],
+) -> Result<Mpcc<'e>, DiscretizeError> {
+    let mut problem = Problem::new(system, settings, task)?;
+    let (guess, _) = problem.start(sampled);
+    problem.mpcc.set_guess(&guess);
+    Ok(problem.mpcc)
+}
+
+impl<'p, 'e> Problem<'p, 'e> {
+    fn new(
+        system: &'p System<'e>,
+        settings: &'p Settings<'e>,
+        task: &'p Optimize<'e>,
+    ) -> Result<Self, DiscretizeError> {
+        let frozen = settings.freezes().then(|| {
+            let frozen = freeze(system, settings.pace());
+            frozen.expect("compilation has checked that the system can be frozen")
+        });
+        let lowered = frozen.as_ref().map_or(system, |frozen| &frozen.system);
+        let dcs = dcs::lower(lowered, &settings.lowerings).expect("the lowering has been checked");
+        let grid = Grid {
+            horizon: settings.horizon,
+            steps: task.intervals,
+        };
+        let (mpcc, layout) = discretize(&dcs, grid, &discretize::Options::optimize(task))?;
+        let mut program = mpcc.program().expect("kernels are smooth");
+        program.set_others(Arc::new(Moved::new(&layout, &mpcc.conditions)));
+        Ok(Problem {
+            system,
+            frozen,
+            settings,
+            task,
+            dcs,
+            mpcc,
+            layout,
+            program,
+        })
+    }
+
+    /// The point to start from, and whether it is that of a rehearsal.
+    fn start(&self, sampled: &[Sampled]) -> (Vec<f64>, bool) {
+        let mut guess = guess::start(self, sampled);
+        let is_decided = |(var, _): &(Var, _)| is_control(self.system, *var);
+        let is_free = sampled.is_empty() && self.task.guess.iter().all(is_decided);
+        let rehearsed = is_free && rehearsal::rehearse(self, &mut guess);
+        (guess, rehearsed)
+    }
+}
+
+/// All starts, several in parallel.
 fn solve(
-    problem: &Problem,
+    problem: &mut Problem,
     guess: &[f64],
     rehearsed: bool,
     request: &Request,
-    watch: &mut dyn FnMut(usize),
+    watch: &mut dyn Watch,
 ) -> MultiStart {
     let chosen = &problem.task.options;
     let form = Form {
@@ -195,16 +229,28 @@ fn solve(
         },
         ..Options::default()
     };
-    let starts: Vec<Vec<f64>> = match problem.task.starts {
-        None => vec![guess.to_vec()],
-        Some(starts) => {
-            let count = starts.count as u64;
-            let moved = |number| mpcc::perturbed(guess, starts.deviation, starts.seed, number);
-            (0..count).map(moved).collect()
-        }
+    let count = problem.task.starts.map_or(1, |starts| starts.count);
+    let mut progress = Progress {
+        done: 0,
+        starts: count,
+        last: None,
     };
+    watch.progress(&progress);
+    let Some(starts) = problem.task.starts else {
+        let found = mpcc::solve_observed(&mut problem.program, guess, &options, watch);
+        return MultiStart::new(vec![found]);
+    };
+    let moved = |number| mpcc::perturbed(guess, starts.deviation, starts.seed, number as u64);
+    let starts: Vec<Vec<f64>> = (0..count).map(moved).collect();
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    mpcc::multistart(&problem.program, &starts, &options, threads, watch)
+    let mut heard = |start: usize, found: &Solution| {
+        progress.done += 1;
+        watch.progress(&Progress {
+            last: Some((start + 1, found)),
+            ..progress
+        });
+    };
+    mpcc::multistart(&problem.program, &starts, &options, threads, &mut heard)
 }
 
 /// Where no start led to a feasible point, the one that came closest.

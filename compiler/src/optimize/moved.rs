@@ -13,6 +13,8 @@
 //! In the same way a part of the trajectory that lies on a surface, where it makes no difference which side counts,
 //! has descriptions in both modes.
 
+use std::collections::BTreeMap;
+
 use nsd_solver::problem::{Member, Other};
 use nsd_solver::tableau::lagrange;
 use rustc_hash::FxHashMap;
@@ -67,11 +69,11 @@ enum Change {
     },
 }
 
-/// A point under construction.
+/// A point under construction: what differs from the old one.
 struct Point<'a> {
     old: &'a [f64],
-    new: Vec<f64>,
-    zeros: Vec<Member>,
+    new: BTreeMap<usize, f64>,
+    zeros: BTreeMap<usize, Member>,
 }
 
 impl Moved {
@@ -217,11 +219,11 @@ impl Moved {
     ) -> Option<Other> {
         let mut point = Point {
             old: w,
-            new: w.to_vec(),
-            zeros: zeros.to_vec(),
+            new: BTreeMap::new(),
+            zeros: BTreeMap::new(),
         };
-        let mut intervals = runs.to_vec();
-        let mut touched = Vec::new();
+        // The intervals that change, and those beside them.
+        let mut touched: BTreeMap<usize, Vec<Run>> = BTreeMap::new();
         let empty = |run: &Run, start: f64| Run {
             start,
             length: 0.0,
@@ -229,38 +231,48 @@ impl Moved {
             ..run.clone()
         };
         for change in changes {
+            let beside = match *change {
+                Change::Later(k) | Change::Earlier(k) | Change::Plain(k) => k - 1..k + 1,
+                Change::Mode { interval, .. } => {
+                    interval.saturating_sub(1)..(interval + 2).min(runs.len())
+                }
+            };
+            for i in beside {
+                touched.entry(i).or_insert_with(|| runs[i].clone());
+            }
+            // All of them are there now.
             match change {
                 Change::Later(k) => {
-                    intervals[*k].insert(0, empty(runs[k - 1].last()?, 0.0));
-                    touched.extend([k - 1, *k]);
+                    let interval = touched.entry(*k).or_default();
+                    interval.insert(0, empty(runs[k - 1].last()?, 0.0));
                 }
                 Change::Earlier(k) => {
                     let last = runs[k - 1].last()?;
                     let end = last.start + last.length;
-                    intervals[k - 1].push(empty(runs[*k].first()?, end));
-                    touched.extend([k - 1, *k]);
+                    let interval = touched.entry(k - 1).or_default();
+                    interval.push(empty(runs[*k].first()?, end));
                 }
-                Change::Plain(k) => touched.extend([k - 1, *k]),
+                Change::Plain(_) => {}
                 Change::Mode {
-                    interval,
+                    interval: i,
                     run,
                     open,
-                } => {
-                    intervals[*interval][*run].open.clone_from(open);
-                    touched.extend(interval.saturating_sub(1)..(interval + 2).min(runs.len()));
-                }
+                } => touched.entry(*i).or_default()[*run].open.clone_from(open),
             }
         }
-        touched.sort_unstable();
-        touched.dedup();
-        for i in touched {
-            if !self.arrange(i + 1, std::mem::take(&mut intervals[i]), &mut point) {
+        for (i, runs) in touched {
+            if !self.arrange(i + 1, runs, &mut point) {
                 return None;
             }
         }
-        (point.zeros != zeros).then_some(Other {
-            w: point.new,
-            zeros: point.zeros,
+        point.zeros.retain(|&pair, zero| zeros[pair] != *zero);
+        (!point.zeros.is_empty()).then(|| Other {
+            w: (point.new.into_iter())
+                .map(|(i, value)| (i as u32, value))
+                .collect(),
+            zeros: (point.zeros.into_iter())
+                .map(|(pair, zero)| (pair as u32, zero))
+                .collect(),
         })
     }
 
@@ -308,13 +320,14 @@ impl Moved {
         point: &mut Point,
     ) {
         let layout = &self.layout;
-        point.new[layout.h(k, j)] = length;
+        point.new.insert(layout.h(k, j), length);
         if let (Some(t), Some(first)) = (layout.t(k, j), layout.t(k, 1)) {
-            point.new[t] = point.old[first] + start;
+            point.new.insert(t, point.old[first] + start);
         }
         let element = (k - 1) * layout.elements + j - 1;
-        self.conditions
-            .set_open(element, &run.open, &mut point.zeros);
+        for (pairs, zero) in self.conditions.zeros(element, &run.open) {
+            point.zeros.extend(pairs.map(|pair| (pair, zero)));
+        }
         for (m, c) in layout.points.iter().enumerate().skip(1) {
             self.node((k, j, m), run, start + c * length, point);
         }
@@ -349,19 +362,21 @@ impl Moved {
         let through = lagrange(&layout.points[..=n], &[share]);
         for i in 0..layout.n_states() {
             let values = (0..=n).map(|m| point.old[layout.x(from, source, m) + i]);
-            point.new[layout.x(k, j, m) + i] = dot(&through, values);
+            point
+                .new
+                .insert(layout.x(k, j, m) + i, dot(&through, values));
         }
         let inner = lagrange(&layout.points[1..=n], &[share]);
         for i in 0..layout.n_states() {
             if let Some(v) = layout.v(k, j, m.min(n)).filter(|_| m <= n) {
                 let slope = |m| layout.v(from, source, m).map_or(0.0, |v| point.old[v + i]);
-                point.new[v + i] = dot(&inner, (1..=n).map(slope));
+                point.new.insert(v + i, dot(&inner, (1..=n).map(slope)));
             }
         }
         for i in 0..layout.n_algebraics() {
             if let Some(z) = layout.z(k, j, m, i) {
                 let value = |m| layout.z(from, source, m, i).map_or(0.0, |z| point.old[z]);
-                point.new[z] = dot(&inner, (1..=n).map(value));
+                point.new.insert(z, dot(&inner, (1..=n).map(value)));
             }
         }
     }

@@ -66,6 +66,7 @@ struct Found {
     worst: Option<f64>,
     median_solve_s: f64,
     branches: usize,
+    factor_entries: usize,
     terminal_error: Option<f64>,
     objective_error: Option<f64>,
 }
@@ -82,6 +83,7 @@ impl Found {
             worst: spread.map(|spread| spread.worst),
             median_solve_s: optimum.median_s,
             branches: optimum.branches,
+            factor_entries: optimum.factor_entries,
             terminal_error: check.map(|check| check.terminal_error),
             objective_error: check.map(|check| check.objective_error),
         }

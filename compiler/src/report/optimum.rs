@@ -7,6 +7,8 @@ use nsd_solver::mpcc::Spread;
 pub struct Optimum {
     /// Seconds from the system to a compiled program.
     pub built_s: f64,
+    /// Entries of the largest triangular factor: what memory and the time of an iteration grow with.
+    pub factor_entries: usize,
     /// From how many points it was looked for.
     pub starts: usize,
     /// How the objectives of all starts spread, where some start led to a feasible point.

@@ -107,6 +107,11 @@ impl Kkt {
         }
     }
 
+    /// The number of entries of L below its diagonal.
+    pub fn n_entries(&self) -> usize {
+        self.sparse.n_entries()
+    }
+
     /// Factors with the least δ_w that gives the right inertia; `sigma` is Σ of all variables at `mu`.
     pub fn factor(
         &mut self,

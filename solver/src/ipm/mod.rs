@@ -65,38 +65,31 @@ pub fn solve(
         let mut run = Run::new(nlp, options, clock, iterations);
         let exit = run.run(start.as_ref(), observer);
         let (point, done) = (run.point(), run.iterations);
-        match exit {
+        let status = match exit {
             Exit::Reshaped => {
                 iterations = done;
                 start = Some(point);
+                continue;
             }
-            Exit::Ended(status) => return finish(nlp, point, status, done),
+            Exit::Ended(status) => status,
             // Only inner runs are restored.
-            Exit::Restored => {
-                return finish(
-                    nlp,
-                    point,
-                    Status::NumericalFailure(Failure::Restoration),
-                    done,
-                );
-            }
-        }
-    }
-}
-
-fn finish(nlp: &mut dyn Nlp, point: Point, status: Status, iterations: usize) -> Solution {
-    let Point { w, y, z_l, z_u, mu } = point;
-    let residuals = residuals::residuals(nlp, &w, &y, &z_l, &z_u);
-    Solution {
-        objective: nlp.objective(&w),
-        w,
-        y,
-        z_l,
-        z_u,
-        mu,
-        status,
-        residuals,
-        iterations,
+            Exit::Restored => Status::NumericalFailure(Failure::Restoration),
+        };
+        let factor_entries = run.kkt.n_entries();
+        let Point { w, y, z_l, z_u, mu } = point;
+        let residuals = residuals::residuals(nlp, &w, &y, &z_l, &z_u);
+        return Solution {
+            objective: nlp.objective(&w),
+            w,
+            y,
+            z_l,
+            z_u,
+            mu,
+            status,
+            residuals,
+            iterations: done,
+            factor_entries,
+        };
     }
 }
 

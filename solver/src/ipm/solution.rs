@@ -88,4 +88,6 @@ pub struct Solution {
     pub residuals: Residuals,
     /// The number of iterations.
     pub iterations: usize,
+    /// Entries of L in the factorization of the system of a step: what memory and time grow with.
+    pub factor_entries: usize,
 }

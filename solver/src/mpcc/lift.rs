@@ -178,11 +178,20 @@ impl<'p> Lifted<'p> {
     /// Points of other branches that mean the same.
     pub fn others(&mut self, w: &[f64], zeros: &[Member], y: &[f64]) -> Vec<Other> {
         let n = self.n_original();
-        let mut others = self.problem.others(&w[..n], zeros, y);
-        for other in &mut others {
-            other.w = self.extend(&other.w);
+        self.problem.others(&w[..n], zeros, y)
+    }
+
+    /// The point that differs from this one, and the members that its branch holds at zero.
+    pub fn moved(&mut self, other: &Other, w: &[f64], zeros: &[Member]) -> (Vec<f64>, Vec<Member>) {
+        let mut w = w[..self.n_original()].to_vec();
+        for &(variable, value) in &other.w {
+            w[variable as usize] = value;
         }
-        others
+        let mut zeros = zeros.to_vec();
+        for &(pair, zero) in &other.zeros {
+            zeros[pair as usize] = zero;
+        }
+        (self.extend(&w), zeros)
     }
 
     /// Distances a and b of a pair from their lower bounds.

@@ -285,16 +285,17 @@ impl Work<'_> {
             if self.is_late() {
                 return Elsewhere::Nothing(0);
             }
+            let (w, zeros) = lifted.moved(&other, &best.point.w, &best.zeros);
             // Multipliers of another branch are worse than none.
             let guess = Guess {
                 y: vec![0.0; best.point.y.len()],
-                w: other.w,
+                w,
             };
             let polish = match number {
                 0 => polish,
                 _ => polish_briefly,
             };
-            let Ok(next) = polish(lifted, &guess, &other.zeros, self) else {
+            let Ok(next) = polish(lifted, &guess, &zeros, self) else {
                 continue;
             };
             let is_better = next.objective < best.objective - 1e-10 * size;

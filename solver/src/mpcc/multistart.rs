@@ -32,6 +32,17 @@ pub struct Spread {
 }
 
 impl MultiStart {
+    /// Chooses the best of these.
+    pub fn new(solutions: Vec<Solution>) -> Self {
+        let feasible = (0..solutions.len()).filter(|&i| solutions[i].is_feasible());
+        let is_unsolved = |i: usize| solutions[i].status != Status::Solved;
+        let best = feasible.min_by(|&i, &j| {
+            let by_status = is_unsolved(i).cmp(&is_unsolved(j));
+            by_status.then(solutions[i].objective.total_cmp(&solutions[j].objective))
+        });
+        MultiStart { solutions, best }
+    }
+
     /// The spread; `None` when no start led to a feasible solution.
     pub fn spread(&self) -> Option<Spread> {
         let feasible = self.solutions.iter().filter(|s| s.is_feasible());
@@ -51,8 +62,8 @@ impl MultiStart {
 
 /// Solves a problem from all of these points on up to `n_threads` threads.
 ///
-/// Every run is the same as [`solve_from`] from its point alone, whatever the number of threads. `watch` hears how
-/// many are done whenever one more is.
+/// Every run is the same as [`solve_from`] from its point alone, whatever the number of threads. `watch` hears which
+/// start is done, counted from 0, and what came of it.
 ///
 /// # Panics
 ///
@@ -62,7 +73,7 @@ pub fn multistart<P: Mpcc + Clone + Sync>(
     starts: &[Vec<f64>],
     options: &Options,
     n_threads: usize,
-    watch: &mut dyn FnMut(usize),
+    watch: &mut dyn FnMut(usize, &Solution),
 ) -> MultiStart {
     let next = AtomicUsize::new(0);
     // Takes the next start until there is none.
@@ -87,23 +98,18 @@ pub fn multistart<P: Mpcc + Clone + Sync>(
         }
         drop(sender);
         // Ends when all threads have, or one has panicked, which the scope passes on.
-        for solution in found {
-            solutions.push(solution);
-            watch(solutions.len());
+        for (index, solution) in found {
+            watch(index, &solution);
+            solutions.push((index, solution));
         }
     });
     solutions.sort_by_key(|(index, _)| *index);
-    let solutions: Vec<Solution> = solutions
-        .into_iter()
-        .map(|(_, solution)| solution)
-        .collect();
-    let feasible = (0..solutions.len()).filter(|&i| solutions[i].is_feasible());
-    let is_unsolved = |i: usize| solutions[i].status != Status::Solved;
-    let best = feasible.min_by(|&i, &j| {
-        let by_status = is_unsolved(i).cmp(&is_unsolved(j));
-        by_status.then(solutions[i].objective.total_cmp(&solutions[j].objective))
-    });
-    MultiStart { solutions, best }
+    MultiStart::new(
+        solutions
+            .into_iter()
+            .map(|(_, solution)| solution)
+            .collect(),
+    )
 }
 
 /// Starts around a guess: every variable is moved by an independent normal deviate.
@@ -138,8 +144,8 @@ fn mix(state: u64) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Options;
-    use super::{multistart, perturbed};
+    use super::super::{Class, Multipliers, Options, Residuals, Solution, Stats, Status};
+    use super::{MultiStart, multistart, perturbed};
     use crate::problem::Side;
     use crate::quadratic::{Function, Quadratic};
 
@@ -158,6 +164,45 @@ mod tests {
         assert_ne!(w, perturbed(&vec![1.0; n], 2.0, 8, 3));
     }
 
+    fn ending(status: Status, objective: f64) -> Solution {
+        Solution {
+            status,
+            w: Vec::new(),
+            objective,
+            residuals: Residuals::default(),
+            multipliers: Multipliers::default(),
+            class: Class::None,
+            is_class_exact: false,
+            b_stationary: None,
+            biactive: Vec::new(),
+            others: 0,
+            stats: Stats::default(),
+        }
+    }
+
+    #[test]
+    fn solved_is_better_than_feasible_and_feasible_than_nothing() {
+        let best = |ends: &[(Status, f64)]| {
+            let ends = ends
+                .iter()
+                .map(|&(status, objective)| ending(status, objective));
+            MultiStart::new(ends.collect()).best
+        };
+        use Status::{Feasible, LocallyInfeasible, Solved};
+        assert_eq!(
+            best(&[(Feasible, 1.0), (Solved, 3.0), (Solved, 2.0)]),
+            Some(2)
+        );
+        assert_eq!(
+            best(&[(LocallyInfeasible, 0.0), (Feasible, 5.0), (Feasible, 4.0)]),
+            Some(2)
+        );
+        assert_eq!(
+            best(&[(LocallyInfeasible, 0.0), (Status::TimeLimit, -1.0)]),
+            None
+        );
+    }
+
     #[test]
     fn the_best_of_two_minima() {
         // |w - (1, 2)|² on the half-axes has the minima 1 at (0, 2) and 4 at (1, 0).
@@ -174,7 +219,9 @@ mod tests {
         let starts: Vec<Vec<f64>> = (0..8).map(|k| perturbed(&[1.0, 1.0], 2.0, 1, k)).collect();
         let options = Options::default();
         let mut heard = Vec::new();
-        let found = multistart(&problem, &starts, &options, 2, &mut |done| heard.push(done));
+        let found = multistart(&problem, &starts, &options, 2, &mut |start, _| {
+            heard.push(start)
+        });
         let best = &found.solutions[found.best.expect("all are feasible")];
         assert!((best.objective - 1.0).abs() < 1e-8, "{best:?}");
         let spread = found.spread().expect("all are feasible");
@@ -187,9 +234,10 @@ mod tests {
                 "{solution:?}"
             );
         }
-        assert_eq!(heard, (1..=8).collect::<Vec<_>>());
+        heard.sort_unstable();
+        assert_eq!(heard, (0..8).collect::<Vec<_>>());
         // Threads change nothing.
-        let alone = multistart(&problem, &starts, &options, 1, &mut |_| {});
+        let alone = multistart(&problem, &starts, &options, 1, &mut |_, _| {});
         for (one, other) in alone.solutions.iter().zip(&found.solutions) {
             assert_eq!(one.w, other.w);
         }

@@ -24,6 +24,21 @@ pub enum Status {
     NumericalFailure,
 }
 
+impl std::fmt::Display for Status {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Status::Solved => "solved",
+            Status::Feasible => "feasible",
+            Status::LocallyInfeasible => "locally infeasible",
+            Status::Unbounded => "unbounded",
+            Status::IterationLimit => "iteration limit",
+            Status::TimeLimit => "time limit",
+            Status::Evaluation => "not finite",
+            Status::NumericalFailure => "numerical failure",
+        })
+    }
+}
+
 /// Multipliers in the sign convention of [`problem`](crate::problem).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Multipliers {
@@ -53,6 +68,8 @@ pub struct Stats {
     pub moves: usize,
     /// Other ways that were tried.
     pub restarts: usize,
+    /// Entries of L in the largest factorization.
+    pub factor_entries: usize,
     /// Seconds.
     pub seconds: f64,
 }

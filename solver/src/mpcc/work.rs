@@ -77,6 +77,7 @@ impl<'o> Work<'o> {
         };
         let found = ipm::solve(nlp, &settings, start, &mut shown);
         self.stats.iterations += found.iterations;
+        self.stats.factor_entries = self.stats.factor_entries.max(found.factor_entries);
         found
     }
 }

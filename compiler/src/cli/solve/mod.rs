@@ -1,7 +1,6 @@
 //! `nsdc solve`
 
 mod folder;
-mod iterations;
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -11,13 +10,13 @@ use nsd_solver::mpcc::Observer;
 
 use super::args::{Log, SolveArgs};
 use super::files::{self, Sink, is_standard};
+use super::iterations::Iterations;
 use super::project;
 use super::{Exit, Streams, io};
 use crate::diagnostics::Diagnostics;
 use crate::nl::{self, Names, Report, Settings};
 use crate::report::Status;
 use crate::source::SourceMap;
-use iterations::Iterations;
 
 /// Extension of problem files.
 const EXTENSION: &str = "nl";

@@ -25,10 +25,15 @@ pub struct Ampl {
     /// The row that each row of the file is: its index in [`super::Flat::rows`] without terms of the objective and
     /// without conditional rows, and from their number on the definition of a slack.
     pub rows: Vec<usize>,
+    /// Names of the columns, each once.
+    pub column_names: Vec<String>,
+    /// Names of the rows, each once, and that of the objective.
+    pub row_names: Vec<String>,
 }
 
 /// A row before it is written.
 struct Row<'e> {
+    name: String,
     body: Linear<'e>,
     /// What is asked of it.
     kind: RowKind,
@@ -55,6 +60,7 @@ struct Linear<'e> {
 struct Program<'e> {
     name: String,
     numbers: FxHashMap<Var, usize>,
+    names: Vec<String>,
     bounds: Vec<Bounds>,
     objective: Linear<'e>,
     rows: Vec<Row<'e>>,
@@ -83,25 +89,34 @@ impl<'e> Program<'e> {
                 .enumerate()
                 .filter_map(number)
                 .collect(),
+            names: mpcc.names(),
             bounds: mpcc.bounds(),
             objective: Linear::default(),
             rows: Vec::new(),
         };
         let mut slacks = Vec::new();
+        let mut known = FxHashMap::default();
         let mut taken = FxHashSet::default();
         let mut terms = Vec::new();
         for row in &flat.rows {
+            // Rows of one place that differ in their component only have the same name.
+            let count: &mut usize = known.entry(&row.name).or_default();
+            *count += 1;
+            let name = match *count {
+                1 => row.name.clone(),
+                n => format!("{}.{n}", row.name),
+            };
             match row.value {
                 Value::Objective(term) => terms.push(values.apply(&[term])[0]),
                 Value::Equation(body) => {
                     let body = program.linear(values.apply(&[body])[0]);
                     let kind = RowKind::Between(0.0, 0.0);
-                    program.rows.push(Row { body, kind });
+                    program.rows.push(Row { name, body, kind });
                 }
                 Value::Inequality(lower, body, upper) => {
                     let body = program.linear(values.apply(&[body])[0]);
                     let kind = RowKind::Between(lower, upper);
-                    program.rows.push(Row { body, kind });
+                    program.rows.push(Row { name, body, kind });
                 }
                 // The format has no choices.
                 Value::Conditional(_) => {}
@@ -118,31 +133,33 @@ impl<'e> Program<'e> {
                         (None, Some(a)) => (b, a),
                         (None, None) => {
                             let slack = mpcc.exprs.variable("slack");
-                            slacks.push(b - slack);
-                            (a, program.declare(slack))
+                            let side = format!("side_{name}");
+                            slacks.push((side.clone(), b - slack));
+                            (a, program.declare(slack, side))
                         }
                     };
                     taken.insert(variable);
                     let body = program.linear(body);
                     let kind = RowKind::Complements(variable);
-                    program.rows.push(Row { body, kind });
+                    program.rows.push(Row { name, body, kind });
                 }
             }
         }
         program.objective = program.linear(mpcc.exprs.sum(terms));
-        for definition in slacks {
+        for (name, definition) in slacks {
             let body = program.linear(definition);
             let kind = RowKind::Between(0.0, 0.0);
-            program.rows.push(Row { body, kind });
+            program.rows.push(Row { name, body, kind });
         }
         program
     }
 
     /// A new variable in [0, ∞).
-    fn declare(&mut self, slack: Expr<'e>) -> usize {
+    fn declare(&mut self, slack: Expr<'e>, name: String) -> usize {
         let number = self.bounds.len();
         self.numbers
             .extend(slack.as_variable().map(|var| (var, number)));
+        self.names.push(name);
         self.bounds.push(Bounds::between(0.0, f64::INFINITY, 0.0));
         number
     }

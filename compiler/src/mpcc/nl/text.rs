@@ -6,6 +6,9 @@ use super::expressions::{Writer, line, number};
 use super::{Ampl, Linear, Program, RowKind};
 use crate::expr::{Expr, Var};
 
+/// The name of the objective.
+const OBJECTIVE: &str = "cost";
+
 impl<'e> Program<'e> {
     /// Orders variables and rows, and writes the file.
     pub(super) fn write(self) -> Ampl {
@@ -132,7 +135,19 @@ impl<'e> Program<'e> {
                 objective.len()
             ),
         );
-        line(&mut out, " 0 0\t# max name lengths: constraints, variables");
+        let row_names = rows.iter().map(|&row| self.rows[row].name.clone());
+        let row_names: Vec<String> = row_names.chain([OBJECTIVE.to_owned()]).collect();
+        let column_names = columns.iter().map(|&variable| self.names[variable].clone());
+        let column_names: Vec<String> = column_names.collect();
+        let longest = |names: &[String]| names.iter().map(String::len).max().unwrap_or(0);
+        line(
+            &mut out,
+            &format!(
+                " {} {}\t# max name lengths: constraints, variables",
+                longest(&row_names),
+                longest(&column_names)
+            ),
+        );
         line(
             &mut out,
             &format!(
@@ -207,6 +222,8 @@ impl<'e> Program<'e> {
             text: out,
             columns,
             rows,
+            column_names,
+            row_names,
         }
     }
 }

@@ -126,7 +126,7 @@ impl<'e> Reader<'_, 'e> {
             self.error(ExperimentError::OutOfRange {
                 what: "the cost".to_owned(),
                 expected: "one number".to_owned(),
-                found: format!("a {}", tensor.shape),
+                found: tensor.shape.to_string(),
                 span: value.span,
             });
             return None;

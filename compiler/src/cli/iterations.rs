@@ -3,8 +3,9 @@
 use std::io::Write;
 
 use nsd_solver::ipm::Progress;
-use nsd_solver::mpcc::{Observer, Program, Steering};
+use nsd_solver::mpcc::{Observer, Program, Solution, Steering};
 
+use crate::report::text::{duration, significant};
 use crate::system::experiment::{relaxation_word, steering_word};
 
 /// Writes the lines; what cannot be written is left out.
@@ -16,6 +17,20 @@ impl<'w> Iterations<'w> {
     /// Lines for this writer.
     pub fn new(out: &'w mut dyn Write) -> Self {
         Iterations { out }
+    }
+
+    /// What came of one start of several.
+    pub fn start(&mut self, number: usize, starts: usize, found: &Solution) {
+        let what = match found.is_feasible() {
+            true => format!("objective {}", significant(found.objective, 10)),
+            false => format!("violation {:.1e}", found.residuals.violation),
+        };
+        let (iterations, seconds) = (found.stats.iterations, duration(found.stats.seconds));
+        let _ = writeln!(
+            self.out,
+            "start {number} of {starts}: {}, {what}, {iterations} iterations, {seconds}",
+            found.status
+        );
     }
 }
 
