@@ -11,12 +11,15 @@ use nsdc::report::Trajectory;
 use nsdc::simulate::Request;
 use serde_json::{Value, json};
 
-/// An example and the same problem in `peers/optimal.py`.
+/// The model of an example, and the same problem in `peers/optimal.py`.
 struct Problem {
-    text: &'static str,
-    experiment: &'static str,
+    name: &'static str,
+    text: String,
     peer: Value,
 }
+
+/// What experiments are called.
+const EXPERIMENT: &str = "bench";
 
 macro_rules! example {
     ($file:literal) => {
@@ -24,30 +27,57 @@ macro_rules! example {
     };
 }
 
+/// Intervals, elements and nodes are those with which the costs are published; examples may be finer.
 fn problems() -> [Problem; 4] {
-    let [turbo, motor, cart, tanks] = [
-        example!("turbo_car.nsd"),
-        example!("motor.nsd"),
-        example!("cart_pole.nsd"),
-        example!("tanks.nsd"),
-    ];
-    let sizes = |problem: &str, intervals: usize, elements: usize, nodes: usize| json!({ "problem": problem, "intervals": intervals, "elements": elements, "nodes": nodes, "limit": 20 });
     [
-        (turbo, "hurry", sizes("turbo", 10, 3, 2)),
-        (motor, "shift", sizes("motor", 30, 2, 2)),
-        (cart, "swing", sizes("cart", 20, 2, 2)),
-        (tanks, "level", sizes("tanks", 100, 2, 1)),
+        (
+            "turbo",
+            example!("turbo_car.nsd"),
+            "turbo_car { horizon free in [1, 100] = 20; minimize final(time); final { q = 200; v = 0; }",
+            (10, 3, 2),
+        ),
+        (
+            "motor",
+            example!("motor.nsd"),
+            "voice_coil { horizon 0.08; minimize integral(U^2); final { x1 = 0.01; v1 = 0; x2 = 0.01; v2 = 0; I = 0; }",
+            (30, 2, 2),
+        ),
+        (
+            "cart",
+            example!("cart_pole.nsd"),
+            "cart_pole { horizon 5;
+               minimize integral(10*p^2 + 100*(a - pi)^2 + v^2 + w^2 + u^2)
+                 + final(500*p^2 + 100*(a - pi)^2 + 10*v^2 + 10*w^2);",
+            (20, 2, 2),
+        ),
+        (
+            "tanks",
+            example!("tanks.nsd"),
+            "tanks { horizon 100; minimize integral((L[1] - 0.75)^2 + (L[2] - 0.75)^2 + (L[3] - 0.75)^2);",
+            (100, 2, 1),
+        ),
     ]
-    .map(|(text, experiment, peer)| Problem {
-        text,
-        experiment,
-        peer,
+    .map(|(name, model, task, (intervals, elements, nodes))| Problem {
+        name,
+        text: format!(
+            "{model}\noptimize {EXPERIMENT} of {task}
+               intervals {intervals}; elements {elements}; scheme radau_iia({nodes}); }}"
+        ),
+        peer: json!({ "problem": name, "intervals": intervals, "elements": elements, "nodes": nodes, "limit": 20 }),
     })
 }
 
 fn main() {
-    print("solver   experiment  objective       seconds  remarks");
-    for problem in problems() {
+    // Names behind that of the bench are taken instead of all problems.
+    let asked: Vec<String> = std::env::args().collect();
+    let problems = problems();
+    let is_named = |problem: &Problem| asked.iter().any(|name| name == problem.name);
+    let takes_all = !problems.iter().any(is_named);
+    print("solver   problem     objective       seconds  remarks");
+    for problem in problems
+        .iter()
+        .filter(|problem| takes_all || is_named(problem))
+    {
         problem.ours();
         problem.peer();
     }
@@ -55,7 +85,7 @@ fn main() {
 
 impl Problem {
     fn ours(&self) {
-        with_experiment(self.text, self.experiment, |compiled| {
+        with_experiment(&self.text, EXPERIMENT, |compiled| {
             let settings = &compiled.settings;
             let task = settings
                 .optimize
@@ -65,7 +95,7 @@ impl Problem {
             let solved = optimize::run(&compiled.system, settings, task, &[], &request, &mut ());
             match solved {
                 Ok(solved) => self.line("nsdc", &solved.trajectory),
-                Err(error) => print(&format!("nsdc     {:<11} {error}", self.experiment)),
+                Err(error) => print(&format!("nsdc     {:<11} {error}", self.name)),
             }
         });
     }
@@ -78,7 +108,7 @@ impl Problem {
         let end = check.map_or(f64::NAN, |check| check.terminal_error);
         print(&format!(
             "{solver:<8} {:<11} {:<14.9} {:>8.3}  {}, {}-stationary, simulated end off by {end:.1e}",
-            self.experiment,
+            self.name,
             found.objective.unwrap_or(f64::NAN),
             found.stats.solve_s,
             found.status.as_str(),
@@ -102,13 +132,13 @@ impl Problem {
             serde_json::from_str::<Value>(text.lines().last()?).ok()
         });
         let Some(row) = row else {
-            print(&format!("nosnoc   {:<11} failed", self.experiment));
+            print(&format!("nosnoc   {:<11} failed", self.name));
             return;
         };
         let number = |key: &str| row[key].as_f64().unwrap_or(f64::NAN);
         print(&format!(
             "nosnoc   {:<11} {:<14.9} {:>8.3}  {}, {} iterations, complementarity {:.1e}",
-            self.experiment,
+            self.name,
             number("objective"),
             number("seconds"),
             row["status"].as_str().unwrap_or_default(),

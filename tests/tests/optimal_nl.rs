@@ -6,7 +6,6 @@ use nsd_solver::problem::{Mpcc as _, Nlp, Side};
 use nsd_tests::with_experiment;
 use nsdc::mpcc::{Ampl, Evaluator, Kind, Mpcc};
 use nsdc::optimize;
-use nsdc::simulate::Request;
 
 macro_rules! examples {
     ($($file:literal: $($experiment:literal)+;)+) => {
@@ -132,32 +131,28 @@ fn scatter(n: usize) -> Vec<f64> {
     (0..n).map(|i| 0.1 + 0.8 * number(i)).collect()
 }
 
-fn for_each(mut check: impl FnMut(&str, Trip, f64)) {
+fn for_each(mut check: impl FnMut(&str, Trip)) {
     for (experiment, text) in EXAMPLES {
         with_experiment(text, experiment, |compiled| {
             let (system, settings) = (&compiled.system, &compiled.settings);
             let task = settings.optimize.as_ref().expect("an optimization");
             let mpcc = optimize::program(system, settings, task, &[]).expect("it fits into memory");
-            let run = optimize::run(system, settings, task, &[], &Request::default(), &mut ());
-            let objective = run.expect("it fits into memory").trajectory.objective;
-            check(
-                experiment,
-                Trip::new(mpcc),
-                objective.expect("it has an optimum"),
-            );
+            check(experiment, Trip::new(mpcc));
         });
     }
 }
 
 #[track_caller]
 fn close(name: &str, found: f64, expected: f64) {
+    // Roots of negative numbers are none on both roads.
+    let is_same = found == expected || found.is_nan() && expected.is_nan();
     let is_close = (found - expected).abs() <= 1e-11 * (1.0 + expected.abs());
-    assert!(is_close, "{name}: {found}, not {expected}");
+    assert!(is_same || is_close, "{name}: {found}, not {expected}");
 }
 
 #[test]
 fn values_are_found_again() {
-    for_each(|name, mut trip, _| {
+    for_each(|name, mut trip| {
         let guess: Vec<f64> = trip
             .mpcc
             .bounds()
@@ -200,5 +195,34 @@ fn values_are_found_again() {
                 "{name}: pairs that nobody asked for"
             );
         }
+    });
+}
+
+/// Where elements have given lengths, nothing steers and no row is left out: the file has the solution of the model.
+#[test]
+fn solutions_are_found_again() {
+    for_each(|name, mut trip| {
+        let expected = match name {
+            "empty" => 0.5,
+            "hold" => 1.0 / 3.0,
+            "line" => 4.0 / 3.0,
+            _ => return,
+        };
+        let solution = mpcc::solve(&mut trip.read.program, &Options::default());
+        assert_eq!(solution.status, mpcc::Status::Solved, "{name}");
+        assert!(
+            (solution.objective - expected).abs() <= 1e-8,
+            "{name}: {}",
+            solution.objective
+        );
+        // Back to the variables of the model.
+        let mut w = vec![0.0; trip.mpcc.n_variables()];
+        for (&variable, &value) in trip.ampl.columns.iter().zip(&solution.w) {
+            if let Some(place) = w.get_mut(variable) {
+                *place = value;
+            }
+        }
+        let (cost, steering) = trip.objective(&trip.values(&w));
+        close(name, cost + steering, solution.objective);
     });
 }

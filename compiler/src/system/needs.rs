@@ -2,7 +2,8 @@
 //!
 //! With an `output` list, an experiment keeps what the listed quantities and its expectations reach:
 //! a state needs its rates and the guards around them, a named switch its ψ, a control what it is
-//! given as. Everything else is skipped before any switch is collected. Without a list, all is kept.
+//! given as. An optimization also keeps what its cost and constraints reach, bounds of states among them. Everything
+//! else is skipped before any switch is collected. Without a list, all is kept.
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
@@ -46,6 +47,15 @@ impl<'e> Needs<'e> {
         let listed = listed.flat_map(|kept| &kept.entries);
         for &e in listed.chain(&named.exprs).chain(&named.surfaces) {
             closure.reach(e);
+        }
+        if let Some(task) = &settings.optimize {
+            let bounded = model.states.iter().filter(|state| state.domain.is_some());
+            let bounded = bounded.flat_map(|state| state.vars.iter().copied());
+            let integrals = task.integrals.iter().map(|integral| integral.value);
+            let rows = task.rows.iter().map(|row| row.value);
+            for e in integrals.chain(rows).chain([task.cost]).chain(bounded) {
+                closure.reach(e);
+            }
         }
         for region in named.regions {
             closure.name_region(region);
