@@ -13,7 +13,7 @@ fn solved(text: &str) -> Trajectory {
         let settings = &compiled.settings;
         let task = settings.optimize.as_ref().expect("an optimization");
         let request = Request::default();
-        let run = optimize::run(&compiled.system, settings, task, &[], &request, &mut |_| {});
+        let run = optimize::run(&compiled.system, settings, task, &[], &request, &mut ());
         let found = run.expect("the problem can be discretized").trajectory;
         assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
         found.verify().expect("the invariants of `Trajectory`");
