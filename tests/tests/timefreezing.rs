@@ -240,7 +240,7 @@ fn strong_friction_that_locks_a_rod_ends_the_run() {
 }
 
 /// Models whose runs with jumps and frozen runs must agree, with their horizons.
-const MODELS: [(&str, f64); 7] = [
+const MODELS: [(&str, f64); 9] = [
     (HEATING, 4.0),
     (BALL, 2.0),
     // Positions that are not orthogonal in the mass.
@@ -313,6 +313,39 @@ const MODELS: [(&str, f64); 7] = [
            }
          }",
         1.0,
+    ),
+    // The first bounce slips all the time, the second one sticks.
+    (
+        "model rubber {
+           state q[2] = [0, 0.5];
+           state v[2] = [2.5, 0];
+           q' = v;
+           mechanics q, v {
+             mass = diag([1, 1]);
+             force = [0, -9.81];
+             contact floor { gap = q[2]; slip = v[1]; restitution = 0.7; friction = 0.3; }
+           }
+         }",
+        1.0,
+    ),
+    // Masses that differ, and a wall that is no coordinate.
+    (
+        "model slope {
+           state q[2] = [0, 0.5];
+           state v[2] = [1, 0];
+           q' = v;
+           mechanics q, v {
+             mass = diag([2, 2]);
+             force = [0, -9.81];
+             contact hill {
+               gap = 0.6*q[1] + 0.8*q[2];
+               slip = 0.8*v[1] - 0.6*v[2];
+               restitution = 0.5;
+               friction = 0.2;
+             }
+           }
+         }",
+        0.8,
     ),
 ];
 

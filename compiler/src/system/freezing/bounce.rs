@@ -14,6 +14,9 @@
 //! method with two nodes or more has the law of the impact without error, in elements however many. (A spring with a
 //! damper has exponentials.) Only q stands still, so that J_n does, and it holds for any geometry.
 //!
+//! Friction adds v' = -μ a M⁻¹J_t/(J_nᵀM⁻¹J_n) sign(J_tᵀv) as long as ψ < 0, which slides on J_tᵀv = 0 once that is
+//! reached: Coulomb's law for the impulses, where J_nᵀM⁻¹J_t = 0.
+//!
 //! r has a kink where gap' and p are zero; (r⁴ + δ⁴)^¼ takes its place, with δ below all speeds that matter.
 //!
 //! Nurkanović, Sartor, Albrecht & Diehl 2021 for the idea, with a spring that is the gap itself.
@@ -56,6 +59,13 @@ pub(super) fn bounce<'e>(
     }
     for &(state, push) in &contact.normal {
         rates[state] = rates[state] + (1.0 - apart) * (push / contact.gain) * a;
+    }
+    if let Some(friction) = &contact.friction {
+        let sign = 2.0 * system.switches[friction.switch].alpha - 1.0;
+        let strength = friction.coefficient * a / contact.gain;
+        for &(state, push) in &friction.tangent {
+            rates[state] = rates[state] - (1.0 - apart) * strength * push * sign;
+        }
     }
     let square = (1.0 + e).powi(2) * contact.speed.powi(2) - (4.0 * e * (1.0 + e) * a) * p;
     let delta = ROUNDED * expected;

@@ -68,13 +68,27 @@ pub(super) fn contacts<'e>(system: &System<'e>) -> Result<Vec<Contact<'e>>, Syst
             tangent: friction.tangent.iter().map(|d| (d.state, d.push)).collect(),
             switch: friction.switch,
         });
-        if contact.friction.is_some() && !contact.is_inelastic() {
-            let what = format!("contact `{}`, which bounces with friction", given.name);
+        if !contact.is_inelastic() && friction_pushes(system, &contact) {
+            let name = &given.name;
+            let what =
+                format!("contact `{name}`, which bounces, and whose friction acts on its gap");
             return Err(refused(what, given.span));
         }
         found.push(contact);
     }
     Ok(found)
+}
+
+/// Whether J_nᵀM⁻¹J_t is not zero: then how fast a gap opens depends on friction, all of which the law of the impact
+/// takes at the end of it.
+fn friction_pushes(system: &System<'_>, contact: &Contact<'_>) -> bool {
+    let tangent = contact
+        .friction
+        .iter()
+        .flat_map(|friction| &friction.tangent);
+    let effects = tangent.map(|&(state, push)| slope(system, contact.speed, state) * push);
+    let effect = system.exprs.sum(effects).substitute(&numbers(system));
+    !effect.is_zero()
 }
 
 pub(super) fn refused(what: String, span: Span) -> SystemError {
