@@ -10,6 +10,7 @@ const EXAMPLES: &[&str] = &[
     "bouncing_ball.nsd: at_rest",
     "bouncing_ball.nsd: bounces",
     "bouncing_ball.nsd: frozen",
+    "box.nsd: lap",
     "branicky.nsd: growth",
     "cart_pole.nsd: swing",
     "choices_ocp.nsd: empty",
