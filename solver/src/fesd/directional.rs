@@ -52,6 +52,7 @@ pub(super) struct Directional {
     registers: Vec<f64>,
     pub(super) matrix: Vec<f64>,
     pub(super) rhs: Vec<f64>,
+    residual: Vec<f64>,
     lu: DenseLu,
     n: usize,
 }
@@ -70,6 +71,7 @@ impl Directional {
             registers: vec![0.0; registers.into_iter().max().unwrap_or(0)],
             matrix: vec![0.0; n_z * n_z],
             rhs: vec![0.0; n_z],
+            residual: vec![0.0; full.directional.n_outputs()],
             lu: DenseLu::new(n_z),
             n,
         }
@@ -159,9 +161,10 @@ impl Directional {
         z: &[f64],
         open: &[usize],
     ) -> Vec<Solved> {
+        let is_affine = system.full().is_affine;
         let mut found: Vec<Solved> = Vec::new();
+        let mut tried = zeros.to_vec();
         for mask in 0..1_usize << open.len() {
-            let mut tried = zeros.to_vec();
             for (bit, &pair) in open.iter().enumerate() {
                 tried[pair] = if mask >> bit & 1 == 1 {
                     Zero::Left
@@ -170,10 +173,13 @@ impl Directional {
                 };
             }
             for guess in guesses(system.full()) {
-                let u = self.start(system, z, open, guess);
-                let Some(u) = self.solve(system, &tried, u) else {
-                    continue;
+                let mut u = self.start(system, z, open, guess);
+                let solved = match is_affine && mask > 0 {
+                    // Only the rows of the pairs differ from those of the first choice.
+                    true => self.choose(system, &tried, &mut u).map(|_| u),
+                    false => self.solve(system, &tried, u),
                 };
+                let Some(u) = solved else { continue };
                 let known = |(zeros, other): &Solved| *zeros == tried && is_near(other, &u);
                 if !found.iter().any(known) {
                     found.push((tried.clone(), u));
@@ -287,16 +293,9 @@ impl Directional {
         mut u: Vec<f64>,
     ) -> Option<Vec<f64>> {
         let is_affine = system.full().is_affine;
-        let n_equations = system.full().directional.n_outputs();
         for _ in 0..MAX_NEWTON {
             self.linearize(system, &u);
-            for (row, &zero) in zeros.iter().enumerate() {
-                let (member, _) = system.pairs()[row].split(zero);
-                let (left, right) = self.members(system, row, &u);
-                self.rhs[n_equations + row] = -if zero == Zero::Left { left } else { right };
-                self.matrix[(n_equations + row) * u.len() + member.variable] = member.slope();
-            }
-            let largest = self.step(&mut u, 1.0)?;
+            let largest = self.choose(system, zeros, &mut u)?;
             if is_affine || largest <= 1e-13 {
                 return Some(u);
             }
@@ -304,21 +303,39 @@ impl Directional {
         None
     }
 
-    /// The directional form of g at u into the first rows of `rhs`, with its negative sign, and of
-    /// `matrix`; the rows of the pairs stay empty.
+    /// Newton's step from u, where the problem was linearized, with these members zero. Returns its
+    /// size.
+    fn choose(
+        &mut self,
+        system: &impl ComplementaritySystem,
+        zeros: &[Zero],
+        u: &mut [f64],
+    ) -> Option<f64> {
+        let n_equations = self.residual.len();
+        self.rhs[..n_equations].copy_from_slice(&self.residual);
+        self.matrix[n_equations * u.len()..].fill(0.0);
+        for (row, &zero) in zeros.iter().enumerate() {
+            let (member, _) = system.pairs()[row].split(zero);
+            let (left, right) = self.members(system, row, u);
+            self.rhs[n_equations + row] = -if zero == Zero::Left { left } else { right };
+            self.matrix[(n_equations + row) * u.len() + member.variable] = member.slope();
+        }
+        self.step(u, 1.0)
+    }
+
+    /// The directional form of g at u into `residual` and the first rows of `rhs`, with its negative
+    /// sign, and of `matrix`; the rows of the pairs stay empty.
     pub(super) fn linearize(&mut self, system: &impl ComplementaritySystem, u: &[f64]) {
         let (full, n_z) = (system.full(), u.len());
         let first = 1 + self.n + n_z;
         self.inputs[first..][..n_z].copy_from_slice(u);
         self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
         full.directional.run(&mut self.registers);
-        for (rhs, value) in self
-            .rhs
-            .iter_mut()
-            .zip(full.directional.results(&self.registers))
-        {
-            *rhs = -value;
+        let values = full.directional.results(&self.registers);
+        for (residual, value) in self.residual.iter_mut().zip(values) {
+            *residual = -value;
         }
+        self.rhs[..self.residual.len()].copy_from_slice(&self.residual);
         self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
         full.directional_slopes.tape.run(&mut self.registers);
         self.matrix.fill(0.0);

@@ -31,8 +31,10 @@ pub(super) enum Unsolved {
 const MAX_CHORDS: usize = 6;
 const MAX_NEWTON: usize = 25;
 
-/// Relative change of h up to which a factorization is tried again.
+/// Relative change of h up to which a factorization is tried again, and up to which it serves while h
+/// is sought.
 const REUSE: f64 = 0.2;
+const CLOSE: f64 = 0.01;
 
 /// Contraction above which a factorization is given up.
 const SLOW: f64 = 0.1;
@@ -259,10 +261,12 @@ impl Element {
         scale: &[f64],
     ) -> Result<f64, Unsolved> {
         let longest = self.h;
-        let (mut last, mut last_step) = (f64::INFINITY, f64::INFINITY);
+        let (mut last, mut last_step, mut is_slow) = (f64::INFINITY, f64::INFINITY, true);
         for _ in 0..MAX_NEWTON {
             self.finish(scheme);
-            self.factor(scheme, self.h)?;
+            if is_slow || (self.factored - self.h).abs() > CLOSE * self.h {
+                self.factor(scheme, self.h)?;
+            }
             self.residual(scheme);
             self.slope_by_length(scheme);
             self.substitute(|element| &mut element.rhs)?;
@@ -316,6 +320,7 @@ impl Element {
                 self.finish(scheme);
                 return Ok(self.h);
             }
+            is_slow = change > SLOW * last;
             last = change;
         }
         Err(Unsolved::Diverged)

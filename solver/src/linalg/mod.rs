@@ -261,8 +261,12 @@ fn solve<T: Number>(a: &[T], pivots: &[usize], rhs: &mut [T]) {
 
 /// Σ a_i b_i over the shorter of the two.
 fn dot<T: Number>(a: &[T], b: &[T]) -> T {
-    // Four sums do not wait for each other.
     let n = a.len().min(b.len());
+    if n < 8 {
+        let terms = a.iter().zip(b);
+        return terms.fold(T::zero(), |sum, (a, b)| sum + *a * *b);
+    }
+    // Four sums do not wait for each other.
     let (a, b) = (a[..n].chunks_exact(4), b[..n].chunks_exact(4));
     let rest = a.remainder().iter().zip(b.remainder());
     let rest = rest.fold(T::zero(), |sum, (a, b)| sum + *a * *b);

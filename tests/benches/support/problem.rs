@@ -1,13 +1,17 @@
 //! Time to reach an error, ours beside that of other solvers.
 
+#[path = "peers.rs"]
+mod peers;
+
 use std::hint::black_box;
-use std::process::Command;
 
 use criterion::Criterion;
 use nsd_solver::simulate::Status;
 use nsdc::Compiled;
 use nsdc::simulate::Switched;
 use serde_json::Value;
+
+use peers::Row;
 
 use crate::support::{Silent, median, print, simulator, start};
 
@@ -23,19 +27,12 @@ pub struct Problem<'a> {
     pub data: Value,
 }
 
-/// One way to reach an error.
-struct Row {
-    solver: String,
-    error: f64,
-    seconds: f64,
-}
-
 impl Problem<'_> {
     /// Measures, and prints the cheapest run of each solver for each error.
     pub fn compare(&self, criterion: &mut Criterion) {
         let switched = Switched::new(&self.compiled.system);
         let ours = self.ours(&switched, criterion);
-        let peers = self.peers();
+        let peers = peers::run(self.script, self.compiled, &self.exact, self.data.clone());
         print(&format!(
             "\n{}\n{:>8} {:>11} {:>12} {:>8}  solver",
             self.name, "error", "reached", "time (us)", "ratio"
@@ -101,44 +98,6 @@ impl Problem<'_> {
             })
         };
         self.errors.iter().map(cheapest).collect()
-    }
-
-    /// What the script measures; nothing, with a message, without an interpreter.
-    fn peers(&self) -> Vec<Row> {
-        let Ok(python) = std::env::var("NSDC_PEER_PYTHON") else {
-            print("peers skipped: NSDC_PEER_PYTHON names no Python with their packages");
-            return Vec::new();
-        };
-        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/peers");
-        let mut data = self.data.clone();
-        data["start"] = start(self.compiled).into();
-        data["horizon"] = self.compiled.settings.horizon.into();
-        data["exact"] = self.exact.clone().into();
-        let output = Command::new(python)
-            .args([self.script, &data.to_string()])
-            .current_dir(folder)
-            .env("PYTHONDONTWRITEBYTECODE", "1")
-            .envs([("OMP_NUM_THREADS", "1"), ("OPENBLAS_NUM_THREADS", "1")])
-            .output();
-        let output = match output {
-            Ok(output) => output,
-            Err(error) => {
-                print(&format!("peers skipped: {error}"));
-                return Vec::new();
-            }
-        };
-        print(String::from_utf8_lossy(&output.stderr).trim_end());
-        let text = String::from_utf8_lossy(&output.stdout);
-        let rows = text.lines().filter_map(|line| {
-            let row: Value = serde_json::from_str(line).ok()?;
-            let word = |key: &str| row[key].as_str().unwrap_or_default().to_owned();
-            Some(Row {
-                solver: format!("{} {}", word("solver"), word("method")),
-                error: row["error"].as_f64()?,
-                seconds: row["seconds"].as_f64()?,
-            })
-        });
-        rows.collect()
     }
 }
 
