@@ -152,6 +152,14 @@ fn compile_to<'e>(
             });
             return None;
         }
+        let projected = (0..system.switches.len()).find(|&k| system.is_projected(k));
+        if let Some(k) = projected.filter(|_| method.is_without_memory()) {
+            diags.push(ExperimentError::Projection {
+                method: method.word(),
+                span: system.switches[k].spans[0],
+            });
+            return None;
+        }
         if let Method::Smoothing(options) = method {
             system = system::smoothing::smooth(&system, options);
         }

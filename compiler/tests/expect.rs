@@ -142,13 +142,6 @@ fn these_fail() {
 }
 
 #[test]
-fn these_cannot_be_decided_yet() {
-    all(&["mode at 1 is active(s)"], |verdict| {
-        matches!(verdict, Verdict::Unsupported { .. })
-    });
-}
-
-#[test]
 fn a_failure_says_what_should_be_and_what_is() {
     let checks = verdicts(&[
         "len(switches) = 3",

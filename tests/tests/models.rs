@@ -7,6 +7,7 @@ use nsdc::cli::Exit;
 
 /// Experiments of the examples. All of them pass.
 const EXAMPLES: &[&str] = &[
+    "around_ellipse.nsd: across",
     "bouncing_ball.nsd: at_rest",
     "bouncing_ball.nsd: bounces",
     "bouncing_ball.nsd: frozen",
@@ -40,6 +41,9 @@ const EXAMPLES: &[&str] = &[
     "parts.nsd: pulled",
     "parts.nsd: to_rest",
     "puck.nsd: carry",
+    "projected.nsd: along",
+    "projected.nsd: carried",
+    "projected.nsd: level",
     "schedule.nsd: day",
     "spiral.nsd: zeno",
     "stick_slip.nsd: coulomb",
@@ -102,6 +106,7 @@ const MODELS: &[&str] = &[
     "oscillator.nsd: seventh_order",
     "parts.nsd: on_ice",
     "parts.nsd: to_rest",
+    "projected.nsd: along_boundary",
     "sliding_ocp.nsd: reach",
     "spiral.nsd: zeno",
     "stewart_anitescu.nsd: tutorial",
@@ -122,7 +127,6 @@ const NOT_YET: &[&str] = &[
     "convex.nsd: one (E0907)",
     "convex.nsd: two (E0906)",
     "hidden_modes.nsd: attract (E0920)",
-    "projected.nsd: along_boundary (E0905)",
     "stiction.nsd: excess_sticking (E0920)",
     "stiction.nsd: large_errors (E0923)",
     "stiction.nsd: small_errors (E0923)",

@@ -43,7 +43,7 @@ pub fn check(system: &System, lowerings: &[Lowering], needs: bool) -> Result<(),
     };
     is_without_memory(system)?;
     match formulation {
-        Formulation::Stewart => signs::check(system),
+        Formulation::Stewart => signs::check(system).and_then(|()| is_bilateral(system)),
         Formulation::Step => Ok(()),
     }
 }
@@ -65,6 +65,17 @@ fn is_without_memory(system: &System) -> Result<(), DcsError> {
     }
 }
 
+/// Stewart's program weighs regions, and a projection has a force without a bound.
+fn is_bilateral(system: &System) -> Result<(), DcsError> {
+    match system.switches.iter().find(|switch| switch.unilateral) {
+        Some(constraint) => Err(DcsError::Projection {
+            name: constraint.name.clone(),
+            span: constraint.spans[0],
+        }),
+        None => Ok(()),
+    }
+}
+
 fn asked(lowerings: &[Lowering]) -> Option<Formulation> {
     lowerings.iter().find_map(|lowering| match lowering {
         Lowering::Stewart => Some(Formulation::Stewart),
@@ -77,7 +88,10 @@ fn asked(lowerings: &[Lowering]) -> Option<Formulation> {
 pub fn lower_as<'e>(system: &System<'e>, formulation: Formulation) -> Result<Dcs<'e>, DcsError> {
     is_without_memory(system)?;
     let mut dcs = match formulation {
-        Formulation::Stewart => stewart::lower(system)?,
+        Formulation::Stewart => {
+            is_bilateral(system)?;
+            stewart::lower(system)?
+        }
         Formulation::Step => heaviside::lower(system),
     };
     let alphas: Substitution = (system.switches.iter().zip(&dcs.alphas))
@@ -101,6 +115,9 @@ pub fn choose(system: &System) -> Choice {
     };
     if system.switches.is_empty() {
         return choice(Formulation::Stewart, "the system has no switch");
+    }
+    if system.switches.iter().any(|switch| switch.unilateral) {
+        return choice(Formulation::Step, "projections are stated by forces");
     }
     let mut several = system
         .subsystems

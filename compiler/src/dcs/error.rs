@@ -36,6 +36,20 @@ pub enum DcsError {
         span: Span,
     },
 
+    /// Stewart's reformulation weighs regions.
+    #[error("the projection onto `{name}` cannot be lowered to Stewart's form")]
+    #[diagnostic(
+        code(E0905),
+        help("write `lower step;`, which states a projection by its force")
+    )]
+    Projection {
+        /// Its constraint.
+        name: String,
+        /// Its row.
+        #[label("kept by a force without a bound")]
+        span: Span,
+    },
+
     /// Stewart's reformulation needs one multiplier per region, and switches that multiply each other have 2^n of
     /// them. The step reformulation needs three variables per switch and one per product.
     #[error("{count} switches multiply each other, too many for `stewart`")]

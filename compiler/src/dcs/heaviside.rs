@@ -4,7 +4,8 @@
 //!
 //! x' = f(t, x, α),   0 = ψ - λᵖ + λⁿ,   0 <= λⁿ ⟂ α >= 0,   0 <= λᵖ ⟂ 1 - α >= 0
 //!
-//! so that λᵖ = max(ψ, 0) and λⁿ = max(-ψ, 0) are continuous. The weight of a region is a product of α and 1 - α over
+//! so that λᵖ = max(ψ, 0) and λⁿ = max(-ψ, 0) are continuous. A constraint ψ ≥ 0 of a projection, whose α has any value up
+//! to 1, is stated by its force λ = 1 - α: 0 = ψ - c, 0 <= c ⟂ λ >= 0 (a gradient complementarity system). The weight of a region is a product of α and 1 - α over
 //! the signs that its guard fixes; products become variables β, see `lift`.
 //!
 //! Acary, de Jong & Brogliato 2014; Nurkanović et al. 2024. The set of rates is the multi-affine one of Dieci & Lopez
@@ -22,14 +23,22 @@ pub fn lower<'e>(system: &System<'e>) -> Dcs<'e> {
     let mut dcs = Dcs::frame(system, Formulation::Step);
     let labels = labels::of(system);
     let start = Sides::at_start(system);
-    let mut guesses = solution(&start).into_iter();
+    let mut guesses = solution(system, &start).into_iter();
     let mut guess = || guesses.next().unwrap_or(0.0);
 
     let [alpha, lambda_p, lambda_n, beta] =
         ["alpha", "lambda_p", "lambda_n", "beta"].map(|word| labels::prefix(system, word));
+    let [gap, force] = ["gap", "force"].map(|word| labels::prefix(system, word));
     let mut alphas = Vec::with_capacity(labels.len());
     let mut multipliers = Vec::with_capacity(labels.len());
-    for label in &labels {
+    for (label, switch) in labels.iter().zip(&system.switches) {
+        if switch.unilateral {
+            let force = dcs.algebraic(&format!("{force}[{label}]"), guess());
+            let gap = dcs.multiplier(&format!("{gap}[{label}]"), guess());
+            alphas.push(1.0 - force);
+            multipliers.push((gap, force));
+            continue;
+        }
         alphas.push(dcs.algebraic(&format!("{alpha}[{label}]"), guess()));
         let lambda_p = dcs.multiplier(&format!("{lambda_p}[{label}]"), guess());
         let lambda_n = dcs.multiplier(&format!("{lambda_n}[{label}]"), guess());
@@ -55,6 +64,12 @@ pub fn lower<'e>(system: &System<'e>) -> Dcs<'e> {
         psi.into_iter().zip(&alphas).zip(multipliers).enumerate()
     {
         let origin = origin(system, k, Cause::Switch(k));
+        if system.switches[k].unilateral {
+            let (gap, force) = (lambda_p, lambda_n);
+            dcs.equation(psi - gap, origin);
+            dcs.pair(gap, force, origin);
+            continue;
+        }
         dcs.equation(psi - lambda_p + lambda_n, origin);
         dcs.pair(lambda_n, alpha, origin);
         dcs.pair(lambda_p, 1.0 - alpha, origin);
@@ -99,11 +114,16 @@ fn without_idle<'e>(system: &System<'e>, rate: Expr<'e>) -> Expr<'e> {
     rate.substitute(&idle.map(|alpha| (alpha, zero)).collect())
 }
 
-/// α, λᵖ and λⁿ of every switch, in the order in which [`lower`] declares them.
-pub(super) fn solution(sides: &Sides) -> Vec<f64> {
-    let triples = sides.alpha.iter().zip(&sides.psi);
-    let triples = triples.map(|(&alpha, &psi)| [alpha, psi.max(0.0), (-psi).max(0.0)]);
-    triples.flatten().collect()
+/// α, λᵖ and λⁿ of every switch, or its force and c, in the order in which [`lower`] declares them.
+pub(super) fn solution(system: &System, sides: &Sides) -> Vec<f64> {
+    let mut values = Vec::new();
+    for ((switch, &alpha), &psi) in system.switches.iter().zip(&sides.alpha).zip(&sides.psi) {
+        match switch.unilateral {
+            true => values.extend([if psi > 0.0 { 0.0 } else { 1.0 - alpha }, psi.max(0.0)]),
+            false => values.extend([alpha, psi.max(0.0), (-psi).max(0.0)]),
+        }
+    }
+    values
 }
 
 fn origin(system: &System, switch: usize, cause: Cause) -> Origin {

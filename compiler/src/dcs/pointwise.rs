@@ -118,7 +118,7 @@ pub(super) fn solve_with<'e>(
     let mut declared = dcs.algebraics.iter().filter_map(|z| z.var.as_variable());
     let direct = match dcs.formulation {
         Formulation::Stewart => stewart::solution(system, sides),
-        Formulation::Step => heaviside::solution(sides),
+        Formulation::Step => heaviside::solution(system, sides),
     };
     known.extend(declared.by_ref().take(direct.len()).zip(direct));
     // What is left are products, defined in order by the last equations: 0 = β - product.

@@ -87,6 +87,12 @@ pub(super) fn connect<'e>(
             *e = e.substitute(&connected.values);
         }
     }
+    for projection in &mut model.projections {
+        let constraints = projection.constraints.iter_mut().map(|row| &mut row.c);
+        for e in constraints.chain(projection.metric.iter_mut().flatten()) {
+            *e = e.substitute(&connected.values);
+        }
+    }
     for jump in &mut model.jumps {
         jump.guard = jump.guard.substitute(&connected.values);
         if let Some(value) = jump.guard.as_constant() {

@@ -65,6 +65,7 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
             jumps: vec![],
             bodies: vec![],
             contacts: vec![],
+            projections: vec![],
             surfaces: vec![],
             param_order: vec![],
             scope: scope.clone(),

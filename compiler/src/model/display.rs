@@ -80,6 +80,18 @@ impl<'e> fmt::Display for Model<'e> {
                 writeln!(f, "  slip {slip}")?;
             }
         }
+        for projection in &self.projections {
+            let entries = projection.entries.iter();
+            let names: Vec<String> = entries.map(|&entry| self.entry_name(entry)).collect();
+            writeln!(f, "project {}", names.join(", "))?;
+            for row in &projection.constraints {
+                writeln!(f, "  {} >= 0", row.c)?;
+            }
+            if let Some(metric) = &projection.metric {
+                let entries: Vec<String> = metric.iter().map(ToString::to_string).collect();
+                writeln!(f, "  metric [{}]", entries.join(", "))?;
+            }
+        }
         for jump in &self.jumps {
             writeln!(f, "jump {} {}", jump.name, jump.guard)?;
             for reset in &jump.resets {

@@ -6,7 +6,9 @@ use super::check;
 use super::lower::Lowering;
 use super::names::local_lets;
 use super::scope::{Meaning, Reported};
-use super::{Body, Contact, DynamicsError, Hidden, Jump, Model, Rate, Region, TargetKind, target};
+use super::{
+    Body, Contact, DynamicsError, Hidden, Jump, Model, Projection, Rate, Region, TargetKind, target,
+};
 use crate::expr::{Expr, Substitution};
 use crate::source::Span;
 use crate::syntax::{self, For, RegionGuard, Stmt};
@@ -26,6 +28,7 @@ pub(super) struct Walk<'e> {
     pub jumps: Vec<Jump<'e>>,
     pub bodies: Vec<Body<'e>>,
     pub contacts: Vec<Contact<'e>>,
+    pub projections: Vec<Projection<'e>>,
     /// States with a statement that is wrong: whether they are set is unknown.
     pub touched: FxHashSet<String>,
 }
@@ -54,6 +57,7 @@ impl<'e> Walk<'e> {
             jumps: vec![],
             bodies: vec![],
             contacts: vec![],
+            projections: vec![],
             vars: model.state_vars().collect(),
             touched: FxHashSet::default(),
         }
@@ -81,6 +85,7 @@ impl<'e> Walk<'e> {
                 (Stmt::Jump(jump), Sink::Outside) => self.jump(lowering, jump),
                 (Stmt::Mechanics(mechanics), Sink::Outside) => self.mechanics(lowering, mechanics),
                 (Stmt::Contact(contact), Sink::Outside) => self.contact(lowering, contact, None),
+                (Stmt::Project(project), Sink::Outside) => self.project(lowering, project),
                 _ => Ok(()),
             };
             result = result.and(one);

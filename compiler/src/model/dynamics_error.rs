@@ -235,6 +235,20 @@ pub enum DynamicsError {
         span: Span,
     },
 
+    /// A projection whose set or metric is none.
+    #[error("{what}")]
+    #[diagnostic(
+        code(E0323),
+        help(
+            "write `project x onto {{ c >= 0; lo <= x <= hi; }}`, and after the braces `metric E` where E is no identity: a number, or a symmetric matrix"
+        )
+    )]
+    ProjectionForm {
+        what: String,
+        #[label("here")]
+        span: Span,
+    },
+
     /// Dynamics of a part, written outside of it.
     #[error("only `{part}` itself sets the dynamics of its states")]
     #[diagnostic(

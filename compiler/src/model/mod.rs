@@ -42,6 +42,7 @@ mod order;
 mod partition;
 mod parts;
 mod places;
+mod projections;
 mod reserved;
 mod resolve;
 mod rows;
@@ -122,6 +123,8 @@ pub struct Model<'e> {
     pub bodies: Vec<Body<'e>>,
     /// Contacts between these, in order.
     pub contacts: Vec<Contact<'e>>,
+    /// Sets that states stay in, in order.
+    pub projections: Vec<Projection<'e>>,
     /// Every switching function with the name users know it by.
     pub surfaces: Vec<Surface<'e>>,
     /// Params in an order in which their defaults can be evaluated.
@@ -339,6 +342,36 @@ impl<'e> Contact<'e> {
             .chain(friction)
             .chain(slip)
     }
+}
+
+/// `project x onto { c >= 0; } metric E;`: x' = f + E ∇c λ.
+#[derive(Clone, Debug)]
+pub struct Projection<'e> {
+    /// Entries of x, as indices into [`Model::state_vars`].
+    pub entries: Vec<usize>,
+    /// The set.
+    pub constraints: Vec<Constraint<'e>>,
+    /// E, row by row; none for the identity.
+    pub metric: Option<Vec<Expr<'e>>>,
+    /// The statement.
+    pub span: Span,
+}
+
+impl<'e> Projection<'e> {
+    /// All its expressions.
+    pub fn exprs(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
+        let metric = self.metric.iter().flatten().copied();
+        self.constraints.iter().map(|row| row.c).chain(metric)
+    }
+}
+
+/// c >= 0.
+#[derive(Clone, Copy, Debug)]
+pub struct Constraint<'e> {
+    /// c.
+    pub c: Expr<'e>,
+    /// The row.
+    pub span: Span,
 }
 
 /// The value of one state entry after a jump.

@@ -101,6 +101,7 @@ fn walk<'e>(
     (model.dynamics, model.regions, model.hidden) = (walk.dynamics, walk.regions, walk.hidden);
     model.jumps = walk.jumps;
     (model.bodies, model.contacts) = (walk.bodies, walk.contacts);
+    model.projections = walk.projections;
     walk.touched
 }
 

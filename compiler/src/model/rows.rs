@@ -34,7 +34,8 @@ impl<'e> Scope<'e> {
     }
 }
 
-fn all<'e>(
+/// The comparisons of all rows, added to those found.
+pub(super) fn all<'e>(
     lowering: &mut Lowering<'_, 'e>,
     rows: &[Row],
     found: &mut Vec<Comparison<'e>>,

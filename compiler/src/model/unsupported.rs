@@ -25,14 +25,6 @@ pub enum Unsupported {
         span: Span,
     },
 
-    /// Projected dynamics.
-    #[error("projected dynamics are not supported yet")]
-    #[diagnostic(code(E0905))]
-    Projections {
-        #[label("a projection")]
-        span: Span,
-    },
-
     /// Algebraic states, equations and complementarity.
     #[error("algebraic states and complementarity are not supported yet")]
     #[diagnostic(
@@ -79,7 +71,6 @@ pub(super) fn is_refused(stmt: &Stmt) -> bool {
 
 fn refusal(stmt: &Stmt) -> Option<Unsupported> {
     Some(match stmt {
-        Stmt::Project(project) => Unsupported::Projections { span: project.span },
         Stmt::Program(program) => Unsupported::Programs { span: program.span },
         Stmt::Equation { span, .. } | Stmt::Complementarity { span, .. } => {
             Unsupported::Algebraic { span: *span }

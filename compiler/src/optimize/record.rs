@@ -96,6 +96,7 @@ pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Traje
                     });
                 match (low >= 1.0 - ROUNDING, high <= ROUNDING) {
                     (true, _) => Side::Plus,
+                    // A force has no bound.
                     (_, true) if !system.switches[i].unilateral => Side::Minus,
                     _ => Side::Slide,
                 }

@@ -225,6 +225,10 @@ pub enum Side {
     Stick,
     /// A closed contact that slips.
     Slip,
+    /// A constraint of a projection that holds with room.
+    Inactive,
+    /// A constraint of a projection that is kept.
+    Active,
 }
 
 /// A warning of a run.

@@ -18,6 +18,8 @@ impl Side {
             Side::Closed => "closed",
             Side::Stick => "stick",
             Side::Slip => "slip",
+            Side::Inactive => "inactive",
+            Side::Active => "active",
         }
     }
 }
@@ -51,6 +53,8 @@ impl Trajectory {
             Side::Closed,
             Side::Stick,
             Side::Slip,
+            Side::Inactive,
+            Side::Active,
         ] {
             match on(side).count() {
                 0 => {}

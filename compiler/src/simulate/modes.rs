@@ -184,6 +184,12 @@ impl<'s, 'e> ModeNames<'s, 'e> {
 
     /// The report's side of a switch.
     fn side(&self, switch: usize, side: Side) -> report::Side {
+        if self.system.is_projected(switch) {
+            return match side {
+                Side::Slide => report::Side::Active,
+                _ => report::Side::Inactive,
+            };
+        }
         if self.system.switches[switch].unilateral {
             return match side {
                 Side::Slide => report::Side::Closed,
@@ -213,10 +219,13 @@ impl<'s, 'e> ModeNames<'s, 'e> {
 
     /// What the change of one switch is called; none where it did not change.
     fn kind(&self, switch: usize, from: Side, to: Side) -> Option<EventKind> {
+        let is_projected = self.system.is_projected(switch);
         let switch = &self.system.switches[switch];
         match (switch.relay, to) {
             _ if from == to => None,
             (Some(_), _) => Some(EventKind::Relay),
+            (None, Side::Slide) if is_projected => Some(EventKind::Activate),
+            (None, _) if is_projected => Some(EventKind::Deactivate),
             (None, Side::Slide) if switch.unilateral => Some(EventKind::ContactClose),
             (None, _) if switch.unilateral => Some(EventKind::ContactOpen),
             _ => kind(from, to),

@@ -112,7 +112,7 @@ impl<'e> Lowering<'_, 'e> {
                 Some((friction, slip, tangent))
             }
         };
-        let Some(switch) = self.switches.contact(gap, name, contact.span) else {
+        let Some(switch) = self.switches.unilateral(gap, name, contact.span) else {
             let what = "its gap is compared elsewhere too, or is that of another contact";
             return Err(wrong(what, contact.gap_span));
         };

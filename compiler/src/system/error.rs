@@ -109,6 +109,21 @@ pub enum SystemError {
         span: Span,
     },
 
+    /// A constraint that a projection cannot keep.
+    #[error("`{name}` is no constraint of a projection: {what}")]
+    #[diagnostic(
+        code(E0412),
+        help(
+            "a row is a smooth function of time and state that the projected state moves, and no other row or comparison has the same one; `metric` is positive semidefinite"
+        )
+    )]
+    NoConstraint {
+        name: String,
+        what: String,
+        #[label("here")]
+        span: Span,
+    },
+
     /// Friction without a direction.
     #[error("the direction in which `{name}` slips is not known")]
     #[diagnostic(

@@ -249,7 +249,7 @@ impl<'e> Lowering<'_, 'e> {
         self.model.exprs.sum(along.chain(by_time))
     }
 
-    fn slope(&self, e: Expr<'e>, entry: usize) -> Expr<'e> {
+    pub(super) fn slope(&self, e: Expr<'e>, entry: usize) -> Expr<'e> {
         let var = self
             .model
             .state_vars()
@@ -276,12 +276,12 @@ impl<'e> Lowering<'_, 'e> {
 
     /// Whether an expression is zero wherever its variables are: by its form, or else at points without special
     /// relations.
-    fn vanishes(&self, e: Expr<'e>) -> bool {
+    pub(super) fn vanishes(&self, e: Expr<'e>) -> bool {
         e.is_zero() || self.at_samples(e, |value| value.abs() < 1e-9)
     }
 
     /// Whether values at points without special relations have a property.
-    fn at_samples(&self, e: Expr<'e>, holds: impl Fn(f64) -> bool) -> bool {
+    pub(super) fn at_samples(&self, e: Expr<'e>, holds: impl Fn(f64) -> bool) -> bool {
         let e = self.in_numbers(e);
         (1..=5).all(|point| {
             let point = f64::from(point);

@@ -68,6 +68,7 @@ pub fn lower<'e>(
     let task = lowering.task();
     lowering.find_contacts(&mut laws, &mut rates, &regions, (&outputs, &limits), diags);
     let contacts = lowering.contacts(&mut rates, diags);
+    lowering.projections(&mut rates, diags);
     let bodies = lowering.bodies();
     lowering.report_refused(diags);
     if diags.errors().count() > errors_before {

@@ -19,7 +19,7 @@
 //! - A relay has memory: its α is 0 or 1 and stays until ψ, which contains it, leaves its side. Relays
 //!   come before all other switches, and their y may contain α of any.
 //! - A unilateral switch is discontinuous; its α occurs in rates only, in directions that push ψ up, and
-//!   one law at most strikes it.
+//!   one law at most strikes it: none where it is a constraint of a projection.
 //! - A slip switch is discontinuous, and its α occurs in rates only, in products with 1 - α of its contact.
 //! - No two ψ are multiples of each other but those of slip switches, and none is constant.
 //! - Rates, outputs, limits, ψ and the task contain only time, parameters, data, states, controls that are decided,
@@ -52,6 +52,7 @@ mod needs;
 #[cfg(test)]
 mod needs_tests;
 mod partitions;
+mod projections;
 mod read;
 mod reading;
 mod regions;
@@ -175,7 +176,8 @@ pub struct Switch<'e> {
     pub continuity: Continuity,
     /// What a relay remembers; none for the others.
     pub relay: Option<Relay>,
-    /// True for a contact: ψ ≥ 0, and α is 1 where ψ > 0 and any number up to 1 where it is kept at zero.
+    /// True for a contact, and for a constraint of a projection: ψ ≥ 0, and α is 1 where ψ > 0 and any number up to 1
+    /// where it is kept at zero.
     pub unilateral: bool,
     /// The unilateral switch without which it means nothing: that of the contact whose slip velocity is ψ.
     pub slip_of: Option<usize>,
@@ -275,6 +277,13 @@ pub struct Direction<'e> {
 }
 
 impl System<'_> {
+    /// True for a constraint of a projection: what keeps it is no contact, so that nothing strikes it.
+    pub fn is_projected(&self, switch: usize) -> bool {
+        let struck = self.laws.iter().any(|law| law.strikes == Some(switch));
+        let touched = self.contacts.iter().any(|contact| contact.switch == switch);
+        self.switches[switch].unilateral && !struck && !touched
+    }
+
     /// The first jump or contact, by which states jump.
     pub fn first_jump(&self) -> Option<(&str, Span)> {
         let laws = self.laws.iter().map(|law| (law.name.as_str(), law.span));

@@ -249,6 +249,26 @@ impl<'m, 'e> Closure<'m, 'e> {
                 needs_too(entry, &exprs);
             }
         }
+        for projection in &model.projections {
+            let n = projection.entries.len();
+            for row in &projection.constraints {
+                let inside = variables_of(&[row.c]);
+                let moved =
+                    |i: &usize| states[projection.entries[*i]].is_some_and(|x| inside.contains(&x));
+                let pushed = |i: &usize| match &projection.metric {
+                    None => moved(i),
+                    Some(metric) => (0..n).any(|j| moved(&j) && !metric[i * n + j].is_zero()),
+                };
+                for i in (0..n).filter(pushed) {
+                    let metric = projection
+                        .metric
+                        .iter()
+                        .flat_map(|m| &m[i * n..(i + 1) * n]);
+                    let exprs: Vec<Expr<'e>> = metric.copied().chain([row.c]).collect();
+                    needs_too(projection.entries[i], &exprs);
+                }
+            }
+        }
         for jump in &model.jumps {
             for reset in &jump.resets {
                 if let Some(needed) = rates.get_mut(reset.entry) {

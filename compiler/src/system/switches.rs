@@ -220,8 +220,8 @@ impl<'e> Switches<'e> {
         switch.scale = surface::canonical(psi, &self.params).0;
     }
 
-    /// Makes the switch of the gap of a contact; nothing where ψ is none, or that of another switch.
-    pub fn contact(&mut self, gap: Expr<'e>, name: &str, span: Span) -> Option<usize> {
+    /// Makes the switch of a gap, or of a constraint of a projection; nothing where ψ is none, or that of another switch.
+    pub fn unilateral(&mut self, gap: Expr<'e>, name: &str, span: Span) -> Option<usize> {
         self.here = span;
         let is_surface = surface::form(gap, &self.params) == Form::Regular;
         if !is_surface || self.find(gap).is_some() {

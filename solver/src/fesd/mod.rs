@@ -321,6 +321,9 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
         t1: f64,
         observer: &mut impl Observer,
     ) -> Result<(), Status> {
+        if let Some(switch) = self.system.below(t0, &run.x) {
+            return Err(Status::Penetrates { switch });
+        }
         self.load(run, t0);
         self.begin(run, t1 - t0)?;
         match self.settings.grid {

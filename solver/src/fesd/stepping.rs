@@ -74,6 +74,9 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
         let mut sides: Option<Box<[Side]>> = None;
         let (mut stats, mut t) = (Stats::default(), t0);
         let status = loop {
+            if let Some(switch) = self.system.below(t, &x).filter(|_| ends == 0) {
+                break Status::Penetrates { switch };
+            }
             if ends == steps {
                 break Status::Solved;
             }

@@ -49,6 +49,10 @@ pub trait ComplementaritySystem {
     fn z_at(&self, _t: f64, _x: &[f64]) -> Vec<f64> {
         self.start().to_vec()
     }
+    /// The switch of a gap that is negative at a point by more than rounding, where no solution is.
+    fn below(&self, _t: f64, _x: &[f64]) -> Option<usize> {
+        None
+    }
     /// Whether a variable is continuous along solutions.
     fn is_continuous(&self, algebraic: usize) -> bool;
 }
@@ -106,6 +110,8 @@ pub struct Pair {
     pub right: Member,
     /// Pairs of different groups share no equation.
     pub group: usize,
+    /// Whether the member that jumps is 1 at most, as θ and α are; a force has no bound.
+    pub is_bounded: bool,
 }
 
 impl Pair {

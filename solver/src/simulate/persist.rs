@@ -9,6 +9,7 @@ use super::meeting::{Forces, Meeting, NoForces};
 use super::mode::Mode;
 use super::select::{Choice, Choices};
 use super::state::State;
+use super::system::{Guard, Law};
 use super::{Side, Simulator, Status, SwitchedSystem};
 
 /// Forces and accelerations below this fraction of their scale are tried both ways.
@@ -21,11 +22,18 @@ const MAX_DOUBTS: usize = 4;
 type Sides = (Side, Side);
 
 impl<S: SwitchedSystem> Simulator<'_, S> {
+    /// True for a unilateral switch whose surface is struck; what keeps the others, as the constraints of
+    /// projections, acts on their rate itself.
+    fn is_struck(&self, switch: usize) -> bool {
+        let strikes = |law: &Law| matches!(law.guard, Guard::Strikes(struck) if struck == switch);
+        self.system.laws().iter().any(strikes)
+    }
+
     /// True for a group that nothing but contacts and their friction belong to.
     pub(super) fn is_of_contacts(&self, group: &[usize]) -> bool {
         let is_contact = |&i: &usize| {
             let slips = self.system.slip_of(i);
-            self.system.is_unilateral(i) || slips.is_some_and(|of| group.contains(&of))
+            self.is_struck(i) || slips.is_some_and(|of| group.contains(&of))
         };
         group.iter().all(is_contact)
     }

@@ -75,7 +75,7 @@ pub trait SwitchedSystem {
         false
     }
     /// True for a switch that is never below its surface: it is above, or kept on it by an α that may
-    /// have any value up to 1. Its relative degree is two.
+    /// have any value up to 1. Its relative degree is two where a law strikes it, else one.
     fn is_unilateral(&self, _switch: usize) -> bool {
         false
     }

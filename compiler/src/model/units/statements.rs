@@ -5,7 +5,7 @@ use super::infer::{factor, is};
 use super::{Checker, Dim, Frame, Thing, UnitError, gives};
 use crate::syntax::{
     Bind, Contact, Decl, Domain, Dynamics, Expect, ExpectWhen, Experiment, Expr, OutputWhen, Part,
-    RegionGuard, SettingKind, Stmt,
+    RegionGuard, Row, SettingKind, Stmt,
 };
 
 impl<'f> Checker<'f, '_> {
@@ -63,6 +63,7 @@ impl<'f> Checker<'f, '_> {
                     .for_each(|contact| self.contact(contact));
             }
             Stmt::Contact(contact) => self.contact(contact),
+            Stmt::Project(project) => self.rows(&project.rows),
             Stmt::Jump(jump) => {
                 self.expr(&jump.guard);
                 for bind in &jump.resets {
@@ -72,11 +73,28 @@ impl<'f> Checker<'f, '_> {
             }
             // Refused before units are looked at, or without values of their own.
             Stmt::Const(_)
-            | Stmt::Project(_)
             | Stmt::Program(_)
             | Stmt::Equation { .. }
             | Stmt::Complementarity { .. }
             | Stmt::Bad(_) => {}
+        }
+    }
+
+    /// The sides of a row are alike.
+    fn rows(&mut self, rows: &'f [Row]) {
+        for row in rows {
+            match row {
+                Row::For { binders, rows, .. } => {
+                    self.frames.push(Frame::Indices(binders));
+                    self.rows(rows);
+                    self.frames.pop();
+                }
+                Row::Relation { first, rest, .. } => {
+                    let members = std::iter::once(first).chain(rest.iter().map(|(_, side)| side));
+                    self.agree("the sides of this row", members);
+                }
+                Row::Bad(_) => {}
+            }
         }
     }
 

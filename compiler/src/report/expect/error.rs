@@ -142,12 +142,4 @@ pub enum ExpectError {
         #[label("nothing is minimized here")]
         span: Span,
     },
-    /// What contacts and projections have.
-    #[error("`expect {what}` is not yet supported")]
-    #[diagnostic(code(E0960))]
-    Unsupported {
-        what: String,
-        #[label("not yet supported")]
-        span: Span,
-    },
 }

@@ -9,9 +9,6 @@ use crate::report::text::significant;
 use crate::report::{ModeInterval, Side, Trajectory};
 use crate::syntax::{self, Arg, ExprKind};
 
-/// What projections do.
-const NOT_YET: [&str; 1] = ["active"];
-
 /// Finds the mistakes in the description of a mode.
 pub fn check(subject: &Subject<'_, '_>, mode: &syntax::Expr, diags: &mut Diagnostics) {
     let regions = all_regions(subject);
@@ -79,13 +76,6 @@ fn holds(
         ExprKind::Not(part) => Ok(!holds(subject, part, interval)?),
         ExprKind::Call(word, args) => {
             let word = as_name(word).unwrap_or_default();
-            if NOT_YET.contains(&word) {
-                let what = format!("mode is {word}(..)");
-                return Err(ExpectError::Unsupported {
-                    what,
-                    span: mode.span,
-                });
-            }
             let wanted = match word {
                 "sliding" => Side::Sliding,
                 "above" => Side::Above,
@@ -96,6 +86,8 @@ fn holds(
                 "closed" => Side::Closed,
                 "stick" => Side::Stick,
                 "slip" => Side::Slip,
+                "active" => Side::Active,
+                "inactive" => Side::Inactive,
                 _ => return Err(not_a_mode(subject, mode)),
             };
             if wanted == Side::Sliding
@@ -172,10 +164,11 @@ fn indicated(subject: &Subject<'_, '_>, args: &[Arg]) -> Option<Vec<String>> {
 }
 
 /// What a switch may be.
-fn words_of(subject: &Subject<'_, '_>, switch: usize) -> &'static [&'static str] {
-    let switch = &subject.system.switches[switch];
+fn words_of(subject: &Subject<'_, '_>, k: usize) -> &'static [&'static str] {
+    let switch = &subject.system.switches[k];
     match switch.relay {
         Some(_) => &["on", "off"],
+        None if subject.system.is_projected(k) => &["active", "inactive"],
         None if switch.unilateral => &["closed", "open"],
         None if switch.slip_of.is_some() => &["stick", "slip"],
         None => &["above", "below", "sliding"],

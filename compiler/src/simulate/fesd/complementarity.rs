@@ -37,6 +37,8 @@ pub struct Complementarity<'e> {
     pieces: Pieces,
     /// Where functions of time are narrow.
     pulses: Pulses,
+    /// ψ of unilateral switches.
+    gaps: Vec<(usize, Expr<'e>)>,
     /// What z at a breakpoint follows from; none without data.
     at_breakpoints: Option<(System<'e>, Dcs<'e>)>,
     known: RefCell<FxHashMap<Vec<Zero>, Option<Arc<Reduced>>>>,
@@ -44,6 +46,9 @@ pub struct Complementarity<'e> {
 
 /// Derivatives that are looked at for one that contains an unknown.
 const MAX_DERIVATIVES: usize = 6;
+
+/// A gap below this is no rounding.
+const OUTSIDE: f64 = 1e-10;
 
 impl<'e> Complementarity<'e> {
     /// Substitutes the parameters of a lowering of `system`.
@@ -53,6 +58,10 @@ impl<'e> Complementarity<'e> {
         let mut numbers: Substitution = params
             .map(|param| (variable(param.var), exprs.constant(param.value)))
             .collect();
+        let gaps = system.switches.iter().enumerate();
+        let gaps = gaps.filter(|(_, switch)| switch.unilateral);
+        let gaps = gaps.map(|(k, switch)| (k, switch.psi.substitute(&numbers)));
+        let gaps: Vec<(usize, Expr<'e>)> = gaps.collect();
         let (pieces, coefficients, polynomials) = Pieces::new(system);
         for data in system.data.iter().map(|data| variable(data.var)) {
             if let Some(polynomial) = polynomials.get(data) {
@@ -68,12 +77,14 @@ impl<'e> Complementarity<'e> {
             .map(|(i, &z)| (z, i))
             .collect();
         let groups = groups(&equations, &place);
-        let pair = |pair: &dcs::Pair<'e>| {
+        let is_force = |origin: &Origin| matches!(origin.cause, Cause::Switch(switch) if system.switches[switch].unilateral);
+        let pair = |(pair, origin): (&dcs::Pair<'e>, &Origin)| {
             let (left, right) = (member(pair.left, &place), member(pair.right, &place));
             Pair {
                 left,
                 right,
                 group: groups[left.variable],
+                is_bounded: !is_force(origin),
             }
         };
         let continuous: Vec<bool> = dcs.algebraics.iter().map(|z| z.continuous).collect();
@@ -84,7 +95,7 @@ impl<'e> Complementarity<'e> {
             continuous,
             start: dcs.algebraics.iter().map(|z| z.guess).collect(),
             alphas: numbers.apply(&dcs.alphas),
-            pairs: dcs.pairs.iter().map(pair).collect(),
+            pairs: dcs.pairs.iter().zip(&dcs.origins.pairs).map(pair).collect(),
             switches_of: (dcs.origins.pairs.iter())
                 .map(|origin| switches(system, origin))
                 .collect(),
@@ -103,6 +114,7 @@ impl<'e> Complementarity<'e> {
             coefficients,
             pieces,
             pulses: Pulses::default(),
+            gaps,
             at_breakpoints,
             known: RefCell::default(),
         };
@@ -359,6 +371,22 @@ impl ComplementaritySystem for Complementarity<'_> {
             .collect();
         let value = |var: Var| known.get(&var).copied().unwrap_or(f64::NAN);
         dcs::solve_pointwise(system, dcs, &value).algebraics
+    }
+
+    fn below(&self, t: f64, x: &[f64]) -> Option<usize> {
+        let data = self.at_breakpoints.as_ref();
+        let data = data.map_or(&[][..], |(system, _)| &system.data);
+        let value = |var: Var| {
+            if var == self.time {
+                return t;
+            }
+            let place = self.states.iter().position(|&state| state == var);
+            let table = data.iter().find(|data| variable(data.var) == var);
+            let table = table.map(|data| data.table.value(t));
+            place.map(|place| x[place]).or(table).unwrap_or(f64::NAN)
+        };
+        let is_below = |(_, gap): &&(usize, Expr<'_>)| gap.eval(&value) < -OUTSIDE;
+        self.gaps.iter().find(is_below).map(|(switch, _)| *switch)
     }
 
     fn start(&self) -> &[f64] {

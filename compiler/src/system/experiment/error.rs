@@ -254,6 +254,18 @@ pub enum ExperimentError {
         span: Span,
     },
 
+    /// A projection in a method that knows forces up to a bound only.
+    #[error("`method {method}` does not take projections")]
+    #[diagnostic(
+        code(E0905),
+        help("use `method event`, which is the default, or `fesd` or `timestepping`")
+    )]
+    Projection {
+        method: &'static str,
+        #[label("kept by a force without a bound")]
+        span: Span,
+    },
+
     /// A comparison of methods of simulation.
     #[error("`{name}` is no simulation")]
     #[diagnostic(

@@ -34,6 +34,10 @@ pub(super) fn check(system: &System<'_>) -> Result<(), SystemError> {
         .collect();
     for (k, switch) in system.switches.iter().enumerate() {
         let span = switch.spans.first().copied().unwrap_or_default();
+        if system.is_projected(k) {
+            let what = format!("the projection onto `{}`", switch.name);
+            return Err(refused(what, span));
+        }
         if switch.relay.is_some() {
             let watched = variables_of(&[at(switch.psi, alpha(system, k), 0.0)]);
             let jumps = |var: &Var| alphas.contains(var) || jumping.contains(var);

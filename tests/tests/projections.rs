@@ -1,0 +1,304 @@
+//! Projected dynamics against closed forms, and against an enumeration of active sets.
+
+use std::f64::consts::PI;
+
+use nalgebra::{DMatrix, DVector};
+use nsd_tests::{end, run, times, with_experiment};
+use nsdc::optimize;
+use nsdc::report::{EventKind, Failure, Status, Trajectory};
+use nsdc::simulate::Request;
+
+/// By events, and by finite elements of an order that leaves rounding.
+const ROADS: [&str; 2] = [
+    "tolerance 1e-12;",
+    "method fesd { steps = 120; scheme = radau_iia(4); }",
+];
+
+/// Runs a model to a horizon.
+fn runs(model: &str, name: &str, horizon: f64, method: &str) -> Trajectory {
+    let text = format!("{model} simulate this of {name} {{ horizon {horizon:?}; {method} }}");
+    let trajectory = run(&text, "this");
+    assert_eq!(
+        trajectory.status,
+        Status::Solved,
+        "{:?}",
+        trajectory.failure
+    );
+    trajectory
+}
+
+#[track_caller]
+fn assert_near(found: &[f64], exact: &[f64], within: f64) {
+    assert_eq!(found.len(), exact.len(), "{found:?} and {exact:?}");
+    let far = |(a, b): (&f64, &f64)| (a - b).abs() > within;
+    assert!(!found.iter().zip(exact).any(far), "{found:?} and {exact:?}");
+}
+
+/// Turns clockwise with radius 2 down to x₂ = -1, along it to (0, -1), where nothing pushes any more, and on with
+/// radius 1.
+const TURN: &str = "model turn {
+  state x[2] = [sqrt(2), sqrt(2)];
+  x' = [x[2], -x[1]];
+  project x onto { x[2] + 1 >= 0; }
+}";
+
+fn turn_horizon() -> f64 {
+    11.0 * PI / 12.0 + 3.0_f64.sqrt()
+}
+
+#[test]
+fn a_constraint_is_reached_and_left() {
+    for method in ROADS {
+        let found = runs(TURN, "turn", turn_horizon(), method);
+        assert_near(&end(&found, "x"), &[-1.0, 0.0], 1e-10);
+        let reached = 5.0 * PI / 12.0;
+        assert_near(&times(&found, EventKind::Activate), &[reached], 1e-10);
+        let left = reached + 3.0_f64.sqrt();
+        assert_near(&times(&found, EventKind::Deactivate), &[left], 1e-9);
+    }
+}
+
+#[test]
+fn finite_elements_keep_their_order_across_activation_and_deactivation() {
+    for (scheme, n_nodes, grids) in [
+        ("radau_iia(1)", 1.0, &[40, 57, 81, 115, 163, 231][..]),
+        ("radau_iia(2)", 2.0, &[20, 27, 37, 51, 69, 93]),
+        ("radau_iia(3)", 3.0, &[8, 11, 15, 20, 27, 36]),
+    ] {
+        let points: Vec<(f64, f64)> = grids
+            .iter()
+            .map(|&steps: &i32| {
+                let method = format!("method fesd {{ steps = {steps}; scheme = {scheme}; }}");
+                let x = end(&runs(TURN, "turn", turn_horizon(), &method), "x");
+                let error = (x[0] + 1.0).hypot(x[1]);
+                (f64::from(steps).ln(), -error.ln())
+            })
+            .collect();
+        let n = points.len() as f64;
+        let mean = points
+            .iter()
+            .fold((0.0, 0.0), |m, p| (m.0 + p.0 / n, m.1 + p.1 / n));
+        let covariance = points.iter().map(|p| (p.0 - mean.0) * (p.1 - mean.1));
+        let variance = points.iter().map(|p| (p.0 - mean.0).powi(2));
+        let order = covariance.sum::<f64>() / variance.sum::<f64>();
+        let least = 2.0 * n_nodes - 1.3;
+        assert!(order >= least, "{scheme}: order {order:.2} from {points:?}");
+    }
+}
+
+#[test]
+fn a_constraint_is_touched_with_third_order_and_pushed() {
+    // y = 2 - s³ + s⁴ at s = x comes down to zero with y' = 0 at t = 1; -3s² + 4s³ pushes until s = 3/4.
+    let model = "model touch {
+      state x = -1;
+      state y = 2;
+      x' = 1;
+      y' = -3*x^2 + 4*x^3;
+      project y onto { y >= 0; }
+    }";
+    let rest = |s: f64| s.powi(4) - s.powi(3);
+    for method in ROADS {
+        let found = runs(model, "touch", 2.5, method);
+        assert_near(&end(&found, "y"), &[rest(1.5) - rest(0.75)], 1e-10);
+        assert_near(&times(&found, EventKind::Deactivate), &[1.75], 1e-8);
+    }
+}
+
+#[test]
+fn a_moving_disc_sweeps_a_point() {
+    // In the frame of the centre the point is at the angle θ, tan(θ/2) = tan(θ₀/2) e^t once it is met at t = √3/2.
+    let model = "model sweep {
+      state x[2] = [0, 0.5];
+      x' = [0, 0];
+      project x onto { 1 - (x[1] - time)^2 - x[2]^2 >= 0; }
+    }";
+    let met = 0.75_f64.sqrt();
+    let start = 0.5_f64.atan2(-met);
+    let theta = 2.0 * ((start / 2.0).tan() * (4.0 - met).exp()).atan();
+    for method in ROADS {
+        let found = runs(model, "sweep", 4.0, method);
+        assert_near(&end(&found, "x"), &[4.0 + theta.cos(), theta.sin()], 1e-10);
+        assert_near(&times(&found, EventKind::Activate), &[met], 1e-10);
+    }
+}
+
+/// x(T) of x' = P f, constant f, in the polyhedron A x + b ≥ 0 with the metric E: between the instants at which
+/// another row is met, x' is f + E A_Kᵀ λ for the one K of the active rows with λ ≥ 0 and no rate of the others
+/// negative.
+fn in_polyhedron(
+    (a, b, e): (&DMatrix<f64>, &DVector<f64>, &DMatrix<f64>),
+    f: &DVector<f64>,
+    mut x: DVector<f64>,
+    mut left: f64,
+) -> DVector<f64> {
+    let m = a.nrows();
+    while left > 0.0 {
+        let c = a * &x + b;
+        let met: Vec<usize> = (0..m).filter(|&i| c[i] <= 1e-11).collect();
+        let rate = (0..1_usize << met.len()).find_map(|mask| {
+            let kept = met
+                .iter()
+                .enumerate()
+                .filter(|(bit, _)| mask >> bit & 1 == 1);
+            let rows = a.select_rows(&kept.map(|(_, &i)| i).collect::<Vec<_>>());
+            let push = e * rows.transpose();
+            let force = (&rows * &push).lu().solve(&(-(&rows * f)))?;
+            let rate = f + push * &force;
+            let rises = met.iter().all(|&i| (a.row(i) * &rate)[0] >= -1e-11);
+            (force.iter().all(|&force| force >= -1e-11) && rises).then_some(rate)
+        });
+        let rate = rate.expect("the projection exists");
+        let falls = a * &rate;
+        let next = (0..m)
+            .filter(|&i| falls[i] < -1e-11)
+            .map(|i| -c[i] / falls[i]);
+        let step = next.fold(left, f64::min);
+        x += rate * step;
+        left -= step;
+    }
+    x
+}
+
+#[test]
+fn corners_of_two_and_three_constraints_with_any_metric() {
+    let mut seed = 7_u64;
+    let mut random = || {
+        seed = seed
+            .wrapping_mul(6364136223846793005)
+            .wrapping_add(1442695040888963407);
+        2.0 * ((seed >> 33) as f64 / (1_u64 << 31) as f64) - 1.0
+    };
+    let mut most = 0;
+    for case in 0..24 {
+        let n = 2 + case % 2;
+        // Independent normals that point away from the start, and a field that goes against all of them.
+        let a = DMatrix::from_fn(n, n, |i, j| f64::from(u8::from(i == j)) + 0.4 * random());
+        let b = DVector::from_fn(n, |_, _| 0.6 + 0.5 * random());
+        let root = DMatrix::from_fn(n, n, |i, j| f64::from(u8::from(i == j)) + 0.4 * random());
+        let e = &root * root.transpose();
+        let f = DVector::from_fn(n, |_, _| -1.0 + 0.4 * random());
+        let exact = in_polyhedron((&a, &b, &e), &f, DVector::zeros(n), 3.0);
+        let list = |values: Vec<f64>| {
+            let words: Vec<String> = values.iter().map(|v| format!("{v:?}")).collect();
+            words.join(", ")
+        };
+        let rows: Vec<String> = (0..n)
+            .map(|i| {
+                format!(
+                    "dot([{}], x) + {:?} >= 0;",
+                    list(a.row(i).iter().copied().collect()),
+                    b[i]
+                )
+            })
+            .collect();
+        let metric: Vec<String> = (0..n)
+            .map(|i| list(e.row(i).iter().copied().collect()))
+            .collect();
+        let model = format!(
+            "model corner {{ state x[{n}] = zeros({n}); x' = [{}]; project x onto {{ {} }} metric [{}]; }}",
+            list(f.iter().copied().collect()),
+            rows.join(" "),
+            metric.join("; ")
+        );
+        for method in ROADS {
+            let found = runs(&model, "corner", 3.0, method);
+            assert_near(&end(&found, "x"), exact.as_slice(), 1e-9);
+            let last = found.modes.last().expect("a run has a mode");
+            let active = |side: &&nsdc::report::Side| **side == nsdc::report::Side::Active;
+            most = most.max(last.sides.iter().filter(active).count());
+        }
+    }
+    assert_eq!(most, 3, "some case ends in a corner of three");
+}
+
+#[test]
+fn a_block_of_zeros_in_the_metric_leaves_a_state_alone() {
+    // Only y is pushed: x = t, and y follows -x once it is met at t = 1.
+    let model = "model partly {
+      state z[2] = [0, 1];
+      z' = [1, 0];
+      project z onto { z[2] >= z[1]; } metric [0, 0; 0, 1];
+    }";
+    for method in ROADS {
+        let found = runs(model, "partly", 3.0, method);
+        assert_near(&end(&found, "z"), &[3.0, 3.0], 1e-11);
+        assert_near(&times(&found, EventKind::Activate), &[1.0], 1e-11);
+    }
+}
+
+#[test]
+fn a_tank_that_overflows_is_a_projection_or_a_relay() {
+    // The relay removes more than comes in; sliding is the projection.
+    let flow = "sin(2*time) + 0.3*cos(5*time)";
+    let projected =
+        format!("model tank {{ state h = 0.5; h' = {flow}; project h onto {{ 0 <= h <= 0.8; }} }}");
+    let switched =
+        format!("model tank {{ state h = 0.5; h' = {flow} - 2*step(h - 0.8) + 2*step(-h); }}");
+    for method in ROADS {
+        let of = |model: &str| runs(model, "tank", 6.0, method);
+        let (a, b) = (of(&projected), of(&switched));
+        assert_near(&end(&a, "h"), &end(&b, "h"), 1e-9);
+        let (on, off) = (
+            times(&a, EventKind::Activate),
+            times(&a, EventKind::Deactivate),
+        );
+        assert!(on.len() >= 2, "{on:?}");
+        assert_near(&on, &times(&b, EventKind::EnterSliding), 1e-9);
+        assert_near(&off, &times(&b, EventKind::LeaveSliding), 1e-9);
+    }
+}
+
+#[test]
+fn regions_and_parts_may_be_projected() {
+    // Down to the floor at t = 1/2, along it, up in the other region from x = 2 on.
+    let text = "model lift {
+      input speed;
+      state x[2] = [0, 1];
+      region left where x[1] < 2 { x' = [1, -2*speed]; }
+      region right where x[1] > 2 { x' = [1, 3]; }
+      project x onto { x[2] >= 0; }
+    }
+    model whole { part one = lift { speed = 1; } }
+    simulate this of whole { horizon 3; tolerance 1e-11; output one.x;
+      expect mode at 1 is active(one.x[2]);
+      expect mode at 2.5 is inactive(one.x[2]); }";
+    let found = run(text, "this");
+    assert_near(&end(&found, "one.x"), &[3.0, 3.0], 1e-11);
+}
+
+#[test]
+fn a_start_outside_of_the_set_is_an_error() {
+    let text = "model disc { state x = 2; x' = 1; project x onto { x <= 1; } }
+      simulate this of disc { horizon 1; } simulate that of disc { horizon 1; method fesd { steps = 3; } }";
+    for experiment in ["this", "that"] {
+        let found = run(text, experiment);
+        let outside = matches!(found.failure, Some(Failure::Penetrates { time: 0.0, .. }));
+        assert!(outside, "{:?}", found.failure);
+    }
+}
+
+#[test]
+fn an_optimum_uses_a_wall() {
+    // Full speed to the wall at x = 0 within t = 1/2 and waiting there is best: 1/24 is ∫ (1/2 - t)² dt.
+    let text = "model wall {
+      state x = 0.5;
+      control u in [-1, 1] = 0;
+      x' = u;
+      project x onto { x >= 0; }
+    }
+    optimize this of wall {
+      horizon 1; intervals 4; elements 2; scheme radau_iia(3);
+      minimize integral(x^2 + 1e-3*(u + 1)^2);
+    }";
+    let found = with_experiment(text, "this", |compiled| {
+        let settings = &compiled.settings;
+        let task = settings.optimize.as_ref().expect("an optimization");
+        let request = Request::default();
+        let run = optimize::run(&compiled.system, settings, task, &[], &request, &mut |_| {});
+        run.expect("the problem can be discretized").trajectory
+    });
+    assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
+    let objective = found.objective.expect("an objective");
+    assert!((objective - 1.0 / 24.0).abs() <= 1e-9, "{objective}");
+    assert!(end(&found, "x")[0].abs() <= 1e-10);
+}
