@@ -61,7 +61,7 @@ fn a_constraint_is_reached_and_left() {
 #[test]
 fn finite_elements_keep_their_order_across_activation_and_deactivation() {
     for (scheme, n_nodes, grids) in [
-        ("radau_iia(1)", 1.0, &[40, 57, 81, 115, 163, 231][..]),
+        ("radau_iia(1)", 1.0, &[200, 270, 365, 490, 660, 890][..]),
         ("radau_iia(2)", 2.0, &[20, 27, 37, 51, 69, 93]),
         ("radau_iia(3)", 3.0, &[8, 11, 15, 20, 27, 36]),
     ] {
@@ -142,7 +142,10 @@ fn in_polyhedron(
                 .filter(|(bit, _)| mask >> bit & 1 == 1);
             let rows = a.select_rows(&kept.map(|(_, &i)| i).collect::<Vec<_>>());
             let push = e * rows.transpose();
-            let force = (&rows * &push).lu().solve(&(-(&rows * f)))?;
+            let force = match rows.nrows() {
+                0 => DVector::zeros(0),
+                _ => (&rows * &push).lu().solve(&(-(&rows * f)))?,
+            };
             let rate = f + push * &force;
             let rises = met.iter().all(|&i| (a.row(i) * &rate)[0] >= -1e-11);
             (force.iter().all(|&force| force >= -1e-11) && rises).then_some(rate)

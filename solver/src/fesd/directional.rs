@@ -84,13 +84,15 @@ impl Directional {
     }
 
     /// The active sets that go on from (t, x), where the system is at z with the set `zeros`.
-    /// `bands` are the values of each pair's continuous member below which it is zero.
+    /// `bands` are the values of each pair's continuous member below which it is zero; rates are zero
+    /// next to `least` in any case.
     pub fn choices(
         &mut self,
         system: &impl ComplementaritySystem,
         (t, x, z): (f64, &[f64], &[f64]),
         zeros: &[Zero],
         bands: &[f64],
+        least: f64,
     ) -> Found {
         let open = open_pairs(system, z, bands);
         let n_z = z.len();
@@ -105,7 +107,7 @@ impl Directional {
         } else {
             (self.one(system, zeros, z, &open), 0.0, false)
         };
-        let rate_scale = rate_scale(system, &found).max(scale);
+        let rate_scale = rate_scale(system, &found).max(scale).max(least);
         let choices = found
             .into_iter()
             .filter_map(|(zeros, u)| self.choice_of(system, (zeros, u), z, bands, rate_scale));

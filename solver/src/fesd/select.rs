@@ -90,9 +90,14 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
 
     fn select_from(&mut self, run: &mut Run, bands: &[f64], length: f64) -> Result<(), Status> {
         let point = (run.t, &run.x[..], &run.z[..]);
+        // Where a force balances the rates, no choice has a rate that shows the size of their terms: what
+        // moves a gap by no more than rounding within a step is none.
+        let gaps = self.system.pairs().iter().zip(bands);
+        let gaps = gaps.filter(|(pair, _)| !pair.is_bounded);
+        let least = gaps.fold(0.0_f64, |size, (_, band)| size.max(band / BAND)) / length;
         let found = self
             .directional
-            .choices(self.system, point, &run.zeros, bands);
+            .choices(self.system, point, &run.zeros, bands, least);
         // Choices with the same rates are one solution.
         let mut classes: Vec<Vec<Choice>> = Vec::new();
         for choice in found.choices.iter().cloned() {
