@@ -136,8 +136,8 @@ fn agrees(trajectory: &Trajectory, solution: &Solution, tolerance: f64) -> Resul
         for (name, side) in trajectory.switches.iter().zip(&interval.sides) {
             sides[number(name)] = match side {
                 Side::Below | Side::Off => -1,
-                Side::Sliding | Side::Closed | Side::Stick => 0,
-                Side::Above | Side::On | Side::Open | Side::Slip => 1,
+                Side::Sliding | Side::Closed | Side::Stick | Side::Active => 0,
+                Side::Above | Side::On | Side::Open | Side::Slip | Side::Inactive => 1,
             };
         }
         (interval.from, sides)
