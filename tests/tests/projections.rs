@@ -297,7 +297,7 @@ fn an_optimum_uses_a_wall() {
         let settings = &compiled.settings;
         let task = settings.optimize.as_ref().expect("an optimization");
         let request = Request::default();
-        let run = optimize::run(&compiled.system, settings, task, &[], &request, &mut |_| {});
+        let run = optimize::run(&compiled.system, settings, task, &[], &request, &mut ());
         run.expect("the problem can be discretized").trajectory
     });
     assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
