@@ -1,20 +1,46 @@
 //! What more control intervals cost an optimization: memory, and time per iteration.
 //!
-//! The cart-pole of the examples with 10 to 3000 intervals, each solved once. Everything is to grow in
-//! proportion. Times are those of the whole run, from the system to the check by a simulation. Numbers behind the name
-//! of the bench are taken instead of these sizes.
+//! The cart-pole of the examples with 10 to 3000 intervals, each for a minute at most. Everything is to grow in
+//! proportion to them. Numbers behind the name of the bench are taken instead of these sizes.
 
 use std::sync::OnceLock;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
+use nsd_solver::ipm;
+use nsd_solver::mpcc::{Observer, Program};
 use nsd_tests::with_experiment;
-use nsdc::optimize;
+use nsdc::optimize::{self, Watch};
 use nsdc::report::{MethodOption, Trajectory};
 use nsdc::simulate::Request;
 
 const SIZES: [usize; 6] = [10, 30, 100, 300, 1000, 3000];
 const MODEL: &str = include_str!("../../examples/cart_pole.nsd");
 const EXPERIMENT: &str = "scaling";
+const LIMIT: Duration = Duration::from_secs(60);
+
+/// Seconds between iterations of the same interior-point run.
+#[derive(Default)]
+struct Iterations {
+    last: Option<f64>,
+    count: usize,
+    seconds: f64,
+}
+
+impl Observer for Iterations {
+    fn program(&mut self, _: &Program) {
+        self.last = None;
+    }
+
+    fn iteration(&mut self, _: &Program, _: &ipm::Progress<'_>) {
+        let now = seconds();
+        if let Some(last) = self.last.replace(now) {
+            self.count += 1;
+            self.seconds += now - last;
+        }
+    }
+}
+
+impl Watch for Iterations {}
 
 fn main() {
     let asked: Vec<usize> = std::env::args()
@@ -31,18 +57,23 @@ fn main() {
     for intervals in sizes {
         let text = format!("{MODEL}\n{}", experiment(intervals));
         let started = seconds();
+        let mut iterations = Iterations::default();
         let found = with_experiment(&text, EXPERIMENT, |compiled| {
             let settings = &compiled.settings;
             let task = settings
                 .optimize
                 .as_ref()
                 .expect("an optimal control problem");
-            let request = Request::default();
-            optimize::run(&compiled.system, settings, task, &[], &request, &mut ())
+            let request = Request {
+                time_limit: Some(LIMIT),
+                ..Request::default()
+            };
+            let system = &compiled.system;
+            optimize::run(system, settings, task, &[], &request, &mut iterations)
                 .expect("the program fits into memory")
                 .trajectory
         });
-        line(intervals, &found, seconds() - started);
+        line(intervals, &found, &iterations, seconds() - started);
     }
 }
 
@@ -57,7 +88,7 @@ fn experiment(intervals: usize) -> String {
     )
 }
 
-fn line(intervals: usize, found: &Trajectory, whole: f64) {
+fn line(intervals: usize, found: &Trajectory, iterations: &Iterations, whole: f64) {
     let option = |wanted: &str| {
         let mut options = found.method.options.iter();
         options
@@ -68,11 +99,11 @@ fn line(intervals: usize, found: &Trajectory, whole: f64) {
             .unwrap_or(f64::NAN)
     };
     let optimum = found.optimum.as_ref().expect("it is an optimization");
-    let iterations = found.stats.newton_iterations;
-    let each = whole / iterations as f64;
+    let Iterations { count, seconds, .. } = *iterations;
+    let each = seconds / count as f64;
     let peak = peak().map_or_else(|| "-".to_owned(), |peak| format!("{peak:.0} MiB"));
     print(&format!(
-        "{intervals:9} {:>10} {:>7} {:>7} {:>9} {iterations:>11} {whole:>8.2} s {:>11.2} ms {:>10.1} us {peak:>12}  {:.6} {}",
+        "{intervals:9} {:>10} {:>7} {:>7} {:>9} {count:>11} {whole:>8.2} s {:>11.2} ms {:>10.1} us {peak:>12}  {:.6} {}",
         option("variables"),
         option("rows"),
         option("pairs"),
