@@ -270,6 +270,49 @@ fn regions_and_parts_may_be_projected() {
 }
 
 #[test]
+fn a_run_that_starts_at_rest_on_a_constraint() {
+    // The force is 1 at the start, so that nothing is left of the rate, and x stays exactly zero up to t = π/2.
+    let model = "model rest { state x = 0; x' = -cos(time); project x onto { x >= 0; } }";
+    for method in ROADS {
+        let found = runs(model, "rest", 5.0, method);
+        assert_near(&end(&found, "x"), &[1.0 - 5.0_f64.sin()], 1e-10);
+        assert_near(&times(&found, EventKind::Deactivate), &[PI / 2.0], 1e-8);
+        assert!(found.warnings.is_empty(), "{:?}", found.warnings);
+    }
+}
+
+#[test]
+fn constraints_that_depend_on_each_other_keep_a_point() {
+    // Three rows meet in the origin of the plane: which of them push there is open, the motion is not.
+    let model = "model three {
+      state x[2] = [0.3, 1];
+      x' = [-0.1, -1];
+      project x onto { x[2] >= 0; x[2] + x[1] >= 0; x[2] - x[1] >= 0; }
+    }";
+    for method in ROADS {
+        let found = runs(model, "three", 4.0, method);
+        assert_near(&end(&found, "x"), &[0.0, 0.0], 1e-12);
+    }
+}
+
+#[test]
+fn a_set_that_closes_ends_the_run() {
+    let model = "model shut { state x = 0.5; x' = 0; project x onto { time <= x <= 1; } }";
+    for method in [
+        "",
+        "method fesd { steps = 20; }",
+        "method timestepping { steps = 20; }",
+    ] {
+        let text = format!("{model} simulate this of shut {{ horizon 2; {method} }}");
+        let found = run(&text, "this");
+        assert_eq!(found.status, Status::NumericalFailure, "{method}");
+        let last = found.modes.last().expect("a mode");
+        assert!((last.to - 1.0).abs() <= 1e-9, "{}", last.to);
+        assert!(last.mode.contains("inactive(1 - x)") && last.mode.starts_with("active("));
+    }
+}
+
+#[test]
 fn a_start_outside_of_the_set_is_an_error() {
     let text = "model disc { state x = 2; x' = 1; project x onto { x <= 1; } }
       simulate this of disc { horizon 1; } simulate that of disc { horizon 1; method fesd { steps = 3; } }";

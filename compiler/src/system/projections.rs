@@ -68,7 +68,10 @@ impl<'e> Lowering<'_, 'e> {
             return Err(wrong(what, projection.span));
         }
         let Some(switch) = self.switches.unilateral(c, &name, row.span) else {
-            let what = "it is compared elsewhere too, or is a constraint twice";
+            let what = match self.switches.find(c) {
+                Some(_) => "it is compared elsewhere too, or is a constraint twice",
+                None => "its surface is none, as that of a power",
+            };
             return Err(wrong(what, row.span));
         };
         let force = 1.0 - self.model.exprs.expr(self.switches.list[switch].alpha);

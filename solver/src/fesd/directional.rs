@@ -374,12 +374,10 @@ fn is_near(a: &[f64], b: &[f64]) -> bool {
 }
 
 /// True when two choices have the same rates: they are one solution, as far as first derivatives say.
-pub(super) fn agree(a: &Choice, b: &Choice) -> bool {
-    let size = a
-        .rates
-        .iter()
-        .chain(&b.rates)
-        .fold(0.0_f64, |s, r| s.max(r.abs()));
+/// Rates below those that are zero next to `least` are the same.
+pub(super) fn agree(a: &Choice, b: &Choice, least: f64) -> bool {
+    let rates = a.rates.iter().chain(&b.rates);
+    let size = rates.fold(least, |s, r| s.max(r.abs()));
     let near = |(a, b): (&f64, &f64)| (a - b).abs() <= TIE * size;
     a.rates.iter().zip(&b.rates).all(near)
 }

@@ -39,6 +39,8 @@ pub struct Stepper<'s, S> {
     nodes: Nodes,
     series: ElementSeries,
     alpha: Vec<f64>,
+    /// Switches whose 1 - α is a force without a bound.
+    forces: Vec<usize>,
 }
 
 impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
@@ -46,10 +48,14 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
     pub fn new(system: &'s S, settings: SteppingSettings) -> Result<Self, TableauError> {
         let tableau = Tableau::new(settings.family, settings.nodes)?;
         let (n, s) = (system.n_states(), tableau.n_nodes());
+        let pairs = system.pairs().iter().enumerate();
+        let forces = pairs.filter(|(_, pair)| !pair.is_bounded);
+        let forces = forces.flat_map(|(at, _)| system.switches_of(at));
         Ok(Stepper {
             nodes: Nodes::new(system, s),
             series: ElementSeries::default(),
             alpha: vec![0.0; system.n_switches()],
+            forces: forces.copied().collect(),
             uniform: Uniform::new(Scheme::new(tableau), n, system.n_numbers()),
             settings,
             system,
@@ -201,12 +207,13 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
         for (alpha, value) in self.alpha.iter_mut().zip(values) {
             *alpha = value;
         }
-        let side = |alpha: &f64| match *alpha {
-            alpha if alpha <= END => Side::Minus,
+        let forces = &self.forces;
+        let side = |(switch, &alpha): (usize, &f64)| match alpha {
+            alpha if alpha <= END && !forces.contains(&switch) => Side::Minus,
             alpha if alpha >= 1.0 - END => Side::Plus,
             _ => Side::Slide,
         };
-        self.alpha.iter().map(side).collect()
+        self.alpha.iter().enumerate().map(side).collect()
     }
 
     /// x(τ) = x₀ + ∫ V, and α as at the last node.

@@ -97,7 +97,16 @@ impl Mode {
         };
         self.perturbed[..=self.n].iter_mut().for_each(&mut perturb);
         for &i in &self.sliding {
-            perturb(&mut self.perturbed[1 + self.n + i]);
+            let alpha = &mut self.perturbed[1 + self.n + i];
+            match self.unilateral[i] {
+                // A force is 1 - α.
+                true => {
+                    let mut force = 1.0 - *alpha;
+                    perturb(&mut force);
+                    *alpha = 1.0 - force;
+                }
+                false => perturb(alpha),
+            }
         }
         self.field.eval(&self.perturbed);
         for (term, perturbed) in self.terms.iter_mut().zip(&self.field.f) {
