@@ -57,7 +57,7 @@ impl<'e> Trip<'e> {
         for (row, &id) in self.ampl.rows.iter().enumerate() {
             if let Some(slack) = id.checked_sub(n_rows) {
                 let is_slack = |&column: &usize| column == w.len() + slack;
-                let column = self.ampl.columns.iter().position(|column| is_slack(column));
+                let column = self.ampl.columns.iter().position(is_slack);
                 x[column.expect("a slack is a column")] = rows[row].0;
             }
         }
