@@ -104,6 +104,23 @@ fn free_and_empty_rows() {
 }
 
 #[test]
+fn rows_of_fixed_variables() {
+    let square = |value: f64| {
+        Program::new(&[2.0, 3.0])
+            .minimize(|x| x[1].powi(2) + x[0] * x[1])
+            .equal(move |x| x[0].powi(2) - value)
+            .row(0.0, |x| x[0], INF)
+            .bounds(0, 2.0, 2.0)
+    };
+    let solution = expect(square(4.0), Status::Solved);
+    assert_near(&solution.w, &[2.0, -1.0]);
+    assert_near(&solution.y, &[0.0, 0.0]);
+    // ∂f/∂x₀ = x₁ is taken by the bounds.
+    assert_near(&solution.z_u, &[1.0, 0.0]);
+    expect(square(4.1), Status::LocallyInfeasible);
+}
+
+#[test]
 fn rows_that_repeat_each_other() {
     let program = Program::new(&[1.0, 3.0])
         .minimize(|x| x[0].powi(2) + x[1].powi(2))
