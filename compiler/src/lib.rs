@@ -29,7 +29,7 @@ use self::source::SourceMap;
 use self::syntax::{Bind, Experiment, File, GuessSource, Item, SettingKind};
 use self::system::experiment::{ExperimentError, Method, Settings};
 use self::system::task::{Control, Shape};
-use self::system::{Allowed, Extent, System, freezing};
+use self::system::{Allowed, Extent, Switch, System, freezing};
 
 /// An experiment that is ready to run.
 pub struct Compiled<'e> {
@@ -109,6 +109,8 @@ fn compile_to<'e>(
         model::check_experiment(file, home, definition, experiment, overrides, diags)?;
         // What cannot be run is refused before it is lowered, which may be long.
         let contact = model.contacts.first();
+        let takes_contacts =
+            settings.method.takes_jumps() || settings.steps_through_contacts();
         let freezes = settings.freezes();
         if freezes && !settings.method.takes_frozen_time() {
             diags.push(ExperimentError::Lowering {
@@ -118,7 +120,7 @@ fn compile_to<'e>(
             });
             return None;
         }
-        if let Some(contact) = contact.filter(|_| !settings.method.takes_jumps() && !freezes) {
+        if let Some(contact) = contact.filter(|_| !takes_contacts && !freezes) {
             diags.push(ExperimentError::Jump {
                 method: settings.method.word(),
                 name: contact.name.clone(),
@@ -144,7 +146,12 @@ fn compile_to<'e>(
             });
             return None;
         }
-        if let Some((name, span)) = system.first_jump().filter(|_| !method.takes_jumps()) {
+        let steps = !system.impulsive.is_empty();
+        let jump = match steps {
+            true => (system.laws.first()).map(|law| (law.name.as_str(), law.span)),
+            false => system.first_jump(),
+        };
+        if let Some((name, span)) = jump.filter(|_| !method.takes_jumps()) {
             diags.push(ExperimentError::Jump {
                 method: method.word(),
                 name: name.to_owned(),
@@ -160,10 +167,14 @@ fn compile_to<'e>(
             });
             return None;
         }
+        if let Some(error) = beside_contacts(&system, &settings).filter(|_| steps) {
+            diags.push(error);
+            return None;
+        }
         if let Method::Smoothing(options) = method {
             system = system::smoothing::smooth(&system, options);
         }
-        let needs = method.needs_dcs() || settings.optimize.is_some();
+        let needs = method.needs_dcs() && !steps || settings.optimize.is_some();
         for data in settings.optimize.iter().flat_map(|_| &system.data) {
             bends(data, &settings)
                 .map_err(|error| diags.push(error))
@@ -176,6 +187,23 @@ fn compile_to<'e>(
             settings,
             system,
         })
+    })
+}
+
+/// What steps of time with contacts do not take.
+fn beside_contacts(system: &System, settings: &Settings) -> Option<ExperimentError> {
+    if let Method::Timestepping(options) = &settings.method
+        && options.scheme.is_some()
+    {
+        return Some(ExperimentError::SchemeOfContacts {
+            span: settings.span,
+        });
+    }
+    let jumps = |switch: &&Switch| !switch.continuity.is_continuous();
+    let switch = system.switches.iter().find(jumps)?;
+    Some(ExperimentError::SwitchBesideContacts {
+        name: switch.name.clone(),
+        span: switch.spans.first().copied().unwrap_or(settings.span),
     })
 }
 

@@ -7,6 +7,7 @@ pub mod ipm;
 pub mod kernels;
 pub mod lcp;
 pub mod linalg;
+pub mod moreau;
 pub mod mpcc;
 pub mod nl;
 pub mod problem;

@@ -134,6 +134,10 @@ pub fn by_both_roads(text: &str) -> Vec<(String, Trajectory, Option<Trajectory>)
             let mut diags = Diagnostics::new();
             let mut clock = Clock::default();
             let mut compiled = compile(&exprs, &file, experiment, &[], &mut clock, &mut diags)?;
+            // Contacts in steps of time are in no other method.
+            if !compiled.system.impulsive.is_empty() {
+                return None;
+            }
             let own = std::mem::replace(&mut compiled.settings.method, method);
             compiled.settings.tolerance = 1e-11;
             let needs = compiled.settings.method.needs_dcs();

@@ -122,6 +122,7 @@ impl<'e> Builder<'e> {
                 laws: Vec::new(),
                 bodies: Vec::new(),
                 contacts: Vec::new(),
+                impulsive: Vec::new(),
                 partitions: self.partitions,
                 outputs: Vec::new(),
                 controls: Vec::new(),

@@ -131,7 +131,7 @@ impl Options {
     /// Those of `method timestepping`.
     pub fn stepping(options: &SteppingOptions) -> Self {
         Options {
-            scheme: options.scheme,
+            scheme: options.scheme(),
             form: None,
             detection: None,
         }

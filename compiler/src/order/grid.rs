@@ -124,7 +124,7 @@ pub fn own(settings: &Settings, steps: usize) -> Option<Sweep> {
             options.steps.map(|_| sweep())
         }
         Method::Timestepping(options) => {
-            Some(timestepping(settings, coarsest, options.scheme, (3, 0)))
+            Some(timestepping(settings, coarsest, options.scheme(), (3, 0)))
         }
         _ => None,
     }

@@ -134,6 +134,7 @@ pub fn study(
 ) -> Result<Study, String> {
     let started = Instant::now();
     let settings = &compiled.settings;
+    has_switches_alone(compiled)?;
     let bench = Bench::new(&compiled.system, settings);
     let found = reference::find(compiled, &bench, sources, limit / 4)?;
     let reference = found.reference;
@@ -171,6 +172,7 @@ pub fn of_method(
 ) -> Result<Convergence, String> {
     let started = Instant::now();
     let settings = &compiled.settings;
+    has_switches_alone(compiled)?;
     let bench = Bench::untimed(&compiled.system, settings);
     let found = reference::find(compiled, &bench, sources, limit / 4)
         .map_err(|failure| format!("there is nothing to measure errors against: {failure}"))?;
@@ -199,6 +201,14 @@ pub fn of_method(
             table::summary(&curve),
             reference.source
         )),
+    }
+}
+
+/// Contacts of steps of time are in no other method.
+fn has_switches_alone(compiled: &Compiled<'_>) -> Result<(), String> {
+    match compiled.system.impulsive.is_empty() {
+        true => Ok(()),
+        false => Err("steps of time with contacts are not compared with other methods".into()),
     }
 }
 

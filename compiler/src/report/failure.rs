@@ -198,6 +198,19 @@ pub enum Failure {
         surfaces: Vec<LabeledSpan>,
     },
 
+    /// Impulses that were not found.
+    #[error("at t = {time}, the impulses of `{name}` and the contacts around it were not found")]
+    #[diagnostic(
+        code(E0727),
+        help("take more `steps`, less friction, or a `restitution` that all contacts share")
+    )]
+    Impulses {
+        time: f64,
+        name: String,
+        #[label(collection)]
+        surfaces: Vec<LabeledSpan>,
+    },
+
     /// A finite element without a solution.
     #[error("at t = {time}, the equations of a finite element were not solved")]
     #[diagnostic(

@@ -202,6 +202,8 @@ pub struct ModeInterval {
     pub between: Vec<Vec<String>>,
     /// The side of every switch, in the order of [`Trajectory::switches`].
     pub sides: Vec<Side>,
+    /// Contacts of steps of time that are not open, by their index in the system, ascending.
+    pub contacts: Vec<(usize, Side)>,
 }
 
 /// Where the state is with respect to a surface ψ = 0, or what a relay remembers.

@@ -12,6 +12,7 @@ pub fn oscillator() -> Trajectory {
         regions: vec![region.into()],
         between: Vec::new(),
         sides: vec![side],
+        contacts: Vec::new(),
     };
     Trajectory {
         experiment: "crossing".into(),

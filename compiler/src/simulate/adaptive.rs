@@ -91,9 +91,17 @@ pub(super) struct Jumping {
     psi: Vec<f64>,
 }
 
-impl Jumping {
-    /// Lets no step pass over the pulses.
-    pub(super) fn new(system: &System, pulses: Pulses) -> Self {
+/// What functions of a system depend on, once parameters are numbers and data polynomials.
+pub(super) struct Inputs<'e> {
+    /// t, x, α, and the coefficients of data.
+    pub vars: Vec<Var>,
+    /// What takes the place of parameters and data.
+    pub numbers: Substitution<'e>,
+    pieces: Pieces,
+}
+
+impl<'e> Inputs<'e> {
+    pub(super) fn new(system: &System<'e>) -> Self {
         let params = system.params.iter();
         let mut numbers: Substitution = params
             .map(|param| (variable(param.var), system.exprs.constant(param.value)))
@@ -104,16 +112,33 @@ impl Jumping {
                 numbers.insert(data, polynomial);
             }
         }
+        let mut vars = vec![variable(system.time)];
+        vars.extend(system.states.iter().map(|state| variable(state.var)));
+        vars.extend(system.switches.iter().map(|switch| variable(switch.alpha)));
+        vars.extend(&coefficients);
+        Inputs {
+            vars,
+            numbers,
+            pieces,
+        }
+    }
+}
+
+impl Jumping {
+    /// Lets no step pass over the pulses.
+    pub(super) fn new(system: &System, pulses: Pulses) -> Self {
+        Self::of(system, &Inputs::new(system), pulses)
+    }
+
+    /// The same with inputs that are known.
+    pub(super) fn of<'e>(system: &System<'e>, inputs: &Inputs<'e>, pulses: Pulses) -> Self {
+        let numbers = &inputs.numbers;
         let rates: Vec<Expr> = system.states.iter().map(|state| state.rate).collect();
         let switching: Vec<Expr> = system.switches.iter().map(|switch| switch.psi).collect();
         let (rates, switching) = (numbers.apply(&rates), numbers.apply(&switching));
         let alphas: Vec<Var> = (system.switches.iter())
             .map(|switch| variable(switch.alpha))
             .collect();
-        let mut inputs = vec![variable(system.time)];
-        inputs.extend(system.states.iter().map(|state| variable(state.var)));
-        inputs.extend(&alphas);
-        inputs.extend(&coefficients);
         let mut depth: Vec<usize> = Vec::new();
         for &psi in &switching {
             let inside = variables_of(&[psi]);
@@ -121,7 +146,7 @@ impl Jumping {
             let deeper = deeper.filter(|(alpha, _)| inside.contains(alpha));
             depth.push(deeper.map(|(_, depth)| depth + 1).max().unwrap_or(0));
         }
-        let (rates, switching) = (tape(&inputs, &rates), tape(&inputs, &switching));
+        let (rates, switching) = (tape(&inputs.vars, &rates), tape(&inputs.vars, &switching));
         Jumping {
             rates_scratch: rates.scratch(),
             switching_scratch: switching.scratch(),
@@ -130,11 +155,22 @@ impl Jumping {
             rounds: depth.into_iter().max().map_or(0, |depth| depth + 1),
             n: system.states.len(),
             m: alphas.len(),
-            pieces,
+            pieces: inputs.pieces.clone(),
             pulses,
-            inputs: vec![0.0; inputs.len()],
+            inputs: vec![0.0; inputs.vars.len()],
             psi: vec![0.0; alphas.len()],
         }
+    }
+
+    /// All inputs at a point.
+    pub(super) fn at(&mut self, t: f64, x: &[f64]) -> &[f64] {
+        self.set(t, x);
+        &self.inputs
+    }
+
+    /// The coefficients of data that hold at present.
+    pub(super) fn coefficients(&self) -> &[f64] {
+        &self.inputs[1 + self.n + self.m..]
     }
 
     /// Sets all inputs at a point.

@@ -10,6 +10,7 @@ use crate::system::System;
 use crate::table::Table;
 
 /// All data of a system, and where its coefficients stand among those of all.
+#[derive(Clone)]
 pub(super) struct Pieces {
     tables: Vec<Arc<Table>>,
     n_coefficients: usize,

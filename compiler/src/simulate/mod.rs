@@ -16,6 +16,7 @@ mod instants;
 mod laws;
 mod limits;
 mod modes;
+mod moreau;
 mod outcome;
 mod record;
 mod smoothed;
@@ -88,11 +89,18 @@ pub fn run_watched(
     request: &Request,
     watch: &mut dyn FnMut(Progress),
 ) -> Trajectory {
+    assert!(
+        system.impulsive.is_empty() || settings.steps_through_contacts(),
+        "contacts without forces are for steps of time"
+    );
     if settings.freezes() {
         return frozen::run(system, settings, request, watch);
     }
     match &settings.method {
         experiment::Method::Fesd(options) => fesd::run(system, settings, options, request, watch),
+        experiment::Method::Timestepping(options) if !system.impulsive.is_empty() => {
+            moreau::run(system, settings, options, request, watch)
+        }
         experiment::Method::Timestepping(options) => {
             fesd::stepping::run(system, settings, options, request, watch)
         }

@@ -203,6 +203,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
             from,
             to,
             mode: names.mode(sides),
+            contacts: Vec::new(),
             regions: names.regions(sides),
             between: (names.sliding_between(sides).into_iter())
                 .map(|set| set.into_iter().map(str::to_owned).collect())

@@ -195,6 +195,7 @@ impl<'e> Lowering<'_, 'e> {
             laws: self.finished_laws(laws, &kept),
             bodies,
             contacts: self.finished_contacts(contacts, &kept),
+            impulsive: Vec::new(),
             partitions,
             outputs,
             controls,

@@ -19,11 +19,11 @@ use crate::model;
 use crate::source::Span;
 
 /// Where states and velocities are.
-struct Places {
+pub(super) struct Places {
     /// Of kept states among those of the system.
-    states: FxHashMap<Var, usize>,
+    pub states: FxHashMap<Var, usize>,
     /// Of velocities: (body, velocity).
-    velocities: FxHashMap<Var, (usize, usize)>,
+    pub velocities: FxHashMap<Var, (usize, usize)>,
 }
 
 impl<'e> Lowering<'_, 'e> {
@@ -37,18 +37,7 @@ impl<'e> Lowering<'_, 'e> {
         if model.contacts.is_empty() {
             return Vec::new();
         }
-        let vars: Vec<Option<Var>> = model.state_vars().map(Expr::as_variable).collect();
-        let mut velocities = FxHashMap::default();
-        for (b, body) in model.bodies.iter().enumerate() {
-            let entries = body.velocities.iter().enumerate();
-            velocities.extend(entries.filter_map(|(k, &entry)| Some((vars[entry]?, (b, k)))));
-        }
-        let states = self.kept_states().enumerate();
-        let states = states.filter_map(|(place, (_, var))| Some((var.as_variable()?, place)));
-        let places = Places {
-            states: states.collect(),
-            velocities,
-        };
+        let places = self.places();
         // Rates of positions have no forces in them.
         let free = rates.to_vec();
         let mut contacts = Vec::new();
@@ -59,6 +48,23 @@ impl<'e> Lowering<'_, 'e> {
             }
         }
         contacts
+    }
+
+    /// Where states and velocities are.
+    pub(super) fn places(&self) -> Places {
+        let model = self.model;
+        let vars: Vec<Option<Var>> = model.state_vars().map(Expr::as_variable).collect();
+        let mut velocities = FxHashMap::default();
+        for (b, body) in model.bodies.iter().enumerate() {
+            let entries = body.velocities.iter().enumerate();
+            velocities.extend(entries.filter_map(|(k, &entry)| Some((vars[entry]?, (b, k)))));
+        }
+        let states = self.kept_states().enumerate();
+        let states = states.filter_map(|(place, (_, var))| Some((var.as_variable()?, place)));
+        Places {
+            states: states.collect(),
+            velocities,
+        }
     }
 
     fn finish_contact(
@@ -149,7 +155,7 @@ impl<'e> Lowering<'_, 'e> {
     }
 
     /// The slip velocity with M⁻¹J_t: as it is given, or else the normal turned clockwise in the plane.
-    fn tangent(
+    pub(super) fn tangent(
         &mut self,
         contact: &model::Contact<'e>,
         normal: &[Direction<'e>],
@@ -219,7 +225,7 @@ impl<'e> Lowering<'_, 'e> {
     }
 
     /// dc/dt = ∇c·f + ∂c/∂t
-    fn along(&self, c: Expr<'e>, rates: &[Expr<'e>], places: &Places) -> Expr<'e> {
+    pub(super) fn along(&self, c: Expr<'e>, rates: &[Expr<'e>], places: &Places) -> Expr<'e> {
         let vars = variables_of(&[c]);
         let states = vars
             .iter()
@@ -230,7 +236,7 @@ impl<'e> Lowering<'_, 'e> {
     }
 
     /// J and M⁻¹J of a function of velocities.
-    fn directions(&mut self, speed: Expr<'e>, places: &Places) -> Vec<Direction<'e>> {
+    pub(super) fn directions(&mut self, speed: Expr<'e>, places: &Places) -> Vec<Direction<'e>> {
         let model = self.model;
         let mut slopes: Vec<(usize, usize, Expr<'e>)> = Vec::new();
         for var in variables_of(&[speed]) {

@@ -108,6 +108,14 @@ impl fmt::Display for System<'_> {
                 writeln!(f, "  friction {}", friction.coefficient)?;
             }
         }
+        for contact in &self.impulsive {
+            writeln!(f, "contact {} {} >= 0 by impulses", contact.name, contact.gap)?;
+            writeln!(f, "  restitution {}", contact.restitution)?;
+            if let Some((friction, slip)) = contact.friction {
+                writeln!(f, "  slip {slip}")?;
+                writeln!(f, "  friction {friction}")?;
+            }
+        }
         for partition in &self.partitions {
             let states: Vec<&str> = partition
                 .states

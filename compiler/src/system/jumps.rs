@@ -258,7 +258,7 @@ impl<'e> Lowering<'_, 'e> {
         var.map_or(self.model.exprs.constant(0.0), |var| e.diff(var))
     }
 
-    fn numbers(&self) -> Substitution<'e> {
+    pub(super) fn numbers(&self) -> Substitution<'e> {
         let params = self.model.params.iter().flat_map(|param| &param.vars);
         let numbers = params.filter_map(|var| {
             let var = var.as_variable()?;

@@ -67,7 +67,11 @@ pub fn lower<'e>(
     let limits = lowering.limits();
     let task = lowering.task();
     lowering.find_contacts(&mut laws, &mut rates, &regions, (&outputs, &limits), diags);
-    let contacts = lowering.contacts(&mut rates, diags);
+    let (mut contacts, mut impulsive) = (Vec::new(), Vec::new());
+    match settings.steps_through_contacts() {
+        true => impulsive = lowering.impulsive(&rates, diags),
+        false => contacts = lowering.contacts(&mut rates, diags),
+    }
     lowering.projections(&mut rates, diags);
     let bodies = lowering.bodies();
     lowering.report_refused(diags);
@@ -76,7 +80,8 @@ pub fn lower<'e>(
     }
     let recorded = (outputs, controls, limits);
     let motion = (rates, laws, bodies, contacts);
-    let system = lowering.assemble(motion, recorded, task, &named, regions, diags);
+    let mut system = lowering.assemble(motion, recorded, task, &named, regions, diags);
+    system.impulsive = impulsive;
     if diags.errors().count() > errors_before {
         return None;
     }

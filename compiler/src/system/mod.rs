@@ -44,6 +44,7 @@ mod effort;
 mod error;
 pub mod experiment;
 pub mod freezing;
+mod impulsive;
 mod interaction;
 mod jumps;
 mod limits;
@@ -108,6 +109,8 @@ pub struct System<'e> {
     pub bodies: Vec<Body<'e>>,
     /// Contacts between bodies, in order.
     pub contacts: Vec<Contact<'e>>,
+    /// Contacts of a method in steps of time, which treats them itself; then there are no others.
+    pub impulsive: Vec<Impulsive<'e>>,
     /// Named regions by partition.
     pub partitions: Vec<Partition<'e>>,
     /// What is recorded besides states and controls.
@@ -252,6 +255,21 @@ pub struct Contact<'e> {
     pub span: Span,
 }
 
+/// A contact without a switch, and without a force in the rates.
+#[derive(Clone, Debug)]
+pub struct Impulsive<'e> {
+    /// Name in the model.
+    pub name: String,
+    /// What is never negative.
+    pub gap: Expr<'e>,
+    /// e.
+    pub restitution: Expr<'e>,
+    /// μ, and the slip velocity, affine in velocities; none where it is smooth.
+    pub friction: Option<(Expr<'e>, Expr<'e>)>,
+    /// The statement.
+    pub span: Span,
+}
+
 /// Coulomb's law λ_t ∈ -μ λ_n sign(w), of impulses, too.
 #[derive(Clone, Debug)]
 pub struct Friction<'e> {
@@ -289,7 +307,18 @@ impl System<'_> {
         let laws = self.laws.iter().map(|law| (law.name.as_str(), law.span));
         let contacts = self.contacts.iter();
         let contacts = contacts.map(|contact| (contact.name.as_str(), contact.span));
-        laws.chain(contacts).next()
+        let impulsive = self.impulsive.iter();
+        let impulsive = impulsive.map(|contact| (contact.name.as_str(), contact.span));
+        laws.chain(contacts).chain(impulsive).next()
+    }
+}
+
+impl<'e> Impulsive<'e> {
+    /// All its expressions.
+    pub fn exprs(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
+        let friction = self.friction.iter();
+        let friction = friction.flat_map(|&(coefficient, slip)| [coefficient, slip]);
+        [self.gap, self.restitution].into_iter().chain(friction)
     }
 }
 

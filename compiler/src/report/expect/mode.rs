@@ -19,6 +19,7 @@ pub fn check(subject: &Subject<'_, '_>, mode: &syntax::Expr, diags: &mut Diagnos
         regions,
         between: Vec::new(),
         sides: vec![Side::Sliding; subject.system.switches.len()],
+        contacts: Vec::new(),
     };
     if let Err(error) = holds(subject, mode, &anywhere) {
         diags.push(error);
@@ -103,6 +104,26 @@ fn holds(
                 if !binders.is_empty() {
                     return Err(not_a_mode(subject, mode));
                 }
+                if let Some(contact) = impulsive(subject, surface) {
+                    let held = interval.contacts.iter().find(|(k, _)| *k == contact);
+                    let side = held.map_or(Side::Open, |(_, side)| *side);
+                    let is_rough = subject.system.impulsive[contact].friction.is_some();
+                    all &= match wanted {
+                        Side::Closed => side != Side::Open,
+                        Side::Open => side == Side::Open,
+                        Side::Stick | Side::Slip if is_rough => side == wanted,
+                        _ => {
+                            let name = subject.sources.text(surface.span);
+                            return Err(ExpectError::WrongWord {
+                                word: word.to_owned(),
+                                name: name.to_owned(),
+                                help: format!("write `closed({name})`, for example"),
+                                span: surface.span,
+                            });
+                        }
+                    };
+                    continue;
+                }
                 for (mut switch, flipped) in switches_of(subject, surface)? {
                     let mut is_closed = true;
                     if matches!(wanted, Side::Stick | Side::Slip) {
@@ -142,6 +163,13 @@ fn holds(
             }
         }
     }
+}
+
+/// The contact of steps of time that a name means.
+fn impulsive(subject: &Subject<'_, '_>, surface: &syntax::Expr) -> Option<usize> {
+    let text = plain(subject, surface);
+    let mut contacts = subject.system.impulsive.iter();
+    contacts.position(|contact| contact.name == text)
 }
 
 /// Arguments that are regions with indicators, in order of declaration.

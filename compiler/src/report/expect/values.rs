@@ -135,7 +135,8 @@ impl<'w, 's, 'e> Words<'w, 's, 'e> {
         let system = self.subject.system;
         let laws = system.laws.iter().map(|law| law.name.as_str());
         let contacts = system.contacts.iter().map(|contact| contact.name.as_str());
-        let mut names: Vec<&str> = laws.chain(contacts).collect();
+        let impulsive = system.impulsive.iter().map(|contact| contact.name.as_str());
+        let mut names: Vec<&str> = laws.chain(contacts).chain(impulsive).collect();
         names.retain(|name| *name == text);
         if names.is_empty() {
             let switches = mode::switches_of(self.subject, surface)?.into_iter();

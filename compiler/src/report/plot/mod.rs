@@ -210,6 +210,7 @@ mod tests {
             regions: Vec::new(),
             between: Vec::new(),
             sides: Vec::new(),
+            contacts: Vec::new(),
         };
         trajectory.modes = (0..50).map(interval).collect();
         let svg = write(&trajectory, &[]);

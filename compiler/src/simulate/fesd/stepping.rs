@@ -29,8 +29,8 @@ pub(in crate::simulate) fn run(
             .time_limit
             .map(|limit| limit.saturating_sub(started.elapsed()));
         let settings = SteppingSettings {
-            family: options.scheme.0,
-            nodes: options.scheme.1,
+            family: options.scheme().0,
+            nodes: options.scheme().1,
             steps,
             time_limit: limit,
         };
@@ -49,7 +49,7 @@ pub(in crate::simulate) fn run(
         2.0 * estimate(&comparison, &recorder, &outcome, &fine).error
     });
     let mut trajectory = assemble(system, settings, &outcome, recorder);
-    let (family, nodes) = options.scheme;
+    let (family, nodes) = options.scheme();
     let text = |word: String| MethodOption::Text(word);
     trajectory.method = Method {
         name: "timestepping".into(),

@@ -266,6 +266,29 @@ pub enum ExperimentError {
         span: Span,
     },
 
+    /// A Runge-Kutta method where contacts have a scheme of their own.
+    #[error("steps of time with contacts take no `scheme`")]
+    #[diagnostic(
+        code(E0526),
+        help("leave `scheme` out: contacts are stepped through by Moreau and Jean's method")
+    )]
+    SchemeOfContacts {
+        #[label("has contacts")]
+        span: Span,
+    },
+
+    /// A switch that jumps, in steps of time with contacts.
+    #[error("`method timestepping` with contacts does not take switches that jump yet")]
+    #[diagnostic(
+        code(E0961),
+        help("use `method event`, which is the default, or a term without a jump")
+    )]
+    SwitchBesideContacts {
+        name: String,
+        #[label("the rates jump where `{name}` is zero")]
+        span: Span,
+    },
+
     /// A comparison of methods of simulation.
     #[error("`{name}` is no simulation")]
     #[diagnostic(

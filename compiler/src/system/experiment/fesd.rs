@@ -26,16 +26,23 @@ pub struct FesdOptions {
 /// Options of `method timestepping`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SteppingOptions {
-    /// Family of Runge-Kutta methods, and number of nodes.
-    pub scheme: (Family, usize),
+    /// Family of Runge-Kutta methods, and number of nodes, where one is given; contacts have a scheme of their own.
+    pub scheme: Option<(Family, usize)>,
     /// Steps of equal length.
     pub steps: usize,
+}
+
+impl SteppingOptions {
+    /// The Runge-Kutta method.
+    pub fn scheme(&self) -> (Family, usize) {
+        self.scheme.unwrap_or((Family::RadauIia, 4))
+    }
 }
 
 impl Default for SteppingOptions {
     fn default() -> Self {
         SteppingOptions {
-            scheme: (Family::RadauIia, 4),
+            scheme: None,
             steps: 100,
         }
     }
@@ -182,7 +189,7 @@ pub(super) fn stepping_options(
     for option in options {
         let value = &option.value;
         match option.name.name.as_str() {
-            "scheme" => stepping.scheme = scheme(reader, value).unwrap_or(stepping.scheme),
+            "scheme" => stepping.scheme = scheme(reader, value).or(stepping.scheme),
             "steps" => {
                 let steps = reader.count("`steps`", value, MOST_STEPS);
                 stepping.steps = steps.unwrap_or(stepping.steps);

@@ -72,6 +72,11 @@ impl Settings<'_> {
             Some(task) => self.horizon / task.intervals as f64,
         }
     }
+
+    /// Whether contacts are a matter of the method, which takes them in steps of time.
+    pub fn steps_through_contacts(&self) -> bool {
+        self.optimize.is_none() && matches!(self.method, Method::Timestepping(_))
+    }
 }
 
 /// A quantity that `output` names.

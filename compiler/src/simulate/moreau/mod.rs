@@ -1,0 +1,120 @@
+//! `method timestepping` of a model with contacts: Moreau-Jean steps.
+//!
+//! A second run with twice as many steps gives the estimate of the error.
+
+mod free;
+mod record;
+mod scene;
+
+use std::time::Instant;
+
+use nsd_solver::moreau::{Settings as StepSettings, Solution, Stepper};
+use nsd_solver::simulate::Status as End;
+
+use self::free::Free;
+use self::record::Told;
+use super::adaptive::Inputs;
+use super::fesd::estimate;
+use super::instants::Pulses;
+use super::watch::{Progress, Watched};
+use super::{Comparison, Recorder, Request, assemble};
+use crate::report::{Failure, Method, MethodOption, Trajectory};
+use crate::system::System;
+use crate::system::experiment::{Settings, SteppingOptions};
+
+/// Integrates bodies and their contacts step by step over the horizon of the experiment.
+pub(super) fn run(
+    system: &System,
+    settings: &Settings,
+    options: &SteppingOptions,
+    request: &Request,
+    watch: &mut dyn FnMut(Progress),
+) -> Trajectory {
+    let started = Instant::now();
+    let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
+    let stepper = |steps: usize| {
+        let left = request
+            .time_limit
+            .map(|limit| limit.saturating_sub(started.elapsed()));
+        stepper(system, settings.horizon, steps, left)
+    };
+    let mut recorder = Recorder::new(system, settings, settings.tolerance, request.dense);
+    let mut told = Told {
+        watched: Watched::new(&mut recorder, settings.horizon, false, watch),
+        changes: Vec::new(),
+    };
+    let solution = stepper(options.steps).run(0.0, settings.horizon, &x0, &mut told);
+    let changes = told.changes;
+    let solved = solution.outcome.status == End::Solved;
+    let error = (request.estimate && solved).then(|| {
+        let mut comparison = Comparison::new(&recorder, &x0);
+        let mut told = Told {
+            watched: Watched::new(&mut comparison, settings.horizon, true, watch),
+            changes: Vec::new(),
+        };
+        let fine = stepper(2 * options.steps).run(0.0, settings.horizon, &x0, &mut told);
+        // The order is one: halving the steps removes half of the error.
+        2.0 * estimate(&comparison, &recorder, &solution.outcome, &fine.outcome).error
+    });
+    let failure = failure(system, &solution);
+    let mut outcome = solution.outcome.clone();
+    if failure.is_some() {
+        outcome.status = End::Stopped;
+    }
+    let mut trajectory = assemble(system, settings, &outcome, recorder);
+    if let Some(failure) = failure {
+        trajectory.status = failure.status();
+        trajectory.failure = Some(failure);
+    }
+    record::write(system, &changes, outcome.time, &mut trajectory);
+    trajectory.certificate.max_violation = solution.penetration;
+    let number = |name: &str, value: usize| (name.into(), MethodOption::Number(value as f64));
+    trajectory.method = Method {
+        name: "timestepping".into(),
+        options: vec![
+            ("scheme".into(), MethodOption::Text("moreau_jean".into())),
+            number("steps", options.steps),
+            number("impulses", solution.impulses),
+            number("gaps", solution.gaps),
+        ],
+    };
+    let length = settings.horizon / options.steps as f64;
+    let pulses = Pulses::of(system, settings.horizon);
+    trajectory.warnings.extend(pulses.warning(length, settings));
+    trajectory.error_estimate = error;
+    trajectory.stats.solve_s = started.elapsed().as_secs_f64();
+    trajectory
+}
+
+/// What steps through a system to a horizon.
+pub(super) fn stepper(
+    system: &System,
+    horizon: f64,
+    steps: usize,
+    time_limit: Option<std::time::Duration>,
+) -> Stepper<impl nsd_solver::moreau::Free> {
+    let inputs = Inputs::new(system);
+    let free = Free::new(system, &inputs, Pulses::of(system, horizon));
+    let scene = scene::scene(system, &inputs);
+    Stepper::new(scene, free, StepSettings { steps, time_limit })
+}
+
+/// What a contact has ended a run by.
+fn failure(system: &System, solution: &Solution) -> Option<Failure> {
+    let contact = &system.impulsive[solution.stuck?];
+    let time = solution.outcome.time;
+    let name = contact.name.clone();
+    let label = miette::LabeledSpan::new_with_span(Some(format!("contact `{name}`")), contact.span);
+    Some(match &solution.outcome.status {
+        End::Penetrates { .. } => Failure::Penetrates {
+            time,
+            name,
+            surfaces: vec![label],
+        },
+        _ => Failure::Impulses {
+            time,
+            name,
+            surfaces: vec![label],
+        },
+    })
+}

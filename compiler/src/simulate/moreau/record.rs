@@ -1,0 +1,97 @@
+//! What contacts did during steps of time, in the words of a report.
+
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+
+use nsd_solver::moreau::{Change, Observer as Contacts};
+use nsd_solver::simulate::{Event, Observer, Segment};
+
+use crate::report::{self, EventKind, ModeInterval, Side, Trajectory};
+use crate::simulate::watch::Watched;
+use crate::system::System;
+
+/// Passes on what a run does, and keeps what contacts do.
+pub(super) struct Told<'w, O> {
+    pub watched: Watched<'w, O>,
+    /// Changes of contacts, in order of time.
+    pub changes: Vec<(f64, usize, Change)>,
+}
+
+impl<O: Observer> Observer for Told<'_, O> {
+    fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
+        self.watched.segment(segment)
+    }
+
+    fn event(&mut self, event: &Event) {
+        self.watched.event(event);
+    }
+}
+
+impl<O: Observer> Contacts for Told<'_, O> {
+    fn change(&mut self, time: f64, contact: usize, change: Change) {
+        self.changes.push((time, contact, change));
+    }
+}
+
+/// Adds events and modes; the run has ended at `end`.
+pub(super) fn write(
+    system: &System,
+    changes: &[(f64, usize, Change)],
+    end: f64,
+    trajectory: &mut Trajectory,
+) {
+    let whole = trajectory.modes.pop();
+    trajectory.modes.clear();
+    let sides = whole.map(|mode| mode.sides).unwrap_or_default();
+    let name = |contact: usize| system.impulsive[contact].name.as_str();
+    let mut closed: BTreeMap<usize, Side> = BTreeMap::new();
+    let mut from = 0.0;
+    let interval = |from: f64, to: f64, closed: &BTreeMap<usize, Side>| {
+        let words = closed
+            .iter()
+            .map(|(&contact, side)| format!("{}({})", side.as_str(), name(contact)));
+        let words: Vec<String> = words.collect();
+        ModeInterval {
+            from,
+            to,
+            mode: match words.is_empty() {
+                true => "open".to_owned(),
+                false => words.join(", "),
+            },
+            regions: Vec::new(),
+            between: Vec::new(),
+            sides: sides.clone(),
+            contacts: closed.iter().map(|(&k, &side)| (k, side)).collect(),
+        }
+    };
+    for &(time, contact, change) in changes {
+        let before = closed.get(&contact).copied().unwrap_or(Side::Open);
+        let (kind, after) = match change {
+            Change::Strike => (EventKind::Jump, before),
+            Change::Close => (EventKind::ContactClose, Side::Closed),
+            Change::Open => (EventKind::ContactOpen, Side::Open),
+            Change::Stick => (EventKind::Stick, Side::Stick),
+            Change::Slip => (EventKind::Slip, Side::Slip),
+        };
+        if after != before && time > from {
+            trajectory.modes.push(interval(from, time, &closed));
+            from = time;
+        }
+        match after {
+            Side::Open => closed.remove(&contact),
+            side => closed.insert(contact, side),
+        };
+        let word = |side: Side| format!("{}({})", side.as_str(), name(contact));
+        trajectory.events.push(report::Event {
+            time,
+            kind,
+            surface: name(contact).to_owned(),
+            from: word(before),
+            to: word(after),
+            span: Some(system.impulsive[contact].span),
+        });
+    }
+    if end > from || trajectory.modes.is_empty() {
+        trajectory.modes.push(interval(from, end, &closed));
+    }
+}

@@ -1,0 +1,110 @@
+//! Contacts that a method in steps of time treats itself.
+//!
+//! They have no switch, and no force in the rates, which are those of the motion without contacts: what an impulse
+//! does follows from the gap, the slip velocity, the mass and the kinematics of the bodies.
+
+use rustc_hash::FxHashSet;
+
+use super::contacts::Places;
+use super::lower::Lowering;
+use super::{Impulsive, SystemError};
+use crate::diagnostics::Diagnostics;
+use crate::expr::{Expr, Substitution, Var, variables_of};
+use crate::model;
+
+/// What all contacts are looked at with.
+struct Known<'e> {
+    places: Places,
+    /// Positions of bodies.
+    positions: FxHashSet<Var>,
+    numbers: Substitution<'e>,
+}
+
+impl<'e> Lowering<'_, 'e> {
+    /// All contacts that the experiment needs; `rates` are those without them.
+    pub(super) fn impulsive(
+        &mut self,
+        rates: &[Expr<'e>],
+        diags: &mut Diagnostics,
+    ) -> Vec<Impulsive<'e>> {
+        let model = self.model;
+        if model.contacts.is_empty() {
+            return Vec::new();
+        }
+        let vars: Vec<Option<Var>> = model.state_vars().map(Expr::as_variable).collect();
+        let positions = model.bodies.iter().flat_map(|body| &body.positions);
+        let known = Known {
+            places: self.places(),
+            positions: positions.filter_map(|&entry| vars[entry]).collect(),
+            numbers: self.numbers(),
+        };
+        let mut contacts = Vec::with_capacity(model.contacts.len());
+        for contact in &model.contacts {
+            match self.impulsive_contact(contact, rates, &known) {
+                Ok(contact) => contacts.extend(contact),
+                Err(error) => diags.push(*error),
+            }
+        }
+        contacts
+    }
+
+    fn impulsive_contact(
+        &mut self,
+        contact: &model::Contact<'e>,
+        rates: &[Expr<'e>],
+        known: &Known<'e>,
+    ) -> Result<Option<Impulsive<'e>>, Box<SystemError>> {
+        if !contact.exprs().all(|e| self.needs.holds_all(e)) {
+            return Ok(None);
+        }
+        let wrong = |what: &str, span| {
+            let (name, what) = (contact.name.clone(), what.to_owned());
+            Err(Box::new(SystemError::NoContact { name, what, span }))
+        };
+        let gap = self.in_alphas(contact.gap, contact.gap_span);
+        if !self.switches.alphas_of(gap).is_empty() {
+            let what = "its gap, or the rate of it, has a switching term";
+            return wrong(what, contact.gap_span);
+        }
+        let vars = variables_of(&[gap]);
+        let velocities = &known.places.velocities;
+        if vars.iter().any(|var| velocities.contains_key(var)) {
+            return wrong("its gap depends on velocities", contact.gap_span);
+        }
+        if !vars.iter().any(|var| known.positions.contains(var)) {
+            let what = "its gap does not depend on positions of a `mechanics` block";
+            return wrong(what, contact.gap_span);
+        }
+        let restitution = self.in_alphas(contact.restitution, contact.span);
+        let number = |e: Expr<'e>| e.substitute(&known.numbers).as_constant();
+        if number(restitution).is_some_and(|e| !(0.0..=1.0).contains(&e)) {
+            return wrong("its restitution is not in [0, 1]", contact.span);
+        }
+        let friction = match contact.friction {
+            None => None,
+            Some((friction, span)) => {
+                let friction = self.in_alphas(friction, span);
+                if number(friction).is_some_and(|mu| mu < 0.0) {
+                    return wrong("its friction is negative", span);
+                }
+                let speed = self.along(gap, rates, &known.places);
+                let normal = self.directions(speed, &known.places);
+                let (slip, _) = self.tangent(contact, &normal, &known.places)?;
+                Some((friction, slip))
+            }
+        };
+        let numbers = [restitution].into_iter().chain(friction.map(|f| f.0));
+        for e in numbers {
+            if !self.switches.alphas_of(e).is_empty() {
+                return wrong("its restitution or friction has a switching term", contact.span);
+            }
+        }
+        Ok(Some(Impulsive {
+            name: contact.name.clone(),
+            gap,
+            restitution,
+            friction,
+            span: contact.span,
+        }))
+    }
+}

@@ -1,0 +1,229 @@
+//! What contacts do from step to step: they strike, close, open, stick and slip.
+
+use super::scene::Free;
+use super::{Stepper, Velocities, rows};
+use crate::simulate;
+
+/// What a contact does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Change {
+    /// It gives an impulse after it was open, at a speed above that which one step gains.
+    Strike,
+    /// It stays closed.
+    Close,
+    /// It is open again.
+    Open,
+    /// It is closed and does not slip.
+    Stick,
+    /// It is closed and slips.
+    Slip,
+}
+
+/// Sees a run while it happens.
+pub trait Observer: simulate::Observer {
+    /// A contact changes; instants are those at which a straight line between the ends of the step meets the surface.
+    fn change(&mut self, time: f64, contact: usize, change: Change);
+}
+
+/// What is known of a contact since the last step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Mode {
+    #[default]
+    Open,
+    /// It has given an impulse and bounced.
+    Struck,
+    Closed,
+    Stick,
+    Slip,
+}
+
+impl Mode {
+    fn is_closed(self) -> bool {
+        matches!(self, Mode::Closed | Mode::Stick | Mode::Slip)
+    }
+}
+
+/// The contacts that gave impulses in the last step.
+pub(super) struct Contacts {
+    modes: Vec<Mode>,
+    /// Λ and β of the last step in which there were any, and P / h².
+    impulses: Vec<[f64; 2]>,
+    shifts: Vec<f64>,
+    /// Contacts that are not open, and those of the step before.
+    present: Vec<u32>,
+    before: Vec<u32>,
+    changes: Vec<(f64, u32, Change)>,
+    count: usize,
+}
+
+impl Contacts {
+    pub fn new(n: usize) -> Self {
+        Contacts {
+            modes: vec![Mode::Open; n],
+            impulses: vec![[0.0; 2]; n],
+            shifts: vec![0.0; n],
+            present: Vec::new(),
+            before: Vec::new(),
+            changes: Vec::new(),
+            count: 0,
+        }
+    }
+
+    pub fn begin(&mut self) {
+        self.modes.fill(Mode::Open);
+        self.impulses.fill([0.0; 2]);
+        self.shifts.fill(0.0);
+        self.present.clear();
+        self.count = 0;
+    }
+
+    pub fn n_changes(&self) -> usize {
+        self.count
+    }
+
+    /// Λ and β of the step before; zero for a contact that was open.
+    pub fn last(&self, contact: usize) -> [f64; 2] {
+        match self.modes[contact].is_closed() {
+            true => self.impulses[contact],
+            false => [0.0; 2],
+        }
+    }
+
+    /// P / h² of the step before.
+    pub fn last_shift(&self, contact: usize) -> f64 {
+        match self.modes[contact].is_closed() {
+            true => self.shifts[contact],
+            false => 0.0,
+        }
+    }
+
+    pub fn keep_shift(&mut self, contact: usize, shift: f64) {
+        self.shifts[contact] = shift;
+    }
+}
+
+/// Friction that is nearer to its bound than this share of it slips.
+const SLIPS: f64 = 1e-9;
+/// A closed contact that gives no impulse opens where its rate is above this share of what a step changes.
+const STAYS: f64 = 1e-6;
+
+impl<F: Free> Stepper<F> {
+    /// Compares the contacts of a step that went on from x with those of the step before.
+    pub(super) fn tell(
+        &mut self,
+        (t, h): (f64, f64),
+        x: &[f64],
+        velocities: &Velocities,
+        observer: &mut impl Observer,
+    ) {
+        let contacts = &mut self.contacts;
+        let rows = &self.active.rows;
+        std::mem::swap(&mut contacts.present, &mut contacts.before);
+        contacts.present.clear();
+        contacts.changes.clear();
+        for (c, contact) in self.active.contacts.iter().enumerate() {
+            let (normal, tangential) = (self.impulses.normal[c], self.impulses.tangential[c]);
+            let at = contact.contact as usize;
+            let rate = |v: &[f64]| rows.rate(contact.normal, v) + contact.offset;
+            let approach = -rate(&velocities.before);
+            // What the free motion changes the rate by in a step.
+            let change = (rate(&velocities.free) + approach).abs();
+            let stays = || rate(&velocities.after) <= STAYS * (change + approach.abs());
+            if normal <= 0.0 && !(contacts.modes[at].is_closed() && stays()) {
+                continue;
+            }
+            contacts.present.push(contact.contact);
+            contacts.impulses[at] = [normal, tangential];
+            let bounces = self.impulses.normal_rate[c] < contact.offset;
+            let mode = match (bounces, contact.is_rough) {
+                (true, _) => Mode::Struck,
+                (false, false) => Mode::Closed,
+                (false, true) if tangential.abs() < (1.0 - SLIPS) * contact.friction * normal => {
+                    Mode::Stick
+                }
+                (false, true) => Mode::Slip,
+            };
+            let before = std::mem::replace(&mut contacts.modes[at], mode);
+            let mut tell = |change| contacts.changes.push((f64::NAN, contact.contact, change));
+            if before == Mode::Open && approach > change {
+                tell(Change::Strike);
+            }
+            match (before.is_closed(), mode.is_closed()) {
+                (false, true) => tell(Change::Close),
+                (true, false) => tell(Change::Open),
+                _ => {}
+            }
+            match mode {
+                Mode::Stick if before != Mode::Stick => tell(Change::Stick),
+                Mode::Slip if before != Mode::Slip => tell(Change::Slip),
+                _ => {}
+            }
+        }
+        contacts.present.sort_unstable();
+        for &contact in &contacts.before {
+            if contacts.present.binary_search(&contact).is_ok() {
+                continue;
+            }
+            let before = std::mem::take(&mut contacts.modes[contact as usize]);
+            if before.is_closed() {
+                contacts.changes.push((t, contact, Change::Open));
+            }
+        }
+        if contacts.changes.is_empty() {
+            return;
+        }
+        self.date((t, h), x);
+        let contacts = &mut self.contacts;
+        contacts
+            .changes
+            .sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        contacts.count += contacts.changes.len();
+        for &(time, contact, change) in &contacts.changes {
+            observer.change(time, contact as usize, change);
+        }
+    }
+
+    /// Says when in the step contacts were struck: where a straight line between the gaps at its ends is zero.
+    fn date(&mut self, (t, h): (f64, f64), x: &[f64]) {
+        let mut changes = std::mem::take(&mut self.contacts.changes);
+        self.set_memory(t, x);
+        for (time, contact, change) in &mut changes {
+            if !time.is_nan() {
+                continue;
+            }
+            let is_it = |c: &&rows::Contact| c.contact == *contact;
+            let end = self
+                .active
+                .contacts
+                .iter()
+                .find(is_it)
+                .map_or(0.0, |c| c.gap);
+            let is_new = matches!(change, Change::Strike | Change::Close);
+            let start = match is_new {
+                true => self.gap_of(*contact),
+                false => 0.0,
+            };
+            let share = match start > 0.0 && end < start {
+                true => (start / (start - end)).min(1.0),
+                false => 0.0,
+            };
+            *time = t + share * h;
+        }
+        self.contacts.changes = changes;
+    }
+
+    /// The gap of a contact at what `memory` holds.
+    fn gap_of(&mut self, contact: u32) -> f64 {
+        for (f, family) in self.scene.families.iter().enumerate() {
+            if let Ok(member) = family.contacts.binary_search(&contact) {
+                rows::gather(family, &[member as u32], &self.memory, &mut self.inputs);
+                let mut gap = [0.0];
+                family
+                    .gap
+                    .eval_many(&self.inputs, &mut gap, 1, &mut self.lanes[f][0]);
+                return gap[0];
+            }
+        }
+        0.0
+    }
+}

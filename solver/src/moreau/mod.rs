@@ -1,0 +1,422 @@
+//! Moreau-Jean time stepping: bodies with contacts, in steps of one length without event detection.
+//!
+//! A step of length h goes from (q, v) to (q⁺, v⁺):
+//!
+//! 1. The motion without contacts, by the midpoint rule (`free.rs`), leads to (q̂, v̂).
+//! 2. Contacts with gap(q̂) ≤ 0 are *active*. Their impulses act at the end of the step (Moreau 1988; Jean 1999),
+//!    v⁺ = v̂ + M⁻¹(J_nΛ - J_tβ),   0 ≤ Λ ⟂ J_nᵀv⁺ + e min(J_nᵀv, 0) ≥ 0,   β ∈ μΛ sign(J_tᵀv⁺)   (`impulse.rs`).
+//!    The rebound is that of the speed at which the step began: what v̂ has gained since then was gained below the
+//!    surface.
+//! 3. q̂ - h/2 M⁻¹J_tβ, the positions of the θ-method but for normal impulses, are projected onto gap ≥ 0 in the metric
+//!    of M (`project.rs`). A resting contact is thereby put back to where it was.
+//! 4. Where the projection has lifted an island by more energy than its impacts have taken, its velocities pay for the
+//!    difference (`energy.rs`): energy is never gained by contacts that nothing drives.
+//!
+//! The order is one; bounces that accumulate end in a contact that stays closed.
+
+mod direct;
+mod energy;
+mod events;
+mod free;
+mod impulse;
+mod islands;
+mod pairs;
+mod pivoting;
+mod project;
+mod rows;
+mod scene;
+mod search;
+
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+pub use events::{Change, Observer};
+pub use scene::{Body, Family, Free, Scene};
+
+use crate::simulate::dense::ElementSeries;
+use crate::simulate::{Outcome, Segment, Side, Stats, Status};
+use crate::tape::LaneScratch;
+use energy::Energy;
+use events::Contacts;
+use free::FreeStep;
+use impulse::Impulses;
+use islands::Islands;
+use rows::{Bodies, Linear};
+use search::Search;
+
+/// A gap below this share of the size of positions is closed.
+const TOUCH: f64 = 1e-10;
+/// A speed below this share of the largest is rounding.
+const ROUNDING: f64 = 1e-15;
+/// Residual of the impulses of an island, relative to its speeds.
+const SOLVED: f64 = 1e-11;
+/// Attempts to solve for the impulses of an island.
+const ATTEMPTS: usize = 12;
+
+/// What the user may choose.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// Steps of equal length.
+    pub steps: usize,
+    /// Wall time after which the run stops.
+    pub time_limit: Option<Duration>,
+}
+
+/// What a run leaves besides its end.
+#[derive(Clone, Debug)]
+pub struct Solution {
+    /// The end; `complementarity` is the largest residual of the impulses, relative to the speeds of their island.
+    pub outcome: Outcome,
+    /// Largest depth of a contact at the end of a step.
+    pub penetration: f64,
+    /// The contact at which a run has failed.
+    pub stuck: Option<usize>,
+    /// Impulses of contacts, counted in every step.
+    pub impulses: usize,
+    /// Gaps that were evaluated, and enclosures of gaps.
+    pub gaps: usize,
+}
+
+/// Steps through a scene.
+pub struct Stepper<F> {
+    scene: Scene,
+    free: F,
+    settings: Settings,
+    bodies: Bodies,
+    step: FreeStep,
+    search: Search,
+    contacts: Contacts,
+    active: Linear,
+    impulses: Impulses,
+    projected: Linear,
+    shifts: Impulses,
+    islands: Islands,
+    energy: Energy,
+    /// t, x, coefficients, numbers.
+    memory: Vec<f64>,
+    lanes: Vec<[LaneScratch; 2]>,
+    gaps: Vec<f64>,
+    inputs: Vec<f64>,
+    members: Vec<u32>,
+    counts: Counts,
+    /// How far positions move in the present step.
+    moved: f64,
+}
+
+/// Counts of a run.
+#[derive(Clone, Copy, Default)]
+struct Counts {
+    gaps: usize,
+    impulses: usize,
+    penetration: f64,
+    residual: f64,
+}
+
+/// Velocities of bodies: before a step, without contacts, and after it.
+#[derive(Default)]
+struct Velocities {
+    before: Vec<f64>,
+    free: Vec<f64>,
+    after: Vec<f64>,
+}
+
+/// Why a step could not be made.
+struct Failed {
+    status: Status,
+    contact: Option<usize>,
+}
+
+impl<F: Free> Stepper<F> {
+    /// Memory for the bodies and their contacts.
+    pub fn new(scene: Scene, free: F, settings: Settings) -> Self {
+        let n = free.n_states();
+        let mut memory = vec![0.0; 1 + n + free.coefficients().len()];
+        memory.extend_from_slice(&scene.numbers);
+        Stepper {
+            bodies: Bodies::new(&scene, &free),
+            step: FreeStep::new(&free),
+            search: Search::new(&scene, n),
+            contacts: Contacts::new(scene.n_contacts),
+            active: Linear::default(),
+            impulses: Impulses::default(),
+            projected: Linear::default(),
+            shifts: Impulses::default(),
+            islands: Islands::default(),
+            energy: Energy::default(),
+            memory,
+            lanes: (scene.families.iter())
+                .map(|family| [family.gap.lane_scratch(), family.row.lane_scratch()])
+                .collect(),
+            gaps: Vec::new(),
+            inputs: Vec::new(),
+            members: Vec::new(),
+            counts: Counts::default(),
+            moved: 0.0,
+            scene,
+            free,
+            settings,
+        }
+    }
+
+    /// Integrates from `x0` at `t0` to `t1`.
+    pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut impl Observer) -> Solution {
+        let started = Instant::now();
+        let steps = self.settings.steps;
+        let (mut x, mut y) = (x0.to_vec(), x0.to_vec());
+        let mut sides = vec![Side::Plus; self.free.n_switches()];
+        let mut series = ElementSeries::default();
+        let mut velocities = Velocities::default();
+        let (mut stats, mut t, mut ends) = (Stats::default(), t0, 0);
+        let mut until = self.free.load(t0);
+        self.counts = Counts::default();
+        self.contacts.begin();
+        self.energy.reset();
+        self.search.reset();
+        let mut stuck = self.penetrates(t0, &x);
+        let status = loop {
+            if let Some(contact) = stuck {
+                break Status::Penetrates { switch: contact };
+            }
+            if ends == steps {
+                break Status::Solved;
+            }
+            let limit = self.settings.time_limit;
+            if limit.is_some_and(|limit| started.elapsed() > limit) {
+                break Status::TimeLimit;
+            }
+            // A breakpoint in a step is the end of a part of it.
+            let end = t0 + (t1 - t0) * ((ends + 1) as f64 / steps as f64);
+            let near = f64::EPSILON * 4.0 * end.abs();
+            let next = if until < end - near { until } else { end };
+            let h = next - t;
+            if let Err(failed) = self.advance((t, h), &x, &mut y, &mut velocities) {
+                stuck = failed.contact;
+                break failed.status;
+            }
+            stats.steps += 1;
+            if !y.iter().all(|y| y.is_finite()) {
+                break Status::NotFinite;
+            }
+            self.tell((t, h), &x, &velocities, observer);
+            self.free.sides(next, &y, &mut sides);
+            series.shape(x.len(), sides.len(), 1);
+            for (i, (x, y)) in x.iter().zip(&y).enumerate() {
+                let row = series.row_mut(i);
+                (row[0], row[1]) = (*x, (y - x) / h);
+            }
+            let segment = Segment::new(t, h, &sides, &y, &series);
+            let flow = observer.segment(&segment);
+            if next == end {
+                ends += 1;
+            }
+            if until <= next + near {
+                until = self.free.load(next.max(until));
+            }
+            t = next;
+            std::mem::swap(&mut x, &mut y);
+            if flow == ControlFlow::Break(()) {
+                break Status::Stopped;
+            }
+        };
+        stats.events = self.contacts.n_changes();
+        stats.newton_iterations = self.impulses.sweeps + self.shifts.sweeps;
+        stats.factorizations = self.impulses.factorizations + self.shifts.factorizations;
+        let n = x.len();
+        Solution {
+            outcome: Outcome {
+                status,
+                time: t,
+                alpha: sides.iter().map(|side| 0.5 + 0.5 * side.sign()).collect(),
+                sides,
+                activity: vec![0.0; n],
+                moved: vec![0.0; n],
+                drift: 0.0,
+                defect: 0.0,
+                complementarity: self.counts.residual,
+                notes: Vec::new(),
+                approaches: Vec::new(),
+                stats,
+                x,
+            },
+            penetration: self.counts.penetration,
+            stuck,
+            impulses: self.counts.impulses,
+            gaps: self.counts.gaps + self.search.enclosures,
+        }
+    }
+
+    /// One step from x to y.
+    fn advance(
+        &mut self,
+        (t, h): (f64, f64),
+        x: &[f64],
+        y: &mut [f64],
+        velocities: &mut Velocities,
+    ) -> Result<(), Failed> {
+        let unsolved = |contact| Failed {
+            status: Status::Unsolved,
+            contact,
+        };
+        if !self.step.solve(&mut self.free, (t, h), x, y) {
+            return Err(unsolved(None));
+        }
+        let FreeStep {
+            jacobian,
+            rates,
+            middle,
+            ..
+        } = &self.step;
+        let at = (t + 0.5 * h, &middle[..]);
+        if !self.bodies.load(&mut self.free, at, jacobian, rates) {
+            return Err(Failed {
+                status: Status::NotFinite,
+                contact: None,
+            });
+        }
+        let of_bodies = |x: &[f64], v: &mut Vec<f64>, bodies: &Bodies| {
+            v.clear();
+            v.extend(bodies.velocities.iter().map(|&state| x[state]));
+        };
+        of_bodies(x, &mut velocities.before, &self.bodies);
+        of_bodies(y, &mut velocities.free, &self.bodies);
+        velocities.after.clone_from(&velocities.free);
+
+        self.find_active((t, h), x, y);
+        self.energy.begin(&self.bodies, &self.active, velocities);
+        if !self.active.contacts.is_empty() {
+            self.strike(velocities).map_err(|c| unsolved(Some(c)))?;
+            self.let_friction_move(h, velocities, y);
+        }
+        self.project((t, h), velocities, y)
+            .map_err(|c| unsolved(Some(c)))?;
+        self.pay(velocities);
+        for (&state, v) in self.bodies.velocities.iter().zip(&velocities.after) {
+            y[state] = *v;
+        }
+        Ok(())
+    }
+
+    /// Sets what functions of contacts depend on, and finds the contacts that may be active there.
+    fn look(&mut self, t: f64, h: f64, x: &[f64], moved: f64) {
+        self.set_memory(t, x);
+        let size = self.size(x);
+        self.search
+            .update(&self.scene, &self.memory, h, moved, size);
+    }
+
+    /// Sets what functions of contacts depend on.
+    fn set_memory(&mut self, t: f64, x: &[f64]) {
+        let n = x.len();
+        self.memory[0] = t;
+        self.memory[1..=n].copy_from_slice(x);
+        let coefficients = self.free.coefficients();
+        self.memory[1 + n..][..coefficients.len()].copy_from_slice(coefficients);
+    }
+
+    /// The members of a family with gaps up to `most`, in `members`; the least gap.
+    fn closer_than(&mut self, family: usize, most: f64) -> f64 {
+        let of_family = &self.scene.families[family];
+        let near = self.search.near(family);
+        self.members.clear();
+        if near.is_empty() {
+            return f64::INFINITY;
+        }
+        rows::gather(of_family, near, &self.memory, &mut self.inputs);
+        self.gaps.clear();
+        self.gaps.resize(near.len(), 0.0);
+        let lanes = &mut self.lanes[family][0];
+        of_family
+            .gap
+            .eval_many(&self.inputs, &mut self.gaps, near.len(), lanes);
+        self.counts.gaps += near.len();
+        let close = near.iter().zip(&self.gaps);
+        // A gap that is no number is none that is known to be open.
+        let close = close.filter(|(_, gap)| !(**gap > most));
+        self.members.extend(close.map(|(&member, _)| member));
+        self.gaps.iter().copied().fold(f64::INFINITY, f64::min)
+    }
+
+    /// The size of positions, of which a gap is a share.
+    fn size(&self, x: &[f64]) -> f64 {
+        let positions = self.scene.bodies.iter().flat_map(|body| &body.positions);
+        positions.fold(f64::MIN_POSITIVE, |size, &q| size.max(x[q].abs()))
+    }
+
+    /// Finds the contacts that the free motion has closed, with their rows.
+    fn find_active(&mut self, (t, h): (f64, f64), x: &[f64], y: &[f64]) {
+        let touch = TOUCH * self.size(y);
+        let positions = self.scene.bodies.iter().flat_map(|body| &body.positions);
+        self.moved = positions.fold(0.0, |most, &q| most.max((y[q] - x[q]).abs()));
+        self.look(t + h, h, y, self.moved);
+        self.active.clear();
+        for family in 0..self.scene.families.len() {
+            self.closer_than(family, touch);
+            let lanes = &mut self.lanes[family][1];
+            let of_family = &self.scene.families[family];
+            self.active
+                .add(of_family, &self.members, &self.memory, &self.bodies, lanes);
+        }
+    }
+
+    /// Lets the active contacts give impulses.
+    fn strike(&mut self, velocities: &mut Velocities) -> Result<(), usize> {
+        let (active, impulses) = (&self.active, &mut self.impulses);
+        impulses.begin(active);
+        (impulses.attempts, impulses.tolerance) = (ATTEMPTS, SOLVED);
+        let speeds = velocities.free.iter();
+        impulses.rounding = ROUNDING * speeds.fold(0.0_f64, |most, v| most.max(v.abs()));
+        for (c, contact) in active.contacts.iter().enumerate() {
+            let before = active.rows.rate(contact.normal, &velocities.before) + contact.offset;
+            let rebound = contact.restitution * before;
+            impulses.normal_rate[c] = contact.offset + rebound;
+            impulses.friction[c] = contact.friction;
+            impulses.slip_rate[c] = contact.slip;
+            let known = self.contacts.last(contact.contact as usize);
+            (impulses.normal[c], impulses.tangential[c]) = (known[0], known[1]);
+        }
+        self.islands.begin(&self.bodies);
+        self.islands.join(active, &self.bodies);
+        let solved = impulses.solve(
+            active,
+            &mut self.islands,
+            &self.bodies,
+            &mut velocities.after,
+        );
+        self.counts.impulses += active.contacts.len();
+        self.counts.residual = self.counts.residual.max(impulses.residual);
+        solved.map_err(|c| active.contacts[c].contact as usize)
+    }
+
+    /// q̂ - h/2 M⁻¹J_tβ
+    fn let_friction_move(&mut self, h: f64, velocities: &Velocities, y: &mut [f64]) {
+        let rough = |(c, contact): &(usize, &rows::Contact)| {
+            contact.is_rough && self.impulses.tangential[*c] != 0.0
+        };
+        let rows = &self.active.rows;
+        let mut w = vec![0.0; velocities.before.len()];
+        let mut any = false;
+        for (c, contact) in self.active.contacts.iter().enumerate().filter(rough) {
+            rows.push_by(contact.normal + 1, -self.impulses.tangential[c], &mut w);
+            any = true;
+        }
+        if any {
+            self.bodies.displace(0.5 * h, &w, y);
+            self.energy
+                .lift((0.5 * h, h), &w, &self.active, &self.bodies);
+        }
+    }
+
+    /// A contact that is closed by more than rounding at the start.
+    fn penetrates(&mut self, t: f64, x: &[f64]) -> Option<usize> {
+        let least = -1e-9 * self.size(x);
+        self.look(t, 0.0, x, 0.0);
+        for family in 0..self.scene.families.len() {
+            self.closer_than(family, least);
+            if let Some(&member) = self.members.first() {
+                let contact = self.scene.families[family].contacts[member as usize];
+                return Some(contact as usize);
+            }
+        }
+        None
+    }
+}

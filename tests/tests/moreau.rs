@@ -1,0 +1,248 @@
+//! Contacts in steps of time against closed forms, and what must hold of piles.
+
+use nsd_tests::{end, run, times};
+use nsdc::report::{EventKind, Status, Trajectory};
+
+/// A ball of mass 2 above a floor.
+fn ball(e: f64, height: f64, horizon: f64, steps: usize) -> Trajectory {
+    let text = format!(
+        "model ball {{
+           state q = {height:?};
+           state v = 0;
+           q' = v;
+           mechanics q, v {{ mass = 2; force = -2*9.81; contact floor {{ gap = q; restitution = {e:?}; }} }}
+           output energy = v^2 + 2*9.81*q;
+         }}
+         simulate this of ball {{ horizon {horizon:?}; method timestepping {{ steps = {steps}; }} }}"
+    );
+    solved(&text)
+}
+
+fn solved(text: &str) -> Trajectory {
+    let trajectory = run(text, "this");
+    assert_eq!(
+        trajectory.status,
+        Status::Solved,
+        "{:?}",
+        trajectory.failure
+    );
+    assert_eq!(trajectory.verify(), Ok(()));
+    trajectory
+}
+
+/// No value of an output is above the one before by more than a share of the first.
+fn never_grows(trajectory: &Trajectory, share: f64) {
+    let energy = trajectory.outputs.iter().find(|o| o.name == "energy");
+    let values = &energy.expect("the model has an energy").values;
+    for pair in values.windows(2) {
+        assert!(
+            pair[1] <= pair[0] + share * values[0],
+            "{pair:?} of {}",
+            values[0]
+        );
+    }
+}
+
+#[test]
+fn a_ball_bounces_with_order_one() {
+    let (g, e, horizon) = (9.81_f64, 0.9, 3.0);
+    let (mut bounce, mut speed) = ((2.0 / g).sqrt(), e * (2.0 * g).sqrt());
+    let mut bounces = vec![bounce];
+    while bounce + 2.0 * speed / g < horizon {
+        (bounce, speed) = (bounce + 2.0 * speed / g, e * speed);
+        bounces.push(bounce);
+    }
+    let s = horizon - bounce;
+    let exact = speed * s - 0.5 * g * s * s;
+    // Whether a step ends just before or just behind a bounce is chance, so that errors of many grids are compared.
+    let error = |coarse: usize| {
+        let grids = (0..9).map(|k| coarse + coarse * k / 9);
+        let errors = grids.map(|steps| (end(&ball(e, 1.0, horizon, steps), "q")[0] - exact).abs());
+        errors.fold(0.0, f64::max)
+    };
+    let errors = [error(300), error(1200), error(4800)];
+    for pair in errors.windows(2) {
+        let order = (pair[0] / pair[1]).log(4.0);
+        assert!((0.7..1.4).contains(&order), "order {order} of {errors:?}");
+    }
+    let fine = ball(e, 1.0, horizon, 30_000);
+    never_grows(&fine, 1e-12);
+    let found = times(&fine, EventKind::Jump);
+    assert_eq!(found.len(), bounces.len());
+    for (found, exact) in found.iter().zip(&bounces) {
+        assert!((found - exact).abs() <= 1e-3, "{found}, not {exact}");
+    }
+}
+
+#[test]
+fn bounces_that_accumulate_end_in_a_closed_contact() {
+    let trajectory = ball(0.5, 0.5, 3.0, 6000);
+    never_grows(&trajectory, 1e-12);
+    // Zeno: the fall, and a geometric series of flights.
+    let limit = 3.0 * (1.0_f64 / 9.81).sqrt();
+    let closed = times(&trajectory, EventKind::ContactClose);
+    assert_eq!(closed.len(), 1);
+    assert!((closed[0] - limit).abs() <= 0.02, "{closed:?}, not {limit}");
+    assert_eq!(end(&trajectory, "q"), [0.0]);
+    assert_eq!(end(&trajectory, "v"), [0.0]);
+    let last = trajectory.modes.last().expect("a run has a mode");
+    assert_eq!(last.mode, "closed(floor)");
+}
+
+/// A block on a slope of angle θ, which moves along and across it.
+fn block(mu: f64, v: f64, steps: usize) -> Trajectory {
+    solved(&format!(
+        "model block {{
+           param theta = 0.4;
+           state q[2] = [0, 0];
+           state v[2] = [{v:?}, 0];
+           q' = v;
+           mechanics q, v {{
+             mass = eye(2);
+             force = 9.81*[sin(theta), -cos(theta)];
+             contact slope {{ gap = q[2]; restitution = 0; friction = {mu:?}; }}
+           }}
+         }}
+         simulate this of block {{ horizon 1; method timestepping {{ steps = {steps}; }} }}"
+    ))
+}
+
+#[test]
+fn a_block_on_a_slope_sticks_and_slips() {
+    let (sin, cos) = 0.4_f64.sin_cos();
+    // tan 0.4 = 0.42: it stays.
+    let stays = block(0.5, 0.0, 200);
+    assert_eq!(end(&stays, "q"), [0.0, 0.0]);
+    assert_eq!(
+        stays.modes.last().map(|m| m.mode.as_str()),
+        Some("stick(slope)")
+    );
+    // It slides, which the midpoint rule has exactly.
+    let slides = block(0.3, 0.0, 200);
+    let q = end(&slides, "q");
+    assert!(
+        (q[0] - 0.5 * 9.81 * (sin - 0.3 * cos)).abs() <= 1e-10,
+        "{q:?}"
+    );
+    assert!(q[1].abs() <= 1e-10);
+    assert_eq!(
+        slides.modes.last().map(|m| m.mode.as_str()),
+        Some("slip(slope)")
+    );
+    // Uphill, until friction has stopped it for good.
+    let brake = 9.81 * (0.5 * cos - sin);
+    let stops = block(0.5, 0.3, 4000);
+    let q = end(&stops, "q");
+    assert!((q[0] - 0.09 / (2.0 * brake)).abs() <= 1e-4, "{q:?}");
+    let stick = times(&stops, EventKind::Stick);
+    assert_eq!(stick.len(), 1);
+    assert!((stick[0] - 0.3 / brake).abs() <= 1e-3, "{stick:?}");
+}
+
+#[test]
+fn touching_balls_strike_as_one() {
+    // Newton's law of all contacts at once: the balls that are struck go on with two thirds each.
+    let trajectory = solved(
+        "model cradle {
+           state q[3] = [1, 2, 3];
+           state v[3] = [1, 0, 0];
+           q' = v;
+           mechanics q, v { mass = eye(3); force = zeros(3); }
+           for i in 1..2 { contact touch { gap = q[i+1] - q[i] - 1; restitution = 1; } }
+         }
+         simulate this of cradle { horizon 1; method timestepping { steps = 10; } }",
+    );
+    let v = end(&trajectory, "v");
+    let expected = [-1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0];
+    for (v, exact) in v.iter().zip(expected) {
+        assert!((v - exact).abs() <= 1e-12, "{v}, not {exact}");
+    }
+}
+
+/// Discs in a bin.
+fn pile(n: usize, width: f64, e: f64, friction: &str, horizon: f64, steps: usize) -> Trajectory {
+    solved(&format!(
+        "model disc {{
+           param r = 0.1;
+           state q[2];
+           state v[2] = [0, 0];
+           q' = v;
+           mechanics q, v {{ mass = eye(2); force = [0, -9.81]; }}
+           output energy = dot(v, v)/2 + 9.81*q[2];
+         }}
+         model bin {{
+           const n = {n};
+           param width = {width:?};
+           part ball[i in 1..n] = disc {{ q = [width/2 + 0.05*sin(7*i), 0.25*i]; }}
+           for i in 1..n {{
+             contact floor {{ gap = ball[i].q[2] - ball[i].r; restitution = {e:?}; {friction} }}
+             contact left {{ gap = ball[i].q[1] - ball[i].r; restitution = {e:?}; {friction} }}
+             contact right {{ gap = width - ball[i].q[1] - ball[i].r; restitution = {e:?}; {friction} }}
+           }}
+           for i in 1..n, j in i+1..n {{
+             contact pair {{ gap = norm(ball[i].q - ball[j].q) - ball[i].r - ball[j].r; restitution = {e:?}; {friction} }}
+           }}
+           output energy = sum(ball[i].energy for i in 1..n);
+           output clearance = min(norm(ball[i].q - ball[j].q) - ball[i].r - ball[j].r for i in 1..n, j in i+1..n);
+         }}
+         simulate this of bin {{ horizon {horizon:?}; method timestepping {{ steps = {steps}; }} }}"
+    ))
+}
+
+/// The largest speed at the end.
+fn speed(trajectory: &Trajectory, n: usize) -> f64 {
+    let speed = |i: usize| {
+        let v = end(trajectory, &format!("ball[{i}].v"));
+        v[0].hypot(v[1])
+    };
+    (1..=n).map(speed).fold(0.0, f64::max)
+}
+
+#[test]
+fn piles_come_to_rest_without_depth_and_without_energy() {
+    for (width, e, friction) in [
+        (0.7, 0.0, ""),
+        (0.7, 0.3, ""),
+        (0.7, 0.3, "friction = 0.3;"),
+    ] {
+        let n = 6;
+        let trajectory = pile(n, width, e, friction, 3.0, 3000);
+        never_grows(&trajectory, 1e-9);
+        let clearance = trajectory.outputs.iter().find(|o| o.name == "clearance");
+        let least = clearance.map(|o| o.values.iter().copied().fold(f64::INFINITY, f64::min));
+        assert!(least >= Some(-1e-9), "{least:?}");
+        assert!(trajectory.certificate.max_violation <= 1e-9);
+        assert!(trajectory.stats.complementarity_residual <= 1e-9);
+        assert!(speed(&trajectory, n) <= 1e-6, "{}", speed(&trajectory, n));
+    }
+}
+
+#[test]
+fn bodies_far_apart_cost_no_gaps() {
+    let text = |apart: f64| {
+        format!(
+            "model field {{
+               const n = 12;
+               state q[n] = [{apart:?}*i for i in 1..n];
+               state v[n] = zeros(n);
+               q' = v;
+               mechanics q, v {{ mass = eye(n); force = -q; }}
+               for i in 1..n, j in i+1..n {{ contact pair {{ gap = q[j] - q[i] - 0.1; restitution = 0; }} }}
+             }}
+             simulate this of field {{ horizon 0.1; method timestepping {{ steps = 100; }} }}"
+        )
+    };
+    let gaps = |apart: f64| {
+        let trajectory = solved(&text(apart));
+        let options = trajectory.method.options.iter();
+        let gaps = options
+            .filter(|option| option.0 == "gaps")
+            .map(|option| &option.1);
+        match gaps.last() {
+            Some(nsdc::report::MethodOption::Number(gaps)) => *gaps,
+            _ => panic!("no number of gaps"),
+        }
+    };
+    // 66 contacts of one body, twice looked at in each of 100 steps, would be 13200.
+    assert!(gaps(10.0) <= 3000.0, "{}", gaps(10.0));
+}
