@@ -109,8 +109,7 @@ fn compile_to<'e>(
         model::check_experiment(file, home, definition, experiment, overrides, diags)?;
         // What cannot be run is refused before it is lowered, which may be long.
         let contact = model.contacts.first();
-        let takes_contacts =
-            settings.method.takes_jumps() || settings.steps_through_contacts();
+        let takes_contacts = settings.method.takes_jumps() || settings.steps_through_contacts();
         let freezes = settings.freezes();
         if freezes && !settings.method.takes_frozen_time() {
             diags.push(ExperimentError::Lowering {

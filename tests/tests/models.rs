@@ -8,6 +8,7 @@ use nsdc::cli::Exit;
 /// Experiments of the examples. All of them pass.
 const EXAMPLES: &[&str] = &[
     "around_ellipse.nsd: across",
+    "ball_pile.nsd: settles",
     "bouncing_ball.nsd: at_rest",
     "bouncing_ball.nsd: bounces",
     "bouncing_ball.nsd: frozen",
@@ -76,10 +77,20 @@ const EXAMPLES: &[&str] = &[
 
 /// Experiments of the standard library. All of them pass.
 const LIBRARY: &[&str] = &[
+    "contact.nsd: bounces",
+    "contact.nsd: depend_on_speed",
+    "contact.nsd: docks",
+    "contact.nsd: exchanges",
+    "contact.nsd: holds",
+    "contact.nsd: stops",
+    "contact.nsd: turns",
     "friction.nsd: breaks_loose",
     "friction.nsd: slows_down",
     "friction.nsd: stops_at_rest",
     "friction.nsd: stops_in_time",
+    "mechanics.nsd: falls",
+    "mechanics.nsd: slows_down",
+    "mechanics.nsd: swings",
     "prelude.nsd: closed_forms",
     "prelude.nsd: follows",
     "prelude.nsd: narrow",
@@ -89,6 +100,7 @@ const LIBRARY: &[&str] = &[
 
 /// Experiments of the design models that pass.
 const MODELS: &[&str] = &[
+    "ball_pile.nsd: settle",
     "bouncing_ball.nsd: at_rest",
     "bouncing_ball.nsd: bounces",
     "bouncing_ball.nsd: frozen",
@@ -123,7 +135,6 @@ const MODELS: &[&str] = &[
 
 /// Experiments of the design models that are refused as not supported yet, with the code.
 const NOT_YET: &[&str] = &[
-    "ball_pile.nsd: settle (E0904)",
     "convex.nsd: one (E0907)",
     "convex.nsd: two (E0906)",
     "hidden_modes.nsd: attract (E0920)",

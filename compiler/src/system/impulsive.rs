@@ -96,7 +96,10 @@ impl<'e> Lowering<'_, 'e> {
         let numbers = [restitution].into_iter().chain(friction.map(|f| f.0));
         for e in numbers {
             if !self.switches.alphas_of(e).is_empty() {
-                return wrong("its restitution or friction has a switching term", contact.span);
+                return wrong(
+                    "its restitution or friction has a switching term",
+                    contact.span,
+                );
             }
         }
         Ok(Some(Impulsive {

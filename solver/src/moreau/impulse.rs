@@ -195,6 +195,9 @@ impl Impulses {
         for (c, contact) in island.iter() {
             let [normal, tangential] = self.diagonals[c];
             let rate = rows.rate(contact.normal, v) + self.normal_rate[c];
+            if !(rate + self.normal[c]).is_finite() {
+                return f64::NAN;
+            }
             residual = residual.max(rate.min(self.normal[c] * normal).abs());
             if contact.is_rough && tangential > 0.0 {
                 let slip = rows.rate(contact.normal + 1, v) + self.slip_rate[c];

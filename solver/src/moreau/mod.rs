@@ -7,8 +7,9 @@
 //!    v⁺ = v̂ + M⁻¹(J_nΛ - J_tβ),   0 ≤ Λ ⟂ J_nᵀv⁺ + e min(J_nᵀv, 0) ≥ 0,   β ∈ μΛ sign(J_tᵀv⁺)   (`impulse.rs`).
 //!    The rebound is that of the speed at which the step began: what v̂ has gained since then was gained below the
 //!    surface.
-//! 3. q̂ - h/2 M⁻¹J_tβ, the positions of the θ-method but for normal impulses, are projected onto gap ≥ 0 in the metric
-//!    of M (`project.rs`). A resting contact is thereby put back to where it was.
+//! 3. q̂ + h/2 M⁻¹(J_nΛ - J_tβ), the positions of the θ-method, are projected onto gap ≥ 0 in the metric of M
+//!    (`project.rs`). Of Λ there are those of rough contacts that stay, which rest where friction holds them. All
+//!    others are put on their surfaces by the projection alone.
 //! 4. Where the projection has lifted an island by more energy than its impacts have taken, its velocities pay for the
 //!    difference (`energy.rs`): energy is never gained by contacts that nothing drives.
 //!
@@ -50,6 +51,8 @@ const TOUCH: f64 = 1e-10;
 const ROUNDING: f64 = 1e-15;
 /// Residual of the impulses of an island, relative to its speeds.
 const SOLVED: f64 = 1e-11;
+/// A contact stays where its rate before a step is below this share of what the free motion changes it by.
+const STAYS: f64 = 1e-3;
 /// Attempts to solve for the impulses of an island.
 const ATTEMPTS: usize = 12;
 
@@ -73,6 +76,8 @@ pub struct Solution {
     pub stuck: Option<usize>,
     /// Impulses of contacts, counted in every step.
     pub impulses: usize,
+    /// Steps in which impacts were taken without rebound, since restitutions contradict each other.
+    pub plastic: usize,
     /// Gaps that were evaluated, and enclosures of gaps.
     pub gaps: usize,
 }
@@ -101,6 +106,7 @@ pub struct Stepper<F> {
     counts: Counts,
     /// How far positions move in the present step.
     moved: f64,
+    shift: Vec<f64>,
 }
 
 /// Counts of a run.
@@ -110,6 +116,7 @@ struct Counts {
     impulses: usize,
     penetration: f64,
     residual: f64,
+    plastic: usize,
 }
 
 /// Velocities of bodies: before a step, without contacts, and after it.
@@ -152,6 +159,7 @@ impl<F: Free> Stepper<F> {
             members: Vec::new(),
             counts: Counts::default(),
             moved: 0.0,
+            shift: Vec::new(),
             scene,
             free,
             settings,
@@ -241,6 +249,7 @@ impl<F: Free> Stepper<F> {
             penetration: self.counts.penetration,
             stuck,
             impulses: self.counts.impulses,
+            plastic: self.counts.plastic,
             gaps: self.counts.gaps + self.search.enclosures,
         }
     }
@@ -285,7 +294,7 @@ impl<F: Free> Stepper<F> {
         self.energy.begin(&self.bodies, &self.active, velocities);
         if !self.active.contacts.is_empty() {
             self.strike(velocities).map_err(|c| unsolved(Some(c)))?;
-            self.let_friction_move(h, velocities, y);
+            self.let_impulses_move(h, velocities, y);
         }
         self.project((t, h), velocities, y)
             .map_err(|c| unsolved(Some(c)))?;
@@ -360,50 +369,76 @@ impl<F: Free> Stepper<F> {
 
     /// Lets the active contacts give impulses.
     fn strike(&mut self, velocities: &mut Velocities) -> Result<(), usize> {
+        self.islands.begin(&self.bodies);
+        self.islands.join(&self.active, &self.bodies);
+        let mut solved = Ok(());
+        for rebounds in [true, false] {
+            let bounced = self.set_impulses(velocities, rebounds);
+            let (active, impulses) = (&self.active, &mut self.impulses);
+            velocities.after.clone_from(&velocities.free);
+            solved = impulses.solve(
+                active,
+                &mut self.islands,
+                &self.bodies,
+                &mut velocities.after,
+            );
+            if solved.is_ok() || !bounced {
+                break;
+            }
+            // Restitutions of contacts that depend on each other may contradict each other.
+            self.counts.plastic += 1;
+        }
+        self.counts.impulses += self.active.contacts.len();
+        self.counts.residual = self.counts.residual.max(self.impulses.residual);
+        solved.map_err(|c| self.active.contacts[c].contact as usize)
+    }
+
+    /// States the laws of the active contacts, and starts from the impulses of the step before. Whether any rebounds.
+    fn set_impulses(&mut self, velocities: &Velocities, rebounds: bool) -> bool {
         let (active, impulses) = (&self.active, &mut self.impulses);
         impulses.begin(active);
         (impulses.attempts, impulses.tolerance) = (ATTEMPTS, SOLVED);
         let speeds = velocities.free.iter();
         impulses.rounding = ROUNDING * speeds.fold(0.0_f64, |most, v| most.max(v.abs()));
+        let mut any = false;
         for (c, contact) in active.contacts.iter().enumerate() {
-            let before = active.rows.rate(contact.normal, &velocities.before) + contact.offset;
+            let rate = |v: &[f64]| active.rows.rate(contact.normal, v) + contact.offset;
+            let before = rate(&velocities.before);
+            let change = (rate(&velocities.free) - before).abs();
             let rebound = contact.restitution * before;
-            impulses.normal_rate[c] = contact.offset + rebound;
+            impulses.normal_rate[c] = contact.offset;
+            // A rebound that cannot outlast a step is none.
+            if rebounds && rebound.abs() > 0.5 * change {
+                impulses.normal_rate[c] += rebound;
+                any = true;
+            }
             impulses.friction[c] = contact.friction;
             impulses.slip_rate[c] = contact.slip;
             let known = self.contacts.last(contact.contact as usize);
             (impulses.normal[c], impulses.tangential[c]) = (known[0], known[1]);
         }
-        self.islands.begin(&self.bodies);
-        self.islands.join(active, &self.bodies);
-        let solved = impulses.solve(
-            active,
-            &mut self.islands,
-            &self.bodies,
-            &mut velocities.after,
-        );
-        self.counts.impulses += active.contacts.len();
-        self.counts.residual = self.counts.residual.max(impulses.residual);
-        solved.map_err(|c| active.contacts[c].contact as usize)
+        any
     }
 
-    /// q̂ - h/2 M⁻¹J_tβ
-    fn let_friction_move(&mut self, h: f64, velocities: &Velocities, y: &mut [f64]) {
-        let rough = |(c, contact): &(usize, &rows::Contact)| {
-            contact.is_rough && self.impulses.tangential[*c] != 0.0
-        };
-        let rows = &self.active.rows;
-        let mut w = vec![0.0; velocities.before.len()];
-        let mut any = false;
-        for (c, contact) in self.active.contacts.iter().enumerate().filter(rough) {
-            rows.push_by(contact.normal + 1, -self.impulses.tangential[c], &mut w);
-            any = true;
+    /// q̂ + h/2 M⁻¹(J_nΛ - J_tβ), of Λ those of rough contacts that stay.
+    fn let_impulses_move(&mut self, h: f64, velocities: &Velocities, y: &mut [f64]) {
+        let (rows, impulses) = (&self.active.rows, &self.impulses);
+        self.shift.clear();
+        self.shift.resize(velocities.before.len(), 0.0);
+        for (c, contact) in self.active.contacts.iter().enumerate() {
+            let rate = |v: &[f64]| rows.rate(contact.normal, v) + contact.offset;
+            let before = rate(&velocities.before);
+            let change = (rate(&velocities.free) - before).abs();
+            if contact.is_rough && before.abs() <= STAYS * change {
+                rows.push_by(contact.normal, impulses.normal[c], &mut self.shift);
+            }
+            if contact.is_rough {
+                rows.push_by(contact.normal + 1, -impulses.tangential[c], &mut self.shift);
+            }
         }
-        if any {
-            self.bodies.displace(0.5 * h, &w, y);
-            self.energy
-                .lift((0.5 * h, h), &w, &self.active, &self.bodies);
-        }
+        self.bodies.displace(0.5 * h, &self.shift, y);
+        self.energy
+            .lift((0.5 * h, h), &self.shift, &self.active, &self.bodies);
     }
 
     /// A contact that is closed by more than rounding at the start.

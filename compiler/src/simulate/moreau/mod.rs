@@ -18,7 +18,7 @@ use super::fesd::estimate;
 use super::instants::Pulses;
 use super::watch::{Progress, Watched};
 use super::{Comparison, Recorder, Request, assemble};
-use crate::report::{Failure, Method, MethodOption, Trajectory};
+use crate::report::{Failure, Method, MethodOption, Trajectory, Warning};
 use crate::system::System;
 use crate::system::experiment::{Settings, SteppingOptions};
 
@@ -78,6 +78,16 @@ pub(super) fn run(
             number("gaps", solution.gaps),
         ],
     };
+    if solution.plastic > 0 {
+        trajectory.warnings.push(Warning {
+            code: "W0713".into(),
+            message: format!(
+                "in {} steps impacts were taken without rebound: their restitutions contradict each other",
+                solution.plastic
+            ),
+            span: Some(settings.span),
+        });
+    }
     let length = settings.horizon / options.steps as f64;
     let pulses = Pulses::of(system, settings.horizon);
     trajectory.warnings.extend(pulses.warning(length, settings));

@@ -128,7 +128,10 @@ fn places_of(copy: &Copy, places: &Places, numbers: &mut Numbers, found: &mut Ve
     };
     found.extend(copy.vars.iter().map(|var| place(var) as u32));
     let first = places.end() as u32;
-    let numbers = copy.numbers.iter().map(|&number| first + numbers.place(number));
+    let numbers = copy
+        .numbers
+        .iter()
+        .map(|&number| first + numbers.place(number));
     found.extend(numbers);
 }
 
