@@ -235,10 +235,10 @@ fn bodies_far_apart_cost_no_gaps() {
     let gaps = |apart: f64| {
         let trajectory = solved(&text(apart));
         let options = trajectory.method.options.iter();
-        let gaps = options
+        let mut gaps = options
             .filter(|option| option.0 == "gaps")
             .map(|option| &option.1);
-        match gaps.last() {
+        match gaps.next_back() {
             Some(nsdc::report::MethodOption::Number(gaps)) => *gaps,
             _ => panic!("no number of gaps"),
         }

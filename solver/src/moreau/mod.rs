@@ -340,7 +340,7 @@ impl<F: Free> Stepper<F> {
         self.counts.gaps += near.len();
         let close = near.iter().zip(&self.gaps);
         // A gap that is no number is none that is known to be open.
-        let close = close.filter(|(_, gap)| !(**gap > most));
+        let close = close.filter(|(_, gap)| gap.is_nan() || **gap <= most);
         self.members.extend(close.map(|(&member, _)| member));
         self.gaps.iter().copied().fold(f64::INFINITY, f64::min)
     }

@@ -47,7 +47,7 @@ impl<F: Free> Stepper<F> {
                         .iter()
                         .min_by(|a, b| a.gap.total_cmp(&b.gap))
                 };
-                return match deep().filter(|_| !(least >= -100.0 * DEPTH * size)) {
+                return match deep().filter(|_| least < -100.0 * DEPTH * size) {
                     Some(contact) => Err(contact.contact as usize),
                     None => Ok(()),
                 };
