@@ -98,8 +98,8 @@ impl Mode {
         self.perturbed[..=self.n].iter_mut().for_each(&mut perturb);
         for &i in &self.sliding {
             let alpha = &mut self.perturbed[1 + self.n + i];
-            match self.unilateral[i] {
-                // A force is 1 - α.
+            match self.unilateral[i] && alpha.abs() < 0.5 {
+                // A force is 1 - α, and no smaller where α is.
                 true => {
                     let mut force = 1.0 - *alpha;
                     perturb(&mut force);

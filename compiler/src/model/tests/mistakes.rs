@@ -163,7 +163,6 @@ fn refuses_what_is_not_supported() {
           0 <= z perp x >= 0;
           y in argmin (y - x)^2;
           jump hit when x <= 0 { x := 1; }
-          project x onto { x >= 0; }
           mechanics x, T { mass = 1; force = 0; contact wall { gap = x; restitution = 0; slip = [T, T]; } }
           x' = y + z;
         }";
@@ -172,7 +171,6 @@ fn refuses_what_is_not_supported() {
     E0906: algebraic states and complementarity are not supported yet | 0 = z - x;: algebraic | solve for the algebraic state where that is possible
     E0906: algebraic states and complementarity are not supported yet | 0 <= z perp x >= 0;: algebraic | solve for the algebraic state where that is possible
     E0907: convex programs and variational inequalities are not supported yet | y in argmin (y - x)^2;: a program | projections onto boxes can be written with `min` and `max`
-    E0905: projected dynamics are not supported yet | project x onto { x >= 0; }: a projection
     E0903: friction with several slip velocities is not supported yet | [T, T]: several velocities | `slip` is one velocity: in the plane a surface has one direction
     "#);
 }
