@@ -155,7 +155,7 @@ impl<'e> Walk<'e> {
     }
 
     /// The entries of a state that a path names.
-    fn states(
+    pub(super) fn states(
         &self,
         lowering: &mut Lowering<'_, 'e>,
         path: &syntax::Path,
@@ -172,7 +172,7 @@ impl<'e> Walk<'e> {
         }
     }
 
-    fn offset(&self, target: &Target) -> usize {
+    pub(super) fn offset(&self, target: &Target) -> usize {
         match target.kind {
             TargetKind::State(state) => self.offsets[state],
             _ => 0,

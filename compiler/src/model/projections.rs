@@ -5,8 +5,8 @@
 use super::dynamics::Walk;
 use super::lower::Lowering;
 use super::rows::{self, Comparison};
-use super::scope::{Meaning, Reported};
-use super::{Constraint, DynamicsError, Projection, Shape, Target, TargetKind, target};
+use super::scope::Reported;
+use super::{Constraint, DynamicsError, Projection, Shape};
 use crate::expr::Expr;
 use crate::source::Span;
 use crate::syntax::{self, Relation};
@@ -21,7 +21,7 @@ impl<'e> Walk<'e> {
         lowering: &mut Lowering<'_, 'e>,
         project: &syntax::Project,
     ) -> Result<(), Reported> {
-        let state = self.projected(lowering, &project.state);
+        let state = self.states(lowering, &project.state);
         let mut comparisons = Vec::new();
         let rows = rows::all(lowering, &project.rows, &mut comparisons);
         let (state, ()) = (state?, rows?);
@@ -34,10 +34,7 @@ impl<'e> Walk<'e> {
         for comparison in &comparisons {
             constraints.extend(halves(lowering, comparison)?);
         }
-        let TargetKind::State(index) = state.kind else {
-            return Err(Reported);
-        };
-        let first = self.offsets[index];
+        let first = self.offset(&state);
         self.projections.push(Projection {
             entries: state.entries.iter().map(|&entry| first + entry).collect(),
             constraints,
@@ -45,23 +42,6 @@ impl<'e> Walk<'e> {
             span: project.span,
         });
         Ok(())
-    }
-
-    fn projected(
-        &self,
-        lowering: &mut Lowering<'_, 'e>,
-        path: &syntax::Path,
-    ) -> Result<Target, Reported> {
-        let meaning = lowering.scope.names.get(&path.head.name);
-        if let Some(Meaning::Part(_) | Meaning::Parts(_)) = meaning {
-            let (part, span) = (path.head.name.clone(), path.span);
-            return lowering.error(DynamicsError::OfAPart { part, span });
-        }
-        let target = target::resolve(lowering, path)?;
-        match target.kind {
-            TargetKind::State(_) => Ok(target),
-            kind => self.not_a_state(lowering, path, kind.word()),
-        }
     }
 }
 
