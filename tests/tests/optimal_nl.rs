@@ -13,7 +13,7 @@ macro_rules! examples {
     };
 }
 
-/// All optimizations of the examples.
+/// Optimizations of the examples that are no contacts, each at one grid.
 const EXAMPLES: [(&str, &str); 8] = examples! {
     "cart_pole.nsd": "swing";
     "choices_ocp.nsd": "empty" "hold" "line";
