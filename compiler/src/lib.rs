@@ -166,6 +166,17 @@ fn compile_to<'e>(
             });
             return None;
         }
+        let kept = system
+            .switches
+            .iter()
+            .find(|k| k.role != system::Role::Step);
+        if let Some(kept) = kept.filter(|_| method.is_without_memory()) {
+            diags.push(ExperimentError::Algebraic {
+                method: method.word(),
+                span: kept.spans[0],
+            });
+            return None;
+        }
         if let Some(error) = beside_contacts(&system, &settings).filter(|_| steps) {
             diags.push(error);
             return None;

@@ -4,8 +4,8 @@
 //! regular where several surfaces slide at once and Stewart's θ is not unique.
 
 use crate::expr::Substitution;
-use crate::system::System;
 use crate::system::experiment::Lowering;
+use crate::system::{Role, System};
 
 use super::{Dcs, DcsError, Formulation, heaviside, signs, stewart};
 
@@ -54,6 +54,12 @@ fn is_without_memory(system: &System) -> Result<(), DcsError> {
         return Err(DcsError::Jump {
             name: name.to_owned(),
             span,
+        });
+    }
+    let mut kept = system.switches.iter();
+    if let Some(kept) = kept.find(|switch| switch.role != Role::Step) {
+        return Err(DcsError::Algebraic {
+            span: kept.spans[0],
         });
     }
     match system.switches.iter().find(|switch| switch.relay.is_some()) {

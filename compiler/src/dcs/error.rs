@@ -36,6 +36,15 @@ pub enum DcsError {
         span: Span,
     },
 
+    /// Algebraic states, which have no complementarity form of their own here.
+    #[error("algebraic states cannot be lowered to complementarity yet")]
+    #[diagnostic(code(E0906), help("`method event` runs them as they are"))]
+    Algebraic {
+        /// Their equation.
+        #[label("not solved for one state")]
+        span: Span,
+    },
+
     /// Stewart's reformulation weighs regions.
     #[error("the projection onto `{name}` cannot be lowered to Stewart's form")]
     #[diagnostic(

@@ -49,6 +49,7 @@ impl<'e> Builder<'e> {
             relay: None,
             unilateral: false,
             slip_of: None,
+            role: crate::system::Role::Step,
             name: name.to_owned(),
             alpha,
             psi,

@@ -85,6 +85,7 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
         match kind {
             TargetKind::Param(index) => self.model.params.get_mut(index),
             TargetKind::State(index) => self.model.states.get_mut(index),
+            TargetKind::Algebraic(index) => self.model.algebraics.get_mut(index),
             TargetKind::Control(index) => self.model.controls.get_mut(index),
             TargetKind::Input(index) => self.model.inputs.get_mut(index),
             _ => None,
@@ -195,11 +196,14 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
             lowering.with_index(binder.map(|(binder, index)| (&*binder.name.name, index)));
             lowering.numbers_as(&bind.value, target.shape, &what)
         })?;
-        if matches!(target.kind, TargetKind::Param(_) | TargetKind::State(_))
-            && let Some(cause) = self.depends(&value.data, false)
+        if matches!(
+            target.kind,
+            TargetKind::Param(_) | TargetKind::State(_) | TargetKind::Algebraic(_)
+        ) && let Some(cause) = self.depends(&value.data, false)
         {
             let word = match target.kind {
                 TargetKind::State(_) => "the initial value of",
+                TargetKind::Algebraic(_) => "the guess of",
                 _ => "the value of",
             };
             self.diags.push(ModelError::DefaultDepends {
@@ -250,6 +254,7 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
         let value = decl.value.as_ref()?;
         let word = match decl.kind {
             DeclKind::State => "the initial value of",
+            DeclKind::Algebraic => "the guess of",
             _ => "the default of",
         };
         let what = format!("{word} `{}`", decl.name.name);

@@ -50,6 +50,7 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
             time: scope.time,
             params: vec![],
             states: vec![],
+            algebraics: vec![],
             controls: vec![],
             inputs: vec![],
             connected: vec![],
@@ -66,6 +67,8 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
             bodies: vec![],
             contacts: vec![],
             projections: vec![],
+            equations: vec![],
+            complementarities: vec![],
             surfaces: vec![],
             param_order: vec![],
             scope: scope.clone(),
@@ -186,7 +189,7 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
             DeclKind::State => (&mut self.model.states, TargetKind::State),
             DeclKind::Control => (&mut self.model.controls, TargetKind::Control),
             DeclKind::Input => (&mut self.model.inputs, TargetKind::Input),
-            DeclKind::Algebraic => return Err(Reported),
+            DeclKind::Algebraic => (&mut self.model.algebraics, TargetKind::Algebraic),
         };
         list.push(quantity);
         let index = list.len() - 1;

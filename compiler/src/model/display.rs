@@ -12,6 +12,7 @@ impl<'e> fmt::Display for Model<'e> {
         let quantities = [
             ("param", &self.params),
             ("state", &self.states),
+            ("algebraic", &self.algebraics),
             ("control", &self.controls),
             ("input", &self.inputs),
         ];
@@ -91,6 +92,13 @@ impl<'e> fmt::Display for Model<'e> {
                 let entries: Vec<String> = metric.iter().map(ToString::to_string).collect();
                 writeln!(f, "  metric [{}]", entries.join(", "))?;
             }
+        }
+        for equation in &self.equations {
+            writeln!(f, "0 = {}", equation.residual)?;
+        }
+        for pair in &self.complementarities {
+            let [a, b] = pair.members;
+            writeln!(f, "0 <= {a} perp {b} >= 0")?;
         }
         for jump in &self.jumps {
             writeln!(f, "jump {} {}", jump.name, jump.guard)?;
@@ -189,6 +197,7 @@ pub(super) fn verify(model: &Model<'_>) -> Result<(), String> {
         .params
         .iter()
         .chain(&model.states)
+        .chain(&model.algebraics)
         .chain(&model.controls)
         .chain(&model.inputs);
     let mut seen = rustc_hash::FxHashSet::default();

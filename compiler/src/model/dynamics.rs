@@ -7,7 +7,8 @@ use super::lower::Lowering;
 use super::names::local_lets;
 use super::scope::{Meaning, Reported};
 use super::{
-    Body, Contact, DynamicsError, Hidden, Jump, Model, Projection, Rate, Region, TargetKind, target,
+    Body, Complementarity, Contact, DynamicsError, Equation, Hidden, Jump, Model, Projection, Rate,
+    Region, TargetKind, target,
 };
 use crate::expr::{Expr, Substitution};
 use crate::source::Span;
@@ -29,6 +30,8 @@ pub(super) struct Walk<'e> {
     pub bodies: Vec<Body<'e>>,
     pub contacts: Vec<Contact<'e>>,
     pub projections: Vec<Projection<'e>>,
+    pub equations: Vec<Equation<'e>>,
+    pub complementarities: Vec<Complementarity<'e>>,
     /// States with a statement that is wrong: whether they are set is unknown.
     pub touched: FxHashSet<String>,
 }
@@ -58,6 +61,8 @@ impl<'e> Walk<'e> {
             bodies: vec![],
             contacts: vec![],
             projections: vec![],
+            equations: vec![],
+            complementarities: vec![],
             vars: model.state_vars().collect(),
             touched: FxHashSet::default(),
         }
@@ -86,6 +91,12 @@ impl<'e> Walk<'e> {
                 (Stmt::Mechanics(mechanics), Sink::Outside) => self.mechanics(lowering, mechanics),
                 (Stmt::Contact(contact), Sink::Outside) => self.contact(lowering, contact, None),
                 (Stmt::Project(project), Sink::Outside) => self.project(lowering, project),
+                (Stmt::Equation { residual, span }, Sink::Outside) => {
+                    self.equation(lowering, residual, *span)
+                }
+                (Stmt::Complementarity { left, right, span }, Sink::Outside) => {
+                    self.complementarity(lowering, left, right, *span)
+                }
                 _ => Ok(()),
             };
             result = result.and(one);

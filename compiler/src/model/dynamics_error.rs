@@ -249,6 +249,34 @@ pub enum DynamicsError {
         span: Span,
     },
 
+    /// Members of a complementarity that do not go together.
+    #[error("the members of a complementarity are {expected} and {found}")]
+    #[diagnostic(
+        code(E0324),
+        help("write two members of one shape; a scalar goes with every entry")
+    )]
+    UnequalMembers {
+        expected: String,
+        found: String,
+        #[label("{found}")]
+        span: Span,
+    },
+
+    /// Algebraic states without an equation each.
+    #[error("{unknowns} algebraic states, but {rows} equations and complementarities")]
+    #[diagnostic(
+        code(E0325),
+        help(
+            "write one `0 = ..;` or `0 <= .. perp .. >= 0;` for each entry of what is `algebraic`"
+        )
+    )]
+    UnequalCount {
+        unknowns: usize,
+        rows: usize,
+        #[label("the last one")]
+        span: Span,
+    },
+
     /// Dynamics of a part, written outside of it.
     #[error("only `{part}` itself sets the dynamics of its states")]
     #[diagnostic(

@@ -18,6 +18,7 @@
 //! - A region stands in at most one partition; one that only adds stands in none.
 
 mod algebra;
+mod algebraic;
 mod bind;
 mod builtins;
 mod calls;
@@ -93,6 +94,8 @@ pub struct Model<'e> {
     pub params: Vec<Quantity<'e>>,
     /// Differential states.
     pub states: Vec<Quantity<'e>>,
+    /// Algebraic states z, with guesses.
+    pub algebraics: Vec<Quantity<'e>>,
     /// Decisions.
     pub controls: Vec<Quantity<'e>>,
     /// What the enclosing model or the experiment gives.
@@ -125,6 +128,10 @@ pub struct Model<'e> {
     pub contacts: Vec<Contact<'e>>,
     /// Sets that states stay in, in order.
     pub projections: Vec<Projection<'e>>,
+    /// Equations for algebraic states, in order.
+    pub equations: Vec<Equation<'e>>,
+    /// Complementarities, in order.
+    pub complementarities: Vec<Complementarity<'e>>,
     /// Every switching function with the name users know it by.
     pub surfaces: Vec<Surface<'e>>,
     /// Params in an order in which their defaults can be evaluated.
@@ -374,6 +381,26 @@ pub struct Constraint<'e> {
     pub span: Span,
 }
 
+/// 0 = F, one entry of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Equation<'e> {
+    /// F.
+    pub residual: Expr<'e>,
+    /// The statement.
+    pub span: Span,
+}
+
+/// 0 <= a ⟂ b >= 0, one entry of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Complementarity<'e> {
+    /// a and b.
+    pub members: [Expr<'e>; 2],
+    /// Where they stand.
+    pub spans: [Span; 2],
+    /// The statement.
+    pub span: Span,
+}
+
 /// The value of one state entry after a jump.
 #[derive(Clone, Copy, Debug)]
 pub struct Reset<'e> {
@@ -402,6 +429,14 @@ impl<'e> Model<'e> {
         self.states
             .iter()
             .flat_map(|state| state.vars.iter().copied())
+    }
+
+    /// All entries of algebraic states with their names, as `z[2]`, and declarations.
+    pub fn algebraic_entries(&self) -> impl Iterator<Item = (Expr<'e>, String, Span)> + '_ {
+        self.algebraics.iter().flat_map(|z| {
+            let entries = z.vars.iter().enumerate();
+            entries.map(|(k, &var)| (var, z.shape.entry_name(&z.name, k), z.span))
+        })
     }
 
     /// The name of a state entry: `x[2]`.

@@ -89,11 +89,7 @@ impl<'f> Collector<'_, 'f> {
                     self.top(&item.name, Item::Const(item), "a `const`", place, item.span)
                 }
                 Stmt::Decl(decl) => {
-                    let item = if unsupported::is_refused(stmt) {
-                        Item::Unsupported
-                    } else {
-                        Item::Decl(decl)
-                    };
+                    let item = Item::Decl(decl);
                     self.top(&decl.name, item, "a declaration", place, decl.span);
                 }
                 Stmt::Named(named) if named.kind == NamedKind::Let && place.is_some() => {}

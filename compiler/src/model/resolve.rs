@@ -11,7 +11,9 @@ use super::lower::Lowering;
 use super::names::{Declared, Item};
 use super::order::{chain, edges, free_names_under, others, topological};
 use super::parts::{Files, Instance};
-use super::{Model, ModelError, connect, display, dynamics, import, partition, parts, units};
+use super::{
+    Model, ModelError, algebraic, connect, display, dynamics, import, partition, parts, units,
+};
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
 use crate::syntax::{self, Bind, Expr, File, Stmt};
@@ -70,6 +72,7 @@ fn resolve_in<'e>(
     model.surfaces.retain(|surface| seen.insert(surface.psi));
     if is_connected && !is_forgiving(&whole) {
         partition::partition(&mut model, &touched, diags);
+        algebraic::count(&model, diags);
     }
     model.scope.forgiving |= is_forgiving(&whole);
     if !diags.has_errors() && !model.scope.forgiving {
@@ -102,6 +105,7 @@ fn walk<'e>(
     model.jumps = walk.jumps;
     (model.bodies, model.contacts) = (walk.bodies, walk.contacts);
     model.projections = walk.projections;
+    (model.equations, model.complementarities) = (walk.equations, walk.complementarities);
     walk.touched
 }
 

@@ -26,6 +26,8 @@ pub enum TargetKind {
     Param(usize),
     /// [`super::Model::states`]
     State(usize),
+    /// [`super::Model::algebraics`]
+    Algebraic(usize),
     /// [`super::Model::controls`]
     Control(usize),
     /// [`super::Model::inputs`]
@@ -49,6 +51,7 @@ impl TargetKind {
             TargetKind::Const => "constant",
             TargetKind::Param(_) => "param",
             TargetKind::State(_) => "state",
+            TargetKind::Algebraic(_) => "algebraic state",
             TargetKind::Control(_) => "control",
             TargetKind::Input(_) => "input",
             TargetKind::Signal(_) => "signal",

@@ -5,7 +5,7 @@ use thiserror::Error;
 
 use crate::diagnostics::Diagnostics;
 use crate::source::Span;
-use crate::syntax::{DeclKind, Stmt};
+use crate::syntax::Stmt;
 
 /// A construct of the language that cannot be lowered yet (E09).
 #[derive(Clone, Debug, Diagnostic, Error)]
@@ -22,17 +22,6 @@ pub enum Unsupported {
     )]
     FrictionInSpace {
         #[label("several velocities")]
-        span: Span,
-    },
-
-    /// Algebraic states, equations and complementarity.
-    #[error("algebraic states and complementarity are not supported yet")]
-    #[diagnostic(
-        code(E0906),
-        help("solve for the algebraic state where that is possible")
-    )]
-    Algebraic {
-        #[label("algebraic")]
         span: Span,
     },
 
@@ -70,14 +59,8 @@ pub(super) fn is_refused(stmt: &Stmt) -> bool {
 }
 
 fn refusal(stmt: &Stmt) -> Option<Unsupported> {
-    Some(match stmt {
-        Stmt::Program(program) => Unsupported::Programs { span: program.span },
-        Stmt::Equation { span, .. } | Stmt::Complementarity { span, .. } => {
-            Unsupported::Algebraic { span: *span }
-        }
-        Stmt::Decl(decl) if decl.kind == DeclKind::Algebraic => {
-            Unsupported::Algebraic { span: decl.span }
-        }
-        _ => return None,
-    })
+    match stmt {
+        Stmt::Program(program) => Some(Unsupported::Programs { span: program.span }),
+        _ => None,
+    }
 }

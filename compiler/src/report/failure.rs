@@ -211,6 +211,52 @@ pub enum Failure {
         surfaces: Vec<LabeledSpan>,
     },
 
+    /// Equations without a solution.
+    #[error("at t = {time}, no values of the algebraic states satisfy these equations")]
+    #[diagnostic(
+        code(E0728),
+        help(
+            "check whether there is a solution here; where there is one, give a guess close to it: `algebraic z = ..;`, or `with {{ z = ..; }}`"
+        )
+    )]
+    Inconsistent {
+        time: f64,
+        #[label(collection)]
+        rows: Vec<LabeledSpan>,
+    },
+
+    /// Equations that leave algebraic states open.
+    #[error(
+        "at t = {time}, these equations do not determine the algebraic states: the index is above one"
+    )]
+    #[diagnostic(
+        code(E0729),
+        help(
+            "the Jacobian by the algebraic states is singular here: two equations may say the same, or a solution may turn back"
+        )
+    )]
+    HighIndex {
+        time: f64,
+        #[label(collection)]
+        rows: Vec<LabeledSpan>,
+    },
+
+    /// Complementarities with several solutions.
+    #[error("at t = {time}, these complementarities have {count} solutions: {branches}")]
+    #[diagnostic(
+        code(E0730),
+        help(
+            "what is complementary must be determined: where forces are redundant, take one away, or let each of them give way a little"
+        )
+    )]
+    SeveralSolutions {
+        time: f64,
+        count: usize,
+        branches: String,
+        #[label(collection)]
+        rows: Vec<LabeledSpan>,
+    },
+
     /// A finite element without a solution.
     #[error("at t = {time}, the equations of a finite element were not solved")]
     #[diagnostic(

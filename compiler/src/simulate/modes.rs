@@ -5,7 +5,7 @@ use nsd_solver::simulate::Side;
 use crate::expr::{Expr, Var, variables_of};
 use crate::report::{self, EventKind};
 use crate::source::Span;
-use crate::system::System;
+use crate::system::{Role, System};
 
 /// Turns sides into the words of the language.
 pub(super) struct ModeNames<'s, 'e> {
@@ -70,6 +70,9 @@ impl<'s, 'e> ModeNames<'s, 'e> {
         let mut told = vec![false; self.system.partitions.len()];
         for (i, switch) in self.system.switches.iter().enumerate() {
             let kind = match switch.slip_of {
+                _ if switch.role == Role::Equation => continue,
+                // Of a pair, what becomes zero is told.
+                _ if switch.role != Role::Step && to[i] != Side::Slide => continue,
                 Some(contact) => friction(from, to, i, contact),
                 None => self.kind(i, from[i], to[i]),
             };
@@ -158,6 +161,11 @@ impl<'s, 'e> ModeNames<'s, 'e> {
     /// True for a slip velocity of an open contact, and for a closed contact with friction, which sticks or slips.
     fn is_told_otherwise(&self, switch: usize, sides: &[Side]) -> bool {
         let is_closed = |contact: usize| sides[contact] == Side::Slide;
+        match self.system.switches[switch].role {
+            Role::Step => {}
+            Role::Equation => return true,
+            Role::Member(_) => return !is_closed(switch),
+        }
         match self.system.switches[switch].slip_of {
             Some(contact) => !is_closed(contact),
             None => self.rough[switch] && is_closed(switch),
@@ -166,8 +174,14 @@ impl<'s, 'e> ModeNames<'s, 'e> {
 
     /// One way to go on from a point: `sliding(x), above(y)`.
     pub(super) fn branch(&self, candidate: &[(usize, Side)]) -> String {
+        let is_told = |&&(i, side): &&(usize, Side)| match self.system.switches[i].role {
+            Role::Step => true,
+            Role::Equation => false,
+            Role::Member(_) => side == Side::Slide,
+        };
         let words: Vec<String> = candidate
             .iter()
+            .filter(is_told)
             .map(|&(i, side)| self.word(i, side))
             .collect();
         words.join(", ")
@@ -178,13 +192,18 @@ impl<'s, 'e> ModeNames<'s, 'e> {
         format!("{word}({})", self.system.switches[switch].name)
     }
 
+    /// True for what is zero, or may be: a constraint of a projection, or a member of a pair.
+    fn is_projected(&self, switch: usize) -> bool {
+        self.system.is_projected(switch) || self.system.switches[switch].role != Role::Step
+    }
+
     fn is_relay(&self, switch: usize) -> bool {
         self.system.switches[switch].relay.is_some()
     }
 
     /// The report's side of a switch.
     fn side(&self, switch: usize, side: Side) -> report::Side {
-        if self.system.is_projected(switch) {
+        if self.is_projected(switch) {
             return match side {
                 Side::Slide => report::Side::Active,
                 _ => report::Side::Inactive,
@@ -219,7 +238,7 @@ impl<'s, 'e> ModeNames<'s, 'e> {
 
     /// What the change of one switch is called; none where it did not change.
     fn kind(&self, switch: usize, from: Side, to: Side) -> Option<EventKind> {
-        let is_projected = self.system.is_projected(switch);
+        let is_projected = self.is_projected(switch);
         let switch = &self.system.switches[switch];
         match (switch.relay, to) {
             _ if from == to => None,

@@ -6,7 +6,7 @@ use nsd_solver::simulate::{Candidate, MAX_NAMED, Note, Outcome, Side, Status};
 use super::modes::{ModeNames, law_of};
 use crate::report::{Failure, Warning};
 use crate::source::Span;
-use crate::system::System;
+use crate::system::{Role, System};
 
 /// What ended the run before its horizon; none where it was reached.
 pub(super) fn failure(
@@ -66,6 +66,14 @@ pub(super) fn failure(
         Status::Undetermined { switches } => Failure::Undetermined {
             time,
             surfaces: at(switches),
+        },
+        Status::Inconsistent { switches } => Failure::Inconsistent {
+            time,
+            rows: rows(system, switches),
+        },
+        Status::HighIndex { switches } => Failure::HighIndex {
+            time,
+            rows: rows(system, switches),
         },
         Status::SingularSliding { switches } => Failure::SingularSliding {
             time,
@@ -135,6 +143,15 @@ fn non_unique(system: &System, names: &ModeNames, candidates: &[Candidate], time
     }
     let first = candidates.first().map_or(&[][..], Vec::as_slice);
     let switches: Vec<usize> = first.iter().map(|&(switch, _)| switch).collect();
+    let is_member = |&i: &usize| matches!(system.switches[i].role, Role::Member(_));
+    if switches.iter().any(is_member) {
+        return Failure::SeveralSolutions {
+            time,
+            count: candidates.len(),
+            branches: branches.join(" | "),
+            rows: rows(system, &switches),
+        };
+    }
     let example = match first {
         [(_, Side::Minus)] => "minus",
         [(_, Side::Slide)] => "slide",
@@ -160,6 +177,14 @@ fn of_laws(system: &System, laws: &[usize]) -> Vec<LabeledSpan> {
         LabeledSpan::new_with_span(Some(format!("jump `{name}`")), span)
     };
     laws.iter().map(label).collect()
+}
+
+/// One label per equation or member of a pair.
+fn rows(system: &System, switches: &[usize]) -> Vec<LabeledSpan> {
+    let spans = switches.iter().map(|&i| system.switches[i].spans[0]);
+    spans
+        .map(|span| LabeledSpan::new_with_span(None, span))
+        .collect()
 }
 
 /// One label per surface, where it is first written.

@@ -5,7 +5,7 @@ use rustc_hash::FxHashMap;
 
 use super::switched::variable;
 use crate::expr::{self, Expr, Var};
-use crate::system::System;
+use crate::system::{Role, System};
 
 /// Derivatives that are looked at for one that contains an α.
 const MAX_DERIVATIVES: usize = 6;
@@ -85,7 +85,10 @@ impl<'e> Structure<'e> {
             let (mut e, mut found) = (switching[i], coupled(&in_psi[i]));
             let mut is_among = is_driven(&in_psi[i]);
             let mut chain = Vec::new();
-            let slides = !switch.continuity.is_continuous() && !timed[i] && switch.relay.is_none();
+            let slides = switch.role == Role::Step
+                && !switch.continuity.is_continuous()
+                && !timed[i]
+                && switch.relay.is_none();
             while slides && found.is_empty() && chain.len() < MAX_DERIVATIVES {
                 e = derivative(e);
                 let inputs = occurring(&e);

@@ -11,7 +11,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use nsd_solver::simulate::{
-    Block, Input, Law, Partials, Rates, Side, Smooth, Surface, SwitchedSystem,
+    Block, Input, Law, Partials, Rates, Role, Side, Smooth, Surface, SwitchedSystem,
 };
 use rustc_hash::FxHashMap;
 
@@ -23,7 +23,7 @@ use super::instants::Pulses;
 use super::laws;
 use super::structure::Structure;
 use crate::expr::{self, Expr, Exprs, Node, Substitution, Var};
-use crate::system::System;
+use crate::system::{self, System};
 
 /// Functions by form and the sides of the α in it, in order.
 type Known<T> = RefCell<ByForm<T>>;
@@ -52,6 +52,8 @@ pub struct Switched<'e> {
     continuous: Vec<bool>,
     unilateral: Vec<bool>,
     slip_of: Vec<Option<usize>>,
+    roles: Vec<Role>,
+    algebraics: Vec<usize>,
     laws: Vec<Law>,
     blocks: Vec<Block>,
     /// Switches whose α is in ψ_i.
@@ -128,7 +130,7 @@ impl<'e> Switched<'e> {
             chains,
             with_data,
         } = Structure::of(system, &inputs, &rates, &switching);
-        let start = |switch: &crate::system::Switch| match switch.relay?.start {
+        let start = |switch: &system::Switch| match switch.relay?.start {
             true => Some(Side::Plus),
             false => Some(Side::Minus),
         };
@@ -181,6 +183,14 @@ impl<'e> Switched<'e> {
                 .iter()
                 .map(|switch| switch.slip_of)
                 .collect(),
+            roles: (system.switches.iter())
+                .map(|switch| match switch.role {
+                    system::Role::Step => Role::Step,
+                    system::Role::Equation => Role::Equation,
+                    system::Role::Member(other) => Role::Member(other),
+                })
+                .collect(),
+            algebraics: system.algebraic_states(),
             laws: laws::compile(system, &inputs, &[&numbers(system), &polynomials]),
             inputs,
             inside,
@@ -401,6 +411,14 @@ impl SwitchedSystem for Switched<'_> {
 
     fn slip_of(&self, switch: usize) -> Option<usize> {
         self.slip_of[switch]
+    }
+
+    fn role(&self, switch: usize) -> Role {
+        self.roles[switch]
+    }
+
+    fn algebraics(&self) -> &[usize] {
+        &self.algebraics
     }
 
     fn laws(&self) -> &[Law] {

@@ -12,17 +12,18 @@ use super::partitions::Regions;
 use super::regions::regions_of;
 use super::relay::at_all_sides;
 use super::{
-    Body, Contact, Continuity, Output, Param, State, StateGroup, Switch, System, SystemError, Task,
-    skipped,
+    Body, Contact, Continuity, Output, Param, Role, State, StateGroup, Switch, System, SystemError,
+    Task, skipped,
 };
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Var, variables_of};
 use crate::model::{self, Data, SwitchKind, TargetKind};
 use crate::source::Span;
 
-/// Rates, laws of jumps, bodies, and contacts with collected switches.
+/// Rates, algebraic states, which have the last ones, laws of jumps, bodies, and contacts with collected switches.
 type Motion<'e> = (
     Vec<Expr<'e>>,
+    Vec<State<'e>>,
     Vec<Lowered<'e>>,
     Vec<Body<'e>>,
     Vec<Contact<'e>>,
@@ -32,7 +33,7 @@ impl<'e> Lowering<'_, 'e> {
     /// Keeps the switches that matter, and finishes their description.
     pub(super) fn assemble(
         self,
-        (rates, laws, bodies, contacts): Motion<'e>,
+        (rates, algebraics, laws, bodies, contacts): Motion<'e>,
         (outputs, controls, limits): (Vec<Output<'e>>, Vec<Output<'e>>, Vec<Limit<'e>>),
         task: Option<Task<'e>>,
         named: &[Expr<'e>],
@@ -63,6 +64,13 @@ impl<'e> Lowering<'_, 'e> {
             );
         }
         let mut switches: Vec<Switch<'e>> = kept.iter().map(|&k| self.finished(k)).collect();
+        for switch in &mut switches {
+            if let Role::Member(other) = switch.role
+                && let Ok(place) = kept.binary_search(&other)
+            {
+                switch.role = Role::Member(place);
+            }
+        }
         for contact in &contacts {
             let place = |k: usize| kept.binary_search(&k).ok();
             let slip = contact
@@ -114,7 +122,11 @@ impl<'e> Lowering<'_, 'e> {
             .collect();
         let frame = self.frame(surfaces);
         for (k, switch) in switches.iter_mut().enumerate() {
-            if switch.relay.is_some() || switch.unilateral || switch.slip_of.is_some() {
+            if switch.relay.is_some()
+                || switch.unilateral
+                || switch.slip_of.is_some()
+                || switch.role != Role::Step
+            {
                 continue;
             }
             let is_kink = self.switches.is_kink(kept[k]);
@@ -146,7 +158,7 @@ impl<'e> Lowering<'_, 'e> {
             }
         }
 
-        let states = self.states(&rates);
+        let states = self.states(&rates, algebraics);
         let partitions = self.partitions(
             &regions, &rates, &switches, &alphas, &sampler, &states, diags,
         );
@@ -180,9 +192,7 @@ impl<'e> Lowering<'_, 'e> {
                     Some((symbol, self.named.get(symbol)?, direct))
                 })
         });
-        let readings = self
-            .switches
-            .readings(&kept, self.values.signals.clone(), named);
+        let readings = self.switches.readings(&kept, self.given.clone(), named);
         System {
             exprs: model.exprs,
             name: model.name.clone(),
@@ -245,6 +255,7 @@ impl<'e> Lowering<'_, 'e> {
             relay: collected.relay,
             unilateral: collected.unilateral,
             slip_of: None,
+            role: collected.role,
             named: collected.named.clone(),
             spans: match collected.spans[..] {
                 [] => vec![collected.origin],
@@ -297,7 +308,7 @@ impl<'e> Lowering<'_, 'e> {
         data
     }
 
-    fn states(&self, rates: &[Expr<'e>]) -> Vec<State<'e>> {
+    fn states(&self, rates: &[Expr<'e>], algebraics: Vec<State<'e>>) -> Vec<State<'e>> {
         let model = self.model;
         let statements = model
             .dynamics
@@ -313,7 +324,10 @@ impl<'e> Lowering<'_, 'e> {
         });
         let declared: Vec<(String, Span)> = declared.collect();
         let n_kept = self.kept_states().count();
+        let (rates, kept_rates) = rates.split_at(rates.len() - algebraics.len());
         let (rates, integrals) = rates.split_at(n_kept);
+        let algebraics = algebraics.into_iter().zip(kept_rates);
+        let algebraics = algebraics.map(|(z, &rate)| State { rate, ..z });
         let integrals = self.integral_states(integrals);
         self.kept_states()
             .zip(rates)
@@ -332,6 +346,7 @@ impl<'e> Lowering<'_, 'e> {
                 }
             })
             .chain(integrals)
+            .chain(algebraics)
             .collect()
     }
 

@@ -128,7 +128,7 @@ impl<'e> Lowering<'_, 'e> {
             *rate = *rate + direction.push * force;
         }
         let friction = friction.map(|(coefficient, slip, tangent)| {
-            let switch = self.switches.slip(slip, name, contact.span);
+            let switch = self.switches.keep(slip, name, contact.span);
             let alpha = self.model.exprs.expr(self.switches.list[switch].alpha);
             let sign = 2.0 * alpha - 1.0;
             for direction in &tangent {

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::{Continuity, Coverage, Direction, System};
+use super::{Continuity, Coverage, Direction, Role, System};
 use crate::expr::Expr;
 
 impl fmt::Display for System<'_> {
@@ -20,7 +20,7 @@ impl fmt::Display for System<'_> {
         for state in &self.states {
             writeln!(f, "der({}) = {}", state.name, state.rate)?;
         }
-        for switch in &self.switches {
+        for (i, switch) in self.switches.iter().enumerate() {
             let kind = match switch.continuity {
                 _ if switch.relay.is_some() => "relay",
                 _ if switch.slip_of.is_some() => "slips where it is closed",
@@ -28,6 +28,21 @@ impl fmt::Display for System<'_> {
                 Continuity::Certain => "continuous",
                 Continuity::Sampled => "continuous at sampled points",
             };
+            match switch.role {
+                Role::Step => {}
+                Role::Equation => {
+                    writeln!(f, "0 = {}  // by {}", switch.psi, switch.alpha)?;
+                    continue;
+                }
+                Role::Member(other) if other > i => {
+                    let other = &self.switches[other];
+                    let (a, b) = (-switch.psi, -other.psi);
+                    let (by_a, by_b) = (switch.alpha, other.alpha);
+                    writeln!(f, "0 <= {a} perp {b} >= 0  // by {by_a}, {by_b}")?;
+                    continue;
+                }
+                Role::Member(_) => continue,
+            }
             if switch.unilateral {
                 let (alpha, psi) = (switch.alpha, switch.psi);
                 writeln!(f, "0 <= 1 - {alpha} perp {psi} >= 0  // {}", switch.name)?;

@@ -1,6 +1,6 @@
 //! What can be wrong with switches (E04), and with partitions of regions (E032).
 
-use miette::Diagnostic;
+use miette::{Diagnostic, LabeledSpan};
 use thiserror::Error;
 
 use crate::source::Span;
@@ -122,6 +122,36 @@ pub enum SystemError {
         what: String,
         #[label("here")]
         span: Span,
+    },
+
+    /// Equations that hold too few algebraic states.
+    #[error("the index is above one: these equations hold {held} only, and {free} is left over")]
+    #[diagnostic(
+        code(E0413),
+        help(
+            "algebraic states must follow from the equations at each instant: differentiate an equation that holds none, or keep a state on a set with `project` or `contact`"
+        )
+    )]
+    HighIndex {
+        held: String,
+        free: String,
+        #[label(collection)]
+        rows: Vec<LabeledSpan>,
+    },
+
+    /// A pair one member of which determines nothing.
+    #[error("the index is above one where this member of a complementarity is zero")]
+    #[diagnostic(
+        code(E0414),
+        help(
+            "each member must determine an algebraic state; a force that keeps a state on one side of a surface is `project x onto {{ .. }}` or a `contact`"
+        )
+    )]
+    HighIndexPair {
+        #[label(primary, "no algebraic state follows from it alone")]
+        span: Span,
+        #[label("the other member")]
+        other: Span,
     },
 
     /// Friction without a direction.

@@ -86,6 +86,7 @@ impl<'e> Lowering<'_, 'e> {
         let numbers = &self.values.numbers;
         let number = |e: Expr<'e>| e.eval(&|var| numbers.get(&var).copied().unwrap_or(f64::NAN));
         let quantities = (model.states.iter().map(|s| ("state", s)))
+            .chain(model.algebraics.iter().map(|z| ("algebraic state", z)))
             .chain(model.controls.iter().map(|c| ("control", c)))
             .chain(model.inputs.iter().map(|i| ("input", i)))
             .chain(model.connected.iter().map(|c| ("input", c)));

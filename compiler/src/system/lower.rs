@@ -46,6 +46,10 @@ pub fn lower<'e>(
     let errors_before = diags.errors().count();
     let needs = Needs::of(model, settings, extent);
     let mut lowering = Lowering::new(model, settings, needs);
+    let implicit = lowering.solve_algebraics(diags);
+    if diags.errors().count() > errors_before {
+        return None;
+    }
     let relays = lowering.declare_relays();
     let (direct, through) = lowering.surfaces();
     lowering.declare_surfaces(&direct);
@@ -73,13 +77,14 @@ pub fn lower<'e>(
         false => contacts = lowering.contacts(&mut rates, diags),
     }
     lowering.projections(&mut rates, diags);
+    let algebraics = lowering.keep_algebraics(&implicit, &mut rates, diags);
     let bodies = lowering.bodies();
     lowering.report_refused(diags);
     if diags.errors().count() > errors_before {
         return None;
     }
     let recorded = (outputs, controls, limits);
-    let motion = (rates, laws, bodies, contacts);
+    let motion = (rates, algebraics, laws, bodies, contacts);
     let mut system = lowering.assemble(motion, recorded, task, &named, regions, diags);
     system.impulsive = impulsive;
     if diags.errors().count() > errors_before {
@@ -93,6 +98,10 @@ pub(super) struct Lowering<'m, 'e> {
     pub model: &'m Model<'e>,
     pub settings: &'m Settings<'e>,
     pub values: &'m Values<'e>,
+    /// Controls and inputs, and algebraic states that an equation gives, as functions of the others.
+    pub given: Substitution<'e>,
+    /// Algebraic states that are computed with the others.
+    pub implicit: Vec<Expr<'e>>,
     pub needs: Needs<'e>,
     pub switches: Switches<'e>,
     /// Values of named switches.
@@ -116,6 +125,8 @@ impl<'m, 'e> Lowering<'m, 'e> {
             model,
             settings,
             values,
+            given: values.signals.clone(),
+            implicit: Vec::new(),
             needs,
             switches,
             named: Substitution::new(),
@@ -125,7 +136,7 @@ impl<'m, 'e> Lowering<'m, 'e> {
 
     /// An expression of the model in entry variables.
     pub fn replace(&mut self, e: Expr<'e>, span: Span) -> Expr<'e> {
-        let e = e.substitute(&self.values.signals).substitute(&self.named);
+        let e = e.substitute(&self.given).substitute(&self.named);
         self.switches.replace(e, span)
     }
 
@@ -138,7 +149,7 @@ impl<'m, 'e> Lowering<'m, 'e> {
             .filter_map(|var| var.as_variable())
             .collect();
         let is_direct = |surface: &&Surface<'e>| {
-            let psi = surface.psi.substitute(&self.values.signals);
+            let psi = surface.psi.substitute(&self.given);
             variables_of(&[psi]).iter().all(|var| !named.contains(var))
         };
         let surfaces = self.model.surfaces.iter();
@@ -330,7 +341,9 @@ impl<'m, 'e> Lowering<'m, 'e> {
         };
         let numbers = self.values.numbers.iter().chain(&relays);
         let fixed = numbers.map(|(&var, &value)| (var, value)).chain(decided());
-        let states = self.kept_states().filter_map(|(_, var)| var.as_variable());
+        let states = self.kept_states().map(|(_, var)| var);
+        let states = states.chain(self.implicit.iter().copied());
+        let states = states.filter_map(Expr::as_variable);
         let states = states.chain(decided().map(|(var, _)| var)).collect();
         let time = self.model.time.as_variable().expect("time is a variable");
         let mut sides: Vec<Var> = relays.keys().copied().collect();
@@ -350,7 +363,11 @@ impl<'m, 'e> Lowering<'m, 'e> {
                 let shape = output.value.shape.sizes();
                 self.output(&output.name, shape, &output.value.data, output.span)
             });
-            let outputs = outputs.collect();
+            let mut outputs: Vec<Output<'e>> = outputs.collect();
+            outputs.extend(model.algebraics.iter().map(|z| {
+                let shape = z.shape.sizes();
+                self.output(&z.name, shape, &z.vars, z.span)
+            }));
             let controls = model.controls.iter().map(|control| {
                 let shape = control.shape.sizes();
                 self.output(&control.name, shape, &control.vars, control.span)

@@ -20,6 +20,9 @@
 //!   come before all other switches, and their y may contain α of any.
 //! - A unilateral switch is discontinuous; its α occurs in rates only, in directions that push ψ up, and
 //!   one law at most strikes it: none where it is a constraint of a projection.
+//! - An algebraic state has the sum of one or two α as its rate, which occur nowhere else: one of an equation ψ = 0, or
+//!   those of both members -ψ ≥ 0 of a pair. These switches are discontinuous, and ψ is any function, continuous but
+//!   across relays and switches of time.
 //! - A slip switch is discontinuous, and its α occurs in rates only, in products with 1 - α of its contact.
 //! - No two ψ are multiples of each other but those of slip switches, and none is constant.
 //! - Rates, outputs, limits, ψ and the task contain only time, parameters, data, states, controls that are decided,
@@ -33,6 +36,7 @@
 mod affine;
 #[cfg(test)]
 mod agreement_tests;
+mod algebraic;
 pub mod arrangement;
 mod assemble;
 mod contacts;
@@ -49,6 +53,7 @@ mod interaction;
 mod jumps;
 mod limits;
 mod lower;
+mod matching;
 mod needs;
 #[cfg(test)]
 mod needs_tests;
@@ -184,10 +189,24 @@ pub struct Switch<'e> {
     pub unilateral: bool,
     /// The unilateral switch without which it means nothing: that of the contact whose slip velocity is ψ.
     pub slip_of: Option<usize>,
+    /// What α is.
+    pub role: Role,
     /// Names of `switch` statements that read this switch.
     pub named: Vec<NamedReading>,
     /// Where ψ stands in the source, in order of appearance.
     pub spans: Vec<Span>,
+}
+
+/// What the α of a switch is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Role {
+    /// A step of ψ, or the force of a unilateral surface.
+    #[default]
+    Step,
+    /// The rate of an algebraic state, by which the equation ψ = 0 is kept.
+    Equation,
+    /// That of one member -ψ of a pair; this is the switch of the other.
+    Member(usize),
 }
 
 /// A switch with memory: α = 1 until y passes `off`, 0 until it passes `on`.
@@ -295,6 +314,27 @@ pub struct Direction<'e> {
 }
 
 impl System<'_> {
+    /// Indices of the algebraic states, ascending.
+    pub fn algebraic_states(&self) -> Vec<usize> {
+        let kept: Vec<Expr<'_>> = (self.switches.iter())
+            .filter(|switch| switch.role != Role::Step)
+            .map(|switch| switch.alpha)
+            .collect();
+        let is_kept = |e: Expr<'_>| {
+            crate::expr::variables_of(&[e])
+                .into_iter()
+                .any(|var| kept.iter().any(|alpha| alpha.as_variable() == Some(var)))
+        };
+        let states = self.states.iter().enumerate();
+        match kept.is_empty() {
+            true => Vec::new(),
+            false => states
+                .filter(|(_, x)| is_kept(x.rate))
+                .map(|(i, _)| i)
+                .collect(),
+        }
+    }
+
     /// True for a constraint of a projection: what keeps it is no contact, so that nothing strikes it.
     pub fn is_projected(&self, switch: usize) -> bool {
         let struck = self.laws.iter().any(|law| law.strikes == Some(switch));

@@ -20,6 +20,8 @@ pub(super) struct Needs<'e> {
     pub entries: Vec<bool>,
     /// By region.
     pub regions: Vec<bool>,
+    /// Algebraic states, all or none of them.
+    pub algebraic: bool,
     /// Named switches and switching functions that expectations name.
     pub surfaces: Vec<Expr<'e>>,
     /// The variables that are reached; all of them where everything is kept.
@@ -39,6 +41,7 @@ impl<'e> Needs<'e> {
             return Needs {
                 entries: vec![true; model.state_vars().count()],
                 regions: vec![true; model.regions.len()],
+                algebraic: true,
                 surfaces: named.surfaces,
                 reached: None,
             };
@@ -186,6 +189,9 @@ struct Closure<'m, 'e> {
     /// By state entry: its rates, and the guards around them.
     rates: Vec<Vec<Expr<'e>>>,
     entries: Vec<bool>,
+    /// Algebraic states, with what their equations and pairs need; none once that is reached.
+    algebraics: Vec<Var>,
+    equations: Option<Vec<Expr<'e>>>,
     /// Regions that are kept for their own sake.
     named: Vec<bool>,
     below: Reach,
@@ -282,6 +288,15 @@ impl<'m, 'e> Closure<'m, 'e> {
             stands_for: switches.chain(given).collect(),
             rates,
             entries: vec![false; states.len()],
+            algebraics: (model.algebraic_entries())
+                .filter_map(|(z, ..)| z.as_variable())
+                .collect(),
+            equations: Some({
+                let pairs = model.complementarities.iter().flat_map(|pair| pair.members);
+                let equations = model.equations.iter().map(|equation| equation.residual);
+                let all = model.algebraic_entries().map(|(z, ..)| z);
+                equations.chain(pairs).chain(all).collect()
+            }),
             named: vec![false; model.regions.len()],
             below: Reach::default(),
             reached: FxHashSet::default(),
@@ -295,6 +310,9 @@ impl<'m, 'e> Closure<'m, 'e> {
             for var in self.below.new_variables(e) {
                 self.reached.insert(var);
                 open.extend(self.stands_for.get(&var));
+                if self.algebraics.contains(&var) {
+                    open.extend(self.equations.take().into_iter().flatten());
+                }
                 if let Some(&entry) = self.entry.get(&var) {
                     self.entries[entry] = true;
                     open.append(&mut self.rates[entry]);
@@ -332,6 +350,7 @@ impl<'m, 'e> Closure<'m, 'e> {
         let regions = self.model.regions.iter().zip(&self.named);
         Needs {
             regions: regions.map(is_needed).collect(),
+            algebraic: self.equations.is_none(),
             entries: self.entries,
             surfaces,
             reached: Some(self.reached),

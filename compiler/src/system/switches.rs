@@ -14,7 +14,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use super::affine::{at, multi_affine};
 use super::read::Readings;
 use super::surface::{self, Form};
-use super::{NamedReading, Relay};
+use super::{NamedReading, Relay, Role};
 use crate::expr::{
     BinaryFunction, Expr, Exprs, Function, Node, Substitution, Var, rewrite, variables_of,
 };
@@ -47,6 +47,8 @@ pub(super) struct Collected<'e> {
     pub relay: Option<Relay>,
     /// Its α is a force that keeps ψ from being negative.
     pub unilateral: bool,
+    /// What its α is; members of pairs name each other by number in this list.
+    pub role: Role,
     /// ψ depends on time only.
     pub is_timed: bool,
     /// Scale of ψ over its canonical form.
@@ -67,6 +69,7 @@ impl<'e> Collected<'e> {
             named: Vec::new(),
             relay: None,
             unilateral: false,
+            role: Role::Step,
             is_timed: false,
             scale: 1.0,
             entries: Vec::new(),
@@ -235,11 +238,11 @@ impl<'e> Switches<'e> {
         Some(k)
     }
 
-    /// Makes the switch of a slip velocity, which no other term shares.
-    pub fn slip(&mut self, slip: Expr<'e>, name: &str, span: Span) -> usize {
+    /// Makes the switch of a slip velocity, an equation or a member of a pair, which no other term shares.
+    pub fn keep(&mut self, psi: Expr<'e>, name: &str, span: Span) -> usize {
         let alpha = self.exprs.variable("alpha").as_variable();
         let alpha = alpha.expect("a fresh variable is one");
-        let mut switch = Collected::new(alpha, slip, span);
+        let mut switch = Collected::new(alpha, psi, span);
         switch.name = Some(name.to_owned());
         switch.spans.push(span);
         self.list.push(switch);

@@ -60,7 +60,8 @@ fn numbers<'e>(
     diags: &mut Diagnostics,
 ) -> Option<FxHashMap<Var, f64>> {
     let quantities = (model.params.iter().map(|p| ("param", p)))
-        .chain(model.states.iter().map(|s| ("state", s)));
+        .chain(model.states.iter().map(|s| ("state", s)))
+        .chain(model.algebraics.iter().map(|z| ("algebraic state", z)));
     let (mut open, mut complete) = definitions(quantities, given, diags);
     let params: FxHashSet<Var> = (model.params.iter().flat_map(|param| &param.vars))
         .filter_map(|var| var.as_variable())
@@ -109,7 +110,8 @@ fn is_finite(
     diags: &mut Diagnostics,
 ) -> bool {
     let mut fine = true;
-    let states = model.states.iter().map(|state| (state, true));
+    let states = model.states.iter().chain(&model.algebraics);
+    let states = states.map(|state| (state, true));
     let params = model.params.iter().map(|param| (param, false));
     for (quantity, is_state) in states.chain(params) {
         for (k, var) in quantity.vars.iter().enumerate() {

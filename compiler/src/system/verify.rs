@@ -100,7 +100,8 @@ impl<'e> System<'e> {
                 return Err(format!("ψ of `{}` is constant", switch.name));
             }
         }
-        let shared = || self.switches.iter().filter(|s| s.slip_of.is_none());
+        let is_shared = |s: &&super::Switch| s.slip_of.is_none() && s.role == super::Role::Step;
+        let shared = || self.switches.iter().filter(is_shared);
         let surfaces: FxHashSet<Expr<'e>> = shared().map(|s| s.psi.split_scale().1).collect();
         if surfaces.len() < shared().count() {
             return Err("two switches share a surface".into());

@@ -9,7 +9,7 @@ use super::mode::Mode;
 use super::pivot::Problem;
 use super::select::{Choice, Choices};
 use super::state::State;
-use super::{Side, Simulator, Status, SwitchedSystem};
+use super::{Role, Side, Simulator, Status, SwitchedSystem};
 use crate::linalg::DenseLu;
 
 /// Beyond this many interacting surfaces, Lemke's method replaces enumeration.
@@ -34,8 +34,11 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         if self.is_of_contacts(group) {
             return self.contact_choices(state, group);
         }
-        let options: Vec<Vec<Side>> = group.iter().map(|&i| self.options(state, i)).collect();
-        let (candidates, all) = if group.len() > MAX_ENUMERATED {
+        let options = group.iter().map(|&i| self.options(state, group, i));
+        let options: Vec<Vec<Side>> = options.collect();
+        let (candidates, all) = if group.iter().any(|&i| self.system.role(i) != Role::Step) {
+            self.with_members(group, &options)
+        } else if group.len() > MAX_ENUMERATED {
             self.pivots(state, group, &options)
         } else {
             (product(&options), true)
@@ -65,7 +68,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     }
 
     /// The sides of a switch on its surface, the present one first.
-    fn options(&self, state: &State, switch: usize) -> Vec<Side> {
+    fn options(&self, state: &State, group: &[usize], switch: usize) -> Vec<Side> {
+        if let Some(options) = self.options_of_role(state, group, switch) {
+            return options;
+        }
         let mut options = match self.system.is_unilateral(switch) {
             true => vec![Side::Plus],
             false => vec![Side::Minus, Side::Plus],
@@ -167,7 +173,7 @@ enum Search {
 
 /// Combinations of one option each: all of them, or where that is too many, those that take the
 /// first or the last option everywhere or but for one switch.
-fn alternatives(options: &[Vec<Side>]) -> Vec<Vec<Side>> {
+pub(super) fn alternatives(options: &[Vec<Side>]) -> Vec<Vec<Side>> {
     let open: Vec<usize> = (0..options.len())
         .filter(|&i| options[i].len() > 1)
         .collect();
@@ -237,7 +243,9 @@ impl<'m> Zeros<'m> {
             self.found.push(start);
             return Search::Complete;
         }
-        if let [switch] = self.unknowns[..] {
+        if let [switch] = self.unknowns[..]
+            && !self.is_unbounded(switch)
+        {
             return self.solve_one(switch, start[0]);
         }
         if self.is_affine() {
@@ -246,10 +254,22 @@ impl<'m> Zeros<'m> {
                 false => Search::Singular,
             };
         }
+        // A box holds the α of steps only.
+        if self.unknowns.iter().any(|&i| self.is_unbounded(i)) {
+            return match self.newton(&start) {
+                true => Search::Bounded,
+                false => Search::Singular,
+            };
+        }
         match self.subdivide() {
             true => Search::Complete,
             false => Search::Bounded,
         }
+    }
+
+    /// True for the α of an equation or a member, which is a rate.
+    fn is_unbounded(&self, switch: usize) -> bool {
+        self.mode.roles[switch] != Role::Step
     }
 
     /// The zero of the rate of one switch, which is affine in its α.
@@ -350,7 +370,9 @@ impl<'m> Zeros<'m> {
                 return true;
             }
             // NaN, or far outside.
-            if change.is_nan() || values.iter().any(|value| value.abs() > FAR) {
+            let bounded = values.iter().zip(&self.unknowns);
+            let mut bounded = bounded.filter(|&(_, &i)| !self.is_unbounded(i));
+            if change.is_nan() || bounded.any(|(value, _)| value.abs() > FAR) {
                 break;
             }
         }

@@ -56,17 +56,19 @@ impl Mode {
             if round == 0 {
                 drift = worst;
             }
-            if worst <= f64::EPSILON
-                || (self.equations)
-                    .factor_gram(&self.surfaces, |j| state.size(j))
-                    .is_err()
-            {
+            if worst <= f64::EPSILON {
+                break;
+            }
+            let mut equations = std::mem::take(&mut self.equations);
+            let factored = equations.factor_gram(&self.surfaces, |j| self.mobility(state, j));
+            self.equations = equations;
+            if factored.is_err() {
                 break;
             }
             self.equations.solve();
             for (&i, multiplier) in self.equations.switches.iter().zip(&self.equations.rhs) {
                 for &(j, g) in self.surfaces.gradient(i) {
-                    state.x[j] -= g * multiplier * state.size(j).powi(2);
+                    state.x[j] -= g * multiplier * self.mobility(state, j).powi(2);
                 }
             }
         }

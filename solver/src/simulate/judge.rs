@@ -7,7 +7,7 @@
 
 use super::select::{BAND, Choice};
 use super::state::State;
-use super::{Side, Simulator, SwitchedSystem, series};
+use super::{Role, Side, Simulator, SwitchedSystem, series};
 
 /// Rates and distances to a bound below this fraction of their scale are ties.
 pub(super) const TIE: f64 = 1e-9;
@@ -114,6 +114,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             }
             // Positive inside, negative outside, relative to the natural size.
             let margin = match choice.sides[at] {
+                Side::Slide if mode.roles[i] != Role::Step => continue,
                 Side::Slide if mode.is_unilateral(i) => {
                     let force = 1.0 - choice.alpha[at];
                     let gain = mode.coupling(i, i).abs();
@@ -179,6 +180,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let h = mode.step_size_of_psi(tolerance, state, h);
         let stays = |(&i, side): (&usize, &Side)| match side {
             _ if mode.is_idle(i, &sides) => true,
+            Side::Slide if mode.roles[i] != Role::Step => true,
             Side::Slide => {
                 let series = mode.alpha_series(i);
                 let inward = if series[0] <= TIE && !mode.is_unilateral(i) {

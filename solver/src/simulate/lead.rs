@@ -7,7 +7,7 @@
 //! turn; all that is due at one time happens together.
 
 use super::state::State;
-use super::{Side, Simulator, Status, SwitchedSystem, series};
+use super::{Role, Side, Simulator, Status, SwitchedSystem, series};
 
 /// The switches on another side.
 fn changes(before: &[Side], after: &[Side]) -> Vec<usize> {
@@ -107,6 +107,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         open: &mut Vec<usize>,
     ) {
         let band = state.band[i];
+        // z jumps with an equation, which stays one.
+        if self.system.role(i) != Role::Step {
+            return;
+        }
         if self.system.relay(i).is_some() {
             state.armed[i] = psi.abs() <= band;
             if psi * state.sides[i].sign() < -band {

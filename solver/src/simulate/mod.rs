@@ -10,6 +10,7 @@
 //! event inside it; the next mode follows from the rates on all surfaces that meet
 //! there.
 
+mod algebraic;
 mod approach;
 mod candidates;
 mod control;
@@ -66,8 +67,8 @@ use state::State;
 pub use status::{Note, Stats, Status};
 use stiffness::Stiffness;
 pub use system::{
-    Affine, Block, Effect, Guard, Impact, Input, Law, Partials, Rates, Reset, Smooth, Surface,
-    SwitchedSystem,
+    Affine, Block, Effect, Guard, Impact, Input, Law, Partials, Rates, Reset, Role, Smooth,
+    Surface, SwitchedSystem,
 };
 
 /// Where a switch stands relative to its surface ψ = 0.

@@ -16,7 +16,7 @@ use super::layout::Memory;
 use super::sliding::{Sliding, Tie};
 use super::state::State;
 use super::surfaces::Surfaces;
-use super::{Side, Status, SwitchedSystem};
+use super::{Role, Side, SwitchedSystem};
 use crate::linalg::Singular;
 use crate::tape;
 
@@ -32,6 +32,11 @@ pub(crate) struct Mode {
     pub(super) field: Field,
     pub(super) surfaces: Surfaces,
     pub(super) equations: Sliding,
+    /// What the α are, and which states are algebraic.
+    pub(super) roles: Vec<Role>,
+    pub(super) is_algebraic: Vec<bool>,
+    /// States that no projection moves in the present mode.
+    pub(super) still: Vec<bool>,
     /// Switches whose α has no lower bound.
     pub(super) unilateral: Vec<bool>,
     /// The contacts whose slip velocities ψ are.
@@ -71,13 +76,20 @@ impl Mode {
         Mode {
             sides: vec![Side::Plus; m].into(),
             sliding: Vec::new(),
-            continuous: (0..m).map(|i| system.is_continuous(i)).collect(),
+            continuous: (0..m)
+                .map(|i| system.is_continuous(i) || system.role(i) != Role::Step)
+                .collect(),
             n,
             order,
             memory: Memory::new(system, order),
             field: Field::new(system),
             surfaces: Surfaces::new(system),
             equations: Sliding::new(n, m),
+            roles: (0..m).map(|i| system.role(i)).collect(),
+            is_algebraic: (0..n)
+                .map(|i| system.algebraics().binary_search(&i).is_ok())
+                .collect(),
+            still: vec![false; n],
             unilateral: (0..m).map(|i| system.is_unilateral(i)).collect(),
             slip_of: (0..m).map(|i| system.slip_of(i)).collect(),
             arranged: false,
@@ -273,6 +285,7 @@ impl Mode {
         if !self.arranged {
             self.equations
                 .arrange(&self.sliding, &self.field, &self.surfaces);
+            self.hold_still();
             self.arranged = true;
         }
     }
@@ -442,17 +455,6 @@ impl Mode {
         }
         self.linearize_surfaces();
         self.factor().is_err() || self.equations.turned_over()
-    }
-
-    /// Why no step goes on from here.
-    pub(super) fn stuck(&self) -> Status {
-        if self.sliding.is_empty() || self.f().iter().any(|f| !f.is_finite()) {
-            Status::NotFinite
-        } else {
-            Status::SingularSliding {
-                switches: self.sliding.clone(),
-            }
-        }
     }
 
     fn row(&self, start: usize) -> &[f64] {

@@ -10,7 +10,7 @@ use super::mode::Mode;
 use super::select::{Choice, Choices};
 use super::state::State;
 use super::system::{Guard, Law};
-use super::{Side, Simulator, Status, SwitchedSystem};
+use super::{Role, Side, Simulator, Status, SwitchedSystem};
 
 /// Forces and accelerations below this fraction of their scale are tried both ways.
 const NEAR: f64 = 1e-7;
@@ -163,9 +163,10 @@ impl Mode {
 
     /// What α of a sliding switch must not pass.
     pub(super) fn limits(&self, switch: usize) -> &'static [f64] {
-        match self.unilateral[switch] {
-            true => &[1.0],
-            false => &[0.0, 1.0],
+        match self.roles[switch] {
+            Role::Step if self.unilateral[switch] => &[1.0],
+            Role::Step => &[0.0, 1.0],
+            Role::Equation | Role::Member(_) => &[],
         }
     }
 }

@@ -74,7 +74,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         open.extend(self.pieces.rates.iter().filter(meets));
         open.sort_unstable();
         open.dedup();
-        if open.is_empty() {
+        if open.is_empty() && !self.is_unsettled(state, t1) {
             return Ok(());
         }
         self.change(state, &open, t1)

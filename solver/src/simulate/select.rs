@@ -9,7 +9,7 @@ use super::judge::{Check, Verdict};
 use super::jump::Met;
 use super::mode::Mode;
 use super::state::State;
-use super::{Note, Side, Simulator, Status, SwitchedSystem};
+use super::{Note, Role, Side, Simulator, Status, SwitchedSystem};
 
 /// One way to go on: the sides of the switches that meet.
 pub type Candidate = Vec<(usize, Side)>;
@@ -69,12 +69,14 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     /// Takes the sides that ψ have where the state is, and returns the switches on their surface.
     pub(super) fn place(&mut self, state: &mut State, horizon: f64) -> Result<Vec<usize>, Status> {
         let all: Vec<usize> = (0..state.sides.len()).collect();
+        self.settle(state, horizon)?;
         // ψ of a nested max depends on the sides of the inner one: settle from the inside out.
         for round in 0.. {
             let psi = self.psi(state);
             let side = |(i, &psi): (usize, &f64)| match self.system.relay(i) {
                 // A relay stays where ψ is zero.
                 Some(_) if psi == 0.0 => state.sides[i],
+                _ if self.system.role(i) != Role::Step => state.sides[i],
                 _ if self.system.is_unilateral(i) => Side::Plus,
                 _ => Side::of(psi),
             };
@@ -100,7 +102,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let near: Vec<bool> = (all.iter())
             .map(|&i| self.mode.psi(i).abs() <= state.band[i])
             .collect();
-        let on = |&i: &usize| near[i] && self.system.slip_of(i).is_none_or(|of| near[of]);
+        let is_kept = |i: usize| self.system.role(i) != Role::Step && state.sides[i] == Side::Slide;
+        let on =
+            |&i: &usize| near[i] && !is_kept(i) && self.system.slip_of(i).is_none_or(|of| near[of]);
         let on: Vec<usize> = all.into_iter().filter(on).collect();
         state.armed.fill(false);
         Ok(on)
@@ -114,6 +118,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         t1: f64,
     ) -> Result<(), Status> {
         let open = self.lead(state, triggers, t1)?;
+        if self.is_unsettled(state, t1) {
+            let on = self.place(state, t1 - state.t)?;
+            return self.select(state, &on, t1);
+        }
         self.select(state, &open, t1)
     }
 
@@ -182,9 +190,13 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         while next < group.len() {
             let i = group[next];
             let linked = self.system.couplings(i).iter().chain(&self.coupled_by[i]);
-            for j in linked {
-                if meeting.binary_search(j).is_ok() && !group.contains(j) {
-                    group.push(*j);
+            let partner = match self.system.role(i) {
+                Role::Member(partner) => Some(partner),
+                Role::Step | Role::Equation => None,
+            };
+            for &j in linked.chain(&partner) {
+                if meeting.binary_search(&j).is_ok() && !group.contains(&j) {
+                    group.push(j);
                 }
             }
             next += 1;

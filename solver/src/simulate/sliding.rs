@@ -126,6 +126,12 @@ impl Sliding {
         self.orientation.resize(self.starts.len() - 1, 1.0);
     }
 
+    /// Switches that do not interact with those of other components.
+    pub(super) fn components(&self) -> impl Iterator<Item = &[usize]> {
+        let ranges = self.starts.windows(2);
+        ranges.map(|range| &self.switches[range[0]..range[1]])
+    }
+
     /// Factors A where gradients and slopes were last evaluated.
     pub(super) fn factor(&mut self, field: &Field, surfaces: &Surfaces) -> Result<(), Singular> {
         for tie in self.ties.iter_mut().flatten() {

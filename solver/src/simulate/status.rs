@@ -64,6 +64,17 @@ pub enum Status {
         /// The switches that meet here.
         switches: Vec<usize>,
     },
+    /// No values of algebraic states satisfy the equations and complementarities, as far as Newton's method
+    /// finds any near those they have.
+    Inconsistent {
+        /// The switches of those that are missed.
+        switches: Vec<usize>,
+    },
+    /// Equations do not determine the algebraic states: their index is above one here.
+    HighIndex {
+        /// Their switches.
+        switches: Vec<usize>,
+    },
     /// While sliding, the equations for α became singular.
     SingularSliding {
         /// The sliding switches.

@@ -84,6 +84,15 @@ pub trait SwitchedSystem {
     fn slip_of(&self, _switch: usize) -> Option<usize> {
         None
     }
+    /// What α of a switch is.
+    fn role(&self, _switch: usize) -> Role {
+        Role::Step
+    }
+    /// The algebraic states z, in order: their rates are made of α of equations and members, which keep what
+    /// determines z. Equations and pairs are as many as they are.
+    fn algebraics(&self) -> &[usize] {
+        &[]
+    }
     /// How the state jumps.
     fn laws(&self) -> &[Law] {
         &[]
@@ -92,6 +101,18 @@ pub trait SwitchedSystem {
     fn has_piecewise_rate(&self, _switch: usize) -> bool {
         false
     }
+}
+
+/// What α of a switch is.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Role {
+    /// A step of ψ, or the force of a unilateral surface.
+    Step,
+    /// The rate of an algebraic state that keeps an equation ψ = 0; it always slides, and α is any number.
+    Equation,
+    /// A member of a complementarity 0 ≤ -ψ_i ⟂ -ψ_j ≥ 0, of which this is the other one. One of both slides,
+    /// with any α, and the other one is below its surface, with α = 0.
+    Member(usize),
 }
 
 /// A law by which states jump.

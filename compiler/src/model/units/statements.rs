@@ -64,6 +64,13 @@ impl<'f> Checker<'f, '_> {
             }
             Stmt::Contact(contact) => self.contact(contact),
             Stmt::Project(project) => self.rows(&project.rows),
+            Stmt::Equation { residual, .. } => {
+                self.expr(residual);
+            }
+            Stmt::Complementarity { left, right, .. } => {
+                self.expr(left);
+                self.expr(right);
+            }
             Stmt::Jump(jump) => {
                 self.expr(&jump.guard);
                 for bind in &jump.resets {
@@ -72,11 +79,7 @@ impl<'f> Checker<'f, '_> {
                 }
             }
             // Refused before units are looked at, or without values of their own.
-            Stmt::Const(_)
-            | Stmt::Program(_)
-            | Stmt::Equation { .. }
-            | Stmt::Complementarity { .. }
-            | Stmt::Bad(_) => {}
+            Stmt::Const(_) | Stmt::Program(_) | Stmt::Bad(_) => {}
         }
     }
 

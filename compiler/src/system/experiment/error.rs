@@ -266,6 +266,15 @@ pub enum ExperimentError {
         span: Span,
     },
 
+    /// Algebraic states in a method for rates alone.
+    #[error("`method {method}` does not take algebraic states")]
+    #[diagnostic(code(E0906), help("use `method event`, which is the default"))]
+    Algebraic {
+        method: &'static str,
+        #[label("not solved for one state")]
+        span: Span,
+    },
+
     /// A Runge-Kutta method where contacts have a scheme of their own.
     #[error("steps of time with contacts take no `scheme`")]
     #[diagnostic(

@@ -418,6 +418,7 @@ impl<'e> Reader<'_, 'e> {
         let model = self.model;
         let all: Option<&[Expr<'e>]> = match target.kind {
             TargetKind::State(k) => Some(&model.states[k].vars),
+            TargetKind::Algebraic(k) => Some(&model.algebraics[k].vars),
             TargetKind::Control(k) => Some(&model.controls[k].vars),
             TargetKind::Input(k) => Some(&model.inputs[k].vars),
             TargetKind::Signal(k) => Some(&model.signals[k].value.data),

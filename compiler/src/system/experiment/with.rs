@@ -46,6 +46,7 @@ fn give<'e>(
     let quantity: &Quantity<'e> = match target.kind {
         TargetKind::Param(k) => &model.params[k],
         TargetKind::State(k) => &model.states[k],
+        TargetKind::Algebraic(k) => &model.algebraics[k],
         TargetKind::Control(k) => &model.controls[k],
         TargetKind::Input(k) => &model.inputs[k],
         TargetKind::Sliding(k) => {
@@ -132,6 +133,7 @@ pub(super) fn path_text(model: &Model<'_>, path: &Path, target: &Target) -> Stri
     let whole = match target.kind {
         TargetKind::Param(k) => list(&model.params, k),
         TargetKind::State(k) => list(&model.states, k),
+        TargetKind::Algebraic(k) => list(&model.algebraics, k),
         TargetKind::Control(k) => list(&model.controls, k),
         TargetKind::Input(k) => list(&model.inputs, k),
         TargetKind::Signal(k) => named(&model.signals, k),

@@ -4,7 +4,7 @@ use super::contact::{Contact, refused};
 use super::{alpha, numbers, slope};
 use crate::expr::{Expr, Var, variables_of};
 use crate::system::affine::at;
-use crate::system::{System, SystemError};
+use crate::system::{Role, System, SystemError};
 
 /// Refuses what auxiliary dynamics would change.
 pub(super) fn check(system: &System<'_>) -> Result<(), SystemError> {
@@ -36,6 +36,10 @@ pub(super) fn check(system: &System<'_>) -> Result<(), SystemError> {
         let span = switch.spans.first().copied().unwrap_or_default();
         if system.is_projected(k) {
             let what = format!("the projection onto `{}`", switch.name);
+            return Err(refused(what, span));
+        }
+        if switch.role != Role::Step {
+            let what = "algebraic states that no equation gives explicitly".to_owned();
             return Err(refused(what, span));
         }
         if switch.relay.is_some() {

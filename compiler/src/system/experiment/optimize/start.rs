@@ -20,6 +20,7 @@ impl<'e> Reader<'_, 'e> {
         };
         let quantity: &Quantity<'e> = match target.kind {
             TargetKind::State(k) => &model.states[k],
+            TargetKind::Algebraic(k) => &model.algebraics[k],
             TargetKind::Control(k) => &model.controls[k],
             TargetKind::Param(k) => &model.params[k],
             kind => {

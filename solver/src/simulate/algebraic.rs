@@ -1,0 +1,415 @@
+//! Algebraic states z: equations 0 = F(t, x, z), and pairs 0 ≤ a(t, x, z) ⟂ b(t, x, z) ≥ 0.
+//!
+//! Equations and members of pairs are switches with ψ = F, ψ = -a and ψ = -b, and z' are their α. An equation
+//! slides always, and of a pair one member at a time: then φ = dψ/dt = 0 determines z' where the Jacobian by z is
+//! regular, which is index one, and the drift off ψ = 0 is projected away by z alone. A member that is off its
+//! surface is watched like any other switch; where it gets there, the rates decide which of the two slides on.
+//!
+//! z itself is computed where a run starts and where anything jumps: for every choice of members by Newton's method
+//! from the z there is, damped as in Deuflhard 2011, section 3.3; a choice is a solution where no other member
+//! is above its surface.
+
+use super::mode::Mode;
+use super::state::State;
+use super::{Candidate, Note, Role, Side, Simulator, Status, SwitchedSystem};
+use crate::linalg::DenseLu;
+
+/// Up to this many pairs all choices are solved, which shows whether there is one solution.
+const MAX_PAIRS: usize = 8;
+
+/// Up to this many pairs that meet, all choices are tried by their rates.
+const MAX_MET: usize = 12;
+
+/// Newton iterations.
+const MAX_NEWTON: usize = 60;
+
+/// The shortest part of a Newton step that is taken.
+const SHORTEST: f64 = 1e-5;
+
+/// Relative changes below this are taken without a test.
+const CLOSE: f64 = 1e-9;
+
+/// Solutions that differ less than this fraction of themselves are one.
+const SAME: f64 = 1e-8;
+
+/// Bands that ψ may be off its surface before z has jumped.
+const UNSETTLED: f64 = 1e3;
+
+/// Why a choice of members has no z.
+enum Failure {
+    Singular,
+    Diverged,
+}
+
+impl<S: SwitchedSystem> Simulator<'_, S> {
+    /// Computes the algebraic states where the others are, and takes the members that are zero there.
+    pub(super) fn settle(&mut self, state: &mut State, horizon: f64) -> Result<(), Status> {
+        if self.system.algebraics().is_empty() {
+            return Ok(());
+        }
+        let (equations, pairs) = self.kept();
+        let (guess, scale) = (state.x.clone(), state.scale.clone());
+        let mut found: Vec<(Vec<f64>, Vec<bool>)> = Vec::new();
+        let mut regular = false;
+        let choices: Vec<Vec<bool>> = match pairs.len() {
+            n if n <= MAX_PAIRS => (0..1_usize << n)
+                .map(|bits| (0..n).map(|k| bits >> k & 1 == 1).collect())
+                .collect(),
+            _ => Vec::new(),
+        };
+        for choice in choices {
+            state.x.clone_from(&guess);
+            state.scale.clone_from(&scale);
+            let solved = self.solve_choice(state, &equations, &pairs, &choice);
+            regular |= !matches!(solved, Err(Failure::Singular));
+            if solved.is_err() || self.violated(state, &pairs, &choice, horizon).is_some() {
+                continue;
+            }
+            if !found.iter().any(|(x, _)| self.is_same(x, &state.x)) {
+                found.push((state.x.clone(), choice));
+            }
+        }
+        state.scale.clone_from(&scale);
+        if pairs.len() > MAX_PAIRS {
+            state.x.clone_from(&guess);
+            let choice = self.pivot_pairs(state, &equations, &pairs, horizon);
+            regular = true;
+            found.extend(choice.map(|choice| (state.x.clone(), choice)));
+            if !found.is_empty() {
+                state.note(Note::Unsearched {
+                    time: state.t,
+                    switches: pairs.iter().map(|pair| pair.0).collect(),
+                });
+            }
+        }
+        if found.len() > 1 {
+            state.x = guess;
+            let name = |(_, choice): &(Vec<f64>, Vec<bool>)| candidate(&pairs, choice);
+            return Err(Status::NonUnique(found.iter().map(name).collect()));
+        }
+        let Some((x, choice)) = found.pop() else {
+            state.x = guess;
+            let members = pairs.iter().flat_map(|&(a, b)| [a, b]);
+            let switches = equations.into_iter().chain(members).collect();
+            return Err(match regular {
+                true => Status::Inconsistent { switches },
+                false => Status::HighIndex { switches },
+            });
+        };
+        state.x = x;
+        for &z in self.system.algebraics() {
+            state.scale[z] = state.scale[z].max(state.x[z].abs());
+        }
+        self.take_members(state, &equations, &pairs, &choice);
+        Ok(())
+    }
+
+    /// True where the equations do not hold as they stand, since something in them has jumped.
+    pub(super) fn is_unsettled(&mut self, state: &mut State, t1: f64) -> bool {
+        if self.system.algebraics().is_empty() {
+            return false;
+        }
+        let kept = |i: &usize| self.system.role(*i) != Role::Step;
+        let kept: Vec<usize> = (0..state.sides.len()).filter(kept).collect();
+        self.mode.enter_surfaces(self.system, &state.sides);
+        self.measure_bands(state, &kept, t1 - state.t);
+        kept.into_iter().any(|i| {
+            let psi = self.mode.psi(i);
+            let off = match state.sides[i] {
+                Side::Slide => psi.abs(),
+                _ => psi,
+            };
+            !off.is_finite() || off > UNSETTLED * state.band[i]
+        })
+    }
+
+    /// Equations, and pairs.
+    fn kept(&self) -> (Vec<usize>, Vec<(usize, usize)>) {
+        let all = || (0..self.system.n_switches()).map(|i| (i, self.system.role(i)));
+        let equations = all().filter(|(_, role)| *role == Role::Equation);
+        let pairs = all().filter_map(|(i, role)| match role {
+            Role::Member(other) if i < other => Some((i, other)),
+            _ => None,
+        });
+        (equations.map(|(i, _)| i).collect(), pairs.collect())
+    }
+
+    fn is_same(&self, a: &[f64], b: &[f64]) -> bool {
+        let mut algebraics = self.system.algebraics().iter();
+        algebraics.all(|&z| (a[z] - b[z]).abs() <= SAME * a[z].abs().max(b[z].abs()).max(1e-12))
+    }
+
+    /// Sets the sides of equations and members.
+    fn take_members(
+        &mut self,
+        state: &mut State,
+        equations: &[usize],
+        pairs: &[(usize, usize)],
+        choice: &[bool],
+    ) {
+        let mut sides = state.sides.clone();
+        for &i in equations {
+            sides[i] = Side::Slide;
+        }
+        for (i, side) in candidate(pairs, choice) {
+            sides[i] = side;
+        }
+        state.set_sides(sides);
+    }
+
+    /// Takes the sides of all switches that may be inside an equation.
+    fn take_kinks(&mut self, state: &mut State) {
+        for _ in 0..=state.sides.len() {
+            let psi = self.psi(state);
+            let is_free = |i: usize| {
+                self.system.role(i) == Role::Step
+                    && self.system.relay(i).is_none()
+                    && !self.system.is_unilateral(i)
+            };
+            let mut sides = state.sides.clone();
+            for (i, &psi) in psi.iter().enumerate().filter(|(i, _)| is_free(*i)) {
+                sides[i] = Side::of(psi);
+            }
+            if sides == state.sides {
+                break;
+            }
+            state.set_sides(sides);
+        }
+    }
+
+    /// Solves for z where these members are zero.
+    fn solve_choice(
+        &mut self,
+        state: &mut State,
+        equations: &[usize],
+        pairs: &[(usize, usize)],
+        choice: &[bool],
+    ) -> Result<(), Failure> {
+        self.take_members(state, equations, pairs, choice);
+        let members = pairs.iter().zip(choice);
+        let members = members.map(|(&(a, b), &second)| if second { b } else { a });
+        let rows: Vec<usize> = equations.iter().copied().chain(members).collect();
+        let unknowns = self.system.algebraics();
+        let n = unknowns.len();
+        let (mut lu, mut matrix) = (DenseLu::new(n), vec![0.0; n * n]);
+        let (mut scales, mut last) = (Vec::new(), f64::INFINITY);
+        for round in 0..MAX_NEWTON {
+            let mut step = self.residuals(state, &rows);
+            matrix.fill(0.0);
+            for (row, &i) in rows.iter().enumerate() {
+                let mode = &mut self.mode;
+                mode.surfaces.linearize(i, &mode.memory.values);
+                for &(j, g) in self.mode.gradient(i) {
+                    if let Ok(column) = unknowns.binary_search(&j) {
+                        matrix[row * n + column] = g;
+                    }
+                }
+            }
+            if lu.factor(&matrix).is_err() {
+                return Err(match round {
+                    0 => Failure::Singular,
+                    _ => Failure::Diverged,
+                });
+            }
+            lu.solve(&mut step);
+            if scales.is_empty() {
+                let scale = |(&z, d): (&usize, &f64)| match state.x[z].abs().max(d.abs()) {
+                    0.0 => 1.0,
+                    scale => scale,
+                };
+                scales = unknowns.iter().zip(&step).map(scale).collect();
+            }
+            let norm = |step: &[f64]| {
+                let relative = step.iter().zip(&scales).map(|(d, s)| (d / s).powi(2));
+                relative.sum::<f64>().sqrt()
+            };
+            let size = norm(&step);
+            if !size.is_finite() {
+                return Err(Failure::Diverged);
+            }
+            let before = state.x.clone();
+            let mut part = 1.0;
+            loop {
+                for (&z, d) in unknowns.iter().zip(&step) {
+                    state.x[z] = before[z] - part * d;
+                }
+                if size <= CLOSE {
+                    break;
+                }
+                // The step that follows with the same matrix must be shorter.
+                let mut next = self.residuals(state, &rows);
+                lu.solve(&mut next);
+                if norm(&next) <= (1.0 - 0.25 * part) * size {
+                    break;
+                }
+                part *= 0.5;
+                if part < SHORTEST {
+                    return Err(Failure::Diverged);
+                }
+            }
+            if size <= f64::EPSILON || size <= CLOSE && size >= 0.5 * last {
+                self.take_kinks(state);
+                return Ok(());
+            }
+            last = size;
+        }
+        Err(Failure::Diverged)
+    }
+
+    /// ψ of some switches.
+    fn residuals(&mut self, state: &mut State, rows: &[usize]) -> Vec<f64> {
+        self.take_kinks(state);
+        self.mode.set(state.t, &state.x, &state.alpha);
+        rows.iter().map(|&i| self.mode.psi(i)).collect()
+    }
+
+    /// The first pair whose other member is above its surface.
+    fn violated(
+        &mut self,
+        state: &mut State,
+        pairs: &[(usize, usize)],
+        choice: &[bool],
+        horizon: f64,
+    ) -> Option<usize> {
+        for &z in self.system.algebraics() {
+            state.scale[z] = state.scale[z].max(state.x[z].abs());
+        }
+        let others = pairs.iter().zip(choice);
+        let others = others.map(|(&(a, b), &second)| if second { a } else { b });
+        let others: Vec<usize> = others.collect();
+        self.measure_bands(state, &others, horizon);
+        let mut others = others.into_iter();
+        others.position(|i| self.mode.psi(i) > state.band[i])
+    }
+
+    /// The choice of many pairs, by exchanging the first one that is violated (Murty 1974), which ends for a
+    /// P-matrix.
+    fn pivot_pairs(
+        &mut self,
+        state: &mut State,
+        equations: &[usize],
+        pairs: &[(usize, usize)],
+        horizon: f64,
+    ) -> Option<Vec<bool>> {
+        let mut choice = vec![false; pairs.len()];
+        for _ in 0..100 * pairs.len() {
+            let guess = state.x.clone();
+            match self.solve_choice(state, equations, pairs, &choice) {
+                Err(_) => {
+                    state.x = guess;
+                    return None;
+                }
+                Ok(()) => match self.violated(state, pairs, &choice, horizon) {
+                    None => return Some(choice),
+                    Some(pair) => choice[pair] = !choice[pair],
+                },
+            }
+        }
+        None
+    }
+
+    /// The sides of an equation or a member of a pair where it meets others.
+    pub(super) fn options_of_role(
+        &self,
+        state: &State,
+        group: &[usize],
+        switch: usize,
+    ) -> Option<Vec<Side>> {
+        match self.system.role(switch) {
+            Role::Step => None,
+            Role::Equation => Some(vec![Side::Slide]),
+            Role::Member(other) if !group.contains(&other) => Some(vec![state.sides[switch]]),
+            // What the second one does follows from the first.
+            Role::Member(other) if other < switch => Some(vec![Side::Minus]),
+            Role::Member(_) => Some(match state.sides[switch] {
+                Side::Slide => vec![Side::Slide, Side::Minus],
+                _ => vec![Side::Minus, Side::Slide],
+            }),
+        }
+    }
+
+    /// All choices of a group in which there are equations or pairs; false where they are too many.
+    pub(super) fn with_members(
+        &self,
+        group: &[usize],
+        options: &[Vec<Side>],
+    ) -> (Vec<Vec<Side>>, bool) {
+        let open = options.iter().filter(|sides| sides.len() > 1).count();
+        let (mut candidates, all) = match open {
+            open if open <= MAX_MET => (super::candidates::product(options), true),
+            _ => (super::candidates::alternatives(options), false),
+        };
+        for (at, &i) in group.iter().enumerate() {
+            let Role::Member(other) = self.system.role(i) else {
+                continue;
+            };
+            let Some(first) = group.iter().position(|&j| j == other && other < i) else {
+                continue;
+            };
+            for sides in &mut candidates {
+                sides[at] = match sides[first] {
+                    Side::Slide => Side::Minus,
+                    _ => Side::Slide,
+                };
+            }
+        }
+        (candidates, all)
+    }
+}
+
+/// The sides of all members.
+fn candidate(pairs: &[(usize, usize)], choice: &[bool]) -> Candidate {
+    let sides = pairs.iter().zip(choice).flat_map(|(&(a, b), &second)| {
+        let (zero, positive) = if second { (b, a) } else { (a, b) };
+        [(zero, Side::Slide), (positive, Side::Minus)]
+    });
+    sides.collect()
+}
+
+impl Mode {
+    /// Finds the states that are not moved where drift is projected away: those that determine algebraic ones and
+    /// nothing else that slides.
+    pub(super) fn hold_still(&mut self) {
+        self.still.fill(false);
+        for component in self.equations.components() {
+            if component.iter().any(|&i| self.roles[i] == Role::Step) {
+                continue;
+            }
+            for &i in component {
+                for &(j, _) in self.surfaces.gradient(i) {
+                    self.still[j] = !self.is_algebraic[j];
+                }
+            }
+        }
+    }
+
+    /// How far state j may be moved in a projection, in relation to others.
+    pub(super) fn mobility(&self, state: &State, j: usize) -> f64 {
+        match state.size(j) {
+            _ if self.still[j] => 0.0,
+            0.0 if self.is_algebraic[j] => 1.0,
+            size => size,
+        }
+    }
+
+    /// Why no step goes on from here.
+    pub(super) fn stuck(&self) -> Status {
+        let kept = self.sliding.iter().copied();
+        let kept: Vec<usize> = kept.filter(|&i| self.roles[i] != Role::Step).collect();
+        let states = self.f().iter().zip(&self.is_algebraic);
+        // Where it is the rates of algebraic states that grow without bound, their equations turn singular.
+        let mut others = states.filter(|(_, is_algebraic)| !**is_algebraic);
+        if self.sliding.is_empty()
+            || others.any(|(f, _)| !f.is_finite())
+            || kept.is_empty() && self.f().iter().any(|f| !f.is_finite())
+        {
+            return Status::NotFinite;
+        }
+        match kept.is_empty() {
+            true => Status::SingularSliding {
+                switches: self.sliding.clone(),
+            },
+            false => Status::HighIndex { switches: kept },
+        }
+    }
+}

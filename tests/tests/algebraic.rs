@@ -1,0 +1,254 @@
+//! Algebraic states and complementarity against closed forms.
+
+use nsd_tests::{end, run, times};
+use nsdc::report::{EventKind, Failure, Status, Trajectory};
+
+/// Runs a model to a horizon.
+fn runs(model: &str, horizon: f64, settings: &str) -> Trajectory {
+    let trajectory = ends(model, horizon, settings);
+    assert_eq!(
+        trajectory.status,
+        Status::Solved,
+        "{:?}",
+        trajectory.failure
+    );
+    trajectory
+}
+
+/// Runs a model as far as it goes.
+fn ends(model: &str, horizon: f64, settings: &str) -> Trajectory {
+    let text = format!(
+        "model m {{ {model} }} simulate this of m {{ horizon {horizon:?}; tolerance 1e-12; {settings} }}"
+    );
+    run(&text, "this")
+}
+
+#[track_caller]
+fn assert_near(found: &[f64], exact: &[f64], within: f64) {
+    assert_eq!(found.len(), exact.len(), "{found:?} and {exact:?}");
+    let far = |(a, b): (&f64, &f64)| (a - b).abs() > within;
+    assert!(!found.iter().zip(exact).any(far), "{found:?} and {exact:?}");
+}
+
+#[test]
+fn an_equation_of_third_degree_is_solved_along_the_way() {
+    // y' = -y and x = y³ + y.
+    let model = "state x = 2; algebraic y = 0.3; 0 = y^3 + y - x; x' = -(3*y^2 + 1)*y;";
+    let found = runs(model, 2.0, "");
+    let y = (-2.0_f64).exp();
+    assert_near(&end(&found, "y"), &[y], 1e-12);
+    assert_near(&end(&found, "x"), &[y.powi(3) + y], 1e-12);
+}
+
+#[test]
+fn the_guess_chooses_the_root() {
+    for (guess, root) in [(2.0, 1.0), (-2.0, -1.0)] {
+        let model = "state x = 1; algebraic z = 0; 0 = z^2 - x; x' = z;";
+        let found = runs(model, 0.5, &format!("with {{ z = {guess}; }}"));
+        // √x changes at the rate ±½.
+        let z: f64 = root + 0.25;
+        assert_near(&end(&found, "z"), &[z], 1e-12);
+        assert_near(&end(&found, "x"), &[z * z], 1e-12);
+    }
+}
+
+#[test]
+fn equations_that_give_states_one_after_another_cost_nothing() {
+    let model = "state x = 1; algebraic a = 0; algebraic b = 0; algebraic c[2] = 0;
+      0 = 2*a - b - c[1];
+      0 = b - sign(x)*c[2];
+      0 = c - [x, 3];
+      x' = -a;";
+    // 2a = 3 + x while x > 0; then 2a = x - 3 < 0: x stays at zero.
+    let found = runs(model, 1.0, "");
+    let reached = 2.0 * (4.0_f64 / 3.0).ln();
+    assert_near(&times(&found, EventKind::EnterSliding), &[reached], 1e-12);
+    assert_near(&end(&found, "x"), &[0.0], 1e-14);
+}
+
+#[test]
+fn a_loop_of_two_is_solved_together() {
+    // y² + z = 2x and z = xy: y = 1 and z = x at first, and (y - 1)(y + 1 + x) = 0 at x = 1 only.
+    let model = "state x = 1; algebraic y = 0.5; algebraic z = 0;
+      0 = y^2 + z - 2*x; 0 = z - x*y; x' = -x;";
+    let found = runs(model, 1.0, "");
+    let x = (-1.0_f64).exp();
+    let y = 0.5 * (-x + (x * x + 8.0 * x).sqrt());
+    assert_near(&end(&found, "y"), &[y], 1e-12);
+    assert_near(&end(&found, "z"), &[x * y], 1e-12);
+}
+
+#[test]
+fn an_equation_has_a_kink() {
+    let model = "state x = -1; algebraic y = 0; 0 = 2*y + abs(y) - x; x' = 1;";
+    let found = runs(model, 2.0, "output y at [0.5, 2];");
+    assert_near(&end(&found, "y"), &[1.0 / 3.0], 1e-13);
+    assert_near(&times(&found, EventKind::Crossing), &[1.0], 1e-12);
+}
+
+#[test]
+fn what_a_relay_switches_jumps() {
+    // p = 2 while it is on, and 0 while it is off: T goes from 10 to 12, to 8, to 12.
+    let model = "state T = 10; algebraic p = 0;
+      switch h = hysteresis(T, on = 8, off = 12, start = 1);
+      0 = p^3 + p - 10*h;
+      T' = p - 1;";
+    let found = runs(model, 11.0, "");
+    assert_near(&times(&found, EventKind::Relay), &[2.0, 6.0, 10.0], 1e-11);
+    assert_near(&end(&found, "T"), &[11.0], 1e-11);
+    assert_near(&end(&found, "p"), &[0.0], 1e-12);
+}
+
+#[test]
+fn what_time_switches_and_states_that_jump_move_algebraic_states() {
+    let model = "state x = 1; state v = 0; algebraic f = 0;
+      0 = f + f^3 + 10*step(time - 1) - x;
+      x' = v; v' = 0;
+      jump up when time >= 2 and v <= 0.5 { x := 40; v := 1; }";
+    let found = runs(model, 3.0, "output f at [0.5, 1.5, 3];");
+    // f + f³ = 1, -9 and 31.
+    let root = |c: f64| {
+        let mut f = c.cbrt();
+        for _ in 0..50 {
+            f -= (f + f.powi(3) - c) / (1.0 + 3.0 * f * f);
+        }
+        f
+    };
+    assert_near(&end(&found, "f"), &[root(31.0)], 1e-12);
+    let samples = &found.outputs[0].values;
+    assert_near(&[samples[0], samples[1]], &[root(1.0), root(-9.0)], 1e-12);
+}
+
+#[test]
+fn a_switch_slides_on_an_algebraic_state() {
+    // z = 0.5 where x = 0.625.
+    let model = "state x = 1; algebraic z = 0; 0 = z + z^3 - x; x' = -sign(z - 0.5);";
+    let found = runs(model, 3.0, "");
+    assert_near(&times(&found, EventKind::EnterSliding), &[0.375], 1e-11);
+    assert_near(&end(&found, "x"), &[0.625], 1e-12);
+}
+
+/// A resonant circuit with a rectifier in parallel to its capacitor, of four diodes that bear a resistor: for the
+/// circuit it is the resistor alone (Acary & Brogliato 2008, section 1.1.6).
+const BRIDGE: &str = "
+  param R = 1000; param L = 1e-2; param C = 1e-6;
+  state v = 10; state i = 0;
+  algebraic l[4] = 0;
+  0 <= l[1] perp (l[1] + l[2])/R - l[3] >= 0;
+  0 <= l[2] perp (l[1] + l[2])/R - l[4] >= 0;
+  0 <= l[3] perp l[1] - v >= 0;
+  0 <= l[4] perp l[2] + v >= 0;
+  v' = -i/C + (l[4] - l[3])/C;
+  i' = v/L;
+  output load = l[1] + l[2];";
+
+#[test]
+fn four_diodes_rectify() {
+    let found = runs(BRIDGE, 5e-3, "");
+    // v'' + v'/(RC) + v/(LC) = 0 with v(0) = 10, v'(0) = -10/(RC).
+    let (decay, omega): (f64, f64) = (500.0, (1e8_f64 - 500.0_f64.powi(2)).sqrt());
+    let sine = -500.0 * 10.0 / omega;
+    let voltage =
+        |t: f64| (-decay * t).exp() * (10.0 * (omega * t).cos() + sine * (omega * t).sin());
+    assert_near(&end(&found, "v"), &[voltage(5e-3)], 1e-10);
+    assert_near(&end(&found, "load"), &[voltage(5e-3).abs()], 1e-10);
+    // 10 cos ωt = -c sin ωt: every half turn.
+    let first = (10.0 / -sine).atan() / omega;
+    let zeros: Vec<f64> = (0..16)
+        .map(|k| first + f64::from(k) * std::f64::consts::PI / omega)
+        .collect();
+    let mut seen = times(&found, EventKind::Activate);
+    seen.dedup_by(|a, b| (*a - *b).abs() < 1e-9);
+    assert_near(&seen, &zeros, 1e-12);
+}
+
+#[test]
+fn a_pair_of_no_unique_sides_has_unique_states() {
+    // x - a + b is x clipped to [-1, 1], and (1 -1; -1 1) is no P-matrix.
+    let model = "state x = 2; algebraic a = 0; algebraic b = 0;
+      0 <= a perp 1 - (x - a + b) >= 0;
+      0 <= b perp (x - a + b) + 1 >= 0;
+      x' = -(x - a + b);";
+    let found = runs(model, 3.0, "");
+    assert_near(&end(&found, "x"), &[(-2.0_f64).exp()], 1e-12);
+    assert_near(&times(&found, EventKind::Activate), &[1.0], 1e-12);
+}
+
+#[test]
+fn pairs_touch_and_pass_with_any_order() {
+    // max(0, (t - 1)³) turns on with three derivatives zero; -(t - 1)² never does.
+    let model = "state x = 0; state y = 0; algebraic a = 0; algebraic b = 0;
+      0 <= a perp a - (time - 1)^3 >= 0;
+      0 <= b perp b + (time - 1)^2 >= 0;
+      x' = a; y' = b + 1;";
+    let found = runs(model, 2.0, "");
+    assert_near(&end(&found, "x"), &[0.25], 1e-12);
+    assert_near(&end(&found, "y"), &[2.0], 1e-14);
+}
+
+#[test]
+fn pairs_that_are_both_zero_at_the_start_are_decided_by_rates() {
+    let model = "state x = 0; algebraic a = 0; 0 <= a perp a - x >= 0; x' = 1 - a;";
+    assert_near(
+        &end(&runs(model, 1.0, ""), "x"),
+        &[1.0 - (-1.0_f64).exp()],
+        1e-13,
+    );
+    // At rest, neither member moves.
+    let model = "state x = 0; algebraic a = 0; 0 <= a perp a - x >= 0; x' = -x;";
+    assert_near(&end(&runs(model, 1.0, ""), "a"), &[0.0], 1e-14);
+}
+
+#[test]
+fn more_pairs_than_choices_are_solved_one_by_one() {
+    // Twelve clipped copies of the same ramp, coupled by a matrix with a dominant diagonal.
+    let model = "state x = -1; algebraic a[12] = 0;
+      for k in 1..12 { 0 <= a[k] perp 3*a[k] - 0.1*sum(a) - x + k/8 >= 0; }
+      x' = 1;";
+    let found = runs(model, 3.0, "");
+    // All are active at x = 2: 3 a_k - 0.1 s = x - k/8, and the sum of these is 3s - 1.2s = 24 - 78/8.
+    let sum = (24.0 - 9.75) / 1.8;
+    let exact: Vec<f64> = (1..=12)
+        .map(|k| (2.0 - f64::from(k) / 8.0 + 0.1 * sum) / 3.0)
+        .collect();
+    assert_near(&end(&found, "a"), &exact, 1e-12);
+}
+
+#[test]
+fn no_solution_and_several_are_told() {
+    let none: fn(&Failure) -> bool = |failure| matches!(failure, Failure::Inconsistent { .. });
+    let several: fn(&Failure) -> bool =
+        |failure| matches!(failure, Failure::SeveralSolutions { .. });
+    let singular: fn(&Failure) -> bool = |failure| matches!(failure, Failure::HighIndex { .. });
+    let cases = [
+        (
+            "state x = 2; algebraic z = 1; 0 = z^2 + x^2 - 1; x' = -x;",
+            none,
+        ),
+        (
+            "state x = 0; algebraic a = 0; 0 <= a perp x - 1 - a >= 0; x' = a;",
+            none,
+        ),
+        (
+            "state x = 0; algebraic a = 0; 0 <= a perp 1 - a >= 0; x' = a;",
+            several,
+        ),
+        // z = √x ends at x = 0.
+        (
+            "state x = 1; algebraic z = 1; 0 = z^2 - x; x' = -1;",
+            singular,
+        ),
+        (
+            "state x = 1; algebraic z[2] = 0; 0 = z[1] + z[2] - x; 0 = 2*z[1] + 2*z[2] - 2*x; x' = -z[1];",
+            singular,
+        ),
+    ];
+    for (model, is_told) in cases {
+        let found = ends(model, 2.0, "");
+        assert!(
+            found.failure.as_ref().is_some_and(is_told),
+            "{model}: {:?}",
+            found.failure
+        );
+    }
+}
