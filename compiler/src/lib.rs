@@ -22,14 +22,14 @@ pub mod table;
 
 use self::clock::Clock;
 use self::diagnostics::Diagnostics;
-use self::expr::Exprs;
+use self::expr::{Expr, Exprs, variables_of};
 use self::model::Model;
 use self::report::expect::{self, Subject};
 use self::source::SourceMap;
 use self::syntax::{Bind, Experiment, File, GuessSource, Item, SettingKind};
 use self::system::experiment::{ExperimentError, Method, Settings};
 use self::system::task::{Control, Shape};
-use self::system::{Allowed, Extent, Switch, System, freezing};
+use self::system::{Allowed, Extent, Role, Switch, System, freezing};
 
 /// An experiment that is ready to run.
 pub struct Compiled<'e> {
@@ -166,10 +166,7 @@ fn compile_to<'e>(
             });
             return None;
         }
-        let kept = system
-            .switches
-            .iter()
-            .find(|k| k.role != system::Role::Step);
+        let kept = system.switches.iter().find(|k| k.role != Role::Step);
         if let Some(kept) = kept.filter(|_| method.is_without_memory()) {
             diags.push(ExperimentError::Algebraic {
                 method: method.word(),
@@ -190,6 +187,16 @@ fn compile_to<'e>(
                 .map_err(|error| diags.push(error))
                 .ok()?;
         }
+        if needs && system.switches.iter().any(|k| k.role != Role::Step) {
+            if let Some(error) = open_algebraics(&system) {
+                diags.push(error);
+                return None;
+            }
+            if let Err(failure) = simulate::settle(&mut system, settings.horizon) {
+                diags.push(failure);
+                return None;
+            }
+        }
         let lowerings = dcs::check(&system, &settings.lowerings, needs);
         lowerings.map_err(|error| diags.push(error)).ok()?;
         Some(Compiled {
@@ -198,6 +205,32 @@ fn compile_to<'e>(
             system,
         })
     })
+}
+
+/// Refuses to optimize what algebraic states at the start would depend on.
+fn open_algebraics(system: &System) -> Option<ExperimentError> {
+    let task = system.task.as_ref()?;
+    let kept = system.switches.iter().filter(|k| k.role != Role::Step);
+    let psi: Vec<Expr> = kept.clone().map(|k| k.psi).collect();
+    let inside = variables_of(&psi);
+    let holds = |e: Expr| e.as_variable().is_some_and(|var| inside.contains(&var));
+    let controls = task.controls.iter().any(|u| holds(u.var));
+    let params = task
+        .params
+        .iter()
+        .any(|p| holds(system.params[p.place].var));
+    let states = task
+        .initial
+        .iter()
+        .any(|x| holds(system.states[x.place].var));
+    let what = match (controls, params, states) {
+        (true, ..) => "controls",
+        (_, true, _) => "free parameters",
+        (.., true) => "free initial values",
+        _ => return None,
+    };
+    let span = kept.map(|k| k.spans[0]).next().unwrap_or_default();
+    Some(ExperimentError::OpenAlgebraic { what, span })
 }
 
 /// What steps of time with contacts do not take.

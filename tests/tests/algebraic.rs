@@ -129,7 +129,7 @@ fn a_switch_slides_on_an_algebraic_state() {
 }
 
 /// A resonant circuit with a rectifier in parallel to its capacitor, of four diodes that bear a resistor: for the
-/// circuit it is the resistor alone (Acary & Brogliato 2008, section 1.1.6).
+/// circuit it is the resistor alone (Acary & Brogliato 2008).
 const BRIDGE: &str = "
   param R = 1000; param L = 1e-2; param C = 1e-6;
   state v = 10; state i = 0;

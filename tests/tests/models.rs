@@ -20,6 +20,7 @@ const EXAMPLES: &[&str] = &[
     "choices_ocp.nsd: line",
     "continuous.nsd: a",
     "continuous.nsd: b",
+    "convex.nsd: one",
     "convex.nsd: two",
     "continuous.nsd: c",
     "falling_rod.nsd: falls",
@@ -138,7 +139,6 @@ const MODELS: &[&str] = &[
 
 /// Experiments of the design models that are refused as not supported yet, with the code.
 const NOT_YET: &[&str] = &[
-    "convex.nsd: one (E0907)",
     "hidden_modes.nsd: attract (E0920)",
     "stiction.nsd: excess_sticking (E0920)",
     "stiction.nsd: large_errors (E0923)",

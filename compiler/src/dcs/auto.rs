@@ -56,12 +56,6 @@ fn is_without_memory(system: &System) -> Result<(), DcsError> {
             span,
         });
     }
-    let mut kept = system.switches.iter();
-    if let Some(kept) = kept.find(|switch| switch.role != Role::Step) {
-        return Err(DcsError::Algebraic {
-            span: kept.spans[0],
-        });
-    }
     match system.switches.iter().find(|switch| switch.relay.is_some()) {
         Some(relay) => Err(DcsError::Relay {
             name: relay.name.clone(),
@@ -73,6 +67,11 @@ fn is_without_memory(system: &System) -> Result<(), DcsError> {
 
 /// Stewart's program weighs regions, and a projection has a force without a bound.
 fn is_bilateral(system: &System) -> Result<(), DcsError> {
+    if let Some(kept) = system.switches.iter().find(|k| k.role != Role::Step) {
+        return Err(DcsError::Algebraic {
+            span: kept.spans[0],
+        });
+    }
     match system.switches.iter().find(|switch| switch.unilateral) {
         Some(constraint) => Err(DcsError::Projection {
             name: constraint.name.clone(),
@@ -124,6 +123,13 @@ pub fn choose(system: &System) -> Choice {
     }
     if system.switches.iter().any(|switch| switch.unilateral) {
         return choice(Formulation::Step, "projections are stated by forces");
+    }
+    if system
+        .switches
+        .iter()
+        .any(|switch| switch.role != Role::Step)
+    {
+        return choice(Formulation::Step, "algebraic states have no regions");
     }
     let mut several = system
         .subsystems

@@ -36,9 +36,12 @@ pub enum DcsError {
         span: Span,
     },
 
-    /// Algebraic states, which have no complementarity form of their own here.
-    #[error("algebraic states cannot be lowered to complementarity yet")]
-    #[diagnostic(code(E0906), help("`method event` runs them as they are"))]
+    /// Algebraic states, which have no regions.
+    #[error("algebraic states cannot be lowered to Stewart's form")]
+    #[diagnostic(
+        code(E0906),
+        help("write `lower step;`, which states equations and complementarities as they are")
+    )]
     Algebraic {
         /// Their equation.
         #[label("not solved for one state")]

@@ -131,6 +131,7 @@ impl<'e> Builder<'e> {
                 limits: Vec::new(),
                 task: None,
                 skipped: Vec::new(),
+                sampled: Vec::new(),
                 readings: Default::default(),
             },
         }

@@ -5,14 +5,16 @@
 //! x' = f(t, x, α),   0 = ψ - λᵖ + λⁿ,   0 <= λⁿ ⟂ α >= 0,   0 <= λᵖ ⟂ 1 - α >= 0
 //!
 //! so that λᵖ = max(ψ, 0) and λⁿ = max(-ψ, 0) are continuous. A constraint ψ ≥ 0 of a projection, whose α has any value up
-//! to 1, is stated by its force λ = 1 - α: 0 = ψ - c, 0 <= c ⟂ λ >= 0 (a gradient complementarity system). The weight of a region is a product of α and 1 - α over
-//! the signs that its guard fixes; products become variables β, see `lift`.
+//! to 1, is stated by its force λ = 1 - α: 0 = ψ - c, 0 <= c ⟂ λ >= 0 (a gradient complementarity system). Algebraic
+//! states stay states with a rate of their own, z' = w: an equation is 0 = ψ, and a pair 0 = a - ψ_a, 0 = b - ψ_b,
+//! 0 <= a ⟂ b >= 0, which determine z in every point and w by that. The weight of a region is a product of α and 1 - α
+//! over the signs that its guard fixes; products become variables β, see `lift`.
 //!
 //! Acary, de Jong & Brogliato 2014; Nurkanović et al. 2024. The set of rates is the multi-affine one of Dieci & Lopez
 //! 2011: it is Filippov's for one surface and for switches that only add up, else a subset.
 
 use crate::expr::{Expr, Substitution, variables_of};
-use crate::system::System;
+use crate::system::{Role, System};
 
 use super::lift::Lift;
 use super::pointwise::Sides;
@@ -28,10 +30,30 @@ pub fn lower<'e>(system: &System<'e>) -> Dcs<'e> {
 
     let [alpha, lambda_p, lambda_n, beta] =
         ["alpha", "lambda_p", "lambda_n", "beta"].map(|word| labels::prefix(system, word));
-    let [gap, force] = ["gap", "force"].map(|word| labels::prefix(system, word));
+    let [gap, force, rate] = ["gap", "force", "rate"].map(|word| labels::prefix(system, word));
+    let zero = system.exprs.constant(0.0);
     let mut alphas = Vec::with_capacity(labels.len());
     let mut multipliers = Vec::with_capacity(labels.len());
     for (label, switch) in labels.iter().zip(&system.switches) {
+        match switch.role {
+            Role::Step => {}
+            Role::Equation => {
+                alphas.push(dcs.algebraic(&format!("{rate}[{label}]"), guess()));
+                multipliers.push((zero, zero));
+                continue;
+            }
+            // The first member has the rate of both.
+            Role::Member(other) => {
+                let is_first = alphas.len() < other;
+                alphas.push(match is_first {
+                    true => dcs.algebraic(&format!("{rate}[{label}]"), guess()),
+                    false => zero,
+                });
+                let gap = dcs.multiplier(&format!("{gap}[{label}]"), guess());
+                multipliers.push((gap, zero));
+                continue;
+            }
+        }
         if switch.unilateral {
             let force = dcs.algebraic(&format!("{force}[{label}]"), guess());
             let gap = dcs.multiplier(&format!("{gap}[{label}]"), guess());
@@ -60,10 +82,24 @@ pub fn lower<'e>(system: &System<'e>) -> Dcs<'e> {
     let psi = rates.split_off(system.states.len());
     dcs.rates = rates;
 
-    for (k, ((psi, &alpha), (lambda_p, lambda_n))) in
-        psi.into_iter().zip(&alphas).zip(multipliers).enumerate()
-    {
+    for (k, (psi, &alpha)) in psi.into_iter().zip(&alphas).enumerate() {
+        let (lambda_p, lambda_n) = multipliers[k];
         let origin = origin(system, k, Cause::Switch(k));
+        match system.switches[k].role {
+            Role::Step => {}
+            Role::Equation => {
+                dcs.equation(psi, origin);
+                continue;
+            }
+            Role::Member(other) => {
+                let (gap, _) = multipliers[k];
+                dcs.equation(-psi - gap, origin);
+                if other < k {
+                    dcs.pair(multipliers[other].0, gap, origin);
+                }
+                continue;
+            }
+        }
         if system.switches[k].unilateral {
             let (gap, force) = (lambda_p, lambda_n);
             dcs.equation(psi - gap, origin);
@@ -117,7 +153,21 @@ fn without_idle<'e>(system: &System<'e>, rate: Expr<'e>) -> Expr<'e> {
 /// α, λᵖ and λⁿ of every switch, or its force and c, in the order in which [`lower`] declares them.
 pub(super) fn solution(system: &System, sides: &Sides) -> Vec<f64> {
     let mut values = Vec::new();
-    for ((switch, &alpha), &psi) in system.switches.iter().zip(&sides.alpha).zip(&sides.psi) {
+    let known = sides.alpha.iter().zip(&sides.psi);
+    for (k, (switch, (&alpha, &psi))) in system.switches.iter().zip(known).enumerate() {
+        match switch.role {
+            Role::Step => {}
+            Role::Equation => {
+                values.push(0.0);
+                continue;
+            }
+            Role::Member(other) => {
+                let is_first = k < other;
+                values.extend(is_first.then_some(0.0));
+                values.push((-psi).max(0.0));
+                continue;
+            }
+        }
         match switch.unilateral {
             true => values.extend([if psi > 0.0 { 0.0 } else { 1.0 - alpha }, psi.max(0.0)]),
             false => values.extend([alpha, psi.max(0.0), (-psi).max(0.0)]),

@@ -7,7 +7,7 @@ use super::names::{Declared, Frame, Item};
 use super::parts::{Files, Given, Inner};
 use super::resolve::given;
 use super::scope::{Meaning, Reported, Scope, Value};
-use super::{Model, ModelError, Named, Quantity, Shape, TargetKind, Tensor};
+use super::{Model, ModelError, Named, Quantity, Shape, TargetKind, Tensor, programs};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Var};
 use crate::source::Span;
@@ -69,6 +69,8 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
             projections: vec![],
             equations: vec![],
             complementarities: vec![],
+            multipliers: vec![],
+            programs: vec![],
             surfaces: vec![],
             param_order: vec![],
             scope: scope.clone(),
@@ -102,6 +104,7 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
         let meaning = match declared.item {
             Item::Const(item) => self.constant(item, with),
             Item::Decl(decl) => self.quantity(decl),
+            Item::Program(program) => self.program(program),
             Item::Named(named) => self.named(named),
             Item::Switch(switch) => self.switch(switch, &declared.frames),
             Item::Part(part) => self.part(part, with),
@@ -146,29 +149,8 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
     }
 
     fn quantity(&mut self, decl: &syntax::Decl) -> Result<Meaning<'e>, Reported> {
-        let name = &decl.name.name;
-        let shape = self.lowering(|lowering| {
-            let mut sizes = vec![];
-            for size in &decl.shape {
-                sizes.push(lowering.size(size, &format!("the size of `{name}`"))?);
-            }
-            let shape = match sizes[..] {
-                [] => Shape::Scalar,
-                [n] => Shape::Vector(n),
-                [m, n] => Shape::matrix(m, n),
-                _ => {
-                    return lowering.error(ModelError::IndexCount {
-                        what: format!("the size of `{name}`"),
-                        expected: "at most two numbers",
-                        found: sizes.len(),
-                        span: decl.span,
-                    });
-                }
-            };
-            lowering.spend(shape.len(), decl.span)?;
-            Ok(shape)
-        })?;
-        let name = self.whole_name(name);
+        let shape = self.shape(&decl.name.name, &decl.shape, decl.span)?;
+        let name = self.whole_name(&decl.name.name);
         let vars: Vec<Expr<'e>> = (0..shape.len())
             .map(|k| self.model.exprs.variable(&shape.entry_name(&name, k)))
             .collect();
@@ -198,6 +180,50 @@ impl<'d, 'f, 'e> Declaring<'d, 'f, 'e> {
             self.param_of.extend(vars.map(|var| (var, index)));
         }
         Ok(Meaning::Value(value.into(), kind(index)))
+    }
+
+    /// What a program solves for.
+    fn program(&mut self, program: &syntax::Program) -> Result<Meaning<'e>, Reported> {
+        let (name, span) = (&program.name.name, program.span);
+        let shape = self.shape(name, &program.shape, span)?;
+        let name = self.whole_name(name);
+        let entry = |k: usize| self.model.exprs.variable(&shape.entry_name(&name, k));
+        let vars: Vec<Expr<'e>> = (0..shape.len()).map(entry).collect();
+        let value = Tensor {
+            shape,
+            data: vars.clone(),
+        };
+        let list = &mut self.model.algebraics;
+        list.push(programs::unknown(name, shape, vars, span));
+        Ok(Meaning::Value(
+            value.into(),
+            TargetKind::Algebraic(list.len() - 1),
+        ))
+    }
+
+    /// The shape of what is declared with these sizes.
+    fn shape(&mut self, name: &str, sizes: &[syntax::Expr], span: Span) -> Result<Shape, Reported> {
+        self.lowering(|lowering| {
+            let mut lengths = vec![];
+            for size in sizes {
+                lengths.push(lowering.size(size, &format!("the size of `{name}`"))?);
+            }
+            let shape = match lengths[..] {
+                [] => Shape::Scalar,
+                [n] => Shape::Vector(n),
+                [m, n] => Shape::matrix(m, n),
+                _ => {
+                    return lowering.error(ModelError::IndexCount {
+                        what: format!("the size of `{name}`"),
+                        expected: "at most two numbers",
+                        found: lengths.len(),
+                        span,
+                    });
+                }
+            };
+            lowering.spend(shape.len(), span)?;
+            Ok(shape)
+        })
     }
 
     fn named(&mut self, named: &'f syntax::Named) -> Result<Meaning<'e>, Reported> {

@@ -7,8 +7,8 @@ use super::lower::Lowering;
 use super::names::local_lets;
 use super::scope::{Meaning, Reported};
 use super::{
-    Body, Complementarity, Contact, DynamicsError, Equation, Hidden, Jump, Model, Projection, Rate,
-    Region, TargetKind, target,
+    Body, Complementarity, Contact, DynamicsError, Equation, Hidden, Jump, Model, Multiplier,
+    Program, Projection, Rate, Region, TargetKind, target,
 };
 use crate::expr::{Expr, Substitution};
 use crate::source::Span;
@@ -32,6 +32,8 @@ pub(super) struct Walk<'e> {
     pub projections: Vec<Projection<'e>>,
     pub equations: Vec<Equation<'e>>,
     pub complementarities: Vec<Complementarity<'e>>,
+    pub multipliers: Vec<Multiplier<'e>>,
+    pub programs: Vec<Program<'e>>,
     /// States with a statement that is wrong: whether they are set is unknown.
     pub touched: FxHashSet<String>,
 }
@@ -63,6 +65,8 @@ impl<'e> Walk<'e> {
             projections: vec![],
             equations: vec![],
             complementarities: vec![],
+            multipliers: vec![],
+            programs: vec![],
             vars: model.state_vars().collect(),
             touched: FxHashSet::default(),
         }
@@ -91,6 +95,7 @@ impl<'e> Walk<'e> {
                 (Stmt::Mechanics(mechanics), Sink::Outside) => self.mechanics(lowering, mechanics),
                 (Stmt::Contact(contact), Sink::Outside) => self.contact(lowering, contact, None),
                 (Stmt::Project(project), Sink::Outside) => self.project(lowering, project),
+                (Stmt::Program(program), Sink::Outside) => self.program(lowering, program),
                 (Stmt::Equation { residual, span }, Sink::Outside) => {
                     self.equation(lowering, residual, *span)
                 }

@@ -277,6 +277,20 @@ pub enum DynamicsError {
         span: Span,
     },
 
+    /// A program that has no optimality conditions.
+    #[error("{what}")]
+    #[diagnostic(
+        code(E0326),
+        help(
+            "write `z in argmin F subject to {{ H >= 0; G = 0; }}` or `z in variational {{ H >= 0; }} solves F` with smooth F, H and G of z"
+        )
+    )]
+    ProgramForm {
+        what: String,
+        #[label("here")]
+        span: Span,
+    },
+
     /// Dynamics of a part, written outside of it.
     #[error("only `{part}` itself sets the dynamics of its states")]
     #[diagnostic(

@@ -43,6 +43,7 @@ mod order;
 mod partition;
 mod parts;
 mod places;
+mod programs;
 mod projections;
 mod reserved;
 mod resolve;
@@ -132,6 +133,10 @@ pub struct Model<'e> {
     pub equations: Vec<Equation<'e>>,
     /// Complementarities, in order.
     pub complementarities: Vec<Complementarity<'e>>,
+    /// Multipliers of programs, which are algebraic states without a name of their own.
+    pub multipliers: Vec<Multiplier<'e>>,
+    /// Programs, the conditions of which are among equations and complementarities.
+    pub programs: Vec<Program<'e>>,
     /// Every switching function with the name users know it by.
     pub surfaces: Vec<Surface<'e>>,
     /// Params in an order in which their defaults can be evaluated.
@@ -401,6 +406,41 @@ pub struct Complementarity<'e> {
     pub span: Span,
 }
 
+/// A multiplier of a row of a program.
+#[derive(Clone, Debug)]
+pub struct Multiplier<'e> {
+    /// Its variable.
+    pub var: Expr<'e>,
+    /// `z.multiplier[2]`
+    pub name: String,
+    /// The row.
+    pub span: Span,
+}
+
+/// `z in argmin F subject to { .. }` or `z in variational K solves F`.
+#[derive(Clone, Debug)]
+pub struct Program<'e> {
+    /// z.
+    pub unknowns: Vec<Expr<'e>>,
+    /// F of a minimization, and where it stands.
+    pub objective: Option<(Expr<'e>, Span)>,
+    /// The set.
+    pub rows: Vec<ProgramRow<'e>>,
+}
+
+/// H >= 0 or G = 0.
+#[derive(Clone, Copy, Debug)]
+pub struct ProgramRow<'e> {
+    /// H or G.
+    pub value: Expr<'e>,
+    /// True for G = 0.
+    pub is_equation: bool,
+    /// r of a ball, H = r² - |z|², which is not negative.
+    pub radius: Option<Expr<'e>>,
+    /// The row.
+    pub span: Span,
+}
+
 /// The value of one state entry after a jump.
 #[derive(Clone, Copy, Debug)]
 pub struct Reset<'e> {
@@ -433,10 +473,12 @@ impl<'e> Model<'e> {
 
     /// All entries of algebraic states with their names, as `z[2]`, and declarations.
     pub fn algebraic_entries(&self) -> impl Iterator<Item = (Expr<'e>, String, Span)> + '_ {
-        self.algebraics.iter().flat_map(|z| {
+        let declared = self.algebraics.iter().flat_map(|z| {
             let entries = z.vars.iter().enumerate();
             entries.map(|(k, &var)| (var, z.shape.entry_name(&z.name, k), z.span))
-        })
+        });
+        let multipliers = self.multipliers.iter();
+        declared.chain(multipliers.map(|m| (m.var, m.name.clone(), m.span)))
     }
 
     /// The name of a state entry: `x[2]`.

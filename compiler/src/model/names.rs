@@ -4,13 +4,13 @@ use std::rc::Rc;
 
 use rustc_hash::FxHashMap;
 
+use super::ModelError;
 use super::file::FileNames;
 use super::reserved::is_builtin;
-use super::{ModelError, unsupported};
 use crate::diagnostics::Diagnostics;
 use crate::source::Span;
 use crate::syntax::{
-    Binder, Const, Decl, Ident, Model, Named, NamedKind, Part, Region, Stmt, Switch,
+    Binder, Const, Decl, Ident, Model, Named, NamedKind, Part, Program, Region, Stmt, Switch,
 };
 
 /// A loop around a declaration, with the `let`s that stand in it.
@@ -37,9 +37,10 @@ pub(super) enum Item<'f> {
     Named(&'f Named),
     Switch(&'f Switch),
     Part(&'f Part),
+    Program(&'f Program),
     /// A name that is not a value.
     Word(&'static str),
-    /// Refused by [`unsupported`].
+    /// Something that is wrong.
     Unsupported,
 }
 
@@ -83,7 +84,6 @@ impl<'f> Collector<'_, 'f> {
     /// Declarations of a block; `place` says which block, unless it is the model itself.
     fn block(&mut self, body: &'f [Stmt], place: Option<&'static str>) {
         for stmt in body {
-            unsupported::check(stmt, self.diags);
             match stmt {
                 Stmt::Const(item) => {
                     self.top(&item.name, Item::Const(item), "a `const`", place, item.span)
@@ -102,11 +102,7 @@ impl<'f> Collector<'_, 'f> {
                     self.top(&part.name, Item::Part(part), "a `part`", place, part.span)
                 }
                 Stmt::Switch(switch) => {
-                    let item = if unsupported::is_refused(stmt) {
-                        Item::Unsupported
-                    } else {
-                        Item::Switch(switch)
-                    };
+                    let item = Item::Switch(switch);
                     self.in_loops(&switch.name, item, "a `switch`", place, switch.span);
                 }
                 Stmt::Region(region) => self.region(region, place),
@@ -134,13 +130,8 @@ impl<'f> Collector<'_, 'f> {
                     }
                 }
                 Stmt::Program(program) => {
-                    self.in_loops(
-                        &program.name,
-                        Item::Unsupported,
-                        "a program",
-                        place,
-                        program.span,
-                    );
+                    let item = Item::Program(program);
+                    self.top(&program.name, item, "a program", place, program.span);
                 }
                 Stmt::For(repeat) => {
                     let lets = local_lets(&repeat.body);

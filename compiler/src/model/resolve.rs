@@ -106,6 +106,7 @@ fn walk<'e>(
     (model.bodies, model.contacts) = (walk.bodies, walk.contacts);
     model.projections = walk.projections;
     (model.equations, model.complementarities) = (walk.equations, walk.complementarities);
+    (model.multipliers, model.programs) = (walk.multipliers, walk.programs);
     walk.touched
 }
 
@@ -185,6 +186,7 @@ fn needs(declared: &Declared<'_>, file: &File, with: &[Bind]) -> Vec<String> {
             names
         }
         Item::Part(part) => part_needs(part, file, with),
+        Item::Program(program) => free_names_under(&[], program.shape.iter()),
         Item::Word(_) | Item::Unsupported => vec![],
     }
 }

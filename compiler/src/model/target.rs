@@ -51,7 +51,7 @@ impl TargetKind {
             TargetKind::Const => "constant",
             TargetKind::Param(_) => "param",
             TargetKind::State(_) => "state",
-            TargetKind::Algebraic(_) => "algebraic state",
+            TargetKind::Algebraic(_) => "solution of equations",
             TargetKind::Control(_) => "control",
             TargetKind::Input(_) => "input",
             TargetKind::Signal(_) => "signal",

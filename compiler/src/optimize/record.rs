@@ -7,10 +7,11 @@
 use nsd_solver::simulate::Side;
 
 use super::Problem;
+use crate::expr::{Expr, Var};
 use crate::report::{Dense, Piece, Trajectory};
 use crate::simulate::{Points, recorded};
-use crate::system::System;
 use crate::system::experiment::Sampling;
+use crate::system::{Role, System};
 
 /// α that is so close to 0 or 1 is.
 const ROUNDING: f64 = 1e-7;
@@ -19,6 +20,24 @@ const SHORTEST: f64 = 1e-9;
 
 /// Nodes that are closer, as a share of their element, make no polynomial.
 const CLOSEST: f64 = 1e-4;
+
+/// The value of a member of a pair, without kinks, at a time and a state.
+fn member(system: &System, switch: usize, t: f64, x: &[f64]) -> f64 {
+    let value = |var: Var| {
+        let is = |e: Expr| e.as_variable() == Some(var);
+        let state = system.states.iter().position(|state| is(state.var));
+        let param = || system.params.iter().find(|param| is(param.var));
+        let data = || system.data.iter().find(|data| is(data.var));
+        match state {
+            Some(state) => x[state],
+            None if is(system.time) => t,
+            None => (param().map(|param| param.value))
+                .or_else(|| data().map(|data| data.table.value(t)))
+                .unwrap_or(0.5),
+        }
+    };
+    -system.switches[switch].psi.eval(&value)
+}
 
 /// States, α and modes of a system without integrals; nothing about how they were found.
 pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Trajectory {
@@ -94,6 +113,18 @@ pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Traje
                     .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), a| {
                         (low.min(a), high.max(a))
                     });
+                match system.switches[i].role {
+                    Role::Step => {}
+                    Role::Equation => return Side::Slide,
+                    Role::Member(other) => {
+                        // What is smaller in the middle of the element is zero.
+                        let m = layout.nodes.div_ceil(2);
+                        let [own, others] =
+                            [i, other].map(|k| member(system, k, instants[m], x(m)));
+                        let is_zero = own < others || own == others && i < other;
+                        return if is_zero { Side::Slide } else { Side::Minus };
+                    }
+                }
                 match (low >= 1.0 - ROUNDING, high <= ROUNDING) {
                     (true, _) => Side::Plus,
                     // A force has no bound.

@@ -96,6 +96,29 @@ pub(super) fn failure(
     })
 }
 
+/// Why algebraic states have no values at the start.
+pub(super) fn of_start(system: &System, status: &Status) -> Failure {
+    let time = 0.0;
+    match status {
+        Status::NonUnique(candidates) => {
+            non_unique(system, &ModeNames::new(system), candidates, time)
+        }
+        Status::HighIndex { switches } => Failure::HighIndex {
+            time,
+            rows: rows(system, switches),
+        },
+        _ => {
+            let kept = system.switches.iter().enumerate();
+            let kept = kept.filter(|(_, switch)| switch.role != Role::Step);
+            let kept: Vec<usize> = kept.map(|(i, _)| i).collect();
+            Failure::Inconsistent {
+                time,
+                rows: rows(system, &kept),
+            }
+        }
+    }
+}
+
 /// What the run went on from although it could not be sure.
 pub(super) fn warnings(system: &System, outcome: &Outcome) -> Vec<Warning> {
     let warning = |note: &Note| {
@@ -129,7 +152,12 @@ pub(super) fn warnings(system: &System, outcome: &Outcome) -> Vec<Warning> {
                 .and_then(|&i| system.switches[i].spans.first().copied()),
         }
     };
-    outcome.notes.iter().map(warning).collect()
+    let sampled = system.sampled.iter().map(|&span| Warning {
+        code: "W0714".into(),
+        message: "a program was found convex at sample points only".into(),
+        span: Some(span),
+    });
+    sampled.chain(outcome.notes.iter().map(warning)).collect()
 }
 
 /// Branches in a message before the rest is left out.

@@ -243,7 +243,13 @@ fn matched(
             )
         };
         diags.push(SystemError::HighIndex {
-            held: listed(held.into_iter().map(name)),
+            held: match held.is_empty() {
+                true => "this equation holds no algebraic state".to_owned(),
+                false => format!(
+                    "these equations hold {} only",
+                    listed(held.into_iter().map(name))
+                ),
+            },
             free: listed(free.map(name)),
             rows: reached.iter().map(label).collect(),
         });

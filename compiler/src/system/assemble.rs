@@ -213,6 +213,7 @@ impl<'e> Lowering<'_, 'e> {
             task,
             subsystems,
             skipped,
+            sampled: Vec::new(),
             readings,
         }
     }

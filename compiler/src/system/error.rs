@@ -125,7 +125,7 @@ pub enum SystemError {
     },
 
     /// Equations that hold too few algebraic states.
-    #[error("the index is above one: these equations hold {held} only, and {free} is left over")]
+    #[error("the index is above one: {held}, and {free} is left over")]
     #[diagnostic(
         code(E0413),
         help(
@@ -152,6 +152,44 @@ pub enum SystemError {
         span: Span,
         #[label("the other member")]
         other: Span,
+    },
+
+    /// A program that is not convex.
+    #[error("this program is not convex: {what} curves the wrong way")]
+    #[diagnostic(
+        code(E0415),
+        help(
+            "minimize a function that is nowhere concave, over rows `H >= 0` with H nowhere convex and equations that are affine: only then the optimality conditions give a minimum"
+        )
+    )]
+    NotConvex {
+        what: &'static str,
+        #[label("not convex")]
+        span: Span,
+    },
+
+    /// A program without a feasible point.
+    #[error("no point satisfies all rows of this program where a run starts")]
+    #[diagnostic(
+        code(E0416),
+        help("these rows contradict each other there; loosen one of them")
+    )]
+    Infeasible {
+        #[label(collection)]
+        rows: Vec<LabeledSpan>,
+    },
+
+    /// A row that another one says already.
+    #[error("two rows of this program say the same")]
+    #[diagnostic(
+        code(E0417),
+        help("leave one of them out: only one multiplier can be determined")
+    )]
+    RepeatedRow {
+        #[label("said here")]
+        first: Span,
+        #[label(primary, "and here again")]
+        second: Span,
     },
 
     /// Friction without a direction.

@@ -46,6 +46,7 @@ pub fn lower<'e>(
     let errors_before = diags.errors().count();
     let needs = Needs::of(model, settings, extent);
     let mut lowering = Lowering::new(model, settings, needs);
+    let sampled = lowering.check_programs(diags);
     let implicit = lowering.solve_algebraics(diags);
     if diags.errors().count() > errors_before {
         return None;
@@ -86,7 +87,7 @@ pub fn lower<'e>(
     let recorded = (outputs, controls, limits);
     let motion = (rates, algebraics, laws, bodies, contacts);
     let mut system = lowering.assemble(motion, recorded, task, &named, regions, diags);
-    system.impulsive = impulsive;
+    (system.impulsive, system.sampled) = (impulsive, sampled);
     if diags.errors().count() > errors_before {
         return None;
     }

@@ -58,6 +58,7 @@ mod needs;
 #[cfg(test)]
 mod needs_tests;
 mod partitions;
+mod programs;
 mod projections;
 mod read;
 mod reading;
@@ -130,6 +131,8 @@ pub struct System<'e> {
     pub subsystems: Vec<Subsystem>,
     /// What the model has and this experiment does not need, as the report tells it.
     pub skipped: Vec<String>,
+    /// Parts of programs whose convexity was looked at in points only.
+    pub sampled: Vec<Span>,
     /// What other expressions of the model mean here.
     pub readings: Readings<'e>,
 }

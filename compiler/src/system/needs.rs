@@ -52,7 +52,8 @@ impl<'e> Needs<'e> {
             closure.reach(e);
         }
         if let Some(task) = &settings.optimize {
-            let bounded = model.states.iter().filter(|state| state.domain.is_some());
+            let bounded = model.states.iter().chain(&model.algebraics);
+            let bounded = bounded.filter(|state| state.domain.is_some());
             let bounded = bounded.flat_map(|state| state.vars.iter().copied());
             let integrals = task.integrals.iter().map(|integral| integral.value);
             let rows = task.rows.iter().map(|row| row.value);

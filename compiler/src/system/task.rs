@@ -8,6 +8,7 @@
 use std::fmt;
 
 use super::State;
+use super::experiment::At;
 use super::limits::Allowed;
 use super::lower::Lowering;
 use crate::diagnostics::Diagnostics;
@@ -155,7 +156,8 @@ impl<'e> Lowering<'_, 'e> {
             at: row.at,
             span: row.span,
         });
-        let rows = rows.collect();
+        let mut rows: Vec<TaskRow<'e>> = rows.collect();
+        rows.extend(self.algebraic_bounds());
         let params: Vec<Expr<'e>> = (self.model.params.iter())
             .flat_map(|param| param.vars.iter().copied())
             .collect();
@@ -240,6 +242,27 @@ impl<'e> Lowering<'_, 'e> {
             }
         });
         bounds.collect()
+    }
+
+    /// Bounds of algebraic states, which hold at the ends of elements.
+    fn algebraic_bounds(&mut self) -> Vec<TaskRow<'e>> {
+        let mut rows = Vec::new();
+        for z in &self.model.algebraics {
+            for (k, &var) in z.vars.iter().enumerate() {
+                if let Some(Allowed::Between(lower, upper)) = Allowed::of(z, k, &|e| self.number(e))
+                {
+                    let value = self.replace(var, z.span);
+                    rows.push(TaskRow {
+                        value: self.switches.merged(value),
+                        lower,
+                        upper,
+                        at: At::Elements,
+                        span: z.span,
+                    });
+                }
+            }
+        }
+        rows
     }
 
     /// The states that stand for integrals.

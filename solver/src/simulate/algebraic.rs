@@ -6,7 +6,7 @@
 //! surface is watched like any other switch; where it gets there, the rates decide which of the two slides on.
 //!
 //! z itself is computed where a run starts and where anything jumps: for every choice of members by Newton's method
-//! from the z there is, damped as in Deuflhard 2011, section 3.3; a choice is a solution where no other member
+//! from the z there is, damped by the length of the step that follows (Deuflhard 2011); a choice is a solution where no other member
 //! is above its surface.
 
 use super::mode::Mode;
@@ -42,6 +42,23 @@ enum Failure {
 }
 
 impl<S: SwitchedSystem> Simulator<'_, S> {
+    /// The state with consistent algebraic states, from those in `x` as guesses.
+    ///
+    /// # Errors
+    ///
+    /// The status of a run that starts there and finds none.
+    pub fn consistent(&mut self, t: f64, x: &[f64], horizon: f64) -> Result<Vec<f64>, Status> {
+        let mut state = std::mem::take(&mut self.state);
+        state.begin(t, x, self.system.n_switches());
+        self.load(&state);
+        let relay = |i: usize| self.system.relay(i).unwrap_or(Side::Plus);
+        state.set_sides((0..state.sides.len()).map(relay).collect());
+        let settled = self.settle(&mut state, horizon);
+        let x = state.x.clone();
+        self.state = state;
+        settled.map(|()| x)
+    }
+
     /// Computes the algebraic states where the others are, and takes the members that are zero there.
     pub(super) fn settle(&mut self, state: &mut State, horizon: f64) -> Result<(), Status> {
         if self.system.algebraics().is_empty() {

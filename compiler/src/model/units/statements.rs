@@ -5,7 +5,7 @@ use super::infer::{factor, is};
 use super::{Checker, Dim, Frame, Thing, UnitError, gives};
 use crate::syntax::{
     Bind, Contact, Decl, Domain, Dynamics, Expect, ExpectWhen, Experiment, Expr, OutputWhen, Part,
-    RegionGuard, Row, SettingKind, Stmt,
+    ProgramKind, RegionGuard, Row, SettingKind, Stmt,
 };
 
 impl<'f> Checker<'f, '_> {
@@ -79,7 +79,22 @@ impl<'f> Checker<'f, '_> {
                 }
             }
             // Refused before units are looked at, or without values of their own.
-            Stmt::Const(_) | Stmt::Program(_) | Stmt::Bad(_) => {}
+            Stmt::Program(program) => match &program.kind {
+                ProgramKind::Argmin { objective, rows } => {
+                    self.expr(objective);
+                    self.rows(rows);
+                }
+                ProgramKind::VariationalRows { rows, map } => {
+                    self.rows(rows);
+                    self.expr(map);
+                }
+                ProgramKind::VariationalBox { lower, upper, map } => {
+                    for e in [lower, upper, map] {
+                        self.expr(e);
+                    }
+                }
+            },
+            Stmt::Const(_) | Stmt::Bad(_) => {}
         }
     }
 

@@ -16,7 +16,7 @@ use super::super::instants::Pulses;
 use super::reduce::{Remainder, eliminate};
 use crate::dcs::{self, Cause, Dcs, Origin};
 use crate::expr::{self, Expr, Exprs, Substitution, Var, variables_of};
-use crate::system::System;
+use crate::system::{Role, System};
 
 /// x' = f(t, x, z), 0 = g(t, x, z), 0 <= a ⟂ b >= 0 with the parameters of one experiment.
 pub struct Complementarity<'e> {
@@ -39,6 +39,8 @@ pub struct Complementarity<'e> {
     pulses: Pulses,
     /// ψ of unilateral switches.
     gaps: Vec<(usize, Expr<'e>)>,
+    /// The pairs that members of complementarities are in, by switch.
+    members: Vec<Option<(usize, Zero)>>,
     /// What z at a breakpoint follows from; none without data.
     at_breakpoints: Option<(System<'e>, Dcs<'e>)>,
     known: RefCell<FxHashMap<Vec<Zero>, Option<Arc<Reduced>>>>,
@@ -77,7 +79,22 @@ impl<'e> Complementarity<'e> {
             .map(|(i, &z)| (z, i))
             .collect();
         let groups = groups(&equations, &place);
-        let is_force = |origin: &Origin| matches!(origin.cause, Cause::Switch(switch) if system.switches[switch].unilateral);
+        let is_force = |origin: &Origin| {
+            let Cause::Switch(switch) = origin.cause else {
+                return false;
+            };
+            let switch = &system.switches[switch];
+            switch.unilateral || switch.role != Role::Step
+        };
+        let mut members = vec![None; system.switches.len()];
+        for (pair, origin) in dcs.origins.pairs.iter().enumerate() {
+            if let Cause::Switch(second) = origin.cause
+                && let Role::Member(first) = system.switches[second].role
+            {
+                members[first] = Some((pair, Zero::Left));
+                members[second] = Some((pair, Zero::Right));
+            }
+        }
         let pair = |(pair, origin): (&dcs::Pair<'e>, &Origin)| {
             let (left, right) = (member(pair.left, &place), member(pair.right, &place));
             Pair {
@@ -115,6 +132,7 @@ impl<'e> Complementarity<'e> {
             pieces,
             pulses: Pulses::default(),
             gaps,
+            members,
             at_breakpoints,
             known: RefCell::default(),
         };
@@ -186,7 +204,8 @@ impl<'e> Complementarity<'e> {
             let inside = self.algebraics.iter().zip(&u).zip(&self.continuous);
             let inside = inside.filter(|((z, _), continuous)| **continuous && vars.contains(z));
             let along: Vec<Expr> = inside.map(|((&z, &u), _)| row.diff(z) * u).collect();
-            if along.is_empty() {
+            let holds_z = vars.iter().any(|var| self.algebraics.contains(var));
+            if along.is_empty() && holds_z {
                 return row.substitute(&jumps);
             }
             let along = exprs.sum(along.into_iter().chain([self.drift(row, &vars)]));
@@ -288,7 +307,15 @@ impl<'e> Complementarity<'e> {
             Some(_) => Side::Minus,
             None => Side::Slide,
         };
-        let sides: Box<[Side]> = alphas.iter().map(side).collect();
+        let mut sides: Box<[Side]> = alphas.iter().map(side).collect();
+        for (side, member) in sides.iter_mut().zip(&self.members) {
+            if let Some((pair, zero)) = *member {
+                *side = match zeros[pair] == zero {
+                    true => Side::Slide,
+                    false => Side::Minus,
+                };
+            }
+        }
         let sliding: Vec<Expr> = (alphas.iter().zip(&sides))
             .filter(|(_, side)| **side == Side::Slide)
             .map(|(&alpha, _)| alpha)

@@ -268,9 +268,26 @@ pub enum ExperimentError {
 
     /// Algebraic states in a method for rates alone.
     #[error("`method {method}` does not take algebraic states")]
-    #[diagnostic(code(E0906), help("use `method event`, which is the default"))]
+    #[diagnostic(
+        code(E0906),
+        help("use `method event`, which is the default, or `fesd` or `timestepping`")
+    )]
     Algebraic {
         method: &'static str,
+        #[label("not solved for one state")]
+        span: Span,
+    },
+
+    /// Algebraic states whose values at the start are open.
+    #[error("`optimize` does not take equations for algebraic states with {what} yet")]
+    #[diagnostic(
+        code(E0906),
+        help(
+            "let them act on the rates of states; an equation that gives a state explicitly may hold anything"
+        )
+    )]
+    OpenAlgebraic {
+        what: &'static str,
         #[label("not solved for one state")]
         span: Span,
     },
