@@ -227,6 +227,7 @@ fn open_algebraics(system: &System) -> Option<ExperimentError> {
         (true, ..) => "controls",
         (_, true, _) => "free parameters",
         (.., true) => "free initial values",
+        _ if system.data.iter().any(|data| holds(data.var)) => "signals from tables",
         _ => return None,
     };
     let span = kept.map(|k| k.spans[0]).next().unwrap_or_default();

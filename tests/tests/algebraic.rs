@@ -252,3 +252,186 @@ fn no_solution_and_several_are_told() {
         );
     }
 }
+
+/// By events, and by finite elements of an order that leaves rounding.
+const ROADS: [&str; 2] = ["", "method fesd { steps = 400; scheme = radau_iia(4); }"];
+
+#[test]
+fn finite_elements_find_the_same() {
+    let fesd = ROADS[1];
+    let model = "state x = 2; algebraic y = 0.3; 0 = y^3 + y - x; x' = -(3*y^2 + 1)*y;";
+    let y = (-2.0_f64).exp();
+    assert_near(&end(&runs(model, 2.0, fesd), "y"), &[y], 1e-11);
+    let model = "state x = 2; algebraic a = 0; algebraic b = 0;
+      0 <= a perp 1 - (x - a + b) >= 0;
+      0 <= b perp (x - a + b) + 1 >= 0;
+      x' = -(x - a + b);";
+    let found = runs(model, 3.0, fesd);
+    assert_near(&end(&found, "x"), &[(-2.0_f64).exp()], 1e-11);
+    assert_near(&times(&found, EventKind::Activate), &[1.0], 1e-11);
+    let model = "state x = 1; algebraic z = 0; 0 = z + z^3 - x; x' = -sign(z - 0.5);";
+    let found = runs(model, 3.0, fesd);
+    assert_near(&times(&found, EventKind::EnterSliding), &[0.375], 1e-10);
+    assert_near(&end(&found, "z"), &[0.5], 1e-11);
+}
+
+/// The same system in several forms: the ends of the states agree, by events and by finite elements.
+#[track_caller]
+fn assert_agree(forms: &[&str], horizon: f64, states: &[&str]) {
+    let ends = |form: &str, road: &str| -> Vec<f64> {
+        let found = runs(form, horizon, road);
+        states.iter().flat_map(|state| end(&found, state)).collect()
+    };
+    let first = ends(forms[0], ROADS[0]);
+    for form in forms {
+        assert_near(&ends(form, ROADS[0]), &first, 1e-9);
+        assert_near(&ends(form, ROADS[1]), &first, 1e-9);
+    }
+}
+
+#[test]
+fn forms_of_a_saturation_agree() {
+    let rest = "state x = 3; state y = 0; x' = y; y' = -z - 0.2*y;";
+    assert_agree(
+        &[
+            &format!("{rest} let z = sat(x);"),
+            &format!("{rest} z in argmin 0.5*(z - x)^2 subject to {{ 1 - z >= 0; z + 1 >= 0; }}"),
+            &format!("{rest} z in variational [-1, 1] solves z - x;"),
+            &format!("{rest} z in variational {{ -1 <= z <= 1; }} solves 2*(z - x);"),
+            &format!(
+                "{rest} algebraic z = 0; algebraic a = 0; algebraic b = 0; 0 = z - x + a - b;
+                 0 <= a perp 1 - z >= 0; 0 <= b perp z + 1 >= 0;"
+            ),
+            "state x = 3; state y = 0; x' = y;
+             region high where x > 1 { y' = -1 - 0.2*y; }
+             region low where x < -1 { y' = 1 - 0.2*y; }
+             region linear else { y' = -x - 0.2*y; }",
+        ],
+        12.0,
+        &["x", "y"],
+    );
+}
+
+#[test]
+fn forms_of_a_deadzone_agree() {
+    let rest = "state x = 3; state y = 0; x' = y; y' = -(z[1] - z[2]) - 0.2*y;";
+    assert_agree(
+        &[
+            "state x = 3; state y = 0; x' = y; y' = -deadzone(x) - 0.2*y;",
+            &format!(
+                "{rest} z[2] in argmin 0.5*(z[1] - x + 1)^2 + 0.5*(z[2] + x + 1)^2 subject to {{ z >= 0; }}"
+            ),
+            &format!("{rest} z[2] in variational [0, inf] solves [z[1] - x + 1, z[2] + x + 1];"),
+            &format!("{rest} algebraic z[2] = 0; 0 <= z perp [z[1] - x + 1, z[2] + x + 1] >= 0;"),
+            "state x = 3; state y = 0; x' = y;
+             region high where x > 1 { y' = -(x - 1) - 0.2*y; }
+             region low where x < -1 { y' = -(x + 1) - 0.2*y; }
+             region dead else { y' = -0.2*y; }",
+        ],
+        12.0,
+        &["x", "y"],
+    );
+}
+
+#[test]
+fn forms_of_a_rectifier_with_a_capacitor_agree() {
+    // Currents of the two pairs of diodes, behind a resistance of 1/2.
+    let rest = "state v = 0.1; let e = sin(6*time); v' = z[1] + z[2] - v;";
+    assert_agree(
+        &[
+            "state v = 0.1; let e = sin(6*time); v' = 2*max(abs(e) - v, 0) - v;",
+            &format!(
+                "{rest} z[2] in argmin 0.25*(z[1] - z[2])^2 - e*(z[1] - z[2]) + v*sum(z) subject to {{ z >= 0; }}"
+            ),
+            &format!(
+                "{rest} algebraic z[2] = 0; algebraic d = 0; 0 = d - 0.5*(z[1] - z[2]);
+                 0 <= z perp [d - e + v, e - d + v] >= 0;"
+            ),
+            "state v = 0.1; let e = sin(6*time);
+             region forth where e > v { v' = 2*(e - v) - v; }
+             region back where e < v and e < -v { v' = 2*(-e - v) - v; }
+             region apart where e < v and e > -v { v' = -v; }",
+        ],
+        3.0,
+        &["v"],
+    );
+}
+
+#[test]
+fn forms_of_a_tank_that_overflows_agree() {
+    // Over a weir, and at a brim that nothing passes.
+    let rest = "state h = 0; h' = 1 + sin(3*time) - z;";
+    assert_agree(
+        &[
+            &format!("{rest} let z = 5*max(h - 1, 0);"),
+            &format!("{rest} z in argmin 0.5*z^2 - 5*(h - 1)*z subject to {{ z >= 0; }}"),
+            &format!("{rest} algebraic z = 0; 0 <= z perp z - 5*(h - 1) >= 0;"),
+            "state h = 0;
+             region over where h > 1 { h' = 1 + sin(3*time) - 5*(h - 1); }
+             region below else { h' = 1 + sin(3*time); }",
+        ],
+        4.0,
+        &["h"],
+    );
+    assert_agree(
+        &[
+            "state h = 0; h' = 0.5 + sin(3*time); project h onto { h <= 1; }",
+            "state h = 0;
+             region over where h > 1 { h' = -1; }
+             region below else { h' = 0.5 + sin(3*time); }",
+        ],
+        4.0,
+        &["h"],
+    );
+}
+
+#[test]
+fn a_point_is_projected_onto_a_ball_and_a_polyhedron() {
+    // The nearest point of the unit disc, and where x goes with it.
+    let ball = "state x[2] = [3, 4]; z[2] in variational { norm(z) <= 2; } solves z - x; x' = -z;";
+    for road in ROADS {
+        // |x| falls at the rate 2 from 5 to 2, and then as an exponential.
+        let size = 2.0 * (-0.5_f64).exp();
+        let found = runs(ball, 2.0, road);
+        assert_near(&end(&found, "x"), &[0.6 * size, 0.8 * size], 1e-10);
+        assert_near(&times(&found, EventKind::Activate), &[1.5], 1e-10);
+    }
+    // The least distance to a triangle: at first to its edge z₁ + z₂ = 1, then to x itself.
+    let triangle = "state x[2] = [2, 2]; x' = -[1, 1];
+      z[2] in argmin dot(z - x, z - x) subject to { z >= 0; sum(z) <= 1; }";
+    let found = runs(triangle, 1.75, "");
+    assert_near(&end(&found, "z"), &[0.25, 0.25], 1e-12);
+    assert_near(&times(&found, EventKind::Activate), &[1.5], 1e-12);
+}
+
+#[test]
+fn an_equation_among_the_rows_holds() {
+    // Two sources share a load at least cost until the first one is at its limit.
+    let model = "state load = 1; load' = 1;
+      p[2] in argmin p[1]^2 + 3*p[2]^2 subject to { sum(p) = load; p <= 2; }";
+    let found = runs(model, 2.0, "output p at [1, 2];");
+    let shares = &found.outputs[0].values;
+    assert_near(shares, &[1.5, 0.5, 2.0, 1.0], 1e-12);
+}
+
+#[test]
+fn optimal_controls_of_both_forms_cost_the_same() {
+    let cost = |model: &str| {
+        let text = format!(
+            "model m {{ control u in [-2, 2] = 0; {model} }} optimize this of m {{ horizon 2; intervals 6; elements 2;
+             scheme radau_iia(3); minimize integral(u^2 + x^2); final {{ x = 0.5; }} }}"
+        );
+        let found = run(&text, "this");
+        assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
+        found.objective.expect("what was minimized")
+    };
+    let explicit = cost("state z = 1; let x = z + z^3; z' = (u - z)/(1 + 3*z^2);");
+    let implicit = cost("state x = 2; algebraic z = 1; 0 = z + z^3 - x; x' = u - z;");
+    assert!(
+        (explicit - implicit).abs() < 1e-5,
+        "{explicit} and {implicit}"
+    );
+    let kinked = cost("state x = 2; x' = u - max(x - 1, 0);");
+    let paired = cost("state x = 2; algebraic z = 1; 0 <= z perp z - x + 1 >= 0; x' = u - z;");
+    assert!((kinked - paired).abs() < 1e-5, "{kinked} and {paired}");
+}

@@ -48,6 +48,7 @@ const EXAMPLES: &[&str] = &[
     "projected.nsd: carried",
     "projected.nsd: level",
     "puck.nsd: carry",
+    "rectifier.nsd: rectifies",
     "schedule.nsd: day",
     "spiral.nsd: zeno",
     "stick_slip.nsd: coulomb",

@@ -33,7 +33,7 @@ use crate::report::{
     Certificate, Failure, Kind, Method, MethodOption, Optimum, Stationarity, Stats, Status,
     Trajectory,
 };
-use crate::simulate::Request;
+use crate::simulate::{self, Request};
 use crate::system::System;
 use crate::system::experiment::{Optimize, Settings};
 use crate::system::freezing::{Frozen, freeze};
@@ -113,6 +113,7 @@ pub fn run<'e>(
     solved.states.truncate(solved.states.len() - integrals);
     let mut trajectory = record::trajectory(&problem, &solved, &solution.w);
     describe(&problem, solution, &mut trajectory);
+    trajectory.warnings.extend(simulate::sampled(&solved));
     trajectory.optimum = Some(Optimum {
         built_s: built,
         factor_entries: solution.stats.factor_entries,

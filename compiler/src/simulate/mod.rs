@@ -41,6 +41,7 @@ use crate::system::System;
 use crate::system::experiment::{self, Branch, EventOptions, Settings};
 pub use bench::{Bench, End, Variant};
 use modes::ModeNames;
+pub use outcome::sampled;
 use record::{Jump, Recorder};
 pub(crate) use record::{Points, recorded};
 pub use settle::settle;

@@ -119,6 +119,15 @@ pub(super) fn of_start(system: &System, status: &Status) -> Failure {
     }
 }
 
+/// Programs whose convexity is not proven.
+pub fn sampled(system: &System) -> impl Iterator<Item = Warning> {
+    system.sampled.iter().map(|&span| Warning {
+        code: "W0714".into(),
+        message: "a program was found convex at sample points only".into(),
+        span: Some(span),
+    })
+}
+
 /// What the run went on from although it could not be sure.
 pub(super) fn warnings(system: &System, outcome: &Outcome) -> Vec<Warning> {
     let warning = |note: &Note| {
@@ -152,12 +161,8 @@ pub(super) fn warnings(system: &System, outcome: &Outcome) -> Vec<Warning> {
                 .and_then(|&i| system.switches[i].spans.first().copied()),
         }
     };
-    let sampled = system.sampled.iter().map(|&span| Warning {
-        code: "W0714".into(),
-        message: "a program was found convex at sample points only".into(),
-        span: Some(span),
-    });
-    sampled.chain(outcome.notes.iter().map(warning)).collect()
+    let notes = outcome.notes.iter().map(warning);
+    sampled(system).chain(notes).collect()
 }
 
 /// Branches in a message before the rest is left out.

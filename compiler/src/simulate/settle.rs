@@ -4,8 +4,27 @@ use nsd_solver::simulate::Simulator;
 
 use super::outcome;
 use super::switched::Switched;
+use crate::expr::Substitution;
 use crate::report::Failure;
 use crate::system::System;
+
+/// The system with guesses of the controls that are decided, which no equation holds.
+fn with_guesses<'e>(system: &System<'e>) -> System<'e> {
+    let mut known = system.clone();
+    let controls = known.task.take().map(|task| task.controls);
+    let guesses = controls.iter().flatten().filter_map(|control| {
+        let guess = system.exprs.constant(control.guess);
+        Some((control.var.as_variable()?, guess))
+    });
+    let guesses: Substitution<'e> = guesses.collect();
+    for state in &mut known.states {
+        state.rate = state.rate.substitute(&guesses);
+    }
+    for switch in &mut known.switches {
+        switch.psi = switch.psi.substitute(&guesses);
+    }
+    known
+}
 
 /// Takes consistent values of the algebraic states as initial values.
 ///
@@ -15,7 +34,8 @@ use crate::system::System;
 pub fn settle(system: &mut System, horizon: f64) -> Result<(), Failure> {
     let start: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
     let found = {
-        let switched = Switched::new(system);
+        let known = with_guesses(system);
+        let switched = Switched::new(&known);
         let mut simulator = Simulator::new(&switched, Default::default());
         simulator.consistent(0.0, &start, horizon)
     };

@@ -346,8 +346,8 @@ impl<'e> Lowering<'_, 'e> {
                     span: set_at.get(&entry).copied().unwrap_or(span),
                 }
             })
-            .chain(integrals)
             .chain(algebraics)
+            .chain(integrals)
             .collect()
     }
 

@@ -103,7 +103,7 @@ pub struct System<'e> {
     pub params: Vec<Param<'e>>,
     /// Functions of time from data that occur.
     pub data: Vec<Data<'e>>,
-    /// Scalar states x with their rates.
+    /// Scalar states x with their rates: those of the model, algebraic ones, and integrals.
     pub states: Vec<State<'e>>,
     /// The states that are recorded, made up of scalar states.
     pub groups: Vec<StateGroup>,

@@ -8,7 +8,6 @@
 use std::fmt;
 
 use super::State;
-use super::experiment::At;
 use super::limits::Allowed;
 use super::lower::Lowering;
 use crate::diagnostics::Diagnostics;

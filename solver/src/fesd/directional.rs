@@ -388,8 +388,10 @@ fn open_pairs(system: &impl ComplementaritySystem, z: &[f64], bands: &[f64]) -> 
     let pairs = system.pairs();
     let vanishes = |&at: &usize| {
         let members = [pairs[at].left, pairs[at].right].into_iter();
-        let mut continuous = members.filter(|member| system.is_continuous(member.variable));
-        continuous.any(|member| member.value(z) <= bands[at])
+        // Where both are continuous, the pair meets where both are zero.
+        let continuous = members.filter(|member| system.is_continuous(member.variable));
+        let mut values = continuous.map(|member| member.value(z)).peekable();
+        values.peek().is_some() && values.all(|value| value <= bands[at])
     };
     let undecided = |at: &usize| {
         let members = [pairs[*at].left, pairs[*at].right].into_iter();

@@ -4,7 +4,7 @@
 //!
 //! Each member of a pair is an algebraic variable z_i or 1 - z_i, and at least one of them is
 //! *continuous* along solutions: a function of t and x, as λ is in the reformulations of switches.
-//! The other, like θ or α, jumps where the active set changes.
+//! The other, like θ or α, jumps where the active set changes, or is continuous, too.
 //!
 //! Functions of time that are made of pieces enter by *numbers* that hold from one breakpoint to the
 //! next, as the coefficients of their polynomials: the last inputs of every function below.

@@ -17,8 +17,11 @@ use crate::linalg::DenseLu;
 /// Up to this many pairs all choices are solved, which shows whether there is one solution.
 const MAX_PAIRS: usize = 8;
 
-/// Up to this many pairs that meet, all choices are tried by their rates.
-const MAX_MET: usize = 12;
+/// Up to this many choices where pairs meet, all are tried by their rates.
+const MAX_CHOICES: f64 = 4096.0;
+
+/// Solutions of other choices that Newton's method starts from.
+const MAX_GUESSES: usize = 8;
 
 /// Newton iterations.
 const MAX_NEWTON: usize = 60;
@@ -74,16 +77,48 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 .collect(),
             _ => Vec::new(),
         };
-        for choice in choices {
-            state.x.clone_from(&guess);
-            state.scale.clone_from(&scale);
-            let solved = self.solve_choice(state, &equations, &pairs, &choice);
-            regular |= !matches!(solved, Err(Failure::Singular));
-            if solved.is_err() || self.violated(state, &pairs, &choice, horizon).is_some() {
-                continue;
+        // What other choices of members lead to are guesses, too.
+        let mut guesses = vec![guess.clone()];
+        let mut unsolved: Vec<Vec<bool>> = Vec::new();
+        for again in [false, true] {
+            let tried = if again {
+                std::mem::take(&mut unsolved)
+            } else {
+                choices.clone()
+            };
+            let starts = if again {
+                guesses[1..].to_vec()
+            } else {
+                guesses.clone()
+            };
+            for choice in tried {
+                let mut solved = None;
+                for start in &starts {
+                    state.x.clone_from(start);
+                    state.scale.clone_from(&scale);
+                    let outcome = self.solve_choice(state, &equations, &pairs, &choice);
+                    regular |= !matches!(outcome, Err(Failure::Singular));
+                    if outcome.is_ok() {
+                        solved = Some(state.x.clone());
+                        break;
+                    }
+                }
+                let Some(x) = solved else {
+                    unsolved.push(choice);
+                    continue;
+                };
+                if !again && guesses.len() <= MAX_GUESSES {
+                    guesses.push(x.clone());
+                }
+                if self.violated(state, &pairs, &choice, horizon).is_some() {
+                    continue;
+                }
+                if !found.iter().any(|(other, _)| self.is_same(other, &x)) {
+                    found.push((x, choice));
+                }
             }
-            if !found.iter().any(|(x, _)| self.is_same(x, &state.x)) {
-                found.push((state.x.clone(), choice));
+            if guesses.len() == 1 {
+                break;
             }
         }
         state.scale.clone_from(&scale);
@@ -351,10 +386,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         group: &[usize],
         options: &[Vec<Side>],
     ) -> (Vec<Vec<Side>>, bool) {
-        let open = options.iter().filter(|sides| sides.len() > 1).count();
-        let (mut candidates, all) = match open {
-            open if open <= MAX_MET => (super::candidates::product(options), true),
-            _ => (super::candidates::alternatives(options), false),
+        let sizes = options.iter().map(|sides| sides.len() as f64);
+        let (mut candidates, all) = match sizes.product::<f64>() <= MAX_CHOICES {
+            true => (super::candidates::product(options), true),
+            false => (super::candidates::alternatives(options), false),
         };
         for (at, &i) in group.iter().enumerate() {
             let Role::Member(other) = self.system.role(i) else {

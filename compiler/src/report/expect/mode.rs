@@ -8,6 +8,7 @@ use crate::expr::Expr;
 use crate::report::text::significant;
 use crate::report::{ModeInterval, Side, Trajectory};
 use crate::syntax::{self, Arg, ExprKind};
+use crate::system::Role;
 
 /// Finds the mistakes in the description of a mode.
 pub fn check(subject: &Subject<'_, '_>, mode: &syntax::Expr, diags: &mut Diagnostics) {
@@ -196,7 +197,9 @@ fn words_of(subject: &Subject<'_, '_>, k: usize) -> &'static [&'static str] {
     let switch = &subject.system.switches[k];
     match switch.relay {
         Some(_) => &["on", "off"],
-        None if subject.system.is_projected(k) => &["active", "inactive"],
+        None if subject.system.is_projected(k) || switch.role != Role::Step => {
+            &["active", "inactive"]
+        }
         None if switch.unilateral => &["closed", "open"],
         None if switch.slip_of.is_some() => &["stick", "slip"],
         None => &["above", "below", "sliding"],
@@ -241,9 +244,17 @@ pub fn switches_of(
             .system
             .switch_of(psi)
             .filter(|&(k, _)| !is_hidden(k));
+        let found = found.or_else(|| Some((member(subject, entry)?, false)));
         found.ok_or_else(unknown)
     });
     switches.collect()
+}
+
+/// The member of a complementarity that an expression is.
+fn member<'e>(subject: &Subject<'_, 'e>, entry: Expr<'e>) -> Option<usize> {
+    let value = subject.system.read(entry);
+    let mut switches = subject.system.switches.iter();
+    switches.position(|k| matches!(k.role, Role::Member(_)) && -k.psi == value)
 }
 
 /// The switching function of an entry of a named switch.
