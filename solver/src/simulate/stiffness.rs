@@ -15,7 +15,7 @@ pub(super) struct Stiffness {
     tolerance: f64,
     tableau: Option<Arc<Tableau>>,
     /// The methods used last, the latest at the end.
-    methods: Vec<Box<Radau>>,
+    methods: Vec<Radau>,
     /// Whether the implicit method makes the next step.
     pub implicit: bool,
     /// Length of its first step, until it is taken.
@@ -98,7 +98,7 @@ impl Stiffness {
     }
 
     /// The method for a mode; to be given back after the step.
-    pub(super) fn take(&mut self, shape: Shape) -> Box<Radau> {
+    pub(super) fn take(&mut self, shape: Shape) -> Radau {
         let mut methods = self.methods.iter();
         if let Some(fits) = methods.position(|method| method.shape() == shape) {
             return self.methods.remove(fits);
@@ -110,16 +110,16 @@ impl Stiffness {
         let tableau = self
             .tableau
             .get_or_insert_with(|| Arc::new(Tableau::new(nodes)));
-        Box::new(Radau::new(tableau.clone(), shape, self.tolerance))
+        Radau::new(tableau.clone(), shape, self.tolerance)
     }
 
-    pub(super) fn give_back(&mut self, method: Box<Radau>) {
+    pub(super) fn give_back(&mut self, method: Radau) {
         self.methods.push(method);
     }
 
     /// The method that made the last implicit step.
     pub(super) fn method(&self) -> Option<&Radau> {
-        self.methods.last().map(|method| &**method)
+        self.methods.last()
     }
 
     /// What Taylor steps are to be as accurate as.
