@@ -101,7 +101,13 @@ impl Problem<'_, '_> {
             ) && detection.elements > 1
         });
         if is_equilibrated {
-            define("eta[k,j]".to_owned(), self.eta_text());
+            let mut lines = self.eta_text();
+            if !dcs.impacts.is_empty() {
+                lines.push(
+                    "with gap[k,j+1,0] in the place of the first product for contacts".to_owned(),
+                );
+            }
+            define("eta[k,j]".to_owned(), lines);
         }
     }
 }
