@@ -50,10 +50,7 @@ pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Traje
             elements.jump(from, laws, [before, x(0)], &alphas[0]);
         }
         if to - from > SHORTEST * horizon {
-            let instants: Vec<f64> = match layout.end {
-                0 => Vec::new(),
-                end => [&[from], &instants[1..end], &[to]].concat(),
-            };
+            let instants = [&[from], &instants[1..layout.end], &[to]].concat();
             let x: Vec<&[f64]> = (0..=layout.end).map(x).collect();
             elements.element(&instants, &x, &alphas);
         }

@@ -4,6 +4,8 @@
 //! they meet, and complementarity (Nurkanović, Frey, Pozharskiy & Diehl 2024). A run from
 //! event to event says which branch of it is solved first; then the relaxed program is, and then one with more
 //! elements: a step with r switches and impacts needs r + 1.
+//! Pairs are sums over an element, and lengths are equal where nothing happens between them, whatever `cross` and
+//! `equilibration` say of the printed form: its solutions are the same.
 //! What is found satisfies all equations and signs; gaps are looked at between the nodes, too.
 
 use std::time::Instant;
@@ -11,7 +13,9 @@ use std::time::Instant;
 use nsd_solver::mpcc::{self, Options};
 use rustc_hash::FxHashMap;
 
-use super::super::{Elements, Rehearsed, Request, watch::Progress};
+use super::super::watch::Progress;
+use super::super::{Elements, Estimate, Rehearsed, Request, Touches, judge};
+use super::judge_grid;
 use crate::dcs::{self, Dcs, solve_pointwise};
 use crate::discretize::{self, Detection, Equilibration, Grid, Layout, discretize};
 use crate::expr::{Expr, Var};
@@ -35,14 +39,16 @@ const FEASIBLE: f64 = 1e-9;
 const CLOSED: f64 = 1e-11;
 /// A gap may be so far below zero between nodes, relative to the largest value.
 const BELOW: f64 = 1e-8;
+/// A closed contact may open with such a speed, relative to the largest value.
+const OPENING: f64 = 1e-8;
 /// Points of an element at which gaps are looked at.
 const LOOKS: usize = 8;
 /// Impulses below this are rounding.
 const IMPULSE: f64 = 1e-9;
 /// Elements shorter than this, as a share of the horizon, have no mode of their own.
 const SHORTEST: f64 = 1e-11;
-/// An error above this says that the grid is too coarse for the model.
-const COARSE: f64 = 0.01;
+/// Steps at most where the tolerance chooses them.
+const MOST_STEPS: usize = 400;
 
 /// A run over one grid.
 struct Run<'s, 'e> {
@@ -56,6 +62,8 @@ struct Run<'s, 'e> {
     rehearsed: Option<Rehearsed<'e>>,
     /// The state at the end of the last step.
     x: Vec<f64>,
+    /// The largest magnitude of a state so far.
+    size: f64,
     /// Instants and laws of all jumps.
     jumps: Vec<(f64, Vec<usize>)>,
     added: usize,
@@ -80,10 +88,23 @@ pub(in crate::simulate) fn run(
 ) -> Trajectory {
     let started = Instant::now();
     let deadline = request.time_limit.map(|limit| started + limit);
-    let steps = options.steps.unwrap_or(STEPS);
-    let mut coarse = Run::new(system, settings, options, steps, deadline);
-    let (elements, failure) = coarse.integrate(settings, watch, false);
-    let mut trajectory = elements.finish(settings, coarse.reached(settings.horizon, &failure));
+    let mut steps = options.steps.unwrap_or(STEPS);
+    let (coarse, elements, failure, estimate) = loop {
+        let mut coarse = Run::new(system, settings, options, steps, deadline);
+        let (elements, failure) = coarse.integrate(settings, watch, false);
+        let estimate = (failure.is_none() && request.estimate).then(|| {
+            let mut fine = Run::new(system, settings, options, 2 * steps, deadline);
+            let (_, ended) = fine.integrate(settings, watch, true);
+            coarse.compare(&fine, ended.is_none())
+        });
+        let error = estimate.as_ref().map_or(0.0, |estimate| estimate.error);
+        if options.steps.is_some() || error <= settings.tolerance || steps >= MOST_STEPS {
+            break (coarse, elements, failure, estimate);
+        }
+        steps *= 2;
+    };
+    let reached = coarse.reached(settings.horizon, &failure);
+    let mut trajectory = elements.finish(settings, reached);
     let (family, nodes) = options.scheme;
     let number = |name: &str, value: usize| (name.to_owned(), MethodOption::Number(value as f64));
     let word = |name: &str, value: &str| (name.to_owned(), MethodOption::Text(value.to_owned()));
@@ -114,20 +135,13 @@ pub(in crate::simulate) fn run(
         ..Stats::default()
     };
     trajectory.skipped = system.skipped.clone();
-    if failure.is_none() && request.estimate {
-        let mut fine = Run::new(system, settings, options, 2 * steps, deadline);
-        let (_, ended) = fine.integrate(settings, watch, true);
-        let (error, same) = coarse.compare(&fine);
-        trajectory.error_estimate = Some(error);
-        if ended.is_some() || !same || error > COARSE {
-            trajectory.failure = Some(Failure::Coarse {
-                error: format!("{error:.1e}"),
-                modes: ended.is_some() || !same,
-                span: settings.span,
-            });
+    trajectory.failure = failure;
+    if let Some(estimate) = estimate {
+        match options.steps {
+            None => judge(&mut trajectory, &estimate, settings),
+            Some(_) => judge_grid(&mut trajectory, &estimate, settings),
         }
     }
-    trajectory.failure = trajectory.failure.or(failure);
     if let Some(failure) = &trajectory.failure {
         trajectory.status = failure.status();
     }
@@ -167,6 +181,7 @@ impl<'s, 'e> Run<'s, 'e> {
             rehearsed: Rehearsed::new(system, settings),
             x: dcs.states.iter().map(|state| state.initial).collect(),
             dcs,
+            size: 0.0,
             jumps: Vec::new(),
             added: 0,
             iterations: 0,
@@ -288,7 +303,9 @@ impl<'s, 'e> Run<'s, 'e> {
             .residuals
             .violation
             .max(found.residuals.complementarity);
-        if !found.is_feasible() || off > FEASIBLE * size || !self.stays_above(&layout, &found.w) {
+        let holds =
+            || self.stays_above(&layout, &found.w) && self.comes_to_rest(&layout, &found.w, start);
+        if !found.is_feasible() || off > FEASIBLE * size || !holds() {
             return None;
         }
         self.violation = self.violation.max(off);
@@ -342,6 +359,37 @@ impl<'s, 'e> Run<'s, 'e> {
         })
     }
 
+    /// Whether contacts that are closed in an element do not open where it begins: otherwise their forces have
+    /// absorbed a bounce, which the equations of an element of few nodes allow where it is slow.
+    fn comes_to_rest(&self, layout: &Layout, w: &[f64], start: f64) -> bool {
+        let mut t = start;
+        layout.all_elements().all(|(k, j)| {
+            let from = t;
+            t += w[layout.h(k, j)].max(0.0);
+            let x = &w[layout.x(k, j, 0)..][..layout.n_states()];
+            let value = |var: Var| {
+                let is = |e: Expr| e.as_variable() == Some(var);
+                let state = self.dcs.states.iter().position(|state| is(state.var));
+                let param = || self.dcs.params.iter().find(|param| is(param.var));
+                match state {
+                    Some(i) => x[i],
+                    None if is(self.dcs.time) => from,
+                    None => param().map_or(f64::NAN, |param| param.value),
+                }
+            };
+            let size = x.iter().fold(1.0, |m: f64, x| m.max(x.abs()));
+            self.dcs.impacts.iter().all(|impact| {
+                let force = |m: usize| {
+                    layout
+                        .z(k, j, m, impact.force)
+                        .map_or(0.0, |index| w[index])
+                };
+                let is_closed = (1..=layout.nodes).any(|m| force(m) > IMPULSE);
+                !is_closed || impact.speed.eval(&value).abs() <= OPENING * size
+            })
+        })
+    }
+
     /// Adds a step to the elements, and goes to its end.
     fn take(&mut self, step: &Step, (start, end): (f64, f64), elements: &mut Elements<'s, 'e>) {
         let Step { layout, w } = step;
@@ -383,6 +431,7 @@ impl<'s, 'e> Run<'s, 'e> {
         }
         let (k, j) = (1, layout.elements);
         self.x = w[layout.x(k, j, layout.end)..][..n].to_vec();
+        self.size = self.x.iter().fold(self.size, |m: f64, x| m.max(x.abs()));
     }
 
     /// α of the switches at a node; of a contact, 1 - λ_n.
@@ -399,23 +448,24 @@ impl<'s, 'e> Run<'s, 'e> {
             .collect()
     }
 
-    /// How far the end of a finer run, and its jumps, are away; and whether the jumps are the same.
-    fn compare(&self, finer: &Self) -> (f64, bool) {
-        let size = self
-            .x
-            .iter()
-            .fold(f64::MIN_POSITIVE, |m: f64, x| m.max(x.abs()));
-        let ends = self
+    /// How far the end of a finer run and its jumps are away, where it comes to the end.
+    fn compare(&self, finer: &Self, ends: bool) -> Estimate {
+        let size = self.size.max(f64::MIN_POSITIVE);
+        let states = self
             .x
             .iter()
             .zip(&finer.x)
             .map(|(a, b)| (a - b).abs() / size);
-        let same = self.jumps.len() == finer.jumps.len()
-            && self.jumps.iter().zip(&finer.jumps).all(|(a, b)| a.1 == b.1);
+        let mut jumps = self.jumps.iter().zip(&finer.jumps);
+        let same = self.jumps.len() == finer.jumps.len() && jumps.all(|(a, b)| a.1 == b.1);
         let instants = self.jumps.iter().zip(&finer.jumps);
         let instants = instants.map(|(a, b)| (a.0 - b.0).abs() / self.horizon);
         let rounding = f64::EPSILON * (self.steps as f64).sqrt();
-        (ends.chain(instants).fold(rounding, f64::max), same)
+        Estimate {
+            touches: Touches::default(),
+            error: states.chain(instants).fold(rounding, f64::max),
+            same_modes: same && ends,
+        }
     }
 }
 
