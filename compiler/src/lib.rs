@@ -110,16 +110,26 @@ fn compile_to<'e>(
         // What cannot be run is refused before it is lowered, which may be long.
         let contact = model.contacts.first();
         let takes_contacts = settings.method.takes_jumps() || settings.steps_through_contacts();
-        let freezes = settings.freezes();
-        if freezes && !settings.method.takes_frozen_time() {
+        let (freezes, strikes) = (settings.freezes(), settings.takes_impulses());
+        if let Some(with) = without_impulses(&settings) {
             diags.push(ExperimentError::Lowering {
-                name: "timefreezing".to_owned(),
-                with: "by this method ",
+                name: "impact".to_owned(),
+                with,
+                help: "write `method fesd { steps = 100; }`, and leave out `timefreezing`",
                 span: settings.span,
             });
             return None;
         }
-        if let Some(contact) = contact.filter(|_| !takes_contacts && !freezes) {
+        if freezes && !settings.method.takes_frozen_time() {
+            diags.push(ExperimentError::Lowering {
+                name: "timefreezing".to_owned(),
+                with: "by this method ",
+                help: "leave the method out, or write `method fesd;`",
+                span: settings.span,
+            });
+            return None;
+        }
+        if let Some(contact) = contact.filter(|_| !takes_contacts && !freezes && !strikes) {
             diags.push(ExperimentError::Jump {
                 method: settings.method.word(),
                 name: contact.name.clone(),
@@ -150,7 +160,9 @@ fn compile_to<'e>(
             true => (system.laws.first()).map(|law| (law.name.as_str(), law.span)),
             false => system.first_jump(),
         };
-        if let Some((name, span)) = jump.filter(|_| !method.takes_jumps()) {
+        // Jumps that are no contacts are refused with the lowering.
+        let jump = jump.filter(|_| !method.takes_jumps() && !strikes);
+        if let Some((name, span)) = jump {
             diags.push(ExperimentError::Jump {
                 method: method.word(),
                 name: name.to_owned(),
@@ -199,6 +211,25 @@ fn compile_to<'e>(
         }
         let lowerings = dcs::check(&system, &settings.lowerings, needs);
         lowerings.map_err(|error| diags.push(error)).ok()?;
+        let is_run = settings.optimize.is_none();
+        if let Some(data) = system.data.first().filter(|_| strikes && is_run) {
+            diags.push(ExperimentError::Lowering {
+                name: "impact".to_owned(),
+                with: "for a run with signals from tables ",
+                help: "write the signal as a formula in `time`, or leave out `lower impact` and the method",
+                span: data.span,
+            });
+            return None;
+        }
+        if let Some(contact) = switching_law(&system).filter(|_| strikes) {
+            diags.push(ExperimentError::Lowering {
+                name: "impact".to_owned(),
+                with: "for a contact whose law switches ",
+                help: "give it a restitution, a friction and a mass without `step`, `sign` or `abs`",
+                span: contact.span,
+            });
+            return None;
+        }
         Some(Compiled {
             model,
             settings,
@@ -232,6 +263,28 @@ fn open_algebraics(system: &System) -> Option<ExperimentError> {
     };
     let span = kept.map(|k| k.spans[0]).next().unwrap_or_default();
     Some(ExperimentError::OpenAlgebraic { what, span })
+}
+
+/// What an experiment asks for besides `lower impact` that has no impulses.
+fn without_impulses(settings: &Settings) -> Option<&'static str> {
+    let is_run = settings.optimize.is_none();
+    let by_elements = matches!(settings.method, Method::Fesd(_));
+    match settings.takes_impulses() {
+        true if settings.freezes() => Some("together with `timefreezing` "),
+        true if is_run && !by_elements => Some("by this method "),
+        _ => None,
+    }
+}
+
+/// A contact whose restitution, friction or directions depend on the side of a switch.
+fn switching_law<'s, 'e>(system: &'s System<'e>) -> Option<&'s system::Contact<'e>> {
+    let alphas = system.switches.iter();
+    let alphas: Vec<_> = alphas
+        .filter_map(|switch| switch.alpha.as_variable())
+        .collect();
+    let switches = |e: Expr| alphas.iter().any(|&alpha| e.depends_on(alpha));
+    let mut contacts = system.contacts.iter();
+    contacts.find(|contact| contact.exprs().any(switches))
 }
 
 /// What steps of time with contacts do not take.

@@ -69,6 +69,7 @@ const EXAMPLES: &[&str] = &[
     "tanks.nsd: published",
     "thermostat.nsd: day",
     "thermostat.nsd: frozen",
+    "thrown_ball.nsd: by_elements",
     "thrown_ball.nsd: slower",
     "thrown_ball.nsd: throw",
     "turbo_car.nsd: hurry",

@@ -73,6 +73,7 @@ fn for_each(mut check: impl FnMut(&str, &Mpcc)) {
         ),
     ];
     let grid = Grid {
+        start: 0.0,
         horizon: 1.0,
         steps: 2,
     };
@@ -356,6 +357,7 @@ fn a_small_file() {
         detection: Some(detection),
     };
     let grid = Grid {
+        start: 0.0,
         horizon: 1.0,
         steps: 1,
     };

@@ -166,6 +166,7 @@ fn printed_forms() {
         insta::assert_snapshot!("ball.dcs", dcs);
         let task = settings.optimize.as_ref().expect("an optimization");
         let grid = Grid {
+            start: 0.0,
             horizon: settings.horizon,
             steps: task.intervals,
         };

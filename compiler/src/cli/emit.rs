@@ -210,6 +210,7 @@ fn lowered(
         _ => (None, discretize::Options::fesd(&FesdOptions::default())),
     };
     let grid = Grid {
+        start: 0.0,
         horizon: settings.horizon,
         steps: steps.unwrap_or(STEPS),
     };

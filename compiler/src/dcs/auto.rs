@@ -7,7 +7,7 @@ use crate::expr::Substitution;
 use crate::system::experiment::Lowering;
 use crate::system::{Role, System};
 
-use super::{Dcs, DcsError, Formulation, heaviside, signs, stewart};
+use super::{Dcs, DcsError, Formulation, heaviside, impact, signs, stewart};
 
 /// A formulation and why it was taken.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -28,7 +28,8 @@ pub fn lower<'e>(system: &System<'e>, lowerings: &[Lowering]) -> Result<Dcs<'e>,
         formulation,
         reason,
     } = asked.unwrap_or_else(|| choose(system));
-    let mut dcs = lower_as(system, formulation)?;
+    let jumps = lowerings.contains(&Lowering::Impact);
+    let mut dcs = lowered(system, formulation, jumps)?;
     dcs.reason = Some(reason);
     Ok(dcs)
 }
@@ -41,16 +42,25 @@ pub fn check(system: &System, lowerings: &[Lowering], needs: bool) -> Result<(),
         None => choose(system).formulation,
         Some(formulation) => formulation,
     };
-    is_without_memory(system)?;
+    is_without_memory(system, lowerings.contains(&Lowering::Impact))?;
     match formulation {
         Formulation::Stewart => signs::check(system).and_then(|()| is_bilateral(system)),
         Formulation::Step => Ok(()),
     }
 }
 
-/// A relay depends on the past, which complementarity knows nothing of, and a jump has no rate.
-fn is_without_memory(system: &System) -> Result<(), DcsError> {
-    if let Some((name, span)) = system.first_jump() {
+/// A relay depends on the past, which complementarity knows nothing of, and a jump has no rate; one of a contact is
+/// an impulse, where these are taken.
+fn is_without_memory(system: &System, takes_impulses: bool) -> Result<(), DcsError> {
+    let law = || {
+        let laws = system.laws.iter();
+        laws.map(|law| (law.name.as_str(), law.span)).next()
+    };
+    let jump = match takes_impulses {
+        true => law(),
+        false => system.first_jump(),
+    };
+    if let Some((name, span)) = jump {
         return Err(DcsError::Jump {
             name: name.to_owned(),
             span,
@@ -85,13 +95,22 @@ fn asked(lowerings: &[Lowering]) -> Option<Formulation> {
     lowerings.iter().find_map(|lowering| match lowering {
         Lowering::Stewart => Some(Formulation::Stewart),
         Lowering::Step => Some(Formulation::Step),
-        Lowering::TimeFreezing => None,
+        Lowering::TimeFreezing | Lowering::Impact => None,
     })
 }
 
 /// Lowers in the given formulation.
 pub fn lower_as<'e>(system: &System<'e>, formulation: Formulation) -> Result<Dcs<'e>, DcsError> {
-    is_without_memory(system)?;
+    lowered(system, formulation, false)
+}
+
+/// Lowers in the given formulation, contacts with impulses where these are taken.
+fn lowered<'e>(
+    system: &System<'e>,
+    formulation: Formulation,
+    takes_impulses: bool,
+) -> Result<Dcs<'e>, DcsError> {
+    is_without_memory(system, takes_impulses)?;
     let mut dcs = match formulation {
         Formulation::Stewart => {
             is_bilateral(system)?;
@@ -102,6 +121,7 @@ pub fn lower_as<'e>(system: &System<'e>, formulation: Formulation) -> Result<Dcs
     let alphas: Substitution = (system.switches.iter().zip(&dcs.alphas))
         .filter_map(|(switch, &alpha)| Some((switch.alpha.as_variable()?, alpha)))
         .collect();
+    dcs.impacts = impact::impacts(system, &alphas);
     let task = system.task.as_ref();
     dcs.task = task.map(|task| task.map(|e| e.substitute(&alphas)));
     debug_assert_eq!(
@@ -122,7 +142,11 @@ pub fn choose(system: &System) -> Choice {
         return choice(Formulation::Stewart, "the system has no switch");
     }
     if system.switches.iter().any(|switch| switch.unilateral) {
-        return choice(Formulation::Step, "projections are stated by forces");
+        let reason = match system.contacts.is_empty() {
+            true => "projections are stated by forces",
+            false => "contacts are stated by forces",
+        };
+        return choice(Formulation::Step, reason);
     }
     if system
         .switches

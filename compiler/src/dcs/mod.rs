@@ -13,6 +13,7 @@
 //! - The members of a pair are algebraic variables, or 1 minus one.
 //! - The system is square: as many equations and pairs as algebraic variables.
 //! - No `step`, `sign`, `abs`, `min` or `max` is left.
+//! - What impulses depend on is known on either side of a jump: it contains no algebraic variable.
 //! - Guesses are finite, and α of a switch is an expression in algebraic variables alone.
 
 mod auto;
@@ -20,6 +21,7 @@ mod dot;
 mod error;
 mod golden;
 pub mod heaviside;
+mod impact;
 mod labels;
 mod lift;
 mod pointwise;
@@ -40,6 +42,7 @@ pub use auto::{Choice, check, choose, lower, lower_as};
 pub use dot::{Vertex, dot, graph};
 pub use error::DcsError;
 pub use golden::{Golden, golden};
+pub use impact::{Friction, Impact};
 pub use pointwise::{Pointwise, solve_in_mode, solve_pointwise};
 pub use tex::tex;
 
@@ -77,6 +80,8 @@ pub struct Dcs<'e> {
     pub equations: Vec<Expr<'e>>,
     /// Complementary pairs.
     pub pairs: Vec<Pair<'e>>,
+    /// Contacts whose impulses act where elements meet; empty where no state jumps.
+    pub impacts: Vec<Impact<'e>>,
     /// What is optimized, in z; none in a simulation.
     pub task: Option<Task<'e>>,
     /// The way back: α of every switch of the system, in z.
@@ -209,6 +214,7 @@ impl<'e> Dcs<'e> {
             algebraics: Vec::new(),
             equations: Vec::new(),
             pairs: Vec::new(),
+            impacts: Vec::new(),
             task: None,
             alphas: Vec::new(),
             origins: Origins {
@@ -269,6 +275,8 @@ impl fmt::Display for Dcs<'_> {
             };
             writeln!(f, "0 <= {} perp {} >= 0{mark}", pair.left, pair.right)?;
         }
+        let impacts = self.impact_lines();
+        impacts.iter().try_for_each(|line| writeln!(f, "{line}"))?;
         self.task.iter().try_for_each(|task| write!(f, "{task}"))
     }
 }

@@ -13,6 +13,7 @@ impl<'e> Dcs<'e> {
         self.verify_variables()?;
         self.verify_pairs()?;
         self.verify_smooth()?;
+        self.verify_impacts()?;
         self.verify_algebraics()
     }
 
@@ -100,6 +101,16 @@ impl<'e> Dcs<'e> {
         nonsmooth.map_or(Ok(()), |e| Err(format!("`{e}` is not smooth")))
     }
 
+    fn verify_impacts(&self) -> Result<(), String> {
+        let algebraic = self.algebraic_variables();
+        let known = self.impacts.iter().flat_map(|impact| impact.exprs());
+        let occurring = variables_of(&known.collect::<Vec<_>>());
+        match occurring.into_iter().find(|var| algebraic.contains(var)) {
+            Some(var) => Err(format!("an impulse depends on `{}`", self.exprs.name(var))),
+            None => Ok(()),
+        }
+    }
+
     fn verify_algebraics(&self) -> Result<(), String> {
         if let Some(z) = self.algebraics.iter().find(|z| !z.guess.is_finite()) {
             return Err(format!("the guess of `{}` is {}", z.var, z.guess));
@@ -119,7 +130,8 @@ impl<'e> Dcs<'e> {
         let members = self.pairs.iter().flat_map(|pair| [pair.left, pair.right]);
         let rows = self.rates.iter().chain(&self.equations).copied();
         let task = self.task.iter().flat_map(crate::system::Task::exprs);
-        rows.chain(members).chain(task).collect()
+        let impacts = self.impacts.iter().flat_map(|impact| impact.exprs());
+        rows.chain(members).chain(task).chain(impacts).collect()
     }
 
     fn algebraic_variables(&self) -> HashSet<Var> {

@@ -81,8 +81,12 @@ impl<'e> Problem<'_, 'e> {
         mut block: Builder<N>,
         step: impl Fn([usize; N]) -> usize,
     ) -> Builder<N> {
-        let Grid { horizon, steps } = self.grid;
-        let start = |place| horizon * (step(place) - 1) as f64 / steps as f64;
+        let Grid {
+            start: from,
+            horizon,
+            steps,
+        } = self.grid;
+        let start = |place| from + horizon * (step(place) - 1) as f64 / steps as f64;
         for (polynomial, table) in self.data.iter().zip(&self.dcs.tables) {
             block = block.number(polynomial.start, start);
             for (i, &c) in polynomial.coefficients.iter().enumerate() {

@@ -85,6 +85,9 @@ impl Problem<'_, '_> {
         define(format!("f{arguments}"), rates.collect());
         let equations = dcs.equations.iter().map(|row| format!("0 = {row}"));
         define(format!("g{arguments}"), equations.collect());
+        let jumps = dcs.jumps().into_iter();
+        let jumps = jumps.map(|(state, by)| format!("jump({}) = {by}", dcs.states[state].var));
+        define("r(x, y)".to_owned(), jumps.collect());
         if self.detection.is_none() {
             let pairs = dcs.pairs.iter();
             let pairs = pairs.map(|pair| format!("{} perp {}", pair.left, pair.right));
@@ -101,7 +104,13 @@ impl Problem<'_, '_> {
             ) && detection.elements > 1
         });
         if is_equilibrated {
-            define("eta[k,j]".to_owned(), self.eta_text());
+            let mut lines = self.eta_text();
+            if !dcs.impacts.is_empty() {
+                lines.push(
+                    "with gap[k,j+1,0] in the place of the first product for contacts".to_owned(),
+                );
+            }
+            define("eta[k,j]".to_owned(), lines);
         }
     }
 }

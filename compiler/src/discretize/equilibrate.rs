@@ -5,6 +5,8 @@
 //! η is positive exactly when every pair has the same positive member on both sides, and then the lengths have to be
 //! equal: η Δh = 0. For the step formulation these are both pairs of a switch: with λ alone η would vanish while
 //! sliding, and leave the lengths free there (Nurkanović et al. 2024).
+//! Of a contact the gap where the elements meet takes the place of Σ_l b_il Σ_l b⁺_il: it is open before and behind an
+//! impact, at which lengths are free.
 
 use super::block::Builder;
 use super::{Equilibration, Problem};
@@ -82,10 +84,23 @@ impl<'e> Problem<'_, 'e> {
                 }
                 sides.push((self.sum(&before), self.sum(&behind)));
             }
-            factors.extend((0..group.members.len()).map(|i| {
-                let products = sides.iter().map(|(before, behind)| before[i] * behind[i]);
-                exprs.sum(products)
-            }));
+            for (i, pair) in group.members.iter().enumerate() {
+                let mut products = sides.iter().map(|(before, behind)| before[i] * behind[i]);
+                let impact = self.impact_of(pair.continuous);
+                factors.push(match impact {
+                    None => exprs.sum(products),
+                    // Open on both sides of an impact, where the gap is zero.
+                    Some(impact) => {
+                        let gap = exprs.variable("gap");
+                        let index = |[k, j]: [usize; 2]| layout.z(k, j + 1, 0, impact.gap);
+                        block = block.variable(gap, |place| {
+                            index(place).expect("a gap is continuous, and there at left ends")
+                        });
+                        let forces = products.next();
+                        gap + forces.expect("what jumps comes first")
+                    }
+                });
+            }
         }
         let row = row(exprs.product(factors), h[1] - h[0]);
         mpcc.blocks

@@ -26,8 +26,10 @@ pub enum DiscretizeError {
         name: String,
     },
     /// The continuous algebraic variables have no values to start from.
-    #[error("`0 = {row}` does not hold at t = 0")]
+    #[error("`0 = {row}` does not hold at t = {time}")]
     Start {
+        /// When.
+        time: f64,
         /// The equation.
         row: String,
     },
@@ -36,15 +38,15 @@ pub enum DiscretizeError {
 /// Residuals above this, relative to the largest value, are no rounding.
 const ROUNDING: f64 = 1e-10;
 
-/// Refuses a start where the guesses of z, which are the values for x at t = 0, violate equations of what is continuous.
-pub(super) fn check_start(dcs: &Dcs) -> Result<(), DiscretizeError> {
+/// Refuses a start where the guesses of z, which are the values for x at the start, violate equations of what is continuous.
+pub(super) fn check_start(dcs: &Dcs, start: f64) -> Result<(), DiscretizeError> {
     let params = dcs.params.iter().map(|param| (param.var, param.value));
     let states = dcs.states.iter().map(|state| (state.var, state.initial));
     let algebraics = dcs.algebraics.iter().map(|z| (z.var, z.guess));
     let data = dcs.data.iter().zip(&dcs.tables);
-    let data = data.map(|(&var, table)| (var, table.value(0.0)));
+    let data = data.map(|(&var, table)| (var, table.value(start)));
     let values: FxHashMap<Var, f64> = (params.chain(states).chain(algebraics).chain(data))
-        .chain([(dcs.time, 0.0)])
+        .chain([(dcs.time, start)])
         .filter_map(|(var, value)| Some((var.as_variable()?, value)))
         .collect();
     let scale = values
@@ -56,6 +58,7 @@ pub(super) fn check_start(dcs: &Dcs) -> Result<(), DiscretizeError> {
     let mut rows = rows.iter().map(|&row| dcs.equations[row]);
     match rows.find(|row| !holds(row)) {
         Some(row) => Err(DiscretizeError::Start {
+            time: start,
             row: row.to_string(),
         }),
         None => Ok(()),

@@ -4,6 +4,7 @@ use nsd_solver::tableau::Tableau;
 use rustc_hash::FxHashSet;
 
 use super::block::variable;
+use super::impulses::{self, Boundaries};
 use super::quadrature::Integral;
 use super::{Detection, Form, Grid, task};
 use crate::dcs::Dcs;
@@ -49,13 +50,17 @@ pub struct Layout {
     end_algebraics: usize,
     /// Which z are continuous, and thus there at the left end.
     pub(super) continuous: Vec<usize>,
+    /// Which of them do not jump with states.
+    pub(super) kept: Vec<usize>,
+    /// What elements begin with where contacts give impulses.
+    pub(super) boundaries: Option<Boundaries>,
     /// Which z are there at a right end that is no node.
     pub(super) at_end: Vec<usize>,
 }
 
 impl Layout {
     /// The number of an element, from 0.
-    fn element(&self, k: usize, j: usize) -> usize {
+    pub(super) fn element(&self, k: usize, j: usize) -> usize {
         (k - 1) * self.elements + (j - 1)
     }
 
@@ -117,10 +122,19 @@ impl Layout {
 
     /// The first state at node m.
     pub fn x(&self, k: usize, j: usize, m: usize) -> usize {
-        match (self.element(k, j), m) {
-            (0, 0) => self.initial_states,
-            (element, 0) => self.states + (element * self.end - 1) * self.n_states,
-            (element, _) => self.states + (element * self.end + m - 1) * self.n_states,
+        let element = self.element(k, j);
+        match (m, &self.boundaries) {
+            (0, None) => self.before(k, j),
+            (0, Some(boundaries)) => boundaries.states + element * self.n_states,
+            _ => self.states + (element * self.end + m - 1) * self.n_states,
+        }
+    }
+
+    /// The first state where the element before ends, or the initial one: that before impulses.
+    pub fn before(&self, k: usize, j: usize) -> usize {
+        match self.element(k, j) {
+            0 => self.initial_states,
+            element => self.states + (element * self.end - 1) * self.n_states,
         }
     }
 
@@ -143,12 +157,18 @@ impl Layout {
     /// Algebraic variable i at node m; at the ends only some are there.
     pub fn z(&self, k: usize, j: usize, m: usize, i: usize) -> Option<usize> {
         let place = |list: &[usize]| list.iter().position(|&known| known == i);
+        let jumping = self.boundaries.as_ref().and_then(|boundaries| {
+            let place = place(&boundaries.jumping)?;
+            let first = boundaries.algebraics + self.element(k, j) * boundaries.jumping.len();
+            Some(first + place)
+        });
         match (self.element(k, j), m) {
             (_, 0) if place(&self.continuous).is_none() => None,
-            (0, 0) => Some(self.initial_algebraics + place(&self.continuous)?),
+            (_, 0) if jumping.is_some() => jumping,
+            (0, 0) => Some(self.initial_algebraics + place(&self.kept)?),
             (_, 0) if j == 1 && self.restarts => {
-                let start = (k - 1) * self.continuous.len();
-                Some(self.initial_algebraics + start + place(&self.continuous)?)
+                let start = (k - 1) * self.kept.len();
+                Some(self.initial_algebraics + start + place(&self.kept)?)
             }
             (element, 0) => self.z_behind(element - 1, self.end, i),
             (element, _) => self.z_behind(element, m, i),
@@ -228,7 +248,7 @@ pub(super) fn declare(
     let is_timed = occurring.contains(&variable(dcs.time)) || task::is_timed(dcs, &occurring);
     let times = is_timed.then(|| {
         let start = |e: usize| {
-            let start = grid.horizon * (e / elements) as f64 / grid.steps as f64;
+            let start = grid.start + grid.horizon * (e / elements) as f64 / grid.steps as f64;
             match e % elements {
                 0 if e == 0 || free_horizon.is_none() => Bounds::fixed(start),
                 j => Bounds::free(start + j as f64 * mean),
@@ -256,7 +276,7 @@ pub(super) fn declare(
     for bound in task.iter().flat_map(|task| &task.bounds) {
         free[bound.place] = free[bound.place].within(bound.lower, bound.upper);
     }
-    let state_block = mpcc.declare("x", states(), &to(end), everywhere(&to(end), free));
+    let state_block = mpcc.declare("x", states(), &to(end), everywhere(&to(end), free.clone()));
     let slopes = (form == Form::Differential).then(|| {
         let slopes = states().iter().map(|name| format!("der({name})")).collect();
         let bounds = vec![Bounds::free(0.0); dcs.states.len()];
@@ -281,13 +301,12 @@ pub(super) fn declare(
         Some(_) if end > nodes => End::new(dcs).algebraics,
         _ => Vec::new(),
     };
-    let (components, bounds) = chosen(&continuous);
+    let boundaries = impulses::declare(mpcc, dcs, per_element, &free, &algebraic_bounds);
+    let jumps = |i: &usize| boundaries.as_ref().is_some_and(|b| b.jumping.contains(i));
+    let kept: Vec<usize> = continuous.iter().copied().filter(|i| !jumps(i)).collect();
+    let (components, bounds) = chosen(&kept);
     let start = task::Start::of(dcs);
-    let known = || {
-        continuous
-            .iter()
-            .map(|&i| Bounds::fixed(dcs.algebraics[i].guess))
-    };
+    let known = || kept.iter().map(|&i| Bounds::fixed(dcs.algebraics[i].guess));
     let starts = [
         Span::new("k", 1, if start.restarts { grid.steps } else { 1 }),
         Span::new("j", 1, 1),
@@ -329,6 +348,8 @@ pub(super) fn declare(
         algebraics,
         end_algebraics,
         continuous,
+        kept,
+        boundaries,
         at_end,
     }
 }

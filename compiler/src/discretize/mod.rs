@@ -17,6 +17,8 @@
 //! The state and the continuous z at the start of the first element are fixed variables: there, as everywhere off the
 //! surfaces, λ is what the switching functions say.
 //!
+//! Where contacts give impulses, every element has a left end of its own, and states jump to it, see `impulses`.
+//!
 //! Where something is optimized, steps are control intervals; `task` adds controls, free parameters, a free T and
 //! constraints, `quadrature` the integrals of the cost.
 //!
@@ -29,6 +31,7 @@ mod definitions;
 mod dynamics;
 mod equilibrate;
 mod error;
+mod impulses;
 mod layout;
 mod points;
 mod quadrature;
@@ -48,9 +51,11 @@ use crate::mpcc::{Conditions, Mpcc};
 pub use crate::system::experiment::{Cross, Equilibration, Form};
 use crate::system::experiment::{FesdOptions, Optimize, SteppingOptions};
 
-/// The steps of a horizon that starts at 0.
+/// The steps of a horizon.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grid {
+    /// When it starts.
+    pub start: f64,
     /// T.
     pub horizon: f64,
     /// N.
@@ -166,7 +171,7 @@ pub fn discretize<'e>(
 ) -> Result<(Mpcc<'e>, Layout), DiscretizeError> {
     error::check_size(dcs, grid, options)?;
     if options.detection.is_some() && !task::Start::of(dcs).is_free {
-        error::check_start(dcs)?;
+        error::check_start(dcs, grid.start)?;
     }
     let (reduced, integrals) = quadrature::split(dcs);
     let dcs = &reduced;
@@ -220,6 +225,7 @@ pub fn discretize<'e>(
     problem.define(&mut mpcc);
     problem.dynamics(&mut mpcc);
     problem.complementarity(&mut mpcc);
+    problem.impulses(&mut mpcc);
     problem.equilibrate(&mut mpcc);
     problem.task(&mut mpcc, &integrals)?;
     debug_assert_eq!(mpcc.verify(), Ok(()), "discretization keeps the invariants");

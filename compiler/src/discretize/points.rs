@@ -106,7 +106,10 @@ impl<'e> Problem<'_, 'e> {
         match (state, control) {
             (Some(i), _) => {
                 let last = layout.elements;
-                let at = |(k, j, m): Place| layout.x(k, j, m) + i;
+                let at = |(k, j, m): Place| match m {
+                    0 => layout.before(k, j) + i,
+                    _ => layout.x(k, j, m) + i,
+                };
                 let is_free = task.initial.iter().any(|free| free.place == i);
                 if row.at == At::Start || is_free && row.at != At::End {
                     indices.push(at((1, 1, 0)));
@@ -222,8 +225,11 @@ impl<'e> Problem<'_, 'e> {
     ) -> Result<Builder<N>, DiscretizeError> {
         let (dcs, layout) = (self.dcs, &self.layout);
         let mut block = block.vector(&self.states(), |at| {
-            let (k, j, m) = place(at);
-            layout.x(k, j, m)
+            // The start is that before impulses.
+            match place(at) {
+                (k, j, 0) => layout.before(k, j),
+                (k, j, m) => layout.x(k, j, m),
+            }
         });
         block = block.variable(h, |at| {
             let (k, j, _) = place(at);

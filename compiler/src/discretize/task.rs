@@ -235,17 +235,20 @@ impl<'e> Problem<'_, 'e> {
             return;
         }
         let steps = if start.restarts { layout.steps } else { 1 };
-        let rows = End::new(dcs).equations;
+        // What jumps with states has its equations where every element begins.
+        let (_, jumping) = super::impulses::jumping(dcs);
+        let mut rows = End::new(dcs).equations;
+        rows.retain(|row| layout.boundaries.is_none() || !jumping.contains(row));
         let pick = |row: &usize| dcs.equations[*row];
         let h = mpcc.exprs.variable("h");
         let equations = self.timed(&rows.iter().map(pick).collect::<Vec<_>>(), h);
         let origins: Vec<_> = rows.iter().map(|&row| dcs.origins.equations[row]).collect();
         let mut block = Builder::new("start", [Span::new("k", 1, steps)])
-            .vector(&self.states(), |[k]| layout.x(k, 1, 0))
+            .vector(&self.states(), |[k]| layout.before(k, 1))
             .variable(h, |[k]| layout.h(k, 1))
             .number(self.node, |_| 0.0);
         block = self.decided(block, |[k]| k);
-        for &i in &layout.continuous {
+        for &i in &layout.kept {
             let index = |[k]: [usize; 1]| {
                 let index = layout.z(k, 1, 0, i);
                 index.expect("what is continuous is there where a step starts")
@@ -324,7 +327,9 @@ impl<'e> Problem<'_, 'e> {
         let mut conditions = Conditions {
             steps: layout.steps,
             elements: layout.elements,
-            has_more: self.groups().iter().any(|group| !group.is_crossed),
+            has_more: self.groups().iter().any(|group| !group.is_crossed)
+                || layout.boundaries.is_some(),
+            impulses: self.impact_pairs(mpcc),
             ..Conditions::default()
         };
         let pairs = |block: &&Block| block.kind == Kind::Pair;

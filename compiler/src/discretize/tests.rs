@@ -45,6 +45,7 @@ fn what_does_not_fit_into_memory_is_refused() {
     let fixture = crate::dcs::fixtures::relay(&exprs);
     let dcs = lower_as(&fixture.system, Formulation::Step).unwrap();
     let grid = Grid {
+        start: 0.0,
         horizon: 1.0,
         steps: 100_000_000,
     };
@@ -62,6 +63,7 @@ fn a_start_without_values_is_refused() {
     let mut system = b.finish(&[1.0 + alpha], &[(&[0], None)]).system;
     system.states[0].initial = 0.0;
     let grid = Grid {
+        start: 0.0,
         horizon: 1.0,
         steps: 1,
     };
@@ -79,6 +81,7 @@ fn rows_know_where_they_come_from() {
     let exprs = crate::expr::Exprs::new();
     let system = crate::dcs::fixtures::two_relays(&exprs).system;
     let grid = Grid {
+        start: 0.0,
         horizon: 1.0,
         steps: 3,
     };
@@ -121,6 +124,7 @@ fn broken_invariants_are_found() {
     let exprs = crate::expr::Exprs::new();
     let system = crate::dcs::fixtures::relay(&exprs).system;
     let grid = Grid {
+        start: 0.0,
         horizon: 1.0,
         steps: 2,
     };

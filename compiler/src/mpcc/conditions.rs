@@ -6,6 +6,8 @@
 //! - nothing switches where the same pairs are open on both sides: the lengths of the two elements are equal;
 //! - a pair that closes while none opens leaves a sliding mode: a is zero there.
 //!
+//! An impact is a switch, too: a contact that was not closed before has a gap that is zero at the boundary.
+//!
 //! Where a pair opens, b is continuous and zero at the boundary, which is row enough. Of several pairs that close at
 //! one boundary, the first fixes it.
 
@@ -26,6 +28,17 @@ pub struct Conditions {
     pub equal: Option<usize>,
     /// Whether elements have pairs besides.
     pub has_more: bool,
+    /// The pairs of impulses, where contacts give them.
+    pub impulses: Option<Impulses>,
+}
+
+/// Pairs of an impulse and a gap where elements begin.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Impulses {
+    /// The number of the first of them among all pairs.
+    pub first_pair: usize,
+    /// The algebraic variable that the gap of every contact is.
+    pub gaps: Vec<usize>,
 }
 
 /// Pairs of elements, and their conditional rows.
@@ -110,6 +123,25 @@ impl Conditions {
         })
     }
 
+    /// Whether a contact that was open before gives an impulse where an element begins.
+    fn is_struck(&self, element: usize, zeros: &[Member]) -> bool {
+        let n = self.steps * self.elements;
+        let Some(impulses) = &self.impulses else {
+            return false;
+        };
+        let was_closed = |gap: usize| {
+            self.groups.iter().any(|group| {
+                let member = group.continuous.iter().position(|&b| b == gap);
+                member.is_some_and(|member| group.is_open(member, element - 1, n, zeros))
+            })
+        };
+        let mut contacts = impulses.gaps.iter().enumerate();
+        contacts.any(|(c, &gap)| {
+            let pair = impulses.first_pair + c * n + element;
+            zeros[pair] == Member::B && !was_closed(gap)
+        })
+    }
+
     /// The rows that hold.
     pub(super) fn holding(&self, zeros: &[Member]) -> Holding {
         let mut rows = Vec::new();
@@ -118,7 +150,8 @@ impl Conditions {
             let (step, element) = (boundary / inner, boundary % inner);
             let element = step * self.elements + element;
             let mut closing = None;
-            let (mut opens, mut changes) = (false, false);
+            let struck = self.is_struck(element + 1, zeros);
+            let (mut opens, mut changes) = (struck, struck);
             for group in &self.groups {
                 for member in 0..group.members {
                     let n_elements = self.steps * self.elements;

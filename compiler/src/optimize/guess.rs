@@ -107,7 +107,8 @@ pub(super) fn start(problem: &Problem, sampled: &[Sampled]) -> Vec<f64> {
     let (steps, elements) = (layout.steps, layout.elements);
     for (k, j) in (1..=steps).flat_map(|k| (1..=elements).map(move |j| (k, j))) {
         for (m, &c) in nodes.iter().enumerate() {
-            if m == 0 && (k, j) != (1, 1) {
+            let begins = (k, j) == (1, 1) || layout.impulses(k, j).is_some();
+            if m == 0 && !begins {
                 continue;
             }
             let element = ((k - 1) * elements + j - 1) as f64;
@@ -120,6 +121,9 @@ pub(super) fn start(problem: &Problem, sampled: &[Sampled]) -> Vec<f64> {
                     false => known.value(state.var, &state.name, share),
                 };
                 set(&mut w, index, value);
+                if (k, j, m) == (1, 1, 0) {
+                    set(&mut w, layout.before(1, 1) + i, value);
+                }
             }
             if is_moved {
                 known.multipliers(&mut w, (k, j, m), share, &bounds);

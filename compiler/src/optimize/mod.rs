@@ -169,6 +169,7 @@ impl<'p, 'e> Problem<'p, 'e> {
         let lowered = frozen.as_ref().map_or(system, |frozen| &frozen.system);
         let dcs = dcs::lower(lowered, &settings.lowerings).expect("the lowering has been checked");
         let grid = Grid {
+            start: 0.0,
             horizon: settings.horizon,
             steps: task.intervals,
         };
@@ -279,6 +280,7 @@ fn describe(problem: &Problem, solution: &Solution, trajectory: &mut Trajectory)
     let formulation = problem.dcs.formulation.word();
     let lowering = match &problem.frozen {
         Some(_) => format!("timefreezing, {formulation}"),
+        None if settings.takes_impulses() => format!("impact, {formulation}"),
         None => formulation.to_owned(),
     };
     trajectory.experiment = settings.name.clone();

@@ -9,14 +9,12 @@ use super::Problem;
 use crate::dcs::solve_in_mode;
 use crate::expr::Var;
 use crate::report::{Dense, Trajectory};
-use crate::simulate::{self, Request};
+use crate::simulate::{self, Rehearsed, Request, cut};
 use crate::system::experiment::{EventOptions, Method, Sampling, Settings};
 use crate::system::{Param, System};
 
 /// Runs in numerical time are so many horizons long, the shorter ones first.
 const LONGER: [f64; 3] = [2.0, 4.0, 16.0];
-/// Instants closer than this, as a share of an interval, are one.
-const CLOSEST: f64 = 1e-9;
 /// α that is so close to 0 or 1 is.
 const ROUNDING: f64 = 1e-9;
 /// How far inside of its element α is read, as a share of it: at its ends it belongs to others.
@@ -25,10 +23,13 @@ const INSIDE: f64 = 1e-6;
 /// Gives lengths, states and multipliers the values of a run; false where there is none to the end of the horizon.
 pub(super) fn rehearse(problem: &Problem, w: &mut [f64]) -> bool {
     let (layout, settings) = (&problem.layout, problem.settings);
-    let (Some(frozen), Some(task)) = (&problem.frozen, &problem.dcs.task) else {
+    let Some(task) = &problem.dcs.task else {
         return false;
     };
-    let mut system = frozen.system.clone();
+    if problem.frozen.is_none() && problem.dcs.impacts.is_empty() {
+        return false;
+    }
+    let mut system = problem.lowered().clone();
     system.task = None;
     for (i, control) in task.controls.iter().enumerate() {
         let values: Vec<f64> = layout
@@ -45,6 +46,18 @@ pub(super) fn rehearse(problem: &Problem, w: &mut [f64]) -> bool {
         });
     }
     let horizon = settings.horizon;
+    let Some(frozen) = &problem.frozen else {
+        let Some(rehearsed) = Rehearsed::new(&system, settings) else {
+            return false;
+        };
+        let bounds = problem.mpcc.bounds();
+        for k in 1..=layout.steps {
+            let instant = |k: usize| horizon * k as f64 / layout.steps as f64;
+            let interval = (instant(k - 1), instant(k));
+            rehearsed.fill((&problem.dcs, layout, &bounds), k, interval, w);
+        }
+        return true;
+    };
     let Some((run, ends)) = run(&system, settings, frozen.clock, layout.steps, horizon) else {
         return false;
     };
@@ -109,36 +122,6 @@ fn reached(dense: &Dense, clock: usize, time: f64) -> Option<f64> {
         }
     }
     Some(behind)
-}
-
-/// The lengths of the elements of an interval: cuts are switches, as far as there are elements for them.
-fn cut(start: f64, end: f64, switches: &[f64], elements: usize) -> Vec<f64> {
-    let near = CLOSEST * (end - start);
-    let inside = |t: &f64| *t > start + near && *t < end - near;
-    let mut cuts = vec![start];
-    cuts.extend(switches.iter().copied().filter(inside));
-    cuts.push(end);
-    cuts.dedup_by(|a, b| *a - *b <= near);
-    while cuts.len() - 1 > elements {
-        // The shortest part joins a neighbour.
-        let lengths = cuts.windows(2).map(|pair| pair[1] - pair[0]);
-        let shortest = lengths
-            .enumerate()
-            .min_by(|a, b| a.1.total_cmp(&b.1))
-            .map_or(1, |(i, _)| i.clamp(1, cuts.len() - 2));
-        cuts.remove(shortest);
-    }
-    let parts: Vec<f64> = cuts.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let mut counts = vec![1; parts.len()];
-    for _ in parts.len()..elements {
-        let each = |i: &usize| parts[*i] / counts[*i] as f64;
-        let longest = (0..parts.len()).max_by(|a, b| each(a).total_cmp(&each(b)));
-        counts[longest.expect("an interval has a part")] += 1;
-    }
-    let parts = parts.iter().zip(&counts);
-    parts
-        .flat_map(|(length, &count)| vec![length / count as f64; count])
-        .collect()
 }
 
 /// States and multipliers of an element.

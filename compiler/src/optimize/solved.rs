@@ -32,7 +32,7 @@ pub(super) fn system<'e>(problem: &Problem<'_, 'e>, w: &[f64]) -> System<'e> {
         system.params[free.place].value = w[layout.p(i)];
     }
     for free in &task.initial {
-        system.states[free.place].initial = w[layout.x(1, 1, 0) + free.place];
+        system.states[free.place].initial = w[layout.before(1, 1) + free.place];
     }
     let (horizon, steps) = (problem.horizon(w), layout.steps);
     let instant = |k: usize| horizon * k as f64 / steps as f64;

@@ -254,6 +254,9 @@ fn complementarity<'e>(
     let lowerings = &settings.lowerings;
     dcs::check(system, lowerings, true).map_err(|error| error.to_string())?;
     let dcs = dcs::lower(system, lowerings).map_err(|error| error.to_string())?;
+    if let Some(impact) = dcs.impacts.first() {
+        return Err(format!("contact `{}` gives impulses", impact.name));
+    }
     Ok(Complementarity::new(system, &dcs))
 }
 

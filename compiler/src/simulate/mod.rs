@@ -8,6 +8,7 @@ mod adaptive;
 mod bench;
 mod blocks;
 mod data;
+mod elements;
 pub mod fesd;
 mod forms;
 mod frozen;
@@ -19,6 +20,7 @@ mod modes;
 mod moreau;
 mod outcome;
 mod record;
+mod rehearsal;
 mod settle;
 mod smoothed;
 mod structure;
@@ -40,10 +42,12 @@ use crate::report::{
 use crate::system::System;
 use crate::system::experiment::{self, Branch, EventOptions, Settings};
 pub use bench::{Bench, End, Variant};
+pub(crate) use elements::Elements;
 use modes::ModeNames;
 pub use outcome::sampled;
 use record::{Jump, Recorder};
-pub(crate) use record::{Points, recorded};
+use record::{Points, recorded};
+pub(crate) use rehearsal::{Rehearsed, cut};
 pub use settle::settle;
 pub use switched::Switched;
 use touches::Touches;
@@ -100,6 +104,9 @@ pub fn run_watched(
         return frozen::run(system, settings, request, watch);
     }
     match &settings.method {
+        experiment::Method::Fesd(options) if settings.takes_impulses() => {
+            fesd::impulses::run(system, settings, options, request, watch)
+        }
         experiment::Method::Fesd(options) => fesd::run(system, settings, options, request, watch),
         experiment::Method::Timestepping(options) if !system.impulsive.is_empty() => {
             moreau::run(system, settings, options, request, watch)

@@ -18,6 +18,8 @@ impl<T: ComplexField<RealField = f64> + Copy> Number for T {}
 #[derive(Clone, Debug)]
 pub struct DenseLu<T = f64> {
     factors: Vec<T>,
+    /// 1 over the diagonal.
+    inverses: Vec<T>,
     pivots: Vec<usize>,
     /// Largest entry of every row, and of every column relative to its rows.
     row_scale: Vec<f64>,
@@ -36,6 +38,7 @@ impl<T: Number> DenseLu<T> {
     pub fn new(n: usize) -> Self {
         DenseLu {
             factors: vec![T::zero(); n * n],
+            inverses: vec![T::zero(); n],
             pivots: vec![0; n],
             row_scale: vec![0.0; n],
             column_scale: vec![0.0; n],
@@ -55,6 +58,7 @@ impl<T: Number> DenseLu<T> {
         self.factors.copy_from_slice(matrix);
         factor(
             &mut self.factors,
+            &mut self.inverses,
             &mut self.pivots,
             &mut self.row_scale,
             &mut self.column_scale,
@@ -63,7 +67,7 @@ impl<T: Number> DenseLu<T> {
 
     /// Overwrites `rhs` with the solution.
     pub fn solve(&self, rhs: &mut [T]) {
-        solve(&self.factors, &self.pivots, rhs);
+        solve(&self.factors, &self.inverses, &self.pivots, rhs);
     }
 }
 
@@ -99,6 +103,8 @@ pub struct BlockLu {
     places: Vec<usize>,
     /// The blocks, row by row; their factors in the end.
     factors: Vec<f64>,
+    /// 1 over the diagonals.
+    inverses: Vec<f64>,
     pivots: Vec<usize>,
     /// Largest entry of every row, and of every column relative to its rows.
     row_scale: Vec<f64>,
@@ -119,6 +125,8 @@ impl BlockLu {
         let n = starts.last().copied().unwrap_or(0);
         self.factors.clear();
         self.factors.resize(place, 0.0);
+        self.inverses.clear();
+        self.inverses.resize(n, 0.0);
         self.pivots.clear();
         self.pivots.resize(n, 0);
         self.row_scale.clear();
@@ -141,6 +149,7 @@ impl BlockLu {
             let (rows, n) = (pair[0]..pair[1], pair[1] - pair[0]);
             factor(
                 &mut self.factors[place..place + n * n],
+                &mut self.inverses[rows.clone()],
                 &mut self.pivots[rows.clone()],
                 &mut self.row_scale[rows.clone()],
                 &mut self.column_scale[rows],
@@ -167,6 +176,7 @@ impl BlockLu {
             let rows = pair[0]..pair[1];
             solve(
                 &self.factors[place..],
+                &self.inverses[rows.clone()],
                 &self.pivots[rows.clone()],
                 &mut rhs[rows],
             );
@@ -191,6 +201,7 @@ fn determinant_sign(factors: &[f64], pivots: &[usize]) -> f64 {
 
 fn factor<T: Number>(
     a: &mut [T],
+    inverses: &mut [T],
     pivots: &mut [usize],
     row_scale: &mut [f64],
     column_scale: &mut [f64],
@@ -215,11 +226,14 @@ fn factor<T: Number>(
             .max_by(|&i, &j| relative(i).total_cmp(&relative(j)))
             .unwrap_or(col);
         let value = a[pivot * n + col];
+        let inverse = T::one() / value;
         let size = row_scale[pivot] * column_scale[col];
-        if !value.is_finite() || value.norm1() <= 1e-14 * size {
+        let usable = value.is_finite() && inverse.is_finite() && value.norm1() > 1e-14 * size;
+        if !usable {
             return Err(Singular { column: col });
         }
         pivots[col] = pivot;
+        inverses[col] = inverse;
         if pivot != col {
             row_scale.swap(pivot, col);
             for k in 0..n {
@@ -232,7 +246,7 @@ fn factor<T: Number>(
         let width = eliminated.iter().rposition(|v| *v != T::zero());
         let eliminated = &eliminated[..width.map_or(0, |last| last + 1)];
         for row in below.chunks_exact_mut(n) {
-            let factor = row[col] / value;
+            let factor = row[col] * inverse;
             row[col] = factor;
             if factor != T::zero() {
                 for (entry, above) in row[col + 1..].iter_mut().zip(eliminated) {
@@ -244,7 +258,7 @@ fn factor<T: Number>(
     Ok(())
 }
 
-fn solve<T: Number>(a: &[T], pivots: &[usize], rhs: &mut [T]) {
+fn solve<T: Number>(a: &[T], inverses: &[T], pivots: &[usize], rhs: &mut [T]) {
     let n = pivots.len();
     for (row, &pivot) in pivots.iter().enumerate() {
         rhs.swap(row, pivot);
@@ -255,7 +269,7 @@ fn solve<T: Number>(a: &[T], pivots: &[usize], rhs: &mut [T]) {
     }
     for row in (0..n).rev() {
         let sum = dot(&a[row * n + row + 1..(row + 1) * n], &rhs[row + 1..]);
-        rhs[row] = (rhs[row] - sum) / a[row * n + row];
+        rhs[row] = (rhs[row] - sum) * inverses[row];
     }
 }
 

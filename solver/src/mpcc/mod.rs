@@ -195,7 +195,8 @@ impl Work<'_> {
             let is_over = self.is_late()
                 || best.is_some()
                     && self.stats.iterations.saturating_mul(size) > self.options.effort;
-            if is_over && (index > 0 || best.is_some() && self.is_late()) {
+            let is_enough = self.is_late() || self.options.effort == 0;
+            if is_over && (index > 0 || best.is_some() && is_enough) {
                 break;
             }
             self.stats.restarts = index;

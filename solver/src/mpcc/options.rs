@@ -41,7 +41,7 @@ pub struct Options {
     /// How many other ways are tried when one ends without a feasible point.
     pub max_restarts: usize,
     /// Other ways are tried for a smaller objective, too, as long as the iterations so far, times the numbers of
-    /// variables and rows, are fewer than this.
+    /// variables and rows, are fewer than this. With zero, a feasible branch of a trusted start is enough.
     pub effort: usize,
     /// The largest number of iterations of one interior-point run.
     pub max_iterations: usize,

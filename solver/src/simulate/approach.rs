@@ -102,7 +102,14 @@ impl Mode {
         }
         let past = self.gradient(switch).iter();
         let past: f64 = past.map(|&(j, g)| g.abs() * state.scale[j]).sum();
-        CLOSE * tolerance * past + ROUNDINGS * f64::EPSILON * state.terms[switch].max(past)
+        let terms = state.terms[switch];
+        // The series of what is no affine function has an error of its own.
+        let cut = if self.surfaces.is_affine(switch) {
+            0.0
+        } else {
+            tolerance * terms
+        };
+        CLOSE * tolerance * past + cut + ROUNDINGS * f64::EPSILON * terms.max(past)
     }
 
     /// Takes note of the surfaces that came close within a step of `length`, and of the one that
@@ -218,7 +225,11 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             approach.latches = self.system.relay(switch).is_some();
             let order = mode.order + 1;
             mode.surfaces.expand(switch, &mut mode.memory, order);
-            let behind = &mode.psi_series(switch)[1..=DERIVATIVES];
+            let c = mode.psi_series(switch);
+            if !approach.crosses {
+                approach.distance = side.sign() * c[0];
+            }
+            let behind = &c[1..=DERIVATIVES];
             for (c, behind) in approach.behind.iter_mut().zip(behind) {
                 *c = side.sign() * behind;
             }

@@ -8,8 +8,9 @@ use super::mode::Mode;
 use super::series;
 use super::state::State;
 
-/// A step from a horizon of any length shrinks by about e² at a time.
-const MAX_SHRINKS: usize = 200;
+/// Lengths tried before a step is as long as its series allow, and how close to that it ends.
+const MAX_GROWTHS: usize = 200;
+const CLOSE: f64 = 1.05;
 
 /// Relative change of the inputs that shows the size of the terms of a function.
 pub(super) const PERTURBATION: f64 = 1e-7;
@@ -60,7 +61,8 @@ impl LastTerms {
     fn see(&mut self, c: &[f64], scale: f64) {
         for (worst, c) in self.worst.iter_mut().zip(&c[self.order - 2..]) {
             if *c != 0.0 {
-                *worst = worst.max(c.abs() / scale);
+                // Even where it overflows, it allows some step.
+                *worst = worst.max((c.abs() / scale).min(f64::MAX));
             }
         }
     }
@@ -142,7 +144,7 @@ impl Mode {
     /// |c_k| = magnitude / ρᵏ gives the radius ρ, taken as the least over the last three terms (two
     /// in Jorba & Zou 2005, section 3.2); then (h/ρ)^(p+1) = tolerance.
     pub(crate) fn step_size(&self, tolerance: f64, state: &State, longest: f64) -> f64 {
-        self.shrink(tolerance, longest, |h, last| {
+        self.grow(tolerance, longest, |h, last| {
             for i in 0..self.n {
                 last.see(self.x_series(i), self.error_scale(i, h, tolerance, state));
             }
@@ -205,7 +207,7 @@ impl Mode {
     /// The largest step up to `longest` whose first neglected terms stay below `tolerance` times
     /// the magnitude of every ψ that is watched.
     pub(crate) fn step_size_of_psi(&self, tolerance: f64, state: &State, longest: f64) -> f64 {
-        self.shrink(tolerance, longest, |h, last| {
+        self.grow(tolerance, longest, |h, last| {
             for &i in &self.watched {
                 if !self.surfaces.is_affine(i) {
                     let rounding = 8.0 * f64::EPSILON * state.terms[i];
@@ -217,20 +219,21 @@ impl Mode {
         })
     }
 
-    /// Shrinks a step until the last terms that `see` shows for it allow it.
-    fn shrink(&self, tolerance: f64, longest: f64, see: impl Fn(f64, &mut LastTerms)) -> f64 {
-        let mut h = longest;
-        for _ in 0..MAX_SHRINKS {
+    /// Lengthens a step from nothing as far as the last terms that `see` shows for it allow: a longer
+    /// step has larger magnitudes, which their size is relative to. Every length on the way is allowed.
+    fn grow(&self, tolerance: f64, longest: f64, see: impl Fn(f64, &mut LastTerms)) -> f64 {
+        let margin = tolerance.ln() / (self.order + 1) as f64;
+        let mut h = 0.0;
+        for _ in 0..MAX_GROWTHS {
             let mut last = LastTerms {
                 order: self.order,
                 worst: [0.0; 3],
             };
             see(h, &mut last);
-            let least = last.radius();
-            let next = h.min((least + tolerance.ln() / (self.order + 1) as f64).exp());
-            let settled = next >= 0.9 * h;
+            let next = longest.min((last.radius() + margin).exp());
+            let settled = next <= CLOSE * h;
             h = next;
-            if settled {
+            if settled || h == longest {
                 break;
             }
         }

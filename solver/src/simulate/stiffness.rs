@@ -14,8 +14,8 @@ pub(super) struct Stiffness {
     /// Error of a step, relative to the magnitude of the states.
     tolerance: f64,
     tableau: Option<Arc<Tableau>>,
-    /// The method that was used last.
-    method: Option<Box<Radau>>,
+    /// The methods used last, the latest at the end.
+    methods: Vec<Radau>,
     /// Whether the implicit method makes the next step.
     pub implicit: bool,
     /// Length of its first step, until it is taken.
@@ -54,6 +54,9 @@ const CAREFUL: f64 = 1e-3;
 /// The largest number of nodes.
 pub(super) const MOST_NODES: usize = 11;
 
+/// Shapes of modes whose method is kept for the next time.
+const MOST_KEPT: usize = 3;
+
 /// Fewer Taylor steps than this are not worth another method.
 const FEW: f64 = 50.0;
 
@@ -68,7 +71,7 @@ impl Stiffness {
         Stiffness {
             tolerance,
             tableau: None,
-            method: None,
+            methods: Vec::new(),
             implicit: false,
             first: None,
             cruise: 0.0,
@@ -84,7 +87,7 @@ impl Stiffness {
     pub(super) fn reset(&mut self) {
         *self = Stiffness {
             tableau: self.tableau.take(),
-            method: self.method.take(),
+            methods: std::mem::take(&mut self.methods),
             ..Stiffness::new(self.tolerance)
         };
     }
@@ -95,24 +98,28 @@ impl Stiffness {
     }
 
     /// The method for a mode; to be given back after the step.
-    pub(super) fn take(&mut self, shape: Shape) -> Box<Radau> {
-        let fits = self.method.take_if(|method| method.shape() == shape);
-        fits.unwrap_or_else(|| {
-            let nodes = nodes(self.tolerance);
-            let tableau = self
-                .tableau
-                .get_or_insert_with(|| Arc::new(Tableau::new(nodes)));
-            Box::new(Radau::new(tableau.clone(), shape, self.tolerance))
-        })
+    pub(super) fn take(&mut self, shape: Shape) -> Radau {
+        let mut methods = self.methods.iter();
+        if let Some(fits) = methods.position(|method| method.shape() == shape) {
+            return self.methods.remove(fits);
+        }
+        if self.methods.len() == MOST_KEPT {
+            self.methods.remove(0);
+        }
+        let nodes = nodes(self.tolerance);
+        let tableau = self
+            .tableau
+            .get_or_insert_with(|| Arc::new(Tableau::new(nodes)));
+        Radau::new(tableau.clone(), shape, self.tolerance)
     }
 
-    pub(super) fn give_back(&mut self, method: Box<Radau>) {
-        self.method = Some(method);
+    pub(super) fn give_back(&mut self, method: Radau) {
+        self.methods.push(method);
     }
 
     /// The method that made the last implicit step.
     pub(super) fn method(&self) -> Option<&Radau> {
-        self.method.as_deref()
+        self.methods.last()
     }
 
     /// What Taylor steps are to be as accurate as.

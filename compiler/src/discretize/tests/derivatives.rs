@@ -42,6 +42,7 @@ fn for_each(mut check: impl FnMut(&Mpcc)) {
                     ..Detection::default()
                 };
                 let grid = Grid {
+                    start: 0.0,
                     horizon: 1.0,
                     steps: 1,
                 };

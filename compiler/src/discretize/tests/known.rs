@@ -63,6 +63,7 @@ fn entry() -> Known {
             },
         ],
         grid: Grid {
+            start: 0.0,
             horizon: 2.0,
             steps: 2,
         },
@@ -92,6 +93,7 @@ fn crossing() -> Known {
             },
         ],
         grid: Grid {
+            start: 0.0,
             horizon: 2.0,
             steps: 1,
         },
@@ -135,6 +137,7 @@ fn entry_and_exit() -> Known {
             },
         ],
         grid: Grid {
+            start: 0.0,
             horizon: 2.0,
             steps: 1,
         },

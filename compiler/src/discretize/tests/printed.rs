@@ -7,6 +7,7 @@ use crate::dcs::fixtures::{self, Fixture};
 use crate::expr::Exprs;
 
 const GRID: Grid = Grid {
+    start: 0.0,
     horizon: 1.0,
     steps: 10,
 };
@@ -316,6 +317,7 @@ fn rows_one_by_one() {
     let system = fixtures::relay(&exprs).system;
     let options = options((Family::RadauIia, 1), Detection::default());
     let grid = Grid {
+        start: 0.0,
         horizon: 1.0,
         steps: 1,
     };

@@ -4,6 +4,7 @@
 //! global error.
 
 mod complementarity;
+pub(super) mod impulses;
 mod reduce;
 pub(super) mod stepping;
 

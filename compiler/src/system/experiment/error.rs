@@ -385,15 +385,11 @@ pub enum ExperimentError {
 
     /// A lowering that there is not, or not here.
     #[error("lowering `{name}` is not supported {with}yet")]
-    #[diagnostic(
-        code(E0924),
-        help(
-            "`method event` runs jumps and relays as they are; `stewart` and `step` lower switches"
-        )
-    )]
+    #[diagnostic(code(E0924), help("{help}"))]
     Lowering {
         name: String,
         with: &'static str,
+        help: &'static str,
         #[label("not supported yet")]
         span: Span,
     },

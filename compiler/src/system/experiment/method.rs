@@ -115,6 +115,8 @@ pub enum Lowering {
     Step,
     /// Jumps and relays take place while a clock stands still.
     TimeFreezing,
+    /// Contacts give impulses where finite elements meet (FESD-J).
+    Impact,
 }
 
 const METHODS: [&str; 6] = [
@@ -262,14 +264,7 @@ pub(super) fn lowering(reader: &mut Reader<'_, '_>, name: &Ident) -> Option<Lowe
         "stewart" => Some(Lowering::Stewart),
         "step" => Some(Lowering::Step),
         "timefreezing" => Some(Lowering::TimeFreezing),
-        known if LOWERINGS.contains(&known) => {
-            reader.error(ExperimentError::Lowering {
-                name: known.to_owned(),
-                with: "",
-                span: name.span,
-            });
-            None
-        }
+        "impact" => Some(Lowering::Impact),
         _ => {
             reader.error(unknown_choice("lowering", name, &LOWERINGS));
             None

@@ -65,6 +65,11 @@ impl Settings<'_> {
         self.lowerings.contains(&Lowering::TimeFreezing)
     }
 
+    /// Whether contacts give impulses where finite elements meet.
+    pub fn takes_impulses(&self) -> bool {
+        self.lowerings.contains(&Lowering::Impact)
+    }
+
     /// What the motion of a frozen system is measured in: the time of a run, or of a control interval.
     pub fn pace(&self) -> f64 {
         match &self.optimize {

@@ -30,6 +30,8 @@ pub(super) struct Newton {
     residuals: Vec<f64>,
     transformed: Vec<f64>,
     y: Vec<f64>,
+    /// -A⁻¹/h.
+    weights: Vec<f64>,
     /// J at `jacobian_at`.
     jacobian: Vec<f64>,
     jacobian_at: Option<f64>,
@@ -85,6 +87,7 @@ impl Newton {
             residuals: vec![0.0; s * n],
             transformed: vec![0.0; s * n],
             y: vec![0.0; n],
+            weights: vec![0.0; s * s],
             jacobian: vec![0.0; n * n],
             jacobian_at: None,
             factored: 0.0,
@@ -291,6 +294,7 @@ impl Newton {
     /// R.
     fn residual(&mut self, problem: &mut impl Implicit, start: &Start, h: f64) {
         let (n, s) = (self.shape.unknowns(), self.tableau.s);
+        let states = self.shape.states;
         let nodes = self.displacements.chunks(n);
         let nodes = nodes
             .zip(self.residuals.chunks_mut(n))
@@ -301,14 +305,11 @@ impl Newton {
             }
             problem.eval(start.t + c * h, &self.y, residual);
         }
-        for (i, residual) in self.residuals.chunks_mut(n).enumerate() {
-            for j in 0..s {
-                let weight = self.tableau.inverse[i * s + j] / h;
-                let z = &self.displacements[j * n..j * n + self.shape.states];
-                for (residual, z) in residual.iter_mut().zip(z) {
-                    *residual -= weight * z;
-                }
-            }
+        let weights = self.weights.iter_mut().zip(&self.tableau.inverse);
+        weights.for_each(|(weight, entry)| *weight = -entry / h);
+        let rows = self.weights.chunks_exact(s);
+        for (row, residual) in rows.zip(self.residuals.chunks_exact_mut(n)) {
+            add_product(row, &self.displacements, n, &mut residual[..states]);
         }
     }
 
@@ -369,13 +370,40 @@ pub(super) fn largest(values: impl Iterator<Item = f64>) -> f64 {
 
 /// (matrix ⊗ I) from, for `n` entries per node.
 fn transform(matrix: &[f64], from: &[f64], to: &mut [f64], n: usize) {
+    to.fill(0.0);
     let s = from.len() / n;
-    for (row, to) in matrix.chunks(s).zip(to.chunks_mut(n)) {
-        to.fill(0.0);
-        for (&weight, from) in row.iter().zip(from.chunks(n)) {
-            for (to, from) in to.iter_mut().zip(from) {
-                *to += weight * from;
+    for (row, to) in matrix.chunks_exact(s).zip(to.chunks_exact_mut(n)) {
+        add_product(row, from, n, to);
+    }
+}
+
+/// Adds Σ_j row_j from_jk to every entry k of `to`, the first of `n` per node.
+fn add_product(row: &[f64], from: &[f64], n: usize, to: &mut [f64]) {
+    let (fours, rest) = to.as_chunks_mut::<4>();
+    let (twos, ones) = rest.as_chunks_mut::<2>();
+    let mut from = from;
+    for to in fours {
+        add_columns(row, from, n, to);
+        from = &from[4..];
+    }
+    for to in twos {
+        add_columns(row, from, n, to);
+        from = &from[2..];
+    }
+    for to in ones {
+        add_columns(row, from, n, std::array::from_mut(to));
+    }
+}
+
+/// The same for a few entries next to each other, the first of `from`.
+fn add_columns<const W: usize>(row: &[f64], from: &[f64], n: usize, to: &mut [f64; W]) {
+    let mut sum = *to;
+    for (weight, from) in row.iter().zip(from.chunks(n)) {
+        if let Some(from) = from.first_chunk::<W>() {
+            for (sum, from) in sum.iter_mut().zip(from) {
+                *sum += weight * from;
             }
         }
     }
+    *to = sum;
 }

@@ -10,7 +10,11 @@ use crate::linalg::DenseLu;
 use crate::simulate::series;
 use crate::tableau::{differentiation, monomials, radau_iia_nodes};
 
-/// Radau IIA with an odd number of nodes; all matrices are row major.
+/// Up to this many nodes coefficients are exact to some 1e-13, far below the tolerances for which so few
+/// are chosen.
+const EXACT_NODES: usize = 5;
+
+/// Radau IIA with an odd number of nodes; matrices are row major unless they say otherwise.
 #[derive(Debug)]
 pub(in crate::simulate) struct Tableau {
     /// s, the number of nodes; the order is 2s - 1.
@@ -28,7 +32,8 @@ pub(in crate::simulate) struct Tableau {
     pub pairs: Vec<Complex<f64>>,
     /// Where between the nodes a step is looked at.
     pub probes: Vec<f64>,
-    /// Values at the nodes to the coefficients of θ, .., θˢ of the polynomial that is 0 at 0, s × s.
+    /// Values at the nodes to the coefficients of θ, .., θˢ of the polynomial that is 0 at 0, s × s,
+    /// column by column.
     pub powers: Vec<f64>,
 }
 
@@ -58,7 +63,7 @@ impl Tableau {
             .expect("the eigenvalues are distinct");
         Tableau {
             s,
-            powers: without_start(&monomials(&with_start), s),
+            powers: transposed(&without_start(&monomials(&with_start), s), s),
             probes: probes(&nodes),
             nodes,
             inverse,
@@ -80,13 +85,15 @@ impl Tableau {
         series: &mut [f64],
     ) {
         series.fill(0.0);
-        // The coefficients lose digits in the first round that the second one brings back.
-        for _ in 0..2 {
-            for (j, &c) in self.nodes.iter().enumerate() {
-                let left = displacement(j) - series::value(series, c);
-                for (k, coefficient) in series[1..].iter_mut().enumerate() {
-                    *coefficient += self.powers[k * self.s + j] * left;
-                }
+        let columns = self.powers.chunks_exact(self.s);
+        for (j, column) in columns.clone().enumerate() {
+            add(column, displacement(j), &mut series[1..]);
+        }
+        if self.s > EXACT_NODES {
+            // The coefficients lost digits that a second round brings back.
+            for (j, column) in columns.enumerate() {
+                let left = displacement(j) - series::value(series, self.nodes[j]);
+                add(column, left, &mut series[1..]);
             }
         }
         series[0] = start;
@@ -96,6 +103,17 @@ impl Tableau {
             *c *= power;
         }
     }
+}
+
+/// Adds a multiple of a column.
+fn add(column: &[f64], factor: f64, to: &mut [f64]) {
+    for (to, entry) in to.iter_mut().zip(column) {
+        *to += entry * factor;
+    }
+}
+
+fn transposed(matrix: &[f64], s: usize) -> Vec<f64> {
+    DMatrix::from_row_slice(s, s, matrix).as_slice().to_vec()
 }
 
 fn row_major(matrix: &DMatrix<f64>) -> Vec<f64> {
@@ -248,7 +266,7 @@ mod tests {
             for k in 1..=s {
                 let values = tableau.nodes.iter().map(|c| c.powi(k as i32));
                 let values = DVector::from_iterator(s, values);
-                let coefficients = matrix(s, &tableau.powers) * values;
+                let coefficients = matrix(s, &tableau.powers).transpose() * values;
                 for (at, found) in coefficients.iter().enumerate() {
                     let exact = if at + 1 == k { 1.0 } else { 0.0 };
                     assert_close(*found, exact, 1e-8);

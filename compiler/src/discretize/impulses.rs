@@ -1,0 +1,263 @@
+//! Impulses of contacts where elements meet (FESD-J).
+//!
+//! Every element has a state x⁺ of its own at its left end, behind the end x⁻ of the one before, or the initial state:
+//!
+//! x⁺ - x⁻ = Σ_c r_c(x⁺) y_c,   0 <= Λ_c ⟂ gap_c >= 0,   0 <= Λ_c ⟂ gap_c + τ J_nᵀ(v⁺ + e v⁻) >= 0
+//!
+//! with the impulses y = (Λ, α⁺) of [`crate::dcs::Impact`]. At gap = 0 the last pair is Newton's law of impacts, which
+//! a contact cannot refuse: Λ = 0 needs J_nᵀ(v⁺ + e v⁻) >= 0. The published block, 0 <= Λ_n ⟂ gap + P + N >= 0 with
+//! P - N = J_nᵀ(v⁺ + e v⁻), can always be met by Λ = 0, and leaves it to the next element to exclude that. At gap > 0
+//! the price is that elements do not meet within τ (1 + e) before an impact; τ is a small share of their mean length.
+//!
+//! What is continuous along solutions but for jumps, as λᵖ and λⁿ of a slip velocity, starts anew in every element.
+//!
+//! Nurkanović, Frey, Pozharskiy & Diehl 2024.
+
+use super::block::{Builder, variable};
+use super::dynamics::sources;
+use super::layout::{End, Layout};
+use super::{Grid, Problem};
+use crate::dcs::{Dcs, Impact};
+use crate::expr::{Expr, Substitution, variables_of};
+use crate::mpcc::{self, Bounds, Kind, Mpcc, Source, Span, n_places};
+
+/// τ as a share of the mean length of elements.
+pub const WINDOW: f64 = 1e-3;
+
+/// First indices of what elements begin with.
+#[derive(Clone, Debug)]
+pub(super) struct Boundaries {
+    pub states: usize,
+    impulses: usize,
+    n_impulses: usize,
+    pub algebraics: usize,
+    /// Which continuous z jump with states.
+    pub jumping: Vec<usize>,
+}
+
+/// The continuous z that jump with states, and the equations that say what they are.
+pub(super) fn jumping(dcs: &Dcs) -> (Vec<usize>, Vec<usize>) {
+    let (mut algebraics, mut equations) = (Vec::new(), Vec::new());
+    for row in End::new(dcs).equations {
+        let occurring = variables_of(&[dcs.equations[row]]);
+        let occurs = |e: Expr| occurring.contains(&variable(e));
+        let jumps = dcs.jumps_in(dcs.equations[row])
+            || algebraics
+                .iter()
+                .any(|&i: &usize| occurs(dcs.algebraics[i].var));
+        if jumps {
+            equations.push(row);
+            let of_row = |&i: &usize| occurs(dcs.algebraics[i].var) && !algebraics.contains(&i);
+            let new: Vec<usize> = (0..dcs.algebraics.len()).filter(of_row).collect();
+            algebraics.extend(new);
+        }
+    }
+    algebraics.sort_unstable();
+    (algebraics, equations)
+}
+
+/// Declares x⁺, y and the z that jump, for every element; `states` and `algebraics` are bounds of all of them.
+pub(super) fn declare(
+    mpcc: &mut Mpcc,
+    dcs: &Dcs,
+    elements: [Span; 2],
+    states: &[Bounds],
+    algebraics: &[Bounds],
+) -> Option<Boundaries> {
+    if dcs.impacts.is_empty() {
+        return None;
+    }
+    let n = n_places(&elements);
+    let [k, j] = elements;
+    let left = [k, j, Span::new("m", 0, 0)];
+    let names = |vars: Vec<Expr>| vars.iter().map(Expr::to_string).collect::<Vec<_>>();
+    let all = dcs.states.iter().map(|state| state.var);
+    let first_state = mpcc.declare("x", names(all.collect()), &left, states.repeat(n));
+    let sides = |impact: &Impact| impact.friction.is_some();
+    let impulses = dcs
+        .impacts
+        .iter()
+        .map(|_| Bounds::between(0.0, f64::INFINITY, 0.0));
+    let all_sides = dcs.impacts.iter().filter(|impact| sides(impact));
+    let bounds: Vec<Bounds> = impulses
+        .chain(all_sides.map(|_| Bounds::between(0.0, 1.0, 0.5)))
+        .collect();
+    let n_impulses = bounds.len();
+    let impulses = mpcc.declare("y", names(variables(dcs)), &elements, bounds.repeat(n));
+    let (jumping, _) = jumping(dcs);
+    let vars = jumping.iter().map(|&i| dcs.algebraics[i].var);
+    let bounds: Vec<Bounds> = jumping.iter().map(|&i| algebraics[i]).collect();
+    let algebraics = mpcc.declare("z", names(vars.collect()), &left, bounds.repeat(n));
+    Some(Boundaries {
+        states: first_state,
+        impulses,
+        n_impulses,
+        algebraics,
+        jumping,
+    })
+}
+
+/// Λ of all contacts, then α⁺ of those with friction.
+fn variables<'e>(dcs: &Dcs<'e>) -> Vec<Expr<'e>> {
+    let impulses = dcs.impacts.iter().map(|impact| impact.impulse);
+    let sides = dcs.impacts.iter().flat_map(|impact| &impact.friction);
+    impulses
+        .chain(sides.map(|friction| friction.side))
+        .collect()
+}
+
+impl Layout {
+    /// The first impulse where an element begins: Λ of every contact.
+    pub fn impulses(&self, k: usize, j: usize) -> Option<usize> {
+        let boundaries = self.boundaries.as_ref()?;
+        Some(boundaries.impulses + self.element(k, j) * boundaries.n_impulses)
+    }
+}
+
+impl<'e> Problem<'_, 'e> {
+    /// Jumps, what jumps with states, and the laws of impulses.
+    pub(super) fn impulses(&self, mpcc: &mut Mpcc<'e>) {
+        let (dcs, layout) = (self.dcs, &self.layout);
+        if layout.boundaries.is_none() {
+            return;
+        }
+        let exprs = mpcc.exprs;
+        let (states, h) = (self.states(), exprs.variable("h"));
+        let before = exprs.variables("before", states.len());
+        let at_left = |name: &'static str| {
+            let block = Builder::new(name, [self.steps(), self.elements()])
+                .vector(&states, |[k, j]| layout.x(k, j, 0))
+                .vector(&before, |[k, j]| layout.before(k, j))
+                .vector(&variables(dcs), |[k, j]| layout.impulses(k, j).unwrap_or(0))
+                .variable(h, |[k, j]| layout.h(k, j))
+                .number(self.node, |_| 0.0);
+            let z = layout.continuous.iter();
+            let block = z.fold(block, |block, &i| {
+                let index = |[k, j]: [usize; 2]| layout.z(k, j, 0, i);
+                block.variable(dcs.algebraics[i].var, |place| {
+                    index(place).expect("what is continuous is there at left ends")
+                })
+            });
+            let block = match layout.t(1, 1) {
+                Some(_) => block.variable(dcs.time, |[k, j]| layout.t(k, j).unwrap_or(0)),
+                None => block,
+            };
+            self.decided(block, |[k, _]| k)
+        };
+
+        // x⁺ - x⁻ = r y
+        let jumps = dcs.jumps();
+        let row = |(i, (&after, &before)): (usize, (&Expr<'e>, &Expr<'e>))| {
+            let jump = jumps.iter().find(|(state, _)| *state == i);
+            let by = jump.map_or(exprs.constant(0.0), |&(_, by)| by);
+            after - before - by
+        };
+        let rows: Vec<Expr> = states.iter().zip(&before).enumerate().map(row).collect();
+        let text = "0 = x[k,j,0] - before(x)[k,j] - r(x[k,j,0], y[k,j])".to_owned();
+        let origins = sources(&dcs.origins.rates);
+        let block = at_left("jump");
+        let rows = self.timed(&rows, h);
+        mpcc.blocks
+            .push(block.finish(Kind::Equation, rows, origins, text));
+
+        let (_, equations) = jumping(dcs);
+        if !equations.is_empty() {
+            let rows: Vec<Expr> = equations.iter().map(|&row| dcs.equations[row]).collect();
+            let origins: Vec<_> = equations
+                .iter()
+                .map(|&row| dcs.origins.equations[row])
+                .collect();
+            let g = self.arguments("t[k,j]", "x[k,j,0]", "z[k,j,0]");
+            let block = at_left("left");
+            let rows = self.timed(&rows, h);
+            let text = format!("0 = g{g}, where states jump");
+            mpcc.blocks
+                .push(block.finish(Kind::Equation, rows, sources(&origins), text));
+        }
+
+        let sides = states
+            .iter()
+            .map(|&x| variable(x))
+            .zip(before.iter().copied());
+        let sides: Substitution = sides.collect();
+        let Grid { horizon, steps, .. } = self.grid;
+        let window = WINDOW * horizon / (steps * layout.elements) as f64;
+        let gap = |impact: &Impact<'e>| dcs.algebraics[impact.gap].var;
+        let law = |impact: &Impact<'e>| {
+            let before = impact.speed.substitute(&sides);
+            gap(impact) + window * (impact.speed + impact.restitution * before)
+        };
+        let impulses = dcs.impacts.iter().map(|impact| impact.impulse);
+        let rubs = |impact: &&Impact<'e>| impact.friction.is_some();
+        let frictions = || dcs.impacts.iter().flat_map(|impact| &impact.friction);
+        let multiplier = |which: usize| {
+            frictions().map(move |friction| dcs.algebraics[friction.multipliers[which]].var)
+        };
+        let others = frictions().map(|friction| 1.0 - friction.side);
+        let contacts: Vec<Source> = dcs.impacts.iter().map(|i| self.origin(i)).collect();
+        let rubbing = dcs.impacts.iter().filter(rubs).map(|i| self.origin(i));
+        let rubbing: Vec<Source> = rubbing.collect();
+
+        let mut pair = |name, a: Vec<Expr<'e>>, b: Vec<Expr<'e>>, origins: Vec<Source>, text| {
+            if a.is_empty() {
+                return;
+            }
+            let outputs = self.timed(&[a, b].concat(), h);
+            let block = at_left(name).finish(Kind::Pair, outputs, origins, text);
+            mpcc.blocks.push(block);
+        };
+        pair(
+            "impulse",
+            impulses.clone().collect(),
+            dcs.impacts.iter().map(gap).collect(),
+            contacts.clone(),
+            "0 <= impulse[k,j] perp gap[k,j,0] >= 0".to_owned(),
+        );
+        pair(
+            "restitution",
+            impulses.collect(),
+            dcs.impacts.iter().map(law).collect(),
+            contacts,
+            format!(
+                "0 <= impulse[k,j] perp gap[k,j,0] + {window}*(after(speed) + e*before(speed)) >= 0"
+            ),
+        );
+        pair(
+            "impulse_friction",
+            multiplier(1).chain(multiplier(0)).collect(),
+            frictions().map(|friction| friction.side).chain(others).collect(),
+            rubbing.repeat(2),
+            "0 <= lambda_n[k,j,0] perp side[k,j] >= 0, 0 <= lambda_p[k,j,0] perp 1 - side[k,j] >= 0"
+                .to_owned(),
+        );
+    }
+
+    /// Where the pair of a contact comes from.
+    fn origin(&self, impact: &Impact<'e>) -> Source {
+        let gap = self.dcs.algebraics[impact.gap].var;
+        let pairs = &self.dcs.pairs;
+        let place = pairs
+            .iter()
+            .position(|pair| pair.left == gap || pair.right == gap);
+        let place = place.expect("a contact has a pair");
+        Source::Dcs(self.dcs.origins.pairs[place])
+    }
+
+    /// The contact whose gap is this continuous member.
+    pub(super) fn impact_of(&self, continuous: Expr<'e>) -> Option<&Impact<'e>> {
+        let i = self.algebraic(continuous);
+        self.dcs.impacts.iter().find(|impact| impact.gap == i)
+    }
+
+    /// Which pairs of the program say that there is an impact.
+    pub(super) fn impact_pairs(&self, mpcc: &Mpcc<'e>) -> Option<mpcc::Impulses> {
+        let pairs = mpcc.blocks.iter().filter(|block| block.kind == Kind::Pair);
+        let before = pairs.take_while(|block| block.name != "impulse");
+        let first_pair = before.map(|block| block.n_rows() / 2).sum();
+        let gaps = self.dcs.impacts.iter().map(|impact| impact.gap);
+        self.layout.boundaries.as_ref().map(|_| mpcc::Impulses {
+            first_pair,
+            gaps: gaps.collect(),
+        })
+    }
+}

@@ -1,0 +1,226 @@
+//! Elements as a trajectory, whatever has solved for their values.
+//!
+//! In an element, states are polynomials through their values at its nodes, and α through its values. A switch has one
+//! side in an element: α is 0 or 1 at all of its nodes, or the state slides. Where states have jumped there are two
+//! values at one time.
+
+use nsd_solver::simulate::Side;
+
+use super::{Points, recorded};
+use crate::expr::{Expr, Var};
+use crate::report::{Dense, Piece, Trajectory};
+use crate::system::experiment::{Sampling, Settings};
+use crate::system::{Role, System};
+
+/// α that is so close to 0 or 1 is.
+const ROUNDING: f64 = 1e-7;
+
+/// Nodes that are closer, as a share of their element, make no polynomial.
+const CLOSEST: f64 = 1e-4;
+
+/// Points, polynomials and sides, element by element.
+pub(crate) struct Elements<'s, 'e> {
+    system: &'s System<'e>,
+    /// Node 0, the Runge-Kutta nodes, and the end, in an element of length 1.
+    nodes: Vec<f64>,
+    /// How many of them are Runge-Kutta nodes.
+    n_nodes: usize,
+    points: Points,
+    pieces: Vec<Piece>,
+    sides: Vec<(f64, Box<[Side]>)>,
+}
+
+impl<'s, 'e> Elements<'s, 'e> {
+    pub fn new(system: &'s System<'e>, nodes: &[f64], n_nodes: usize) -> Self {
+        Elements {
+            system,
+            nodes: nodes.to_vec(),
+            n_nodes,
+            points: Points::default(),
+            pieces: Vec::new(),
+            sides: Vec::new(),
+        }
+    }
+
+    /// The state at an instant.
+    pub fn point(&mut self, t: f64, x: &[f64], alphas: &[f64]) {
+        let n = self.system.states.len();
+        self.points.push(t, &x[..n], alphas);
+    }
+
+    /// States jump by laws.
+    pub fn jump(&mut self, t: f64, laws: Vec<usize>, [before, after]: [&[f64]; 2], alphas: &[f64]) {
+        let n = self.system.states.len();
+        self.points.jump(t, laws, &before[..n], &after[..n]);
+        self.points.push(t, &after[..n], alphas);
+    }
+
+    /// An element with the instants and states of its nodes and ends, and α at its nodes.
+    pub fn element(&mut self, instants: &[f64], x: &[&[f64]], alphas: &[Vec<f64>]) {
+        let (from, to) = (instants[0], instants[instants.len() - 1]);
+        let (n, n_coefficients) = (self.system.states.len(), self.nodes.len());
+        let nodes = apart(instants, &self.nodes);
+        let through = basis(&nodes);
+        let inner = basis(&nodes[1..=self.n_nodes]);
+        let mut coefficients = Vec::with_capacity((n + alphas[0].len()) * n_coefficients);
+        for i in 0..n {
+            let values = x.iter().map(|x| x[i]);
+            push(
+                &mut coefficients,
+                &through,
+                values,
+                to - from,
+                n_coefficients,
+            );
+        }
+        for i in 0..alphas[0].len() {
+            let values = alphas.iter().map(|alpha| alpha[i]);
+            push(&mut coefficients, &inner, values, to - from, n_coefficients);
+        }
+        for data in &self.system.data {
+            let known = data.table.piece(0.5 * (from + to)).around(from);
+            let rest = n_coefficients.saturating_sub(known.len());
+            coefficients.extend(known.into_iter().take(n_coefficients));
+            coefficients.resize(coefficients.len() + rest, 0.0);
+        }
+        self.pieces.push(Piece {
+            from,
+            to,
+            n_coefficients,
+            coefficients,
+        });
+        let side = |i: usize| {
+            let values = alphas.iter().map(|alpha| alpha[i]);
+            let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), a| {
+                (low.min(a), high.max(a))
+            });
+            match self.system.switches[i].role {
+                Role::Step => {}
+                Role::Equation => return Side::Slide,
+                Role::Member(other) => {
+                    // What is smaller in the middle of the element is zero.
+                    let m = x.len() / 2;
+                    let [own, others] =
+                        [i, other].map(|k| member(self.system, k, instants[m], x[m]));
+                    let is_zero = own < others || own == others && i < other;
+                    return if is_zero { Side::Slide } else { Side::Minus };
+                }
+            }
+            match (low >= 1.0 - ROUNDING, high <= ROUNDING) {
+                (true, _) => Side::Plus,
+                // A force has no bound.
+                (_, true) if !self.system.switches[i].unilateral => Side::Minus,
+                _ => Side::Slide,
+            }
+        };
+        let sides = (0..alphas[0].len()).map(side).collect();
+        self.sides.push((from, sides));
+    }
+
+    /// The trajectory to the horizon.
+    pub fn finish(mut self, settings: &Settings, horizon: f64) -> Trajectory {
+        if let Some(piece) = self.pieces.last_mut() {
+            piece.to = horizon;
+        }
+        let dense = Dense {
+            pieces: self.pieces,
+        };
+        let (n, m) = (self.system.states.len(), self.system.switches.len());
+        let points = match settings.sampling {
+            Sampling::Method => self.points,
+            _ => sampled(&dense, &settings.sampling, horizon, (n, m), self.points),
+        };
+        recorded(self.system, settings, points, dense.pieces, &self.sides)
+    }
+}
+
+/// Instants as shares of an element, or where nodes are while time passes evenly, should they be too close.
+fn apart(instants: &[f64], even: &[f64]) -> Vec<f64> {
+    let (from, to) = (instants[0], instants[instants.len() - 1]);
+    let shares: Vec<f64> = instants.iter().map(|t| (t - from) / (to - from)).collect();
+    let are_apart = shares.windows(2).all(|pair| pair[1] - pair[0] > CLOSEST);
+    if are_apart { shares } else { even.to_vec() }
+}
+
+/// The polynomials at the instants that the experiment asks for.
+fn sampled(
+    dense: &Dense,
+    sampling: &Sampling,
+    horizon: f64,
+    (n, m): (usize, usize),
+    known: Points,
+) -> Points {
+    let instants: Vec<f64> = match sampling {
+        Sampling::Method => Vec::new(),
+        Sampling::Every(period) => {
+            let count = (horizon / period).floor() as usize;
+            let inner = (0..=count).map(|i| i as f64 * period);
+            inner.filter(|t| *t < horizon).chain([horizon]).collect()
+        }
+        Sampling::At(instants) => instants.iter().copied().filter(|t| *t <= horizon).collect(),
+    };
+    let mut points = known.emptied();
+    for t in instants {
+        if let Some(row) = dense.at(t) {
+            points.push(t, &row[..n], &row[n..n + m]);
+        }
+    }
+    points
+}
+
+/// Coefficients of the polynomials that are 1 at one of the points and 0 at the others.
+fn basis(points: &[f64]) -> Vec<Vec<f64>> {
+    let one = |i: usize| {
+        let mut coefficients = vec![1.0];
+        for (j, &other) in points.iter().enumerate().filter(|(j, _)| *j != i) {
+            debug_assert_ne!(i, j);
+            let scale = 1.0 / (points[i] - other);
+            // Times (τ - other)/(point - other).
+            let mut next = vec![0.0; coefficients.len() + 1];
+            for (k, c) in coefficients.iter().enumerate() {
+                next[k] -= other * scale * c;
+                next[k + 1] += scale * c;
+            }
+            coefficients = next;
+        }
+        coefficients
+    };
+    (0..points.len()).map(one).collect()
+}
+
+/// The polynomial in t through values, in an element of length h.
+fn push(
+    coefficients: &mut Vec<f64>,
+    basis: &[Vec<f64>],
+    values: impl Iterator<Item = f64>,
+    h: f64,
+    n_coefficients: usize,
+) {
+    let first = coefficients.len();
+    coefficients.resize(first + n_coefficients, 0.0);
+    for (polynomial, value) in basis.iter().zip(values) {
+        let mut scale = value;
+        for (sum, c) in coefficients[first..].iter_mut().zip(polynomial) {
+            *sum += scale * c;
+            scale /= h;
+        }
+    }
+}
+
+/// The value of a member of a pair, without kinks, at a time and a state.
+fn member(system: &System, switch: usize, t: f64, x: &[f64]) -> f64 {
+    let value = |var: Var| {
+        let is = |e: Expr| e.as_variable() == Some(var);
+        let state = system.states.iter().position(|state| is(state.var));
+        let param = || system.params.iter().find(|param| is(param.var));
+        let data = || system.data.iter().find(|data| is(data.var));
+        match state {
+            Some(state) => x[state],
+            None if is(system.time) => t,
+            None => (param().map(|param| param.value))
+                .or_else(|| data().map(|data| data.table.value(t)))
+                .unwrap_or(0.5),
+        }
+    };
+    -system.switches[switch].psi.eval(&value)
+}

@@ -1,0 +1,487 @@
+//! Contacts by finite elements with jumps between them (FESD-J).
+//!
+//! Each step of the grid is the program of an optimal control problem with nothing to control: elements, impulses where
+//! they meet, and complementarity (Nurkanović, Frey, Pozharskiy & Diehl 2024). A run from
+//! event to event says which branch of it is solved first; then the relaxed program is, and then one with more
+//! elements: a step with r switches and impacts needs r + 1.
+//! Pairs are sums over an element, and lengths are equal where nothing happens between them, whatever `cross` and
+//! `equilibration` say of the printed form: its solutions are the same.
+//! What is found satisfies all equations and signs; gaps are looked at between the nodes, too.
+
+use std::time::Instant;
+
+use nsd_solver::mpcc::{self, Options};
+use rustc_hash::FxHashMap;
+
+use super::super::watch::Progress;
+use super::super::{Elements, Estimate, Rehearsed, Request, Touches, judge};
+use super::judge_grid;
+use crate::dcs::{self, Dcs, solve_pointwise};
+use crate::discretize::{self, Detection, Equilibration, Grid, Layout, discretize};
+use crate::expr::{Expr, Var};
+use crate::report::{
+    Certificate, Failure, Method, MethodOption, Stationarity, Stats, Status, Trajectory,
+};
+use crate::system::System;
+use crate::system::experiment::{FesdOptions, Settings};
+use crate::system::task::{Shape, Task};
+
+/// Steps where the experiment does not say how many.
+const STEPS: usize = 50;
+/// Elements that are added to a step at most.
+const MOST_ADDED: usize = 2;
+/// Other ways that are tried, and iterations of each, where the predicted branch is none.
+const MOST_WAYS: usize = 1;
+const MOST_ITERATIONS: usize = 500;
+/// What a program may violate, relative to its largest value.
+const FEASIBLE: f64 = 1e-9;
+/// A gap this small, relative to the largest value, is closed.
+const CLOSED: f64 = 1e-11;
+/// A gap may be so far below zero between nodes, relative to the largest value.
+const BELOW: f64 = 1e-8;
+/// A closed contact may open with such a speed, relative to the largest value.
+const OPENING: f64 = 1e-8;
+/// Points of an element at which gaps are looked at.
+const LOOKS: usize = 8;
+/// Impulses below this are rounding.
+const IMPULSE: f64 = 1e-9;
+/// Elements shorter than this, as a share of the horizon, have no mode of their own.
+const SHORTEST: f64 = 1e-11;
+/// Steps at most where the tolerance chooses them.
+const MOST_STEPS: usize = 400;
+
+/// A run over one grid.
+struct Run<'s, 'e> {
+    system: &'s System<'e>,
+    dcs: Dcs<'e>,
+    options: discretize::Options,
+    horizon: f64,
+    steps: usize,
+    deadline: Option<Instant>,
+    /// A run from event to event, where one begins.
+    rehearsed: Option<Rehearsed<'e>>,
+    /// The state at the end of the last step.
+    x: Vec<f64>,
+    /// The largest magnitude of a state so far.
+    size: f64,
+    /// Instants and laws of all jumps.
+    jumps: Vec<(f64, Vec<usize>)>,
+    added: usize,
+    iterations: u64,
+    relaxed: u64,
+    violation: f64,
+}
+
+/// A step that is solved.
+struct Step {
+    layout: Layout,
+    w: Vec<f64>,
+}
+
+/// Integrates over the horizon of the experiment, and again over twice as many steps for an estimate of the error.
+pub(in crate::simulate) fn run(
+    system: &System,
+    settings: &Settings,
+    options: &FesdOptions,
+    request: &Request,
+    watch: &mut dyn FnMut(Progress),
+) -> Trajectory {
+    let started = Instant::now();
+    let deadline = request.time_limit.map(|limit| started + limit);
+    let mut steps = options.steps.unwrap_or(STEPS);
+    let (coarse, elements, failure, estimate) = loop {
+        let mut coarse = Run::new(system, settings, options, steps, deadline);
+        let (elements, failure) = coarse.integrate(settings, watch, false);
+        let estimate = (failure.is_none() && request.estimate).then(|| {
+            let mut fine = Run::new(system, settings, options, 2 * steps, deadline);
+            let (_, ended) = fine.integrate(settings, watch, true);
+            coarse.compare(&fine, ended.is_none())
+        });
+        let error = estimate.as_ref().map_or(0.0, |estimate| estimate.error);
+        if options.steps.is_some() || error <= settings.tolerance || steps >= MOST_STEPS {
+            break (coarse, elements, failure, estimate);
+        }
+        steps *= 2;
+    };
+    let reached = coarse.reached(settings.horizon, &failure);
+    let mut trajectory = elements.finish(settings, reached);
+    let (family, nodes) = options.scheme;
+    let number = |name: &str, value: usize| (name.to_owned(), MethodOption::Number(value as f64));
+    let word = |name: &str, value: &str| (name.to_owned(), MethodOption::Text(value.to_owned()));
+    trajectory.experiment = settings.name.clone();
+    trajectory.model = settings.model.clone();
+    trajectory.status = Status::Solved;
+    trajectory.method = Method {
+        name: "fesd".into(),
+        options: vec![
+            word("scheme", &format!("{}({nodes})", family.word())),
+            word("lowering", &format!("impact, {}", coarse.dcs.formulation)),
+            number("steps", steps),
+            number("elements", options.elements),
+        ],
+    };
+    if coarse.added > 0 {
+        let added = number("added_elements", coarse.added);
+        trajectory.method.options.push(added);
+    }
+    trajectory.certificate = Certificate {
+        stationarity: Stationarity::None,
+        max_violation: coarse.violation,
+    };
+    trajectory.stats = Stats {
+        steps: steps as u64,
+        newton_iterations: coarse.iterations,
+        homotopy_steps: coarse.relaxed,
+        ..Stats::default()
+    };
+    trajectory.skipped = system.skipped.clone();
+    trajectory.failure = failure;
+    if let Some(estimate) = estimate {
+        match options.steps {
+            None => judge(&mut trajectory, &estimate, settings),
+            Some(_) => judge_grid(&mut trajectory, &estimate, settings),
+        }
+    }
+    if let Some(failure) = &trajectory.failure {
+        trajectory.status = failure.status();
+    }
+    trajectory.stats.solve_s = started.elapsed().as_secs_f64();
+    trajectory
+}
+
+impl<'s, 'e> Run<'s, 'e> {
+    fn new(
+        system: &'s System<'e>,
+        settings: &Settings<'e>,
+        options: &FesdOptions,
+        steps: usize,
+        deadline: Option<Instant>,
+    ) -> Self {
+        let dcs = dcs::lower(system, &settings.lowerings);
+        let mut dcs = dcs.expect("compilation has checked that the system can be lowered");
+        dcs.task = Some(nothing(system.exprs.constant(0.0), settings));
+        let fesd = discretize::Options::fesd(options);
+        let detection = fesd.detection.unwrap_or_default();
+        Run {
+            system,
+            options: discretize::Options {
+                detection: Some(Detection {
+                    cross: discretize::Cross::SumBoth,
+                    equilibration: Equilibration::Tanh {
+                        weight: 1.0,
+                        scale: 1.0,
+                    },
+                    ..detection
+                }),
+                ..fesd
+            },
+            horizon: settings.horizon,
+            steps,
+            deadline,
+            rehearsed: Rehearsed::new(system, settings),
+            x: dcs.states.iter().map(|state| state.initial).collect(),
+            dcs,
+            size: 0.0,
+            jumps: Vec::new(),
+            added: 0,
+            iterations: 0,
+            relaxed: 0,
+            violation: 0.0,
+        }
+    }
+
+    /// How far a run came that may have failed.
+    fn reached(&self, horizon: f64, failure: &Option<Failure>) -> f64 {
+        match failure {
+            Some(Failure::Unsolved { time, .. } | Failure::TimeLimit { time, .. }) => *time,
+            _ => horizon,
+        }
+    }
+
+    /// Step by step.
+    fn integrate(
+        &mut self,
+        settings: &Settings<'e>,
+        watch: &mut dyn FnMut(Progress),
+        estimates: bool,
+    ) -> (Elements<'s, 'e>, Option<Failure>) {
+        let tableau =
+            nsd_solver::tableau::Tableau::new(self.options.scheme.0, self.options.scheme.1);
+        let tableau = tableau.expect("the number of nodes has been checked");
+        let ends = tableau.ends_at_node();
+        let points: Vec<f64> = ([0.0].into_iter())
+            .chain(tableau.nodes.iter().copied())
+            .chain((!ends).then_some(1.0))
+            .collect();
+        let mut elements = Elements::new(self.system, &points, tableau.n_nodes());
+        for k in 0..self.steps {
+            let start = self.horizon * k as f64 / self.steps as f64;
+            let end = self.horizon * (k + 1) as f64 / self.steps as f64;
+            let step = self.step(start, end - start);
+            let Some(step) = step else {
+                let late = self
+                    .deadline
+                    .is_some_and(|deadline| Instant::now() >= deadline);
+                let (time, span) = (start, settings.span);
+                let failure = match late {
+                    true => Failure::TimeLimit { time, span },
+                    false => Failure::Unsolved { time, span },
+                };
+                if k == 0 {
+                    let alphas = vec![1.0; self.system.switches.len()];
+                    elements.point(0.0, &self.x.clone(), &alphas);
+                }
+                return (elements, Some(failure));
+            };
+            self.take(&step, (start, end), &mut elements);
+            watch(Progress {
+                time: end,
+                horizon: self.horizon,
+                steps: k + 1,
+                events: self.jumps.len(),
+                estimates,
+            });
+        }
+        (elements, None)
+    }
+
+    /// A step from the present state.
+    fn step(&mut self, start: f64, length: f64) -> Option<Step> {
+        let elements = self
+            .options
+            .detection
+            .map_or(1, |detection| detection.elements);
+        for added in 0..=MOST_ADDED {
+            if let Some(step) = self.solve(start, length, elements + added) {
+                self.added += added;
+                return Some(step);
+            }
+        }
+        None
+    }
+
+    fn solve(&mut self, start: f64, length: f64, elements: usize) -> Option<Step> {
+        self.prepare(start);
+        let mut options = self.options;
+        options.detection = options.detection.map(|detection| Detection {
+            elements,
+            spread: elements as f64 - 1.0,
+            ..detection
+        });
+        let grid = Grid {
+            start,
+            horizon: length,
+            steps: 1,
+        };
+        let (mpcc, layout) = discretize(&self.dcs, grid, &options).ok()?;
+        let mut program = mpcc.program().expect("kernels are smooth");
+        let bounds = mpcc.bounds();
+        let mut w: Vec<f64> = bounds.iter().map(|bounds| bounds.guess).collect();
+        if let Some(rehearsed) = &self.rehearsed {
+            rehearsed.fill(
+                (&self.dcs, &layout, &bounds),
+                1,
+                (start, start + length),
+                &mut w,
+            );
+        }
+        let left = |deadline: Instant| deadline.saturating_duration_since(Instant::now());
+        let options = Options {
+            trusts_start: true,
+            effort: 0,
+            feasibility: FEASIBLE,
+            max_restarts: MOST_WAYS,
+            max_iterations: MOST_ITERATIONS,
+            time_limit: self.deadline.map(left),
+            ..Options::default()
+        };
+        let found = mpcc::solve_from(&mut program, &w, &options);
+        self.iterations += found.stats.iterations as u64;
+        self.relaxed += found.stats.relaxed as u64;
+        let size = self.x.iter().fold(1.0, |m: f64, x| m.max(x.abs()));
+        let off = found
+            .residuals
+            .violation
+            .max(found.residuals.complementarity);
+        let holds =
+            || self.stays_above(&layout, &found.w) && self.comes_to_rest(&layout, &found.w, start);
+        if !found.is_feasible() || off > FEASIBLE * size || !holds() {
+            return None;
+        }
+        self.violation = self.violation.max(off);
+        Some(Step { layout, w: found.w })
+    }
+
+    /// Gives the complementarity system the present state, and z the values there.
+    fn prepare(&mut self, start: f64) {
+        for (state, &x) in self.dcs.states.iter_mut().zip(&self.x) {
+            state.initial = x;
+        }
+        let mut known: FxHashMap<Var, f64> = FxHashMap::default();
+        let mut insert =
+            |var: Expr, value: f64| known.extend(var.as_variable().map(|v| (v, value)));
+        insert(self.system.time, start);
+        for param in &self.system.params {
+            insert(param.var, param.value);
+        }
+        for (state, &x) in self.dcs.states.iter().zip(&self.x) {
+            insert(state.var, x);
+        }
+        let value = |var: Var| known.get(&var).copied().unwrap_or(f64::NAN);
+        let found = solve_pointwise(self.system, &self.dcs, &value).algebraics;
+        let size = self.x.iter().fold(1.0, |m: f64, x| m.max(x.abs()));
+        for (algebraic, &z) in self.dcs.algebraics.iter_mut().zip(&found) {
+            algebraic.guess = z;
+        }
+        for impact in &self.dcs.impacts {
+            let gap = &mut self.dcs.algebraics[impact.gap].guess;
+            if *gap <= CLOSED * size {
+                *gap = 0.0;
+            }
+        }
+    }
+
+    /// Whether no gap is below zero between the nodes.
+    fn stays_above(&self, layout: &Layout, w: &[f64]) -> bool {
+        let basis = |tau: f64| nsd_solver::tableau::lagrange(&layout.points, &[tau]);
+        let weights: Vec<Vec<f64>> = (1..LOOKS).map(|i| basis(i as f64 / LOOKS as f64)).collect();
+        let gaps: Vec<usize> = self.dcs.impacts.iter().map(|impact| impact.gap).collect();
+        layout.all_elements().all(|(k, j)| {
+            gaps.iter().all(|&gap| {
+                let at = |m: usize| layout.z(k, j, m, gap).map_or(0.0, |index| w[index]);
+                let values: Vec<f64> = (0..=layout.end).map(at).collect();
+                let size = values.iter().fold(1.0, |m: f64, v| m.max(v.abs()));
+                weights.iter().all(|weights| {
+                    let value: f64 = weights.iter().zip(&values).map(|(l, v)| l * v).sum();
+                    value >= -BELOW * size
+                })
+            })
+        })
+    }
+
+    /// Whether contacts that are closed in an element do not open where it begins: otherwise their forces have
+    /// absorbed a bounce, which the equations of an element of few nodes allow where it is slow.
+    fn comes_to_rest(&self, layout: &Layout, w: &[f64], start: f64) -> bool {
+        let mut t = start;
+        layout.all_elements().all(|(k, j)| {
+            let from = t;
+            t += w[layout.h(k, j)].max(0.0);
+            let x = &w[layout.x(k, j, 0)..][..layout.n_states()];
+            let value = |var: Var| {
+                let is = |e: Expr| e.as_variable() == Some(var);
+                let state = self.dcs.states.iter().position(|state| is(state.var));
+                let param = || self.dcs.params.iter().find(|param| is(param.var));
+                match state {
+                    Some(i) => x[i],
+                    None if is(self.dcs.time) => from,
+                    None => param().map_or(f64::NAN, |param| param.value),
+                }
+            };
+            let size = x.iter().fold(1.0, |m: f64, x| m.max(x.abs()));
+            self.dcs.impacts.iter().all(|impact| {
+                let force = |m: usize| {
+                    layout
+                        .z(k, j, m, impact.force)
+                        .map_or(0.0, |index| w[index])
+                };
+                let is_closed = (1..=layout.nodes).any(|m| force(m) > IMPULSE);
+                !is_closed || impact.speed.eval(&value).abs() <= OPENING * size
+            })
+        })
+    }
+
+    /// Adds a step to the elements, and goes to its end.
+    fn take(&mut self, step: &Step, (start, end): (f64, f64), elements: &mut Elements<'s, 'e>) {
+        let Step { layout, w } = step;
+        let n = layout.n_states();
+        let mut t = start;
+        for (k, j) in layout.all_elements() {
+            let h = w[layout.h(k, j)].max(0.0);
+            let from = t;
+            let is_last = j == layout.elements;
+            let to = if is_last { end } else { (t + h).min(end) };
+            let alphas: Vec<Vec<f64>> = (1..=layout.nodes)
+                .map(|m| self.alphas(step, (k, j, m)))
+                .collect();
+            let [before, after] =
+                [layout.before(k, j), layout.x(k, j, 0)].map(|first| &w[first..][..n]);
+            if from == 0.0 && j == 1 {
+                elements.point(0.0, before, &alphas[0]);
+            }
+            let first = layout.impulses(k, j).expect("contacts give impulses");
+            let struck = (0..self.dcs.impacts.len()).filter(|c| w[first + c] > IMPULSE);
+            let struck: Vec<usize> = struck.collect();
+            if !struck.is_empty() {
+                elements.jump(from, struck.clone(), [before, after], &alphas[0]);
+                self.jumps.push((from, struck));
+            }
+            if to - from > SHORTEST * self.horizon {
+                let instants: Vec<f64> = layout
+                    .points
+                    .iter()
+                    .map(|c| from + (to - from) * c)
+                    .collect();
+                let x = |m: usize| &w[layout.x(k, j, m)..][..n];
+                let x: Vec<&[f64]> = (0..=layout.end).map(x).collect();
+                elements.element(&instants, &x, &alphas);
+            }
+            t = to;
+            let last = &w[layout.x(k, j, layout.end)..][..n];
+            elements.point(t, last, &alphas[layout.nodes - 1]);
+        }
+        let (k, j) = (1, layout.elements);
+        self.x = w[layout.x(k, j, layout.end)..][..n].to_vec();
+        self.size = self.x.iter().fold(self.size, |m: f64, x| m.max(x.abs()));
+    }
+
+    /// α of the switches at a node; of a contact, 1 - λ_n.
+    fn alphas(&self, Step { layout, w }: &Step, (k, j, m): (usize, usize, usize)) -> Vec<f64> {
+        let places = self.dcs.algebraics.iter().enumerate();
+        let known =
+            places.filter_map(|(i, z)| Some((z.var.as_variable()?, w[layout.z(k, j, m, i)?])));
+        let known: FxHashMap<Var, f64> = known.collect();
+        let value = |var: Var| known.get(&var).copied().unwrap_or(f64::NAN);
+        self.dcs
+            .alphas
+            .iter()
+            .map(|alpha| alpha.eval(&value))
+            .collect()
+    }
+
+    /// How far the end of a finer run and its jumps are away, where it comes to the end.
+    fn compare(&self, finer: &Self, ends: bool) -> Estimate {
+        let size = self.size.max(f64::MIN_POSITIVE);
+        let states = self
+            .x
+            .iter()
+            .zip(&finer.x)
+            .map(|(a, b)| (a - b).abs() / size);
+        let mut jumps = self.jumps.iter().zip(&finer.jumps);
+        let same = self.jumps.len() == finer.jumps.len() && jumps.all(|(a, b)| a.1 == b.1);
+        let instants = self.jumps.iter().zip(&finer.jumps);
+        let instants = instants.map(|(a, b)| (a.0 - b.0).abs() / self.horizon);
+        let rounding = f64::EPSILON * (self.steps as f64).sqrt();
+        Estimate {
+            touches: Touches::default(),
+            error: states.chain(instants).fold(rounding, f64::max),
+            same_modes: same && ends,
+        }
+    }
+}
+
+/// A task with nothing to decide.
+fn nothing<'e>(cost: Expr<'e>, settings: &Settings) -> Task<'e> {
+    Task {
+        controls: Vec::new(),
+        shape: Shape::Constant,
+        horizon: None,
+        params: Vec::new(),
+        initial: Vec::new(),
+        bounds: Vec::new(),
+        integrals: 0,
+        clock: None,
+        cost,
+        cost_span: settings.span,
+        rows: Vec::new(),
+    }
+}

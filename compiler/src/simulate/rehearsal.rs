@@ -1,0 +1,192 @@
+//! A run from event to event says where elements may meet, and what goes on in them: where a program starts.
+
+use std::collections::HashMap;
+
+use super::{Request, run};
+use crate::dcs::{Dcs, solve_in_mode};
+use crate::discretize::Layout;
+use crate::expr::{Expr, Var};
+use crate::mpcc::Bounds;
+use crate::report::{Dense, EventKind};
+use crate::system::System;
+use crate::system::experiment::{EventOptions, Method, Sampling, Settings};
+
+/// Instants closer than this, as a share of an interval, are one.
+const CLOSEST: f64 = 1e-9;
+/// α that is so close to 0 or 1 is, and a slip velocity that is so small is none.
+const ROUNDING: f64 = 1e-9;
+/// How far inside of its element α is read, as a share of it: at its ends it belongs to others.
+const INSIDE: f64 = 1e-6;
+/// How accurate the run is.
+const TOLERANCE: f64 = 1e-11;
+
+/// A run whose contacts give impulses.
+pub(crate) struct Rehearsed<'e> {
+    system: System<'e>,
+    dense: Dense,
+    /// Changes of mode and jumps.
+    switches: Vec<f64>,
+    /// When contacts strike, by name.
+    strikes: Vec<(f64, String)>,
+}
+
+impl<'e> Rehearsed<'e> {
+    /// Over the horizon of the experiment; nothing where the run does not begin.
+    pub fn new(system: &System<'e>, settings: &Settings<'e>) -> Option<Self> {
+        let mut system = system.clone();
+        system.outputs.clear();
+        let mut settings = settings.clone();
+        settings.method = Method::Event(EventOptions::default());
+        settings.sampling = Sampling::Method;
+        settings.tolerance = TOLERANCE;
+        settings.lowerings.clear();
+        (settings.outputs, settings.optimize) = (None, None);
+        let request = Request {
+            dense: true,
+            estimate: false,
+            multipliers: false,
+            time_limit: None,
+        };
+        let run = run(&system, &settings, &request);
+        let jumps = run
+            .events
+            .iter()
+            .filter(|event| event.kind == EventKind::Jump);
+        let strikes = jumps.map(|event| (event.time, event.surface.clone()));
+        let strikes: Vec<(f64, String)> = strikes.collect();
+        let modes = run.modes.iter().skip(1).map(|mode| mode.from);
+        let mut switches: Vec<f64> = modes.chain(strikes.iter().map(|strike| strike.0)).collect();
+        switches.sort_by(f64::total_cmp);
+        (!run.dense.pieces.is_empty()).then_some(Rehearsed {
+            system,
+            dense: run.dense,
+            switches,
+            strikes,
+        })
+    }
+
+    /// Gives the lengths, states, impulses and multipliers of step k the values of the run in an interval.
+    pub fn fill(
+        &self,
+        (dcs, layout, bounds): (&Dcs<'e>, &Layout, &[Bounds]),
+        k: usize,
+        (mut start, end): (f64, f64),
+        w: &mut [f64],
+    ) {
+        let mut set = |index: usize, value: f64| {
+            if value.is_finite() && !bounds[index].is_fixed() {
+                w[index] = value.max(bounds[index].lower).min(bounds[index].upper);
+            }
+        };
+        let near = CLOSEST * (end - start);
+        for (j, h) in (1..).zip(cut(start, end, &self.switches, layout.elements)) {
+            set(layout.h(k, j), h);
+            let first = layout.impulses(k, j);
+            for (m, c) in layout.points.iter().enumerate() {
+                let inside = start + c.clamp(INSIDE, 1.0 - INSIDE) * h;
+                let Some((row, within)) = self.at(start + c * h, inside) else {
+                    continue;
+                };
+                for (i, &value) in row[..layout.n_states()].iter().enumerate() {
+                    set(layout.x(k, j, m) + i, value);
+                }
+                let z = self.multipliers(dcs, start + c * h, &row, &within);
+                for (i, &z) in z.iter().enumerate() {
+                    if let Some(index) = layout.z(k, j, m, i) {
+                        set(index, z);
+                    }
+                }
+                let Some(first) = first.filter(|_| m == 0) else {
+                    continue;
+                };
+                let mut sides = first + dcs.impacts.len();
+                for (c, impact) in dcs.impacts.iter().enumerate() {
+                    let strikes = |(t, name): &(f64, String)| {
+                        (t - start).abs() <= near && *name == impact.name
+                    };
+                    let struck = self.strikes.iter().any(strikes);
+                    set(first + c, f64::from(u8::from(struck)));
+                    if let Some(friction) = &impact.friction {
+                        let [above, below] = friction.multipliers.map(|i| z[i]);
+                        let side = match (above > ROUNDING, below > ROUNDING) {
+                            (true, _) => 1.0,
+                            (_, true) => 0.0,
+                            _ => 0.5,
+                        };
+                        set(sides, side);
+                        sides += 1;
+                    }
+                }
+            }
+            start += h;
+        }
+    }
+
+    /// All rows at an instant, by the polynomial around another one; and there.
+    fn at(&self, time: f64, inside: f64) -> Option<(Vec<f64>, Vec<f64>)> {
+        let pieces = &self.dense.pieces;
+        let after = pieces.partition_point(|piece| piece.from <= inside);
+        let piece = pieces.get(after.checked_sub(1)?)?;
+        (inside <= piece.to).then(|| (piece.at(time), piece.at(inside)))
+    }
+
+    /// z for the states and α of a run.
+    fn multipliers(&self, dcs: &Dcs<'e>, time: f64, row: &[f64], within: &[f64]) -> Vec<f64> {
+        let system = &self.system;
+        let n = system.states.len();
+        let states = system.states.iter().map(|state| state.var).zip(row);
+        let params = system.params.iter().map(|param| (param.var, &param.value));
+        let known = states.chain(params).chain([(system.time, &time)]);
+        let known: HashMap<Var, f64> = known
+            .filter_map(|(var, &value)| Some((var.as_variable()?, value)))
+            .collect();
+        let alphas = &within[n..n + system.switches.len()];
+        let value = |var: Var| {
+            let data = || {
+                let is = |e: Expr| e.as_variable() == Some(var);
+                let data = system.data.iter().find(|data| is(data.var));
+                data.map_or(f64::NAN, |data| data.table.value(time))
+            };
+            known.get(&var).copied().unwrap_or_else(data)
+        };
+        let mut z = solve_in_mode(system, dcs, alphas, &value).algebraics;
+        // On the surface of a contact the sign of rounding says nothing.
+        for (impact, contact) in dcs.impacts.iter().zip(&system.contacts) {
+            let force = 1.0 - alphas[contact.switch];
+            if force > ROUNDING {
+                (z[impact.gap], z[impact.force]) = (0.0, force);
+            }
+        }
+        z
+    }
+}
+
+/// The lengths of the elements of an interval: cuts are switches, as far as there are elements for them.
+pub(crate) fn cut(start: f64, end: f64, switches: &[f64], elements: usize) -> Vec<f64> {
+    let near = CLOSEST * (end - start);
+    let inside = |t: &f64| *t > start + near && *t < end - near;
+    let mut cuts = vec![start];
+    cuts.extend(switches.iter().copied().filter(inside));
+    cuts.push(end);
+    cuts.dedup_by(|a, b| *a - *b <= near);
+    while cuts.len() - 1 > elements {
+        // The shortest part joins a neighbour.
+        let lengths = cuts.windows(2).map(|pair| pair[1] - pair[0]);
+        let shortest = lengths
+            .enumerate()
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+            .map_or(1, |(i, _)| i.clamp(1, cuts.len() - 2));
+        cuts.remove(shortest);
+    }
+    let parts: Vec<f64> = cuts.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let mut counts = vec![1; parts.len()];
+    for _ in parts.len()..elements {
+        let each = |i: &usize| parts[*i] / counts[*i] as f64;
+        let longest = (0..parts.len()).max_by(|a, b| each(a).total_cmp(&each(b)));
+        counts[longest.expect("an interval has a part")] += 1;
+    }
+    let parts = parts.iter().zip(&counts);
+    parts
+        .flat_map(|(length, &count)| vec![length / count as f64; count])
+        .collect()
+}
