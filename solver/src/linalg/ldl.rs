@@ -9,7 +9,7 @@ use super::symmetric::{FactorFailure, Inertia, KktSolver};
 use crate::problem::Pattern;
 
 /// A pivot that cancels to less than this share of its terms has no sign.
-const CANCELLED: f64 = 1e-15;
+pub(super) const CANCELLED: f64 = 1e-15;
 
 /// Memory and symbolic factorization for one pattern.
 #[derive(Clone, Debug)]
@@ -34,7 +34,7 @@ pub struct SparseLdl {
     work: Vec<f64>,
 }
 
-const NONE: u32 = u32::MAX;
+pub(super) const NONE: u32 = u32::MAX;
 
 impl SparseLdl {
     /// Orders the unknowns and finds where L has entries.
@@ -87,7 +87,7 @@ impl SparseLdl {
     }
 }
 
-fn minimum_degree(pattern: &Pattern) -> (Vec<u32>, Vec<u32>) {
+pub(super) fn minimum_degree(pattern: &Pattern) -> (Vec<u32>, Vec<u32>) {
     let starts: Vec<i64> = pattern.starts.iter().map(|&start| start as i64).collect();
     let columns: Vec<i64> = pattern.columns.iter().map(|&c| i64::from(c)).collect();
     let n = pattern.n_rows();
@@ -98,7 +98,7 @@ fn minimum_degree(pattern: &Pattern) -> (Vec<u32>, Vec<u32>) {
 }
 
 /// Row k of L reaches up the elimination tree from the entries of column k.
-fn rows_of_factor(n: usize, starts: &[u32], rows: &[u32]) -> (Vec<u32>, Vec<u32>) {
+pub(super) fn rows_of_factor(n: usize, starts: &[u32], rows: &[u32]) -> (Vec<u32>, Vec<u32>) {
     let mut parent = vec![NONE; n];
     let mut seen = vec![NONE; n];
     let mut row_starts = vec![0];
@@ -124,7 +124,7 @@ fn rows_of_factor(n: usize, starts: &[u32], rows: &[u32]) -> (Vec<u32>, Vec<u32>
 }
 
 /// The same entries column by column, and where each is there.
-fn columns_of_factor(
+pub(super) fn columns_of_factor(
     n: usize,
     row_starts: &[u32],
     row_columns: &[u32],
@@ -233,4 +233,4 @@ impl KktSolver for SparseLdl {
 
 #[cfg(test)]
 #[path = "ldl_tests.rs"]
-mod tests;
+pub(super) mod tests;
