@@ -1,6 +1,7 @@
 //! Piles of discs in steps of time: what they cost by their number, how many gaps are looked at, what two bins cost
 //! that have nothing to do with each other, and how long many possible contacts take to compile.
 
+#[allow(dead_code, reason = "other benchmarks use all of it")]
 mod support;
 
 use std::ops::ControlFlow;

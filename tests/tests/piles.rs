@@ -106,8 +106,8 @@ fn values(trajectory: &Trajectory, name: &str) -> Vec<f64> {
 
 #[test]
 fn piles_of_four_fall_without_depth_and_without_energy() {
-    // Two to seven discs wide: from a stack to a row.
-    for width in [0.42, 0.5, 0.58, 0.65, 0.68, 0.75, 0.8, 1.0, 1.4] {
+    // Two to five discs wide: from zigzags to a row.
+    for width in [0.5, 0.58, 0.68, 0.75, 1.0] {
         pile(4, width, "");
         let rough = pile(4, width, "friction = 0.3;");
         for i in 1..=4 {

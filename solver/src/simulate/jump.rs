@@ -193,8 +193,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         near.retain(|&(_, switch)| {
             let closed = state.sides[switch] == Side::Slide;
             state.band[switch] = mode.band(switch, state, t1 - state.t);
-            let share = if met.contains(&switch) { 1.0 } else { TOUCH };
-            let is_near = closed || mode.psi(switch) <= share * state.band[switch];
+            // What is met has no gap, even where projection has moved the state since.
+            let is_near =
+                closed || met.contains(&switch) || mode.psi(switch) <= TOUCH * state.band[switch];
             mode.surfaces.stand_for(switch, usize::from(closed));
             is_near
         });

@@ -117,13 +117,16 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     /// Lets contacts meet that others were closed against: their rates are negative by less than what that took away.
     fn meet(&mut self, state: &State, group: &[usize]) {
         let mode = &mut self.mode;
-        mode.set(state.t, &state.x, &state.alpha);
+        mode.eval(state.t, &state.x, &state.alpha);
         for &i in group {
             let is_open = mode.unilateral[i] && !mode.surfaces.is_deep(i);
             if is_open && !self.jumps.grazed.contains(&i) {
                 mode.surfaces.stand_for(i, 1);
-                let strikes = mode.psi(i) < 0.0;
-                mode.surfaces.stand_for(i, usize::from(strikes));
+                mode.linearize(&[i]);
+                let speed = mode.psi(i);
+                let least = 8.0 * state.band[i] * mode.terms_of_phi(i);
+                let meets = speed < 0.0 && speed * speed <= least;
+                mode.surfaces.stand_for(i, usize::from(meets));
             }
         }
         mode.focus(state.t, &state.x, &state.alpha, group);

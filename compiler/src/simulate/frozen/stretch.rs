@@ -158,8 +158,8 @@ mod tests {
             &[None, None],
             &[contact(0, 6.0), contact(1, 9.0)],
         );
-        assert!((1.0 - seen.alpha(0)[0] - 2.0).abs() <= 1e-15);
-        assert!((1.0 - seen.alpha(1)[0] - 12.0).abs() <= 1e-15);
+        assert!((1.0 - seen.alpha(0)[0] - 2.0).abs() <= 1e-14);
+        assert!((1.0 - seen.alpha(1)[0] - 12.0).abs() <= 1e-14);
     }
 
     #[test]
