@@ -1,5 +1,7 @@
 //! From a point near a solution to the solution of its branch, with exact zeros on the sides that are held.
 
+use std::ops::ControlFlow;
+
 use super::branch::Branch;
 use super::certificate::Residuals;
 use super::lift::Lifted;
@@ -37,6 +39,9 @@ pub struct Polished {
 /// anew if that has not come to its end.
 const RUNS: [(f64, usize); 2] = [(1e-5, 100), (1e-1, 300)];
 
+/// Errors of the conditions of a barrier problem at which its objective is believed.
+const SETTLED: f64 = 1e-4;
+
 /// The solution of the branch with these zeros near a point.
 pub fn polish(
     lifted: &mut Lifted<'_>,
@@ -44,17 +49,18 @@ pub fn polish(
     zeros: &[Member],
     work: &mut Work<'_>,
 ) -> Result<Polished, ipm::Status> {
-    polish_by(&RUNS, lifted, guess, zeros, work)
+    polish_by(&RUNS, lifted, guess, zeros, None, work)
 }
 
-/// The solution of the branch with these zeros, where it is close to a point that is feasible.
-pub fn polish_briefly(
+/// The solution of the branch with these zeros, where it is close to a point that is feasible and smaller than this.
+pub fn polish_below(
+    objective: f64,
     lifted: &mut Lifted<'_>,
     guess: &Guess,
     zeros: &[Member],
     work: &mut Work<'_>,
 ) -> Result<Polished, ipm::Status> {
-    polish_by(&RUNS[..1], lifted, guess, zeros, work)
+    polish_by(&RUNS[..1], lifted, guess, zeros, Some(objective), work)
 }
 
 fn polish_by(
@@ -62,6 +68,7 @@ fn polish_by(
     lifted: &mut Lifted<'_>,
     guess: &Guess,
     zeros: &[Member],
+    below: Option<f64>,
     work: &mut Work<'_>,
 ) -> Result<Polished, ipm::Status> {
     lifted.settle(Some(zeros));
@@ -83,13 +90,25 @@ fn polish_by(
             z_u: reduced.iter().map(|r| (-r).max(0.0)).collect(),
             mu,
         };
+        let mut hopeless = |progress: &ipm::Progress<'_>| {
+            let is_settled = progress.primal.max(progress.dual) <= SETTLED;
+            let least = progress.objective - progress.gap;
+            let is_above = below.is_some_and(|below| is_settled && least > below);
+            match is_above || below.is_some() && progress.is_restoration {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(()),
+            }
+        };
         let found = work.minimize(
             Program::Branch,
             &mut branch,
             settings,
             Some(&start),
-            &mut (),
+            &mut hopeless,
         );
+        if found.status == ipm::Status::Stopped {
+            return Err(found.status);
+        }
         let residuals = Residuals::new(lifted, &found.w);
         if residuals.violation > work.options.feasibility || !found.objective.is_finite() {
             best = best.map_err(|_| found.status);
