@@ -89,7 +89,11 @@ fn main() {
         let ours = problem.ours();
         let theirs = problem.peer();
         if let (Some(ours), Some(theirs)) = (ours, theirs) {
-            print(&format!("ratio    {:<11} {:.1}", problem.name, theirs / ours));
+            print(&format!(
+                "ratio    {:<11} {:.1}",
+                problem.name,
+                theirs / ours
+            ));
         }
     }
 }

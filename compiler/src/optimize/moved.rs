@@ -398,7 +398,13 @@ impl Moved {
     }
 
     /// Gives what a member has to another one, at a node.
-    fn swap(&self, (k, j, m): (usize, usize, usize), opens: usize, closes: usize, point: &mut Point) {
+    fn swap(
+        &self,
+        (k, j, m): (usize, usize, usize),
+        opens: usize,
+        closes: usize,
+        point: &mut Point,
+    ) {
         let jumps = self.jumps();
         let [(from, slope), (to, other_slope)] = [jumps[closes], jumps[opens]];
         let place = |i| self.layout.z(k, j, m, i);

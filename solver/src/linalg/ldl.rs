@@ -234,7 +234,12 @@ impl KktSolver for SparseLdl {
                 self.pivots[row] -= l * y;
                 self.sizes[row] += (l * y).abs();
             }
-            eliminate(&mut self.entries, &self.targets[first..last], column, scaled);
+            eliminate(
+                &mut self.entries,
+                &self.targets[first..last],
+                column,
+                scaled,
+            );
             (start, first) = (end, last);
         }
         Ok(Inertia {

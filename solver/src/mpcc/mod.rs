@@ -301,7 +301,7 @@ impl Work<'_> {
         }
         let size = best.objective.abs().max(1.0);
         let others = lifted.others(&best.point.w, &best.zeros, &certificate.y);
-        let n_others = others.len();
+        let mut n_worse = 0;
         for (number, other) in others.into_iter().enumerate() {
             if self.is_late() {
                 return Elsewhere::Nothing(0);
@@ -317,9 +317,14 @@ impl Work<'_> {
                 0 => polish(lifted, &guess, &zeros, self),
                 _ => polish_below(below, lifted, &guess, &zeros, self),
             };
-            let Ok(next) = next else {
-                continue;
+            let next = match next {
+                Ok(next) => next,
+                Err(status) => {
+                    n_worse += usize::from(status == ipm::Status::Stopped);
+                    continue;
+                }
             };
+            n_worse += usize::from(next.is_optimal && next.objective >= below);
             if next.objective < below {
                 lifted.settle(Some(&next.zeros));
                 let certificate = self.certify(lifted, &next.point);
@@ -329,7 +334,7 @@ impl Work<'_> {
                 }
             }
         }
-        Elsewhere::Nothing(n_others)
+        Elsewhere::Nothing(n_worse)
     }
 
     fn feasible(&self, lifted: &mut Lifted<'_>, candidate: Candidate) -> Solution {

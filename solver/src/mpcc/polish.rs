@@ -52,7 +52,9 @@ pub fn polish(
     polish_by(&RUNS, lifted, guess, zeros, None, work)
 }
 
-/// The solution of the branch with these zeros, where it is close to a point that is feasible and smaller than this.
+/// The solution of the branch with these zeros, where it is close to a point that is feasible, and smaller than this.
+///
+/// The status `Stopped` says that it is not smaller, as far as duality gaps tell.
 pub fn polish_below(
     objective: f64,
     lifted: &mut Lifted<'_>,
@@ -90,11 +92,14 @@ fn polish_by(
             z_u: reduced.iter().map(|r| (-r).max(0.0)).collect(),
             mu,
         };
+        let mut is_lost = false;
         let mut hopeless = |progress: &ipm::Progress<'_>| {
+            let Some(below) = below else {
+                return ControlFlow::Continue(());
+            };
             let is_settled = progress.primal.max(progress.dual) <= SETTLED;
-            let least = progress.objective - progress.gap;
-            let is_above = below.is_some_and(|below| is_settled && least > below);
-            match is_above || below.is_some() && progress.is_restoration {
+            is_lost = progress.is_restoration;
+            match is_lost || is_settled && progress.objective - progress.gap > below {
                 true => ControlFlow::Break(()),
                 false => ControlFlow::Continue(()),
             }
@@ -107,7 +112,10 @@ fn polish_by(
             &mut hopeless,
         );
         if found.status == ipm::Status::Stopped {
-            return Err(found.status);
+            return Err(match is_lost {
+                true => ipm::Status::LocallyInfeasible,
+                false => ipm::Status::Stopped,
+            });
         }
         let residuals = Residuals::new(lifted, &found.w);
         if residuals.violation > work.options.feasibility || !found.objective.is_finite() {
