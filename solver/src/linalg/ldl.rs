@@ -165,6 +165,10 @@ fn eliminate(entries: &mut [f64], targets: &[u32], column: &[f64], scaled: &[f64
 }
 
 /// The same for C entries: loops whose ends are known to the compiler are twice as fast.
+#[allow(
+    clippy::needless_range_loop,
+    reason = "ranges whose ends are constants are what is unrolled"
+)]
 fn eliminate_short<const C: usize>(
     entries: &mut [f64],
     targets: &[u32],

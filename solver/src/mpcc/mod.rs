@@ -196,9 +196,8 @@ impl Work<'_> {
             }
         }
         for (index, way) in ways(self.options).into_iter().enumerate() {
-            let is_over = self.is_late()
-                || best.is_some()
-                    && self.stats.iterations.saturating_mul(size) > self.options.effort;
+            let is_over =
+                self.is_late() || best.is_some() && self.effort(size) > self.options.effort;
             let is_enough = self.is_late() || self.options.effort == 0;
             if is_over && (index > 0 || best.is_some() && is_enough) {
                 break;
@@ -207,8 +206,10 @@ impl Work<'_> {
             match way.follow(lifted, start, self) {
                 Ok(polished) => {
                     let objective = polished.objective;
+                    let is_enough = self.effort(size) > self.options.agreement;
                     let is_known = found.iter().any(|&known| is_same(objective, known));
-                    if is_known && best.as_ref().is_some_and(Candidate::is_stationary) {
+                    if is_enough && is_known && best.as_ref().is_some_and(Candidate::is_stationary)
+                    {
                         break;
                     }
                     let candidate = self.improve(lifted, polished);
@@ -217,7 +218,7 @@ impl Work<'_> {
                     if best.as_ref().is_none_or(|best| candidate.is_better(best)) {
                         best = Some(candidate);
                     }
-                    if is_known {
+                    if is_enough && is_known {
                         break;
                     }
                 }
@@ -232,6 +233,11 @@ impl Work<'_> {
             Some(best) => self.feasible(lifted, best),
             None => self.dead_end(lifted, end.expect("one way was tried")),
         }
+    }
+
+    /// Iterations so far, times the size of the problem.
+    fn effort(&self, size: usize) -> usize {
+        self.stats.iterations.saturating_mul(size)
     }
 
     /// Takes better branches as long as the certificate finds them.

@@ -301,7 +301,7 @@ fn an_observer_sees_every_program_and_iteration() {
 fn two_ways_that_agree_are_enough() {
     let mut problem = pair(Quadratic::new(2, distance(&[1.0, 2.0]), Vec::new()));
     let options = Options {
-        effort: usize::MAX,
+        agreement: 0,
         ..Options::default()
     };
     let solution = solve(&mut problem, &options);
