@@ -163,6 +163,7 @@ fn by_rows(formulation: Formulation, steps: usize, options: &Options) -> f64 {
     with_experiment(&model(""), "run", |compiled| {
         let dcs = lower_as(&compiled.system, formulation).expect("the model is small");
         let grid = Grid {
+            start: 0.0,
             horizon: HORIZON,
             steps,
         };

@@ -4,16 +4,21 @@
 //! ( J               -Σ 1/w - δ_c  ) (Δy)
 //!
 //! where what is attached to a row is eliminated: w = Σ_i + δ_w of each. δ_w, at least 1e-8 or a tenth of a small μ, and
-//! δ_c, a hundredth of that, make a static order of pivots valid. The solution is refined with δ_c = 0, so that steps reach the linearized rows, unless these depend on
-//! each other. δ_w is a proximal term: it shortens steps and does not move where they end. There have to be n positive
-//! and m negative eigenvalues: first H gets what the program knows to be missing, then δ_w grows (Wächter & Biegler
-//! 2006, algorithm IC).
+//! δ_c, a hundredth of that, make a static order of pivots valid. The solution is refined with δ_c = 0, so that steps
+//! reach the linearized rows, unless these depend on each other. δ_w is a proximal term: it shortens steps and does not
+//! move where they end. There have to be n positive and m negative eigenvalues: first H gets what the program knows to be
+//! missing, then δ_w grows (Wächter & Biegler 2006, algorithm IC).
+//!
+//! A row that is eliminated before its variables divides by δ_c, and what these have of their own may be lost. It is not
+//! known then whether the inertia is right. Pivots of a row with one of its variables lose nothing, and have more fill.
 
 use super::form::{Form, Sparse};
 use super::solution::Failure;
 use crate::linalg::bunch_kaufman::BunchKaufman;
 use crate::linalg::ldl::SparseLdl;
-use crate::linalg::symmetric::{Inertia, KktSolver};
+use crate::linalg::matching::{self, Weights, matching};
+use crate::linalg::paired_ldl::PairedLdl;
+use crate::linalg::symmetric::{FactorFailure, Inertia, KktSolver};
 use crate::problem::Pattern;
 
 /// The least δ_w where μ is larger, relative to μ below, and where a static order loses its meaning.
@@ -31,6 +36,8 @@ const MAX_REFINEMENTS: usize = 8;
 const REFINED: f64 = 1e-10;
 const GOOD: f64 = 1e-8;
 const USABLE: f64 = 1e-5;
+/// The diagonal of a variable counts against it as the partner of a row from 1 on, and no more beyond this.
+const STIFFEST: f64 = 1e16;
 /// A dense factorization of this size is affordable.
 const MAX_DENSE: usize = 300;
 
@@ -40,6 +47,7 @@ pub(super) struct Kkt {
     hessian_places: Vec<u32>,
     jacobian_places: Vec<u32>,
     diagonal_places: Vec<u32>,
+    pattern: Pattern,
     values: Vec<f64>,
     /// The diagonal of H.
     curvature: Vec<f64>,
@@ -48,6 +56,10 @@ pub(super) struct Kkt {
     sparse: SparseLdl,
     dense: Option<BunchKaufman>,
     is_dense: bool,
+    /// Pivots of a row and a variable, used from where the static order has lost one.
+    paired: Option<PairedLdl>,
+    pairs_pivots: bool,
+    pub has_lost_pivots: bool,
     /// δ_w of the matrix factored last, and the least δ_w.
     pub regularization: f64,
     permanent: f64,
@@ -62,7 +74,7 @@ pub(super) struct Kkt {
 }
 
 impl Kkt {
-    pub fn new(form: &Form<'_>) -> Self {
+    pub fn new(form: &Form<'_>, pairs_pivots: bool) -> Self {
         let (n, m) = (form.n, form.m);
         let mut entries: Vec<(u32, u32)> = (0..(n + m) as u32).map(|i| (i, i)).collect();
         let list = |sparse: &Sparse, first: usize| -> Vec<(u32, u32)> {
@@ -96,6 +108,10 @@ impl Kkt {
             sparse: SparseLdl::new(&pattern),
             dense: (n + m <= MAX_DENSE).then(|| BunchKaufman::new(&pattern)),
             is_dense: false,
+            paired: None,
+            pairs_pivots,
+            has_lost_pivots: false,
+            pattern,
             regularization: 0.0,
             permanent: PERMANENT,
             last_correction: 0.0,
@@ -144,7 +160,7 @@ impl Kkt {
         loop {
             self.regularize(form, sigma, correction);
             self.is_dense = false;
-            let found = self.sparse.factor(&self.values);
+            let found = self.factor_sparse(form, jacobian);
             if found == Ok(expected) {
                 break;
             }
@@ -204,6 +220,55 @@ impl Kkt {
         for (curvature, &place) in self.curvature.iter_mut().zip(&self.diagonal_places) {
             *curvature = self.values[place as usize];
         }
+    }
+
+    /// Pivots of one unknown, or of two once those have failed.
+    fn factor_sparse(
+        &mut self,
+        form: &Form<'_>,
+        jacobian: &[f64],
+    ) -> Result<Inertia, FactorFailure> {
+        if let Some(paired) = &mut self.paired {
+            let found = paired.factor(&self.values);
+            if found.is_ok() {
+                return found;
+            }
+        } else {
+            let found = self.sparse.factor(&self.values);
+            self.has_lost_pivots |= found.is_err();
+            let is_lost = matches!(found, Err(FactorFailure::ZeroPivot(_)));
+            // Small systems are factored densely.
+            if !is_lost || !self.pairs_pivots || self.dense.is_some() {
+                return found;
+            }
+        }
+        // None yet, or entries have become too small for the pairs that there were.
+        let pairs = self.partners(form, jacobian);
+        let paired = self.paired.insert(PairedLdl::new(&self.pattern, &pairs));
+        paired.factor(&self.values)
+    }
+
+    /// Rows with a variable each, whose entry is large and whose diagonal is not.
+    fn partners(&self, form: &Form<'_>, jacobian: &[f64]) -> Vec<[u32; 2]> {
+        let stiffness = |column: u32| {
+            let diagonal = self.values[self.diagonal_places[column as usize] as usize];
+            diagonal.abs().clamp(1.0, STIFFEST)
+        };
+        let columns = &form.jacobian.columns;
+        let entries = columns.iter().zip(jacobian);
+        let weights: Vec<f64> = entries
+            .map(|(&column, a)| a.abs() / stiffness(column).sqrt())
+            .collect();
+        let found = matching(&Weights {
+            starts: &form.jacobian.starts,
+            columns,
+            weights: &weights,
+            n_columns: self.n,
+        });
+        let rows = found.into_iter().zip(self.n as u32..);
+        rows.filter(|pair| pair.0 != matching::NONE)
+            .map(|(column, row)| [column, row])
+            .collect()
     }
 
     fn factor_dense(&mut self) -> Option<Inertia> {
@@ -322,8 +387,9 @@ impl Kkt {
     }
 
     fn solve_once(&mut self, rhs: &mut [f64]) {
-        match &mut self.dense {
-            Some(dense) if self.is_dense => dense.solve(rhs),
+        match (&mut self.dense, &mut self.paired) {
+            (Some(dense), _) if self.is_dense => dense.solve(rhs),
+            (_, Some(paired)) => paired.solve(rhs),
             _ => self.sparse.solve(rhs),
         }
     }

@@ -76,6 +76,7 @@ pub fn solve(
             Exit::Restored => Status::NumericalFailure(Failure::Restoration),
         };
         let factor_entries = run.kkt.n_entries();
+        let has_lost_pivots = run.kkt.has_lost_pivots;
         let Point { w, y, z_l, z_u, mu } = point;
         let residuals = residuals::residuals(nlp, &w, &y, &z_l, &z_u);
         return Solution {
@@ -89,6 +90,7 @@ pub fn solve(
             residuals,
             iterations: done,
             factor_entries,
+            has_lost_pivots,
         };
     }
 }
@@ -169,7 +171,7 @@ impl<'a> Run<'a> {
         let all = || vec![0.0; n_all];
         let rows = || vec![0.0; m];
         Run {
-            kkt: Kkt::new(&form),
+            kkt: Kkt::new(&form, options.pairs_pivots),
             options,
             clock,
             iterations,

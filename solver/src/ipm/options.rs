@@ -32,6 +32,9 @@ pub struct Options {
     pub acceptable_tolerance: f64,
     /// So many iterations in a row with an acceptable error end the run.
     pub acceptable_iterations: usize,
+    /// Whether rows and variables are eliminated in pairs once the static order has lost a pivot: steps are exact then,
+    /// and cost several times as much. Without, what is lost counts as curvature that is missing.
+    pub pairs_pivots: bool,
 }
 
 impl Default for Options {
@@ -46,6 +49,7 @@ impl Default for Options {
             bound_relaxation: 1e-8,
             acceptable_tolerance: 1e-6,
             acceptable_iterations: 15,
+            pairs_pivots: false,
         }
     }
 }

@@ -90,4 +90,6 @@ pub struct Solution {
     pub iterations: usize,
     /// Entries of L in the factorization of the system of a step: what memory and time grow with.
     pub factor_entries: usize,
+    /// Whether the static order has lost a pivot, so that there may have been corrections without need.
+    pub has_lost_pivots: bool,
 }

@@ -10,7 +10,7 @@ use super::symmetric::{FactorFailure, Inertia, KktSolver};
 use crate::problem::Pattern;
 
 /// A pivot that cancels to less than this share of its terms has no sign.
-const CANCELLED: f64 = 1e-15;
+pub(super) const CANCELLED: f64 = 1e-15;
 
 /// Memory and symbolic factorization for one pattern.
 #[derive(Clone, Debug)]
@@ -38,7 +38,7 @@ pub struct SparseLdl {
     work: Vec<f64>,
 }
 
-const NONE: u32 = u32::MAX;
+pub(super) const NONE: u32 = u32::MAX;
 
 impl SparseLdl {
     /// Orders the unknowns and finds where L has entries.
@@ -58,7 +58,7 @@ impl SparseLdl {
                 }
             }
         }
-        let (starts, rows) = columns_of_factor(n, &columns);
+        let (starts, rows) = below_diagonal(n, &columns);
         let place = |row: u32, column: u32| {
             let range = starts[column as usize] as usize..starts[column as usize + 1] as usize;
             let found = rows[range.clone()].binary_search(&row);
@@ -112,7 +112,7 @@ impl SparseLdl {
     }
 }
 
-fn minimum_degree(pattern: &Pattern) -> (Vec<u32>, Vec<u32>) {
+pub(super) fn minimum_degree(pattern: &Pattern) -> (Vec<u32>, Vec<u32>) {
     let starts: Vec<i64> = pattern.starts.iter().map(|&start| start as i64).collect();
     let columns: Vec<i64> = pattern.columns.iter().map(|&c| i64::from(c)).collect();
     let n = pattern.n_rows();
@@ -123,7 +123,7 @@ fn minimum_degree(pattern: &Pattern) -> (Vec<u32>, Vec<u32>) {
 }
 
 /// Columns of L, from those of the upper triangle: row k reaches up the elimination tree from the entries of column k.
-fn columns_of_factor(n: usize, columns: &[Vec<(u32, u32)>]) -> (Vec<u32>, Vec<u32>) {
+fn below_diagonal(n: usize, columns: &[Vec<(u32, u32)>]) -> (Vec<u32>, Vec<u32>) {
     let mut parent = vec![NONE; n];
     let mut seen = vec![NONE; n];
     let mut of_rows: Vec<Vec<u32>> = vec![Vec::new(); n];
@@ -148,6 +148,59 @@ fn columns_of_factor(n: usize, columns: &[Vec<(u32, u32)>]) -> (Vec<u32>, Vec<u3
         starts.push(rows.len() as u32);
     }
     (starts, rows)
+}
+
+/// Row k of L reaches up the elimination tree from the entries of column k.
+pub(super) fn rows_of_factor(n: usize, starts: &[u32], rows: &[u32]) -> (Vec<u32>, Vec<u32>) {
+    let mut parent = vec![NONE; n];
+    let mut seen = vec![NONE; n];
+    let mut row_starts = vec![0];
+    let mut row_columns: Vec<u32> = Vec::new();
+    for k in 0..n {
+        seen[k] = k as u32;
+        let first = row_columns.len();
+        for &row in &rows[starts[k] as usize..starts[k + 1] as usize] {
+            let mut i = row as usize;
+            while seen[i] != k as u32 {
+                seen[i] = k as u32;
+                row_columns.push(i as u32);
+                if parent[i] == NONE {
+                    parent[i] = k as u32;
+                }
+                i = parent[i] as usize;
+            }
+        }
+        row_columns[first..].sort_unstable();
+        row_starts.push(row_columns.len() as u32);
+    }
+    (row_starts, row_columns)
+}
+
+/// The same entries column by column, and where each is there.
+pub(super) fn columns_of_factor(
+    n: usize,
+    row_starts: &[u32],
+    row_columns: &[u32],
+) -> (Vec<u32>, Vec<u32>, Vec<u32>) {
+    let mut starts = vec![0; n + 1];
+    for &column in row_columns {
+        starts[column as usize + 1] += 1;
+    }
+    for column in 0..n {
+        starts[column + 1] += starts[column];
+    }
+    let mut next = starts.clone();
+    let mut rows = vec![0; row_columns.len()];
+    let mut places = vec![0; row_columns.len()];
+    for k in 0..n {
+        for entry in row_starts[k] as usize..row_starts[k + 1] as usize {
+            let place = &mut next[row_columns[entry] as usize];
+            rows[*place as usize] = k as u32;
+            places[entry] = *place;
+            *place += 1;
+        }
+    }
+    (starts, rows, places)
 }
 
 /// Subtracts the products of a column with itself from where they go.
@@ -283,4 +336,4 @@ impl KktSolver for SparseLdl {
 
 #[cfg(test)]
 #[path = "ldl_tests.rs"]
-mod tests;
+pub(super) mod tests;

@@ -5,7 +5,13 @@ use crate::problem::Pattern;
 use proptest::prelude::*;
 
 /// A random matrix [H + w J'; J -d]: entries of the lower triangle, row by row.
-fn kkt(n: usize, m: usize, entries: &[(usize, usize, f64)], w: f64, d: f64) -> (Pattern, Vec<f64>) {
+pub fn kkt(
+    n: usize,
+    m: usize,
+    entries: &[(usize, usize, f64)],
+    w: f64,
+    d: f64,
+) -> (Pattern, Vec<f64>) {
     let size = n + m;
     let mut dense = vec![0.0; size * size];
     let mut places: Vec<(u32, u32)> = (0..size as u32).map(|i| (i, i)).collect();
@@ -57,7 +63,13 @@ fn inertia(pattern: &Pattern, values: &[f64]) -> Inertia {
     }
 }
 
-fn check(solver: &mut dyn KktSolver, pattern: &Pattern, values: &[f64], x: &[f64], tolerance: f64) {
+pub fn check(
+    solver: &mut dyn KktSolver,
+    pattern: &Pattern,
+    values: &[f64],
+    x: &[f64],
+    tolerance: f64,
+) {
     let found = solver.factor(values).expect("the matrix is not singular");
     assert_eq!(found, inertia(pattern, values));
     let mut solution = multiply(pattern, values, x);

@@ -5,6 +5,8 @@
 
 pub mod bunch_kaufman;
 pub mod ldl;
+pub mod matching;
+pub mod paired_ldl;
 pub mod symmetric;
 
 use nalgebra::ComplexField;

@@ -38,6 +38,8 @@ pub struct Polished {
 /// μ and the largest number of iterations of a run that starts from the point of a relaxation, and of one that starts
 /// anew if that has not come to its end.
 const RUNS: [(f64, usize); 2] = [(1e-5, 100), (1e-1, 300)];
+/// The largest number of iterations with pivots in pairs.
+const MAX_PAIRED: usize = 100;
 
 /// Errors of the conditions of a barrier problem at which its objective is believed.
 const SETTLED: f64 = 1e-4;
@@ -77,71 +79,87 @@ fn polish_by(
     let reduced = Local::new(lifted, &guess.w).reduced_gradient(&guess.y);
     let mut best: Result<Polished, ipm::Status> = Err(ipm::Status::LocallyInfeasible);
     for &(mu, max_iterations) in runs {
-        work.stats.branches += 1;
-        let mut branch = Branch::new(lifted, zeros, &guess.w);
-        let settings = ipm::Options {
-            tolerance: work.options.tolerance,
-            max_iterations,
-            bound_relaxation: 0.0,
-            ..ipm::Options::default()
-        };
-        let start = ipm::Point {
+        let branch = Branch::new(lifted, zeros, &guess.w);
+        let mut start = ipm::Point {
             w: branch.start().to_vec(),
             y: guess.y.clone(),
             z_l: reduced.iter().map(|r| r.max(0.0)).collect(),
             z_u: reduced.iter().map(|r| (-r).max(0.0)).collect(),
             mu,
         };
-        let mut is_lost = false;
-        let mut hopeless = |progress: &ipm::Progress<'_>| {
-            let Some(below) = below else {
-                return ControlFlow::Continue(());
+        // Where lost pivots keep a feasible point from becoming optimal, the run goes on without them.
+        for pairs_pivots in [false, true] {
+            work.stats.branches += 1;
+            let mut branch = Branch::new(lifted, zeros, &start.w);
+            let settings = ipm::Options {
+                tolerance: work.options.tolerance,
+                max_iterations: if pairs_pivots {
+                    MAX_PAIRED
+                } else {
+                    max_iterations
+                },
+                bound_relaxation: 0.0,
+                pairs_pivots,
+                ..ipm::Options::default()
             };
-            let is_settled = progress.primal.max(progress.dual) <= SETTLED;
-            is_lost = progress.is_restoration;
-            match is_lost || is_settled && progress.objective - progress.gap > below {
-                true => ControlFlow::Break(()),
-                false => ControlFlow::Continue(()),
+            let mut is_lost = false;
+            let mut hopeless = |progress: &ipm::Progress<'_>| {
+                let Some(below) = below else {
+                    return ControlFlow::Continue(());
+                };
+                let is_settled = progress.primal.max(progress.dual) <= SETTLED;
+                is_lost = progress.is_restoration;
+                match is_lost || is_settled && progress.objective - progress.gap > below {
+                    true => ControlFlow::Break(()),
+                    false => ControlFlow::Continue(()),
+                }
+            };
+            let found = work.minimize(
+                Program::Branch,
+                &mut branch,
+                settings,
+                Some(&start),
+                &mut hopeless,
+            );
+            if found.status == ipm::Status::Stopped {
+                return Err(match is_lost {
+                    true => ipm::Status::LocallyInfeasible,
+                    false => ipm::Status::Stopped,
+                });
             }
-        };
-        let found = work.minimize(
-            Program::Branch,
-            &mut branch,
-            settings,
-            Some(&start),
-            &mut hopeless,
-        );
-        if found.status == ipm::Status::Stopped {
-            return Err(match is_lost {
-                true => ipm::Status::LocallyInfeasible,
-                false => ipm::Status::Stopped,
-            });
-        }
-        let residuals = Residuals::new(lifted, &found.w);
-        if residuals.violation > work.options.feasibility || !found.objective.is_finite() {
-            best = best.map_err(|_| found.status);
-            continue;
-        }
-        let polished = Polished {
-            objective: lifted.objective(&found.w),
-            zeros: zeros.to_vec(),
-            residuals,
-            is_optimal: matches!(found.status, ipm::Status::Solved | ipm::Status::Acceptable),
-            point: Guess {
+            let residuals = Residuals::new(lifted, &found.w);
+            if residuals.violation > work.options.feasibility || !found.objective.is_finite() {
+                best = best.map_err(|_| found.status);
+                break;
+            }
+            let polished = Polished {
+                objective: lifted.objective(&found.w),
+                zeros: zeros.to_vec(),
+                residuals,
+                is_optimal: matches!(found.status, ipm::Status::Solved | ipm::Status::Acceptable),
+                point: Guess {
+                    w: found.w.clone(),
+                    y: found.y.clone(),
+                },
+            };
+            if polished.is_optimal {
+                return Ok(polished);
+            }
+            let is_best = |best: &Polished| best.objective <= polished.objective;
+            if !best.as_ref().is_ok_and(is_best) {
+                best = Ok(polished);
+            }
+            if !found.has_lost_pivots {
+                break;
+            }
+            start = ipm::Point {
                 w: found.w,
                 y: found.y,
-            },
-        };
-        if polished.is_optimal {
-            return Ok(polished);
+                z_l: found.z_l,
+                z_u: found.z_u,
+                mu: found.mu,
+            };
         }
-        if best
-            .as_ref()
-            .is_ok_and(|best| best.objective <= polished.objective)
-        {
-            continue;
-        }
-        best = Ok(polished);
     }
     best
 }

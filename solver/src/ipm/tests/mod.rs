@@ -1,5 +1,6 @@
 mod hock_schittkowski;
 mod jet;
+mod pivots;
 mod program;
 mod shapes;
 
