@@ -18,22 +18,42 @@ pub enum LcpError {
 ///
 /// `m` is row major, `q.len()` square; every entry of `cover` is positive.
 pub fn lemke(m: &[f64], q: &[f64], cover: &[f64]) -> Result<Vec<f64>, LcpError> {
-    let n = q.len();
-    if q.iter().all(|&entry| entry >= 0.0) {
-        return Ok(vec![0.0; n]);
-    }
-    let mut tableau = Tableau::new(m, q, cover);
-    let mut row = tableau.first_row(cover);
-    let mut entering = tableau.pivot(row, tableau.z0());
-    for _ in 0..50 * (n + 1) {
-        row = tableau.ratio_test(entering).ok_or(LcpError::Ray)?;
-        let leaving = tableau.pivot(row, entering);
-        if leaving == tableau.z0() {
-            return Ok(tableau.solution());
+    let mut memory = Lemke::default();
+    memory.solve(m, q, cover)?;
+    Ok(memory.z)
+}
+
+/// Memory for problems of one size after the other.
+#[derive(Default)]
+pub struct Lemke {
+    tableau: Tableau,
+    z: Vec<f64>,
+}
+
+impl Lemke {
+    /// The z of [`lemke`].
+    pub fn solve(&mut self, m: &[f64], q: &[f64], cover: &[f64]) -> Result<&[f64], LcpError> {
+        let n = q.len();
+        self.z.clear();
+        self.z.resize(n, 0.0);
+        if q.iter().all(|&entry| entry >= 0.0) {
+            return Ok(&self.z);
         }
-        entering = tableau.complement(leaving);
+        let tableau = &mut self.tableau;
+        tableau.fill(m, q, cover);
+        let mut row = tableau.first_row(cover);
+        let mut entering = tableau.pivot(row, tableau.z0());
+        for _ in 0..50 * (n + 1) {
+            row = tableau.ratio_test(entering).ok_or(LcpError::Ray)?;
+            let leaving = tableau.pivot(row, entering);
+            if leaving == tableau.z0() {
+                tableau.solution(&mut self.z);
+                return Ok(&self.z);
+            }
+            entering = tableau.complement(leaving);
+        }
+        Err(LcpError::PivotLimit)
     }
-    Err(LcpError::PivotLimit)
 }
 
 /// Matrices up to this size are tested by all their principal minors.
@@ -121,21 +141,24 @@ fn has_positive_minors(m: &[f64], n: usize) -> bool {
 }
 
 /// Rows are basic variables; columns are w (n), z (n), z₀ and the right side.
+#[derive(Default)]
 struct Tableau {
     n: usize,
     width: usize,
     rows: Vec<f64>,
     basis: Vec<usize>,
+    pivot_row: Vec<f64>,
 }
 
 impl Tableau {
     /// w - Mz - d z₀ = q with w basic.
-    fn new(m: &[f64], q: &[f64], cover: &[f64]) -> Self {
+    fn fill(&mut self, m: &[f64], q: &[f64], cover: &[f64]) {
         let n = q.len();
         let width = 2 * n + 2;
-        let mut rows = vec![0.0; n * width];
-        for i in 0..n {
-            let row = &mut rows[i * width..(i + 1) * width];
+        (self.n, self.width) = (n, width);
+        self.rows.clear();
+        self.rows.resize(n * width, 0.0);
+        for (i, row) in self.rows.chunks_exact_mut(width).enumerate() {
             row[i] = 1.0;
             for j in 0..n {
                 row[n + j] = -m[i * n + j];
@@ -143,12 +166,8 @@ impl Tableau {
             row[2 * n] = -cover[i];
             row[2 * n + 1] = q[i];
         }
-        Tableau {
-            n,
-            width,
-            rows,
-            basis: (0..n).collect(),
-        }
+        self.basis.clear();
+        self.basis.extend(0..n);
     }
 
     fn z0(&self) -> usize {
@@ -219,14 +238,13 @@ impl Tableau {
         for value in &mut self.rows[row * width..(row + 1) * width] {
             *value *= inverse;
         }
-        let pivot_row = self.rows[row * width..(row + 1) * width].to_vec();
-        for other in (0..self.n).filter(|&other| other != row) {
-            let factor = self.at(other, entering);
-            if factor != 0.0 {
-                for (value, pivot) in self.rows[other * width..(other + 1) * width]
-                    .iter_mut()
-                    .zip(&pivot_row)
-                {
+        self.pivot_row.clear();
+        self.pivot_row
+            .extend_from_slice(&self.rows[row * width..(row + 1) * width]);
+        for (other, values) in self.rows.chunks_exact_mut(width).enumerate() {
+            let factor = values[entering];
+            if other != row && factor != 0.0 {
+                for (value, pivot) in values.iter_mut().zip(&self.pivot_row) {
                     *value -= factor * pivot;
                 }
             }
@@ -239,14 +257,12 @@ impl Tableau {
         }
     }
 
-    fn solution(&self) -> Vec<f64> {
-        let mut z = vec![0.0; self.n];
+    fn solution(&self, z: &mut [f64]) {
         for (row, &variable) in self.basis.iter().enumerate() {
             if (self.n..2 * self.n).contains(&variable) {
                 z[variable - self.n] = self.at(row, self.width - 1).max(0.0);
             }
         }
-        z
     }
 }
 

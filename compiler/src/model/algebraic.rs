@@ -66,10 +66,10 @@ pub(super) fn count(model: &Model<'_>, diags: &mut Diagnostics) {
     }
     let equations = model.equations.iter().map(|equation| equation.span);
     let pairs = model.complementarities.iter().map(|pair| pair.span);
-    let declared = model.algebraics.iter().map(|z| z.span);
+    let mut declared = model.algebraics.iter().map(|z| z.span);
     let span = match unknowns < rows {
         true => equations.chain(pairs).last(),
-        false => declared.last(),
+        false => declared.next_back(),
     };
     diags.push(DynamicsError::UnequalCount {
         unknowns,

@@ -17,7 +17,7 @@ mod instants;
 mod laws;
 mod limits;
 mod modes;
-mod moreau;
+pub mod moreau;
 mod outcome;
 mod record;
 mod rehearsal;

@@ -4,6 +4,7 @@
 //! allocates in a loop.
 
 pub mod bunch_kaufman;
+pub mod envelope;
 pub mod ldl;
 pub mod matching;
 pub mod paired_ldl;

@@ -6,14 +6,14 @@
 //! singular: it gets a small share of its diagonal, and refinement takes the effect of that away again.
 
 use super::impulse::{Impulses, Island};
-use crate::linalg::ldl::SparseLdl;
-use crate::linalg::symmetric::KktSolver;
-use crate::problem::Pattern;
+use crate::linalg::envelope::Envelope;
 
 /// Added to the diagonal, relative to it.
 const SHARE: f64 = 1e-12;
 /// Refinements at most, and the relative residual that is enough.
 const REFINEMENTS: usize = 6;
+
+const NONE: u32 = u32::MAX;
 
 /// An equation J v + c = 0.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -27,12 +27,15 @@ struct Equation {
 pub(super) struct Direct {
     equations: Vec<Equation>,
     previous: Vec<Equation>,
-    /// Equations by velocity.
-    by_column: Vec<Vec<u32>>,
-    pattern: Option<Pattern>,
-    values: Vec<f64>,
+    /// By velocity the last of its equations, which are linked: (equation, the one before).
+    last: Vec<u32>,
+    links: Vec<(u32, u32)>,
+    /// By equation those with which it has a velocity in common.
+    starts: Vec<usize>,
+    beside: Vec<u32>,
+    seen: Vec<u32>,
+    factors: Envelope,
     rhs: Vec<f64>,
-    ldl: Option<SparseLdl>,
     settled: bool,
     saved: (Vec<f64>, Vec<f64>, Vec<f64>),
 }
@@ -53,7 +56,10 @@ impl Direct {
             tangential.push(impulses.tangential[c]);
         }
         velocities.clear();
-        velocities.extend_from_slice(v);
+        for (_, contact) in island.iter() {
+            let columns = island.linear.rows.columns(contact.normal).iter();
+            velocities.extend(columns.map(|&column| v[column as usize]));
+        }
     }
 
     /// Brings back what was kept.
@@ -62,7 +68,13 @@ impl Direct {
         for ((c, _), (normal, tangential)) in island.iter().zip(normal.iter().zip(tangential)) {
             (impulses.normal[c], impulses.tangential[c]) = (*normal, *tangential);
         }
-        v.copy_from_slice(velocities);
+        let mut velocities = velocities.iter();
+        for (_, contact) in island.iter() {
+            let columns = island.linear.rows.columns(contact.normal).iter();
+            for (&column, value) in columns.zip(&mut velocities) {
+                v[column as usize] = *value;
+            }
+        }
     }
 
     /// Solves for the impulses; false where the matrix cannot be factored.
@@ -78,8 +90,7 @@ impl Direct {
             if size == 0.0 {
                 break;
             }
-            let ldl = self.ldl.as_mut().expect("the matrix has been factored");
-            ldl.solve(&mut self.rhs);
+            self.factors.solve(&mut self.rhs);
             let rows = &island.linear.rows;
             for (equation, &z) in self.equations.iter().zip(&self.rhs) {
                 let c = equation.contact as usize;
@@ -175,60 +186,64 @@ impl Direct {
 
     /// J D of all equations, with a little more on the diagonal.
     fn factor(&mut self, island: &Island) -> bool {
-        let rows = &island.linear.rows;
-        let n = self.equations.len();
-        if n == 0 {
-            self.ldl = None;
+        if self.equations.is_empty() {
             return false;
         }
-        self.by_column.iter_mut().for_each(Vec::clear);
-        for (e, &equation) in self.equations.iter().enumerate() {
-            for &column in rows.columns(self.row(island, equation)) {
-                let column = column as usize;
-                if self.by_column.len() <= column {
-                    self.by_column.resize(column + 1, Vec::new());
-                }
-                self.by_column[column].push(e as u32);
-            }
-        }
-        let mut pattern = Pattern {
-            starts: vec![0],
-            columns: Vec::new(),
-        };
-        self.values.clear();
+        self.find_beside(island);
+        self.factors.arrange(&self.starts, &self.beside);
+        let rows = &island.linear.rows;
         for (e, &equation) in self.equations.iter().enumerate() {
             let row = self.row(island, equation);
-            let first = pattern.columns.len();
-            for &column in rows.columns(row) {
-                let others = self.by_column[column as usize].iter();
-                pattern
-                    .columns
-                    .extend(others.copied().filter(|&other| other <= e as u32));
-            }
-            pattern.columns[first..].sort_unstable();
-            let mut kept = first;
-            for k in first..pattern.columns.len() {
-                if k == first || pattern.columns[k] != pattern.columns[kept - 1] {
-                    pattern.columns[kept] = pattern.columns[k];
-                    kept += 1;
-                }
-            }
-            pattern.columns.truncate(kept);
-            for &other in &pattern.columns[first..] {
+            let beside = &self.beside[self.starts[e]..self.starts[e + 1]];
+            for &other in beside.iter().filter(|&&other| other < e as u32) {
                 let of_other = self.row(island, self.equations[other as usize]);
-                let mut value = rows.coupling(row, of_other);
-                if other == e as u32 {
-                    value *= 1.0 + SHARE;
-                }
-                self.values.push(value);
+                let value = rows.coupling(row, of_other);
+                self.factors.set(e, other as usize, value);
             }
-            pattern.starts.push(pattern.columns.len());
+            let diagonal = (1.0 + SHARE) * rows.diagonal(row);
+            self.factors.set(e, e, diagonal);
         }
-        if self.pattern.as_ref() != Some(&pattern) || self.ldl.is_none() {
-            self.ldl = Some(SparseLdl::new(&pattern));
-            self.pattern = Some(pattern);
+        self.factors.factor()
+    }
+
+    /// Finds which equations have velocities in common.
+    fn find_beside(&mut self, island: &Island) {
+        let rows = &island.linear.rows;
+        let n = self.equations.len();
+        self.links.clear();
+        for e in 0..n {
+            for &column in rows.columns(self.row(island, self.equations[e])) {
+                let column = column as usize;
+                if self.last.len() <= column {
+                    self.last.resize(column + 1, NONE);
+                }
+                let link = self.links.len() as u32;
+                self.links
+                    .push((e as u32, std::mem::replace(&mut self.last[column], link)));
+            }
         }
-        let ldl = self.ldl.as_mut().expect("it has just been made");
-        ldl.factor(&self.values).is_ok()
+        self.seen.clear();
+        self.seen.resize(n, NONE);
+        self.beside.clear();
+        self.starts.clear();
+        self.starts.push(0);
+        for e in 0..n {
+            for &column in rows.columns(self.row(island, self.equations[e])) {
+                let mut link = self.last[column as usize];
+                while link != NONE {
+                    let (other, before) = self.links[link as usize];
+                    if std::mem::replace(&mut self.seen[other as usize], e as u32) != e as u32 {
+                        self.beside.push(other);
+                    }
+                    link = before;
+                }
+            }
+            self.starts.push(self.beside.len());
+        }
+        for e in 0..n {
+            for &column in rows.columns(self.row(island, self.equations[e])) {
+                self.last[column as usize] = NONE;
+            }
+        }
     }
 }

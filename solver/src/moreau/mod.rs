@@ -107,6 +107,8 @@ pub struct Stepper<F> {
     /// How far positions move in the present step.
     moved: f64,
     shift: Vec<f64>,
+    /// Displacements of a projection.
+    lift: Vec<f64>,
 }
 
 /// Counts of a run.
@@ -160,6 +162,7 @@ impl<F: Free> Stepper<F> {
             counts: Counts::default(),
             moved: 0.0,
             shift: Vec::new(),
+            lift: Vec::new(),
             scene,
             free,
             settings,
@@ -402,12 +405,12 @@ impl<F: Free> Stepper<F> {
         impulses.rounding = ROUNDING * speeds.fold(0.0_f64, |most, v| most.max(v.abs()));
         let mut any = false;
         for (c, contact) in active.contacts.iter().enumerate() {
-            let rate = |v: &[f64]| active.rows.rate(contact.normal, v) + contact.offset;
-            let before = rate(&velocities.before);
-            let change = (rate(&velocities.free) - before).abs();
+            let before = active.rows.rate(contact.normal, &velocities.before) + contact.offset;
             let rebound = contact.restitution * before;
             impulses.normal_rate[c] = contact.offset;
-            // A rebound that cannot outlast a step is none.
+            // A rebound that cannot outlast a step is none, whatever presses: what moves the bodies may reach the
+            // contact through others.
+            let change = self.energy.gain(&self.bodies, &active.rows, contact.normal);
             if rebounds && rebound.abs() > 0.5 * change {
                 impulses.normal_rate[c] += rebound;
                 any = true;

@@ -7,26 +7,54 @@
 //! is a linear complementarity problem that Lemke's method solves; it takes what sweeps find hard.
 
 use super::impulse::{Impulses, Island};
-use crate::lcp;
+use crate::lcp::Lemke;
 
 /// Unknowns up to which it is worth its matrix.
 const MOST: usize = 160;
 
+/// Memory for such problems.
+#[derive(Default)]
+pub(super) struct Pivoting {
+    lemke: Lemke,
+    matrix: Vec<f64>,
+    q: Vec<f64>,
+    cover: Vec<f64>,
+    /// Places in the island of contacts with friction.
+    rough: Vec<usize>,
+}
+
 /// Sets impulses and velocities to a solution; false where there is none, or too many unknowns.
-pub(super) fn solve(island: &Island, impulses: &mut Impulses, v: &mut [f64]) -> bool {
+pub(super) fn solve(
+    memory: &mut Pivoting,
+    island: &Island,
+    impulses: &mut Impulses,
+    v: &mut [f64],
+) -> bool {
     let rows = &island.linear.rows;
-    let contacts: Vec<_> = island.iter().collect();
-    let n = contacts.len();
-    let rough: Vec<usize> = (0..n)
-        .filter(|&i| contacts[i].1.is_rough && impulses.diagonal(contacts[i].0)[1] > 0.0)
-        .collect();
+    let contact = |i: usize| {
+        let c = island.contacts[i] as usize;
+        (c, &island.linear.contacts[c])
+    };
+    let Pivoting {
+        lemke,
+        matrix,
+        q,
+        cover,
+        rough,
+    } = memory;
+    let n = island.contacts.len();
+    rough.clear();
+    rough.extend((0..n).filter(|&i| {
+        let (c, contact) = contact(i);
+        contact.is_rough && impulses.diagonal(c)[1] > 0.0
+    }));
     let m = rough.len();
     let size = n + 3 * m;
     if size > MOST {
         return false;
     }
     // Without any impulses.
-    for &(c, contact) in &contacts {
+    for (c, contact) in island.iter() {
         rows.push_by(contact.normal, -impulses.normal[c], v);
         impulses.normal[c] = 0.0;
         if contact.is_rough {
@@ -34,31 +62,37 @@ pub(super) fn solve(island: &Island, impulses: &mut Impulses, v: &mut [f64]) -> 
             impulses.tangential[c] = 0.0;
         }
     }
-    let (mut matrix, mut q) = (vec![0.0; size * size], vec![0.0; size]);
-    let unit = |i: usize| 1.0 / impulses.diagonal(contacts[i].0)[0];
-    for (i, &(c, contact)) in contacts.iter().enumerate() {
+    for (memory, size) in [(&mut *matrix, size * size), (&mut *q, size)] {
+        memory.clear();
+        memory.resize(size, 0.0);
+    }
+    cover.clear();
+    cover.resize(size, 1.0);
+    let normal = |i: usize| contact(i).1.normal;
+    let unit = |impulses: &Impulses, i: usize| 1.0 / impulses.diagonal(contact(i).0)[0];
+    for (i, (c, contact)) in island.iter().enumerate() {
         q[i] = rows.rate(contact.normal, v) + impulses.normal_rate[c];
-        for (k, other) in contacts.iter().enumerate() {
-            matrix[i * size + k] = rows.coupling(contact.normal, other.1.normal) * unit(k);
+        for (k, (_, other)) in island.iter().enumerate() {
+            matrix[i * size + k] = rows.coupling(contact.normal, other.normal) * unit(impulses, k);
         }
         for (r, &k) in rough.iter().enumerate() {
-            let entry = rows.coupling(contact.normal, contacts[k].1.normal + 1) * unit(k);
+            let entry = rows.coupling(contact.normal, normal(k) + 1) * unit(impulses, k);
             matrix[i * size + n + r] = -entry;
             matrix[i * size + n + m + r] = entry;
         }
     }
     for (r, &i) in rough.iter().enumerate() {
-        let (c, contact) = contacts[i];
+        let (c, contact) = contact(i);
         let slip = rows.rate(contact.normal + 1, v) + impulses.slip_rate[c];
         let (plus, minus, last) = (n + r, n + m + r, n + 2 * m + r);
         (q[plus], q[minus]) = (-slip, slip);
-        for (k, other) in contacts.iter().enumerate() {
-            let entry = rows.coupling(contact.normal + 1, other.1.normal) * unit(k);
+        for (k, (_, other)) in island.iter().enumerate() {
+            let entry = rows.coupling(contact.normal + 1, other.normal) * unit(impulses, k);
             matrix[plus * size + k] = -entry;
             matrix[minus * size + k] = entry;
         }
         for (p, &k) in rough.iter().enumerate() {
-            let entry = rows.coupling(contact.normal + 1, contacts[k].1.normal + 1) * unit(k);
+            let entry = rows.coupling(contact.normal + 1, normal(k) + 1) * unit(impulses, k);
             for (row, sign) in [(plus, 1.0), (minus, -1.0)] {
                 matrix[row * size + n + p] = sign * entry;
                 matrix[row * size + n + m + p] = -sign * entry;
@@ -75,17 +109,16 @@ pub(super) fn solve(island: &Island, impulses: &mut Impulses, v: &mut [f64]) -> 
         return true;
     }
     q.iter_mut().for_each(|q| *q /= scale);
-    let Ok(z) = lcp::lemke(&matrix, &q, &vec![1.0; size]) else {
+    let Ok(z) = lemke.solve(matrix, q, cover) else {
         return false;
     };
-    let units: Vec<f64> = (0..n).map(unit).collect();
-    for (i, &(c, contact)) in contacts.iter().enumerate() {
-        impulses.normal[c] = scale * units[i] * z[i];
+    for (i, (c, contact)) in island.iter().enumerate() {
+        impulses.normal[c] = scale * unit(impulses, i) * z[i];
         rows.push_by(contact.normal, impulses.normal[c], v);
     }
     for (r, &i) in rough.iter().enumerate() {
-        let (c, contact) = contacts[i];
-        impulses.tangential[c] = scale * units[i] * (z[n + r] - z[n + m + r]);
+        let (c, contact) = contact(i);
+        impulses.tangential[c] = scale * unit(impulses, i) * (z[n + r] - z[n + m + r]);
         rows.push_by(contact.normal + 1, -impulses.tangential[c], v);
     }
     true

@@ -25,7 +25,8 @@ impl<F: Free> Stepper<F> {
         y: &mut [f64],
     ) -> Result<(), usize> {
         let size = self.size(y);
-        let mut w = vec![0.0; velocities.before.len()];
+        self.lift.clear();
+        self.lift.resize(velocities.before.len(), 0.0);
         let gaps = self.active.contacts.iter().map(|contact| contact.gap);
         let mut depth = -gaps.fold(0.0, f64::min);
         for round in 0..=MOST {
@@ -65,20 +66,25 @@ impl<F: Free> Stepper<F> {
                     shifts.normal[c] = last * h * h;
                 }
             }
-            w.fill(0.0);
+            self.lift.fill(0.0);
             self.islands.begin(&self.bodies);
             self.islands.join(&self.projected, &self.bodies);
             // Linearized gaps may contradict each other where the gaps do not; the next round sees.
-            let _ = shifts.solve(&self.projected, &mut self.islands, &self.bodies, &mut w);
+            let _ = shifts.solve(
+                &self.projected,
+                &mut self.islands,
+                &self.bodies,
+                &mut self.lift,
+            );
             if round == 0 {
                 for (c, contact) in self.projected.contacts.iter().enumerate() {
                     let shift = shifts.normal[c] / (h * h);
                     self.contacts.keep_shift(contact.contact as usize, shift);
                 }
             }
-            self.bodies.displace(1.0, &w, y);
+            self.bodies.displace(1.0, &self.lift, y);
             self.energy
-                .lift((1.0, h), &w, &self.projected, &self.bodies);
+                .lift((1.0, h), &self.lift, &self.projected, &self.bodies);
         }
         Ok(())
     }

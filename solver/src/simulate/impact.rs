@@ -25,7 +25,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let mut touching = Vec::new();
         let mut impacts = Vec::new();
         for &(law, _) in &self.jumps.near {
-            if let Some((normal, impact)) = impact_of(system, law) {
+            if let Some((normal, impact)) = impact_of(system, law)
+                && !self.jumps.grazed.contains(&normal)
+            {
                 touching.push(normal);
                 touching.extend(impact.slip);
                 impacts.push((normal, impact));

@@ -13,6 +13,9 @@
 //! many jumps end: with e = -ψ'⁺/ψ'⁻ the next one takes 2ψ'/|ψ''|, each one after it e times as long as the
 //! one before, and all together 2ψ'/(|ψ''| (1 - e)).
 //!
+//! A contact that is approached, but turns back by itself before ψ is known to be negative, ψ'²/(4ψ'') ≤ ε/8, is
+//! grazed and not struck.
+//!
 //! After a jump all ψ are evaluated again, as at the start of a run, and the three steps are repeated
 //! until nothing jumps.
 
@@ -42,6 +45,8 @@ pub(super) struct Jumps {
     pub near: Vec<(usize, usize)>,
     /// Contacts that were struck here, and how fast.
     struck: Vec<(usize, f64)>,
+    /// Contacts without a gap that are passed by closer than their ψ is known.
+    pub grazed: Vec<usize>,
 }
 
 impl Jumps {
@@ -65,8 +70,19 @@ impl Jumps {
     }
 }
 
+/// ψ', ψ'' and ∂ψ''/∂α of a contact.
+pub(super) struct Bent {
+    pub speed: f64,
+    pub bend: f64,
+    pub push: f64,
+}
+
+/// The share of its band within which a contact that is not met itself has no gap: less than what a contact is grazed
+/// by, so that bodies that graze two others at once are not taken for jammed between them.
+pub(super) const TOUCH: f64 = 1.0 / 64.0;
+
 /// What a series does below this fraction of its terms is rounding.
-const ROUNDING: f64 = 1e-13;
+pub(super) const ROUNDING: f64 = 1e-13;
 
 /// What a new mode is found for.
 pub(super) enum Met {
@@ -96,7 +112,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let mut last: Vec<usize> = Vec::new();
         let (Met::Surfaces(on) | Met::Breakpoint(on)) = &mut met;
         self.wake(state, on, t1);
-        self.find_near(state, t1);
+        self.find_near(state, on, t1);
         for _ in 0..MAX_ROUNDS {
             let mut fired = self.struck(state);
             if fired.is_empty() {
@@ -123,11 +139,12 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             }
             self.apply(state, &fired)?;
             self.impact(state, &fired)?;
-            met = Met::Surfaces(self.place(state, t1 - state.t)?);
+            let on = self.place(state, t1 - state.t)?;
             let moves = |law: &usize| matches!(self.system.laws()[*law].effect, Effect::Reset(_));
             if fired.iter().any(moves) {
-                self.find_near(state, t1);
+                self.find_near(state, &on, t1);
             }
+            met = Met::Surfaces(on);
             last = fired;
         }
         Err(Status::EndlessJumps { laws: last })
@@ -155,8 +172,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         on.sort_unstable();
     }
 
-    /// Finds the contacts without a gap: no impact changes that.
-    fn find_near(&mut self, state: &mut State, t1: f64) {
+    /// Finds the contacts without a gap, those that are met among them: no impact changes that.
+    fn find_near(&mut self, state: &mut State, met: &[usize], t1: f64) {
         let mut near = std::mem::take(&mut self.jumps.near);
         near.clear();
         near.extend(
@@ -176,7 +193,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         near.retain(|&(_, switch)| {
             let closed = state.sides[switch] == Side::Slide;
             state.band[switch] = mode.band(switch, state, t1 - state.t);
-            let is_near = closed || mode.psi(switch) <= state.band[switch];
+            // What is met has no gap, even where projection has moved the state since.
+            let is_near =
+                closed || met.contains(&switch) || mode.psi(switch) <= TOUCH * state.band[switch];
             mode.surfaces.stand_for(switch, usize::from(closed));
             is_near
         });
@@ -184,7 +203,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     }
 
     /// The laws of surfaces that the state strikes from above.
-    fn struck(&mut self, state: &State) -> Vec<usize> {
+    fn struck(&mut self, state: &mut State) -> Vec<usize> {
         let mut struck = Vec::new();
         let mut speeds = Vec::new();
         let mode = &mut self.mode;
@@ -203,47 +222,86 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             let order = if closed { 1 } else { 0 };
             mode.surfaces.stand_for(switch, order);
         }
+        self.jumps.grazed.clear();
+        struck.retain(|&law| {
+            let Some(switch) = self.system.laws()[law].closes() else {
+                return true;
+            };
+            let grazes = state.sides[switch] != Side::Slide && self.grazes(state, switch);
+            if grazes {
+                self.jumps.grazed.push(switch);
+            }
+            !grazes
+        });
         if !struck.is_empty() {
             self.jumps.struck = speeds;
         }
         struck
     }
 
+    /// Whether a contact that is approached turns back before its ψ is known to be negative.
+    fn grazes(&mut self, state: &mut State, switch: usize) -> bool {
+        let Bent { speed, bend, .. } = self.bent(state, switch);
+        self.mode.enter(self.system, &state.sides);
+        bend > 0.0 && speed * speed <= 0.25 * bend * state.band[switch]
+    }
+
+    /// How a contact moves on without a force of its own.
+    fn bent(&mut self, state: &mut State, switch: usize) -> Bent {
+        let mut sides = state.sides.clone();
+        sides[switch] = Side::Slide;
+        self.mode.enter(self.system, &sides);
+        let mode = &mut self.mode;
+        mode.surfaces.stand_for(switch, 1);
+        let alpha = std::mem::replace(&mut state.alpha[switch], 1.0);
+        mode.eval(state.t, &state.x, &state.alpha);
+        state.alpha[switch] = alpha;
+        mode.linearize(&[switch]);
+        Bent {
+            speed: mode.psi(switch),
+            bend: mode.phi(switch),
+            push: mode.coupling(switch, switch),
+        }
+    }
+
     /// Takes away the speeds at which contacts open by less than their ψ is known.
     fn close(&mut self, state: &mut State) {
         for at in 0..self.jumps.near.len() {
             let (_, switch) = self.jumps.near[at];
-            let mut sides = state.sides.clone();
-            sides[switch] = Side::Slide;
-            self.mode.enter(self.system, &sides);
-            let mode = &mut self.mode;
-            mode.surfaces.stand_for(switch, 1);
             state.alpha[switch] = 1.0;
-            mode.eval(state.t, &state.x, &state.alpha);
-            mode.linearize(&[switch]);
-            let (speed, bend) = (mode.psi(switch), mode.phi(switch));
-            let push = mode.coupling(switch, switch);
-            let rounding = ROUNDING * bend.abs() * state.last_step.powi(2);
-            let least = 2.0 * state.band[switch].max(rounding);
-            if speed > 0.0 && bend < 0.0 && speed * speed <= 2.0 * bend.abs() * least {
-                let known = self.jumps.struck.iter().find(|struck| struck.0 == switch);
-                let ratio = known.map_or(1.0, |(_, before)| speed / before);
-                let terms = mode.gradient(switch).iter();
-                let size: f64 = terms.map(|&(j, g)| g.abs() * state.size(j)).sum();
-                // Where nothing bounces, what is left of a speed is rounding.
-                if ratio < 1.0 && speed > BAND * size {
-                    let end = state.t + 2.0 * speed / (bend.abs() * (1.0 - ratio));
-                    self.jumps.end = Some(self.jumps.end.map_or(end, |other| other.max(end)));
-                }
-                self.jumps.closed.resize(state.x.len(), 0.0);
-                for (i, closed) in self.jumps.closed.iter_mut().enumerate() {
-                    let slopes = mode.field.slopes(i).filter(|(j, _)| *j == switch);
-                    let change: f64 = slopes.map(|(_, slope)| slope * speed / push).sum();
-                    state.x[i] -= change;
-                    *closed += change;
-                }
-            }
+            let bent = self.bent(state, switch);
+            self.shut(state, switch, bent);
         }
+    }
+
+    /// Closes a contact that opens by less than its ψ is known until it is bent back: takes its speed away, in the
+    /// direction in which its force acts. True where it did.
+    pub(super) fn shut(&mut self, state: &mut State, switch: usize, bent: Bent) -> bool {
+        let Bent { speed, bend, push } = bent;
+        let rounding = ROUNDING * bend.abs() * state.last_step.powi(2);
+        let least = 2.0 * state.band[switch].max(rounding);
+        let opens = speed > 0.0 && bend < 0.0;
+        if !opens || speed * speed > 2.0 * bend.abs() * least {
+            return false;
+        }
+        let mode = &mut self.mode;
+        let known = self.jumps.struck.iter().find(|struck| struck.0 == switch);
+        let ratio = known.map_or(1.0, |(_, before)| speed / before);
+        let terms = mode.gradient(switch).iter();
+        let size: f64 = terms.map(|&(j, g)| g.abs() * state.size(j)).sum();
+        // Where nothing bounces, what is left of a speed is rounding.
+        if ratio < 1.0 && speed > BAND * size {
+            let end = state.t + 2.0 * speed / (bend.abs() * (1.0 - ratio));
+            self.jumps.end = Some(self.jumps.end.map_or(end, |other| other.max(end)));
+        }
+        self.jumps.closed.resize(state.x.len(), 0.0);
+        for (i, closed) in self.jumps.closed.iter_mut().enumerate() {
+            let slopes = mode.field.slopes(i).filter(|(j, _)| *j == switch);
+            let change: f64 = slopes.map(|(_, slope)| slope * speed / push).sum();
+            state.x[i] -= change;
+            *closed += change;
+        }
+        true
     }
 
     /// The laws whose guards hold on the present sides.

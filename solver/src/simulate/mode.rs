@@ -239,6 +239,13 @@ impl Mode {
             + self.time_gradient(switch)
     }
 
+    /// Σ |∇ψ_j f_j| + |∂ψ/∂t|, the terms of φ.
+    pub(super) fn terms_of_phi(&self, switch: usize) -> f64 {
+        let terms = self.gradient(switch).iter();
+        let terms = terms.map(|&(state, g)| (g * self.field.f[state]).abs());
+        terms.sum::<f64>() + self.time_gradient(switch).abs()
+    }
+
     /// ∂φ_switch/∂α_alpha of a sliding α, where it was last linearized.
     pub(crate) fn coupling(&self, switch: usize, alpha: usize) -> f64 {
         let gradient = self.gradient(switch).iter();

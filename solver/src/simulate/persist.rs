@@ -5,6 +5,7 @@
 //! rest nor clearly slipping, is tried both ways, and the series of every choice decide.
 
 use super::candidates::{Zeros, product};
+use super::jump::{Bent, ROUNDING};
 use super::meeting::{Forces, Meeting, NoForces};
 use super::mode::Mode;
 use super::select::{Choice, Choices};
@@ -21,10 +22,22 @@ const MAX_DOUBTS: usize = 4;
 /// Sides of a contact, and of its slip velocity.
 type Sides = (Side, Side);
 
+/// The forces of contacts that meet.
+struct Found {
+    meeting: Meeting,
+    forces: Forces,
+    /// Contacts that open with a speed of their own, and take no part.
+    leaves: Vec<usize>,
+    /// α of all switches, of those that meet in the middle of where forces are.
+    alpha: Vec<f64>,
+    /// Accelerations below this are tried both ways.
+    near: f64,
+}
+
 impl<S: SwitchedSystem> Simulator<'_, S> {
     /// True for a unilateral switch whose surface is struck; what keeps the others, as the constraints of
     /// projections, acts on their rate itself.
-    fn is_struck(&self, switch: usize) -> bool {
+    pub(super) fn is_contact(&self, switch: usize) -> bool {
         let strikes = |law: &Law| matches!(law.guard, Guard::Strikes(struck) if struck == switch);
         self.system.laws().iter().any(strikes)
     }
@@ -33,7 +46,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     pub(super) fn is_of_contacts(&self, group: &[usize]) -> bool {
         let is_contact = |&i: &usize| {
             let slips = self.system.slip_of(i);
-            self.is_struck(i) || slips.is_some_and(|of| group.contains(&of))
+            self.is_contact(i) || slips.is_some_and(|of| group.contains(&of))
         };
         group.iter().all(is_contact)
     }
@@ -44,47 +57,22 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         state: &mut State,
         group: &[usize],
     ) -> Result<Choices, Status> {
-        let system = self.system;
-        let slip_of = |normal: usize| {
-            let mut slips = group.iter().copied();
-            slips.find(|&i| system.slip_of(i) == Some(normal))
+        let found = loop {
+            self.meet(state, group);
+            let found = self.contact_forces(state, group)?;
+            if !self.shut_bent(state, &found) {
+                break found;
+            }
         };
-        // What opens with a speed of its own takes no part.
-        let normals = group.iter().copied().filter(|&i| system.is_unilateral(i));
-        let (meets, leaves): (Vec<usize>, Vec<usize>) =
-            normals.partition(|&i| self.mode.surfaces.is_deep(i));
-        let contacts: Vec<_> = meets.iter().map(|&i| (i, slip_of(i))).collect();
-        let mut alpha = state.alpha.clone();
-        for &i in group {
-            alpha[i] = if system.is_unilateral(i) { 1.0 } else { 0.5 };
-        }
-        let mode = &mut self.mode;
-        mode.vary(&alpha);
-        mode.linearize(group);
-        let a: Vec<f64> = contacts.iter().map(|c| mode.phi(c.0)).collect();
-        let b: Vec<f64> = contacts
-            .iter()
-            .map(|c| c.1.map_or(0.0, |t| mode.phi(t)))
-            .collect();
-        for &i in &meets {
-            alpha[i] = 0.0;
-        }
-        mode.vary(&alpha);
-        mode.linearize(group);
-        let meeting = Meeting::of(mode, contacts);
-        let at_rest = vec![0.0; a.len()];
-        let forces = meeting.solve(&a, &b, &at_rest).map_err(|why| match why {
-            NoForces::Paradox(at) => Status::Painleve {
-                switch: meeting.contacts[at].0,
-            },
-            NoForces::NotFound => Status::NoSolution {
-                switches: group.to_vec(),
-            },
-        })?;
-        state.complementarity = state.complementarity.max(forces.residual);
-        let size = a.iter().chain(&b).fold(0.0_f64, |s, v| s.max(v.abs()));
+        let Found {
+            meeting,
+            forces,
+            leaves,
+            mut alpha,
+            near,
+        } = found;
         let options: Vec<Vec<Sides>> = (0..meeting.contacts.len())
-            .map(|i| options(&meeting, &forces, i, NEAR * size))
+            .map(|i| options(&meeting, &forces, i, near))
             .collect();
         let mut choices = Choices {
             found: Vec::new(),
@@ -105,7 +93,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             };
             for &i in &leaves {
                 set(i, Side::Plus, 1.0);
-                if let Some(slip) = slip_of(i) {
+                if let Some(slip) = self.slip_among(group, i) {
                     set(slip, Side::Plus, 1.0);
                 }
             }
@@ -124,6 +112,107 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             choices.found.extend(found);
         }
         Ok(choices)
+    }
+
+    /// Lets contacts meet that others were closed against: their rates are negative by less than what that took away.
+    fn meet(&mut self, state: &State, group: &[usize]) {
+        let mode = &mut self.mode;
+        mode.eval(state.t, &state.x, &state.alpha);
+        for &i in group {
+            let is_open = mode.unilateral[i] && !mode.surfaces.is_deep(i);
+            if is_open && !self.jumps.grazed.contains(&i) {
+                mode.surfaces.stand_for(i, 1);
+                mode.linearize(&[i]);
+                let speed = mode.psi(i);
+                let least = 8.0 * state.band[i] * mode.terms_of_phi(i);
+                let meets = speed < 0.0 && speed * speed <= least;
+                mode.surfaces.stand_for(i, usize::from(meets));
+            }
+        }
+        mode.focus(state.t, &state.x, &state.alpha, group);
+    }
+
+    /// The slip velocity of a contact, among these.
+    fn slip_among(&self, group: &[usize], normal: usize) -> Option<usize> {
+        let mut slips = group.iter().copied();
+        slips.find(|&i| self.system.slip_of(i) == Some(normal))
+    }
+
+    /// The forces of the contacts of a group that do not open with a speed of their own.
+    fn contact_forces(&mut self, state: &mut State, group: &[usize]) -> Result<Found, Status> {
+        let system = self.system;
+        let normals = group.iter().copied().filter(|&i| system.is_unilateral(i));
+        let (meets, leaves): (Vec<usize>, Vec<usize>) =
+            normals.partition(|&i| self.mode.surfaces.is_deep(i));
+        let slips = meets.iter().map(|&i| (i, self.slip_among(group, i)));
+        let contacts: Vec<_> = slips.collect();
+        let mut alpha = state.alpha.clone();
+        for &i in group {
+            alpha[i] = if system.is_unilateral(i) { 1.0 } else { 0.5 };
+        }
+        let mode = &mut self.mode;
+        mode.vary(&alpha);
+        mode.linearize(group);
+        let a: Vec<f64> = contacts.iter().map(|c| mode.phi(c.0)).collect();
+        let b: Vec<f64> = contacts
+            .iter()
+            .map(|c| c.1.map_or(0.0, |t| mode.phi(t)))
+            .collect();
+        let all = contacts.iter().flat_map(|c| [Some(c.0), c.1]).flatten();
+        let terms = all.fold(0.0_f64, |size, i| size.max(mode.terms_of_phi(i)));
+        let size = a.iter().chain(&b).fold(0.0_f64, |s, v| s.max(v.abs()));
+        // Where accelerations cancel, what is left is rounding.
+        let near = f64::max(NEAR * size, ROUNDING * terms);
+        for &i in &meets {
+            alpha[i] = 0.0;
+        }
+        mode.vary(&alpha);
+        mode.linearize(group);
+        let meeting = Meeting::of(mode, contacts);
+        let at_rest = vec![0.0; a.len()];
+        let forces = meeting.solve(&a, &b, &at_rest).map_err(|why| match why {
+            NoForces::Paradox(at) => Status::Painleve {
+                switch: meeting.contacts[at].0,
+            },
+            NoForces::NotFound => Status::NoSolution {
+                switches: group.to_vec(),
+            },
+        })?;
+        state.complementarity = state.complementarity.max(forces.residual);
+        Ok(Found {
+            meeting,
+            forces,
+            leaves,
+            alpha,
+            near,
+        })
+    }
+
+    /// Closes a contact that the forces of the others bend back before its ψ is known to be open; false where there
+    /// is none.
+    fn shut_bent(&mut self, state: &mut State, found: &Found) -> bool {
+        let mut alpha = found.alpha.clone();
+        let forces = (found.forces.normal.iter()).zip(&found.forces.friction);
+        for (&(normal, slip), (force, drag)) in found.meeting.contacts.iter().zip(forces) {
+            alpha[normal] = 1.0 - force;
+            if let Some(slip) = slip.filter(|_| *force > 0.0) {
+                alpha[slip] = 0.5 + 0.5 * drag / force;
+            }
+        }
+        self.mode.vary(&alpha);
+        found.leaves.iter().any(|&i| {
+            let mode = &mut self.mode;
+            mode.surfaces.stand_for(i, 1);
+            mode.linearize(&[i]);
+            let bent = Bent {
+                speed: mode.psi(i),
+                bend: mode.phi(i),
+                push: mode.coupling(i, i),
+            };
+            let shut = self.shut(state, i, bent);
+            self.mode.surfaces.stand_for(i, usize::from(shut));
+            shut
+        })
     }
 
     /// The α of a choice exactly, from close by.
@@ -154,6 +243,11 @@ impl Mode {
     /// True for a switch that is never below its surface.
     pub(super) fn is_unilateral(&self, switch: usize) -> bool {
         self.unilateral[switch]
+    }
+
+    /// True for the gap of a contact, whose rate has no force in it.
+    pub(super) fn is_contact(&self, switch: usize) -> bool {
+        self.unilateral[switch] && self.surfaces.n_derivatives(switch) > 0
     }
 
     /// True for the slip velocity of a contact that is open, which does not matter.

@@ -6,7 +6,7 @@
 //! higher derivatives, which depend on the others' sides.
 
 use super::judge::{Check, Verdict};
-use super::jump::Met;
+use super::jump::{Met, TOUCH};
 use super::mode::Mode;
 use super::state::State;
 use super::{Note, Role, Side, Simulator, Status, SwitchedSystem};
@@ -100,7 +100,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             return Err(Status::Penetrates { switch });
         }
         let near: Vec<bool> = (all.iter())
-            .map(|&i| self.mode.psi(i).abs() <= state.band[i])
+            .map(|&i| {
+                let share = if self.is_contact(i) { TOUCH } else { 1.0 };
+                self.mode.psi(i).abs() <= share * state.band[i]
+            })
             .collect();
         let is_kept = |i: usize| self.system.role(i) != Role::Step && state.sides[i] == Side::Slide;
         let on =

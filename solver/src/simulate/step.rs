@@ -169,7 +169,12 @@ pub(super) fn first_event(
     }
     for &i in &mode.watched {
         let reach = first.map_or(h, |(root, _)| root.tau);
-        let (c, band) = (dense.psi(i), state.armed[i].then_some(SEEN * state.band[i]));
+        // Contacts close where they open by less than their band.
+        let share = if mode.is_contact(i) { 1.0 } else { SEEN };
+        let (c, band) = (
+            dense.psi(i),
+            state.armed[i].then_some(share * state.band[i]),
+        );
         let level = mode.closeness(i, state, tolerance);
         let root = first_root(roots, c[0], c, reach, mode.sides[i].sign(), band, level);
         state.close.extend(roots.close.iter().map(|&tau| (i, tau)));

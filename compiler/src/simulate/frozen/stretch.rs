@@ -1,9 +1,22 @@
 //! Polynomials in numerical time as polynomials in physical time, where the clock is slower.
 //!
-//! With t = c(τ) and the series of its inverse τ = g(t), a state x(τ) is x(g(t)); λ = a (τ'(t) - 1) is the force of
-//! a contact that lasts.
+//! With t = c(τ) and the series of its inverse τ = g(t), a state x(τ) is x(g(t)). Contacts that last act on what those
+//! before them leave, x' = ϑ (..) + (1 - ϑ) a n, so that t' = Π ϑ, and contact k has the force
+//!
+//! λ_k = a_k (1 - ϑ_k) Π_{j > k} ϑ_j g'(t).
 
 use nsd_solver::simulate::Polynomials;
+
+/// A contact that lasts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Lasting {
+    /// Its switch in the original.
+    pub contact: usize,
+    /// The switch of the gap's rate, whose α is ϑ.
+    pub speed: usize,
+    /// a
+    pub strength: f64,
+}
 
 /// The series of a segment, one row each.
 pub(super) struct Stretched {
@@ -13,34 +26,47 @@ pub(super) struct Stretched {
 }
 
 impl Stretched {
-    /// For the first states; `forces` are the strengths a of switches that are contacts, `places` say where others
+    /// For the first states; `lasting` are contacts in the order in which they act, `places` say where other switches
     /// are that slide.
     pub fn new(
         inner: &dyn Polynomials,
         clock: usize,
         n_states: usize,
         places: &[Option<usize>],
-        forces: &[Option<f64>],
+        lasting: &[Lasting],
     ) -> Self {
         let degree = inner.degree();
         let inverse = inverse(&inner.x(clock)[..=degree]);
         let state = |i: usize| compose(&inner.x(i)[..=degree], &inverse);
-        let alpha = |(place, force): (&Option<usize>, &Option<f64>)| match (place, force) {
-            (_, Some(strength)) => {
-                let slope = |k: usize| inverse.get(k + 1).map_or(0.0, |g| (k + 1) as f64 * g);
-                let mut alpha: Vec<f64> = (0..=degree).map(|k| -strength * slope(k)).collect();
-                alpha[0] += 1.0 + strength;
-                alpha
-            }
-            (Some(place), None) => compose(&inner.alpha(*place)[..=degree], &inverse),
-            (None, None) => Vec::new(),
+        let slope = |k: usize| inverse.get(k + 1).map_or(0.0, |g| (k + 1) as f64 * g);
+        let pace: Vec<f64> = (0..=degree).map(slope).collect();
+        let free = |contact: &Lasting| compose(&inner.alpha(contact.speed)[..=degree], &inverse);
+        let free: Vec<Vec<f64>> = lasting.iter().map(free).collect();
+        // 1 - λ
+        let closed = |k: usize| {
+            let mut share: Vec<f64> = free[k].iter().map(|c| -lasting[k].strength * c).collect();
+            share[0] += lasting[k].strength;
+            let after = free[k + 1..].iter();
+            let force = after.fold(product(&share, &pace), |force, free| product(&force, free));
+            let mut alpha: Vec<f64> = force.iter().map(|c| -c).collect();
+            alpha[0] += 1.0;
+            alpha
+        };
+        let alpha = |(switch, place): (usize, &Option<usize>)| match lasting
+            .iter()
+            .position(|contact| contact.contact == switch)
+        {
+            Some(k) => closed(k),
+            None => place.map_or_else(Vec::new, |place| {
+                compose(&inner.alpha(place)[..=degree], &inverse)
+            }),
         };
         Stretched {
             degree,
             n_states,
             rows: (0..n_states)
                 .map(state)
-                .chain(places.iter().zip(forces).map(alpha))
+                .chain(places.iter().enumerate().map(alpha))
                 .collect(),
         }
     }
@@ -96,7 +122,45 @@ fn compose(x: &[f64], g: &[f64]) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::{compose, inverse};
+    use super::{Lasting, Polynomials, Stretched, compose, inverse};
+
+    /// A state that is the clock, and the ϑ of two contacts.
+    struct Two([Vec<f64>; 3]);
+
+    impl Polynomials for Two {
+        fn degree(&self) -> usize {
+            1
+        }
+
+        fn x(&self, _: usize) -> &[f64] {
+            &self.0[0]
+        }
+
+        fn alpha(&self, switch: usize) -> &[f64] {
+            &self.0[1 + switch]
+        }
+    }
+
+    #[test]
+    fn contacts_that_last_together_have_forces_of_their_own() {
+        // x' = ϑ₂ (ϑ₁ f + (1 - ϑ₁) a₁ n₁) + (1 - ϑ₂) a₂ n₂ with ϑ = 3/4 and 1/2, t' = 3/8: in physical time the forces
+        // are a₁ (1/2)(1/4)/(3/8) and a₂ (1/2)/(3/8).
+        let inner = Two([vec![0.0, 0.375], vec![0.75, 0.0], vec![0.5, 0.0]]);
+        let contact = |contact: usize, strength: f64| Lasting {
+            contact,
+            speed: contact,
+            strength,
+        };
+        let seen = Stretched::new(
+            &inner,
+            0,
+            1,
+            &[None, None],
+            &[contact(0, 6.0), contact(1, 9.0)],
+        );
+        assert!((1.0 - seen.alpha(0)[0] - 2.0).abs() <= 1e-14);
+        assert!((1.0 - seen.alpha(1)[0] - 12.0).abs() <= 1e-14);
+    }
 
     #[test]
     fn a_series_of_its_inverse_is_the_identity() {

@@ -10,7 +10,7 @@ use nsd_solver::simulate::{Event, Observer, Outcome, Polynomials, Segment, Side,
 
 use rustc_hash::FxHashMap;
 
-use super::stretch::Stretched;
+use super::stretch::{Lasting, Stretched};
 use crate::expr::Var;
 use crate::system::freezing::{Frozen, Rest};
 
@@ -57,8 +57,8 @@ pub(super) struct Thaw<'t, 'e> {
     accumulates: bool,
     /// The last bounces of every contact.
     bounces: Vec<Vec<f64>>,
-    /// Strengths of the contacts that last, by switch of the original.
-    forces: Vec<Option<f64>>,
+    /// The contacts that last.
+    lasting: Vec<Lasting>,
     /// Places of the states of the frozen system.
     state_of: FxHashMap<Var, usize>,
     /// Set when time does not go on.
@@ -107,7 +107,7 @@ impl<'t, 'e> Thaw<'t, 'e> {
             fired: Vec::new(),
             accumulates: false,
             bounces: vec![Vec::new(); frozen.contacts.len()],
-            forces: vec![None; frozen.places.len()],
+            lasting: Vec::new(),
             state_of: (frozen.system.states.iter().enumerate())
                 .filter_map(|(i, state)| Some((state.var.as_variable()?, i)))
                 .collect(),
@@ -126,13 +126,20 @@ impl<'t, 'e> Thaw<'t, 'e> {
         for memory in &self.frozen.relays {
             self.next[memory.relay] = Side::of(x[memory.state] - 0.5);
         }
+        self.lasting.clear();
         for contact in &self.frozen.contacts {
             let lasts = |rest: &&Rest| sides[rest.speed] == Side::Slide;
             let rest = contact.rest.as_ref().filter(lasts);
-            self.forces[contact.contact] = rest.and_then(|_| contact.strength.as_constant());
-            if rest.is_some() {
-                self.next[contact.contact] = Side::Slide;
-            }
+            let Some(rest) = rest else {
+                continue;
+            };
+            self.next[contact.contact] = Side::Slide;
+            self.lasting
+                .extend(contact.strength.as_constant().map(|strength| Lasting {
+                    contact: contact.contact,
+                    speed: rest.speed,
+                    strength,
+                }));
         }
     }
 
@@ -260,7 +267,7 @@ impl Observer for Thaw<'_, '_> {
         if self.end.is_some() {
             return ControlFlow::Break(());
         }
-        let lasts = self.forces.iter().any(Option::is_some);
+        let lasts = !self.lasting.is_empty();
         let mut length = if lasts { advance } else { segment.length };
         if (self.t + length - self.horizon).abs() <= NEAR * self.horizon {
             length = self.horizon - self.t;
@@ -275,7 +282,7 @@ impl Observer for Thaw<'_, '_> {
             let slides = places.iter().zip(&self.sides);
             let slides = slides.map(|(place, side)| place.filter(|_| *side == Side::Slide));
             let slides: Vec<Option<usize>> = slides.collect();
-            Stretched::new(inner, clock, n, &slides, &self.forces)
+            Stretched::new(inner, clock, n, &slides, &self.lasting)
         });
         let dense: &dyn Polynomials = match &stretched {
             Some(stretched) => stretched,

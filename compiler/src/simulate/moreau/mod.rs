@@ -97,7 +97,7 @@ pub(super) fn run(
 }
 
 /// What steps through a system to a horizon.
-pub(super) fn stepper(
+pub fn stepper(
     system: &System,
     horizon: f64,
     steps: usize,
