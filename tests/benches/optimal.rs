@@ -2,11 +2,14 @@
 //!
 //! A fast wrong optimum is not fast: every line has the objective, and ours the certificate and how far a simulation
 //! with the controls ends from what was found.
+//!
+//! Both begin with one guess of their own. Ours goes on with another relaxation from there until two of them agree, all
+//! of which is in its seconds, and so are certificates and the branches that they lead to. Three runs, the quickest.
 
 use std::process::Command;
 
 use nsd_tests::with_experiment;
-use nsdc::optimize;
+use nsdc::optimize::{self, Solved};
 use nsdc::report::Trajectory;
 use nsdc::simulate::Request;
 use serde_json::{Value, json};
@@ -18,6 +21,8 @@ struct Problem {
     peer: Value,
 }
 
+/// How often everything runs.
+const RUNS: usize = 3;
 /// What experiments are called.
 const EXPERIMENT: &str = "bench";
 
@@ -72,19 +77,30 @@ fn main() {
     let asked: Vec<String> = std::env::args().collect();
     let problems = problems();
     let is_named = |problem: &Problem| asked.iter().any(|name| name == problem.name);
+    if std::env::var("NSDC_PEER_PYTHON").is_err() {
+        print("nosnoc skipped: NSDC_PEER_PYTHON names no Python with it");
+    }
     let takes_all = !problems.iter().any(is_named);
-    print("solver   problem     objective       seconds  remarks");
+    print("solver   problem     objective       seconds  certificate  simulation  remarks");
     for problem in problems
         .iter()
         .filter(|problem| takes_all || is_named(problem))
     {
-        problem.ours();
-        problem.peer();
+        let ours = problem.ours();
+        let theirs = problem.peer();
+        if let (Some(ours), Some(theirs)) = (ours, theirs) {
+            print(&format!(
+                "ratio    {:<11} {:.1}",
+                problem.name,
+                theirs / ours
+            ));
+        }
     }
 }
 
 impl Problem {
-    fn ours(&self) {
+    fn ours(&self) -> Option<f64> {
+        let mut seconds = None;
         with_experiment(&self.text, EXPERIMENT, |compiled| {
             let settings = &compiled.settings;
             let task = settings
@@ -92,55 +108,72 @@ impl Problem {
                 .as_ref()
                 .expect("an optimal control problem");
             let request = Request::default();
-            let solved = optimize::run(&compiled.system, settings, task, &[], &request, &mut ());
-            match solved {
-                Ok(solved) => self.line("nsdc", &solved.trajectory),
-                Err(error) => print(&format!("nsdc     {:<11} {error}", self.name)),
+            let run =
+                || optimize::run(&compiled.system, settings, task, &[], &request, &mut ()).ok();
+            let runs = (0..RUNS).filter_map(|_| run());
+            let best = runs.min_by(|a, b| {
+                let seconds = |solved: &Solved| solved.trajectory.stats.solve_s;
+                seconds(a).total_cmp(&seconds(b))
+            });
+            match best {
+                Some(solved) => {
+                    self.line("nsdc", &solved.trajectory);
+                    seconds = Some(solved.trajectory.stats.solve_s);
+                }
+                None => print(&format!("nsdc     {:<11} failed", self.name)),
             }
         });
+        seconds
     }
 
     fn line(&self, solver: &str, found: &Trajectory) {
-        let check = found
-            .optimum
-            .as_ref()
-            .and_then(|optimum| optimum.check.as_ref());
-        let end = check.map_or(f64::NAN, |check| check.terminal_error);
+        let optimum = found.optimum.clone().unwrap_or_default();
+        let end = (optimum.check).map_or(f64::NAN, |check| check.terminal_error);
         print(&format!(
-            "{solver:<8} {:<11} {:<14.9} {:>8.3}  {}, {}-stationary, simulated end off by {end:.1e}",
+            "{solver:<8} {:<11} {:<14.9} {:>8.4}  {:>11.4}  {:>10.4}  {}, {}-stationary, {} iterations, \
+             {} relaxations, simulated end off by {end:.1e}",
             self.name,
             found.objective.unwrap_or(f64::NAN),
             found.stats.solve_s,
+            optimum.certificate_s,
+            optimum.check_s,
             found.status.as_str(),
             found.certificate.stationarity.as_str(),
+            found.stats.newton_iterations,
+            found.stats.homotopy_steps,
         ));
     }
 
-    fn peer(&self) {
-        let Ok(python) = std::env::var("NSDC_PEER_PYTHON") else {
-            print("nosnoc skipped: NSDC_PEER_PYTHON names no Python with it");
-            return;
-        };
+    fn peer(&self) -> Option<f64> {
+        let rows = (0..RUNS).filter_map(|_| self.peer_once());
+        let seconds = |row: &Value| row["seconds"].as_f64().unwrap_or(f64::INFINITY);
+        let row = rows.min_by(|a, b| seconds(a).total_cmp(&seconds(b)))?;
+        self.peer_line(&row);
+        Some(seconds(&row))
+    }
+
+    fn peer_once(&self) -> Option<Value> {
+        let python = std::env::var("NSDC_PEER_PYTHON").ok()?;
         let output = Command::new(python)
             .args(["optimal.py", &self.peer.to_string()])
             .current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/benches/peers"))
             .env("PYTHONDONTWRITEBYTECODE", "1")
             .envs([("OMP_NUM_THREADS", "1"), ("OPENBLAS_NUM_THREADS", "1")])
-            .output();
-        let row = output.ok().and_then(|output| {
-            let text = String::from_utf8_lossy(&output.stdout).into_owned();
-            serde_json::from_str::<Value>(text.lines().last()?).ok()
-        });
-        let Some(row) = row else {
-            print(&format!("nosnoc   {:<11} failed", self.name));
-            return;
-        };
+            .output()
+            .ok()?;
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        serde_json::from_str(text.lines().last()?).ok()
+    }
+
+    fn peer_line(&self, row: &Value) {
         let number = |key: &str| row[key].as_f64().unwrap_or(f64::NAN);
         print(&format!(
-            "nosnoc   {:<11} {:<14.9} {:>8.3}  {}, {} iterations, complementarity {:.1e}",
+            "nosnoc   {:<11} {:<14.9} {:>8.4}  {:>11}  {:>10}  {}, {} iterations, complementarity {:.1e}",
             self.name,
             number("objective"),
             number("seconds"),
+            "-",
+            "-",
             row["status"].as_str().unwrap_or_default(),
             number("iterations"),
             number("complementarity"),

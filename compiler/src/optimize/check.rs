@@ -1,5 +1,7 @@
 //! The controls that were found, simulated from event to event.
 
+use std::time::Instant;
+
 use nsd_solver::mpcc::Solution;
 
 use super::{Problem, solved};
@@ -38,7 +40,11 @@ pub(super) fn simulate(problem: &Problem, solution: &Solution, trajectory: &mut 
         multipliers: false,
         time_limit: None,
     };
+    let started = Instant::now();
     let run = simulate::run(&system, &settings, &request);
+    if let Some(optimum) = &mut trajectory.optimum {
+        optimum.check_s = started.elapsed().as_secs_f64();
+    }
     let mut warn = |message: String| {
         trajectory.warnings.push(Warning {
             code: "W0709".into(),

@@ -120,8 +120,11 @@ pub fn run<'e>(
         starts: found.solutions.len(),
         spread: found.spread(),
         median_s: median(found.solutions.iter().map(|s| s.stats.seconds)),
+        certificate_s: (found.solutions.iter())
+            .map(|solution| solution.stats.certificate_seconds)
+            .sum(),
         branches: solution.others,
-        check: None,
+        ..Optimum::default()
     });
     trajectory.stats.solve_s = seconds;
     if solution.is_feasible() {

@@ -50,6 +50,8 @@ struct Run {
     length: f64,
     /// How many elements it gets.
     count: usize,
+    /// The member that opens in it and the one that closes, where it gets another mode.
+    swap: Option<(usize, usize)>,
 }
 
 /// Another description.
@@ -65,7 +67,8 @@ enum Change {
     Mode {
         interval: usize,
         run: usize,
-        open: Vec<bool>,
+        opens: usize,
+        closes: usize,
     },
 }
 
@@ -108,6 +111,7 @@ impl Moved {
                     start,
                     length,
                     count: 1,
+                    swap: None,
                 }),
             }
             start += length;
@@ -165,11 +169,16 @@ impl Moved {
         groups.flat_map(|group| group.continuous.clone()).collect()
     }
 
+    /// The algebraic variables in a of all members, and its derivatives.
+    fn jumps(&self) -> Vec<(usize, f64)> {
+        let groups = self.conditions.groups.iter();
+        groups.flat_map(|group| group.jumps.clone()).collect()
+    }
+
     /// Other modes of every run, where it is on a surface on both sides of which rates are the same.
     fn other_modes(&self, runs: &[Vec<Run>], w: &[f64], near: &Linearized) -> Vec<Vec<Change>> {
         let (layout, continuous) = (&self.layout, self.continuous());
-        let groups = self.conditions.groups.iter();
-        let jumps: Vec<(usize, f64)> = groups.flat_map(|group| group.jumps.clone()).collect();
+        let jumps = self.jumps();
         let mut changes = Vec::new();
         for (interval, runs) in runs.iter().enumerate() {
             for (run, Run { open, from, .. }) in runs.iter().enumerate() {
@@ -194,12 +203,11 @@ impl Moved {
                         direction.extend(places.map(|place| (place, sign * change)));
                     }
                     if near.change(&direction) <= SAME_RATES {
-                        let mut open = open.clone();
-                        (open[opens], open[closes]) = (true, false);
                         others.push(Change::Mode {
                             interval,
                             run,
-                            open,
+                            opens,
+                            closes,
                         });
                     }
                 }
@@ -253,11 +261,16 @@ impl Moved {
                     interval.push(empty(runs[*k].first()?, end));
                 }
                 Change::Plain(_) => {}
-                Change::Mode {
+                &Change::Mode {
                     interval: i,
                     run,
-                    open,
-                } => touched.entry(*i).or_default()[*run].open.clone_from(open),
+                    opens,
+                    closes,
+                } => {
+                    let run = &mut touched.entry(i).or_default()[run];
+                    (run.open[opens], run.open[closes]) = (true, false);
+                    run.swap = Some((opens, closes));
+                }
             }
         }
         for (i, runs) in touched {
@@ -378,6 +391,32 @@ impl Moved {
                 let value = |m| layout.z(from, source, m, i).map_or(0.0, |z| point.old[z]);
                 point.new.insert(z, dot(&inner, (1..=n).map(value)));
             }
+        }
+        if let Some((opens, closes)) = run.swap {
+            self.swap((k, j, m), opens, closes, point);
+        }
+    }
+
+    /// Gives what a member has to another one, at a node.
+    fn swap(
+        &self,
+        (k, j, m): (usize, usize, usize),
+        opens: usize,
+        closes: usize,
+        point: &mut Point,
+    ) {
+        let jumps = self.jumps();
+        let [(from, slope), (to, other_slope)] = [jumps[closes], jumps[opens]];
+        let place = |i| self.layout.z(k, j, m, i);
+        let Some(value) = place(from).and_then(|z| point.new.get_mut(&z)) else {
+            return;
+        };
+        let given = if slope > 0.0 { *value } else { 1.0 - *value };
+        *value -= slope * given;
+        if to != from
+            && let Some(value) = place(to).and_then(|z| point.new.get_mut(&z))
+        {
+            *value += other_slope * given;
         }
     }
 }

@@ -15,6 +15,10 @@ pub struct Optimum {
     pub spread: Option<Spread>,
     /// Seconds of the solver per start, the median.
     pub median_s: f64,
+    /// Seconds of certificates of all starts.
+    pub certificate_s: f64,
+    /// Seconds of the simulation with the controls that were found.
+    pub check_s: f64,
     /// In how many other branches the same trajectory has a description; near none of them is a better one.
     pub branches: usize,
     /// What a simulation with the controls that were found says, where it reached the end.

@@ -164,10 +164,11 @@ impl Run<'_> {
             }
         }
         let error = self.optimality_error(errors, self.mu);
-        if self.mu <= floor || (error > KAPPA_EPSILON * self.mu && self.n_tiny < 2) {
+        let is_solved = error <= KAPPA_EPSILON * self.mu || self.is_stalled || self.n_tiny >= 2;
+        if self.mu <= floor || !is_solved {
             return false;
         }
-        self.n_tiny = 0;
+        (self.n_tiny, self.is_stalled) = (0, false);
         self.set_mu((KAPPA_MU * self.mu).min(self.mu.powf(THETA_MU)).max(floor));
         true
     }

@@ -166,7 +166,9 @@ impl Kkt {
             }
             if self.permanent < PERMANENT {
                 self.permanent = PERMANENT;
-                continue;
+                if found.is_err() {
+                    continue;
+                }
             }
             if !is_convexified && found.is_ok() {
                 is_convexified = true;

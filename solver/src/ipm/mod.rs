@@ -31,7 +31,7 @@ use kkt::{Kkt, largest};
 use line_search::Search;
 use residuals::Errors;
 use restoration::Elastic;
-use saved::Saved;
+use saved::{Saved, Stall};
 use std::time::Instant;
 
 const KAPPA_EPSILON: f64 = 10.0;
@@ -154,6 +154,9 @@ struct Run<'a> {
     n_tiny: usize,
     n_short: usize,
     n_acceptable: usize,
+    /// Whether the error of the barrier problem becomes no smaller.
+    stall: Stall,
+    is_stalled: bool,
     /// Soft steps in a row, what they go back to, and the best acceptable point.
     n_soft: usize,
     saved: Saved,
@@ -209,6 +212,8 @@ impl<'a> Run<'a> {
             n_tiny: 0,
             n_short: 0,
             n_acceptable: 0,
+            stall: Stall::default(),
+            is_stalled: false,
             n_soft: 0,
             saved: Saved::new(n + form.n_slacks, m),
             acceptable: Saved::new(n + form.n_slacks, m),
@@ -302,6 +307,9 @@ impl<'a> Run<'a> {
     fn check(&mut self, errors: &Errors, observer: &mut dyn Observer) -> Option<Exit> {
         let options = self.options;
         let error = self.optimality_error(errors, options.mu_target);
+        let nv = self.nv();
+        let bounds = self.lower[..nv].iter().chain(&self.upper[..nv]);
+        let n_bounds = bounds.filter(|bound| bound.is_finite()).count();
         let progress = Progress {
             iteration: self.iterations,
             is_restoration: self.is_restoration,
@@ -309,7 +317,8 @@ impl<'a> Run<'a> {
             primal: errors.primal,
             dual: errors.dual,
             mu: self.mu,
-            step: largest(&self.step.v[..self.nv()]),
+            gap: n_bounds as f64 * self.mu / self.form.objective_scale,
+            step: largest(&self.step.v[..nv]),
             regularization: self.kkt.regularization,
             step_lengths: (self.alpha, self.alpha_dual),
             trials: self.trials,
@@ -343,7 +352,9 @@ impl<'a> Run<'a> {
             } else {
                 0
             };
-            if self.n_acceptable >= options.acceptable_iterations {
+            self.is_stalled = is_acceptable && self.stalls(errors);
+            let is_last = self.is_stalled && self.mu <= self.mu_floor();
+            if is_last || self.n_acceptable >= options.acceptable_iterations {
                 return Some(Exit::Ended(Status::Acceptable));
             }
             let is_beyond = largest(&self.v[..self.form.n]) > BEYOND

@@ -10,6 +10,11 @@ use super::solution::Status;
 /// By what factor a soft step has to reduce the error, and how many may follow each other.
 const KAPPA_SOFT: f64 = 0.9999;
 const MAX_SOFT: usize = 10;
+/// So many acceptable points of one barrier problem, none with less than half the error of an earlier one, get no better.
+const STALLED: usize = 5;
+
+/// Errors up to this many times another one are nearly as good.
+const NEARLY: f64 = 10.0;
 
 /// A point that can be gone back to.
 #[derive(Clone, Debug, Default)]
@@ -18,8 +23,17 @@ pub(super) struct Saved {
     y: Vec<f64>,
     z_l: Vec<f64>,
     z_u: Vec<f64>,
-    /// Its optimality error; infinite without a point.
+    /// Its optimality error, infinite without a point, and its μ.
     pub error: f64,
+    mu: f64,
+}
+
+/// How long the error of a barrier problem has not become smaller.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Stall {
+    mu: f64,
+    error: f64,
+    count: usize,
 }
 
 impl Saved {
@@ -30,6 +44,7 @@ impl Saved {
             z_l: vec![0.0; own],
             z_u: vec![0.0; own],
             error: f64::INFINITY,
+            mu: f64::INFINITY,
         }
     }
 
@@ -45,6 +60,7 @@ impl Saved {
         self.z_l.copy_from_slice(&run.z_l[..own]);
         self.z_u.copy_from_slice(&run.z_u[..own]);
         self.error = error;
+        self.mu = run.mu;
     }
 
     fn restore(&self, run: &mut Run<'_>) {
@@ -57,22 +73,39 @@ impl Saved {
 }
 
 impl Run<'_> {
-    /// Keeps an acceptable point if it is the best one.
+    /// Keeps an acceptable point if it is the best one; among points that are nearly as good the one with the least μ.
     pub(super) fn keep_acceptable(&mut self, error: f64) {
-        if error < self.acceptable.error {
+        let best = &self.acceptable;
+        if error < best.error || self.mu < best.mu && error < NEARLY * best.error {
             let mut saved = std::mem::take(&mut self.acceptable);
             saved.save(self, error);
             self.acceptable = saved;
         }
     }
 
+    /// Whether the error of the barrier problem at acceptable points has come to where rounding, or multipliers that
+    /// are not unique, keep it.
+    pub(super) fn stalls(&mut self, errors: &Errors) -> bool {
+        let error = self.optimality_error(errors, self.mu);
+        let stall = &mut self.stall;
+        if stall.mu != self.mu || error <= 0.5 * stall.error {
+            *stall = Stall {
+                mu: self.mu,
+                error,
+                count: 0,
+            };
+        }
+        stall.count += 1;
+        stall.count > STALLED
+    }
+
     /// Goes back to the best acceptable point of a run that ends without a solution.
     pub(super) fn settle(&mut self, status: Status) -> Status {
-        let is_failure = matches!(
+        let is_unsolved = matches!(
             status,
-            Status::NumericalFailure(_) | Status::LocallyInfeasible
+            Status::NumericalFailure(_) | Status::LocallyInfeasible | Status::Acceptable
         );
-        if !(is_failure && self.acceptable.error.is_finite()) {
+        if !(is_unsolved && self.acceptable.error.is_finite()) {
             return status;
         }
         let saved = std::mem::take(&mut self.acceptable);

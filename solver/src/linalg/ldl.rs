@@ -1,9 +1,10 @@
-//! Sparse A = P' L D L' P with D diagonal in a static order, row by row.
+//! Sparse A = P' L D L' P with D diagonal in a static order, column by column.
 //!
-//! Up-looking: row k of L solves L₁..ₖ₋₁ D₁..ₖ₋₁ l = a, the part of column k above the diagonal (Davis 2005,
-//! *Algorithm 849: a concise sparse Cholesky factorization package*). There is no pivoting: the matrix has to be
-//! strongly factorizable, which regularization makes it (Vanderbei 1995, *Symmetric quasidefinite matrices*). The
-//! inertia is that of D. The order is that of minimum degree (Amestoy, Davis & Duff 1996).
+//! Right-looking: when column j of L is known, its products with itself leave what has yet to be eliminated; where
+//! each of them goes is found once. There is no pivoting: the matrix has to be strongly factorizable, which
+//! regularization makes it (Vanderbei 1995, *Symmetric quasidefinite matrices*). The inertia is that of D. The pattern
+//! of L follows from the elimination tree (Davis 2005, *Algorithm 849: a concise sparse Cholesky factorization
+//! package*), the order is that of minimum degree (Amestoy, Davis & Duff 1996).
 
 use super::symmetric::{FactorFailure, Inertia, KktSolver};
 use crate::problem::Pattern;
@@ -16,21 +17,24 @@ pub(super) const CANCELLED: f64 = 1e-15;
 pub struct SparseLdl {
     /// The place in the matrix of the k-th unknown that is eliminated.
     order: Vec<u32>,
-    /// Columns of the permuted upper triangle: row and number of the entry. The diagonal is apart.
+    /// Entries of the matrix off its diagonal, and which entries of L they become.
+    sources: Vec<u32>,
+    places: Vec<u32>,
+    diagonal_sources: Vec<u32>,
+    /// Columns of L: rows, ascending.
     starts: Vec<u32>,
     rows: Vec<u32>,
-    sources: Vec<u32>,
-    diagonal_sources: Vec<u32>,
-    /// Rows of L: columns, ascending, and where the entry is among the columns of L.
-    row_starts: Vec<u32>,
-    row_columns: Vec<u32>,
-    places: Vec<u32>,
-    /// Columns of L.
-    column_starts: Vec<u32>,
-    column_rows: Vec<u32>,
     entries: Vec<f64>,
+    /// Where the products of entries p > q of a column go, column by column and q by q, and where those of a column start.
+    targets: Vec<u32>,
+    target_starts: Vec<usize>,
     pivots: Vec<f64>,
     inverse: Vec<f64>,
+    /// The sums of the absolute values of the terms of pivots.
+    sizes: Vec<f64>,
+    /// The column under elimination, before and after the division by its pivot; or a right-hand side.
+    column: Vec<f64>,
+    scaled: Vec<f64>,
     work: Vec<f64>,
 }
 
@@ -54,29 +58,50 @@ impl SparseLdl {
                 }
             }
         }
-        let mut starts = vec![0];
-        let (mut rows, mut sources) = (Vec::new(), Vec::new());
-        for column in &columns {
-            rows.extend(column.iter().map(|entry| entry.0));
-            sources.extend(column.iter().map(|entry| entry.1));
-            starts.push(rows.len() as u32);
+        let (starts, rows) = below_diagonal(n, &columns);
+        let place = |row: u32, column: u32| {
+            let range = starts[column as usize] as usize..starts[column as usize + 1] as usize;
+            let found = rows[range.clone()].binary_search(&row);
+            (range.start + found.expect("L has what it fills in")) as u32
+        };
+        let (mut sources, mut places) = (Vec::new(), Vec::new());
+        for (row, column) in (0..).zip(&columns) {
+            for &(column, source) in column {
+                sources.push(source);
+                places.push(place(row, column));
+            }
         }
-        let (row_starts, row_columns) = rows_of_factor(n, &starts, &rows);
-        let (column_starts, column_rows, places) = columns_of_factor(n, &row_starts, &row_columns);
+        let (mut targets, mut target_starts) = (Vec::new(), vec![0]);
+        for column in 0..n {
+            let below = &rows[starts[column] as usize..starts[column + 1] as usize];
+            for (q, &column) in below.iter().enumerate() {
+                let range = starts[column as usize] as usize..starts[column as usize + 1] as usize;
+                let mut of_column = range.clone().zip(&rows[range]);
+                // Both lists ascend, and the rows below are among those of the column.
+                targets.extend(below[q + 1..].iter().map(|row| {
+                    let found = of_column.find(|(_, other)| *other == row);
+                    found.expect("L has what it fills in").0 as u32
+                }));
+            }
+            target_starts.push(targets.len());
+        }
+        let longest = starts.windows(2).map(|pair| pair[1] - pair[0]).max();
+        let column = vec![0.0; longest.unwrap_or(0) as usize];
         SparseLdl {
             order,
+            sources,
+            places,
+            diagonal_sources,
+            entries: vec![0.0; rows.len()],
             starts,
             rows,
-            sources,
-            diagonal_sources,
-            row_starts,
-            places,
-            column_starts,
-            entries: vec![0.0; row_columns.len()],
-            row_columns,
-            column_rows,
+            targets,
+            target_starts,
             pivots: vec![0.0; n],
             inverse: vec![0.0; n],
+            sizes: vec![0.0; n],
+            scaled: column.clone(),
+            column,
             work: vec![0.0; n],
         }
     }
@@ -95,6 +120,34 @@ pub(super) fn minimum_degree(pattern: &Pattern) -> (Vec<u32>, Vec<u32>) {
         .expect("the columns of a pattern are within its rows");
     let narrow = |list: Vec<i64>| list.into_iter().map(|i| i as u32).collect();
     (narrow(order), narrow(inverse))
+}
+
+/// Columns of L, from those of the upper triangle: row k reaches up the elimination tree from the entries of column k.
+fn below_diagonal(n: usize, columns: &[Vec<(u32, u32)>]) -> (Vec<u32>, Vec<u32>) {
+    let mut parent = vec![NONE; n];
+    let mut seen = vec![NONE; n];
+    let mut of_rows: Vec<Vec<u32>> = vec![Vec::new(); n];
+    for k in 0..n {
+        seen[k] = k as u32;
+        for &(row, _) in &columns[k] {
+            let mut i = row as usize;
+            while seen[i] != k as u32 {
+                seen[i] = k as u32;
+                of_rows[i].push(k as u32);
+                if parent[i] == NONE {
+                    parent[i] = k as u32;
+                }
+                i = parent[i] as usize;
+            }
+        }
+    }
+    let mut starts = vec![0];
+    let mut rows = Vec::new();
+    for column in of_rows {
+        rows.extend(column);
+        starts.push(rows.len() as u32);
+    }
+    (starts, rows)
 }
 
 /// Row k of L reaches up the elimination tree from the entries of column k.
@@ -150,47 +203,101 @@ pub(super) fn columns_of_factor(
     (starts, rows, places)
 }
 
+/// Subtracts the products of a column with itself from where they go.
+fn eliminate(entries: &mut [f64], targets: &[u32], column: &[f64], scaled: &[f64]) {
+    macro_rules! unrolled {
+        ($($count:literal)*) => {
+            match column.len() {
+                0 | 1 => {}
+                $($count => eliminate_short::<$count>(entries, targets, column, scaled),)*
+                _ => eliminate_long(entries, targets, column, scaled),
+            }
+        };
+    }
+    unrolled!(2 3 4 5 6 7 8 9 10 11 12 13 14 15 16);
+}
+
+/// The same for C entries: loops whose ends are known to the compiler are twice as fast.
+#[allow(
+    clippy::needless_range_loop,
+    reason = "ranges whose ends are constants are what is unrolled"
+)]
+fn eliminate_short<const C: usize>(
+    entries: &mut [f64],
+    targets: &[u32],
+    column: &[f64],
+    scaled: &[f64],
+) {
+    let (column, scaled) = (&column[..C], &scaled[..C]);
+    let targets = &targets[..C * (C - 1) / 2];
+    let mut t = 0;
+    for q in 0..C {
+        for p in q + 1..C {
+            entries[targets[t] as usize] -= scaled[p] * column[q];
+            t += 1;
+        }
+    }
+}
+
+fn eliminate_long(entries: &mut [f64], targets: &[u32], column: &[f64], scaled: &[f64]) {
+    let mut targets = targets.iter();
+    for (q, &y) in column.iter().enumerate() {
+        for (&l, &target) in scaled[q + 1..].iter().zip(targets.by_ref()) {
+            entries[target as usize] -= l * y;
+        }
+    }
+}
+
 impl KktSolver for SparseLdl {
     fn factor(&mut self, values: &[f64]) -> Result<Inertia, FactorFailure> {
         let n = self.pivots.len();
-        let mut positive = 0;
-        self.work.fill(0.0);
+        self.entries.fill(0.0);
+        for (&source, &place) in self.sources.iter().zip(&self.places) {
+            self.entries[place as usize] = values[source as usize];
+        }
         for k in 0..n {
-            let column = self.starts[k] as usize..self.starts[k + 1] as usize;
-            for (&row, &source) in self.rows[column.clone()].iter().zip(&self.sources[column]) {
-                self.work[row as usize] = values[source as usize];
-            }
-            let mut pivot = match self.diagonal_sources[k] {
+            let pivot = match self.diagonal_sources[k] {
                 NONE => 0.0,
                 source => values[source as usize],
             };
-            let mut size = pivot.abs();
-            // yᵢ = aᵢ - Σ lᵢⱼ yⱼ,  lₖᵢ = yᵢ / dᵢ,  dₖ = aₖₖ - Σ lₖᵢ yᵢ
-            for entry in self.row_starts[k] as usize..self.row_starts[k + 1] as usize {
-                let i = self.row_columns[entry] as usize;
-                let place = self.places[entry] as usize;
-                let y = std::mem::take(&mut self.work[i]);
-                let known = self.column_starts[i] as usize..place;
-                for (&row, &l) in self.column_rows[known.clone()]
-                    .iter()
-                    .zip(&self.entries[known])
-                {
-                    self.work[row as usize] -= l * y;
-                }
-                let l = y * self.inverse[i];
-                self.entries[place] = l;
-                pivot -= l * y;
-                size += (l * y).abs();
-            }
+            self.pivots[k] = pivot;
+            self.sizes[k] = pivot.abs();
+        }
+        let mut positive = 0;
+        let (mut start, mut first) = (0, 0);
+        for k in 0..n {
+            let pivot = self.pivots[k];
             if !pivot.is_finite() {
                 return Err(FactorFailure::NotFinite);
             }
-            if pivot.abs() <= CANCELLED * size || pivot.abs() < f64::MIN_POSITIVE {
+            if pivot.abs() <= CANCELLED * self.sizes[k] || pivot.abs() < f64::MIN_POSITIVE {
                 return Err(FactorFailure::ZeroPivot(self.order[k] as usize));
             }
             positive += usize::from(pivot > 0.0);
-            self.pivots[k] = pivot;
-            self.inverse[k] = pivot.recip();
+            let inverse = pivot.recip();
+            self.inverse[k] = inverse;
+            // y = a,  l = y / d,  aᵢⱼ -= lᵢ yⱼ for all pairs of rows of the column
+            let end = self.starts[k + 1] as usize;
+            let last = self.target_starts[k + 1];
+            let count = end - start;
+            let (column, scaled) = (&mut self.column[..count], &mut self.scaled[..count]);
+            let rows = &self.rows[start..end];
+            let entries = &mut self.entries[start..end];
+            for q in 0..count {
+                let y = entries[q];
+                let l = y * inverse;
+                (column[q], scaled[q], entries[q]) = (y, l, l);
+                let row = rows[q] as usize;
+                self.pivots[row] -= l * y;
+                self.sizes[row] += (l * y).abs();
+            }
+            eliminate(
+                &mut self.entries,
+                &self.targets[first..last],
+                column,
+                scaled,
+            );
+            (start, first) = (end, last);
         }
         Ok(Inertia {
             positive,
@@ -199,28 +306,24 @@ impl KktSolver for SparseLdl {
     }
 
     fn solve(&mut self, rhs: &mut [f64]) {
-        let n = self.pivots.len();
         let work = &mut self.work;
         for (value, &place) in work.iter_mut().zip(&self.order) {
             *value = rhs[place as usize];
         }
-        for k in 0..n {
+        let mut start = 0;
+        for (k, &end) in self.starts[1..].iter().enumerate() {
             let value = work[k];
-            let column = self.column_starts[k] as usize..self.column_starts[k + 1] as usize;
-            for (&row, &l) in self.column_rows[column.clone()]
-                .iter()
-                .zip(&self.entries[column])
-            {
+            let column = start..end as usize;
+            start = end as usize;
+            for (&row, &l) in self.rows[column.clone()].iter().zip(&self.entries[column]) {
                 work[row as usize] -= l * value;
             }
         }
-        for k in (0..n).rev() {
-            let column = self.column_starts[k] as usize..self.column_starts[k + 1] as usize;
-            let mut value = work[k] / self.pivots[k];
-            for (&row, &l) in self.column_rows[column.clone()]
-                .iter()
-                .zip(&self.entries[column])
-            {
+        for (k, &next) in self.starts[..self.inverse.len()].iter().enumerate().rev() {
+            let column = next as usize..start;
+            start = next as usize;
+            let mut value = work[k] * self.inverse[k];
+            for (&row, &l) in self.rows[column.clone()].iter().zip(&self.entries[column]) {
                 value -= l * work[row as usize];
             }
             work[k] = value;

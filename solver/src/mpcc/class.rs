@@ -16,6 +16,7 @@
 //! the class when e is at most the tolerance times max(1, |∇f|).
 
 use super::certificate::Tolerances;
+use super::least::least_multipliers;
 use super::lift::Lifted;
 use super::linear::{LinearProgram, Outcome, solve};
 use super::local::{Local, Sets};
@@ -93,6 +94,15 @@ pub fn classify(
     };
     if best.is_exact {
         return best;
+    }
+    if let Some(y) = conditions.least()
+        && conditions.class_of(&y) == Class::S
+    {
+        return Classified {
+            class: Class::S,
+            y,
+            is_exact: true,
+        };
     }
     best.is_exact = true;
     // With no biactive pair there is one class only.
@@ -208,6 +218,16 @@ impl<'a> Conditions<'a> {
             let sides = cones.iter().zip(nu);
             sides.into_iter().all(|(&cone, nu)| self.is_in(cone, nu))
         })
+    }
+
+    /// Multipliers of least norm: quicker than a linear program, and often enough.
+    fn least(&self) -> Option<Vec<f64>> {
+        let mut in_pair = vec![false; self.variables.len()];
+        for side in self.biactive.iter().flat_map(|&pair| self.pairs[pair]) {
+            in_pair[side as usize] = true;
+        }
+        let is_inside = |i: usize| self.variables[i] == Cone::Zero && !in_pair[i];
+        least_multipliers(self.local, is_inside, |row| self.rows[row] != Cone::Zero)
     }
 
     /// Looks for y of a class by branching over the pairs.

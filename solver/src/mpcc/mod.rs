@@ -14,6 +14,7 @@ mod certificate;
 mod class;
 mod dual;
 mod forcing;
+mod least;
 mod lift;
 mod linear;
 mod local;
@@ -38,8 +39,8 @@ mod tests;
 use crate::ipm;
 use crate::problem::{Mpcc, Nlp};
 use branch::{Branch, choose};
-use certificate::{Certificate, certify};
-use polish::{Guess, Polished, polish, polish_briefly};
+use certificate::Certificate;
+use polish::{Guess, Polished, polish, polish_below};
 use way::{DeadEnd, ways};
 use work::Work;
 
@@ -123,6 +124,8 @@ pub fn solve_observed(
     solution
 }
 
+/// Objectives that differ by no more, relative to their size, are those of one minimum.
+const SAME: f64 = 1e-7;
 /// How often a branch is left for one in which another point means the same.
 const MAX_MOVES: usize = 200;
 /// An objective below this at a feasible point, where no stationary one is found, has no bound.
@@ -168,7 +171,7 @@ impl Work<'_> {
             Ok(finer) if finer.is_optimal => finer,
             _ => polished,
         };
-        let certificate = certify(lifted, &best.point.w, &best.point.y, &self.tolerances());
+        let certificate = self.certify(lifted, &best.point);
         let candidate = Candidate {
             best,
             certificate,
@@ -181,6 +184,7 @@ impl Work<'_> {
         let size = lifted.n_variables() + lifted.n_rows();
         let mut best: Option<Candidate> = None;
         let mut end: Option<DeadEnd> = None;
+        let mut found: Vec<f64> = Vec::new();
         if self.options.trusts_start {
             let guess = Guess {
                 w: start.to_vec(),
@@ -192,9 +196,8 @@ impl Work<'_> {
             }
         }
         for (index, way) in ways(self.options).into_iter().enumerate() {
-            let is_over = self.is_late()
-                || best.is_some()
-                    && self.stats.iterations.saturating_mul(size) > self.options.effort;
+            let is_over =
+                self.is_late() || best.is_some() && self.effort(size) > self.options.effort;
             let is_enough = self.is_late() || self.options.effort == 0;
             if is_over && (index > 0 || best.is_some() && is_enough) {
                 break;
@@ -202,9 +205,21 @@ impl Work<'_> {
             self.stats.restarts = index;
             match way.follow(lifted, start, self) {
                 Ok(polished) => {
+                    let objective = polished.objective;
+                    let is_enough = self.effort(size) > self.options.agreement;
+                    let is_known = found.iter().any(|&known| is_same(objective, known));
+                    if is_enough && is_known && best.as_ref().is_some_and(Candidate::is_stationary)
+                    {
+                        break;
+                    }
                     let candidate = self.improve(lifted, polished);
+                    let is_known = best.as_ref().is_some_and(|best| best.agrees(&candidate));
+                    found.push(objective);
                     if best.as_ref().is_none_or(|best| candidate.is_better(best)) {
                         best = Some(candidate);
+                    }
+                    if is_enough && is_known {
+                        break;
                     }
                 }
                 Err(other) => {
@@ -220,15 +235,26 @@ impl Work<'_> {
         }
     }
 
+    /// Iterations so far, times the size of the problem.
+    fn effort(&self, size: usize) -> usize {
+        self.stats.iterations.saturating_mul(size)
+    }
+
     /// Takes better branches as long as the certificate finds them.
     fn improve(&mut self, lifted: &mut Lifted<'_>, mut best: Polished) -> Candidate {
+        let mut known: Option<Certificate> = None;
         loop {
-            let tolerances = &self.tolerances();
             lifted.settle(Some(&best.zeros));
-            let certificate = certify(lifted, &best.point.w, &best.point.y, tolerances);
+            let certificate = match known.take() {
+                Some(certificate) => certificate,
+                None => self.certify(lifted, &best.point),
+            };
             let Some(step) = &certificate.descent else {
                 match self.elsewhere(lifted, &best, &certificate) {
-                    Elsewhere::Better(next) => best = *next,
+                    Elsewhere::Better(better) => {
+                        best = better.0;
+                        known = Some(better.1);
+                    }
                     Elsewhere::Nothing(others) => {
                         return Candidate {
                             best,
@@ -281,7 +307,7 @@ impl Work<'_> {
         }
         let size = best.objective.abs().max(1.0);
         let others = lifted.others(&best.point.w, &best.zeros, &certificate.y);
-        let n_others = others.len();
+        let mut n_worse = 0;
         for (number, other) in others.into_iter().enumerate() {
             if self.is_late() {
                 return Elsewhere::Nothing(0);
@@ -292,27 +318,29 @@ impl Work<'_> {
                 y: vec![0.0; best.point.y.len()],
                 w,
             };
-            let polish = match number {
-                0 => polish,
-                _ => polish_briefly,
+            let below = best.objective - 1e-10 * size;
+            let next = match number {
+                0 => polish(lifted, &guess, &zeros, self),
+                _ => polish_below(below, lifted, &guess, &zeros, self),
             };
-            let Ok(next) = polish(lifted, &guess, &zeros, self) else {
-                continue;
+            let next = match next {
+                Ok(next) => next,
+                Err(status) => {
+                    n_worse += usize::from(status == ipm::Status::Stopped);
+                    continue;
+                }
             };
-            let is_better = next.objective < best.objective - 1e-10 * size;
-            if is_better && self.is_stationary(lifted, &next) {
-                self.stats.moves += 1;
-                return Elsewhere::Better(Box::new(next));
+            n_worse += usize::from(next.is_optimal && next.objective >= below);
+            if next.objective < below {
+                lifted.settle(Some(&next.zeros));
+                let certificate = self.certify(lifted, &next.point);
+                if certificate.class != Class::None {
+                    self.stats.moves += 1;
+                    return Elsewhere::Better(Box::new((next, certificate)));
+                }
             }
         }
-        Elsewhere::Nothing(n_others)
-    }
-
-    /// Whether a point is stationary, whatever its solver says.
-    fn is_stationary(&self, lifted: &mut Lifted<'_>, polished: &Polished) -> bool {
-        lifted.settle(Some(&polished.zeros));
-        let Guess { w, y } = &polished.point;
-        certify(lifted, w, y, &self.options.certificate).class != Class::None
+        Elsewhere::Nothing(n_worse)
     }
 
     fn feasible(&self, lifted: &mut Lifted<'_>, candidate: Candidate) -> Solution {
@@ -408,6 +436,11 @@ impl Work<'_> {
     }
 }
 
+/// Whether objectives are those of one minimum.
+fn is_same(f: f64, other: f64) -> bool {
+    (f - other).abs() <= SAME * f.abs().max(1.0)
+}
+
 /// A feasible point and what it is.
 struct Candidate {
     best: Polished,
@@ -418,16 +451,27 @@ struct Candidate {
 
 /// What was found in branches with other points that mean the same.
 enum Elsewhere {
-    Better(Box<Polished>),
+    /// A point with its certificate.
+    Better(Box<(Polished, Certificate)>),
     /// So many were tried.
     Nothing(usize),
 }
 
 impl Candidate {
+    /// Whether two ways have led to the same minimum: then others are likely to lead there, too.
+    fn agrees(&self, other: &Candidate) -> bool {
+        is_same(self.best.objective, other.best.objective)
+            && self.is_stationary()
+            && other.is_stationary()
+    }
+
+    fn is_stationary(&self) -> bool {
+        self.certificate.class != Class::None
+    }
+
     /// Whether this is to be preferred: stationary points to others, then by the objective.
     fn is_better(&self, other: &Candidate) -> bool {
-        let is_stationary = |c: &Candidate| c.certificate.class != Class::None;
-        match (is_stationary(self), is_stationary(other)) {
+        match (self.is_stationary(), other.is_stationary()) {
             (true, false) => true,
             (false, true) => false,
             _ => self.best.objective < other.best.objective,

@@ -1,5 +1,7 @@
 //! From a point near a solution to the solution of its branch, with exact zeros on the sides that are held.
 
+use std::ops::ControlFlow;
+
 use super::branch::Branch;
 use super::certificate::Residuals;
 use super::lift::Lifted;
@@ -39,6 +41,9 @@ const RUNS: [(f64, usize); 2] = [(1e-5, 100), (1e-1, 300)];
 /// The largest number of iterations with pivots in pairs.
 const MAX_PAIRED: usize = 100;
 
+/// Errors of the conditions of a barrier problem at which its objective is believed.
+const SETTLED: f64 = 1e-4;
+
 /// The solution of the branch with these zeros near a point.
 pub fn polish(
     lifted: &mut Lifted<'_>,
@@ -46,17 +51,20 @@ pub fn polish(
     zeros: &[Member],
     work: &mut Work<'_>,
 ) -> Result<Polished, ipm::Status> {
-    polish_by(&RUNS, lifted, guess, zeros, work)
+    polish_by(&RUNS, lifted, guess, zeros, None, work)
 }
 
-/// The solution of the branch with these zeros, where it is close to a point that is feasible.
-pub fn polish_briefly(
+/// The solution of the branch with these zeros, where it is close to a point that is feasible, and smaller than this.
+///
+/// The status `Stopped` says that it is not smaller, as far as duality gaps tell.
+pub fn polish_below(
+    objective: f64,
     lifted: &mut Lifted<'_>,
     guess: &Guess,
     zeros: &[Member],
     work: &mut Work<'_>,
 ) -> Result<Polished, ipm::Status> {
-    polish_by(&RUNS[..1], lifted, guess, zeros, work)
+    polish_by(&RUNS[..1], lifted, guess, zeros, Some(objective), work)
 }
 
 fn polish_by(
@@ -64,6 +72,7 @@ fn polish_by(
     lifted: &mut Lifted<'_>,
     guess: &Guess,
     zeros: &[Member],
+    below: Option<f64>,
     work: &mut Work<'_>,
 ) -> Result<Polished, ipm::Status> {
     lifted.settle(Some(zeros));
@@ -93,13 +102,31 @@ fn polish_by(
                 pairs_pivots,
                 ..ipm::Options::default()
             };
+            let mut is_lost = false;
+            let mut hopeless = |progress: &ipm::Progress<'_>| {
+                let Some(below) = below else {
+                    return ControlFlow::Continue(());
+                };
+                let is_settled = progress.primal.max(progress.dual) <= SETTLED;
+                is_lost = progress.is_restoration;
+                match is_lost || is_settled && progress.objective - progress.gap > below {
+                    true => ControlFlow::Break(()),
+                    false => ControlFlow::Continue(()),
+                }
+            };
             let found = work.minimize(
                 Program::Branch,
                 &mut branch,
                 settings,
                 Some(&start),
-                &mut (),
+                &mut hopeless,
             );
+            if found.status == ipm::Status::Stopped {
+                return Err(match is_lost {
+                    true => ipm::Status::LocallyInfeasible,
+                    false => ipm::Status::Stopped,
+                });
+            }
             let residuals = Residuals::new(lifted, &found.w);
             if residuals.violation > work.options.feasibility || !found.objective.is_finite() {
                 best = best.map_err(|_| found.status);

@@ -72,6 +72,8 @@ pub struct Stats {
     pub factor_entries: usize,
     /// Seconds.
     pub seconds: f64,
+    /// Those of certificates among them.
+    pub certificate_seconds: f64,
 }
 
 /// The best point of a run and what is known about it.

@@ -296,3 +296,15 @@ fn an_observer_sees_every_program_and_iteration() {
         seen.sigmas.len() + seen.in_branches >= solution.stats.iterations + seen.programs.len()
     );
 }
+
+#[test]
+fn two_ways_that_agree_are_enough() {
+    let mut problem = pair(Quadratic::new(2, distance(&[1.0, -1.0]), Vec::new()));
+    let options = Options {
+        agreement: 0,
+        ..Options::default()
+    };
+    let solution = solve(&mut problem, &options);
+    check_at(&solution, &[1.0, 0.0], 1e-9);
+    assert_eq!(solution.stats.restarts, 1);
+}

@@ -2,9 +2,11 @@
 
 use std::time::{Duration, Instant};
 
-use super::certificate::Tolerances;
+use super::certificate::{Certificate, Tolerances, certify};
+use super::lift::Lifted;
 use super::observer::{Observer, Program, Shown};
 use super::options::Options;
+use super::polish::Guess;
 use super::solution::Stats;
 use crate::ipm;
 use crate::problem::Nlp;
@@ -23,6 +25,7 @@ pub struct Work<'o> {
 
 /// The share of the time that the search for a certificate may take.
 const CERTIFICATE: f64 = 0.1;
+
 impl<'o> Work<'o> {
     /// Starts the clock.
     pub fn new(options: &'o Options, observer: &'o mut dyn Observer) -> Self {
@@ -48,6 +51,14 @@ impl<'o> Work<'o> {
             deadline: left.map(|(left, budget)| Instant::now() + left.min(budget)),
             ..self.options.certificate
         }
+    }
+
+    /// The certificate of a feasible point, whose time is counted.
+    pub fn certify(&mut self, lifted: &mut Lifted<'_>, point: &Guess) -> Certificate {
+        let started = Instant::now();
+        let certificate = certify(lifted, &point.w, &point.y, &self.tolerances());
+        self.stats.certificate_seconds += started.elapsed().as_secs_f64();
+        certificate
     }
 
     /// Whether the time is up.
