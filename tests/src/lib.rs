@@ -13,6 +13,7 @@ use nsdc::report::{EventKind, Trajectory};
 use nsdc::simulate::{self, Request};
 use nsdc::source::SourceMap;
 use nsdc::syntax::{self, Item};
+use nsdc::system::Role;
 use nsdc::system::experiment::{FesdOptions, Method};
 use nsdc::{Compiled, compile, dcs};
 
@@ -141,6 +142,16 @@ pub fn by_both_roads(text: &str) -> Vec<(String, Trajectory, Option<Trajectory>)
             let own = std::mem::replace(&mut compiled.settings.method, method);
             compiled.settings.tolerance = 1e-11;
             let needs = compiled.settings.method.needs_dcs();
+            if needs
+                && compiled
+                    .system
+                    .switches
+                    .iter()
+                    .any(|k| k.role != Role::Step)
+            {
+                let horizon = compiled.settings.horizon;
+                simulate::settle(&mut compiled.system, horizon).ok()?;
+            }
             let lowers = dcs::check(&compiled.system, &compiled.settings.lowerings, needs).is_ok();
             let takes =
                 own == Method::Auto && lowers && (compiled.system.data.is_empty() || !needs);
