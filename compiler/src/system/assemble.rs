@@ -55,6 +55,8 @@ impl<'e> Lowering<'_, 'e> {
             .chain(recorded)
             .chain(named.iter().copied())
             .chain(laws.iter().flat_map(Lowered::reads))
+            .chain(contacts.iter().flat_map(Contact::exprs))
+            .chain(bodies.iter().flat_map(Body::exprs))
             .collect();
         let (kept, dropped) = self.used(&roots);
         for (place, &k) in kept.iter().enumerate() {

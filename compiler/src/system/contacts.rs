@@ -11,12 +11,17 @@
 
 use rustc_hash::FxHashMap;
 
+use super::affine::at;
 use super::lower::Lowering;
+use super::reading::check_reading;
 use super::{Body, Contact, Direction, Friction, SystemError};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Var, variables_of};
 use crate::model;
 use crate::source::Span;
+
+/// Beyond this many combinations of sides, coefficients of laws are looked at in runs only.
+const MANY_CORNERS: usize = 1 << 10;
 
 /// Where states and velocities are.
 pub(super) struct Places {
@@ -98,22 +103,11 @@ impl<'e> Lowering<'_, 'e> {
             let what = "its gap does not depend on positions of a `mechanics` block";
             return Err(wrong(what, contact.gap_span));
         }
-        let restitution = self.in_alphas(contact.restitution, contact.span);
-        let number = self.in_numbers(restitution).as_constant();
-        if number.is_some_and(|e| !(0.0..=1.0).contains(&e)) {
-            return Err(wrong("its restitution is not in [0, 1]", contact.span));
-        }
+        let restitution = self.restitution(contact)?;
         let friction = match contact.friction {
             None => None,
-            Some((friction, span)) => {
-                let friction = self.in_alphas(friction, span);
-                if self
-                    .in_numbers(friction)
-                    .as_constant()
-                    .is_some_and(|mu| mu < 0.0)
-                {
-                    return Err(wrong("its friction is negative", span));
-                }
+            Some(friction) => {
+                let friction = self.friction(contact, friction)?;
                 let (slip, tangent) = self.tangent(contact, &normal, places)?;
                 Some((friction, slip, tangent))
             }
@@ -152,6 +146,63 @@ impl<'e> Lowering<'_, 'e> {
             switch,
             span: contact.span,
         }))
+    }
+
+    /// e in α.
+    pub(super) fn restitution(
+        &mut self,
+        contact: &model::Contact<'e>,
+    ) -> Result<Expr<'e>, Box<SystemError>> {
+        let e = self.coefficient(contact.restitution, contact.span)?;
+        if self.at_corners(e, |e| (0.0..=1.0).contains(&e)) {
+            return Ok(e);
+        }
+        Err(Box::new(SystemError::NoContact {
+            name: contact.name.clone(),
+            what: "its restitution is not in [0, 1]".to_owned(),
+            span: contact.span,
+        }))
+    }
+
+    /// μ in α.
+    pub(super) fn friction(
+        &mut self,
+        contact: &model::Contact<'e>,
+        (friction, span): (Expr<'e>, Span),
+    ) -> Result<Expr<'e>, Box<SystemError>> {
+        let friction = self.coefficient(friction, span)?;
+        if self.at_corners(friction, |mu| mu >= 0.0) {
+            return Ok(friction);
+        }
+        Err(Box::new(SystemError::NoContact {
+            name: contact.name.clone(),
+            what: "its friction is negative".to_owned(),
+            span,
+        }))
+    }
+
+    /// A coefficient of a law in α, whose switches are read as those of rates are.
+    fn coefficient(&mut self, e: Expr<'e>, span: Span) -> Result<Expr<'e>, Box<SystemError>> {
+        let e = self.replace(e, span);
+        let (sampler, sliding) = (|| self.sampler(), |s| self.sliding(s));
+        let errors = check_reading(&self.switches, e, span, sampler, self.model, sliding);
+        match errors.into_iter().next() {
+            Some(error) => Err(Box::new(error)),
+            None => Ok(self.switches.merged(e)),
+        }
+    }
+
+    /// Whether what is a number on every side of its switches has a property there.
+    fn at_corners(&self, e: Expr<'e>, holds: impl Fn(f64) -> bool) -> bool {
+        let mut corners = vec![self.in_numbers(e)];
+        for alpha in self.switches.alphas_of(e) {
+            if corners.len() > MANY_CORNERS {
+                return true;
+            }
+            let sides = |e: &Expr<'e>| [0.0, 1.0].map(|side| at(*e, alpha, side));
+            corners = corners.iter().flat_map(sides).collect();
+        }
+        corners.into_iter().filter_map(Expr::as_constant).all(holds)
     }
 
     /// The slip velocity with M⁻¹J_t: as it is given, or else the normal turned clockwise in the plane.

@@ -9,15 +9,14 @@ use super::contacts::Places;
 use super::lower::Lowering;
 use super::{Impulsive, SystemError};
 use crate::diagnostics::Diagnostics;
-use crate::expr::{Expr, Substitution, Var, variables_of};
+use crate::expr::{Expr, Var, variables_of};
 use crate::model;
 
 /// What all contacts are looked at with.
-struct Known<'e> {
+struct Known {
     places: Places,
     /// Positions of bodies.
     positions: FxHashSet<Var>,
-    numbers: Substitution<'e>,
 }
 
 impl<'e> Lowering<'_, 'e> {
@@ -36,7 +35,6 @@ impl<'e> Lowering<'_, 'e> {
         let known = Known {
             places: self.places(),
             positions: positions.filter_map(|&entry| vars[entry]).collect(),
-            numbers: self.numbers(),
         };
         let mut contacts = Vec::with_capacity(model.contacts.len());
         for contact in &model.contacts {
@@ -52,7 +50,7 @@ impl<'e> Lowering<'_, 'e> {
         &mut self,
         contact: &model::Contact<'e>,
         rates: &[Expr<'e>],
-        known: &Known<'e>,
+        known: &Known,
     ) -> Result<Option<Impulsive<'e>>, Box<SystemError>> {
         if !contact.exprs().all(|e| self.needs.holds_all(e)) {
             return Ok(None);
@@ -75,18 +73,11 @@ impl<'e> Lowering<'_, 'e> {
             let what = "its gap does not depend on positions of a `mechanics` block";
             return wrong(what, contact.gap_span);
         }
-        let restitution = self.in_alphas(contact.restitution, contact.span);
-        let number = |e: Expr<'e>| e.substitute(&known.numbers).as_constant();
-        if number(restitution).is_some_and(|e| !(0.0..=1.0).contains(&e)) {
-            return wrong("its restitution is not in [0, 1]", contact.span);
-        }
+        let restitution = self.restitution(contact)?;
         let friction = match contact.friction {
             None => None,
-            Some((friction, span)) => {
-                let friction = self.in_alphas(friction, span);
-                if number(friction).is_some_and(|mu| mu < 0.0) {
-                    return wrong("its friction is negative", span);
-                }
+            Some(friction) => {
+                let friction = self.friction(contact, friction)?;
                 let speed = self.along(gap, rates, &known.places);
                 let normal = self.directions(speed, &known.places);
                 let (slip, _) = self.tangent(contact, &normal, &known.places)?;

@@ -222,7 +222,7 @@ impl<'m, 'e> Lowering<'m, 'e> {
         surfaces.into_iter().filter_map(alpha).collect()
     }
 
-    fn sliding(&self, switch: usize) -> Option<Sliding> {
+    pub(super) fn sliding(&self, switch: usize) -> Option<Sliding> {
         let declared = self.model.switches[switch].sliding;
         self.settings.sliding.get(&switch).copied().or(declared)
     }

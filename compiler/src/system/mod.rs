@@ -356,6 +356,13 @@ impl System<'_> {
     }
 }
 
+impl<'e> Body<'e> {
+    /// All its expressions.
+    pub fn exprs(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
+        self.mass.iter().chain(&self.force).copied()
+    }
+}
+
 impl<'e> Impulsive<'e> {
     /// All its expressions.
     pub fn exprs(&self) -> impl Iterator<Item = Expr<'e>> + '_ {

@@ -5,7 +5,7 @@ use rustc_hash::FxHashSet;
 use super::affine::is_affine;
 use super::interaction::{positions, subsystems};
 use super::regions::are_weights;
-use super::{Contact, Impulsive, Output, System, Task};
+use super::{Body, Contact, Impulsive, Output, System, Task};
 use crate::expr::{Expr, Node, Var, rewrite, variables_of};
 
 impl<'e> System<'e> {
@@ -45,11 +45,7 @@ impl<'e> System<'e> {
             .chain(self.laws.iter().map(|law| law.guard))
             .chain(self.contacts.iter().flat_map(Contact::exprs))
             .chain(self.impulsive.iter().flat_map(Impulsive::exprs))
-            .chain(
-                self.bodies
-                    .iter()
-                    .flat_map(|body| body.mass.iter().chain(&body.force).copied()),
-            )
+            .chain(self.bodies.iter().flat_map(Body::exprs))
             .collect();
 
         if all.iter().any(|&e| has_nonsmooth_node(e)) {
