@@ -20,16 +20,18 @@ pub mod syntax;
 pub mod system;
 pub mod table;
 
+use nsd_solver::tableau::Family;
+
 use self::clock::Clock;
 use self::diagnostics::Diagnostics;
-use self::expr::{Expr, Exprs, variables_of};
+use self::expr::{Expr, Exprs};
 use self::model::Model;
 use self::report::expect::{self, Subject};
 use self::source::SourceMap;
 use self::syntax::{Bind, Experiment, File, GuessSource, Item, SettingKind};
 use self::system::experiment::{ExperimentError, Method, Settings};
 use self::system::task::{Control, Shape};
-use self::system::{Allowed, Extent, Role, Switch, System, freezing};
+use self::system::{Allowed, Extent, Role, Switch, System, following, freezing};
 
 /// An experiment that is ready to run.
 pub struct Compiled<'e> {
@@ -200,7 +202,7 @@ fn compile_to<'e>(
                 .ok()?;
         }
         if needs && system.switches.iter().any(|k| k.role != Role::Step) {
-            if let Some(error) = open_algebraics(&system) {
+            if let Some(error) = open_algebraics(&system, &settings) {
                 diags.push(error);
                 return None;
             }
@@ -238,31 +240,25 @@ fn compile_to<'e>(
     })
 }
 
-/// Refuses to optimize what algebraic states at the start would depend on.
-fn open_algebraics(system: &System) -> Option<ExperimentError> {
-    let task = system.task.as_ref()?;
-    let kept = system.switches.iter().filter(|k| k.role != Role::Step);
-    let psi: Vec<Expr> = kept.clone().map(|k| k.psi).collect();
-    let inside = variables_of(&psi);
-    let holds = |e: Expr| e.as_variable().is_some_and(|var| inside.contains(&var));
-    let controls = task.controls.iter().any(|u| holds(u.var));
-    let params = task
-        .params
-        .iter()
-        .any(|p| holds(system.params[p.place].var));
-    let states = task
-        .initial
-        .iter()
-        .any(|x| holds(system.states[x.place].var));
-    let what = match (controls, params, states) {
-        (true, ..) => "controls",
-        (_, true, _) => "free parameters",
-        (.., true) => "free initial values",
-        _ if system.data.iter().any(|data| holds(data.var)) => "signals from tables",
-        _ => return None,
-    };
-    let span = kept.map(|k| k.spans[0]).next().unwrap_or_default();
-    Some(ExperimentError::OpenAlgebraic { what, span })
+/// Refuses algebraic states that follow what is decided where their values at left ends of elements are read.
+fn open_algebraics(system: &System, settings: &Settings) -> Option<ExperimentError> {
+    let task = settings.optimize.as_ref()?;
+    let follows = following::following(system);
+    if !follows.states.contains(&true) {
+        return None;
+    }
+    let what = follows.what;
+    let kept = system.switches.iter().find(|k| k.role != Role::Step)?;
+    if let Some(span) = following::reader(system, &follows) {
+        return Some(ExperimentError::OpenAlgebraic { what, span });
+    }
+    // Elsewhere left ends are nodes, or right ends are none.
+    let is_radau = task.scheme.0 == Family::RadauIia;
+    let has_other_lefts = settings.freezes() || settings.takes_impulses();
+    (!is_radau || has_other_lefts).then(|| ExperimentError::OpenAlgebraicScheme {
+        what,
+        span: kept.spans[0],
+    })
 }
 
 /// What an experiment asks for besides `lower impact` that has no impulses.

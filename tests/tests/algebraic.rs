@@ -1,9 +1,7 @@
 //! Algebraic states and complementarity against closed forms.
 
-use nsd_tests::{end, run, times, with_experiment};
-use nsdc::optimize;
+use nsd_tests::{end, run, times};
 use nsdc::report::{EventKind, Failure, Status, Trajectory};
-use nsdc::simulate::Request;
 
 /// Runs a model to a horizon.
 fn runs(model: &str, horizon: f64, settings: &str) -> Trajectory {
@@ -417,35 +415,22 @@ fn an_equation_among_the_rows_holds() {
 }
 
 #[test]
-fn optimal_controls_of_both_forms_cost_the_same() {
-    let cost = |model: &str| {
-        let text = format!(
-            "model m {{ control u in [-2, 2] = 0; {model} }} optimize this of m {{ horizon 2; intervals 8; elements 3;
-             scheme radau_iia(3); minimize integral(u^2 + x^2); final {{ x = 0.5; }} }}"
-        );
-        let found = with_experiment(&text, "this", |compiled| {
-            let settings = &compiled.settings;
-            let task = settings.optimize.as_ref().expect("an optimization");
-            let request = Request::default();
-            let run = optimize::run(&compiled.system, settings, task, &[], &request, &mut ());
-            run.expect("the problem can be discretized").trajectory
+fn gauss_methods_keep_their_order_with_equations_and_pairs() {
+    // x = 4/3 e^(-3t) - 1/3 while a = x, then x' = -1; z³ + z = x along the way.
+    let model = "state x = 1; algebraic a = 1; algebraic z = 0.7;
+      0 <= a perp a - x >= 0; 0 = z^3 + z - x; x' = -1 - 3*a;";
+    let exact = 4.0_f64.ln() / 3.0 - 1.0;
+    for (nodes, grids) in [(1, [20, 80]), (2, [6, 24]), (3, [3, 9])] {
+        let errors = grids.map(|steps| {
+            let method = format!("method fesd {{ steps = {steps}; scheme = gauss({nodes}); }}");
+            let found = runs(model, 1.0, &method);
+            let (x, z) = (end(&found, "x")[0], end(&found, "z")[0]);
+            // z at the end is the root there, no extrapolation.
+            assert!((z.powi(3) + z - x).abs() < 1e-10, "{z} at {x}");
+            (x - exact).abs()
         });
-        assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
-        // A simulation by events with these controls comes to the same end and cost.
-        let check = found.optimum.and_then(|optimum| optimum.check);
-        let check = check.expect("what was found is simulated");
-        assert!(check.terminal_error < 1e-6, "{}", check.terminal_error);
-        assert!(
-            check.objective_error.abs() < 1e-6,
-            "{}",
-            check.objective_error
-        );
-        found.objective.expect("what was minimized")
-    };
-    let explicit = cost("state z = 1; let x = z + z^3; z' = (u - z)/(1 + 3*z^2);");
-    let implicit = cost("state x = 2; algebraic z = 1; 0 = z + z^3 - x; x' = u - z;");
-    assert!(
-        (explicit - implicit).abs() < 1e-5,
-        "{explicit} and {implicit}"
-    );
+        let order = (errors[0] / errors[1]).ln() / (f64::from(grids[1]) / f64::from(grids[0])).ln();
+        let least = f64::from(2 * nodes) - 0.3;
+        assert!(order >= least, "{nodes} nodes: {order} from {errors:?}");
+    }
 }

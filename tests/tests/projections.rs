@@ -348,3 +348,75 @@ fn an_optimum_uses_a_wall() {
     assert!((objective - 1.0 / 24.0).abs() <= 1e-9, "{objective}");
     assert!(end(&found, "x")[0].abs() <= 1e-10);
 }
+
+#[test]
+fn a_metric_that_depends_on_the_state_pushes_along_a_curved_boundary() {
+    // x' = f + E∇c λ with f = (1, -2), ∇c = (-x₁, 1), E = (1 + x₁², ½; ½, 1) on c = x₂ - x₁²/2 = 0: λ takes away
+    // ∇c·f = -x₁ - 2, ∇cᵀE∇c = x₁²(1 + x₁²) - x₁ + 1, so x₁' = 1 + λ (½ - x₁ (1 + x₁²)).
+    let model = "model curved {
+      state x[2] = [-1, 2.5];
+      x' = [1, -2];
+      project x onto { x[2] - x[1]^2/2 >= 0; } metric [1 + x[1]^2, 0.5; 0.5, 1];
+    }";
+    // Met at 5/2 - 2t = (t - 1)²/2: t = √5 - 1.
+    let met = 5.0_f64.sqrt() - 1.0;
+    let rate = |x: f64| {
+        let force = (x + 2.0) / (x * x * (1.0 + x * x) - x + 1.0);
+        1.0 + force * (0.5 - x * (1.0 + x * x))
+    };
+    let (horizon, steps) = (3.0, 20_000);
+    let h = (horizon - met) / f64::from(steps);
+    let end_of = (0..steps).fold(met - 1.0, |x, _| {
+        let k1 = rate(x);
+        let k2 = rate(x + 0.5 * h * k1);
+        let k3 = rate(x + 0.5 * h * k2);
+        let k4 = rate(x + h * k3);
+        x + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    });
+    for method in ROADS {
+        let found = runs(model, "curved", horizon, method);
+        assert_near(&times(&found, EventKind::Activate), &[met], 1e-10);
+        assert_near(&end(&found, "x"), &[end_of, end_of * end_of / 2.0], 1e-9);
+    }
+}
+
+#[test]
+fn a_boundary_is_entered_and_left_along_itself() {
+    // In the frame x the wall w = (x - 1)³ (4 - x)/10 comes up to y = 0 with w' = w'' = 0 at x = 1, carries y along up
+    // to its top at x = 3.25, and sinks below it again.
+    let model = "model carried {
+      state x = 0;
+      state y = 0;
+      x' = 1;
+      y' = 0;
+      project y onto { y - (x - 1)^3*(4 - x)/10 >= 0; }
+    }";
+    let top = 3.25_f64;
+    let height = (top - 1.0).powi(3) * (4.0 - top) / 10.0;
+    // An element that ends at a triple root is not solved (E0711).
+    let found = runs(model, "carried", 5.0, ROADS[0]);
+    assert_near(&end(&found, "y"), &[height], 1e-10);
+    assert_near(&times(&found, EventKind::Deactivate), &[top], 1e-8);
+}
+
+#[test]
+fn a_rectifier_with_a_capacitor_is_a_projection_or_a_relay() {
+    // The voltage at the load is not below that of the source, whichever sign it has: charge flows from C = 1 to 2.
+    let projected = "model bridge {
+      state x[2] = [1, 1.5]; state i = -2; i' = x[1]; x' = [-i, -x[2]/4];
+      project x onto { x[2] - x[1] >= 0; x[2] + x[1] >= 0; } metric [1, 0; 0, 0.5];
+    }";
+    let switched = "model bridge {
+      state x[2] = [1, 1.5]; state i = -2; i' = x[1];
+      x' = [-i - 8*step(x[1] - x[2]) + 8*step(-x[1] - x[2]), -x[2]/4 + 4*step(x[1] - x[2]) + 4*step(-x[1] - x[2])];
+    }";
+    for method in ROADS {
+        let of = |model: &str| runs(model, "bridge", 12.0, method);
+        let (a, b) = (of(projected), of(switched));
+        assert_near(&end(&a, "x"), &end(&b, "x"), 1e-9);
+        assert_near(&end(&a, "i"), &end(&b, "i"), 1e-9);
+        let on = times(&a, EventKind::Activate);
+        assert!(on.len() >= 2, "{on:?}");
+        assert_near(&on, &times(&b, EventKind::EnterSliding), 1e-9);
+    }
+}

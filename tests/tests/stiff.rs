@@ -240,6 +240,44 @@ fn the_literature_agrees() {
 }
 
 #[test]
+fn an_algebraic_state_of_a_stiff_model() {
+    // Robertson's reactions again, with the third share from a cube, so that it stays an equation.
+    let text = "model rober {
+          state x[2] = [1, 0];
+          algebraic y = 0;
+          0 = (x[1] + x[2] + y)^3 - 1;
+          let slow = 0.04*x[1] - 1e4*x[2]*y;
+          x' = [-slow, slow - 3e7*x[2]^2];
+        }
+        simulate a of rober { horizon 1e11; }";
+    let trajectory = run(text, "a");
+    assert_solved(&trajectory, 1000);
+    let found = [end(&trajectory, "x"), end(&trajectory, "y")].concat();
+    let exact = [
+        0.2083340149701255e-7,
+        0.8333360770334713e-13,
+        0.999999979166505,
+    ];
+    assert!(distance(&found, &exact) <= 1e-10, "{found:?}");
+    // z³ + z = w behind a fast filter, w = cos t + e^(-Lt) from w(0) = 2: the slow manifold and the root on it.
+    let text = "model filter {
+          state w = 2;
+          state y = 0;
+          algebraic z = 1;
+          0 = z^3 + z - w;
+          w' = -1e6*(w - cos(time)) - sin(time);
+          y' = z^3 + z;
+        }
+        simulate a of filter { horizon 3; }";
+    let trajectory = run(text, "a");
+    assert_solved(&trajectory, 1000);
+    let z = end(&trajectory, "z")[0];
+    assert!((z.powi(3) + z - 3.0_f64.cos()).abs() <= 1e-8, "{z}");
+    let y = end(&trajectory, "y")[0];
+    assert!((y - 3.0_f64.sin() - 1e-6).abs() <= 1e-8, "{y}");
+}
+
+#[test]
 fn a_model_that_is_not_stiff_takes_no_implicit_step() {
     let text = include_str!("../../examples/oscillator.nsd");
     let trajectory = run(text, "crossing");

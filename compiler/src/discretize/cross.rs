@@ -5,7 +5,9 @@
 //! a jumps and b is continuous along solutions. If b_i is positive anywhere in an element, ends included, a_i vanishes
 //! in all of it, so no switch is inside. All terms are non-negative, so sums over m, over l or over both say the same
 //! with fewer rows (Nurkanović et al. 2024).
-//! A pair of which neither or both are continuous is stated at each node alone.
+//! Where both are continuous, as members of algebraic complementarity are, either of them may be a: both are zero at a
+//! switch, and a that closes is zero at the end of its element by a row of its own, see `mpcc::Conditions`.
+//! A pair of which neither is continuous is stated at each node alone.
 
 use std::fmt;
 
@@ -73,6 +75,7 @@ impl<'e> Problem<'_, 'e> {
             let (jump, continuous, group) = match (is_continuous(left), is_continuous(right)) {
                 (false, true) if detected => (pair.left, pair.right, self.group(left)),
                 (true, false) if detected => (pair.right, pair.left, self.group(right)),
+                (true, true) if detected => (pair.left, pair.right, self.group(left)),
                 _ => (pair.left, pair.right, 2),
             };
             groups[group].members.push(Members {

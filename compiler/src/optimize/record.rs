@@ -1,9 +1,12 @@
 //! The solution of a program as a trajectory.
 
+use nsd_solver::tableau::lagrange;
+
 use super::Problem;
 use crate::report::Trajectory;
 use crate::simulate::Elements;
 use crate::system::System;
+use crate::system::following::following;
 
 /// Elements that are so short, as a share of the horizon, have no mode of their own.
 const SHORTEST: f64 = 1e-9;
@@ -17,9 +20,10 @@ pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Traje
     let horizon = problem.horizon(w);
     let n = layout.n_states();
 
+    let follows = following(problem.system).states;
     let mut elements = Elements::new(system, &layout.points, layout.nodes);
     // The state when the clock stopped, and the laws that have acted since.
-    let mut stopped: Option<(&[f64], Vec<usize>)> = None;
+    let mut stopped: Option<(Vec<f64>, Vec<usize>)> = None;
     let mut t = 0.0_f64;
     for (k, j) in layout.all_elements() {
         if j == 1 {
@@ -29,16 +33,25 @@ pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Traje
         // Clocks are continuous but for rounding.
         let from = instants[0].max(t).min(horizon);
         let to = instants[layout.end].max(from).min(horizon);
-        let x = |m: usize| &w[layout.x(k, j, m)..][..n];
+        let left = left(problem, &follows, w, (k, j));
+        let x = |m: usize| match m {
+            0 => &left[..],
+            _ => &w[layout.x(k, j, m)..][..n],
+        };
         let alphas: Vec<Vec<f64>> = (1..=layout.nodes)
             .map(|m| problem.alphas(w, (k, j, m)))
             .collect();
         let before = &w[layout.before(k, j)..][..n];
+        let before = if follows.contains(&true) {
+            x(0)
+        } else {
+            before
+        };
         if (k, j) == (1, 1) {
             elements.point(0.0, before, &alphas[0]);
         }
         if problem.stands(w, (k, j), &instants) {
-            let (_, laws) = stopped.get_or_insert_with(|| (x(0), Vec::new()));
+            let (_, laws) = stopped.get_or_insert_with(|| (x(0).to_vec(), Vec::new()));
             laws.extend(problem.acting(w, (k, j)));
             continue;
         }
@@ -47,7 +60,7 @@ pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Traje
             elements.jump(from, struck, [before, x(0)], &alphas[0]);
         }
         if let Some((before, laws)) = stopped.take().filter(|(_, laws)| !laws.is_empty()) {
-            elements.jump(from, laws, [before, x(0)], &alphas[0]);
+            elements.jump(from, laws, [&before, x(0)], &alphas[0]);
         }
         if to - from > SHORTEST * horizon {
             let instants = [&[from], &instants[1..layout.end], &[to]].concat();
@@ -61,9 +74,25 @@ pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Traje
         let (k, j, m) = (layout.steps, layout.elements, layout.end);
         let x = &w[layout.x(k, j, m)..][..n];
         let alphas = problem.alphas(w, (k, j, layout.nodes));
-        elements.jump(horizon, laws, [before, x], &alphas);
+        elements.jump(horizon, laws, [&before, x], &alphas);
     }
     elements.finish(problem.settings, horizon)
+}
+
+/// The state where an element begins; of algebraic states that jump there, the polynomial through the nodes.
+fn left(problem: &Problem, follows: &[bool], w: &[f64], (k, j): (usize, usize)) -> Vec<f64> {
+    let layout = &problem.layout;
+    let mut x = w[layout.x(k, j, 0)..][..layout.n_states()].to_vec();
+    let at_left = lagrange(&layout.points[1..=layout.nodes], &[0.0]);
+    for (i, x) in x
+        .iter_mut()
+        .enumerate()
+        .filter(|(i, _)| follows.get(*i) == Some(&true))
+    {
+        let nodes = (1..=layout.nodes).map(|m| w[layout.x(k, j, m) + i]);
+        *x = nodes.zip(&at_left).map(|(x, share)| share * x).sum();
+    }
+    x
 }
 
 impl Problem<'_, '_> {

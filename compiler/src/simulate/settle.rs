@@ -8,7 +8,7 @@ use crate::expr::Substitution;
 use crate::report::Failure;
 use crate::system::System;
 
-/// The system with guesses of the controls that are decided, which no equation holds.
+/// The system with guesses of the controls that are decided.
 fn with_guesses<'e>(system: &System<'e>) -> System<'e> {
     let mut known = system.clone();
     let controls = known.task.take().map(|task| task.controls);

@@ -47,6 +47,7 @@ mod display;
 mod effort;
 mod error;
 pub mod experiment;
+pub mod following;
 pub mod freezing;
 mod impulsive;
 mod interaction;

@@ -278,15 +278,27 @@ pub enum ExperimentError {
         span: Span,
     },
 
-    /// Algebraic states whose values at the start are open.
-    #[error("`optimize` does not take equations for algebraic states with {what} yet")]
+    /// Algebraic states that jump with what is decided, where a jump would switch.
+    #[error("`optimize` does not take this of algebraic states that follow {what} yet")]
     #[diagnostic(
         code(E0906),
         help(
-            "let them act on the rates of states; an equation that gives a state explicitly may hold anything"
+            "let {what} act on the rates of states; an equation that gives a state explicitly may hold anything"
         )
     )]
     OpenAlgebraic {
+        what: &'static str,
+        #[label("a complementarity, a switch or a row at the start that holds one")]
+        span: Span,
+    },
+
+    /// The same in a scheme whose left ends count.
+    #[error("`optimize` takes algebraic states that follow {what} with Radau IIA alone yet")]
+    #[diagnostic(
+        code(E0906),
+        help("write `scheme radau_iia(3);`, without `lower timefreezing` and `lower impact`")
+    )]
+    OpenAlgebraicScheme {
         what: &'static str,
         #[label("not solved for one state")]
         span: Span,
