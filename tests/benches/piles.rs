@@ -1,5 +1,6 @@
 //! Piles of discs in steps of time: what they cost by their number, how many gaps are looked at, what two bins cost
-//! that have nothing to do with each other, and how long many possible contacts take to compile.
+//! that have nothing to do with each other, how long many possible contacts take to compile, and how a hundred come to
+//! rest.
 
 #[allow(dead_code, reason = "other benchmarks use all of it")]
 mod support;
@@ -66,6 +67,88 @@ fn main() {
         "{:.2} two bins of 50, 100 m apart, to the sum of each alone, bar 1.3",
         both / alone
     ));
+    rest(100, 8.0);
+}
+
+/// What is seen of discs from step to step: states are x, y and their rates, disc by disc.
+#[derive(Default)]
+struct Falling {
+    /// The state after the last step, and the impacts behind it.
+    x: Vec<f64>,
+    first: f64,
+    least: f64,
+    /// The farthest that the energy has been above the least before.
+    gain: f64,
+    /// Since when no disc has been faster than `SLOW`.
+    slow_since: f64,
+    speed: f64,
+}
+
+/// m/s.
+const SLOW: f64 = 1e-3;
+
+impl Falling {
+    fn look(&mut self, time: f64) {
+        let discs = self.x.chunks(4);
+        let energies = discs
+            .clone()
+            .map(|d| 0.5 * (d[2] * d[2] + d[3] * d[3]) + 9.81 * d[1]);
+        let energy: f64 = energies.sum();
+        if self.first == 0.0 {
+            (self.first, self.least) = (energy, energy);
+        }
+        self.gain = self.gain.max(energy - self.least);
+        self.least = self.least.min(energy);
+        self.speed = discs.map(|d| d[2].hypot(d[3])).fold(0.0, f64::max);
+        if self.speed > SLOW {
+            self.slow_since = time;
+        }
+    }
+}
+
+impl nsd_solver::simulate::Observer for Falling {
+    fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
+        self.look(segment.start);
+        self.x.clear();
+        self.x.extend_from_slice(segment.end);
+        ControlFlow::Continue(())
+    }
+
+    fn event(&mut self, event: &Event) {
+        self.x.clear();
+        self.x.extend_from_slice(event.x);
+    }
+}
+
+impl Observer for Falling {
+    fn change(&mut self, _: f64, _: usize, _: Change) {}
+}
+
+/// A bin of discs for so many seconds.
+fn rest(n: usize, horizon: f64) {
+    with_experiment(&bins_of(&[(n, 0.0)]), "bench", |compiled| {
+        let x0 = start(compiled);
+        let steps = STEPS * horizon as usize;
+        let mut stepper = stepper(&compiled.system, horizon, steps, None);
+        let mut falling = Falling {
+            x: x0.clone(),
+            ..Falling::default()
+        };
+        let started = Instant::now();
+        let solution = stepper.run(0.0, horizon, &x0, &mut falling);
+        let seconds = started.elapsed().as_secs_f64();
+        assert_eq!(solution.outcome.status, Status::Solved);
+        falling.look(horizon);
+        print(&format!(
+            "{n} discs for {horizon} s in {steps} steps: {seconds:.2} s; depth {:.1e}, energy gained {:.1e} of its start, \
+             slower than 1 mm/s since {:.2} s, {:.1e} m/s at the end, {} steps without rebound",
+            solution.penetration,
+            falling.gain / falling.first,
+            falling.slow_since,
+            falling.speed,
+            solution.plastic,
+        ));
+    });
 }
 
 /// A run of a pile.

@@ -1,11 +1,13 @@
-//! Finite elements allocate nothing but where the active set changes.
+//! Finite elements allocate nothing but where the active set changes, and steps through contacts nothing at all.
 
 use nsd_solver::fesd::{Grid, Observer, Settings, Simulator};
+use nsd_solver::moreau::{self, Change};
 use nsd_solver::simulate::{Event, Segment, Status};
 use nsd_solver::tableau::Family;
 use nsd_tests::with_experiment;
 use nsdc::dcs;
 use nsdc::simulate::fesd::Complementarity;
+use nsdc::simulate::moreau::stepper;
 use std::ops::ControlFlow;
 
 struct Silent;
@@ -19,6 +21,10 @@ impl nsd_solver::simulate::Observer for Silent {
 }
 
 impl Observer for Silent {}
+
+impl moreau::Observer for Silent {
+    fn change(&mut self, _: f64, _: usize, _: Change) {}
+}
 
 /// Twenty states in a chain and five switches, two of which slide in the end.
 const CHAIN: &str = "model chain { const n = 20; state x[n] = [0.5*sin(i) for i in 1..n]; \
@@ -54,5 +60,41 @@ fn steps_of_finite_elements_allocate_nothing() {
         let (few, many) = (allocations(100), allocations(300));
         assert!(few.1 >= 2, "{} events", few.1);
         assert_eq!(few, many);
+    });
+}
+
+/// Discs that fall onto each other and into the corners of a bin.
+const PILE: &str = "model disc { state q[2]; state v[2] = [0, 0]; q' = v;
+  mechanics q, v { mass = eye(2); force = [-1, -9.81]; } }
+  model pile { const n = 6; part ball[i in 1..n] = disc { q = [0.4 + 0.1*sin(5*i), 0.3*i]; }
+  for i in 1..n {
+    contact floor { gap = ball[i].q[2] - 0.1; restitution = 0.3; friction = 0.2; }
+    contact wall { gap = ball[i].q[1] - 0.1; restitution = 0.3; }
+  }
+  for i in 1..n, j in i+1..n {
+    contact pair { gap = norm(ball[i].q - ball[j].q) - 0.2; restitution = 0.3; }
+  } }
+  simulate run of pile { horizon 2; method timestepping { steps = 1000; } }";
+
+#[test]
+fn steps_through_contacts_allocate_nothing() {
+    with_experiment(PILE, "run", |compiled| {
+        let states = compiled.system.states.iter();
+        let x0: Vec<f64> = states.map(|state| state.initial).collect();
+        let allocations = |steps: usize| {
+            let mut stepper = stepper(&compiled.system, 2.0, steps, None);
+            // The first run makes room.
+            stepper.run(0.0, 2.0, &x0, &mut Silent);
+            let mut impulses = 0;
+            let counted = allocation_counter::measure(|| {
+                let solution = stepper.run(0.0, 2.0, &x0, &mut Silent);
+                assert_eq!(solution.outcome.status, Status::Solved);
+                impulses = solution.impulses;
+            });
+            (counted.count_total, impulses)
+        };
+        let (few, many) = (allocations(1000), allocations(3000));
+        assert!(few.1 >= 1000, "{} impulses", few.1);
+        assert_eq!(few.0, many.0);
     });
 }

@@ -261,9 +261,7 @@ pub enum Failure {
     #[error("at t = {time}, the equations of a finite element were not solved")]
     #[diagnostic(
         code(E0711),
-        help(
-            "take more `steps`, or give a `tolerance` instead and leave their lengths to the method"
-        )
+        help("take more `steps`, or `method event`, which needs no elements")
     )]
     Unsolved {
         time: f64,

@@ -109,6 +109,46 @@ pub enum SystemError {
         span: Span,
     },
 
+    /// Bodies that overlap where a run starts.
+    #[error("`{name}` starts with a gap of {gap}")]
+    #[diagnostic(
+        code(E0418),
+        help("start where no gap is negative, and check the sign of this one")
+    )]
+    StartsBelow {
+        name: String,
+        gap: f64,
+        #[label("bodies overlap here at the start")]
+        span: Span,
+    },
+
+    /// Closed contacts whose forces are not determined.
+    #[error("the normal of `{name}` depends on those of {others} at the start")]
+    #[diagnostic(
+        code(W0401),
+        severity(Warning),
+        help("motion is determined, forces are not; leave out a contact that others make up")
+    )]
+    DependentNormals {
+        name: String,
+        others: String,
+        #[label("this one adds no direction")]
+        span: Span,
+    },
+
+    /// A contact that friction may pull closed.
+    #[error("friction may pull the body into the contact `{name}` (Painlevé's paradox)")]
+    #[diagnostic(
+        code(W0402),
+        severity(Warning),
+        help("where it is closed and slips like this, the run ends (E0725); take less friction")
+    )]
+    Pulls {
+        name: String,
+        #[label("its force does not push it open in the position of the start")]
+        span: Span,
+    },
+
     /// A constraint that a projection cannot keep.
     #[error("`{name}` is no constraint of a projection: {what}")]
     #[diagnostic(

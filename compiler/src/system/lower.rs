@@ -88,6 +88,7 @@ pub fn lower<'e>(
     let motion = (rates, algebraics, laws, bodies, contacts);
     let mut system = lowering.assemble(motion, recorded, task, &named, regions, diags);
     (system.impulsive, system.sampled) = (impulsive, sampled);
+    system.check_start(diags);
     if diags.errors().count() > errors_before {
         return None;
     }

@@ -70,6 +70,7 @@ mod skipped;
 pub mod smoothing;
 #[cfg(test)]
 mod smoothing_tests;
+mod start;
 mod surface;
 mod switches;
 #[cfg(test)]
