@@ -144,6 +144,11 @@ fn compile_to<'e>(
             diags.push(error);
             return None;
         }
+        let sliding = nonlinear(&system, &settings, freezes);
+        if let Some(error) = sliding {
+            diags.push(error);
+            return None;
+        }
         if freezes {
             return frozen(model, settings, system, diags);
         }
@@ -328,6 +333,28 @@ fn bends(data: &model::Data, settings: &Settings) -> Result<(), ExperimentError>
             span: settings.span,
         }),
     }
+}
+
+/// Why a method does not take a switch that is read nonlinearly.
+fn nonlinear(system: &System, settings: &Settings, freezes: bool) -> Option<ExperimentError> {
+    let mut switches = system.switches.iter().enumerate();
+    let (k, switch) = switches.find(|(_, switch)| switch.is_nonlinear)?;
+    let what = if settings.optimize.is_some() {
+        "`optimize`".to_owned()
+    } else if freezes {
+        "`lower timefreezing`".to_owned()
+    } else if !settings.method.slides_nonlinearly() {
+        format!("`method {}`", settings.method.word())
+    } else if !system.drives_its_surface(k) {
+        format!("rates that do not move `{}` at once", switch.name)
+    } else {
+        return None;
+    };
+    Some(ExperimentError::Nonlinear {
+        what,
+        name: switch.name.clone(),
+        span: switch.spans.first().copied().unwrap_or(settings.span),
+    })
 }
 
 /// An experiment whose jumps and relays are lowered by time-freezing.

@@ -11,7 +11,7 @@ use nsdc::imports;
 use nsdc::optimize;
 use nsdc::source::SourceMap;
 use nsdc::syntax::{DeclKind, Experiment, Item, Model, Stmt};
-use nsdc::system::{Role, System};
+use nsdc::system::{Role, Switch, System};
 
 const FORMULATIONS: [Formulation; 2] = [Formulation::Stewart, Formulation::Step];
 
@@ -88,10 +88,11 @@ fn for_each_model(stem: &str, text: &str, check: &mut impl FnMut(&str, &System))
         let Some(compiled) = compiled else {
             panic!("{}", diagnostics::render(&found, &sources, false, 100));
         };
-        // Relays, jumps and contacts have no complementarity form.
+        // Relays, jumps, contacts and nonlinear switches have no complementarity form.
         let system = &compiled.system;
         let jumps = !system.laws.is_empty() || !system.contacts.is_empty();
-        if jumps || system.switches.iter().any(|switch| switch.relay.is_some()) {
+        let has_none = |switch: &Switch| switch.relay.is_some() || switch.is_nonlinear;
+        if jumps || system.switches.iter().any(has_none) {
             continue;
         }
         check(stem, &compiled.system);

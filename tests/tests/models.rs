@@ -26,6 +26,9 @@ const EXAMPLES: &[&str] = &[
     "fast_actuator.nsd: slides",
     "friction_chain.nsd: longer",
     "friction_chain.nsd: to_rest",
+    "hidden_modes.nsd: attract",
+    "hidden_modes.nsd: filippov",
+    "hidden_modes.nsd: steep",
     "impact_like.nsd: exact",
     "incline.nsd: slides_back",
     "incline.nsd: stays",
@@ -52,6 +55,8 @@ const EXAMPLES: &[&str] = &[
     "stick_slip.nsd: coulomb",
     "stick_slip.nsd: cycles",
     "stiction.nsd: coulomb",
+    "stiction.nsd: released",
+    "stiction.nsd: stick_slip",
     "switching_cases.nsd: arrives",
     "switching_cases.nsd: cross",
     "switching_cases.nsd: downwards",
@@ -118,6 +123,7 @@ const MODELS: &[&str] = &[
     "convex.nsd: two",
     "friction_chain.nsd: longer",
     "friction_chain.nsd: to_rest",
+    "hidden_modes.nsd: attract",
     "impact_like.nsd: exact",
     "impact_like.nsd: with_detection",
     "impact_like.nsd: without_detection",
@@ -130,6 +136,8 @@ const MODELS: &[&str] = &[
     "spiral.nsd: zeno",
     "stewart_anitescu.nsd: tutorial",
     "stiction.nsd: coulomb",
+    "stiction.nsd: excess_sticking",
+    "stiction.nsd: stick_slip",
     "switching_cases.nsd: branch",
     "switching_cases.nsd: cross",
     "switching_cases.nsd: leave",
@@ -142,11 +150,8 @@ const MODELS: &[&str] = &[
 
 /// Experiments of the design models that are refused as not supported yet, with the code.
 const NOT_YET: &[&str] = &[
-    "hidden_modes.nsd: attract (E0920)",
-    "stiction.nsd: excess_sticking (E0920)",
     "stiction.nsd: large_errors (E0923)",
     "stiction.nsd: small_errors (E0923)",
-    "stiction.nsd: stick_slip (E0920)",
 ];
 
 /// What `nsdc test` says of the experiments below a folder.

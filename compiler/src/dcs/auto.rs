@@ -66,6 +66,12 @@ fn is_without_memory(system: &System, takes_impulses: bool) -> Result<(), DcsErr
             span,
         });
     }
+    if let Some(switch) = system.switches.iter().find(|switch| switch.is_nonlinear) {
+        return Err(DcsError::Nonlinear {
+            name: switch.name.clone(),
+            span: switch.spans[0],
+        });
+    }
     match system.switches.iter().find(|switch| switch.relay.is_some()) {
         Some(relay) => Err(DcsError::Relay {
             name: relay.name.clone(),

@@ -22,6 +22,17 @@ pub enum DcsError {
         span: Span,
     },
 
+    /// Hidden dynamics have no complementarity form that knows which branch is followed.
+    #[error("`{name}` is read nonlinearly, and cannot be lowered to complementarity yet")]
+    #[diagnostic(code(E0920), help("`method event` runs it as it is"))]
+    Nonlinear {
+        /// Its name.
+        name: String,
+        /// Its statement.
+        #[label("`sliding nonlinear`")]
+        span: Span,
+    },
+
     /// A jump has no complementarity form.
     #[error("jump `{name}` cannot be lowered to complementarity yet")]
     #[diagnostic(

@@ -47,6 +47,7 @@ impl<'e> Builder<'e> {
         let alpha = self.exprs.variable("alpha");
         self.switches.push(Switch {
             relay: None,
+            is_nonlinear: false,
             unilateral: false,
             slip_of: None,
             role: crate::system::Role::Step,

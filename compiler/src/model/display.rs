@@ -71,6 +71,7 @@ impl<'e> fmt::Display for Model<'e> {
             writeln!(f, "hidden on {}", self.switches[hidden.switch].name)?;
             self.write_rates(f, "  ", &hidden.rates)?;
         }
+        self.write_decompositions(f)?;
         for contact in &self.contacts {
             writeln!(f, "contact {} {} >= 0", contact.name, contact.gap)?;
             writeln!(f, "  restitution {}", contact.restitution)?;

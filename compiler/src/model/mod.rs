@@ -25,6 +25,7 @@ mod calls;
 mod check;
 mod connect;
 mod declare;
+mod decompose;
 mod display;
 mod dynamics;
 mod dynamics_error;

@@ -17,6 +17,19 @@ pub struct Event {
     pub to: String,
     /// Where the surface is written.
     pub span: Option<Span>,
+    /// The sliding modes there, where a nonlinear switch had to choose.
+    pub sliding: Vec<SlidingMode>,
+}
+
+/// A value of a nonlinear switch that keeps the state on its surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SlidingMode {
+    /// The value of the switch, as its statement reads it.
+    pub value: f64,
+    /// S = ∂φ/∂s, φ being the rate of the switching function: attracting where it is negative.
+    pub stability: f64,
+    /// Whether the state slides on in it.
+    pub taken: bool,
 }
 
 /// The kinds of [`Event`].

@@ -5,7 +5,8 @@
 use serde::ser::{Serialize, SerializeMap, SerializeSeq, Serializer};
 
 use super::{
-    Event, Method, MethodOption, ModeInterval, Optimum, Series, Stats, Trajectory, Warning,
+    Event, Method, MethodOption, ModeInterval, Optimum, Series, SlidingMode, Stats, Trajectory,
+    Warning,
 };
 
 /// The object, without a line break.
@@ -232,12 +233,26 @@ fn is_count(number: f64) -> bool {
 
 impl Serialize for Event {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(Some(5))?;
+        let more = usize::from(!self.sliding.is_empty());
+        let mut map = serializer.serialize_map(Some(5 + more))?;
         map.serialize_entry("time", &self.time)?;
         map.serialize_entry("kind", self.kind.as_str())?;
         map.serialize_entry("surface", &self.surface)?;
         map.serialize_entry("from", &self.from)?;
         map.serialize_entry("to", &self.to)?;
+        if more > 0 {
+            map.serialize_entry("sliding", &self.sliding)?;
+        }
+        map.end()
+    }
+}
+
+impl Serialize for SlidingMode {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(3))?;
+        map.serialize_entry("value", &self.value)?;
+        map.serialize_entry("stability", &self.stability)?;
+        map.serialize_entry("taken", &self.taken)?;
         map.end()
     }
 }

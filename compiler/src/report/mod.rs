@@ -25,7 +25,7 @@ mod status;
 pub mod text;
 
 pub use dense::{Dense, Piece};
-pub use event::{Event, EventKind};
+pub use event::{Event, EventKind, SlidingMode};
 pub use failure::Failure;
 pub use optimum::{Check, Optimum};
 pub use refine::refine;

@@ -43,6 +43,7 @@ pub fn oscillator() -> Trajectory {
             from: "inside".into(),
             to: "outside".into(),
             span: None,
+            sliding: Vec::new(),
         }],
         modes: vec![
             interval(0.0, 1.0, "inside", Side::Below),

@@ -2,7 +2,7 @@
 
 use std::fmt::{self, Display, Write};
 
-use super::{MethodOption, Series, Stationarity, Stats, Status, Trajectory};
+use super::{Event, EventKind, MethodOption, Series, Stationarity, Stats, Status, Trajectory};
 
 /// Rows of a table before the rest is only counted.
 const MAX_ROWS: usize = 12;
@@ -90,7 +90,40 @@ fn events(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
     });
     writeln!(text, "\n  {}", counted(trajectory.events.len(), "event"))?;
     table(text, ["time", "kind", "surface", "mode"], rows.collect())?;
-    rest(text, trajectory.events.len())
+    rest(text, trajectory.events.len())?;
+    sliding_modes(trajectory, text)
+}
+
+/// Where nonlinear switches had several ways to go on.
+fn sliding_modes(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
+    let told = |event: &&Event| matches!(event.kind, EventKind::Fold | EventKind::Branch);
+    let shown = trajectory.events.iter().take(MAX_ROWS).filter(told);
+    let rows: Vec<[String; 5]> = shown
+        .flat_map(|event| {
+            event.sliding.iter().map(|mode| {
+                let nature = match mode.stability {
+                    s if s < 0.0 => "attracting",
+                    s if s > 0.0 => "repelling",
+                    _ => "fold",
+                };
+                [
+                    significant(event.time, 12),
+                    event.surface.clone(),
+                    significant(mode.value, 8),
+                    significant(mode.stability, 4),
+                    match mode.taken {
+                        true => format!("{nature}, taken"),
+                        false => nature.to_owned(),
+                    },
+                ]
+            })
+        })
+        .collect();
+    if rows.is_empty() {
+        return Ok(());
+    }
+    writeln!(text, "\n  {}", counted(rows.len(), "sliding mode"))?;
+    table(text, ["time", "switch", "value", "S", ""], rows)
 }
 
 fn modes(trajectory: &Trajectory, text: &mut String) -> fmt::Result {

@@ -1,6 +1,6 @@
 //! Names of modes and kinds of events.
 
-use nsd_solver::simulate::Side;
+use nsd_solver::simulate::{Decision, Side};
 
 use crate::expr::{Expr, Var, variables_of};
 use crate::report::{self, EventKind};
@@ -25,6 +25,8 @@ pub(super) struct Change {
     pub kind: EventKind,
     pub surface: String,
     pub span: Option<Span>,
+    /// The sliding modes there, where a nonlinear switch had to choose.
+    pub sliding: Vec<report::SlidingMode>,
 }
 
 impl<'s, 'e> ModeNames<'s, 'e> {
@@ -84,6 +86,7 @@ impl<'s, 'e> ModeNames<'s, 'e> {
                     kind,
                     surface: switch.name.clone(),
                     span: switch.spans.first().copied(),
+                    sliding: Vec::new(),
                 });
                 continue;
             };
@@ -102,9 +105,70 @@ impl<'s, 'e> ModeNames<'s, 'e> {
                 },
                 surface: met.collect::<Vec<_>>().join(" | "),
                 span: switch.spans.first().copied(),
+                sliding: Vec::new(),
             });
         }
         found
+    }
+
+    /// The same, with what the dummy system has decided: folds, and choices among several sliding modes.
+    pub(super) fn decided(
+        &self,
+        from: &[Side],
+        to: &[Side],
+        decisions: &[Decision],
+    ) -> Vec<Change> {
+        let mut found = self.changes(from, to);
+        for decision in decisions {
+            let switch = &self.system.switches[decision.switch];
+            let sliding = self.sliding_modes(decision);
+            let told = found
+                .iter()
+                .position(|change| change.surface == switch.name);
+            let changed = from[decision.switch] != to[decision.switch];
+            let kind = match decision.folds {
+                true => EventKind::Fold,
+                false if changed && decision.modes.len() > 1 => EventKind::Branch,
+                false => {
+                    if let Some(at) = told {
+                        found[at].sliding = sliding;
+                    }
+                    continue;
+                }
+            };
+            let change = Change {
+                kind,
+                surface: switch.name.clone(),
+                span: switch.spans.first().copied(),
+                sliding,
+            };
+            // A fold is how the sliding ends; a branch is told besides what it leads to.
+            match told {
+                Some(at) if decision.folds => found[at] = change,
+                Some(at) => found.insert(at + 1, change),
+                None => found.push(change),
+            }
+        }
+        found
+    }
+
+    /// The sliding modes of a nonlinear switch, by the values of its statement.
+    fn sliding_modes(&self, decision: &Decision) -> Vec<report::SlidingMode> {
+        let reading = self.system.switches[decision.switch].named.first();
+        let value = |alpha: f64| reading.map_or(alpha, |reading| reading.value(alpha));
+        // ∂α/∂s, for ψ and s of one orientation.
+        let share = match reading {
+            Some(reading) if reading.is_sign => 0.5,
+            _ => 1.0,
+        };
+        let modes = decision.modes.iter().map(|mode| report::SlidingMode {
+            value: value(mode.alpha),
+            stability: share * mode.stability,
+            taken: decision.taken == Some(mode.alpha),
+        });
+        let mut modes: Vec<_> = modes.collect();
+        modes.sort_by(|a, b| a.value.total_cmp(&b.value));
+        modes
     }
 
     /// Regions the state is in: those whose weight is 1.

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use nsd_solver::simulate::{Event, Observer, Outcome, Segment, Side};
+use nsd_solver::simulate::{Decision, Event, Observer, Outcome, Segment, Side};
 
 use super::limits::Limits;
 use super::modes::{self, ModeNames};
@@ -12,8 +12,8 @@ use crate::report::{self, EventKind, ModeInterval, Piece, Series, Trajectory};
 use crate::system::experiment::{Sampling, Settings};
 use crate::system::{Output, System};
 
-/// When the mode changed, from what, to what.
-type Change = (f64, Box<[Side]>, Box<[Side]>);
+/// When the mode changed, from what, to what, and what decided about nonlinear switches.
+type Change = (f64, Box<[Side]>, Box<[Side]>, Vec<Decision>);
 
 /// States that have jumped.
 #[derive(Clone, Debug)]
@@ -192,13 +192,13 @@ impl<'s, 'e> Recorder<'s, 'e> {
 
     fn name_modes(&self, names: &ModeNames, outcome: &Outcome, trajectory: &mut Trajectory) {
         let changes: Vec<(&Change, Vec<modes::Change>)> = (self.changes.iter())
-            .map(|change| (change, names.changes(&change.1, &change.2)))
+            .map(|change| (change, names.decided(&change.1, &change.2, &change.3)))
             .filter(|(_, what)| !what.is_empty())
             .collect();
         let first = self
             .changes
             .first()
-            .map_or(&outcome.sides[..], |(_, from, _)| from);
+            .map_or(&outcome.sides[..], |(_, from, ..)| from);
         let interval = |from: f64, to: f64, sides: &[Side]| ModeInterval {
             from,
             to,
@@ -216,7 +216,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
         let starts = [0.0].into_iter().chain(instants());
         let sides = [first]
             .into_iter()
-            .chain(changes.iter().map(|((.., to), _)| &to[..]));
+            .chain(changes.iter().map(|((_, _, to, _), _)| &to[..]));
         trajectory.modes = starts
             .zip(ends)
             .zip(sides)
@@ -226,7 +226,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
         if outcome.time == 0.0 && self.changes.is_empty() {
             trajectory.modes.clear();
         }
-        for ((time, from, to), what) in changes {
+        for ((time, from, to, _), what) in changes {
             while let Some(jump) = jumps.next_if(|jump| jump.time <= *time) {
                 trajectory
                     .events
@@ -244,6 +244,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
                         from: mode_from.clone(),
                         to: mode_to.clone(),
                         span: change.span,
+                        sliding: change.sliding.clone(),
                     });
                 }
             }
@@ -272,6 +273,7 @@ impl Jump {
                 from: mode.to_owned(),
                 to: mode.to_owned(),
                 span: Some(span),
+                sliding: Vec::new(),
             }
         })
     }
@@ -349,7 +351,10 @@ pub(crate) fn recorded(
         stats: nsd_solver::simulate::Stats::default(),
     };
     let changes = sides.windows(2).filter(|pair| pair[0].1 != pair[1].1);
-    let changes = changes.map(|pair| (pair[1].0, pair[0].1.clone(), pair[1].1.clone()));
+    let changes = changes.map(|pair| {
+        let (from, to) = (pair[0].1.clone(), pair[1].1.clone());
+        (pair[1].0, from, to, Vec::new())
+    });
     let recorder = Recorder {
         times: points.times,
         states: points.states,
@@ -425,8 +430,12 @@ impl Observer for Recorder<'_, '_> {
                 self.push(event.time);
             }
         }
-        self.changes
-            .push((event.time, event.from.into(), event.to.into()));
+        self.changes.push((
+            event.time,
+            event.from.into(),
+            event.to.into(),
+            event.decisions.to_vec(),
+        ));
     }
 }
 

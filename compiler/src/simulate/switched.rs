@@ -53,6 +53,7 @@ pub struct Switched<'e> {
     unilateral: Vec<bool>,
     slip_of: Vec<Option<usize>>,
     roles: Vec<Role>,
+    nonlinear: Vec<bool>,
     algebraics: Vec<usize>,
     laws: Vec<Law>,
     blocks: Vec<Block>,
@@ -189,6 +190,9 @@ impl<'e> Switched<'e> {
                     system::Role::Equation => Role::Equation,
                     system::Role::Member(other) => Role::Member(other),
                 })
+                .collect(),
+            nonlinear: (system.switches.iter())
+                .map(|switch| switch.is_nonlinear)
                 .collect(),
             algebraics: system.algebraic_states(),
             laws: laws::compile(system, &inputs, &[&numbers(system), &polynomials]),
@@ -415,6 +419,10 @@ impl SwitchedSystem for Switched<'_> {
 
     fn role(&self, switch: usize) -> Role {
         self.roles[switch]
+    }
+
+    fn is_nonlinear(&self, switch: usize) -> bool {
+        self.nonlinear[switch]
     }
 
     fn algebraics(&self) -> &[usize] {

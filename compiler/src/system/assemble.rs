@@ -124,7 +124,9 @@ impl<'e> Lowering<'_, 'e> {
             .collect();
         let frame = self.frame(surfaces);
         for (k, switch) in switches.iter_mut().enumerate() {
+            // A hidden term needs no jump to slide by.
             if switch.relay.is_some()
+                || switch.is_nonlinear && !entered[k].is_empty()
                 || switch.unilateral
                 || switch.slip_of.is_some()
                 || switch.role != Role::Step
@@ -256,6 +258,7 @@ impl<'e> Lowering<'_, 'e> {
             psi: collected.psi,
             continuity: Continuity::Discontinuous,
             relay: collected.relay,
+            is_nonlinear: collected.is_nonlinear,
             unilateral: collected.unilateral,
             slip_of: None,
             role: collected.role,

@@ -383,14 +383,14 @@ pub enum SystemError {
         span: Span,
     },
 
-    /// Nonlinear sliding.
-    #[error("nonlinear sliding is not supported yet")]
-    #[diagnostic(
-        code(E0920),
-        help("`sliding linear` is Filippov's reading, without hidden terms")
+    /// A region whose guard holds a nonlinear switch and does not decide it.
+    #[error(
+        "`{name}` is read nonlinearly, and is in an alternative of the guard of this region and in its rates"
     )]
-    NonlinearSliding {
-        #[label("`sliding nonlinear`")]
+    #[diagnostic(code(E0920), help("write one region for each side of `{name}`"))]
+    NonlinearGuard {
+        name: String,
+        #[label("is not written for one side of `{name}`")]
         span: Span,
     },
 }

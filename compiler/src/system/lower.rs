@@ -176,7 +176,8 @@ impl<'m, 'e> Lowering<'m, 'e> {
         for (s, switch) in self.model.switches.iter().enumerate() {
             let entry = match self.sliding(s) {
                 Some(Sliding::Linear) => Entry::Linear,
-                Some(Sliding::Nonlinear) | None => Entry::Term,
+                Some(Sliding::Nonlinear) => Entry::Nonlinear,
+                None => Entry::Term,
             };
             if matches!(switch.kind, SwitchKind::Relay(_)) {
                 continue;
@@ -201,6 +202,7 @@ impl<'m, 'e> Lowering<'m, 'e> {
                         name: switch.name.clone(),
                         index,
                         flipped,
+                        is_sign: matches!(switch.kind, SwitchKind::Sign),
                     });
             }
         }
@@ -258,12 +260,22 @@ impl<'m, 'e> Lowering<'m, 'e> {
                 }
                 let value = self.replace(rate.value, rate.span).substitute(&implied);
                 self.check(value, rate.span, diags);
-                add(rate, weight * self.switches.merged(value));
+                let value = self.switches.merged(value);
+                self.check_product(weight, value, rate.span, diags);
+                add(rate, weight * value);
             }
         }
         for hidden in &model.hidden {
-            if self.sliding(hidden.switch) == Some(Sliding::Nonlinear) {
-                diags.push(SystemError::NonlinearSliding { span: hidden.span });
+            // What is read linearly has no terms that both sides do not have.
+            if self.sliding(hidden.switch) != Some(Sliding::Nonlinear) {
+                continue;
+            }
+            for rate in &hidden.rates {
+                if self.needs.entries[rate.entry] {
+                    let value = self.replace(rate.value, rate.span);
+                    self.check(value, rate.span, diags);
+                    add(rate, value);
+                }
             }
         }
         let kept = rates.into_iter().zip(&self.needs.entries);
@@ -273,6 +285,27 @@ impl<'m, 'e> Lowering<'m, 'e> {
                     .merged(terms.into_iter().fold(zero, |sum, term| sum + term))
             })
             .collect()
+    }
+
+    /// A region whose guard leaves a nonlinear switch open has no rates that are written for one side of it.
+    fn check_product(
+        &self,
+        weight: Expr<'e>,
+        value: Expr<'e>,
+        span: Span,
+        diags: &mut Diagnostics,
+    ) {
+        let among = |e: Expr<'e>| self.switches.alphas_of(e);
+        let common = among(weight).into_iter().find(|alpha| {
+            let k = self.switches.of_alpha(*alpha);
+            k.is_some_and(|k| self.switches.list[k].is_nonlinear) && among(value).contains(alpha)
+        });
+        if let Some(k) = common.and_then(|alpha| self.switches.of_alpha(alpha)) {
+            diags.push(SystemError::NonlinearGuard {
+                name: self.switches.name_of(k),
+                span,
+            });
+        }
     }
 
     /// What a guard says about the switches inside it, as values of their variables.
@@ -301,8 +334,8 @@ impl<'m, 'e> Lowering<'m, 'e> {
     }
 
     pub(super) fn check(&self, value: Expr<'e>, span: Span, diags: &mut Diagnostics) {
-        let (sampler, sliding) = (|| self.sampler(), |s| self.sliding(s));
-        for error in check_reading(&self.switches, value, span, sampler, self.model, sliding) {
+        let sampler = || self.sampler();
+        for error in check_reading(&self.switches, value, span, sampler, self.model) {
             diags.push(error);
         }
     }

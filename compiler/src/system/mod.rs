@@ -10,7 +10,8 @@
 //! Invariants, checked by [`System::verify`]:
 //!
 //! - No `step`, `sign`, `abs`, `min` or `max` is left in a rate, an output or a ψ.
-//! - Rates and region weights are multi-affine: affine in every α taken alone.
+//! - Rates and region weights are multi-affine: affine in every α taken alone, but for rates in the α of
+//!   nonlinear switches. These are discontinuous, and neither relays nor of contacts.
 //! - ψ_i may contain α_j, but only of earlier switches (j < i) across whose surface ψ_i is
 //!   continuous: it is smooth within a mode, and on ψ_j = 0 any value of α_j in it is as good as
 //!   another. Continuity is checked by [`lower`].
@@ -58,6 +59,7 @@ mod matching;
 mod needs;
 #[cfg(test)]
 mod needs_tests;
+mod nonlinear;
 mod partitions;
 mod programs;
 mod projections;
@@ -80,6 +82,7 @@ pub mod task;
 mod tests;
 mod values;
 mod verify;
+mod words;
 
 pub use error::SystemError;
 pub use experiment::ExperimentError;
@@ -189,6 +192,8 @@ pub struct Switch<'e> {
     pub continuity: Continuity,
     /// What a relay remembers; none for the others.
     pub relay: Option<Relay>,
+    /// f is what it is for every α between 0 and 1, and need not be affine in it.
+    pub is_nonlinear: bool,
     /// True for a contact, and for a constraint of a projection: ψ ≥ 0, and α is 1 where ψ > 0 and any number up to 1
     /// where it is kept at zero.
     pub unilateral: bool,
@@ -396,6 +401,8 @@ pub struct NamedReading {
     pub index: Option<usize>,
     /// True when its switching function is a negative multiple of ψ: above of one is below of the other.
     pub flipped: bool,
+    /// Whether it goes from -1 to 1, as `sign`, not from 0.
+    pub is_sign: bool,
 }
 
 /// Whether f is continuous across a surface, and how that is known.

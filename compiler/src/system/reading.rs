@@ -6,7 +6,7 @@ use super::continuity::vanishes_at_samples;
 use super::sample::Sampler;
 use super::switches::Switches;
 use crate::expr::{Expr, Substitution, Var, variables_of};
-use crate::model::{Model, Sliding, SwitchKind};
+use crate::model::{Model, SwitchKind};
 use crate::source::Span;
 
 /// Reports every switch that an expression is not affine in and that has no reading.
@@ -19,7 +19,6 @@ pub(super) fn check_reading<'e>(
     entry: Span,
     sampler: impl Fn() -> Sampler<'e>,
     model: &Model<'e>,
-    sliding: impl Fn(usize) -> Option<Sliding>,
 ) -> Vec<SystemError> {
     let mut errors = Vec::new();
     let below = variables_of(&[value]);
@@ -35,7 +34,9 @@ pub(super) fn check_reading<'e>(
         let reads = |value: Expr<'e>, var: Var| {
             is_hidden_term_zero(value, var, switch.psi, switches, &sampler())
         };
-        if !is_affine(strict, switch.alpha) && !reads(strict, switch.alpha) {
+        // What is read as it is written needs no agreement.
+        let is_open = !switch.is_nonlinear && !is_affine(strict, switch.alpha);
+        if is_open && !reads(strict, switch.alpha) {
             let named = switch.named.first().and_then(|reading| {
                 let statement = model
                     .switches
@@ -50,11 +51,6 @@ pub(super) fn check_reading<'e>(
                 .find(|span| entry.start <= span.start && span.end <= entry.end);
             let span = span.or(switch.spans.first().copied()).unwrap_or(entry);
             errors.push(match named {
-                Some((_, statement)) if sliding(statement) == Some(Sliding::Nonlinear) => {
-                    SystemError::NonlinearSliding {
-                        span: model.switches[statement].span,
-                    }
-                }
                 Some((reading, statement)) => {
                     let kind = match model.switches[statement].kind {
                         SwitchKind::Sign => "sign",

@@ -91,6 +91,7 @@ impl<'e> Lowering<'_, 'e> {
                     name: switch.name.clone(),
                     index: (switch.psi.len() > 1).then_some(entry),
                     flipped: false,
+                    is_sign: false,
                 };
                 let (k, value) = self.switches.relay(&name, switch.span, reading);
                 if let Some(var) = var.as_variable() {

@@ -118,6 +118,7 @@ fn saturated<'e>(switch: &Switch<'e>, epsilon: f64, switches: &mut Vec<Switch<'e
             alpha,
             psi,
             continuity: Continuity::Certain,
+            is_nonlinear: false,
             named: Vec::new(),
             ..switch.clone()
         });

@@ -29,6 +29,8 @@ pub(super) enum Entry {
     Term,
     /// A named switch that is read linearly.
     Linear,
+    /// A named switch that is read as it is written, for all values between its two.
+    Nonlinear,
     /// `abs`, `min` or `max`.
     Kink,
 }
@@ -51,6 +53,8 @@ pub(super) struct Collected<'e> {
     pub role: Role,
     /// ψ depends on time only.
     pub is_timed: bool,
+    /// Some statement reads it nonlinearly: powers of its α are what they are.
+    pub is_nonlinear: bool,
     /// Scale of ψ over its canonical form.
     scale: f64,
     /// Variables of its entries.
@@ -71,6 +75,7 @@ impl<'e> Collected<'e> {
             unilateral: false,
             role: Role::Step,
             is_timed: false,
+            is_nonlinear: false,
             scale: 1.0,
             entries: Vec::new(),
         }
@@ -97,8 +102,12 @@ pub(super) struct Switches<'e> {
     params: FxHashMap<Var, f64>,
     /// Canonical ψ to its switch.
     index: FxHashMap<Expr<'e>, usize>,
-    /// Every entry variable to its α.
+    /// Every entry variable to its α, or to what `choices` has.
     merge: Substitution<'e>,
+    /// Of switches that are read nonlinearly, what stands for the α of entries that are read linearly all the
+    /// same, as in conditions, to that α.
+    choices: Substitution<'e>,
+    choosing: Vec<Option<Var>>,
     /// [`Entry::Term`] variables to their α.
     strict: Substitution<'e>,
     here: Span,
@@ -120,6 +129,8 @@ impl<'e> Switches<'e> {
             params,
             index: FxHashMap::default(),
             merge: Substitution::new(),
+            choices: Substitution::new(),
+            choosing: Vec::new(),
             strict: Substitution::new(),
             here: Span::default(),
         }
@@ -180,6 +191,9 @@ impl<'e> Switches<'e> {
             }
         };
         let (k, flipped) = self.switch(psi);
+        if entry == Entry::Nonlinear {
+            self.read_nonlinearly(k);
+        }
         let tau = self.entry_variable(k, entry);
         if flipped { 1.0 - tau } else { tau }
     }
@@ -361,46 +375,52 @@ impl<'e> Switches<'e> {
         let var = tau.as_variable().expect("a fresh variable is one");
         let alpha = self.exprs.expr(self.list[k].alpha);
         self.list[k].entries.push((entry, var));
-        self.merge.insert(var, alpha);
+        self.merge.insert(var, self.value_of(k, entry));
         if entry == Entry::Term {
             self.strict.insert(var, alpha);
         }
         tau
     }
 
-    /// The expression in α, multi-affine.
+    /// What an entry variable of a switch stands for.
+    fn value_of(&self, k: usize, entry: Entry) -> Expr<'e> {
+        let is_written = matches!(entry, Entry::Term | Entry::Nonlinear);
+        let choosing = self.choosing.get(k).copied().flatten();
+        let var = choosing.filter(|_| !is_written);
+        self.exprs.expr(var.unwrap_or(self.list[k].alpha))
+    }
+
+    /// Keeps powers of the α of a switch, but where it chooses between values.
+    fn read_nonlinearly(&mut self, k: usize) {
+        if std::mem::replace(&mut self.list[k].is_nonlinear, true) {
+            return;
+        }
+        let choosing = self.exprs.variable("tau").as_variable();
+        let choosing = choosing.expect("a fresh variable is one");
+        self.choosing.resize(self.list.len(), None);
+        self.choosing[k] = Some(choosing);
+        let alpha = self.exprs.expr(self.list[k].alpha);
+        self.choices.insert(choosing, alpha);
+        for (entry, var) in self.list[k].entries.clone() {
+            self.merge.insert(var, self.value_of(k, entry));
+        }
+    }
+
+    /// The expression in α, affine in each that is read linearly.
     pub fn merged(&self, e: Expr<'e>) -> Expr<'e> {
         let e = e.substitute(&self.merge);
-        multi_affine(e, &self.alphas_of(e))
+        let mut linear = self.alphas_of(e);
+        linear.retain(|&alpha| {
+            self.of_alpha(alpha)
+                .is_none_or(|k| !self.list[k].is_nonlinear)
+        });
+        linear.extend(self.choosing.iter().flatten());
+        multi_affine(e, &linear).substitute(&self.choices)
     }
 
     /// The expression in α where powers of a switch have no agreed meaning, in entry variables elsewhere.
     pub fn strict(&self, e: Expr<'e>) -> Expr<'e> {
         e.substitute(&self.strict)
-    }
-
-    /// The name of a switch: the user's words, else ψ in terms of `step` instead of α.
-    pub fn name_of(&self, k: usize) -> String {
-        let switch = &self.list[k];
-        if let Some(name) = &switch.name {
-            return name.clone();
-        }
-        self.in_steps(switch.psi, k).to_string()
-    }
-
-    /// The expression as a user may write it, with `step` instead of α.
-    pub fn written(&self, e: Expr<'e>) -> String {
-        self.in_steps(self.merged(e), self.list.len()).to_string()
-    }
-
-    /// The first `count` α replaced by `step`.
-    fn in_steps(&self, e: Expr<'e>, count: usize) -> Expr<'e> {
-        // Outer ones first: ψ holds α of earlier switches only.
-        let inner = self.list[..count].iter().rev();
-        inner.fold(e, |e, inner| {
-            let step = (inner.alpha, inner.psi.step());
-            e.substitute(&Substitution::from_iter([step]))
-        })
     }
 
     /// The variable of the conditions on a switch.
@@ -415,7 +435,10 @@ impl<'e> Switches<'e> {
     /// The switches whose entry variables or α occur in an expression, ascending.
     pub fn occurring(&self, e: Expr<'e>) -> Vec<usize> {
         let alpha_of = |var: Var| match self.merge.get(var) {
-            Some(alpha) => alpha.as_variable().unwrap_or(var),
+            Some(alpha) => {
+                let alpha = alpha.substitute(&self.choices);
+                alpha.as_variable().unwrap_or(var)
+            }
             None => var,
         };
         let found = variables_of(&[e]).into_iter().filter_map(|var| {

@@ -75,7 +75,7 @@ impl<'e> System<'e> {
         }
         for (name, e) in multi_affine {
             for k in positions(e, &alphas) {
-                if !is_affine(e, alphas[k]) {
+                if !self.switches[k].is_nonlinear && !is_affine(e, alphas[k]) {
                     return Err(format!(
                         "`{name}` is not affine in {}",
                         self.switches[k].alpha

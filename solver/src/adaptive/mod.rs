@@ -195,6 +195,7 @@ impl<F: Field> Simulator<F> {
                     x: &x,
                     before: &x,
                     jumps: &[],
+                    decisions: &[],
                     from: &sides,
                     to: &end_sides,
                     accumulates: false,

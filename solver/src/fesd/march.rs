@@ -327,6 +327,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 x: &run.x,
                 before: &run.x,
                 jumps: &[],
+                decisions: &[],
                 from: &before,
                 to: after,
                 accumulates: false,

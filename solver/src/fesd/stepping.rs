@@ -121,6 +121,7 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
                     x: &x,
                     before: &x,
                     jumps: &[],
+                    decisions: &[],
                     from: before,
                     to: &now,
                     accumulates: false,

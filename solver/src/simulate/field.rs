@@ -8,7 +8,7 @@ use wide::f64x4;
 use super::layout::Memory;
 use super::system::{Block, Input, Partials};
 use super::{Side, SwitchedSystem};
-use crate::tape::{Recurrences, Step, Tape};
+use crate::tape::{Ball, Recurrences, Step, Tape};
 
 pub(super) struct Field {
     blocks: Vec<Local>,
@@ -30,6 +30,7 @@ pub(super) struct Field {
     /// Whether the lists above are those of the present sides.
     listed: bool,
     registers: Vec<f64>,
+    balls: Vec<Ball>,
     /// f at the lanes evaluated last.
     pub wide: Vec<f64x4>,
     wide_registers: Vec<f64x4>,
@@ -98,6 +99,7 @@ impl Field {
             sliding_states: Vec::new(),
             listed: false,
             registers: Vec::new(),
+            balls: Vec::new(),
             wide: vec![f64x4::splat(0.0); n],
             wide_registers: Vec::new(),
             n_functions: 0,
@@ -262,6 +264,41 @@ impl Field {
                 Input::Alpha(switch) => Some((switch, value)),
                 _ => None,
             })
+    }
+
+    /// Enclosures of the rate of a state and of its derivative by α of a sliding switch, which is at `slot` of
+    /// the values, while that is in a ball.
+    pub(super) fn enclose(
+        &mut self,
+        state: usize,
+        switch: usize,
+        values: &[f64],
+        slot: usize,
+        inside: Ball,
+    ) -> [Ball; 2] {
+        let (block, at) = self.place[state];
+        let compiled = self.blocks[block].now();
+        self.balls.resize(self.registers.len(), Ball::new(0.0, 0.0));
+        let mut run = |tape: &Tape, output: usize| {
+            for (ball, &from) in self.balls.iter_mut().zip(&compiled.gather) {
+                *ball = match from == slot {
+                    true => inside,
+                    false => Ball::new(values[from], 0.0),
+                };
+            }
+            tape.run(&mut self.balls);
+            let found = tape.results(&self.balls).nth(output);
+            found.expect("a tape has its outputs")
+        };
+        let partials = &compiled.by_alpha;
+        let is_slope = |&(function, input): &(usize, usize)| {
+            function == at && compiled.inputs[input] == Input::Alpha(switch)
+        };
+        let slope = match partials.entries.iter().position(is_slope) {
+            Some(output) => run(&partials.tape, output),
+            None => Ball::new(0.0, 0.0),
+        };
+        [run(&compiled.field, at), slope]
     }
 
     /// Calls `entry(state, input, value)` for every ∂f/∂x that is not structurally zero where

@@ -1,6 +1,6 @@
 //! Event-driven simulation of switched systems
 //!
-//! x' = f(t, x, α),   α_i ∈ step(ψ_i(t, x)),   f multi-affine in α.
+//! x' = f(t, x, α),   α_i ∈ step(ψ_i(t, x)),   f multi-affine in α, but for those of nonlinear switches.
 //!
 //! A mode fixes every switch to one side of its surface or to sliding on it.
 //! Inside a mode the system is smooth and is expanded in a Taylor series, which
@@ -16,7 +16,10 @@ mod candidates;
 mod control;
 pub(crate) mod dense;
 mod drift;
+mod dummy;
 mod field;
+mod fold;
+mod hidden;
 mod impact;
 mod implicit;
 mod judge;
@@ -56,6 +59,7 @@ use std::time::{Duration, Instant};
 pub use approach::{Approach, Visit};
 use dense::Dense;
 pub use dense::Polynomials;
+pub use hidden::{Decision, SlidingMode};
 use jump::{Jumps, Met};
 use mode::Mode;
 pub use observer::{Event, Observer, Segment};
@@ -225,11 +229,13 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 x: &state.x,
                 before: self.jumps.before(&state.x),
                 jumps: &self.jumps.fired,
+                decisions: &[],
                 from: &state.sides,
                 to: &state.sides,
                 accumulates: false,
             });
         }
+        state.begun = true;
         let status = match started_at {
             Err(status) => status,
             Ok(()) => loop {
@@ -287,6 +293,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                         x: &state.x,
                         before: &state.x,
                         jumps: &[],
+                        decisions: &[],
                         from: &from,
                         to: &state.sides,
                         accumulates: true,
@@ -314,6 +321,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                     }
                 }
                 let from = state.sides.clone();
+                state.decisions.clear();
                 let changed = if self.has_jumps() {
                     let met = match passes {
                         true => Met::Breakpoint(step.triggers),
@@ -328,8 +336,10 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 if let Err(status) = changed {
                     break status;
                 }
+                state.fold = None;
                 let jumped = !self.jumps.fired.is_empty();
-                if from == state.sides && !jumped {
+                let folded = state.decisions.iter().any(|decision| decision.folds);
+                if from == state.sides && !jumped && !folded {
                     continue;
                 }
                 self.stiffness.after_event();
@@ -351,6 +361,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                         x: &state.x,
                         before: self.jumps.before(&state.x),
                         jumps: &self.jumps.fired,
+                        decisions: &state.decisions,
                         from: &from,
                         to: if waits.is_some() { &from } else { &state.sides },
                         accumulates: end.is_some() && waits.is_none(),

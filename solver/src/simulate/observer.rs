@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use super::dense::Polynomials;
-use super::{Side, series};
+use super::{Decision, Side, series};
 
 /// A change of mode, or a jump of the state.
 #[derive(Clone, Debug)]
@@ -16,6 +16,8 @@ pub struct Event<'a> {
     pub before: &'a [f64],
     /// The laws that have jumped, in order.
     pub jumps: &'a [usize],
+    /// What decided about nonlinear switches.
+    pub decisions: &'a [Decision],
     /// Mode before.
     pub from: &'a [Side],
     /// Mode after.

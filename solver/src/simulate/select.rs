@@ -8,7 +8,7 @@
 use super::judge::{Check, Verdict};
 use super::jump::{Met, TOUCH};
 use super::mode::Mode;
-use super::state::State;
+use super::state::{Entry, State};
 use super::{Note, Role, Side, Simulator, Status, SwitchedSystem};
 
 /// One way to go on: the sides of the switches that meet.
@@ -69,6 +69,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     /// Takes the sides that ψ have where the state is, and returns the switches on their surface.
     pub(super) fn place(&mut self, state: &mut State, horizon: f64) -> Result<Vec<usize>, Status> {
         let all: Vec<usize> = (0..state.sides.len()).collect();
+        let before = state.alpha.clone();
         self.settle(state, horizon)?;
         // ψ of a nested max depends on the sides of the inner one: settle from the inside out.
         for round in 0.. {
@@ -110,6 +111,12 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             |&i: &usize| near[i] && !is_kept(i) && self.system.slip_of(i).is_none_or(|of| near[of]);
         let on: Vec<usize> = all.into_iter().filter(on).collect();
         state.armed.fill(false);
+        for &i in on.iter().filter(|i| self.mode.nonlinear[**i]) {
+            state.entry[i] = match state.begun {
+                true => Entry::From(before[i]),
+                false => Entry::Unknown,
+            };
+        }
         Ok(on)
     }
 
@@ -227,6 +234,16 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             self.take_order(state, i);
         }
         self.mode.focus(state.t, &state.x, &state.alpha, group);
+        if let ([switch], [wanted]) = (group, wanted)
+            && self.mode.nonlinear[*switch]
+        {
+            return self.decide_nonlinear(state, *switch, *wanted, t1, series);
+        }
+        // What follows takes rates to be affine in each α.
+        if group.iter().any(|&i| self.mode.nonlinear[i]) {
+            let switches = group.to_vec();
+            return Err(Status::Undetermined { switches });
+        }
         let choices = self.choices(state, group)?;
         let rates = self.rates(state, group, &choices.found);
         let mut verdicts = Vec::new();

@@ -1,8 +1,21 @@
 //! What changes from step to step.
 
 use super::approach::Pending;
+use super::fold::Fold;
 use super::radau::{Radau, Start};
-use super::{Approach, Note, Side, Stats};
+use super::{Approach, Decision, Note, Side, Stats};
+
+/// From which α a nonlinear switch goes on where it is on its surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) enum Entry {
+    /// The one it has.
+    #[default]
+    Present,
+    /// One that it had before all sides were looked at again.
+    From(f64),
+    /// None: the run starts on the surface.
+    Unknown,
+}
 
 /// Time, state and mode, with the sizes that tell motion from rounding.
 #[derive(Default)]
@@ -52,6 +65,14 @@ pub(super) struct State {
     pub next_alpha: Vec<f64>,
     /// Where an implicit step starts.
     pub start: Start,
+    /// Where nonlinear switches come from.
+    pub entry: Vec<Entry>,
+    /// The fold that the last step has ended in.
+    pub fold: Option<Fold>,
+    /// What decided about nonlinear switches at the last event.
+    pub decisions: Vec<Decision>,
+    /// The mode at the start is known.
+    pub begun: bool,
 }
 
 impl State {
@@ -76,6 +97,9 @@ impl State {
         }
         refill(&mut self.alpha, n_switches, 1.0);
         refill(&mut self.armed, n_switches, false);
+        refill(&mut self.entry, n_switches, Entry::Present);
+        (self.fold, self.begun) = (None, false);
+        self.decisions.clear();
         if self.sides.len() == n_switches {
             self.sides.fill(Side::Plus);
         } else {

@@ -46,9 +46,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     /// Takes the longest step up to `goal` that the tolerance and the next event allow; the run goes
     /// on to `t1`.
     pub(super) fn step(&mut self, state: &mut State, goal: f64, t1: f64) -> Result<Step, Status> {
-        // The implicit method solves φ_K = 0 as it stands, which lower derivatives have no part in.
+        // The implicit method solves φ_K = 0 as it stands, which lower derivatives have no part in, and sees no folds.
         if self.stiffness.implicit
             && !self.mode.slides_deeply()
+            && !self.mode.slides_nonlinearly()
             && let Some(step) = self.implicit_step(state, goal)?
         {
             return Ok(step);
@@ -65,6 +66,20 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         }
         mode.measure_terms(state);
         state.stats.rhs_evaluations += order;
+        if mode.slides_nonlinearly()
+            && let Some(fold) = mode.fold_ahead(state, remaining)
+        {
+            std::mem::swap(&mut state.x, &mut state.next);
+            state.alpha[fold.switch] = fold.alpha;
+            state.fold = Some(fold);
+            return Ok(Step {
+                length: fold.after,
+                reaches_end: false,
+                triggers: vec![fold.switch],
+                defect: 0.0,
+                implicit: false,
+            });
+        }
         let longest = if state.last_step > 0.0 {
             remaining.min(MAX_GROWTH * state.last_step)
         } else {
@@ -266,6 +281,12 @@ pub(super) fn simultaneous(
 pub(super) const TOGETHER: f64 = 1e-12;
 
 impl Mode {
+    /// True when a switch of higher relative degree slides.
+    pub(super) fn slides_deeply(&self) -> bool {
+        let mut sliding = self.sliding.iter();
+        sliding.any(|&i| self.surfaces.n_derivatives(i) > 0)
+    }
+
     /// True when the last evaluation, at the end of the step, has left a surface behind that the
     /// series did not see.
     pub(super) fn on_wrong_side(&mut self, state: &State) -> bool {

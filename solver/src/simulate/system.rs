@@ -84,6 +84,11 @@ pub trait SwitchedSystem {
     fn slip_of(&self, _switch: usize) -> Option<usize> {
         None
     }
+    /// Whether rates contain the α of a switch in another way than affine. It is a step of its ψ then, and its rate φ
+    /// contains its α.
+    fn is_nonlinear(&self, _switch: usize) -> bool {
+        false
+    }
     /// What α of a switch is.
     fn role(&self, _switch: usize) -> Role {
         Role::Step

@@ -188,6 +188,7 @@ impl<'t, 'e> Thaw<'t, 'e> {
                 time: self.t,
                 x: &self.x,
                 before: before.as_ref().unwrap_or(&self.x),
+                decisions: &[],
                 jumps: &self.fired,
                 from: &self.sides,
                 to: &self.next,

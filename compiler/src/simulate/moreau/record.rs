@@ -89,6 +89,7 @@ pub(super) fn write(
             from: word(before),
             to: word(after),
             span: Some(system.impulsive[contact].span),
+            sliding: Vec::new(),
         });
     }
     if end > from || trajectory.modes.is_empty() {

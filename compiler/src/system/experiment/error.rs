@@ -244,6 +244,21 @@ pub enum ExperimentError {
         span: Span,
     },
 
+    /// A nonlinear switch in a method that knows regions and multipliers alone.
+    #[error("{what} cannot take nonlinear sliding yet")]
+    #[diagnostic(
+        code(E0920),
+        help(
+            "`method event`, which is the default, and `method smoothing` take it; `with {{ {name}.sliding = linear; }}` chooses Filippov's reading, without hidden terms"
+        )
+    )]
+    Nonlinear {
+        what: String,
+        name: String,
+        #[label("`{name}` is read nonlinearly")]
+        span: Span,
+    },
+
     /// A jump in a method that integrates rates alone.
     #[error("`method {method}` does not take state jumps yet")]
     #[diagnostic(code(E0904), help("use `method event`, which is the default"))]

@@ -59,6 +59,11 @@ impl Method<'_> {
         matches!(self, Method::Auto | Method::Event(_) | Method::Fesd(_))
     }
 
+    /// Whether the method follows sliding modes of switches that are read nonlinearly.
+    pub fn slides_nonlinearly(&self) -> bool {
+        matches!(self, Method::Auto | Method::Event(_) | Method::Smoothing(_))
+    }
+
     /// Whether the method looks at the present state alone, so that relays have no place in it.
     pub fn is_without_memory(&self) -> bool {
         matches!(self, Method::Smoothing(_) | Method::Adaptive)
