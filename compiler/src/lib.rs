@@ -144,8 +144,8 @@ fn compile_to<'e>(
             diags.push(error);
             return None;
         }
-        let sliding = nonlinear(&system, &settings, freezes);
-        if let Some(error) = sliding {
+        let refused = nonlinear(&system, &settings, freezes);
+        if let Some(error) = refused.or_else(|| settings.kicks_too_much(&system)) {
             diags.push(error);
             return None;
         }

@@ -137,6 +137,8 @@ const MODELS: &[&str] = &[
     "stewart_anitescu.nsd: tutorial",
     "stiction.nsd: coulomb",
     "stiction.nsd: excess_sticking",
+    "stiction.nsd: large_errors",
+    "stiction.nsd: small_errors",
     "stiction.nsd: stick_slip",
     "switching_cases.nsd: branch",
     "switching_cases.nsd: cross",
@@ -149,10 +151,7 @@ const MODELS: &[&str] = &[
 ];
 
 /// Experiments of the design models that are refused as not supported yet, with the code.
-const NOT_YET: &[&str] = &[
-    "stiction.nsd: large_errors (E0923)",
-    "stiction.nsd: small_errors (E0923)",
-];
+const NOT_YET: &[&str] = &[];
 
 /// What `nsdc test` says of the experiments below a folder.
 struct Outcome {

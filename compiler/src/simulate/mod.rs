@@ -137,7 +137,10 @@ fn run_events(
         Some(limit.saturating_sub(started.elapsed()))
     };
     let (simulator, outcome, recorder, estimate) = loop {
-        let solver_settings = solver_settings(&settings.method, tolerance, left());
+        let solver_settings = solver::Settings {
+            kicks: settings.kicks.clone(),
+            ..solver_settings(&settings.method, tolerance, left())
+        };
         let mut simulator = Simulator::new(&switched, solver_settings);
         let mut recorder = Recorder::new(system, settings, tolerance, request.dense);
         let mut watched = Watched::new(&mut recorder, settings.horizon, false, watch);

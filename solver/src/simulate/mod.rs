@@ -24,6 +24,7 @@ mod impact;
 mod implicit;
 mod judge;
 mod jump;
+mod kick;
 mod layout;
 mod lead;
 #[cfg(test)]
@@ -41,6 +42,7 @@ pub(crate) mod roots;
 mod select;
 pub(crate) mod series;
 mod settings;
+mod several;
 mod sliding;
 mod state;
 mod status;
@@ -61,6 +63,7 @@ use dense::Dense;
 pub use dense::Polynomials;
 pub use hidden::{Decision, SlidingMode};
 use jump::{Jumps, Met};
+pub use kick::{KickSize, Kicks};
 use mode::Mode;
 pub use observer::{Event, Observer, Segment};
 use pieces::Pieces;
@@ -253,6 +256,8 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 self.mode.enter(self.system, &state.sides);
                 let goal = limit.as_ref().map_or(t1, |(_, end)| *end);
                 let goal = goal.min(self.pieces.until);
+                let kick = self.next_kick(state.t);
+                let goal = goal.min(kick);
                 let mut step = match self.step(&mut state, goal, t1) {
                     Ok(step) => step,
                     Err(status) => break status,
@@ -303,7 +308,8 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 // At an event, the rates on all surfaces that meet decide the next mode.
                 self.disarm(&mut state);
                 let passes = state.t >= self.pieces.until && state.t < t1;
-                if step.triggers.is_empty() && !passes {
+                let kicked = state.t >= kick && state.t < t1;
+                if step.triggers.is_empty() && !passes && !kicked {
                     continue;
                 }
                 if !step.triggers.is_empty() {
@@ -330,8 +336,14 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                     self.jump_and_change(&mut state, met, t1)
                 } else if passes {
                     self.pass_breakpoint(&mut state, &step.triggers, t1)
+                } else if step.triggers.is_empty() {
+                    Ok(())
                 } else {
                     self.change(&mut state, &step.triggers, t1)
+                };
+                let changed = match changed {
+                    Ok(()) if kicked => self.kick(&mut state, kick, t1),
+                    changed => changed,
                 };
                 if let Err(status) = changed {
                     break status;

@@ -241,8 +241,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         }
         // What follows takes rates to be affine in each α.
         if group.iter().any(|&i| self.mode.nonlinear[i]) {
-            let switches = group.to_vec();
-            return Err(Status::Undetermined { switches });
+            return self.decide_several(state, group, wanted);
         }
         let choices = self.choices(state, group)?;
         let rates = self.rates(state, group, &choices.found);

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::Side;
+use super::{Kicks, Side};
 
 /// What the user may choose.
 #[derive(Clone, Debug)]
@@ -20,6 +20,8 @@ pub struct Settings {
     /// Sides to take at a non-unique point: one for all switches that are decided there, or one for
     /// each, in order.
     pub branch: Vec<Side>,
+    /// Unmodelled errors.
+    pub kicks: Option<Kicks>,
 }
 
 impl Default for Settings {
@@ -31,6 +33,7 @@ impl Default for Settings {
             max_events: 1_000_000,
             time_limit: None,
             branch: Vec::new(),
+            kicks: None,
         }
     }
 }

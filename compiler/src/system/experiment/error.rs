@@ -402,7 +402,7 @@ pub enum ExperimentError {
     },
 
     /// Perturbations and repeated runs.
-    #[error("`{setting}` is not supported yet")]
+    #[error("{setting} is not supported yet")]
     #[diagnostic(code(E0923))]
     Repetition {
         setting: String,

@@ -8,8 +8,10 @@ mod fesd;
 mod law;
 mod method;
 mod optimize;
+mod perturb;
 mod with;
 
+use nsd_solver::simulate::Kicks;
 use rustc_hash::FxHashMap;
 
 use super::values::{self, Values};
@@ -49,6 +51,8 @@ pub struct Settings<'e> {
     pub sampling: Sampling,
     /// What is optimized; `None` for a simulation.
     pub optimize: Option<Optimize<'e>>,
+    /// Random vectors that are added to the state; none where nothing disturbs it.
+    pub kicks: Option<Kicks>,
     /// Assertions, in order, with the span of each statement.
     pub expects: Vec<(Expect, Span)>,
     /// The experiment.
@@ -155,6 +159,7 @@ pub fn evaluate<'e>(
     };
     let mut draft = (experiment.kind == ExperimentKind::Optimize).then(|| Draft::new(model));
     let (mut horizon, mut tolerance, mut method) = (None, usual, Method::Auto);
+    let mut kicks = None;
     let (mut lowerings, mut outputs, mut sampling, mut expects) =
         (vec![], None, Sampling::Method, vec![]);
     // The horizon bounds what others may be, wherever it stands.
@@ -202,10 +207,13 @@ pub fn evaluate<'e>(
                 Some(_) => reader.not_for_optimize("runs", span),
                 None => reader.repetition("runs", span),
             },
-            SettingKind::Perturb { .. } => match draft {
-                Some(_) => reader.not_for_optimize("perturb", span),
-                None => reader.repetition("perturb", span),
-            },
+            SettingKind::Perturb { every, by, seed } => {
+                reader.once("`perturb`", span);
+                match draft {
+                    Some(_) => reader.not_for_optimize("perturb", span),
+                    None => kicks = reader.kicks(every, by.as_ref(), seed.as_ref(), span),
+                }
+            }
             SettingKind::Method { name, options } => {
                 reader.once("`method`", span);
                 if let Some(draft) = &mut draft {
@@ -257,6 +265,7 @@ pub fn evaluate<'e>(
         outputs,
         sampling,
         optimize,
+        kicks,
         expects,
         span: experiment.span,
         values,
@@ -303,10 +312,8 @@ impl<'e> Reader<'_, 'e> {
     }
 
     fn repetition(&mut self, setting: &str, span: Span) {
-        self.error(ExperimentError::Repetition {
-            setting: setting.to_owned(),
-            span,
-        });
+        let setting = format!("`{setting}`");
+        self.error(ExperimentError::Repetition { setting, span });
     }
 
     fn once(&mut self, what: &'static str, second: Span) {

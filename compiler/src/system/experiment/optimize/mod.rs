@@ -10,6 +10,7 @@ mod start;
 
 pub(super) use settings::Draft;
 pub use settings::{relaxation_word, steering_word};
+pub(super) use start::{LARGEST_SEED, one_argument};
 
 use nsd_solver::mpcc::{Relaxation, Steering};
 use nsd_solver::tableau::Family;

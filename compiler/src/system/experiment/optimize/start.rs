@@ -8,7 +8,7 @@ use crate::syntax::{self, Arg, Bind, ExprKind};
 
 const MOST_STARTS: f64 = 1e6;
 /// Largest seed: all whole numbers up to it are numbers of the language.
-const LARGEST_SEED: f64 = 9_007_199_254_740_992.0;
+pub(in super::super) const LARGEST_SEED: f64 = 9_007_199_254_740_992.0;
 
 impl<'e> Reader<'_, 'e> {
     /// `x = linear([0, 0], [1, 1]);` or `u = sin(time);`: values as functions of time.
@@ -111,7 +111,7 @@ impl<'e> Reader<'_, 'e> {
 }
 
 /// `name(argument)`
-fn one_argument(expr: &syntax::Expr) -> Option<(&str, &syntax::Expr)> {
+pub(in super::super) fn one_argument(expr: &syntax::Expr) -> Option<(&str, &syntax::Expr)> {
     let ExprKind::Call(function, args) = &expr.kind else {
         return None;
     };

@@ -1,0 +1,82 @@
+//! `perturb every 0.16 by sphere(1e-4) seed 1;`
+
+use nsd_solver::simulate::{KickSize, Kicks};
+
+use super::optimize::{LARGEST_SEED, one_argument};
+use super::{ExperimentError, Method, Reader, Settings};
+use crate::source::Span;
+use crate::syntax;
+use crate::system::{Role, System};
+
+impl Reader<'_, '_> {
+    /// Random vectors that are added to the state.
+    pub(super) fn kicks(
+        &mut self,
+        every: &syntax::Expr,
+        by: Option<&syntax::Expr>,
+        seed: Option<&syntax::Expr>,
+        statement: Span,
+    ) -> Option<Kicks> {
+        let every = self.positive("the period", every);
+        let size = match by.map(|by| (one_argument(by), by)) {
+            Some((Some(("sphere", norm)), _)) => {
+                self.positive("the norm", norm).map(KickSize::Norm)
+            }
+            Some((Some(("gauss", deviation)), _)) => {
+                let deviation = self.positive("the deviation", deviation);
+                deviation.map(KickSize::Deviation)
+            }
+            other => {
+                let span = other.map_or(statement, |(_, by)| by.span);
+                self.error(ExperimentError::UnknownChoice {
+                    what: "distribution".into(),
+                    found: "..".into(),
+                    span,
+                    choices: "`sphere(norm)`, `gauss(deviation)`".into(),
+                    help: Some(
+                        "write for example `perturb every 0.1 by sphere(1e-4) seed 1;`".into(),
+                    ),
+                });
+                None
+            }
+        };
+        let expected = "a whole number from 0 on";
+        let whole = |x: f64| (0.0..=LARGEST_SEED).contains(&x) && x.fract() == 0.0;
+        let seed = match seed {
+            None => Some(1.0),
+            Some(seed) => self.within("the seed", seed, expected, whole),
+        };
+        Some(Kicks {
+            every: every?,
+            size: size?,
+            seed: seed? as u64,
+        })
+    }
+}
+
+impl Settings<'_> {
+    /// Why an experiment whose state is disturbed cannot be run.
+    pub fn kicks_too_much(&self, system: &System) -> Option<ExperimentError> {
+        self.kicks.as_ref()?;
+        let runs = matches!(
+            self.method,
+            Method::Auto | Method::Event(_) | Method::Smoothing(_)
+        );
+        let mut switches = system.switches.iter();
+        // A state on the wrong side of a constraint is none that the model has.
+        let is_kept = switches.any(|switch| switch.unilateral || switch.role != Role::Step);
+        let what = if !runs {
+            format!("`method {}`", self.method.word())
+        } else if self.freezes() {
+            "`lower timefreezing`".to_owned()
+        } else if is_kept {
+            "contacts, projections and algebraic states".to_owned()
+        } else {
+            return None;
+        };
+        Some(ExperimentError::Repetition {
+            setting: format!("`perturb` with {what}"),
+            span: self.span,
+        })
+    }
+}

@@ -1,0 +1,296 @@
+//! The next mode where several switches meet that interact, nonlinear ones among them.
+//!
+//! Their dummy systems are one, dz_i/dτ = c_i φ_i(α), α = min(max(z, 0), 1), started at the α of the sides that the
+//! state comes from. What it tends to is the next mode: a switch slides where z_i stays between 0 and 1, and leaves
+//! where z_i does for ever. Fixed points do not depend on the rates c_i, which say how steep the switches are,
+//! but their basins and stability may; so several are tried, and different outcomes are reported.
+
+use super::hidden::Decision;
+use super::judge::TIE;
+use super::select::{Candidate, Choice};
+use super::state::{Entry, State};
+use super::{Role, Side, Simulator, Status, SwitchedSystem};
+use crate::linalg::DenseLu;
+
+/// Steepness of one switch relative to that of the others.
+const STEEPNESS: [f64; 2] = [8.0, 0.125];
+
+/// Steps before the dummy system counts as one without a limit.
+const MAX_STEPS: usize = 20_000;
+
+/// Error of its steps.
+const ACCURACY: f64 = 1e-6;
+
+/// Distance to a fixed point at which it counts as reached.
+const REACHED: f64 = 1e-5;
+
+/// Outcomes that are closer are one.
+const SAME: f64 = 1e-7;
+
+/// What a fold is left by.
+const NUDGE: f64 = 1e-3;
+
+/// The dummy system of a group in focus.
+struct Dummy<'m> {
+    mode: &'m mut super::mode::Mode,
+    group: &'m [usize],
+    /// α of all switches.
+    alphas: Vec<f64>,
+    /// c_i, with the inverse sizes of the rates.
+    speeds: Vec<f64>,
+    scales: &'m [f64],
+}
+
+impl Dummy<'_> {
+    fn set(&mut self, z: &[f64]) {
+        for (&i, z) in self.group.iter().zip(z) {
+            self.alphas[i] = z.clamp(0.0, 1.0);
+        }
+        self.mode.vary(&self.alphas);
+        self.mode.linearize(self.group);
+    }
+
+    fn rate(&mut self, z: &[f64]) -> Vec<f64> {
+        self.set(z);
+        let rates = self.group.iter().zip(&self.speeds);
+        rates.map(|(&i, c)| c * self.mode.phi(i)).collect()
+    }
+
+    /// The α and sides that it tends to; none where it does not come to rest.
+    fn limit(&mut self, mut z: Vec<f64>) -> Option<(Vec<Side>, Vec<f64>)> {
+        let (mut h, mut first) = (0.01_f64, self.rate(&z));
+        for step in 0..MAX_STEPS {
+            // Bogacki and Shampine's pair of orders 3 and 2.
+            let along = |z: &[f64], terms: &[(f64, &[f64])]| -> Vec<f64> {
+                let sum = |at: usize| terms.iter().map(|(c, k)| c * k[at]).sum::<f64>();
+                (0..z.len()).map(|at| z[at] + sum(at)).collect()
+            };
+            let second = self.rate(&along(&z, &[(0.5 * h, &first)]));
+            let third = self.rate(&along(&z, &[(0.75 * h, &second)]));
+            let next = along(
+                &z,
+                &[
+                    (2.0 / 9.0 * h, &first),
+                    (h / 3.0, &second),
+                    (4.0 / 9.0 * h, &third),
+                ],
+            );
+            let fourth = self.rate(&next);
+            let errors = (0..z.len()).map(|at| {
+                let low = 5.0 / 72.0 * first[at] - second[at] / 12.0 - third[at] / 9.0;
+                (h * (low + 0.125 * fourth[at])).abs()
+            });
+            let error = errors.fold(0.0, f64::max);
+            if error.is_nan() {
+                return None;
+            }
+            let factor = 0.9 * (ACCURACY / error.max(1e-12)).cbrt();
+            if error <= ACCURACY {
+                (z, first) = (next, fourth);
+                if step % 8 == 0
+                    && let Some(found) = self.rest_near(&z)
+                {
+                    return Some(found);
+                }
+            }
+            h = (h * factor.clamp(0.2, 4.0)).min(10.0);
+        }
+        None
+    }
+
+    /// The fixed point of the sides that z has, where it is close.
+    fn rest_near(&mut self, z: &[f64]) -> Option<(Vec<Side>, Vec<f64>)> {
+        let side = |z: &f64| match *z {
+            z if z <= 0.0 => Side::Minus,
+            z if z >= 1.0 => Side::Plus,
+            _ => Side::Slide,
+        };
+        let sides: Vec<Side> = z.iter().map(side).collect();
+        let free: Vec<usize> = (0..z.len())
+            .filter(|&at| sides[at] == Side::Slide)
+            .collect();
+        let mut alpha: Vec<f64> = z.iter().map(|z| z.clamp(0.0, 1.0)).collect();
+        let (mut lu, mut rhs) = (DenseLu::new(free.len()), vec![0.0; free.len()]);
+        for _ in 0..20 {
+            self.set(&alpha);
+            let mut matrix = Vec::new();
+            for (rhs, &row) in rhs.iter_mut().zip(&free) {
+                let row = self.group[row];
+                *rhs = self.mode.phi(row);
+                matrix.extend(
+                    free.iter()
+                        .map(|&at| self.mode.coupling(row, self.group[at])),
+                );
+            }
+            let change = match free.is_empty() {
+                true => 0.0,
+                false => {
+                    lu.factor(&matrix).ok()?;
+                    lu.solve(&mut rhs);
+                    for (&at, delta) in free.iter().zip(&rhs) {
+                        alpha[at] -= delta;
+                    }
+                    rhs.iter().fold(0.0_f64, |m, delta| m.max(delta.abs()))
+                }
+            };
+            let is_close = free.iter().all(|&at| (alpha[at] - z[at]).abs() <= REACHED);
+            if !is_close {
+                return None;
+            }
+            if change <= 1e-13 {
+                self.set(&alpha);
+                let leaves = |at: usize| {
+                    let rate = self.mode.phi(self.group[at]) * sides[at].sign();
+                    sides[at] == Side::Slide || rate > TIE * self.scales[at]
+                };
+                return (0..z.len()).all(leaves).then_some((sides, alpha));
+            }
+        }
+        None
+    }
+}
+
+impl<S: SwitchedSystem> Simulator<'_, S> {
+    /// Decides a group of switches that interact, nonlinear ones among them.
+    pub(super) fn decide_several(
+        &mut self,
+        state: &mut State,
+        group: &[usize],
+        wanted: &[Option<Side>],
+    ) -> Result<bool, Status> {
+        let undetermined = || Status::Undetermined {
+            switches: group.to_vec(),
+        };
+        let is_step = |&i: &usize| {
+            self.system.role(i) == Role::Step
+                && !self.system.is_unilateral(i)
+                && self.system.slip_of(i).is_none()
+        };
+        if !group.iter().all(is_step) {
+            return Err(undetermined());
+        }
+        let starts = self.starts(state, group);
+        let corners = [0.0, 1.0].map(|end| {
+            let mut alphas = state.alpha.clone();
+            group.iter().for_each(|&i| alphas[i] = end);
+            self.mode.vary(&alphas);
+            let states = self.mode.states_in_focus().iter();
+            Choice {
+                sides: Vec::new(),
+                alpha: Vec::new(),
+                f: states.map(|&state| self.mode.f()[state]).collect(),
+            }
+        });
+        let scales = self.rates(state, group, &corners);
+        if scales.iter().any(|scale| *scale <= 0.0) {
+            return Err(undetermined());
+        }
+        let mut ways: Vec<(Vec<Side>, Vec<f64>)> = Vec::new();
+        for start in &starts {
+            for trial in 0..=STEEPNESS.len() * group.len() {
+                let mut speeds: Vec<f64> = scales.iter().map(|scale| 1.0 / scale).collect();
+                if let Some(steeper) = trial.checked_sub(1) {
+                    speeds[steeper / STEEPNESS.len()] *= STEEPNESS[steeper % STEEPNESS.len()];
+                }
+                let mut dummy = Dummy {
+                    mode: &mut self.mode,
+                    group,
+                    alphas: state.alpha.clone(),
+                    speeds,
+                    scales: &scales,
+                };
+                let way = dummy.limit(start.clone()).ok_or_else(undetermined)?;
+                let known = |other: &(Vec<Side>, Vec<f64>)| {
+                    let mut pairs = other.1.iter().zip(&way.1);
+                    other.0 == way.0 && pairs.all(|(a, b)| (a - b).abs() <= SAME)
+                };
+                if !ways.iter().any(known) {
+                    ways.push(way);
+                }
+            }
+        }
+        let name = |way: &(Vec<Side>, Vec<f64>)| -> Candidate {
+            group.iter().copied().zip(way.0.iter().copied()).collect()
+        };
+        if ways.len() > 1 {
+            let found = Status::NonUnique(ways.iter().map(name).collect());
+            let fits = |way: &(Vec<Side>, Vec<f64>)| {
+                let mut pairs = way.0.iter().zip(wanted);
+                wanted.iter().any(Option::is_some)
+                    && pairs.all(|(side, wanted)| wanted.is_none_or(|wanted| *side == wanted))
+            };
+            ways.retain(fits);
+            if ways.len() != 1 {
+                return Err(found);
+            }
+        }
+        let (chosen, alpha) = ways.pop().ok_or_else(undetermined)?;
+        self.tell_several(state, group, &chosen, &alpha)?;
+        Ok(true)
+    }
+
+    /// Where the dummy system of a group may start: at one point, or at every corner that nobody knows better.
+    fn starts(&self, state: &State, group: &[usize]) -> Vec<Vec<f64>> {
+        let mut starts = vec![Vec::new()];
+        for &i in group {
+            let nudge = match state.fold {
+                Some(fold) if fold.switch == i => NUDGE.copysign(fold.direction),
+                _ => 0.0,
+            };
+            let values: &[f64] = match state.entry[i] {
+                Entry::Present => &[state.alpha[i] + nudge],
+                Entry::From(alpha) => &[alpha],
+                Entry::Unknown => &[0.0, 1.0],
+            };
+            let extended = starts.iter().flat_map(|start: &Vec<f64>| {
+                values
+                    .iter()
+                    .map(move |value| [&start[..], &[*value]].concat())
+            });
+            starts = extended.collect();
+        }
+        starts
+    }
+
+    /// Takes what has been decided, with the sliding modes of every nonlinear switch while the others stay.
+    fn tell_several(
+        &mut self,
+        state: &mut State,
+        group: &[usize],
+        chosen: &[Side],
+        alpha: &[f64],
+    ) -> Result<(), Status> {
+        let folded = state.fold.map(|fold| fold.switch);
+        let mut alphas = state.alpha.clone();
+        for (&i, &a) in group.iter().zip(alpha) {
+            alphas[i] = a;
+        }
+        for (at, &i) in group.iter().enumerate() {
+            if !self.mode.nonlinear[i] {
+                continue;
+            }
+            let modes = self.mode.sliding_modes(i, &mut alphas);
+            alphas[i] = alpha[at];
+            let modes = modes.unwrap_or_default();
+            let distance = |a: f64| (a - alpha[at]).abs();
+            let nearest = modes.iter().map(|mode| mode.alpha);
+            let nearest = nearest.min_by(|a, b| distance(*a).total_cmp(&distance(*b)));
+            state.decisions.push(Decision {
+                switch: i,
+                taken: nearest.filter(|_| chosen[at] == Side::Slide),
+                modes,
+                folds: folded == Some(i),
+            });
+        }
+        let mut sides = state.sides.clone();
+        for (&i, &side) in group.iter().zip(chosen) {
+            sides[i] = side;
+        }
+        state.set_sides(sides);
+        for (&i, &a) in group.iter().zip(alpha) {
+            state.alpha[i] = a;
+            state.entry[i] = Entry::Present;
+        }
+        Ok(())
+    }
+}
