@@ -184,8 +184,8 @@ impl<'e> Lowering<'_, 'e> {
     /// A coefficient of a law in α, whose switches are read as those of rates are.
     fn coefficient(&mut self, e: Expr<'e>, span: Span) -> Result<Expr<'e>, Box<SystemError>> {
         let e = self.replace(e, span);
-        let (sampler, sliding) = (|| self.sampler(), |s| self.sliding(s));
-        let errors = check_reading(&self.switches, e, span, sampler, self.model, sliding);
+        let sampler = || self.sampler();
+        let errors = check_reading(&self.switches, e, span, sampler, self.model);
         match errors.into_iter().next() {
             Some(error) => Err(Box::new(error)),
             None => Ok(self.switches.merged(e)),
