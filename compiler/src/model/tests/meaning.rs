@@ -138,6 +138,8 @@ fn keeps_hidden_terms_and_bounds() {
     u' = sin(time*c) - c*u + f[1] + w - s
     hidden on s
       u' += -2*s*(1 - s^2)
+    sliding on s: [chord] + gamma*[g]
+      u' = [sin(time*c) - c*u + f[1] + w - s] + (1 - s^2)*[-2*s]
     ");
 }
 
