@@ -54,7 +54,12 @@ fn main() {
                 .x;
             (x[0] - exact[0]).hypot(x[1] - exact[1])
         };
-        let peers = peers::run("oscillator.py", compiled, &exact, json!({}));
+        let peers = peers::run(
+            &peers::Script::new("oscillator.py"),
+            compiled,
+            &exact,
+            json!({}),
+        );
         let peer = |wanted: f64| {
             let diffsol = peers
                 .iter()

@@ -39,7 +39,7 @@ def measure(solver, method, tolerances, run, budget=0.5):
             error = float(np.linalg.norm(np.asarray(run(tolerance)) - EXACT))
             signal.alarm(0)
             times = []
-            while len(times) < 3 or (sum(times) < budget and len(times) < 101):
+            while not times or sum(times) < LONGEST and len(times) < 3 or (sum(times) < budget and len(times) < 101):
                 started = time.perf_counter()
                 run(tolerance)
                 times.append(time.perf_counter() - started)

@@ -7,6 +7,23 @@ use serde_json::Value;
 
 use crate::support::{print, start};
 
+/// A script in `peers/` for other solvers.
+pub struct Script<'a> {
+    pub file: &'a str,
+    /// The environment variable that names a Python interpreter with them.
+    pub python: &'a str,
+}
+
+impl<'a> Script<'a> {
+    /// For the interpreter that all benchmarks use.
+    pub const fn new(file: &'a str) -> Self {
+        Self {
+            file,
+            python: "NSDC_PEER_PYTHON",
+        }
+    }
+}
+
 /// One way to reach an error.
 pub struct Row {
     pub solver: String,
@@ -14,11 +31,14 @@ pub struct Row {
     pub seconds: f64,
 }
 
-/// What a script in `peers/` measures on a run whose final state is known; nothing, with a message,
+/// What a script measures on a run whose final state is known; nothing, with a message,
 /// without an interpreter. `data` is what the script must know besides.
-pub fn run(script: &str, compiled: &Compiled, exact: &[f64], mut data: Value) -> Vec<Row> {
-    let Ok(python) = std::env::var("NSDC_PEER_PYTHON") else {
-        print("peers skipped: NSDC_PEER_PYTHON names no Python with their packages");
+pub fn run(script: &Script<'_>, compiled: &Compiled, exact: &[f64], mut data: Value) -> Vec<Row> {
+    let Ok(python) = std::env::var(script.python) else {
+        print(&format!(
+            "{} skipped: {} names no Python with their packages",
+            script.file, script.python
+        ));
         return Vec::new();
     };
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/peers");
@@ -26,7 +46,7 @@ pub fn run(script: &str, compiled: &Compiled, exact: &[f64], mut data: Value) ->
     data["horizon"] = compiled.settings.horizon.into();
     data["exact"] = exact.into();
     let output = Command::new(python)
-        .args([script, &data.to_string()])
+        .args([script.file, &data.to_string()])
         .current_dir(folder)
         .env("PYTHONDONTWRITEBYTECODE", "1")
         .envs([("OMP_NUM_THREADS", "1"), ("OPENBLAS_NUM_THREADS", "1")])

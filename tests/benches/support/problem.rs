@@ -11,7 +11,7 @@ use nsdc::Compiled;
 use nsdc::simulate::Switched;
 use serde_json::Value;
 
-use peers::Row;
+use peers::{Row, Script};
 
 use crate::support::{Silent, median, print, simulator, start};
 
@@ -32,7 +32,12 @@ impl Problem<'_> {
     pub fn compare(&self, criterion: &mut Criterion) {
         let switched = Switched::new(&self.compiled.system);
         let ours = self.ours(&switched, criterion);
-        let peers = peers::run(self.script, self.compiled, &self.exact, self.data.clone());
+        let peers = peers::run(
+            &Script::new(self.script),
+            self.compiled,
+            &self.exact,
+            self.data.clone(),
+        );
         print(&format!(
             "\n{}\n{:>8} {:>11} {:>12} {:>8}  solver",
             self.name, "error", "reached", "time (us)", "ratio"
