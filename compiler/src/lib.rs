@@ -9,6 +9,7 @@ pub mod explain;
 pub mod expr;
 pub mod imports;
 pub mod model;
+pub mod modes;
 pub mod mpcc;
 pub mod nl;
 pub mod optimize;

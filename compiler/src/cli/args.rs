@@ -40,6 +40,9 @@ pub enum Command {
     /// Measure the error of every method over step size and time
     #[command(after_help = ORDER_HELP)]
     Order(OrderArgs),
+    /// Map the sliding modes of a nonlinear switch over a state
+    #[command(after_help = MODES_HELP)]
+    Modes(ModesArgs),
     /// Solve AMPL .nl files with complementarity conditions
     #[command(after_help = SOLVE_HELP)]
     Solve(SolveArgs),
@@ -192,6 +195,29 @@ are medians of solves with compiled functions.
 
 Example: `nsdc order oscillator.nsd crossing --csv errors.csv` prints a table and writes \
 errors.csv, crossing.error-step.svg and crossing.error-time.svg.";
+
+/// Arguments of `modes`.
+#[derive(Debug, Arguments)]
+pub struct ModesArgs {
+    /// The file; `-` is standard input
+    pub file: PathBuf,
+    /// The experiment; without it the first one that reads a switch nonlinearly
+    pub experiment: Option<String>,
+    /// A state and its range, `x=-1:4`; the other states are those of the start
+    #[arg(long, value_name = "STATE=FROM:TO", allow_hyphen_values = true)]
+    pub over: String,
+    /// The switch; without it the first one that is read nonlinearly
+    #[arg(long, value_name = "NAME")]
+    pub switch: Option<String>,
+    /// Override a parameter, initial value or input
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = assignment)]
+    pub set: Vec<String>,
+    /// Write the branches as SVG; `-` is standard output
+    #[arg(long, value_name = "PATH")]
+    pub plot: Option<PathBuf>,
+}
+
+const MODES_HELP: &str = "Example: `nsdc modes hidden.nsd --over x=-1:4 --plot modes.svg`.";
 
 /// Arguments of `order`.
 #[derive(Debug, Arguments)]

@@ -12,6 +12,7 @@ mod files;
 mod fmt;
 mod iterations;
 mod launch;
+mod modes;
 mod new;
 mod order;
 mod progress;
@@ -81,6 +82,7 @@ fn dispatch(args: Args, streams: &mut Streams<'_>) -> io::Result<Exit> {
         Command::Emit(args) => emit::run(&args, streams),
         Command::Run(args) => run::run(&args, streams),
         Command::Test(args) => test::run(&args, streams),
+        Command::Modes(args) => modes::run(&args, streams),
         Command::Order(args) => order::run(&args, streams),
         Command::Solve(args) => solve::run(&args, streams),
         Command::Fmt { files, check } => fmt::run(&files, check, streams),

@@ -9,6 +9,7 @@
 //! - mode intervals follow each other without gap and hold one side per switch;
 //! - pieces follow each other in time and have one number of rows, switches among them.
 
+mod branches;
 pub mod csv;
 mod dense;
 mod event;
@@ -24,6 +25,7 @@ mod sample;
 mod status;
 pub mod text;
 
+pub use branches::{Boundary, Change, Map, Sample};
 pub use dense::{Dense, Piece};
 pub use event::{Event, EventKind, SlidingMode};
 pub use failure::Failure;

@@ -6,6 +6,7 @@
 //! enclosure of S does.
 
 use super::mode::Mode;
+use super::{Side, Simulator, SwitchedSystem};
 use crate::tape::Ball;
 
 /// An α that keeps the state on the surface.
@@ -38,6 +39,9 @@ const NARROW: f64 = 1e-8;
 
 /// Zeros that are closer are one.
 const SAME: f64 = 4.0 * NARROW;
+
+/// Newton iterations onto a surface.
+const MAX_MOVES: usize = 50;
 
 /// Roundings of its terms that φ may be wrong by.
 const ROUNDINGS: f64 = 16.0;
@@ -162,5 +166,58 @@ impl Mode {
     /// True when a nonlinear switch slides.
     pub(super) fn slides_nonlinearly(&self) -> bool {
         self.sliding.iter().any(|&i| self.nonlinear[i])
+    }
+}
+
+impl<S: SwitchedSystem> Simulator<'_, S> {
+    /// All sliding modes of a switch where the state is on its surface, other switches being on the sides that their ψ
+    /// have. States that are not `held` are moved onto the surface first; none where that does not succeed, or where
+    /// the modes cannot be told apart.
+    pub fn sliding_modes(
+        &mut self,
+        t: f64,
+        x: &mut [f64],
+        switch: usize,
+        held: &[usize],
+    ) -> Option<Vec<SlidingMode>> {
+        self.pieces.until = self.mode.load(self.system, t);
+        let mut alphas = vec![1.0; self.system.n_switches()];
+        let mut sides = vec![Side::Plus; alphas.len()];
+        sides[switch] = Side::Slide;
+        for _ in 0..MAX_MOVES {
+            self.mode.enter(self.system, &sides);
+            self.mode.set(t, x, &alphas);
+            for i in 0..sides.len() {
+                if i != switch {
+                    sides[i] = Side::of(self.mode.psi(i));
+                    alphas[i] = 0.5 + 0.5 * sides[i].sign();
+                }
+            }
+            self.mode.enter(self.system, &sides);
+            self.mode.focus(t, x, &alphas, &[switch]);
+            self.mode.linearize(&[switch]);
+            let psi = self.mode.psi(switch);
+            let free = self.mode.gradient(switch).iter();
+            let free: Vec<(usize, f64)> = free
+                .copied()
+                .filter(|(state, _)| !held.contains(state))
+                .collect();
+            let size: f64 = free.iter().map(|(_, g)| g * g).sum();
+            let change = psi / size;
+            if psi == 0.0
+                || free
+                    .iter()
+                    .all(|&(j, g)| (change * g).abs() <= 1e-15 * x[j].abs())
+            {
+                return self.mode.sliding_modes(switch, &mut alphas).ok();
+            }
+            if !change.is_finite() {
+                return None;
+            }
+            for (state, g) in free {
+                x[state] -= change * g;
+            }
+        }
+        None
     }
 }

@@ -4,6 +4,7 @@
 //! are modes, marks above the panels and thin lines through them are events.
 
 mod axis;
+pub mod branches;
 mod canvas;
 mod contour;
 mod loglog;

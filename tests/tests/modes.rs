@@ -1,0 +1,80 @@
+//! `nsdc modes`: the sliding modes of nonlinear switches along a line, against closed forms.
+
+use nsd_tests::with_experiment;
+use nsdc::modes::{map, text};
+use nsdc::report::{Change, Map, plot};
+
+fn mapped(text: &str, state: &str, from: f64, to: f64) -> Map {
+    with_experiment(text, "run", |compiled| {
+        let system = &compiled.system;
+        let state = system.states.iter().position(|known| known.name == state);
+        map(system, 0, state.expect("the model has it"), from..to)
+    })
+}
+
+/// Example 2 of Jeffrey 2014: s = (1 ± √(1 + 8x))/4, minus attracts for -1/8 < x < 3, plus repels for -1/8 < x < 1.
+#[test]
+fn counts_and_stabilities_change_at_the_fold_and_at_the_sides() {
+    let model = "model m { state x = 0.9; state y = 0.05; switch s = sign(y) sliding nonlinear;
+        x' = 2*s^2 - 1; y' = 2*s^2 - s - x; } simulate run of m { horizon 1; }";
+    let map = mapped(model, "x", -1.0, 4.0);
+    let found: Vec<Change> = map.boundaries.iter().map(|b| b.change).collect();
+    assert_eq!(found, [Change::Fold, Change::Bound, Change::Bound]);
+    for (boundary, (at, value)) in
+        (map.boundaries.iter()).zip([(-0.125, 0.25), (1.0, 1.0), (3.0, -1.0)])
+    {
+        assert!((boundary.at - at).abs() < 1e-9, "{boundary:?}");
+        assert!(
+            boundary.value.is_some_and(|v| (v - value).abs() < 1e-3),
+            "{boundary:?}"
+        );
+    }
+    for sample in &map.samples {
+        let Some(modes) = &sample.modes else {
+            panic!("{sample:?}")
+        };
+        let root = (1.0 + 8.0 * sample.at).sqrt();
+        let close = |at: f64| (sample.at - at).abs() < 1e-6;
+        if close(-0.125) || close(1.0) || close(3.0) {
+            continue;
+        }
+        let known = [((1.0 - root) / 4.0, -root), ((1.0 + root) / 4.0, root)];
+        let known = known.into_iter().filter(|(s, _)| s.abs() < 1.0);
+        let known: Vec<(f64, f64)> = known.collect();
+        assert_eq!(modes.len(), known.len(), "{sample:?}");
+        for (mode, (value, stability)) in modes.iter().zip(known) {
+            assert!((mode.value - value).abs() < 1e-9, "{sample:?}");
+            assert!((mode.stability - stability).abs() < 1e-7, "{sample:?}");
+        }
+    }
+    let table = text(&map);
+    assert!(table.contains("fold at s = 0.25"), "{table}");
+    let svg = plot::branches::write(&map);
+    assert!(svg.starts_with("<svg") && svg.contains("attracting"));
+}
+
+/// A block on a belt sticks for 0.3 - F < x < 0.3 + F at most, F = 3.018145824447.
+#[test]
+fn static_friction_ends_in_folds() {
+    let model = "model m { state x = 2.4; state u = 1; switch s = sign(u) sliding nonlinear;
+        x' = u - 1; u' = -s - x - 0.3*(u - 1); hidden on s { u' += -2*pi*s*(1 - s^2); } }
+        simulate run of m { horizon 1; }";
+    let map = mapped(model, "x", -4.0, 4.0);
+    let folds = map.boundaries.iter().filter(|b| b.change == Change::Fold);
+    let folds: Vec<f64> = folds.map(|b| b.at).collect();
+    let known = [0.3 - 3.018145824447, 0.3 + 3.018145824447];
+    assert_eq!(folds.len(), 2, "{:?}", map.boundaries);
+    for (fold, known) in folds.iter().zip(known) {
+        assert!((fold - known).abs() < 1e-8, "{fold} {known}");
+    }
+    // Filippov's reading sticks for -0.7 < x < 1.3; outside, the modes with |s| near 1 repel.
+    let bounds = map.boundaries.iter().filter(|b| b.change == Change::Bound);
+    let bounds: Vec<f64> = bounds.map(|b| b.at).collect();
+    assert!(
+        bounds
+            .iter()
+            .zip([-0.7, 1.3])
+            .all(|(b, known)| (b - known).abs() < 1e-8),
+        "{bounds:?}"
+    );
+}
