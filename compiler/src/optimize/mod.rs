@@ -82,9 +82,8 @@ struct Problem<'p, 'e> {
     program: Program,
 }
 
-/// How much a single start may cost while other relaxations are tried for a smaller objective: local minima abound, and
-/// whoever asks for many starts has another remedy.
-const SINGLE_EFFORT: usize = 2_000_000;
+/// How much a single start may cost until a point is stationary: whoever asks for many starts has another remedy.
+const SINGLE_PATIENCE: usize = 2_000_000;
 
 /// Solves the task of a system; `sampled` are trajectories to start from, the last one counts most.
 pub fn run<'e>(
@@ -228,9 +227,9 @@ fn solve(
         homotopy,
         time_limit: request.time_limit,
         trusts_start: rehearsed && problem.task.starts.is_none(),
-        effort: match problem.task.starts {
-            None => SINGLE_EFFORT,
-            Some(_) => Options::default().effort,
+        patience: match problem.task.starts {
+            None => SINGLE_PATIENCE,
+            Some(_) => Options::default().patience,
         },
         ..Options::default()
     };

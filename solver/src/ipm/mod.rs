@@ -43,6 +43,8 @@ const ABSOLUTE_ACCEPTABLE: [f64; 3] = [1e10, 1e-2, 1e-2];
 /// So many steps in a row of less than this length lead nowhere.
 const SHORT: f64 = 1e-6;
 const MAX_SHORT: usize = 10;
+/// The error of a barrier problem that has come to rounding is not tried with a μ below this.
+const LAST_STALL: f64 = 1e-10;
 /// A variable or objective beyond this is unbounded.
 const BEYOND: f64 = 1e20;
 
@@ -353,7 +355,8 @@ impl<'a> Run<'a> {
                 0
             };
             self.is_stalled = is_acceptable && self.stalls(errors);
-            let is_last = self.is_stalled && self.mu <= self.mu_floor();
+            // Smaller distances from bounds than these do not pay for more of it.
+            let is_last = self.is_stalled && self.mu <= LAST_STALL.max(self.mu_floor());
             if is_last || self.n_acceptable >= options.acceptable_iterations {
                 return Some(Exit::Ended(Status::Acceptable));
             }

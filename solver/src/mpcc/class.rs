@@ -16,7 +16,7 @@
 //! the class when e is at most the tolerance times max(1, |∇f|).
 
 use super::certificate::Tolerances;
-use super::least::least_multipliers;
+use super::least::LeastNorm;
 use super::lift::Lifted;
 use super::linear::{LinearProgram, Outcome, solve};
 use super::local::{Local, Sets};
@@ -74,6 +74,8 @@ struct Conditions<'a> {
 
 /// How many linear programs the search for one class may take.
 const NODE_LIMIT: usize = 100;
+/// How often multipliers of least norm are asked for.
+const LEAST_ROUNDS: usize = 4;
 /// Multipliers beyond this, times max(1, |∇f|), are none.
 const LARGEST_MULTIPLIER: f64 = 1e8;
 
@@ -86,23 +88,14 @@ pub fn classify(
     tolerances: &Tolerances,
 ) -> Classified {
     let conditions = Conditions::new(lifted, local, sets, tolerances);
-    let of_these = conditions.class_of(y);
+    let (of_these, y) = conditions.best_of_least(y);
     let mut best = Classified {
         class: of_these,
-        y: y.to_vec(),
+        y,
         is_exact: of_these == Class::S,
     };
     if best.is_exact {
         return best;
-    }
-    if let Some(y) = conditions.least()
-        && conditions.class_of(&y) == Class::S
-    {
-        return Classified {
-            class: Class::S,
-            y,
-            is_exact: true,
-        };
     }
     best.is_exact = true;
     // With no biactive pair there is one class only.
@@ -220,14 +213,69 @@ impl<'a> Conditions<'a> {
         })
     }
 
-    /// Multipliers of least norm: quicker than a linear program, and often enough.
-    fn least(&self) -> Option<Vec<f64>> {
-        let mut in_pair = vec![false; self.variables.len()];
-        for side in self.biactive.iter().flat_map(|&pair| self.pairs[pair]) {
-            in_pair[side as usize] = true;
+    /// These multipliers or such of least norm, which are quicker than linear programs: those of the strongest class,
+    /// and of these the ones that come closest to S. What has the wrong sign is asked to be zero, some times over.
+    fn best_of_least(&self, y: &[f64]) -> (Class, Vec<f64>) {
+        let mut best = (self.class_of(y), y.to_vec());
+        let cones = self.strong_cones();
+        let mut miss = self.miss(&cones, y);
+        if best.0 == Class::S {
+            return best;
         }
-        let is_inside = |i: usize| self.variables[i] == Cone::Zero && !in_pair[i];
-        least_multipliers(self.local, is_inside, |row| self.rows[row] != Cone::Zero)
+        let mut least = LeastNorm::new(
+            self.local,
+            |i| cones[i] != Cone::Free,
+            |row| self.rows[row] != Cone::Zero,
+        );
+        let mut is_zero: Vec<bool> = cones.iter().map(|&cone| cone == Cone::Zero).collect();
+        let mut is_without = vec![false; self.rows.len()];
+        for _ in 0..LEAST_ROUNDS {
+            let Some(y) = least.multipliers(&is_zero, &is_without) else {
+                break;
+            };
+            let (class, missed) = (self.class_of(&y), self.miss(&cones, &y));
+            let mut has_changed = false;
+            let mut ask = |is: &mut bool, cone: Cone, value: f64| {
+                has_changed |= !*is && !self.is_in(cone, value);
+                *is |= !self.is_in(cone, value);
+            };
+            let reduced = self.local.reduced_gradient(&y);
+            for ((is_zero, &cone), r) in is_zero.iter_mut().zip(&cones).zip(reduced) {
+                ask(is_zero, cone, r);
+            }
+            for ((is_without, &cone), &y) in is_without.iter_mut().zip(&self.rows).zip(&y) {
+                ask(is_without, cone, y);
+            }
+            if class > best.0 || class == best.0 && missed < miss {
+                (best, miss) = ((class, y), missed);
+            }
+            if class == Class::S || !has_changed {
+                break;
+            }
+        }
+        best
+    }
+
+    /// The cones of r that S-stationarity asks for.
+    fn strong_cones(&self) -> Vec<Cone> {
+        let mut cones = self.variables.clone();
+        for side in self.biactive.iter().flat_map(|&pair| self.pairs[pair]) {
+            cones[side as usize] = Cone::Positive;
+        }
+        cones
+    }
+
+    /// How far r and y are from their cones.
+    fn miss(&self, cones: &[Cone], y: &[f64]) -> f64 {
+        let outside = |(cone, value): (Cone, f64)| match cone {
+            Cone::Zero => value.abs(),
+            Cone::Positive => (-value).max(0.0),
+            Cone::Negative => value.max(0.0),
+            Cone::Free => 0.0,
+        };
+        let variables = cones.iter().copied().zip(self.local.reduced_gradient(y));
+        let rows = self.rows.iter().copied().zip(y.iter().copied());
+        variables.chain(rows).map(outside).fold(0.0, f64::max)
     }
 
     /// Looks for y of a class by branching over the pairs.

@@ -14,65 +14,96 @@ use super::local::Local;
 const PROXIMITY: f64 = 1e-8;
 const STEPS: usize = 3;
 
-/// y of the rows `takes_row`, zero for the others; `None` where there is no factorization.
-pub fn least_multipliers(
-    local: &Local,
-    is_inside: impl Fn(usize) -> bool,
-    takes_row: impl Fn(usize) -> bool,
-) -> Option<Vec<f64>> {
-    let numbers = |count: usize, takes: &dyn Fn(usize) -> bool| {
-        let mut next = 0..;
-        let number = |i| takes(i).then(|| next.next()).flatten();
-        (0..count).map(number).collect::<Vec<Option<u32>>>()
-    };
-    let columns = numbers(local.w.len(), &is_inside);
-    let rows = numbers(local.rows.len(), &takes_row);
-    let n = columns.iter().flatten().count();
-    let m = rows.iter().flatten().count();
-    // ( -1  Jᵀ ) ( r  )   ( -r )
-    // (  J  δ  ) ( Δy ) = (  0 )
-    let entries = local.jacobian.iter().filter_map(|&(row, j, value)| {
-        let (row, column) = (rows[row]?, columns[j]?);
-        Some((n as u32 + row, column, value))
-    });
-    let entries: Vec<(u32, u32, f64)> = entries.collect();
-    let diagonal = (0..(n + m) as u32).map(|i| (i, i));
-    let off_diagonal = entries.iter().map(|&(row, column, _)| (row, column));
-    let pattern = Pattern::new(n + m, diagonal.chain(off_diagonal).collect());
-    let mut values = vec![0.0; pattern.n_entries()];
-    let mut largest = 1.0_f64;
-    for &(row, column, value) in &entries {
-        values[pattern.place(row as usize, column)?] += value;
-        largest = largest.max(value.abs());
-    }
-    for i in 0..n + m {
-        let place = pattern.place(i, i as u32)?;
-        values[place] = if i < n { -1.0 } else { PROXIMITY * largest };
-    }
-    let mut ldl = SparseLdl::new(&pattern);
-    ldl.factor(&values).ok()?;
-    let mut y = vec![0.0; local.rows.len()];
-    let mut rhs = vec![0.0; n + m];
-    for _ in 0..STEPS {
-        rhs.fill(0.0);
-        for (&column, r) in columns.iter().zip(local.reduced_gradient(&y)) {
-            if let Some(column) = column {
-                rhs[column as usize] = -r;
-            }
-        }
-        ldl.solve(&mut rhs);
-        for (y, &row) in y.iter_mut().zip(&rows) {
-            if let Some(row) = row {
-                *y += rhs[n + row as usize];
-            }
+/// The linear system of some variables and rows at a point, of which fewer may take part.
+pub struct LeastNorm<'a> {
+    local: &'a Local,
+    /// The unknowns of variables and rows, where they have one, and how many these are.
+    columns: Vec<Option<u32>>,
+    rows: Vec<Option<u32>>,
+    n: usize,
+    m: usize,
+    pattern: Pattern,
+    ldl: SparseLdl,
+}
+
+impl<'a> LeastNorm<'a> {
+    /// The system of these variables and rows.
+    pub fn new(
+        local: &'a Local,
+        takes_variable: impl Fn(usize) -> bool,
+        takes_row: impl Fn(usize) -> bool,
+    ) -> Self {
+        let numbers = |count: usize, takes: &dyn Fn(usize) -> bool| {
+            let mut next = 0..;
+            let number = |i| takes(i).then(|| next.next()).flatten();
+            (0..count).map(number).collect::<Vec<Option<u32>>>()
+        };
+        let columns = numbers(local.w.len(), &takes_variable);
+        let rows = numbers(local.rows.len(), &takes_row);
+        let n = columns.iter().flatten().count();
+        let m = rows.iter().flatten().count();
+        let entry = |&(row, j, _): &(usize, usize, f64)| Some((n as u32 + rows[row]?, columns[j]?));
+        let diagonal = (0..(n + m) as u32).map(|i| (i, i));
+        let entries = diagonal.chain(local.jacobian.iter().filter_map(entry));
+        let pattern = Pattern::new(n + m, entries.collect());
+        let ldl = SparseLdl::new(&pattern);
+        LeastNorm {
+            local,
+            columns,
+            rows,
+            n,
+            m,
+            pattern,
+            ldl,
         }
     }
-    Some(y)
+
+    /// y that is least with r = 0 for the variables `is_zero`, and zero for the rows `is_without` and for those that
+    /// have no unknown; `None` where there is no factorization.
+    pub fn multipliers(&mut self, is_zero: &[bool], is_without: &[bool]) -> Option<Vec<f64>> {
+        // ( -1  Jᵀ ) ( r  )   ( -r )
+        // (  J  δ  ) ( Δy ) = (  0 )
+        let n = self.n;
+        let mut values = vec![0.0; self.pattern.n_entries()];
+        let mut largest = 1.0_f64;
+        for &(row, j, value) in &self.local.jacobian {
+            if let (Some(row), Some(column)) = (
+                self.rows[row].filter(|_| !is_without[row]),
+                self.columns[j].filter(|_| is_zero[j]),
+            ) {
+                values[self.pattern.place(n + row as usize, column)?] += value;
+                largest = largest.max(value.abs());
+            }
+        }
+        for i in 0..n + self.m {
+            let place = self.pattern.place(i, i as u32)?;
+            values[place] = if i < n { -1.0 } else { PROXIMITY * largest };
+        }
+        self.ldl.factor(&values).ok()?;
+        let mut y = vec![0.0; self.rows.len()];
+        let mut rhs = vec![0.0; n + self.m];
+        for _ in 0..STEPS {
+            rhs.fill(0.0);
+            let reduced = self.local.reduced_gradient(&y);
+            for ((column, r), &is_zero) in self.columns.iter().zip(reduced).zip(is_zero) {
+                if let (Some(column), true) = (*column, is_zero) {
+                    rhs[column as usize] = -r;
+                }
+            }
+            self.ldl.solve(&mut rhs);
+            for (y, &row) in y.iter_mut().zip(&self.rows) {
+                if let Some(row) = row {
+                    *y += rhs[n + row as usize];
+                }
+            }
+        }
+        Some(y)
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::least_multipliers;
+    use super::LeastNorm;
     use crate::mpcc::local::Local;
 
     #[test]
@@ -85,7 +116,10 @@ mod tests {
             jacobian: vec![(0, 0, 1.0), (1, 0, 1.0), (2, 0, 2.0), (2, 1, 1.0)],
             scale: 3.0,
         };
-        let y = least_multipliers(&local, |i| i == 0, |row| row < 2).expect("there are some");
+        let mut least = LeastNorm::new(&local, |i| i == 0, |row| row < 2);
+        let y = least
+            .multipliers(&[true, false], &[false; 3])
+            .expect("there are some");
         for (y, exact) in y.iter().zip([-1.5, -1.5, 0.0]) {
             assert!((y - exact).abs() < 1e-12, "{y} instead of {exact}");
         }

@@ -124,8 +124,6 @@ pub fn solve_observed(
     solution
 }
 
-/// Objectives that differ by no more, relative to their size, are those of one minimum.
-const SAME: f64 = 1e-7;
 /// How often a branch is left for one in which another point means the same.
 const MAX_MOVES: usize = 200;
 /// An objective below this at a feasible point, where no stationary one is found, has no bound.
@@ -184,7 +182,6 @@ impl Work<'_> {
         let size = lifted.n_variables() + lifted.n_rows();
         let mut best: Option<Candidate> = None;
         let mut end: Option<DeadEnd> = None;
-        let mut found: Vec<f64> = Vec::new();
         if self.options.trusts_start {
             let guess = Guess {
                 w: start.to_vec(),
@@ -196,30 +193,16 @@ impl Work<'_> {
             }
         }
         for (index, way) in ways(self.options).into_iter().enumerate() {
-            let is_over =
-                self.is_late() || best.is_some() && self.effort(size) > self.options.effort;
-            let is_enough = self.is_late() || self.options.effort == 0;
-            if is_over && (index > 0 || best.is_some() && is_enough) {
+            let is_over = |best: &Candidate| self.is_late() || self.is_enough(best, index, size);
+            if best.as_ref().is_some_and(is_over) || index > 0 && self.is_late() {
                 break;
             }
             self.stats.restarts = index;
             match way.follow(lifted, start, self) {
                 Ok(polished) => {
-                    let objective = polished.objective;
-                    let is_enough = self.effort(size) > self.options.agreement;
-                    let is_known = found.iter().any(|&known| is_same(objective, known));
-                    if is_enough && is_known && best.as_ref().is_some_and(Candidate::is_stationary)
-                    {
-                        break;
-                    }
                     let candidate = self.improve(lifted, polished);
-                    let is_known = best.as_ref().is_some_and(|best| best.agrees(&candidate));
-                    found.push(objective);
                     if best.as_ref().is_none_or(|best| candidate.is_better(best)) {
                         best = Some(candidate);
-                    }
-                    if is_enough && is_known {
-                        break;
                     }
                 }
                 Err(other) => {
@@ -235,9 +218,20 @@ impl Work<'_> {
         }
     }
 
-    /// Iterations so far, times the size of the problem.
-    fn effort(&self, size: usize) -> usize {
-        self.stats.iterations.saturating_mul(size)
+    /// Whether way `index` is not worth its time, in a problem with so many variables and rows.
+    fn is_enough(&self, best: &Candidate, index: usize, size: usize) -> bool {
+        let effort = self.stats.iterations.saturating_mul(size);
+        let Options {
+            effort: wanted,
+            patience,
+            ..
+        } = *self.options;
+        match best.is_stationary() {
+            // What a start that is trusted leads to says nothing about other ways.
+            _ if index == 0 => wanted == 0,
+            true => effort > wanted,
+            false => effort > patience,
+        }
     }
 
     /// Takes better branches as long as the certificate finds them.
@@ -308,7 +302,7 @@ impl Work<'_> {
         let size = best.objective.abs().max(1.0);
         let others = lifted.others(&best.point.w, &best.zeros, &certificate.y);
         let mut n_worse = 0;
-        for (number, other) in others.into_iter().enumerate() {
+        for other in others {
             if self.is_late() {
                 return Elsewhere::Nothing(0);
             }
@@ -319,11 +313,7 @@ impl Work<'_> {
                 w,
             };
             let below = best.objective - 1e-10 * size;
-            let next = match number {
-                0 => polish(lifted, &guess, &zeros, self),
-                _ => polish_below(below, lifted, &guess, &zeros, self),
-            };
-            let next = match next {
+            let next = match polish_below(below, lifted, &guess, &zeros, self) {
                 Ok(next) => next,
                 Err(status) => {
                     n_worse += usize::from(status == ipm::Status::Stopped);
@@ -436,11 +426,6 @@ impl Work<'_> {
     }
 }
 
-/// Whether objectives are those of one minimum.
-fn is_same(f: f64, other: f64) -> bool {
-    (f - other).abs() <= SAME * f.abs().max(1.0)
-}
-
 /// A feasible point and what it is.
 struct Candidate {
     best: Polished,
@@ -458,13 +443,6 @@ enum Elsewhere {
 }
 
 impl Candidate {
-    /// Whether two ways have led to the same minimum: then others are likely to lead there, too.
-    fn agrees(&self, other: &Candidate) -> bool {
-        is_same(self.best.objective, other.best.objective)
-            && self.is_stationary()
-            && other.is_stationary()
-    }
-
     fn is_stationary(&self) -> bool {
         self.certificate.class != Class::None
     }

@@ -43,8 +43,8 @@ pub struct Options {
     /// Other ways are tried for a smaller objective, too, as long as the iterations so far, times the numbers of
     /// variables and rows, are fewer than this. With zero, a feasible branch of a trusted start is enough.
     pub effort: usize,
-    /// With more iterations than this, counted likewise, two ways that lead to the same minimum are enough.
-    pub agreement: usize,
+    /// As long as they are fewer than this, counted likewise, a feasible point that is not stationary is not enough.
+    pub patience: usize,
     /// The largest number of iterations of one interior-point run.
     pub max_iterations: usize,
     /// The longest time.
@@ -62,8 +62,8 @@ impl Default for Options {
             certificate: Tolerances::default(),
             max_switches: 20,
             max_restarts: 5,
-            effort: 100_000,
-            agreement: 100_000,
+            effort: 50_000,
+            patience: 100_000,
             max_iterations: 3000,
             time_limit: None,
         }

@@ -298,13 +298,16 @@ fn an_observer_sees_every_program_and_iteration() {
 }
 
 #[test]
-fn two_ways_that_agree_are_enough() {
+fn effort_is_for_other_minima_and_patience_for_stationary_points() {
     let mut problem = pair(Quadratic::new(2, distance(&[1.0, -1.0]), Vec::new()));
-    let options = Options {
-        agreement: 0,
-        ..Options::default()
-    };
-    let solution = solve(&mut problem, &options);
-    check_at(&solution, &[1.0, 0.0], 1e-9);
-    assert_eq!(solution.stats.restarts, 1);
+    for (effort, restarts) in [(0, 0), (usize::MAX, Options::default().max_restarts)] {
+        let options = Options {
+            effort,
+            patience: 0,
+            ..Options::default()
+        };
+        let solution = solve(&mut problem, &options);
+        check_at(&solution, &[1.0, 0.0], 1e-9);
+        assert_eq!(solution.stats.restarts, restarts);
+    }
 }
