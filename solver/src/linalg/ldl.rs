@@ -45,30 +45,51 @@ impl SparseLdl {
     pub fn new(pattern: &Pattern) -> Self {
         let n = pattern.n_rows();
         let (order, inverse) = minimum_degree(pattern);
-        let mut columns: Vec<Vec<(u32, u32)>> = vec![Vec::new(); n];
         let mut diagonal_sources = vec![NONE; n];
-        for row in 0..n {
-            let range = pattern.starts[row]..pattern.starts[row + 1];
-            for (&column, entry) in pattern.row(row).iter().zip(range) {
-                let (i, j) = (inverse[row], inverse[column as usize]);
-                if i == j {
-                    diagonal_sources[i as usize] = entry as u32;
-                } else {
-                    columns[i.max(j) as usize].push((i.min(j), entry as u32));
-                }
+        // Columns of the upper triangle.
+        let mut upper_starts = vec![0_u32; n + 1];
+        let entries = || {
+            (0..n).flat_map(|row| {
+                let sources = pattern.starts[row] as u32..;
+                let columns = pattern.row(row).iter().zip(sources);
+                columns.map(move |(&column, source)| (row, column as usize, source))
+            })
+        };
+        for (row, column, source) in entries() {
+            let (i, j) = (inverse[row], inverse[column]);
+            if i == j {
+                diagonal_sources[i as usize] = source;
+            } else {
+                upper_starts[i.max(j) as usize + 1] += 1;
             }
         }
-        let (starts, rows) = below_diagonal(n, &columns);
+        for k in 0..n {
+            upper_starts[k + 1] += upper_starts[k];
+        }
+        let mut next = upper_starts.clone();
+        let mut upper = vec![(0, 0); upper_starts[n] as usize];
+        for (row, column, source) in entries() {
+            let (i, j) = (inverse[row], inverse[column]);
+            if i != j {
+                let place = &mut next[i.max(j) as usize];
+                upper[*place as usize] = (i.min(j), source);
+                *place += 1;
+            }
+        }
+        let upper_rows: Vec<u32> = upper.iter().map(|entry| entry.0).collect();
+        let (row_starts, row_columns) = rows_of_factor(n, &upper_starts, &upper_rows);
+        let (starts, rows, _) = columns_of_factor(n, &row_starts, &row_columns);
         let place = |row: u32, column: u32| {
             let range = starts[column as usize] as usize..starts[column as usize + 1] as usize;
             let found = rows[range.clone()].binary_search(&row);
             (range.start + found.expect("L has what it fills in")) as u32
         };
         let (mut sources, mut places) = (Vec::new(), Vec::new());
-        for (row, column) in (0..).zip(&columns) {
-            for &(column, source) in column {
+        for row in 0..n {
+            let range = upper_starts[row] as usize..upper_starts[row + 1] as usize;
+            for &(column, source) in &upper[range] {
                 sources.push(source);
-                places.push(place(row, column));
+                places.push(place(row as u32, column));
             }
         }
         let (mut targets, mut target_starts) = (Vec::new(), vec![0]);
@@ -120,34 +141,6 @@ pub(super) fn minimum_degree(pattern: &Pattern) -> (Vec<u32>, Vec<u32>) {
         .expect("the columns of a pattern are within its rows");
     let narrow = |list: Vec<i64>| list.into_iter().map(|i| i as u32).collect();
     (narrow(order), narrow(inverse))
-}
-
-/// Columns of L, from those of the upper triangle: row k reaches up the elimination tree from the entries of column k.
-fn below_diagonal(n: usize, columns: &[Vec<(u32, u32)>]) -> (Vec<u32>, Vec<u32>) {
-    let mut parent = vec![NONE; n];
-    let mut seen = vec![NONE; n];
-    let mut of_rows: Vec<Vec<u32>> = vec![Vec::new(); n];
-    for k in 0..n {
-        seen[k] = k as u32;
-        for &(row, _) in &columns[k] {
-            let mut i = row as usize;
-            while seen[i] != k as u32 {
-                seen[i] = k as u32;
-                of_rows[i].push(k as u32);
-                if parent[i] == NONE {
-                    parent[i] = k as u32;
-                }
-                i = parent[i] as usize;
-            }
-        }
-    }
-    let mut starts = vec![0];
-    let mut rows = Vec::new();
-    for column in of_rows {
-        rows.extend(column);
-        starts.push(rows.len() as u32);
-    }
-    (starts, rows)
 }
 
 /// Row k of L reaches up the elimination tree from the entries of column k.

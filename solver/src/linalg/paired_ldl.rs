@@ -1,6 +1,6 @@
 //! Sparse A = P' L D L' P with pivots of one or two unknowns in a static order, row by row.
 //!
-//! The same up-looking method as in [`SparseLdl`](super::ldl::SparseLdl). Two unknowns of a pair are eliminated
+//! Up-looking: row k of L solves a triangular system with the rows above it. Two unknowns of a pair are eliminated
 //! together: in a saddle point system a constraint with one of its variables, which is a stable pivot where neither is
 //! one by itself. The order is that of minimum degree of the graph in which pairs are one node (Schenk & Gärtner 2006,
 //! *On fast factorization pivoting methods for sparse symmetric indefinite systems*).
