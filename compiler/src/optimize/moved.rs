@@ -132,9 +132,10 @@ impl Moved {
             })
     }
 
-    /// Changes at the end of interval k that multipliers ask for, and those about which they say nothing.
-    fn at_end(&self, k: usize, runs: &[Vec<Run>], near: &Linearized) -> [Vec<Change>; 2] {
-        let mut changes = [Vec::new(), Vec::new()];
+    /// Changes at the end of interval k that multipliers ask for, those about which they say nothing, and those that
+    /// they advise against.
+    fn at_end(&self, k: usize, runs: &[Vec<Run>], near: &Linearized) -> [Vec<Change>; 3] {
+        let mut changes = [Vec::new(), Vec::new(), Vec::new()];
         let (Some(before), Some(behind)) = (runs[k - 1].last(), runs[k].first()) else {
             return changes;
         };
@@ -157,7 +158,7 @@ impl Moved {
             match slope {
                 None => changes[1].push(change),
                 Some(slope) if slope < NEGATIVE => changes[0].push(change),
-                _ => {}
+                Some(_) => changes[2].push(change),
             }
         }
         changes
@@ -430,19 +431,22 @@ impl Others for Moved {
         }
         let runs = |k| self.runs(k, w, zeros);
         let runs: Vec<Vec<Run>> = (1..=layout.steps).map(runs).collect();
-        let (mut asked, mut open) = (Vec::new(), Vec::new());
+        let (mut asked, mut open, mut against) = (Vec::new(), Vec::new(), Vec::new());
         for k in 1..layout.steps {
-            let [first, second] = self.at_end(k, &runs, near);
+            let [first, second, third] = self.at_end(k, &runs, near);
             asked.extend(first);
             open.extend(second);
+            against.extend(third);
         }
         // Several switches may hold each other: all at once, in every mode where several will do, then one by one.
+        // Multipliers that are not unique may be wrong about all of them.
         let modes = self.other_modes(&runs, w, near);
         let together = (0..modes.iter().map(Vec::len).max().unwrap_or(0)).map(|number| {
             let chosen = modes.iter().filter_map(|modes| modes.get(number));
             [asked.clone(), chosen.cloned().collect()].concat()
         });
-        let together: Vec<Vec<Change>> = [asked.clone()].into_iter().chain(together).collect();
+        let both = [asked.clone(), against];
+        let together: Vec<Vec<Change>> = both.into_iter().chain(together).collect();
         let alone = asked.into_iter().chain(open).chain(modes.concat());
         let mut others: Vec<Other> = Vec::new();
         for changes in together.into_iter().chain(alone.map(|change| vec![change])) {

@@ -11,7 +11,7 @@ use super::solution::Status;
 const KAPPA_SOFT: f64 = 0.9999;
 const MAX_SOFT: usize = 10;
 /// So many acceptable points of one barrier problem, none with less than half the error of an earlier one, get no better.
-const STALLED: usize = 5;
+const STALLED: usize = 3;
 
 /// Errors up to this many times another one are nearly as good.
 const NEARLY: f64 = 10.0;

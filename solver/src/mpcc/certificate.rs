@@ -28,6 +28,9 @@ pub struct Tolerances {
     pub active: f64,
     /// Reduced gradients up to this, times max(1, |∇f|), are zero; decreases below it, times the radius, are none.
     pub stationarity: f64,
+    /// A variable whose way to a bound would decrease f by no more than this, times max(1, |∇f|), is at the bound:
+    /// interior-point methods end so far from bounds with small multipliers.
+    pub gain: f64,
     /// Δ of the linear program with complementarity constraints.
     pub radius: f64,
     /// How many linear programs may be solved for B-stationarity.
@@ -52,6 +55,7 @@ impl Default for Tolerances {
             biactive: 1e-6,
             active: 1e-6,
             stationarity: 1e-6,
+            gain: 1e-11,
             radius: 1e-4,
             node_limit: 100,
             deadline: None,

@@ -67,6 +67,8 @@ struct Conditions<'a> {
     biactive: &'a [usize],
     /// The cone of r for every variable that is in no biactive pair.
     variables: Vec<Cone>,
+    /// How far they are from their lower and upper bounds.
+    distances: Vec<[f64; 2]>,
     rows: Vec<Cone>,
     tolerances: &'a Tolerances,
     tolerance: f64,
@@ -145,6 +147,8 @@ impl<'a> Conditions<'a> {
             false => cone(local.w[i], bounds.lower[i], bounds.upper[i]),
         };
         let variables = (0..local.w.len()).map(variable).collect();
+        let distance = |i: usize| [local.w[i] - bounds.lower[i], bounds.upper[i] - local.w[i]];
+        let distances = (0..local.w.len()).map(distance).collect();
         let bounds = lifted.row_bounds();
         // y has the opposite sign: the Lagrangian has + yᵀc.
         let rows = (0..local.rows.len()).map(|row| {
@@ -159,6 +163,7 @@ impl<'a> Conditions<'a> {
             pairs: lifted.pairs(),
             biactive: &sets.biactive,
             variables,
+            distances,
             rows: rows.collect(),
             tolerances,
             tolerance: tolerances.stationarity * local.scale,
@@ -174,6 +179,14 @@ impl<'a> Conditions<'a> {
         }
     }
 
+    /// Whether the way of a variable along -r to its bound decreases f by next to nothing.
+    fn gains_little(&self, i: usize, r: f64) -> bool {
+        let [down, up] = self.distances[i];
+        let distance = if r > 0.0 { down } else { up };
+        self.variables[i] == Cone::Zero
+            && r.abs() * distance <= self.tolerances.gain * self.local.scale
+    }
+
     /// The class that these multipliers have.
     fn class_of(&self, y: &[f64]) -> Class {
         let reduced = self.local.reduced_gradient(y);
@@ -183,13 +196,12 @@ impl<'a> Conditions<'a> {
                 in_pair[side as usize] = true;
             }
         }
-        let others = (0..reduced.len()).filter(|&i| !in_pair[i]);
-        let variables = others.map(|i| (self.variables[i], reduced[i]));
-        let rows = self.rows.iter().copied().zip(y.iter().copied());
-        if !variables
-            .chain(rows)
-            .all(|(cone, value)| self.is_in(cone, value))
-        {
+        let mut others = (0..reduced.len()).filter(|&i| !in_pair[i]);
+        let mut rows = self.rows.iter().zip(y);
+        let is_weak = others
+            .all(|i| self.is_in(self.variables[i], reduced[i]) || self.gains_little(i, reduced[i]))
+            && rows.all(|(&cone, &y)| self.is_in(cone, y));
+        if !is_weak {
             return Class::None;
         }
         let is = |class: Class| {
