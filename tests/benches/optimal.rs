@@ -3,8 +3,8 @@
 //! A fast wrong optimum is not fast: every line has the objective, and ours the certificate and how far a simulation
 //! with the controls ends from what was found.
 //!
-//! Both begin with one guess of their own. Ours goes on with another relaxation from there until two of them agree, all
-//! of which is in its seconds, and so are certificates and the branches that they lead to. Three runs, the quickest.
+//! Both begin with one guess of their own. Our seconds contain certificates and the branches that they lead to. Three
+//! runs, the quickest.
 
 use std::process::Command;
 

@@ -82,6 +82,8 @@ struct Problem<'p, 'e> {
     program: Program,
 }
 
+/// How much a start may cost while other ways are tried for a smaller objective: next to nothing, as there are `starts`.
+const EFFORT: usize = 50_000;
 /// How much a single start may cost until a point is stationary: whoever asks for many starts has another remedy.
 const SINGLE_PATIENCE: usize = 2_000_000;
 
@@ -227,6 +229,7 @@ fn solve(
         homotopy,
         time_limit: request.time_limit,
         trusts_start: rehearsed && problem.task.starts.is_none(),
+        effort: EFFORT,
         patience: match problem.task.starts {
             None => SINGLE_PATIENCE,
             Some(_) => Options::default().patience,

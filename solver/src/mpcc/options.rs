@@ -62,7 +62,7 @@ impl Default for Options {
             certificate: Tolerances::default(),
             max_switches: 20,
             max_restarts: 5,
-            effort: 50_000,
+            effort: 100_000,
             patience: 100_000,
             max_iterations: 3000,
             time_limit: None,
