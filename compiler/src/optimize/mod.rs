@@ -82,9 +82,10 @@ struct Problem<'p, 'e> {
     program: Program,
 }
 
-/// How much a start may cost while other ways are tried for a smaller objective: next to nothing, as there are `starts`.
-const EFFORT: usize = 50_000;
-/// How much a single start may cost until a point is stationary: whoever asks for many starts has another remedy.
+/// How much a single start may cost while other ways are tried for a smaller objective: next to nothing, as there are
+/// `starts`.
+const SINGLE_EFFORT: usize = 50_000;
+/// How much it may cost until a point is stationary.
 const SINGLE_PATIENCE: usize = 2_000_000;
 
 /// Solves the task of a system; `sampled` are trajectories to start from, the last one counts most.
@@ -224,16 +225,17 @@ fn solve(
         },
         false => Options::default().homotopy,
     };
+    let [effort, patience] = match problem.task.starts {
+        None => [SINGLE_EFFORT, SINGLE_PATIENCE],
+        Some(_) => [Options::default().effort, Options::default().patience],
+    };
     let options = Options {
+        effort,
+        patience,
         form,
         homotopy,
         time_limit: request.time_limit,
         trusts_start: rehearsed && problem.task.starts.is_none(),
-        effort: EFFORT,
-        patience: match problem.task.starts {
-            None => SINGLE_PATIENCE,
-            Some(_) => Options::default().patience,
-        },
         ..Options::default()
     };
     let count = problem.task.starts.map_or(1, |starts| starts.count);

@@ -302,7 +302,7 @@ impl Work<'_> {
         let size = best.objective.abs().max(1.0);
         let others = lifted.others(&best.point.w, &best.zeros, &certificate.y);
         let mut n_worse = 0;
-        for other in others {
+        for (number, other) in others.into_iter().enumerate() {
             if self.is_late() {
                 return Elsewhere::Nothing(0);
             }
@@ -313,7 +313,11 @@ impl Work<'_> {
                 w,
             };
             let below = best.objective - 1e-10 * size;
-            let next = match polish_below(below, lifted, &guess, &zeros, self) {
+            let next = match number {
+                0 => polish(lifted, &guess, &zeros, self),
+                _ => polish_below(below, lifted, &guess, &zeros, self),
+            };
+            let next = match next {
                 Ok(next) => next,
                 Err(status) => {
                     n_worse += usize::from(status == ipm::Status::Stopped);
