@@ -2,8 +2,8 @@
 //!
 //! The midpoint rule keeps ½vᵀMv + V for constant forces, f = M(v̂ - v)/h. Impulses change ½vᵀMv, and displacements w
 //! change V by -fᵀw. Where a displacement costs more than the impulses of its island have taken, the velocities of
-//! the island are scaled down by what is missing, in later steps where they have too little. Contacts that time moves, or that slip on something driven, may do
-//! work; their islands are left alone.
+//! the island are scaled down by what is missing, in later steps where they have too little. Contacts that time moves,
+//! or that slip on something driven, may do work; their islands are left alone.
 
 use super::islands::Islands;
 use super::rows::{Bodies, Linear, Rows};
@@ -34,18 +34,22 @@ impl Energy {
         self.owed.clear();
     }
 
-    /// Opens the account.
-    pub fn begin(&mut self, bodies: &Bodies, active: &Linear, velocities: &Velocities) {
+    /// Notes what the free motion of a step changes.
+    pub fn observe(&mut self, velocities: &Velocities) {
+        self.change.clear();
+        let changes = velocities.free.iter().zip(&velocities.before);
+        self.change
+            .extend(changes.map(|(free, before)| free - before));
+    }
+
+    /// Opens the account of a step that was observed.
+    pub fn begin(&mut self, bodies: &Bodies, active: &Linear) {
         let n = bodies.n_bodies();
         self.lifted.clear();
         self.lifted.resize(n, 0.0);
         self.owed.resize(n, 0.0);
         self.driven.clear();
         self.driven.resize(n, false);
-        self.change.clear();
-        let changes = velocities.free.iter().zip(&velocities.before);
-        self.change
-            .extend(changes.map(|(free, before)| free - before));
         self.joined.begin(bodies);
         self.joined.join(active, bodies);
         for contact in &active.contacts {

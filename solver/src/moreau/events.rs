@@ -81,6 +81,11 @@ impl Contacts {
         self.count
     }
 
+    /// Whether it gave an impulse in the last step.
+    pub fn pushed(&self, contact: usize) -> bool {
+        self.modes[contact] != Mode::Open
+    }
+
     /// Λ and β of the step before; zero for a contact that was open.
     pub fn last(&self, contact: usize) -> [f64; 2] {
         match self.modes[contact].is_closed() {

@@ -3,7 +3,9 @@
 //! A step of length h goes from (q, v) to (q⁺, v⁺):
 //!
 //! 1. The motion without contacts, by the midpoint rule (`free.rs`), leads to (q̂, v̂).
-//! 2. Contacts with gap(q̂) ≤ 0 are *active*. Their impulses act at the end of the step (Moreau 1988; Jean 1999),
+//! 2. Contacts with gap(q̂) ≤ 0 are *active*, and so are those that pushed in the last step and have not opened in it
+//!    by more than the free motion could close: a body between two others rests on both, not on one after the other.
+//!    Their impulses act at the end of the step (Moreau 1988; Jean 1999),
 //!    v⁺ = v̂ + M⁻¹(J_nΛ - J_tβ),   0 ≤ Λ ⟂ J_nᵀv⁺ + e min(J_nᵀv, 0) ≥ 0,   β ∈ μΛ sign(J_tᵀv⁺)   (`impulse.rs`).
 //!    The rebound is that of the speed at which the step began: what v̂ has gained since then was gained below the
 //!    surface.
@@ -293,8 +295,9 @@ impl<F: Free> Stepper<F> {
         of_bodies(y, &mut velocities.free, &self.bodies);
         velocities.after.clone_from(&velocities.free);
 
-        self.find_active((t, h), x, y);
-        self.energy.begin(&self.bodies, &self.active, velocities);
+        self.energy.observe(velocities);
+        self.find_active((t, h), x, y, velocities);
+        self.energy.begin(&self.bodies, &self.active);
         if !self.active.contacts.is_empty() {
             self.strike(velocities).map_err(|c| unsolved(Some(c)))?;
             self.let_impulses_move(h, velocities, y);
@@ -354,8 +357,8 @@ impl<F: Free> Stepper<F> {
         positions.fold(f64::MIN_POSITIVE, |size, &q| size.max(x[q].abs()))
     }
 
-    /// Finds the contacts that the free motion has closed, with their rows.
-    fn find_active(&mut self, (t, h): (f64, f64), x: &[f64], y: &[f64]) {
+    /// Finds the contacts that the free motion from x to y has closed, or that have not opened, with their rows.
+    fn find_active(&mut self, (t, h): (f64, f64), x: &[f64], y: &[f64], velocities: &Velocities) {
         let touch = TOUCH * self.size(y);
         let positions = self.scene.bodies.iter().flat_map(|body| &body.positions);
         self.moved = positions.fold(0.0, |most, &q| most.max((y[q] - x[q]).abs()));
@@ -363,11 +366,24 @@ impl<F: Free> Stepper<F> {
         self.active.clear();
         for family in 0..self.scene.families.len() {
             self.closer_than(family, touch);
-            let lanes = &mut self.lanes[family][1];
             let of_family = &self.scene.families[family];
+            let near = self.search.near(family).iter().zip(&self.gaps);
+            let pushed = near.filter(|&(&member, &gap)| {
+                let contact = of_family.contacts[member as usize];
+                gap > touch && self.contacts.pushed(contact as usize)
+            });
+            self.members.extend(pushed.map(|(&member, _)| member));
+            self.members.sort_unstable();
+            let lanes = &mut self.lanes[family][1];
             self.active
                 .add(of_family, &self.members, &self.memory, &self.bodies, lanes);
         }
+        let (rows, energy, bodies) = (&self.active.rows, &self.energy, &self.bodies);
+        self.active.contacts.retain(|contact| {
+            let start =
+                contact.gap - h * (rows.rate(contact.normal, &velocities.free) + contact.offset);
+            !(contact.gap > touch && start > h * energy.gain(bodies, rows, contact.normal))
+        });
     }
 
     /// Lets the active contacts give impulses.
