@@ -299,7 +299,7 @@ impl<F: Free> Stepper<F> {
         self.find_active((t, h), x, y, velocities);
         self.energy.begin(&self.bodies, &self.active);
         if !self.active.contacts.is_empty() {
-            self.strike(velocities).map_err(|c| unsolved(Some(c)))?;
+            self.strike(y, velocities).map_err(|c| unsolved(Some(c)))?;
             self.let_impulses_move(h, velocities, y);
         }
         self.project((t, h), velocities, y)
@@ -386,8 +386,21 @@ impl<F: Free> Stepper<F> {
         });
     }
 
+    /// Lets the active contacts give impulses, those that the free motion to y has closed if all of them are too many.
+    fn strike(&mut self, y: &[f64], velocities: &mut Velocities) -> Result<(), usize> {
+        let mut solved = self.strike_all(velocities);
+        let touch = TOUCH * self.size(y);
+        if solved.is_err() && self.active.contacts.iter().any(|c| c.gap > touch) {
+            self.active.contacts.retain(|contact| contact.gap <= touch);
+            solved = self.strike_all(velocities);
+        }
+        self.counts.impulses += self.active.contacts.len();
+        self.counts.residual = self.counts.residual.max(self.impulses.residual);
+        solved.map_err(|c| self.active.contacts[c].contact as usize)
+    }
+
     /// Lets the active contacts give impulses.
-    fn strike(&mut self, velocities: &mut Velocities) -> Result<(), usize> {
+    fn strike_all(&mut self, velocities: &mut Velocities) -> Result<(), usize> {
         self.islands.begin(&self.bodies);
         self.islands.join(&self.active, &self.bodies);
         let mut solved = Ok(());
@@ -407,9 +420,7 @@ impl<F: Free> Stepper<F> {
             // Restitutions of contacts that depend on each other may contradict each other.
             self.counts.plastic += 1;
         }
-        self.counts.impulses += self.active.contacts.len();
-        self.counts.residual = self.counts.residual.max(self.impulses.residual);
-        solved.map_err(|c| self.active.contacts[c].contact as usize)
+        solved
     }
 
     /// States the laws of the active contacts, and starts from the impulses of the step before. Whether any rebounds.
