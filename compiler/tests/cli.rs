@@ -56,6 +56,7 @@ fn help_names_the_commands() {
       run      Run experiments and report what came out
       test     Run every `expect` of files and folders
       order    Measure the error of every method over step size and time
+      modes    Map the sliding modes of a nonlinear switch over a state
       solve    Solve AMPL .nl files with complementarity conditions
       fmt      Lay files out in the standard way
       new      Make a folder with a small model, its tests and a README

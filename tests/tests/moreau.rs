@@ -217,6 +217,33 @@ fn piles_come_to_rest_without_depth_and_without_energy() {
     }
 }
 
+/// Discs that lie between two others push both of them in the same step: one after the other they would sink, and never
+/// stop.
+#[test]
+fn discs_that_fill_their_bin_come_to_rest() {
+    let trajectory = solved(
+        "model disc { state q[2]; state v[2] = [0, 0]; q' = v; mechanics q, v { mass = eye(2); force = [0, -9.81]; } }
+         model bin {
+           const n = 9;
+           const width = 0.74;
+           const x = [0.14, 0.3766, 0.6099, 0.1484, 0.3727, 0.5957, 0.1308, 0.3605, 0.5948];
+           const y = [0.13, 0.13, 0.13, 0.36, 0.36, 0.36, 0.59, 0.59, 0.59];
+           part ball[i in 1..n] = disc { q = [x[i], y[i]]; }
+           for i in 1..n {
+             contact floor { gap = ball[i].q[2] - 0.1; restitution = 0.3; }
+             contact left { gap = ball[i].q[1] - 0.1; restitution = 0.3; }
+             contact right { gap = width - ball[i].q[1] - 0.1; restitution = 0.3; }
+           }
+           for i in 1..n, j in i+1..n {
+             contact pair { gap = norm(ball[i].q - ball[j].q) - 0.2; restitution = 0.3; }
+           }
+         }
+         simulate this of bin { horizon 4; method timestepping { steps = 2000; } }",
+    );
+    let speed = speed(&trajectory, 9);
+    assert!(speed <= 1e-9, "{speed}");
+}
+
 #[test]
 fn bodies_far_apart_cost_no_gaps() {
     let text = |apart: f64| {

@@ -50,7 +50,8 @@ pub(super) fn run(
         let mut watched = Watched::new(&mut comparison, settings.horizon, true, watch);
         let mut simulator = simulator(REFINEMENT * settings.tolerance);
         let fine = simulator.run(0.0, settings.horizon, &x0, &mut watched);
-        (fine.status == Status::Solved).then(|| estimate(&comparison, &recorder, &outcome, &fine))
+        (fine.status == Status::Solved)
+            .then(|| estimate(system, &comparison, &recorder, [&outcome, &fine]))
     });
     let mut trajectory = assemble(system, settings, &outcome, recorder);
     trajectory.method = Method {

@@ -258,20 +258,16 @@ impl<'e> Lowering<'_, 'e> {
         var.map_or(self.model.exprs.constant(0.0), |var| e.diff(var))
     }
 
-    pub(super) fn numbers(&self) -> Substitution<'e> {
-        let params = self.model.params.iter().flat_map(|param| &param.vars);
-        let numbers = params.filter_map(|var| {
-            let var = var.as_variable()?;
-            Some((
-                var,
-                self.model.exprs.constant(*self.values.numbers.get(&var)?),
-            ))
-        });
-        numbers.collect()
-    }
-
+    /// With the numbers of parameters; only of those that occur, as there may be many of both.
     pub(super) fn in_numbers(&self, e: Expr<'e>) -> Expr<'e> {
-        e.substitute(&self.numbers())
+        if e.as_constant().is_some() {
+            return e;
+        }
+        let numbers = variables_of(&[e]).into_iter().filter_map(|var| {
+            let value = self.switches.params.get(&var)?;
+            Some((var, self.model.exprs.constant(*value)))
+        });
+        e.substitute(&numbers.collect())
     }
 
     /// Whether an expression is zero wherever its variables are: by its form, or else at points without special

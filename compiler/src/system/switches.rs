@@ -99,7 +99,7 @@ pub(super) struct Switches<'e> {
     /// Time, and data.
     given: Vec<Var>,
     /// Values of parameters.
-    params: FxHashMap<Var, f64>,
+    pub params: FxHashMap<Var, f64>,
     /// Canonical ψ to its switch.
     index: FxHashMap<Expr<'e>, usize>,
     /// Every entry variable to its α, or to what `choices` has.

@@ -108,7 +108,8 @@ pub(super) fn run(
                 kept: None,
             };
             let fine = simulator(finer(grid)).run(0.0, settings.horizon, &x0, &mut keeper);
-            estimate(&comparison, &recorder, &solution.outcome, &fine.outcome)
+            let outcomes = [&solution.outcome, &fine.outcome];
+            estimate(system, &comparison, &recorder, outcomes)
         });
         // A grid is taken as it is.
         let judged = estimate.as_ref().filter(|_| options.steps.is_none());
@@ -179,19 +180,29 @@ fn finer(grid: Grid) -> Grid {
     }
 }
 
+/// An algebraic state that is smaller than this share of the largest one may be zero.
+const NEGLIGIBLE: f64 = 1e-3;
+
 /// What a finer run says, where differences are large compared with rounding.
 pub(super) fn estimate(
+    system: &System,
     comparison: &Comparison,
     run: &Recorder,
-    found: &Outcome,
-    fine: &Outcome,
+    [found, fine]: [&Outcome; 2],
 ) -> Estimate {
-    let scales = comparison.scale.iter().zip(&found.x);
-    let relative = |(difference, (scale, x)): (&f64, (&f64, &f64))| {
-        let scale = scale.max(x.abs());
+    let scale = |i: usize| comparison.scale[i].max(found.x[i].abs());
+    let algebraic = system.algebraic_states();
+    let largest = algebraic.iter().map(|&i| scale(i)).fold(0.0, f64::max);
+    // The multiplier of a constraint that is never active has no size of its own.
+    let least = |i: usize| match algebraic.binary_search(&i) {
+        Ok(_) => NEGLIGIBLE * largest,
+        Err(_) => 0.0,
+    };
+    let relative = |(i, difference): (usize, &f64)| {
+        let scale = scale(i).max(least(i));
         if scale > 0.0 { difference / scale } else { 0.0 }
     };
-    let error = comparison.difference.iter().zip(scales).map(relative);
+    let error = comparison.difference.iter().enumerate().map(relative);
     let rounding = f64::EPSILON * (found.stats.steps as f64).sqrt();
     Estimate {
         touches: Touches::default(),

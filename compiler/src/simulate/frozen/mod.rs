@@ -68,7 +68,12 @@ pub(super) fn run(
             let mut comparison = Comparison::new(&recorder, &x0);
             let mut watched = Watched::new(&mut comparison, horizon, true, watch);
             let fine = road.run(&frozen, settings, (tolerance, true), left(), &mut watched);
-            estimate(&comparison, &recorder, &found.outcome, &fine.outcome)
+            estimate(
+                system,
+                &comparison,
+                &recorder,
+                [&found.outcome, &fine.outcome],
+            )
         });
         let judged = estimated.as_ref().filter(|_| !settings.method.has_steps());
         if let Some(next) = tightened(judged, settings, tolerance, attempt) {

@@ -54,7 +54,13 @@ pub(super) fn run(
         };
         let fine = stepper(2 * options.steps).run(0.0, settings.horizon, &x0, &mut told);
         // The order is one: halving the steps removes half of the error.
-        2.0 * estimate(&comparison, &recorder, &solution.outcome, &fine.outcome).error
+        2.0 * estimate(
+            system,
+            &comparison,
+            &recorder,
+            [&solution.outcome, &fine.outcome],
+        )
+        .error
     });
     let failure = failure(system, &solution);
     let mut outcome = solution.outcome.clone();
