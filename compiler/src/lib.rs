@@ -344,7 +344,7 @@ fn nonlinear(system: &System, settings: &Settings, freezes: bool) -> Option<Expe
         "`optimize`".to_owned()
     } else if freezes {
         "`lower timefreezing`".to_owned()
-    } else if !settings.method.slides_nonlinearly() {
+    } else if !settings.method.takes_any_state() {
         format!("`method {}`", settings.method.word())
     } else if !system.drives_its_surface(k) {
         format!("rates that do not move `{}` at once", switch.name)

@@ -181,6 +181,20 @@ pub fn test_folder(folder: &Path) -> (Exit, String, String) {
     (exit, text(&out), text(&err))
 }
 
+/// Slope of the least squares line through (ln steps, -ln error).
+pub fn fitted_order(errors: &[(usize, f64)]) -> f64 {
+    let points: Vec<(f64, f64)> = errors
+        .iter()
+        .map(|&(n, e)| ((n as f64).ln(), -e.ln()))
+        .collect();
+    let n = points.len() as f64;
+    let (mx, my) = points
+        .iter()
+        .fold((0.0, 0.0), |(x, y), p| (x + p.0 / n, y + p.1 / n));
+    let covariance: f64 = points.iter().map(|p| (p.0 - mx) * (p.1 - my)).sum();
+    covariance / points.iter().map(|p| (p.0 - mx) * (p.0 - mx)).sum::<f64>()
+}
+
 /// The times of all events of a kind, in order.
 pub fn times(trajectory: &Trajectory, kind: EventKind) -> Vec<f64> {
     let events = trajectory.events.iter();

@@ -1,6 +1,6 @@
 //! Optimal control of systems with algebraic states.
 
-use nsd_tests::with_experiment;
+use nsd_tests::{fitted_order, with_experiment};
 use nsdc::optimize;
 use nsdc::report::{Status, Trajectory};
 use nsdc::simulate::Request;
@@ -56,9 +56,9 @@ fn pairs_with_two_continuous_members_keep_the_order_of_the_scheme() {
     // Full speed down: x' = -1 - 3x, x = 4/3 e^(-3t) - 1/3 until x = 0 at t = ln(4)/3, and x' = -1 from there.
     let exact = 4.0_f64.ln() / 3.0 - 1.0;
     for (nodes, grids) in [(2.0, &[2, 3, 4, 6, 8, 11][..]), (3.0, &[2, 3, 4, 5, 6])] {
-        let points: Vec<(f64, f64)> = grids
+        let errors: Vec<(usize, f64)> = grids
             .iter()
-            .map(|&intervals: &i32| {
+            .map(|&intervals| {
                 let text = format!(
                     "model m {{ state x = 1; control u in [-1, 1] = 0; algebraic a = 1;
                      0 <= a perp a - x >= 0; x' = u - 3*a; }}
@@ -66,20 +66,14 @@ fn pairs_with_two_continuous_members_keep_the_order_of_the_scheme() {
                      scheme radau_iia({nodes}); minimize final(x); }}"
                 );
                 let error = (objective(&optimum(&text, 0.1)) - exact).abs();
-                (f64::from(intervals).ln(), -error.ln())
+                (intervals, error)
             })
             .collect();
-        let n = points.len() as f64;
-        let mean = points
-            .iter()
-            .fold((0.0, 0.0), |m, p| (m.0 + p.0 / n, m.1 + p.1 / n));
-        let covariance = points.iter().map(|p| (p.0 - mean.0) * (p.1 - mean.1));
-        let variance = points.iter().map(|p| (p.0 - mean.0).powi(2));
-        let order = covariance.sum::<f64>() / variance.sum::<f64>();
+        let order = fitted_order(&errors);
         let least = 2.0 * nodes - 1.3;
         assert!(
             order >= least,
-            "{nodes} nodes: order {order:.2} from {points:?}"
+            "{nodes} nodes: order {order:.2} from {errors:?}"
         );
     }
 }

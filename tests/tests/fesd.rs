@@ -5,7 +5,7 @@ mod rungs;
 
 use std::f64::consts::PI;
 
-use nsd_tests::{run, with_experiment};
+use nsd_tests::{fitted_order, run, with_experiment};
 use nsdc::report::{Status, Trajectory};
 use nsdc::simulate::{self, Request};
 
@@ -60,20 +60,6 @@ fn oscillator_error(scheme: &str, steps: usize) -> f64 {
         found.failure
     );
     distance(&end(&found), &exact(PI / 2.0))
-}
-
-/// Slope of the least squares line through (ln steps, -ln error).
-fn fitted_order(errors: &[(usize, f64)]) -> f64 {
-    let points: Vec<(f64, f64)> = errors
-        .iter()
-        .map(|&(n, e)| ((n as f64).ln(), -e.ln()))
-        .collect();
-    let n = points.len() as f64;
-    let (mx, my) = points
-        .iter()
-        .fold((0.0, 0.0), |(x, y), p| (x + p.0 / n, y + p.1 / n));
-    let covariance: f64 = points.iter().map(|p| (p.0 - mx) * (p.1 - my)).sum();
-    covariance / points.iter().map(|p| (p.0 - mx) * (p.0 - mx)).sum::<f64>()
 }
 
 #[test]

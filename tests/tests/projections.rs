@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use nalgebra::{DMatrix, DVector};
-use nsd_tests::{end, run, times, with_experiment};
+use nsd_tests::{end, fitted_order, run, times, with_experiment};
 use nsdc::optimize;
 use nsdc::report::{EventKind, Failure, Status, Trajectory};
 use nsdc::simulate::Request;
@@ -65,24 +65,18 @@ fn finite_elements_keep_their_order_across_activation_and_deactivation() {
         ("radau_iia(2)", 2.0, &[20, 27, 37, 51, 69, 93]),
         ("radau_iia(3)", 3.0, &[8, 11, 15, 20, 27, 36]),
     ] {
-        let points: Vec<(f64, f64)> = grids
+        let errors: Vec<(usize, f64)> = grids
             .iter()
-            .map(|&steps: &i32| {
+            .map(|&steps| {
                 let method = format!("method fesd {{ steps = {steps}; scheme = {scheme}; }}");
                 let x = end(&runs(TURN, "turn", turn_horizon(), &method), "x");
                 let error = (x[0] + 1.0).hypot(x[1]);
-                (f64::from(steps).ln(), -error.ln())
+                (steps, error)
             })
             .collect();
-        let n = points.len() as f64;
-        let mean = points
-            .iter()
-            .fold((0.0, 0.0), |m, p| (m.0 + p.0 / n, m.1 + p.1 / n));
-        let covariance = points.iter().map(|p| (p.0 - mean.0) * (p.1 - mean.1));
-        let variance = points.iter().map(|p| (p.0 - mean.0).powi(2));
-        let order = covariance.sum::<f64>() / variance.sum::<f64>();
+        let order = fitted_order(&errors);
         let least = 2.0 * n_nodes - 1.3;
-        assert!(order >= least, "{scheme}: order {order:.2} from {points:?}");
+        assert!(order >= least, "{scheme}: order {order:.2} from {errors:?}");
     }
 }
 

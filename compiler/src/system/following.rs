@@ -8,7 +8,7 @@
 use super::{Role, System};
 use crate::expr::{Expr, Var, variables_of};
 use crate::source::Span;
-use crate::system::task::At;
+use crate::system::task::{At, Task};
 
 /// What algebraic states follow.
 #[derive(Clone, Debug, Default)]
@@ -17,6 +17,24 @@ pub struct Following {
     pub what: &'static str,
     /// By the place of states, whether it follows.
     pub states: Vec<bool>,
+}
+
+/// What is decided, by kind: controls, free parameters, free initial values; and what changes at any time as these do.
+fn decided(system: &System, task: &Task) -> [(&'static str, Vec<Var>); 4] {
+    fn vars<'e>(exprs: impl Iterator<Item = Expr<'e>>) -> Vec<Var> {
+        exprs.filter_map(Expr::as_variable).collect()
+    }
+    let params = task.params.iter().map(|p| system.params[p.place].var);
+    let initial = task.initial.iter().map(|x| system.states[x.place].var);
+    [
+        ("controls", vars(task.controls.iter().map(|u| u.var))),
+        ("free parameters", vars(params)),
+        ("free initial values", vars(initial)),
+        (
+            "signals from tables",
+            vars(system.data.iter().map(|data| data.var)),
+        ),
+    ]
 }
 
 /// The algebraic states that controls, free parameters, free initial values or signals from tables determine, alone or
@@ -29,25 +47,7 @@ pub fn following(system: &System) -> Following {
     let Some(task) = &system.task else {
         return following;
     };
-    let vars = |exprs: Vec<Expr>| exprs.into_iter().filter_map(Expr::as_variable).collect();
-    let decided: [(&str, Vec<Var>); 4] = [
-        (
-            "controls",
-            vars(task.controls.iter().map(|u| u.var).collect()),
-        ),
-        (
-            "free parameters",
-            vars((task.params.iter().map(|p| system.params[p.place].var)).collect()),
-        ),
-        (
-            "free initial values",
-            vars((task.initial.iter().map(|x| system.states[x.place].var)).collect()),
-        ),
-        (
-            "signals from tables",
-            vars(system.data.iter().map(|data| data.var).collect()),
-        ),
-    ];
+    let decided = decided(system, task);
     let kept = system.switches.iter().filter(|k| k.role != Role::Step);
     let rows: Vec<Vec<Var>> = kept.map(|k| variables_of(&[k.psi])).collect();
     let found = (decided.iter()).find(|(_, vars)| rows.iter().flatten().any(|v| vars.contains(v)));
@@ -85,13 +85,9 @@ pub fn reader(system: &System, following: &Following) -> Option<Span> {
         .filter_map(|(state, _)| state.var.as_variable())
         .collect();
     let task = system.task.as_ref()?;
-    let controls = task.controls.iter().map(|u| u.var);
-    let params = task.params.iter().map(|p| system.params[p.place].var);
-    let initial = task.initial.iter().map(|x| system.states[x.place].var);
-    let data = system.data.iter().map(|data| data.var);
-    let decided: Vec<Var> = (controls.chain(params).chain(initial).chain(data))
-        .filter_map(Expr::as_variable)
-        .collect();
+    let by_kind = decided(system, task);
+    let initial = &by_kind[2].1;
+    let decided: Vec<Var> = by_kind.iter().flat_map(|(_, vars)| vars).copied().collect();
     let holds = |e: Expr, vars: &[Var]| variables_of(&[e]).iter().any(|var| vars.contains(var));
     let switch = system.switches.iter().find(|k| match k.role {
         Role::Step => holds(k.psi, &followed),
@@ -99,9 +95,7 @@ pub fn reader(system: &System, following: &Following) -> Option<Span> {
         Role::Member(_) => holds(k.psi, &followed) || holds(k.psi, &decided),
     });
     let row = task.rows.iter().find(|row| {
-        let initial = task.initial.iter().map(|x| system.states[x.place].var);
-        let initial: Vec<Var> = initial.filter_map(Expr::as_variable).collect();
-        holds(row.value, &followed) && (row.at == At::Start || holds(row.value, &initial))
+        holds(row.value, &followed) && (row.at == At::Start || holds(row.value, initial))
     });
     let switch = switch.map(|switch| switch.spans[0]);
     switch.or(row.map(|row| row.span))

@@ -131,6 +131,15 @@ struct Velocities {
     after: Vec<f64>,
 }
 
+/// How contacts strike.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Impact {
+    /// With their restitutions.
+    AsStated,
+    /// Without rebound.
+    Plastic,
+}
+
 /// Why a step could not be made.
 struct Failed {
     status: Status,
@@ -394,31 +403,35 @@ impl<F: Free> Stepper<F> {
             self.active.contacts.retain(|contact| contact.gap <= touch);
             solved = self.strike_all(velocities);
         }
+        self.counts.plastic += usize::from(solved == Ok(Impact::Plastic));
         self.counts.impulses += self.active.contacts.len();
         self.counts.residual = self.counts.residual.max(self.impulses.residual);
-        solved.map_err(|c| self.active.contacts[c].contact as usize)
+        match solved {
+            Ok(_) => Ok(()),
+            Err(c) => Err(self.active.contacts[c].contact as usize),
+        }
     }
 
     /// Lets the active contacts give impulses.
-    fn strike_all(&mut self, velocities: &mut Velocities) -> Result<(), usize> {
+    fn strike_all(&mut self, velocities: &mut Velocities) -> Result<Impact, usize> {
         self.islands.begin(&self.bodies);
         self.islands.join(&self.active, &self.bodies);
-        let mut solved = Ok(());
-        for rebounds in [true, false] {
-            let bounced = self.set_impulses(velocities, rebounds);
+        let mut solved = Ok(Impact::AsStated);
+        // Restitutions of contacts that depend on each other may contradict each other.
+        for impact in [Impact::AsStated, Impact::Plastic] {
+            let bounced = self.set_impulses(velocities, impact == Impact::AsStated);
             let (active, impulses) = (&self.active, &mut self.impulses);
             velocities.after.clone_from(&velocities.free);
-            solved = impulses.solve(
+            let found = impulses.solve(
                 active,
                 &mut self.islands,
                 &self.bodies,
                 &mut velocities.after,
             );
+            solved = found.map(|()| impact);
             if solved.is_ok() || !bounced {
                 break;
             }
-            // Restitutions of contacts that depend on each other may contradict each other.
-            self.counts.plastic += 1;
         }
         solved
     }

@@ -1,6 +1,5 @@
 //! Unmodelled errors: random vectors that are added to the state at equal intervals of time.
 
-use super::jump::Met;
 use super::state::State;
 use super::{Simulator, Status, SwitchedSystem};
 use crate::mpcc::perturbed;
@@ -68,13 +67,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         }
         self.stiffness.after_event();
         let on = self.place(state, t1 - state.t)?;
-        if self.has_jumps() {
-            self.jump_and_change(state, Met::Surfaces(on), t1)
-        } else if on.is_empty() {
-            Ok(())
-        } else {
-            self.change(state, &on, t1)
-        }
+        self.enter(state, on, t1)
     }
 }
 

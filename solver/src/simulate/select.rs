@@ -57,6 +57,16 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         state.set_sides((0..state.sides.len()).map(relay).collect());
         let on = self.place(state, horizon)?;
         let t1 = state.t + horizon;
+        self.enter(state, on, t1)
+    }
+
+    /// Takes the mode of a state that was set, which is on these surfaces.
+    pub(super) fn enter(
+        &mut self,
+        state: &mut State,
+        on: Vec<usize>,
+        t1: f64,
+    ) -> Result<(), Status> {
         if self.has_jumps() {
             self.jump_and_change(state, Met::Surfaces(on), t1)
         } else if on.is_empty() {

@@ -271,7 +271,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             }
             let modes = self.mode.sliding_modes(i, &mut alphas);
             alphas[i] = alpha[at];
-            let modes = modes.unwrap_or_default();
+            let modes = modes.map_err(|_| Status::Undetermined {
+                switches: group.to_vec(),
+            })?;
             let distance = |a: f64| (a - alpha[at]).abs();
             let nearest = modes.iter().map(|mode| mode.alpha);
             let nearest = nearest.min_by(|a, b| distance(*a).total_cmp(&distance(*b)));

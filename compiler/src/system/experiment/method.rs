@@ -59,8 +59,8 @@ impl Method<'_> {
         matches!(self, Method::Auto | Method::Event(_) | Method::Fesd(_))
     }
 
-    /// Whether the method follows sliding modes of switches that are read nonlinearly.
-    pub fn slides_nonlinearly(&self) -> bool {
+    /// Whether the method goes on from any state in any reading of switches, without regions and multipliers alone.
+    pub fn takes_any_state(&self) -> bool {
         matches!(self, Method::Auto | Method::Event(_) | Method::Smoothing(_))
     }
 

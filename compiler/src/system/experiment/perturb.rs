@@ -3,7 +3,7 @@
 use nsd_solver::simulate::{KickSize, Kicks};
 
 use super::optimize::{LARGEST_SEED, one_argument};
-use super::{ExperimentError, Method, Reader, Settings};
+use super::{ExperimentError, Reader, Settings};
 use crate::source::Span;
 use crate::syntax;
 use crate::system::{Role, System};
@@ -58,14 +58,10 @@ impl Settings<'_> {
     /// Why an experiment whose state is disturbed cannot be run.
     pub fn kicks_too_much(&self, system: &System) -> Option<ExperimentError> {
         self.kicks.as_ref()?;
-        let runs = matches!(
-            self.method,
-            Method::Auto | Method::Event(_) | Method::Smoothing(_)
-        );
         let mut switches = system.switches.iter();
         // A state on the wrong side of a constraint is none that the model has.
         let is_kept = switches.any(|switch| switch.unilateral || switch.role != Role::Step);
-        let what = if !runs {
+        let what = if !self.method.takes_any_state() {
             format!("`method {}`", self.method.word())
         } else if self.freezes() {
             "`lower timefreezing`".to_owned()
