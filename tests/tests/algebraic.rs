@@ -81,9 +81,19 @@ fn a_loop_of_two_is_solved_together() {
 #[test]
 fn an_equation_has_a_kink() {
     let model = "state x = -1; algebraic y = 0; 0 = 2*y + abs(y) - x; x' = 1;";
-    let found = runs(model, 2.0, "output y at [0.5, 2];");
-    assert_near(&end(&found, "y"), &[1.0 / 3.0], 1e-13);
-    assert_near(&times(&found, EventKind::Crossing), &[1.0], 1e-12);
+    // Two in a loop: y = z³ + z and 4y + z = x above zero, 2y + z = x below.
+    let in_loop = "state x = 2; algebraic y = 0; algebraic z = 0; 0 = 3*y + abs(y) + z - x; 0 = z^3 + z - y; x' = -1;";
+    let z = (0..60).fold(-0.3_f64, |z, _| {
+        z - (2.0 * (z.powi(3) + z) + z + 1.0) / (6.0 * z * z + 3.0)
+    });
+    for road in ROADS {
+        let found = runs(model, 2.0, &format!("output y at [0.5, 2]; {road}"));
+        assert_near(&end(&found, "y"), &[1.0 / 3.0], 1e-13);
+        assert_near(&times(&found, EventKind::Crossing), &[1.0], 1e-12);
+        let found = runs(in_loop, 3.0, road);
+        assert_near(&end(&found, "z"), &[z], 1e-12);
+        assert_near(&times(&found, EventKind::Crossing), &[2.0], 1e-12);
+    }
 }
 
 #[test]

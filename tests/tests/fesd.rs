@@ -416,12 +416,6 @@ fn the_examples_end_where_the_event_road_does() {
                 assert_ne!(fesd.status, Status::Solved, "{name}");
                 continue;
             }
-            // Known limits that are reported: at a tolerance of 1e-11 elements become too short for a multiplier that is
-            // nothing but rounding, and no active set is found where equations in a loop have kinks.
-            if ["dispatch", "junction"].contains(&stem.as_str()) {
-                assert_eq!(fesd.status, Status::NumericalFailure, "{stem} {name}");
-                continue;
-            }
             assert_eq!(
                 fesd.status,
                 Status::Solved,

@@ -108,6 +108,8 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         let (solved, scheme) = (&self.solved[0], &self.scheme);
         let reduced = &mode.element.reduced;
         let (n, h) = (run.x.len(), solved.h);
+        let algebraic = self.system.algebraic_states();
+        let largest = algebraic.iter().map(|&i| run.scale[i]).fold(0.0, f64::max);
         let mut worst = 0.0_f64;
         for sigma in scheme.probes() {
             let tau = sigma * h;
@@ -119,8 +121,13 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             }
             for (i, f) in mode.hidden.eval(&reduced.equations).take(n).enumerate() {
                 let rate = crate::simulate::series::slope(self.series.row(i), tau);
-                // What rounding leaves of the rate is no reason for a shorter element.
-                let rounding = ROUNDING * h * mode.element.activity[i] / target;
+                // What rounding leaves of the rate is no reason for a shorter element. Equations leave that of
+                // their terms in all that they determine, a multiplier that is zero, too.
+                let terms = match algebraic.contains(&i) {
+                    true => largest,
+                    false => h * mode.element.activity[i],
+                };
+                let rounding = ROUNDING * terms / target;
                 let scale = run.scale[i].max((h * rate).abs()).max(rounding);
                 let scale = scale.max(f64::MIN_POSITIVE);
                 let relative = h * (rate - f).abs() / scale;

@@ -81,6 +81,8 @@ pub(super) struct Element {
     pub(super) rhs: Vec<f64>,
     by_x: Vec<f64>,
     pub(super) by_length: Vec<f64>,
+    /// The state whose rate each w is, where that is an algebraic state.
+    follows: Vec<Option<usize>>,
     /// Counts.
     pub iterations: usize,
     pub factorizations: usize,
@@ -122,6 +124,7 @@ impl Element {
             rhs: vec![0.0; size],
             by_x: vec![0.0; n],
             by_length: vec![0.0; size],
+            follows: vec![None; reduced.unknowns.len()],
             iterations: 0,
             factorizations: 0,
             evaluations: 0,
@@ -134,6 +137,22 @@ impl Element {
         if self.numbers != numbers {
             self.numbers.copy_from_slice(numbers);
             self.factored = 0.0;
+        }
+    }
+
+    /// Says which states are algebraic. The rate of one is a w of its own, and known as far as the state is.
+    pub fn follow(&mut self, algebraic: &[usize]) {
+        let n = self.n;
+        for &state in algebraic {
+            let entries = self.reduced.slopes.entries.iter();
+            let mut inputs = entries
+                .filter(|(row, _)| *row == state)
+                .map(|entry| entry.1);
+            if let (Some(input), None) = (inputs.next(), inputs.next())
+                && input > n
+            {
+                self.follows[input - 1 - n] = Some(state);
+            }
         }
     }
 
@@ -375,7 +394,10 @@ impl Element {
                         let rate = y.abs().max(self.activity[place]);
                         (self.h * change.abs(), scale[place].max(self.h * rate))
                     }
-                    false => (change.abs(), 1.0 + y.abs()),
+                    false => {
+                        let rounded = self.follows[place - n].map_or(0.0, |i| scale[i] / self.h);
+                        (change.abs(), (1.0 + y.abs()).max(rounded))
+                    }
                 };
                 // A state that rests counts for nothing, and NaN is not passed over.
                 if change > largest * size || change.is_nan() {

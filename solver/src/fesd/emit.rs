@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use super::system::ComplementaritySystem;
+use super::system::{ComplementaritySystem, measure};
 use super::watch::{BAND, Start};
 use super::{Run, Simulator};
 use crate::simulate::{Segment, Side, Status, series};
@@ -47,9 +47,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 Some(end) => end,
                 None => start + length,
             };
-            for (scale, x) in run.scale.iter_mut().zip(&run.x) {
-                *scale = scale.max(x.abs());
-            }
+            measure(&mut run.scale, &run.x, self.system.algebraic_states());
             run.stats.steps += 1;
             if !run.x.iter().all(|x| x.is_finite()) {
                 return Err(Status::NotFinite);

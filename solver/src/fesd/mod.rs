@@ -45,7 +45,7 @@ use hidden::Hidden;
 use nodes::Nodes;
 use scheme::Scheme;
 pub use stepping::{Stepper, SteppingSettings};
-pub use system::{ComplementaritySystem, Full, Member, Pair, Reduced, Watched, Zero};
+pub use system::{ComplementaritySystem, Full, Member, NEGLIGIBLE, Pair, Reduced, Watched, Zero};
 use watch::{Start, Values};
 
 /// What the user may choose.
@@ -169,7 +169,7 @@ struct Run {
     sizes: Vec<f64>,
     /// What rates of members are zero next to.
     rate_scale: f64,
-    /// Largest magnitude of each state so far.
+    /// Largest magnitude of each state so far, see [`system::measure`].
     scale: Vec<f64>,
     /// Length of the last element in this mode, zero before the first.
     last: f64,
@@ -259,7 +259,7 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
             until: f64::INFINITY,
             sizes: Vec::new(),
             rate_scale: 0.0,
-            scale: x0.iter().map(|x| x.abs()).collect(),
+            scale: vec![0.0; x0.len()],
             last: 0.0,
             next: 0.0,
             rates: vec![0.0; x0.len()],
@@ -273,6 +273,7 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
             events: Events::default(),
             notes: Vec::new(),
         };
+        system::measure(&mut run.scale, x0, self.system.algebraic_states());
         let status = match self.integrate(&mut run, t0, t1, observer) {
             Ok(()) => Status::Solved,
             Err(status) => status,
@@ -401,6 +402,7 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
                 hidden: Hidden::new(n, n_numbers, &reduced),
                 element: Element::new(&self.scheme, n, n_numbers, reduced),
             };
+            mode.element.follow(self.system.algebraic_states());
             mode.element.set_numbers(&self.numbers);
             mode.hidden.set_numbers(&self.numbers);
             self.modes.push(mode);

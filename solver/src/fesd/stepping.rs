@@ -47,7 +47,7 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
     /// Memory for a system.
     pub fn new(system: &'s S, settings: SteppingSettings) -> Result<Self, TableauError> {
         let tableau = Tableau::new(settings.family, settings.nodes)?;
-        let (n, s) = (system.n_states(), tableau.n_nodes());
+        let s = tableau.n_nodes();
         let pairs = system.pairs().iter().enumerate();
         let forces = pairs.filter(|(_, pair)| !pair.is_bounded);
         let forces = forces.flat_map(|(at, _)| system.switches_of(at));
@@ -56,7 +56,7 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
             series: ElementSeries::default(),
             alpha: vec![0.0; system.n_switches()],
             forces: forces.copied().collect(),
-            uniform: Uniform::new(Scheme::new(tableau), n, system.n_numbers()),
+            uniform: Uniform::new(Scheme::new(tableau), system),
             settings,
             system,
         })

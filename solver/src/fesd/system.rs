@@ -18,6 +18,10 @@ use crate::tape::Tape;
 pub trait ComplementaritySystem {
     /// Length of x.
     fn n_states(&self) -> usize;
+    /// The entries of x that equations determine at each instant; their rates are among z.
+    fn algebraic_states(&self) -> &[usize] {
+        &[]
+    }
     /// Length of ψ and α of the switches that the pairs state.
     fn n_switches(&self) -> usize;
     /// The pairs.
@@ -55,6 +59,21 @@ pub trait ComplementaritySystem {
     }
     /// Whether a variable is continuous along solutions.
     fn is_continuous(&self, algebraic: usize) -> bool;
+}
+
+/// An algebraic state that is smaller than this share of the largest one may be zero: the multiplier of a
+/// constraint that is never active has no size of its own.
+pub const NEGLIGIBLE: f64 = 1e-3;
+
+/// Raises the sizes of all states to those of `x`; of `algebraic` ones none is less than negligible.
+pub(super) fn measure(sizes: &mut [f64], x: &[f64], algebraic: &[usize]) {
+    for (size, x) in sizes.iter_mut().zip(x) {
+        *size = size.max(x.abs());
+    }
+    let largest = algebraic.iter().map(|&i| sizes[i]).fold(0.0, f64::max);
+    for &i in algebraic {
+        sizes[i] = sizes[i].max(NEGLIGIBLE * largest);
+    }
 }
 
 /// Which member of a pair is zero while an active set lasts.

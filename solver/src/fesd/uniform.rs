@@ -9,7 +9,7 @@ use wide::f64x4;
 
 use super::element::Element;
 use super::scheme::{Scheme, WIDTH};
-use super::system::{ComplementaritySystem, Zero};
+use super::system::{ComplementaritySystem, Zero, measure};
 use crate::simulate::Stats;
 
 /// Members above this are not negative.
@@ -27,12 +27,14 @@ pub(super) struct Uniform {
     zeros: Vec<Zero>,
     numbers: Vec<f64>,
     scale: Vec<f64>,
+    /// The states that equations determine.
+    algebraic: Vec<usize>,
     registers: Vec<f64x4>,
 }
 
 impl Uniform {
     /// No set yet.
-    pub fn new(scheme: Scheme, n: usize, n_numbers: usize) -> Self {
+    pub fn new(scheme: Scheme, system: &impl ComplementaritySystem) -> Self {
         Uniform {
             scheme,
             known: FxHashMap::default(),
@@ -40,8 +42,9 @@ impl Uniform {
             present: None,
             repeats: false,
             zeros: Vec::new(),
-            numbers: vec![0.0; n_numbers],
-            scale: vec![0.0; n],
+            numbers: vec![0.0; system.n_numbers()],
+            scale: vec![0.0; system.n_states()],
+            algebraic: system.algebraic_states().to_vec(),
             registers: Vec::new(),
         }
     }
@@ -50,14 +53,7 @@ impl Uniform {
     pub fn begin(&mut self, x: &[f64]) {
         self.present = None;
         self.scale.fill(0.0);
-        self.measure(x);
-    }
-
-    /// Takes note of the size of the states.
-    fn measure(&mut self, x: &[f64]) {
-        for (scale, x) in self.scale.iter_mut().zip(x) {
-            *scale = scale.max(x.abs());
-        }
+        measure(&mut self.scale, x, &self.algebraic);
     }
 
     /// Takes the numbers that hold from here on.
@@ -85,6 +81,7 @@ impl Uniform {
         self.present = reduced.filter(|reduced| reduced.is_direct).map(|reduced| {
             let (n, n_numbers) = (system.n_states(), self.numbers.len());
             let mut element = Element::new(&self.scheme, n, n_numbers, reduced);
+            element.follow(&self.algebraic);
             element.set_numbers(&self.numbers);
             self.elements.push(element);
             self.elements.len() - 1
@@ -104,7 +101,7 @@ impl Uniform {
         let Some(present) = self.present else {
             return false;
         };
-        self.measure(x);
+        measure(&mut self.scale, x, &self.algebraic);
         let element = &mut self.elements[present];
         let (n, per_node) = (x.len(), unknowns.len() / self.scheme.s);
         if self.repeats {

@@ -23,11 +23,14 @@ pub struct Complementarity<'e> {
     exprs: &'e Exprs,
     time: Var,
     states: Vec<Var>,
+    algebraic_states: Vec<usize>,
     algebraics: Vec<Var>,
     continuous: Vec<bool>,
     start: Vec<f64>,
     rates: Vec<Expr<'e>>,
     equations: Vec<Expr<'e>>,
+    /// Whether an equation determines an algebraic state, by equation.
+    determines_state: Vec<bool>,
     alphas: Vec<Expr<'e>>,
     pairs: Vec<Pair>,
     switches_of: Vec<Vec<usize>>,
@@ -86,6 +89,7 @@ impl<'e> Complementarity<'e> {
             let switch = &system.switches[switch];
             switch.unilateral || switch.role != Role::Step
         };
+        let determines_state = |origin: &Origin| matches!(origin.cause, Cause::Switch(k) if system.switches[k].role == Role::Equation);
         let mut members = vec![None; system.switches.len()];
         for (pair, origin) in dcs.origins.pairs.iter().enumerate() {
             if let Cause::Switch(second) = origin.cause
@@ -109,8 +113,12 @@ impl<'e> Complementarity<'e> {
             exprs,
             time: variable(dcs.time),
             states: dcs.states.iter().map(|state| variable(state.var)).collect(),
+            algebraic_states: system.algebraic_states(),
             continuous,
             start: dcs.algebraics.iter().map(|z| z.guess).collect(),
+            determines_state: (dcs.origins.equations.iter())
+                .map(determines_state)
+                .collect(),
             alphas: numbers.apply(&dcs.alphas),
             pairs: dcs.pairs.iter().zip(&dcs.origins.pairs).map(pair).collect(),
             switches_of: (dcs.origins.pairs.iter())
@@ -199,13 +207,15 @@ impl<'e> Complementarity<'e> {
             .map(|((&z, &u), _)| (z, u))
             .collect();
         let rates = jumps.apply(&self.rates);
-        let directional = self.equations.iter().map(|&row| {
+        let rows = self.equations.iter().zip(&self.determines_state);
+        let directional = rows.map(|(&row, determines_state)| {
             let vars = variables_of(&[row]);
             let inside = self.algebraics.iter().zip(&u).zip(&self.continuous);
             let inside = inside.filter(|((z, _), continuous)| **continuous && vars.contains(z));
             let along: Vec<Expr> = inside.map(|((&z, &u), _)| row.diff(z) * u).collect();
             let holds_z = vars.iter().any(|var| self.algebraics.contains(var));
-            if along.is_empty() && holds_z {
+            // What jumps has no part in an equation for a state where it does so: the state is continuous.
+            if along.is_empty() && holds_z && !determines_state {
                 return row.substitute(&jumps);
             }
             let along = exprs.sum(along.into_iter().chain([self.drift(row, &vars)]));
@@ -347,6 +357,10 @@ impl<'e> Complementarity<'e> {
 impl ComplementaritySystem for Complementarity<'_> {
     fn n_states(&self) -> usize {
         self.states.len()
+    }
+
+    fn algebraic_states(&self) -> &[usize] {
+        &self.algebraic_states
     }
 
     fn n_switches(&self) -> usize {

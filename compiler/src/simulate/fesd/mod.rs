@@ -180,9 +180,6 @@ fn finer(grid: Grid) -> Grid {
     }
 }
 
-/// An algebraic state that is smaller than this share of the largest one may be zero.
-const NEGLIGIBLE: f64 = 1e-3;
-
 /// What a finer run says, where differences are large compared with rounding.
 pub(super) fn estimate(
     system: &System,
@@ -193,9 +190,8 @@ pub(super) fn estimate(
     let scale = |i: usize| comparison.scale[i].max(found.x[i].abs());
     let algebraic = system.algebraic_states();
     let largest = algebraic.iter().map(|&i| scale(i)).fold(0.0, f64::max);
-    // The multiplier of a constraint that is never active has no size of its own.
     let least = |i: usize| match algebraic.binary_search(&i) {
-        Ok(_) => NEGLIGIBLE * largest,
+        Ok(_) => fesd::NEGLIGIBLE * largest,
         Err(_) => 0.0,
     };
     let relative = |(i, difference): (usize, &f64)| {
