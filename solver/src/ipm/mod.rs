@@ -310,8 +310,10 @@ impl<'a> Run<'a> {
         let options = self.options;
         let error = self.optimality_error(errors, options.mu_target);
         let nv = self.nv();
-        let bounds = self.lower[..nv].iter().chain(&self.upper[..nv]);
-        let n_bounds = bounds.filter(|bound| bound.is_finite()).count();
+        // A bound is active where its multiplier is larger than the distance from it; z = 0 where it is infinite.
+        let lower = (0..nv).filter(|&i| self.z_l[i] >= self.v[i] - self.lower[i]);
+        let upper = (0..nv).filter(|&i| self.z_u[i] >= self.upper[i] - self.v[i]);
+        let n_active = lower.count() + upper.count();
         let progress = Progress {
             iteration: self.iterations,
             is_restoration: self.is_restoration,
@@ -319,7 +321,7 @@ impl<'a> Run<'a> {
             primal: errors.primal,
             dual: errors.dual,
             mu: self.mu,
-            gap: n_bounds as f64 * self.mu / self.form.objective_scale,
+            gap: n_active as f64 * self.mu / self.form.objective_scale,
             step: largest(&self.step.v[..nv]),
             regularization: self.kkt.regularization,
             step_lengths: (self.alpha, self.alpha_dual),

@@ -19,7 +19,7 @@ pub struct Progress<'a> {
     /// The barrier parameter.
     pub mu: f64,
     /// By how much the objective of a solved barrier problem is above that of the problem, to first order: the number
-    /// of bounds times μ, in the units of the objective.
+    /// of active bounds times μ, in the units of the objective.
     pub gap: f64,
     /// The largest entry of the last step.
     pub step: f64,

@@ -40,7 +40,7 @@ use crate::ipm;
 use crate::problem::{Mpcc, Nlp};
 use branch::{Branch, choose};
 use certificate::Certificate;
-use polish::{Guess, Polished, polish, polish_below};
+use polish::{Goal, Guess, Polished, polish};
 use way::{DeadEnd, ways};
 use work::Work;
 
@@ -165,7 +165,7 @@ impl Work<'_> {
             is_optimal: found.status.is_solved(),
             point,
         };
-        let best = match polish(lifted, &polished.point, &[], self) {
+        let best = match polish(lifted, &polished.point, &[], Goal::Solution, self) {
             Ok(finer) if finer.is_optimal => finer,
             _ => polished,
         };
@@ -188,7 +188,7 @@ impl Work<'_> {
                 y: vec![0.0; lifted.n_rows()],
             };
             let zeros = choose(lifted, start);
-            if let Ok(polished) = polish(lifted, &guess, &zeros, self) {
+            if let Ok(polished) = polish(lifted, &guess, &zeros, Goal::Solution, self) {
                 best = Some(self.improve(lifted, polished));
             }
         }
@@ -273,7 +273,7 @@ impl Work<'_> {
             };
             let zeros = choose(lifted, &guess.w);
             let gain = 1e-10 * best.objective.abs().max(1.0);
-            match polish(lifted, &guess, &zeros, self) {
+            match polish(lifted, &guess, &zeros, Goal::Solution, self) {
                 Ok(next) if next.objective < best.objective - gain => {
                     self.stats.switches += 1;
                     best = next;
@@ -313,11 +313,11 @@ impl Work<'_> {
                 w,
             };
             let below = best.objective - 1e-10 * size;
-            let next = match number {
-                0 => polish(lifted, &guess, &zeros, self),
-                _ => polish_below(below, lifted, &guess, &zeros, self),
+            let goal = match number {
+                0 => Goal::Below(below),
+                _ => Goal::Near(below),
             };
-            let next = match next {
+            let next = match polish(lifted, &guess, &zeros, goal, self) {
                 Ok(next) => next,
                 Err(status) => {
                     n_worse += usize::from(status == ipm::Status::Stopped);

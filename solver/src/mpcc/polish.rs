@@ -44,37 +44,39 @@ const MAX_PAIRED: usize = 100;
 /// Errors of the conditions of a barrier problem at which its objective is believed.
 const SETTLED: f64 = 1e-4;
 
+/// What the solution of a branch is wanted for.
+#[derive(Clone, Copy, Debug)]
+pub enum Goal {
+    /// The solution itself.
+    Solution,
+    /// A solution with an objective below this.
+    Below(f64),
+    /// The same, where the branch is feasible close to the point.
+    Near(f64),
+}
+
+impl Goal {
+    /// What the objective has to be below.
+    fn below(self) -> Option<f64> {
+        match self {
+            Goal::Solution => None,
+            Goal::Below(objective) | Goal::Near(objective) => Some(objective),
+        }
+    }
+}
+
 /// The solution of the branch with these zeros near a point.
+///
+/// The status `Stopped` says that its objective is not below what the goal is, as far as duality gaps tell.
 pub fn polish(
     lifted: &mut Lifted<'_>,
     guess: &Guess,
     zeros: &[Member],
+    goal: Goal,
     work: &mut Work<'_>,
 ) -> Result<Polished, ipm::Status> {
-    polish_by(&RUNS, lifted, guess, zeros, None, work)
-}
-
-/// The solution of the branch with these zeros, where it is close to a point that is feasible, and smaller than this.
-///
-/// The status `Stopped` says that it is not smaller, as far as duality gaps tell.
-pub fn polish_below(
-    objective: f64,
-    lifted: &mut Lifted<'_>,
-    guess: &Guess,
-    zeros: &[Member],
-    work: &mut Work<'_>,
-) -> Result<Polished, ipm::Status> {
-    polish_by(&RUNS[..1], lifted, guess, zeros, Some(objective), work)
-}
-
-fn polish_by(
-    runs: &[(f64, usize)],
-    lifted: &mut Lifted<'_>,
-    guess: &Guess,
-    zeros: &[Member],
-    below: Option<f64>,
-    work: &mut Work<'_>,
-) -> Result<Polished, ipm::Status> {
+    let is_near = matches!(goal, Goal::Near(_));
+    let runs = if is_near { &RUNS[..1] } else { &RUNS };
     lifted.settle(Some(zeros));
     let reduced = Local::new(lifted, &guess.w).reduced_gradient(&guess.y);
     let mut best: Result<Polished, ipm::Status> = Err(ipm::Status::LocallyInfeasible);
@@ -104,11 +106,13 @@ fn polish_by(
             };
             let mut is_lost = false;
             let mut hopeless = |progress: &ipm::Progress<'_>| {
-                let Some(below) = below else {
+                let Some(below) = goal.below() else {
                     return ControlFlow::Continue(());
                 };
-                let is_settled = progress.primal.max(progress.dual) <= SETTLED;
-                is_lost = progress.is_restoration;
+                // What restoration minimizes is not the objective.
+                let is_settled =
+                    !progress.is_restoration && progress.primal.max(progress.dual) <= SETTLED;
+                is_lost = is_near && progress.is_restoration;
                 match is_lost || is_settled && progress.objective - progress.gap > below {
                     true => ControlFlow::Break(()),
                     false => ControlFlow::Continue(()),

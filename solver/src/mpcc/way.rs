@@ -7,7 +7,7 @@ use super::certificate::Residuals;
 use super::lift::Lifted;
 use super::observer::Program;
 use super::options::{Homotopy, Options};
-use super::polish::{Guess, Polished, polish};
+use super::polish::{Goal, Guess, Polished, polish};
 use super::relaxation::{Relaxation, Steering};
 use super::relaxed::{Coupling, Form, Relaxed};
 use super::work::Work;
@@ -118,7 +118,7 @@ impl Way {
             // The relaxation may end with its point outside of everything; then there is nothing to polish.
             let zeros = choose(lifted, &guess.w);
             if found.status != ipm::Status::Unbounded && zeros != tried {
-                match polish(lifted, &guess, &zeros, work) {
+                match polish(lifted, &guess, &zeros, Goal::Solution, work) {
                     Ok(polished) if polished.is_optimal => return Ok(polished),
                     Ok(polished) => unfinished = Some(polished),
                     Err(status) => branch = Some(status),
@@ -179,7 +179,7 @@ impl Way {
                     y: found.y[..n_rows].to_vec(),
                 };
                 let zeros = choose(lifted, &guess.w);
-                match polish(lifted, &guess, &zeros, work) {
+                match polish(lifted, &guess, &zeros, Goal::Solution, work) {
                     Ok(polished) if polished.is_optimal || is_over => return Ok(polished),
                     Err(branch) if is_over => {
                         lifted.settle(None);
