@@ -5,7 +5,7 @@
 //! circle of imports is a circle in a graph and not one in the program.
 
 use std::collections::HashMap;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use miette::Diagnostic;
 use petgraph::algo::tarjan_scc;
@@ -193,7 +193,7 @@ fn join(mut read: Vec<Read>, diags: &mut Diagnostics) -> File {
             graph.add_edge(nodes[index], nodes[target], ());
         }
     }
-    let mut linked: Vec<Option<Rc<File>>> = vec![None; read.len()];
+    let mut linked: Vec<Option<Arc<File>>> = vec![None; read.len()];
     let mut depths = vec![0; read.len()];
     // Components come with what they reach before them.
     for component in tarjan_scc(&graph) {
@@ -209,7 +209,7 @@ fn join(mut read: Vec<Read>, diags: &mut Diagnostics) -> File {
                 let link = match &linked[target] {
                     Some(file) if !members.contains(&target) => {
                         depths[index] = depths[index].max(depths[target] + 1);
-                        Link::File(Rc::clone(file))
+                        Link::File(Arc::clone(file))
                     }
                     _ => Link::Failed,
                 };
@@ -231,7 +231,7 @@ fn join(mut read: Vec<Read>, diags: &mut Diagnostics) -> File {
                 span: read[index].file.span,
             };
             let file = std::mem::replace(&mut read[index].file, empty);
-            linked[index] = Some(Rc::new(file));
+            linked[index] = Some(Arc::new(file));
         }
     }
     let main = linked.swap_remove(0);
@@ -242,7 +242,7 @@ fn join(mut read: Vec<Read>, diags: &mut Diagnostics) -> File {
             data: table::Sources::new(),
             span: read[0].file.span,
         },
-        Rc::unwrap_or_clone,
+        Arc::unwrap_or_clone,
     )
 }
 
@@ -301,7 +301,7 @@ fn read_data(file: &mut File, key: &str, loader: &mut dyn Loader) {
                 Ok(bytes) => Source::read(bytes),
                 Err(error) => Source::missing(error.tried, error.reason),
             };
-            Rc::new(source)
+            Arc::new(source)
         });
     }
     file.data = data;

@@ -5,6 +5,7 @@ pub mod clock;
 pub mod dcs;
 pub mod diagnostics;
 pub mod discretize;
+pub mod ensemble;
 pub mod explain;
 pub mod expr;
 pub mod imports;

@@ -274,7 +274,7 @@ fn test_counts_what_holds_and_what_does_not() {
         RELAY
             .replace("~ 0 within", "~ 1 within")
             .replace("= 4", "= 5")
-            + "simulate later of relay { horizon 1; runs 3; }",
+            + "simulate later of relay { horizon 1; perturb every 0.1 by gauss(1) seed 1; method adaptive; }",
     )
     .expect("the folder is writable");
     fs::write(
@@ -308,7 +308,7 @@ fn test_counts_what_holds_and_what_does_not() {
 #[test]
 fn what_is_not_supported_yet_fails_no_test() {
     let folder = folder("unsupported");
-    let model = "model m { state x = 1; x' = 0; } simulate o of m { horizon 1; runs 3; }";
+    let model = "model m { state x = 1; x' = 0; } simulate o of m { horizon 1; perturb every 0.1 by gauss(1); method adaptive; }";
     fs::write(folder.join("o.nsd"), model).expect("the folder is writable");
     let ran = nsdc(&folder, &["test", "o.nsd"]);
     assert_eq!(ran.status, 0);

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use nsdc::cli::{self, Exit, Streams};
 use nsdc::clock::Clock;
 use nsdc::diagnostics::{self, Diagnostics};
+use nsdc::ensemble::Source;
 use nsdc::expr::Exprs;
 use nsdc::imports::{self, Loaded, Loader, NoFiles, NotLoaded};
 use nsdc::report::{EventKind, Trajectory};
@@ -63,6 +64,31 @@ pub fn with_experiment<T>(
     use_it: impl FnOnce(&Compiled<'_>) -> T,
 ) -> T {
     with_data(text, &mut DataFiles::default(), experiment, use_it)
+}
+
+/// The same, with the experiment as it stands in the text.
+///
+/// # Panics
+///
+/// With the rendered diagnostics, when the text does not compile, and without an experiment of that name.
+pub fn with_source<T>(
+    text: &str,
+    experiment: &str,
+    use_it: impl FnOnce(Source<'_>, &Compiled<'_>) -> T,
+) -> T {
+    let mut diags = Diagnostics::new();
+    let source = SourceMap::new().add("test.nsd", text);
+    let file = syntax::parse(&source, &mut diags);
+    let item = file.items.iter().find_map(|item| match item {
+        Item::Experiment(found) if found.name.name == experiment => Some(found),
+        _ => None,
+    });
+    let source = Source {
+        file: &file,
+        experiment: item.expect("the text has this experiment"),
+        overrides: &[],
+    };
+    with_experiment(text, experiment, |compiled| use_it(source, compiled))
 }
 
 /// The same for a text with data beside it.

@@ -13,6 +13,7 @@ use super::{Exit, Streams, figure, io};
 use crate::clock::Clock;
 use crate::compile;
 use crate::diagnostics::Diagnostics;
+use crate::ensemble;
 use crate::expr::Exprs;
 use crate::report::{Status, Trajectory, Warning, csv, json, text};
 use crate::simulate::Request;
@@ -143,14 +144,23 @@ fn one(
     let launched = clock.time("solve", || {
         launch(project, &mut compiled, &request, &mut watching)
     });
-    drop(watching);
     let mut trajectory = match launched {
         Ok(trajectory) => trajectory,
         Err(diags) => {
+            drop(watching);
             project::print(&diags, &project.sources, streams)?;
             return Ok(None);
         }
     };
+    let source = ensemble::Source {
+        file: &project.file,
+        experiment,
+        overrides,
+    };
+    clock.time("solve", || {
+        watching.ensemble(&mut trajectory, source, &compiled.settings, &request);
+    });
+    drop(watching);
     let solving = ["read", "solve", "report"];
     let before = project.clock.phases().chain(clock.phases());
     trajectory.stats.compile_s = before

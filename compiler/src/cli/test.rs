@@ -16,7 +16,7 @@ use crate::report::expect::{self, Check, Findings, Verdict};
 use crate::simulate::Request;
 use crate::source::SourceMap;
 use crate::syntax::{Expect, ExpectDiagnostic, Experiment, Item};
-use crate::{Compiled, compile, dcs, order};
+use crate::{Compiled, compile, dcs, ensemble, order, simulate};
 
 /// What is counted.
 #[derive(Default)]
@@ -243,8 +243,15 @@ fn one(
         let limit = time_limit.unwrap_or(STUDY);
         order::of_method(&compiled, &project.sources, limit, &mut watch)
     });
+    let warnings = project::warning_codes(&diags);
+    let all = ensemble::Source {
+        file: &project.file,
+        experiment,
+        overrides: &[],
+    };
+    let others = other_seeds(project, all, &compiled, &request, &warnings, &mut watching);
     drop(watching);
-    let mut warnings = project::warning_codes(&diags);
+    let mut warnings = warnings;
     warnings.extend(
         trajectory
             .warnings
@@ -267,7 +274,58 @@ fn one(
         },
     );
     let account = order.and_then(|order| Some(order.ok()?.account));
-    Ok(outcome(&checks, account))
+    let own = outcome(&checks, account);
+    Ok(match (own, others) {
+        (Outcome::Passed(_), Some(failed)) => failed,
+        (own, _) => own,
+    })
+}
+
+/// What is expected holds with every seed: the first one of those after the declared one with which it does not.
+fn other_seeds(
+    project: &Project,
+    source: ensemble::Source<'_>,
+    compiled: &Compiled<'_>,
+    request: &Request,
+    warnings: &[String],
+    watching: &mut Watching<'_>,
+) -> Option<Outcome> {
+    let seeds = ensemble::seeds(&compiled.settings)?;
+    let n_threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let work = |compiled: &Compiled<'_>| {
+        let trajectory = simulate::run(&compiled.system, &compiled.settings, request);
+        let mut warnings = warnings.to_vec();
+        warnings.extend(trajectory.warnings.iter().map(|w| w.code.clone()));
+        let findings = Findings {
+            warnings,
+            ..Findings::default()
+        };
+        // Those are about the method and the form, not about a run.
+        let mut expects = compiled.settings.expects.clone();
+        expects.retain(|(expect, _)| !matches!(expect, Expect::LoweringGolden));
+        let subject = compiled.subject(&project.sources);
+        expects.retain(|expect| !expect::asks_for_order(&subject, std::slice::from_ref(expect)));
+        outcome(
+            &expect::evaluate(&subject, &expects, &trajectory, &findings),
+            None,
+        )
+    };
+    let others = seeds.start + 1..seeds.end;
+    let mut heard = |done: usize| {
+        let share = done as f64 / (seeds.end - seeds.start) as f64;
+        watching.bar.show(share, || format!("{done} runs"));
+    };
+    let outcomes = ensemble::over_seeds(source, others.clone(), n_threads, work, &mut heard);
+    let mut failed = others
+        .zip(outcomes)
+        .filter_map(|(seed, outcome)| match outcome {
+            Outcome::Failed(mut details, exit) => {
+                details.insert(0, format!("with seed {seed}:"));
+                Some(Outcome::Failed(details, exit))
+            }
+            _ => None,
+        });
+    failed.next()
 }
 
 /// Time for the runs that show the order of a method.

@@ -5,8 +5,11 @@ use nsd_solver::mpcc::{Observer, Program};
 
 use super::iterations::Iterations;
 use super::progress::Bar;
+use crate::ensemble;
 use crate::optimize::{self, Watch};
-use crate::simulate;
+use crate::report::Trajectory;
+use crate::simulate::{self, Request};
+use crate::system::experiment::Settings;
 
 /// Sees a run of any kind.
 pub struct Watching<'w> {
@@ -33,6 +36,23 @@ impl<'w> Watching<'w> {
             log: Some(log),
             ..Watching::new(bar)
         }
+    }
+
+    /// Runs an experiment with all its seeds, and tells how many are done.
+    pub fn ensemble(
+        &mut self,
+        trajectory: &mut Trajectory,
+        source: ensemble::Source<'_>,
+        settings: &Settings<'_>,
+        request: &Request,
+    ) {
+        let threads = std::thread::available_parallelism().map_or(1, usize::from);
+        let runs = settings.runs.unwrap_or(1);
+        let mut heard = |done: usize| {
+            let share = done as f64 / runs as f64;
+            self.bar.show(share, || format!("{done} of {runs} runs"));
+        };
+        ensemble::add(trajectory, source, settings, request, threads, &mut heard);
     }
 
     /// How far a simulation is.

@@ -3,7 +3,7 @@
 use super::lower::Lowering;
 use super::scope::{Reported, Value};
 use super::{DynamicsError, Shape, Surface, Tensor};
-use crate::expr::{Expr, Function, Node, Var, rewrite, variables_of};
+use crate::expr::{Expr, Function, Node, rewrite, variables_of};
 use crate::syntax::{self, ExprKind, Relation};
 
 /// `1 row`, `2 rows`
@@ -191,22 +191,5 @@ pub(super) fn corners_are_empty(condition: Expr<'_>) -> bool {
             ((corner >> position) & 1) as f64
         });
         value.abs() < 0.5
-    })
-}
-
-/// True for an expression that is zero wherever its variables are.
-pub(super) fn vanishes(expr: Expr<'_>) -> bool {
-    if expr.is_zero() {
-        return true;
-    }
-    if expr.as_constant().is_some() {
-        return expr.as_constant().is_some_and(|value| value.abs() < 1e-12);
-    }
-    // What the canonical form does not cancel is tried at points without special relations.
-    (1..=5).all(|point| {
-        let at = |var: Var| {
-            0.3 + 0.618 * (point as f64) + 0.7 * ((var.index() * point) as f64 * 1.7).sin()
-        };
-        expr.eval(&at).abs() < 1e-9
     })
 }

@@ -1,8 +1,8 @@
 //! Who sets what: dynamics, regions and hidden terms, entry by entry.
 
-use rustc_hash::FxHashSet;
+use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::check;
+use super::hidden;
 use super::lower::Lowering;
 use super::names::local_lets;
 use super::scope::{Meaning, Reported};
@@ -10,8 +10,7 @@ use super::{
     Body, Complementarity, Contact, DynamicsError, Equation, Hidden, Jump, Model, Multiplier,
     Program, Projection, Rate, Region, TargetKind, target,
 };
-use crate::expr::{Expr, Substitution};
-use crate::source::Span;
+use crate::expr::{Expr, Interval, Var};
 use crate::syntax::{self, For, RegionGuard, Stmt};
 
 /// What a walk over the statements of a model has found.
@@ -20,7 +19,9 @@ pub(super) struct Walk<'e> {
     pub(super) offsets: Vec<usize>,
     /// Variables of all state entries.
     pub(super) vars: Vec<Expr<'e>>,
-    switches: Vec<super::NamedSwitch<'e>>,
+    pub(super) switches: Vec<super::NamedSwitch<'e>>,
+    /// Where variables may be, where that is known.
+    pub(super) ranges: FxHashMap<Var, Interval>,
     /// Indices of the loops around, as in `R[1,2]`.
     indices: Vec<i64>,
     pub dynamics: Vec<Rate<'e>>,
@@ -39,7 +40,7 @@ pub(super) struct Walk<'e> {
 }
 
 /// Where a rate goes.
-enum Sink<'s, 'e> {
+pub(super) enum Sink<'s, 'e> {
     Outside,
     Region(&'s mut Vec<Rate<'e>>),
     Hidden(&'s mut Vec<Rate<'e>>),
@@ -55,6 +56,7 @@ impl<'e> Walk<'e> {
         Walk {
             offsets: offsets.collect(),
             switches: model.switches.clone(),
+            ranges: hidden::ranges(model),
             indices: vec![],
             dynamics: vec![],
             regions: vec![],
@@ -78,7 +80,7 @@ impl<'e> Walk<'e> {
     }
 
     /// All statements are looked at; an error says that at least one was wrong.
-    fn statements(
+    pub(super) fn statements(
         &mut self,
         lowering: &mut Lowering<'_, 'e>,
         body: &[Stmt],
@@ -314,75 +316,5 @@ impl<'e> Walk<'e> {
         } else {
             format!("{name}[{}]", indices.join(","))
         }
-    }
-
-    fn hidden(
-        &mut self,
-        lowering: &mut Lowering<'_, 'e>,
-        hidden: &syntax::Hidden,
-    ) -> Result<(), Reported> {
-        let target = target::resolve(lowering, &hidden.switch)?;
-        let TargetKind::Switch(switch) = target.kind else {
-            let (name, span) = (lowering.path_text(&hidden.switch), hidden.switch.span);
-            return lowering.error(DynamicsError::NotASwitch { name, span });
-        };
-        let lets = local_lets(&hidden.body);
-        let base = lowering.open_frame(&lets);
-        let mut rates = vec![];
-        let result = self.statements(lowering, &hidden.body, &mut Sink::Hidden(&mut rates));
-        lowering.locals.truncate(base);
-        result?;
-        for rate in &rates {
-            self.check_hidden(lowering, switch, &target.entries, rate)?;
-        }
-        self.hidden.push(Hidden {
-            switch,
-            rates,
-            span: hidden.span,
-        });
-        Ok(())
-    }
-
-    /// A hidden term adds, and vanishes on both sides of the surface.
-    fn check_hidden(
-        &self,
-        lowering: &mut Lowering<'_, 'e>,
-        switch: usize,
-        entries: &[usize],
-        rate: &Rate<'e>,
-    ) -> Result<(), Reported> {
-        let span: Span = rate.span;
-        if !rate.adds {
-            return lowering.error(DynamicsError::HiddenSets { span });
-        }
-        let switch = &self.switches[switch];
-        let low = if matches!(switch.kind, super::SwitchKind::Sign) {
-            -1.0
-        } else {
-            0.0
-        };
-        // Entries of a vector may be on different sides: corners in the order of counting.
-        let vars: Vec<_> = entries
-            .iter()
-            .filter_map(|&entry| switch.vars[entry].as_variable())
-            .collect();
-        for corner in 0..1_u32 << vars.len().min(6) {
-            let at = |position: usize| {
-                if (corner >> (position % 6)) & 1 == 1 {
-                    1.0
-                } else {
-                    low
-                }
-            };
-            let mut side = Substitution::new();
-            for (position, &var) in vars.iter().enumerate() {
-                side.insert(var, lowering.constant(at(position)));
-            }
-            if !check::vanishes(rate.value.substitute(&side)) {
-                let (switch, at) = (switch.name.clone(), at(0));
-                return lowering.error(DynamicsError::HiddenVisible { switch, at, span });
-            }
-        }
-        Ok(())
     }
 }

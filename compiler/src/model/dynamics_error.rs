@@ -136,16 +136,34 @@ pub enum DynamicsError {
 
     /// A hidden term that is not hidden.
     #[error("this hidden term does not vanish at `{switch}` = {at}")]
-    #[diagnostic(code(E0311), help("multiply it by `1 - {switch}^2`"))]
+    #[diagnostic(code(E0311), help("multiply it by `{factor}`"))]
     HiddenVisible {
         switch: String,
         at: f64,
-        #[label("is not zero there")]
+        factor: String,
+        witness: String,
+        #[label("is {witness} there")]
+        span: Span,
+    },
+
+    /// A hidden term of which it is not known whether it is one.
+    #[error("this hidden term is not proven to vanish at `{switch}` = {at}")]
+    #[diagnostic(
+        code(E0311),
+        help(
+            "write it as a multiple of `{factor}`, or give the states and parameters in it a range, as in `state x in [-1, 1] = 0;`"
+        )
+    )]
+    HiddenOpen {
+        switch: String,
+        at: f64,
+        factor: String,
+        #[label("may be something else than zero there")]
         span: Span,
     },
 
     /// `hidden on` something else.
-    #[error("`{name}` is not a named switch")]
+    #[error("`{name}` is not a named `sign` or `step`")]
     #[diagnostic(code(E0312), help("declare `switch s = sign(..);`"))]
     NotASwitch {
         name: String,

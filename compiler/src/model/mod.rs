@@ -33,6 +33,7 @@ mod error;
 mod fields;
 mod file;
 mod given_error;
+mod hidden;
 mod import;
 mod indicators;
 mod jumps;

@@ -5,8 +5,8 @@
 use serde::ser::{Serialize, SerializeMap, SerializeSeq, Serializer};
 
 use super::{
-    Event, Method, MethodOption, ModeInterval, Optimum, Series, SlidingMode, Stats, Trajectory,
-    Warning,
+    Bands, Ensemble, Event, Method, MethodOption, ModeInterval, Optimum, Series, SlidingMode,
+    Stats, Trajectory, Warning,
 };
 
 /// The object, without a line break.
@@ -38,6 +38,8 @@ struct Object<'a> {
     certificate: Certificate<'a>,
     #[serde(skip_serializing_if = "Option::is_none")]
     optimum: Option<Found>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    ensemble: Option<Many<'a>>,
     skipped: &'a [String],
     /// Warnings, and last what ended the run early.
     warnings: Vec<Warning>,
@@ -54,6 +56,39 @@ struct Multipliers<'a> {
 struct Certificate<'a> {
     stationarity: &'a str,
     max_violation: f64,
+}
+
+/// Quantiles of many runs: `"quantiles": { "x": [[..], ..] }`, a list over time for every level.
+#[derive(serde::Serialize)]
+struct Many<'a> {
+    runs: usize,
+    first_seed: u64,
+    failed_seeds: &'a [u64],
+    levels: &'a [f64],
+    time: &'a [f64],
+    quantiles: Quantiles<'a>,
+}
+
+impl<'a> Many<'a> {
+    fn of(ensemble: &'a Ensemble) -> Self {
+        Many {
+            runs: ensemble.runs,
+            first_seed: ensemble.first_seed,
+            failed_seeds: &ensemble.failed_seeds,
+            levels: &ensemble.levels,
+            time: &ensemble.time,
+            quantiles: Quantiles(&ensemble.bands),
+        }
+    }
+}
+
+/// `{ "x[1]": [[..], ..] }`
+struct Quantiles<'a>(&'a [Bands]);
+
+impl Serialize for Quantiles<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map(self.0.iter().map(|bands| (&bands.name, &bands.values)))
+    }
 }
 
 /// How an optimum was found; what is not known is `null`.
@@ -121,6 +156,7 @@ impl<'a> From<&'a Trajectory> for Object<'a> {
                 max_violation: trajectory.certificate.max_violation,
             },
             optimum: trajectory.optimum.as_ref().map(Found::of),
+            ensemble: trajectory.ensemble.as_ref().map(Many::of),
             skipped: &trajectory.skipped,
             warnings: (trajectory.warnings.iter().cloned())
                 .chain(

@@ -12,6 +12,7 @@
 mod branches;
 pub mod csv;
 mod dense;
+mod ensemble;
 mod event;
 pub mod expect;
 mod failure;
@@ -27,6 +28,7 @@ pub mod text;
 
 pub use branches::{Boundary, Change, Map, Sample};
 pub use dense::{Dense, Piece};
+pub use ensemble::{Bands, Ensemble};
 pub use event::{Event, EventKind, SlidingMode};
 pub use failure::Failure;
 pub use optimum::{Check, Optimum};
@@ -78,6 +80,8 @@ pub struct Trajectory {
     pub certificate: Certificate,
     /// How an optimum was found, and what a simulation says about it; none in a simulation.
     pub optimum: Option<Optimum>,
+    /// What many runs with other seeds say together, where the experiment asks for them.
+    pub ensemble: Option<Ensemble>,
     /// What the experiment did not need.
     pub skipped: Vec<String>,
     /// Warnings of the run.

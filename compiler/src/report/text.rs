@@ -2,7 +2,9 @@
 
 use std::fmt::{self, Display, Write};
 
-use super::{Event, EventKind, MethodOption, Series, Stationarity, Stats, Status, Trajectory};
+use super::{
+    Bands, Event, EventKind, MethodOption, Series, Stationarity, Stats, Status, Trajectory,
+};
 
 /// Rows of a table before the rest is only counted.
 const MAX_ROWS: usize = 12;
@@ -36,6 +38,7 @@ fn report(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
     modes(trajectory, text)?;
     origin(trajectory, text)?;
     optimum(trajectory, text)?;
+    ensemble(trajectory, text)?;
     for skipped in &trajectory.skipped {
         writeln!(text, "  skipped {skipped}")?;
     }
@@ -180,6 +183,44 @@ fn origin(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
     }
     let seconds = trajectory.stats.solve_s;
     writeln!(text, ", {}", duration(seconds))
+}
+
+/// Quantiles at the last instant.
+fn ensemble(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
+    let Some(ensemble) = &trajectory.ensemble else {
+        return Ok(());
+    };
+    let last_seed = ensemble.first_seed + ensemble.runs as u64 - 1;
+    let (first_seed, runs) = (ensemble.first_seed, counted(ensemble.runs, "run"));
+    writeln!(
+        text,
+        "\n  {runs} with the seeds {first_seed} to {last_seed}; what is above is the first one"
+    )?;
+    let failed: Vec<String> = (ensemble.failed_seeds.iter())
+        .take(MAX_ROWS)
+        .map(u64::to_string)
+        .collect();
+    if !failed.is_empty() {
+        let count = ensemble.failed_seeds.len();
+        writeln!(
+            text,
+            "  {count} failed, with the seeds {}",
+            failed.join(", ")
+        )?;
+        rest(text, count)?;
+    }
+    writeln!(text, "  quantiles at the end, of those that did not fail")?;
+    let heads = (ensemble.levels).map(|level| format!("{} %", 100.0 * level));
+    let [a, b, c, d, e] = &heads;
+    let row = |bands: &Bands| {
+        let last = |values: &Vec<f64>| values.last().copied().unwrap_or(f64::NAN);
+        let mut cells: Vec<String> = vec![bands.name.clone()];
+        cells.extend((bands.values.iter()).map(|values| significant(last(values), 8)));
+        <[String; 6]>::try_from(cells).ok()
+    };
+    let rows = ensemble.bands.iter().take(MAX_ROWS).filter_map(row);
+    table(text, ["", a, b, c, d, e], rows.collect())?;
+    rest(text, ensemble.bands.len())
 }
 
 /// What is known about an optimum.

@@ -64,6 +64,24 @@ pub enum SystemError {
         entry: Option<Span>,
     },
 
+    /// Hidden terms of a switch that says neither to keep nor to drop them.
+    #[error("`{name}` has hidden terms and no reading on its surface")]
+    #[diagnostic(
+        code(E0401),
+        help(
+            "choose a reading: `switch {name} = {word}(..) sliding nonlinear;` keeps `{term}` while `{name}` is between its sides, `switch {name} = {word}(..) sliding linear;` (or `with {{ {name}.sliding = linear; }}` in an experiment) is Filippov's reading, which drops it"
+        )
+    )]
+    HiddenReading {
+        name: String,
+        word: &'static str,
+        term: String,
+        #[label(primary, "acts on the surface of `{name}` only")]
+        term_span: Span,
+        #[label("without `sliding linear` or `sliding nonlinear`")]
+        switch: Span,
+    },
+
     /// A nonlinear condition: no named switch can carry the reading.
     #[error("the condition on `{name}` enters nonlinearly")]
     #[diagnostic(

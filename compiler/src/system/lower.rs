@@ -266,12 +266,16 @@ impl<'m, 'e> Lowering<'m, 'e> {
             }
         }
         for hidden in &model.hidden {
-            // What is read linearly has no terms that both sides do not have.
-            if self.sliding(hidden.switch) != Some(Sliding::Nonlinear) {
-                continue;
-            }
+            let reading = self.sliding(hidden.switch);
             for rate in &hidden.rates {
-                if self.needs.entries[rate.entry] {
+                if !self.needs.entries[rate.entry] {
+                    continue;
+                }
+                if reading.is_none() {
+                    diags.push(self.open_reading(hidden.switch, rate));
+                }
+                // What is read linearly has no terms that both sides do not have.
+                if reading == Some(Sliding::Nonlinear) {
                     let value = self.replace(rate.value, rate.span);
                     self.check(value, rate.span, diags);
                     add(rate, value);
@@ -285,6 +289,21 @@ impl<'m, 'e> Lowering<'m, 'e> {
                     .merged(terms.into_iter().fold(zero, |sum, term| sum + term))
             })
             .collect()
+    }
+
+    /// Asks whether a hidden term is meant, where its switch does not say so.
+    fn open_reading(&self, switch: usize, rate: &Rate<'e>) -> SystemError {
+        let switch = &self.model.switches[switch];
+        SystemError::HiddenReading {
+            name: switch.name.clone(),
+            word: match switch.kind {
+                SwitchKind::Sign => "sign",
+                _ => "step",
+            },
+            term: format!("{}' += {}", self.model.entry_name(rate.entry), rate.value),
+            term_span: rate.span,
+            switch: switch.span,
+        }
     }
 
     /// A region whose guard leaves a nonlinear switch open has no rates that are written for one side of it.

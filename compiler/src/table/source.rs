@@ -1,9 +1,7 @@
 //! Files of data as a model file names them, each read once.
 
-use std::cell::RefCell;
 use std::collections::HashMap;
-use std::rc::Rc;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use super::{Fault, Fit, Table, read};
 
@@ -11,13 +9,13 @@ use super::{Fault, Fit, Table, read};
 pub const MAX_BYTES: usize = 64 << 20;
 
 /// The files that one model file names, by their paths as they are written there.
-pub type Sources = HashMap<String, Rc<Source>>;
+pub type Sources = HashMap<String, Arc<Source>>;
 
 /// A file of data, or why there is none.
 pub struct Source {
     /// Its bytes, or where it was looked for and why it cannot be used.
     content: Result<Vec<u8>, (String, String)>,
-    known: RefCell<HashMap<(String, Fit), Outcome>>,
+    known: Mutex<HashMap<(String, Fit), Outcome>>,
 }
 
 type Outcome = Result<Arc<Table>, Fault>;
@@ -27,7 +25,7 @@ impl Source {
     pub fn read(bytes: Vec<u8>) -> Self {
         Source {
             content: Ok(bytes),
-            known: RefCell::default(),
+            known: Mutex::default(),
         }
     }
 
@@ -35,7 +33,7 @@ impl Source {
     pub fn missing(tried: String, reason: String) -> Self {
         Source {
             content: Err((tried, reason)),
-            known: RefCell::default(),
+            known: Mutex::default(),
         }
     }
 
@@ -47,7 +45,7 @@ impl Source {
     /// A column as a function of time; the same one for the same question.
     pub fn table(&self, column: &str, fit: Fit) -> Outcome {
         let bytes = self.content.as_deref().unwrap_or_default();
-        let mut known = self.known.borrow_mut();
+        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         let table = known.entry((column.to_owned(), fit));
         table
             .or_insert_with(|| read::table(bytes, column, fit).map(Arc::new))

@@ -3,7 +3,8 @@
 use plotters::style::RGBColor;
 
 use super::canvas::{Align, Canvas, INK, Point, Stroke, TEXT_SIZE, text_width};
-use crate::report::{EventKind, Trajectory};
+use super::panel::{SHADES, SINGLE, pale};
+use crate::report::{Ensemble, EventKind, Trajectory};
 
 /// Lines on the pale bands, distinct to colour-blind readers (Okabe and Ito).
 pub const LINES: [RGBColor; 4] = [
@@ -129,6 +130,7 @@ enum Entry {
     Band(RGBColor),
     Event(EventKind),
     Curve { dash: (f64, f64) },
+    Line(f64),
     Start,
     End,
 }
@@ -169,6 +171,25 @@ impl Legend {
         Legend { entries }
     }
 
+    /// The legend of many runs.
+    pub fn of_ensemble(ensemble: &Ensemble) -> Self {
+        let [lowest, low, _, high, highest] =
+            (ensemble.levels).map(|level| format!("{}", 100.0 * level));
+        let [outer, inner] = SHADES.map(|share| Entry::Band(pale(LINES[0], share)));
+        let one = format!("run with seed {}", ensemble.first_seed);
+        Legend {
+            entries: vec![
+                (
+                    Entry::Line(1.6),
+                    format!("median of {} runs", ensemble.runs),
+                ),
+                (inner, format!("{low} to {high} %")),
+                (outer, format!("{lowest} to {highest} %")),
+                (Entry::Line(SINGLE), one),
+            ],
+        }
+    }
+
     /// The legend of a phase plane.
     pub fn of_phase_plane(curves: &[(String, (f64, f64))]) -> Self {
         let mut entries = vec![
@@ -204,6 +225,10 @@ impl Legend {
                 }
                 Entry::Event(kind) => mark(canvas, *kind, middle, 3.6),
                 Entry::Curve { dash } => canvas.dashed(&[(x, y), (x + SAMPLE, y)], *dash, CURVE),
+                Entry::Line(width) => {
+                    let stroke = Stroke(*width, LINES[0]);
+                    canvas.line(&[(x, y), (x + SAMPLE, y)], stroke);
+                }
                 Entry::Start => start(canvas, middle),
                 Entry::End => end(canvas, middle),
             }

@@ -52,7 +52,10 @@ pub struct Surface<'a> {
 pub fn write(trajectory: &Trajectory, surfaces: &[Surface<'_>]) -> String {
     let panels = panel::arrange(trajectory);
     let bands = Bands::new(trajectory);
-    let legend = Legend::new(trajectory, &bands);
+    let legend = match &trajectory.ensemble {
+        Some(ensemble) => Legend::of_ensemble(ensemble),
+        None => Legend::new(trajectory, &bands),
+    };
     let has_phase_plane = trajectory.n_states() == 2 && trajectory.time.len() > 1;
 
     let left = MARGIN + panels.iter().map(Panel::left_space).fold(0.0, f64::max);
@@ -82,11 +85,16 @@ pub fn write(trajectory: &Trajectory, surfaces: &[Surface<'_>]) -> String {
         for (k, panel) in panels.iter().enumerate() {
             let y = top + k as f64 * (height + GAP);
             let ticks = time.ticks(6);
-            draw_bands(canvas, trajectory, &bands, &time, (y, y + height));
-            draw_event_lines(canvas, trajectory, &time, (y, y + height));
-            panel.draw(canvas, &trajectory.time, &time, (y, y + height), &ticks);
+            // Modes and events are those of one of many runs.
+            if trajectory.ensemble.is_none() {
+                draw_bands(canvas, trajectory, &bands, &time, (y, y + height));
+                draw_event_lines(canvas, trajectory, &time, (y, y + height));
+            }
+            panel.draw(canvas, trajectory, &time, (y, y + height), &ticks);
         }
-        draw_event_marks(canvas, trajectory, &time, top - STRIP / 2.0);
+        if trajectory.ensemble.is_none() {
+            draw_event_marks(canvas, trajectory, &time, top - STRIP / 2.0);
+        }
         let ticks = time.ticks(6);
         for (value, label) in &ticks.marks {
             canvas.text((time.at(*value), bottom + 11.0), label, Align::Centre, INK);

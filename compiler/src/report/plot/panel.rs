@@ -5,7 +5,7 @@ use plotters::style::RGBColor;
 use super::axis::{Axis, Ticks};
 use super::canvas::{Align, Canvas, INK, Point, Stroke, TEXT_SIZE, text_width};
 use super::marks::LINES;
-use crate::report::{Series, Trajectory};
+use crate::report::{Ensemble, Series, Trajectory};
 
 /// Panels before scalar quantities share one.
 const MAX_PANELS: usize = 8;
@@ -13,6 +13,11 @@ const MAX_PANELS: usize = 8;
 const MAX_CURVES: usize = LINES.len();
 /// Steps between ticks.
 const N_TICKS: usize = 4;
+
+/// Width of the line of one of many runs.
+pub const SINGLE: f64 = 0.5;
+/// How much of its colour the outer and the inner band of quantiles have.
+pub const SHADES: [f64; 2] = [0.22, 0.5];
 
 /// A frame with a few curves over time.
 pub struct Panel {
@@ -28,6 +33,8 @@ struct Curve {
     color: RGBColor,
     /// Whether the name stands at its end.
     labelled: bool,
+    /// Quantiles of many runs.
+    quantiles: Vec<Vec<f64>>,
 }
 
 /// One panel per state, output and control; scalars share panels when there are many.
@@ -37,23 +44,28 @@ pub fn arrange(trajectory: &Trajectory) -> Vec<Panel> {
         &trajectory.outputs,
         &trajectory.controls,
     ];
+    let many = trajectory.ensemble.as_ref();
     let n_panels: usize = groups.iter().map(|group| group.len()).sum();
     let mut panels = Vec::new();
     for group in groups {
         if n_panels <= MAX_PANELS {
-            panels.extend(group.iter().map(|series| Panel::new(&[series])));
+            panels.extend(group.iter().map(|series| Panel::new(&[series], many)));
             continue;
         }
         let (scalars, others): (Vec<_>, Vec<_>) = group.iter().partition(|s| s.n_entries() == 1);
-        panels.extend(scalars.chunks(MAX_CURVES).map(Panel::new));
-        panels.extend(others.into_iter().map(|series| Panel::new(&[series])));
+        panels.extend(
+            scalars
+                .chunks(MAX_CURVES)
+                .map(|group| Panel::new(group, many)),
+        );
+        panels.extend(others.into_iter().map(|series| Panel::new(&[series], many)));
     }
     panels.retain(|panel| !panel.curves.is_empty());
     panels
 }
 
 impl Panel {
-    fn new(group: &[&Series]) -> Self {
+    fn new(group: &[&Series], many: Option<&Ensemble>) -> Self {
         let entries: Vec<(String, Vec<f64>)> = group
             .iter()
             .flat_map(|series| {
@@ -67,6 +79,8 @@ impl Panel {
             .into_iter()
             .enumerate()
             .map(|(k, (name, values))| Curve {
+                quantiles: (many.and_then(|many| many.of(&name)))
+                    .map_or_else(Vec::new, |bands| bands.values.clone()),
                 name,
                 values,
                 color: if n <= MAX_CURVES {
@@ -81,7 +95,16 @@ impl Panel {
             [series] => series.name.clone(),
             _ => String::new(),
         };
-        let axis = Axis::around(curves.iter().flat_map(|curve| curve.values.iter().copied()));
+        let drawn = |curve: &Curve| {
+            let quantiles = curve.quantiles.iter().flatten().copied();
+            curve
+                .values
+                .iter()
+                .copied()
+                .chain(quantiles)
+                .collect::<Vec<_>>()
+        };
+        let axis = Axis::around(curves.iter().flat_map(drawn));
         Panel {
             title,
             curves,
@@ -112,7 +135,7 @@ impl Panel {
     pub fn draw(
         &self,
         canvas: &Canvas<'_>,
-        instants: &[f64],
+        trajectory: &Trajectory,
         time: &Axis,
         y: (f64, f64),
         time_ticks: &Ticks,
@@ -124,8 +147,13 @@ impl Panel {
             canvas.line(&[(time.start, zero), (time.end, zero)], Stroke(0.5, faint));
         }
         let width = if self.curves.len() > 8 { 0.8 } else { 1.3 };
+        let many = trajectory.ensemble.as_ref();
+        let width = if many.is_some() { SINGLE } else { width };
+        for (curve, many) in self.curves.iter().filter_map(|curve| Some((curve, many?))) {
+            curve.draw_quantiles(canvas, &many.time, time, &axis);
+        }
         for curve in &self.curves {
-            let values = instants.iter().zip(&curve.values);
+            let values = trajectory.time.iter().zip(&curve.values);
             let points = values.map(|(&t, &value)| (time.at(t), axis.at(value)));
             canvas.line(&interrupted(points), Stroke(width, curve.color));
         }
@@ -165,6 +193,32 @@ impl Panel {
             canvas.text((x, place), &curve.name, Align::Left, curve.color);
         }
     }
+}
+
+impl Curve {
+    /// The outer and the inner quantiles as bands, and the median as a line.
+    fn draw_quantiles(&self, canvas: &Canvas<'_>, instants: &[f64], time: &Axis, axis: &Axis) {
+        let points = |values: &[f64]| -> Vec<Point> {
+            let points = instants.iter().zip(values);
+            points.map(|(&t, &v)| (time.at(t), axis.at(v))).collect()
+        };
+        let n = self.quantiles.len();
+        for k in 0..n / 2 {
+            let mut outline = points(&self.quantiles[k]);
+            outline.extend(points(&self.quantiles[n - 1 - k]).into_iter().rev());
+            outline.retain(|point| point.1.is_finite());
+            canvas.polygon(&outline, pale(self.color, SHADES[k.min(1)]));
+        }
+        if let Some(median) = self.quantiles.get(n / 2) {
+            canvas.line(&points(median), Stroke(1.6, self.color));
+        }
+    }
+}
+
+/// A colour mixed with white, of which `share` is left.
+pub fn pale(color: RGBColor, share: f64) -> RGBColor {
+    let mix = |c: u8| (255.0 - share * (255.0 - f64::from(c))) as u8;
+    RGBColor(mix(color.0), mix(color.1), mix(color.2))
 }
 
 /// A thin frame.

@@ -12,7 +12,7 @@ pub use experiment::*;
 pub use expression::*;
 pub use statement::*;
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use crate::source::Span;
 use crate::table;
@@ -100,7 +100,7 @@ pub enum Link {
     /// It could not be used, as has been reported.
     Failed,
     /// It is there, with its own imports linked.
-    File(Rc<File>),
+    File(Arc<File>),
 }
 
 /// Where a `use` looks.

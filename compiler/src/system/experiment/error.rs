@@ -401,7 +401,18 @@ pub enum ExperimentError {
         span: Span,
     },
 
-    /// Perturbations and repeated runs.
+    /// Runs that are all the same.
+    #[error("nothing is random here, so that all runs are the same")]
+    #[diagnostic(
+        code(E0524),
+        help("add `perturb every 0.1 by gauss(1e-3) seed 1;`, or leave out `runs`")
+    )]
+    SameRuns {
+        #[label("repeats with other seeds")]
+        span: Span,
+    },
+
+    /// Perturbations.
     #[error("{setting} is not supported yet")]
     #[diagnostic(code(E0923))]
     Repetition {

@@ -53,6 +53,8 @@ pub struct Settings<'e> {
     pub optimize: Option<Optimize<'e>>,
     /// Random vectors that are added to the state; none where nothing disturbs it.
     pub kicks: Option<Kicks>,
+    /// How often the experiment is run, with other random vectors each time; none for once.
+    pub runs: Option<usize>,
     /// Assertions, in order, with the span of each statement.
     pub expects: Vec<(Expect, Span)>,
     /// The experiment.
@@ -120,6 +122,9 @@ const DEFAULT_OPTIMIZE_TOLERANCE: f64 = 1e-6;
 /// More instants than this are a mistake.
 const MOST_INSTANTS: f64 = 1e8;
 
+/// Runs of one experiment.
+const MOST_RUNS: f64 = 1e4;
+
 /// What `with` gives to the model.
 #[derive(Debug, Default)]
 pub(super) struct Given<'e> {
@@ -159,7 +164,7 @@ pub fn evaluate<'e>(
     };
     let mut draft = (experiment.kind == ExperimentKind::Optimize).then(|| Draft::new(model));
     let (mut horizon, mut tolerance, mut method) = (None, usual, Method::Auto);
-    let mut kicks = None;
+    let (mut kicks, mut runs) = (None, None);
     let (mut lowerings, mut outputs, mut sampling, mut expects) =
         (vec![], None, Sampling::Method, vec![]);
     // The horizon bounds what others may be, wherever it stands.
@@ -203,9 +208,12 @@ pub fn evaluate<'e>(
                     tolerance = number;
                 }
             }
-            SettingKind::Value { name, .. } if name.name == "runs" => match draft {
+            SettingKind::Value { name, value } if name.name == "runs" => match draft {
                 Some(_) => reader.not_for_optimize("runs", span),
-                None => reader.repetition("runs", span),
+                None => {
+                    reader.once("`runs`", span);
+                    runs = reader.count("`runs`", value, MOST_RUNS).map(|n| (n, span));
+                }
             },
             SettingKind::Perturb { every, by, seed } => {
                 reader.once("`perturb`", span);
@@ -251,6 +259,11 @@ pub fn evaluate<'e>(
             span: experiment.name.span,
         });
     }
+    let disturbs =
+        |setting: &syntax::ExperimentSetting| matches!(setting.kind, SettingKind::Perturb { .. });
+    if let Some((_, span)) = runs.filter(|_| !all().any(disturbs)) {
+        reader.error(ExperimentError::SameRuns { span });
+    }
     let is_optimize = draft.is_some();
     let optimize = draft.and_then(|draft| draft.finish(&mut reader, experiment));
     let failed = reader.failed || optimize.is_some() != is_optimize;
@@ -266,6 +279,7 @@ pub fn evaluate<'e>(
         sampling,
         optimize,
         kicks,
+        runs: runs.map(|(n, _)| n),
         expects,
         span: experiment.span,
         values,
@@ -309,11 +323,6 @@ impl<'e> Reader<'_, 'e> {
             setting: setting.to_owned(),
             span,
         });
-    }
-
-    fn repetition(&mut self, setting: &str, span: Span) {
-        let setting = format!("`{setting}`");
-        self.error(ExperimentError::Repetition { setting, span });
     }
 
     fn once(&mut self, what: &'static str, second: Span) {

@@ -1,0 +1,319 @@
+//! `hidden on s { u' += γ(s)*g; }`: terms that add, and vanish on both sides of the surface of s.
+//!
+//! That they vanish is proven: s gets the value of a side, and what is zero for every value of the other variables is
+//! replaced by zero, node by node, up to nothing. A node is zero where the canonical form says so, or where its
+//! enclosure over the ranges that are declared is zero up to rounding, as that of sin(πs) or of max(0, x - 3) for x in
+//! [-1, 1] is. Where the ranges are too wide for this they are halved, a limited number of times.
+
+use rustc_hash::FxHashMap;
+
+use super::dynamics::{Sink, Walk};
+use super::lower::Lowering;
+use super::names::local_lets;
+use super::scope::Reported;
+use super::{Domain, DynamicsError, Hidden, Model, Rate, SwitchKind, TargetKind, target};
+use crate::expr::{Expr, Interval, Node, Var, transform, variables_of};
+use crate::syntax;
+
+/// Boxes that are looked at.
+const MAX_BOXES: usize = 256;
+
+/// Roundings of its terms within which an enclosure is zero.
+const ROUNDINGS: f64 = 64.0;
+
+/// Points at which a counterexample is looked for.
+const POINTS: usize = 64;
+
+/// What is known of a term on a side.
+enum Proof {
+    Vanishes,
+    /// Its value at a point.
+    Differs(String),
+    Open,
+}
+
+/// Where the variables of a model may be, for those where that is declared as numbers.
+pub(super) fn ranges(model: &Model<'_>) -> FxHashMap<Var, Interval> {
+    let mut ranges = FxHashMap::default();
+    let groups = [
+        &model.params,
+        &model.states,
+        &model.algebraics,
+        &model.controls,
+        &model.inputs,
+        &model.connected,
+    ];
+    for quantity in groups.into_iter().flatten() {
+        for (entry, var) in quantity.vars.iter().enumerate() {
+            let range = match &quantity.domain {
+                Some(Domain::Box(low, high)) => {
+                    let end = |ends: &super::Tensor<'_>| ends.data.get(entry)?.as_constant();
+                    end(low).zip(end(high))
+                }
+                Some(Domain::Set(values)) => {
+                    let values: Option<Vec<f64>> =
+                        values.iter().map(|value| value.as_constant()).collect();
+                    values.map(|values| {
+                        let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+                        let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+                        (low, high)
+                    })
+                }
+                None => None,
+            };
+            if let Some((var, (low, high))) = var.as_variable().zip(range) {
+                ranges.insert(var, Interval::new(low, high));
+            }
+        }
+    }
+    if let Some(time) = model.time.as_variable() {
+        ranges.insert(time, Interval::new(0.0, f64::INFINITY));
+    }
+    for switch in &model.switches {
+        let low = lowest(&switch.kind);
+        let vars = switch.vars.iter().filter_map(|var| var.as_variable());
+        ranges.extend(vars.map(|var| (var, Interval::new(low, 1.0))));
+    }
+    ranges
+}
+
+/// The value of a switch below its surface.
+fn lowest(kind: &SwitchKind<'_>) -> f64 {
+    match kind {
+        SwitchKind::Sign => -1.0,
+        SwitchKind::Step | SwitchKind::Relay(_) => 0.0,
+    }
+}
+
+impl<'e> Walk<'e> {
+    /// A block of hidden terms.
+    pub(super) fn hidden(
+        &mut self,
+        lowering: &mut Lowering<'_, 'e>,
+        hidden: &syntax::Hidden,
+    ) -> Result<(), Reported> {
+        let target = target::resolve(lowering, &hidden.switch)?;
+        let has_sides = |switch: usize| !matches!(self.switches[switch].kind, SwitchKind::Relay(_));
+        let switch = match target.kind {
+            TargetKind::Switch(switch) if has_sides(switch) => switch,
+            _ => {
+                let (name, span) = (lowering.path_text(&hidden.switch), hidden.switch.span);
+                return lowering.error(DynamicsError::NotASwitch { name, span });
+            }
+        };
+        let lets = local_lets(&hidden.body);
+        let base = lowering.open_frame(&lets);
+        let mut rates = vec![];
+        let result = self.statements(lowering, &hidden.body, &mut Sink::Hidden(&mut rates));
+        lowering.locals.truncate(base);
+        result?;
+        for rate in &rates {
+            self.check_hidden(lowering, switch, &target.entries, rate)?;
+        }
+        self.hidden.push(Hidden {
+            switch,
+            rates,
+            span: hidden.span,
+        });
+        Ok(())
+    }
+
+    /// A hidden term adds, and vanishes on both sides of the surface.
+    fn check_hidden(
+        &self,
+        lowering: &mut Lowering<'_, 'e>,
+        switch: usize,
+        entries: &[usize],
+        rate: &Rate<'e>,
+    ) -> Result<(), Reported> {
+        let span = rate.span;
+        if !rate.adds {
+            return lowering.error(DynamicsError::HiddenSets { span });
+        }
+        let switch = &self.switches[switch];
+        let low = lowest(&switch.kind);
+        // Entries of a vector may be on different sides: corners in the order of counting.
+        let vars: Vec<_> = entries
+            .iter()
+            .filter_map(|&entry| switch.vars[entry].as_variable())
+            .collect();
+        for corner in 0..1_u32 << vars.len().min(6) {
+            let at = |position: usize| {
+                if (corner >> (position % 6)) & 1 == 1 {
+                    1.0
+                } else {
+                    low
+                }
+            };
+            let sides = vars.iter().enumerate();
+            let sides = sides.map(|(position, &var)| (var, at(position))).collect();
+            let proof = prove(rate.value, &sides, &self.ranges);
+            let (switch, at) = (switch.name.clone(), at(0));
+            let factor = match low == 0.0 {
+                true => format!("{switch}*(1 - {switch})"),
+                false => format!("1 - {switch}^2"),
+            };
+            return lowering.error(match proof {
+                Proof::Vanishes => continue,
+                Proof::Differs(witness) => DynamicsError::HiddenVisible {
+                    switch,
+                    at,
+                    factor,
+                    witness,
+                    span,
+                },
+                Proof::Open => DynamicsError::HiddenOpen {
+                    switch,
+                    at,
+                    factor,
+                    span,
+                },
+            });
+        }
+        Ok(())
+    }
+}
+
+/// Whether a term is zero wherever its variables are, while switches have the values of a side.
+fn prove<'e>(
+    term: Expr<'e>,
+    sides: &FxHashMap<Var, f64>,
+    ranges: &FxHashMap<Var, Interval>,
+) -> Proof {
+    let range = |var: Var| match sides.get(&var) {
+        Some(&value) => Interval::new(value, value),
+        None => ranges.get(&var).copied().unwrap_or(Interval::ALL),
+    };
+    let vars: Vec<Var> = variables_of(&[term]);
+    let whole: Vec<Interval> = vars.iter().map(|&var| range(var)).collect();
+    if let Some(witness) = counterexample(term, sides, &vars, &whole) {
+        return Proof::Differs(witness);
+    }
+    let mut boxes = vec![whole];
+    for _ in 0..MAX_BOXES {
+        let Some(inside) = boxes.pop() else {
+            return Proof::Vanishes;
+        };
+        if reduced(term, sides, &vars, &inside).is_zero() {
+            continue;
+        }
+        // The widest side that has two ends, relative to its place.
+        let widths = inside.iter().enumerate();
+        let relative = |range: &Interval| range.width() / (1.0 + range.magnitude());
+        let widths = widths.filter(|(_, range)| range.magnitude().is_finite());
+        let widest = widths.max_by(|a, b| relative(a.1).total_cmp(&relative(b.1)));
+        let Some((widest, range)) = widest.filter(|(_, range)| range.width() > 0.0) else {
+            return Proof::Open;
+        };
+        let middle = 0.5 * (range.low + range.high);
+        for half in [(range.low, middle), (middle, range.high)] {
+            let mut part = inside.clone();
+            part[widest] = Interval::new(half.0, half.1);
+            boxes.push(part);
+        }
+    }
+    Proof::Open
+}
+
+/// The term with what is zero all over a box left out.
+fn reduced<'e>(
+    term: Expr<'e>,
+    sides: &FxHashMap<Var, f64>,
+    vars: &[Var],
+    inside: &[Interval],
+) -> Expr<'e> {
+    let exprs = term.exprs();
+    let mut enclosures: FxHashMap<Expr<'e>, Interval> = FxHashMap::default();
+    let image = transform(&[term], &mut |node, rebuilt| {
+        let of = |e: &Expr<'e>| enclosures[e];
+        // An enclosure, and the size of what it was added up from.
+        let (enclosure, size) = match node.node() {
+            Node::Constant(value) => (Interval::rounded(value), 0.0),
+            Node::Variable(var) => {
+                let place = vars.iter().position(|&known| known == var);
+                (place.map_or(Interval::ALL, |place| inside[place]), 0.0)
+            }
+            Node::Sum { constant, terms } => {
+                let start = (Interval::rounded(constant), constant.abs());
+                terms.iter().fold(start, |(sum, size), (factor, e)| {
+                    let term = Interval::rounded(*factor) * of(e);
+                    (sum + term, size + term.magnitude())
+                })
+            }
+            Node::Product(factors) => {
+                let start = Interval::new(1.0, 1.0);
+                let factors = factors.iter();
+                let product =
+                    factors.fold(start, |product, (e, power)| product * of(e).powi(*power));
+                (product, 0.0)
+            }
+            Node::Unary(function, a) => {
+                let size = of(&a).magnitude().max(1.0);
+                (of(&a).unary(function), size)
+            }
+            Node::Binary(function, a, b) => (of(&a).binary(function, of(&b)), 0.0),
+        };
+        let slack = ROUNDINGS * f64::EPSILON * if size.is_finite() { size } else { 0.0 };
+        let is_zero = enclosure == Interval::ZERO
+            || enclosure.contains(0.0) && enclosure.magnitude() <= slack;
+        let image = match (node.as_variable(), is_zero) {
+            (_, true) => exprs.constant(0.0),
+            (Some(var), _) => sides.get(&var).map_or(rebuilt, |&at| exprs.constant(at)),
+            _ => rebuilt,
+        };
+        let value = match is_zero || image.is_zero() {
+            true => Interval::ZERO,
+            false => enclosure,
+        };
+        enclosures.insert(node, value);
+        image
+    });
+    image[0]
+}
+
+/// A point at which the term is not zero, in words.
+fn counterexample(
+    term: Expr<'_>,
+    sides: &FxHashMap<Var, f64>,
+    vars: &[Var],
+    inside: &[Interval],
+) -> Option<String> {
+    (0..POINTS).find_map(|point| {
+        let place = |k: usize| {
+            let share = 0.5 + 0.49 * (1.7 * ((k + 1) * (point + 1)) as f64).sin();
+            let range = inside[k];
+            match (range.low.is_finite(), range.high.is_finite()) {
+                (true, true) => range.low + share * range.width(),
+                (true, false) => range.low + 3.0 * share,
+                (false, true) => range.high - 3.0 * share,
+                // Farther out from point to point.
+                (false, false) => (4.0 * share - 2.0) * 1.2_f64.powi(point as i32),
+            }
+        };
+        let at = |var: Var| {
+            let k = vars.binary_search(&var).unwrap_or(0);
+            sides.get(&var).copied().unwrap_or_else(|| place(k))
+        };
+        let value = term.eval(&at);
+        // The same with the switch between its sides tells what is small.
+        let between = |var: Var| {
+            sides
+                .get(&var)
+                .map_or_else(|| at(var), |&at| 0.6 * at + 0.1)
+        };
+        let size = term.eval(&between).abs();
+        if !value.is_finite() || value.abs() <= 1e-9 * size.max(1e-3) {
+            return None;
+        }
+        let exprs = term.exprs();
+        let others = vars.iter().filter(|var| !sides.contains_key(var));
+        let others: Vec<String> = others
+            .take(4)
+            .map(|&var| format!("{} = {:.4}", exprs.name(var), at(var)))
+            .collect();
+        Some(match others.is_empty() {
+            true => format!("{value:.4}"),
+            false => format!("{value:.4} at {}", others.join(", ")),
+        })
+    })
+}
