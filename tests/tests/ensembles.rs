@@ -87,7 +87,7 @@ fn quantiles_of_a_random_walk_are_those_of_its_normal_law() {
     let (_, ensemble) = many(text, 2);
     let deviation = 0.2 * 10.0_f64.sqrt();
     // Quantiles of the standard normal law, and its density there.
-    let known = [
+    let known: [f64; 5] = [
         -1.6448536269514722,
         -0.6744897501960817,
         0.0,

@@ -1,7 +1,7 @@
 //! `nsdc modes`: the sliding modes of nonlinear switches along a line, against closed forms.
 
 use nsd_tests::with_experiment;
-use nsdc::modes::{map, text};
+use nsdc::modes::{map, plane, plane_text, text};
 use nsdc::report::{Change, Map, plot};
 
 fn mapped(text: &str, state: &str, from: f64, to: f64) -> Map {
@@ -77,4 +77,62 @@ fn static_friction_ends_in_folds() {
             .all(|(b, known)| (b - known).abs() < 1e-8),
         "{bounds:?}"
     );
+}
+
+/// 2s² - s = x + z²: the fold is x + z² = -1/8, and modes reach s = 1 and -1 at x + z² = 1 and 3.
+#[test]
+fn folds_are_curves_over_two_states() {
+    let model = "model m { state x = 0.9; state y = 0.05; state z = 0;
+        switch s = sign(y) sliding nonlinear;
+        x' = 2*s^2 - 1; y' = 2*s^2 - s - x - z^2; z' = 1; } simulate run of m { horizon 1; }";
+    let plane = with_experiment(model, "run", |compiled| {
+        plane(&compiled.system, 0, [0, 2], [-2.0..3.5, -1.3..1.1])
+    });
+    let n = plane.at[0].len();
+    for (k, pattern) in plane.patterns.iter().enumerate() {
+        let level = plane.at[0][k % n] + plane.at[1][k / n].powi(2);
+        if [-0.125, 1.0, 3.0]
+            .iter()
+            .any(|bound| (level - bound).abs() < 1e-6)
+        {
+            continue;
+        }
+        let known: &[bool] = match level {
+            level if level < -0.125 || level > 3.0 => &[],
+            level if level < 1.0 => &[true, false],
+            _ => &[true],
+        };
+        assert_eq!(pattern.as_deref(), Some(known), "{level}");
+    }
+    let of = |change: Change| {
+        plane
+            .curves
+            .iter()
+            .filter(move |curve| curve.change == change)
+    };
+    let folds: Vec<[f64; 2]> = of(Change::Fold).flat_map(|c| c.points.clone()).collect();
+    assert!(folds.len() > 100, "{}", folds.len());
+    for [x, z] in &folds {
+        assert!((x + z * z + 0.125).abs() < 1e-9, "{x} {z}");
+    }
+    for [x, z] in of(Change::Bound).flat_map(|c| c.points.clone()) {
+        let level = x + z * z;
+        assert!(
+            (level - 1.0).abs().min((level - 3.0).abs()) < 1e-9,
+            "{level}"
+        );
+    }
+    assert_eq!(of(Change::Other).count(), 0);
+    // One curve from end to end: z from -1.3 to 1.1, as x is within its range.
+    let ends = folds
+        .iter()
+        .fold((0.0_f64, 0.0_f64), |(a, b), p| (a.min(p[1]), b.max(p[1])));
+    assert_eq!(of(Change::Fold).count(), 1);
+    assert!(
+        (ends.0 + 1.3).abs() < 1e-9 && (ends.1 - 1.1).abs() < 1e-9,
+        "{ends:?}"
+    );
+    assert!(plane_text(&plane).contains("1 attracting, 1 repelling"));
+    let svg = plot::plane::write(&plane);
+    assert!(svg.starts_with("<svg") && svg.contains("fold") && !svg.contains("NaN"));
 }

@@ -203,9 +203,14 @@ pub struct ModesArgs {
     pub file: PathBuf,
     /// The experiment; without it the first one that reads a switch nonlinearly
     pub experiment: Option<String>,
-    /// A state and its range, `x=-1:4`; the other states are those of the start
-    #[arg(long, value_name = "STATE=FROM:TO", allow_hyphen_values = true)]
-    pub over: String,
+    /// A state and its range, `x=-1:4`, once or twice; the other states are those of the start
+    #[arg(
+        long,
+        required = true,
+        value_name = "STATE=FROM:TO",
+        allow_hyphen_values = true
+    )]
+    pub over: Vec<String>,
     /// The switch; without it the first one that is read nonlinearly
     #[arg(long, value_name = "NAME")]
     pub switch: Option<String>,

@@ -60,24 +60,34 @@ pub fn run(args: &ModesArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
             "name another one",
         );
     };
-    let Some((state, range)) = line(system, &args.over) else {
-        let names: Vec<&str> = system
-            .states
-            .iter()
-            .map(|state| state.name.as_str())
-            .collect();
-        let help = format!(
-            "`--over {}=-1:1`, of the states {}",
-            names[0],
-            names.join(", ")
-        );
-        return wrong(streams, "`--over` names a state and its range", &help);
+    let lines: Option<Vec<_>> = args.over.iter().map(|over| line(system, over)).collect();
+    let names: Vec<&str> = system
+        .states
+        .iter()
+        .map(|state| state.name.as_str())
+        .collect();
+    let (text, svg) = match lines.as_deref() {
+        Some([(state, range)]) => {
+            let map = modes::map(system, switch, *state, range.clone());
+            (modes::text(&map), plot::branches::write(&map))
+        }
+        Some([(x, along), (y, up)]) if x != y => {
+            let ranges = [along.clone(), up.clone()];
+            let plane = modes::plane(system, switch, [*x, *y], ranges);
+            (modes::plane_text(&plane), plot::plane::write(&plane))
+        }
+        _ => {
+            let help = format!(
+                "`--over {}=-1:1`, once or for two states, of the states {}",
+                names[0],
+                names.join(", ")
+            );
+            return wrong(streams, "`--over` names a state and its range", &help);
+        }
     };
-    let map = modes::map(system, switch, state, range);
-    streams.out.write_all(modes::text(&map).as_bytes())?;
+    streams.out.write_all(text.as_bytes())?;
     let mut written = true;
     if let Some(path) = &args.plot {
-        let svg = plot::branches::write(&map);
         written = Sink::with(path, svg).finish(streams)?;
     }
     Ok(if written { Exit::Success } else { Exit::Wrong })

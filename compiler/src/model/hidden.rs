@@ -302,7 +302,8 @@ fn counterexample(
                 .map_or_else(|| at(var), |&at| 0.6 * at + 0.1)
         };
         let size = term.eval(&between).abs();
-        if !value.is_finite() || value.abs() <= 1e-9 * size.max(1e-3) {
+        let farthest = vars.iter().map(|&var| at(var).abs()).fold(1e-3, f64::max);
+        if !value.is_finite() || value.abs() <= 1e-9 * size.max(farthest) {
             return None;
         }
         let exprs = term.exprs();

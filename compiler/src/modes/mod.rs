@@ -1,21 +1,24 @@
-//! `nsdc modes`: number and stability of the sliding modes of a nonlinear switch along a line on its surface.
+//! `nsdc modes`: number and stability of the sliding modes of a nonlinear switch, along a line on its surface or over
+//! two states.
 //!
 //! One state goes from end to end of a range; the others are those of the start, moved onto the surface where it needs
 //! them. Between neighbours of a fine grid that differ in their modes, the place where they change is found by
 //! bisection: a *fold*, where two modes meet, or a *bound*, where one has the value of a side. Changes that undo each
 //! other within one interval of the grid are not seen.
 
+mod plane;
 mod table;
 
 use std::ops::Range;
 
-use nsd_solver::simulate::{Settings, Simulator, SlidingMode};
+use nsd_solver::simulate::{Settings, Simulator};
 
 use crate::report::{self, Boundary, Change, Map, Sample};
 use crate::simulate::Switched;
-use crate::system::System;
+use crate::system::{NamedReading, System};
 
-pub use table::text;
+pub use plane::plane;
+pub use table::{plane_text, text};
 
 /// Intervals of the grid.
 const GRID: usize = 480;
@@ -26,30 +29,64 @@ const HALVINGS: usize = 60;
 /// Stability below which two modes that vanish together have met, relative to the largest of all.
 const FLAT: f64 = 1e-3;
 
-/// Follows the modes of a nonlinear switch while a state goes through a range.
-pub fn map(system: &System, switch: usize, state: usize, range: Range<f64>) -> Map {
-    let switched = Switched::new(system);
-    let reading = system.switches[switch].named.first();
-    let value = |alpha: f64| reading.map_or(alpha, |reading| reading.value(alpha));
-    let share = (value(1.0) - value(0.0)).abs().recip();
-    let told = |mode: SlidingMode| report::SlidingMode {
-        value: value(mode.alpha),
-        stability: share * mode.stability,
-        taken: false,
-    };
-    let mut simulator = Simulator::new(&switched, Settings::default());
-    let start: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
-    let mut sample = |at: f64| {
-        let mut x = start.clone();
-        x[state] = at;
-        let modes = simulator.sliding_modes(0.0, &mut x, switch, &[state]);
+/// Finds the sliding modes of a switch for values of some states.
+struct Sampler<'s, 'e> {
+    simulator: Simulator<'s, Switched<'e>>,
+    start: Vec<f64>,
+    switch: usize,
+    reading: Option<&'s NamedReading>,
+}
+
+impl<'s, 'e> Sampler<'s, 'e> {
+    fn new(system: &'s System<'e>, switched: &'s Switched<'e>, switch: usize) -> Self {
+        Sampler {
+            simulator: Simulator::new(switched, Settings::default()),
+            start: system.states.iter().map(|state| state.initial).collect(),
+            switch,
+            reading: system.switches[switch].named.first(),
+        }
+    }
+
+    /// The value of the switch as the model has it.
+    fn value(&self, alpha: f64) -> f64 {
+        self.reading.map_or(alpha, |reading| reading.value(alpha))
+    }
+
+    /// Its values below and above the surface.
+    fn sides(&self) -> [f64; 2] {
+        [self.value(0.0), self.value(1.0)]
+    }
+
+    /// The modes where these states have these values; others are moved onto the surface where it needs them.
+    fn sample(&mut self, at: f64, given: &[(usize, f64)]) -> Sample {
+        let mut x = self.start.clone();
+        for &(state, value) in given {
+            x[state] = value;
+        }
+        let held: Vec<usize> = given.iter().map(|(state, _)| *state).collect();
+        let modes = (self.simulator).sliding_modes(0.0, &mut x, self.switch, &held);
+        let [low, high] = self.sides();
+        let share = (high - low).abs().recip();
         let modes = modes.map(|modes| {
-            let mut modes: Vec<_> = modes.into_iter().map(told).collect();
+            let modes = modes.into_iter().map(|mode| report::SlidingMode {
+                value: self.value(mode.alpha),
+                stability: share * mode.stability,
+                taken: false,
+            });
+            let mut modes: Vec<_> = modes.collect();
             modes.sort_by(|a, b| a.value.total_cmp(&b.value));
             modes
         });
         Sample { at, modes }
-    };
+    }
+}
+
+/// Follows the modes of a nonlinear switch while a state goes through a range.
+pub fn map(system: &System, switch: usize, state: usize, range: Range<f64>) -> Map {
+    let switched = Switched::new(system);
+    let mut sampler = Sampler::new(system, &switched, switch);
+    let sides = sampler.sides();
+    let mut sample = |at: f64| sampler.sample(at, &[(state, at)]);
     let width = range.end - range.start;
     let at = |k: usize| range.start + width * k as f64 / GRID as f64;
     let mut samples = vec![sample(range.start)];
@@ -66,7 +103,7 @@ pub fn map(system: &System, switch: usize, state: usize, range: Range<f64>) -> M
                     false => high = middle,
                 }
             }
-            let found = boundary(&low, &high, [value(0.0), value(1.0)]);
+            let found = boundary(&low, &high, sides);
             // A point of the grid may be the fold itself.
             let is_same = |known: &&Boundary| {
                 known.change == found.change && (known.at - found.at).abs() <= 1e-9 * width
@@ -78,7 +115,7 @@ pub fn map(system: &System, switch: usize, state: usize, range: Range<f64>) -> M
         }
         samples.push(next);
     }
-    let mut sides = [value(0.0), value(1.0)];
+    let mut sides = sides;
     sides.sort_by(f64::total_cmp);
     Map {
         switch: system.switches[switch].name.clone(),

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use crate::report::{Change, Map, Sample};
+use crate::report::{Change, Map, Plane, Sample, words_of};
 
 /// One row per interval without a change.
 pub fn text(map: &Map) -> String {
@@ -45,6 +45,43 @@ pub fn text(map: &Map) -> String {
             number(to)
         );
         let _ = writeln!(text, "{}", row.trim_end());
+    }
+    text
+}
+
+/// Points of a curve in the table.
+const POINTS: usize = 9;
+
+/// What occurs over two states, and points of the curves in between.
+pub fn plane_text(plane: &Plane) -> String {
+    let [x, y] = &plane.states;
+    let mut text = format!(
+        "sliding modes of {} over {x} and {y}\n\n   {:<34} {:>8}\n",
+        plane.switch, "modes", "share"
+    );
+    for (pattern, share) in plane.shares() {
+        let words = words_of(pattern.as_deref());
+        let _ = writeln!(text, "   {words:<34} {:>6.1} %", 100.0 * share);
+    }
+    for curve in &plane.curves {
+        let what = match curve.change {
+            Change::Fold => "folds",
+            Change::Bound => "a mode reaches a side",
+            Change::Other => "other changes",
+        };
+        let _ = writeln!(
+            text,
+            "\n   {what}, {} points found\n   {x:<22} {y}",
+            curve.points.len()
+        );
+        let last = curve.points.len().saturating_sub(1);
+        let shown = (0..POINTS).map(|k| k * last / (POINTS - 1));
+        let mut shown: Vec<usize> = shown.collect();
+        shown.dedup();
+        for place in shown {
+            let [a, b] = curve.points[place].map(number);
+            let _ = writeln!(text, "   {a:<22} {b}");
+        }
     }
     text
 }

@@ -19,6 +19,7 @@ mod failure;
 pub mod json;
 mod modes;
 mod optimum;
+mod plane;
 pub mod plot;
 mod refine;
 #[cfg(test)]
@@ -32,6 +33,7 @@ pub use ensemble::{Bands, Ensemble};
 pub use event::{Event, EventKind, SlidingMode};
 pub use failure::Failure;
 pub use optimum::{Check, Optimum};
+pub use plane::{Plane, PlaneCurve, words_of};
 pub use refine::refine;
 pub use status::{Certificate, Stationarity, Stats, Status};
 

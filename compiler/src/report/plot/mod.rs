@@ -11,6 +11,7 @@ mod loglog;
 mod marks;
 mod panel;
 mod phase;
+pub mod plane;
 pub mod profile;
 
 use self::axis::Axis;

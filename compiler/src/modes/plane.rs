@@ -1,0 +1,114 @@
+//! Sliding modes over two states.
+//!
+//! They are found at the nodes of a grid. Along every edge of it whose ends differ, the place where they change is found
+//! by bisection, and in every cell the places on its edges are joined: what comes out are the curves of folds and of
+//! bounds. What lies between neighbouring nodes that do not differ is not seen.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use super::{HALVINGS, Sampler, boundary};
+use crate::report::{Boundary, Change, Plane, PlaneCurve, Sample};
+use crate::simulate::Switched;
+use crate::system::System;
+
+/// Cells of the grid in each direction.
+const CELLS: usize = 128;
+
+/// An edge: its first node, and whether it goes along the second state.
+type Edge = (usize, usize, bool);
+
+/// Maps the modes of a nonlinear switch while two states go through ranges.
+pub fn plane(system: &System, switch: usize, states: [usize; 2], ranges: [Range<f64>; 2]) -> Plane {
+    let switched = Switched::new(system);
+    let mut sampler = Sampler::new(system, &switched, switch);
+    let at = ranges.map(|range| {
+        let width = range.end - range.start;
+        let node = |k: usize| range.start + width * k as f64 / CELLS as f64;
+        (0..=CELLS).map(node).collect::<Vec<f64>>()
+    });
+    let mut nodes: Vec<Sample> = Vec::with_capacity((CELLS + 1) * (CELLS + 1));
+    for &y in &at[1] {
+        for &x in &at[0] {
+            nodes.push(sampler.sample(x, &[(states[0], x), (states[1], y)]));
+        }
+    }
+    let node = |i: usize, j: usize| &nodes[j * (CELLS + 1) + i];
+    // Where modes change along an edge.
+    let mut crossings: BTreeMap<Edge, ([f64; 2], Boundary)> = BTreeMap::new();
+    for j in 0..=CELLS {
+        for i in 0..=CELLS {
+            for (up, (ni, nj)) in [(false, (i + 1, j)), (true, (i, j + 1))] {
+                if ni > CELLS || nj > CELLS || node(i, j).pattern() == node(ni, nj).pattern() {
+                    continue;
+                }
+                let ends = [[at[0][i], at[1][j]], [at[0][ni], at[1][nj]]];
+                let (mut low, mut high) = (node(i, j).clone(), node(ni, nj).clone());
+                let (mut from, mut to) = (0.0, 1.0);
+                let place =
+                    |share: f64| [0, 1].map(|k| ends[0][k] + share * (ends[1][k] - ends[0][k]));
+                for _ in 0..HALVINGS {
+                    let share: f64 = 0.5 * (from + to);
+                    let [x, y] = place(share);
+                    let middle = sampler.sample(x, &[(states[0], x), (states[1], y)]);
+                    match middle.pattern() == low.pattern() {
+                        true => (low, from) = (middle, share),
+                        false => (high, to) = (middle, share),
+                    }
+                }
+                let found = boundary(&low, &high, sampler.sides());
+                crossings.insert((i, j, up), (place(0.5 * (from + to)), found));
+            }
+        }
+    }
+    // Neighbours of an edge on its curve, by what happens there.
+    let mut joined: BTreeMap<Edge, Vec<Edge>> = BTreeMap::new();
+    for j in 0..CELLS {
+        for i in 0..CELLS {
+            let edges = [
+                (i, j, false),
+                (i + 1, j, true),
+                (i, j + 1, false),
+                (i, j, true),
+            ];
+            for change in [Change::Fold, Change::Bound, Change::Other] {
+                let here = edges.iter().copied();
+                let here =
+                    here.filter(|edge| crossings.get(edge).is_some_and(|c| c.1.change == change));
+                let here: Vec<Edge> = here.collect();
+                // Two curves of one kind in a cell cannot be told apart; neighbours in order are taken.
+                for pair in here.chunks_exact(2) {
+                    joined.entry(pair[0]).or_default().push(pair[1]);
+                    joined.entry(pair[1]).or_default().push(pair[0]);
+                }
+            }
+        }
+    }
+    let mut curves = Vec::new();
+    // Ends of curves first, then what is closed.
+    let ends = joined.iter().filter(|(_, next)| next.len() == 1);
+    let starts: Vec<Edge> = (ends.chain(joined.iter())).map(|(edge, _)| *edge).collect();
+    let mut left = joined;
+    for start in starts {
+        let mut points = Vec::new();
+        let mut edge = start;
+        while let Some(next) = left.remove(&edge) {
+            points.push(crossings[&edge].0);
+            match next.iter().find(|next| left.contains_key(next)) {
+                Some(next) => edge = *next,
+                None => break,
+            }
+        }
+        if points.len() > 1 {
+            let change = crossings[&start].1.change;
+            curves.push(PlaneCurve { change, points });
+        }
+    }
+    Plane {
+        switch: system.switches[switch].name.clone(),
+        states: states.map(|state| system.states[state].name.clone()),
+        patterns: nodes.iter().map(Sample::pattern).collect(),
+        at,
+        curves,
+    }
+}
