@@ -37,6 +37,9 @@ pub enum Command {
     Run(RunArgs),
     /// Run every `expect` of files and folders
     Test(TestArgs),
+    /// Run experiments by every method and lowering that takes them, and compare
+    #[command(after_help = VERIFY_HELP)]
+    Verify(VerifyArgs),
     /// Measure the error of every method over step size and time
     #[command(after_help = ORDER_HELP)]
     Order(OrderArgs),
@@ -184,6 +187,32 @@ impl RunArgs {
     pub fn to_standard(&self) -> bool {
         self.n_to_standard() > 0
     }
+}
+
+/// What `verify --help` ends with.
+const VERIFY_HELP: &str = "\
+The experiment as it is written, `event`, and `fesd` with every lowering choose their own steps, so \
+their last states have to agree up to the tolerance and ten times their estimated errors. The exit \
+status is 2 where two of them do not, or where the experiment as it is written has no end.
+
+Example: `nsdc verify oscillator.nsd crossing`.";
+
+/// Arguments of `verify`.
+#[derive(Debug, Arguments)]
+pub struct VerifyArgs {
+    /// The file; `-` is standard input
+    pub file: PathBuf,
+    /// The experiment; all of the file without it
+    pub experiment: Option<String>,
+    /// Differences up to this need no explanation, relative to the size of each state
+    #[arg(long, value_name = "NUMBER", value_parser = tolerance, default_value = "1e-6")]
+    pub tolerance: f64,
+    /// Override a parameter, initial value or input
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = assignment)]
+    pub set: Vec<String>,
+    /// Stop each run after so many seconds
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    pub time_limit: Option<Duration>,
 }
 
 /// What `order --help` ends with.

@@ -20,6 +20,7 @@ mod project;
 mod run;
 mod solve;
 mod test;
+mod verify;
 mod watch;
 
 use std::ffi::OsString;
@@ -82,6 +83,7 @@ fn dispatch(args: Args, streams: &mut Streams<'_>) -> io::Result<Exit> {
         Command::Emit(args) => emit::run(&args, streams),
         Command::Run(args) => run::run(&args, streams),
         Command::Test(args) => test::run(&args, streams),
+        Command::Verify(args) => verify::run(&args, streams),
         Command::Modes(args) => modes::run(&args, streams),
         Command::Order(args) => order::run(&args, streams),
         Command::Solve(args) => solve::run(&args, streams),

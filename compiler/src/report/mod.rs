@@ -22,6 +22,7 @@ mod optimum;
 mod plane;
 pub mod plot;
 mod refine;
+pub mod roads;
 #[cfg(test)]
 mod sample;
 mod status;

@@ -104,7 +104,10 @@ pub fn run_watched(
         return frozen::run(system, settings, request, watch);
     }
     match &settings.method {
-        experiment::Method::Fesd(options) if settings.takes_impulses() => {
+        // Without contacts there are no impulses to take.
+        experiment::Method::Fesd(options)
+            if settings.takes_impulses() && !system.contacts.is_empty() =>
+        {
             fesd::impulses::run(system, settings, options, request, watch)
         }
         experiment::Method::Fesd(options) => fesd::run(system, settings, options, request, watch),

@@ -1,0 +1,234 @@
+//! Runs of one experiment by different methods and lowerings, side by side.
+//!
+//! All of them keep their own errors small, so they have to come to the same end: where two differ by more than their
+//! estimates explain, one of them is wrong, or the model has several solutions and says nowhere which one is meant.
+
+use std::fmt::{self, Write};
+
+use super::text::duration;
+use super::{EventKind, Series, Status, Trajectory};
+
+/// Estimates of errors are right to about this factor.
+const SAFETY: f64 = 10.0;
+/// Series are measured by their largest value, and those that stay below this one by this.
+const LEAST_SIZE: f64 = 1e-12;
+
+/// The runs of one experiment.
+#[derive(Debug)]
+pub struct Roads {
+    /// Name of the experiment.
+    pub experiment: String,
+    /// Name of the model.
+    pub model: String,
+    /// The difference that needs no explanation, relative to the size of each state.
+    pub tolerance: f64,
+    /// The runs.
+    pub roads: Vec<Road>,
+}
+
+/// One of them.
+#[derive(Debug)]
+pub struct Road {
+    /// Method and lowering.
+    pub name: String,
+    /// The run, or the code of what keeps the method from it.
+    pub run: Result<Box<Trajectory>, String>,
+}
+
+/// By how much two runs differ.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Difference {
+    /// The last states: the largest difference of an entry, relative to the size of its state.
+    pub end: f64,
+    /// The instants of events, relative to the horizon, where both runs have as many of the same kinds.
+    pub times: Option<f64>,
+    /// What the tolerance and the estimated errors of both leave for the difference of the last states.
+    pub allowed: f64,
+}
+
+impl Difference {
+    /// Whether the two runs come to the same end.
+    pub fn is_explained(&self) -> bool {
+        self.end <= self.allowed
+    }
+}
+
+impl Road {
+    /// The run, where it came to the end of the horizon.
+    fn solved(&self) -> Option<&Trajectory> {
+        let run = self.run.as_deref().ok()?;
+        (run.status == Status::Solved).then_some(run)
+    }
+}
+
+impl Roads {
+    /// The difference of two runs that came to their ends.
+    pub fn difference(&self, a: usize, b: usize) -> Option<Difference> {
+        let (a, b) = (self.roads[a].solved()?, self.roads[b].solved()?);
+        let estimates = [a, b].map(|run| run.error_estimate.unwrap_or(0.0));
+        Some(Difference {
+            end: end(a, b),
+            times: times(a, b),
+            allowed: self.tolerance + SAFETY * estimates.iter().sum::<f64>(),
+        })
+    }
+
+    /// Pairs whose difference is not explained.
+    pub fn disagreements(&self) -> Vec<(usize, usize)> {
+        let n = self.roads.len();
+        let pairs = (0..n).flat_map(|a| (a + 1..n).map(move |b| (a, b)));
+        let differs = |&(a, b): &(usize, usize)| {
+            self.difference(a, b)
+                .is_some_and(|difference| !difference.is_explained())
+        };
+        pairs.filter(differs).collect()
+    }
+
+    /// How many came to the end of the horizon.
+    pub fn n_solved(&self) -> usize {
+        let solved = self.roads.iter().filter(|road| road.solved().is_some());
+        solved.count()
+    }
+
+    /// Whether the experiment as it is written came to its end, and nothing contradicts it.
+    pub fn agree(&self) -> bool {
+        self.roads[0].solved().is_some() && self.disagreements().is_empty()
+    }
+}
+
+/// The largest difference of the last states, each relative to the largest value of its state in either run.
+fn end(a: &Trajectory, b: &Trajectory) -> f64 {
+    let mut largest: f64 = 0.0;
+    for (a, b) in a.states.iter().zip(&b.states) {
+        let values = a.values.iter().chain(&b.values);
+        let size = values.fold(LEAST_SIZE, |size, value| size.max(value.abs()));
+        let last = |series: &Series| {
+            let first = series.values.len().saturating_sub(series.n_entries());
+            series.values[first..].to_vec()
+        };
+        for (a, b) in last(a).iter().zip(last(b)) {
+            let difference = (a - b).abs() / size;
+            // A number that is none differs from all.
+            largest = match difference.is_nan() {
+                true => f64::INFINITY,
+                false => largest.max(difference),
+            };
+        }
+    }
+    largest
+}
+
+/// The largest difference of the instants of events, relative to the horizon.
+fn times(a: &Trajectory, b: &Trajectory) -> Option<f64> {
+    let of = |run: &Trajectory| {
+        let events = run.events.iter();
+        let events = events.filter(|event| event.kind != EventKind::Branch);
+        let mut found: Vec<(EventKind, f64)> =
+            events.map(|event| (event.kind, event.time)).collect();
+        found.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        found
+    };
+    let (events, others) = (of(a), of(b));
+    let kinds = |events: &[(EventKind, f64)]| -> Vec<EventKind> {
+        events.iter().map(|&(kind, _)| kind).collect()
+    };
+    if kinds(&events) != kinds(&others) {
+        return None;
+    }
+    let horizon = a.time.last()? - a.time.first()?;
+    let pairs = events.iter().zip(&others);
+    Some(pairs.fold(0.0, |largest: f64, (a, b)| {
+        largest.max((a.1 - b.1).abs() / horizon)
+    }))
+}
+
+/// The table of the runs and that of their differences.
+pub fn text(roads: &Roads) -> String {
+    let mut text = String::new();
+    // Writing to a string does not fail.
+    let _ = write(roads, &mut text);
+    text
+}
+
+fn write(all: &Roads, text: &mut String) -> fmt::Result {
+    let Roads {
+        experiment,
+        model,
+        roads,
+        ..
+    } = all;
+    writeln!(text, "{experiment} of {model}: {}\n", verdict(all))?;
+    let width = roads.iter().map(|road| road.name.len()).max();
+    let width = width.unwrap_or(0).max("road".len());
+    writeln!(
+        text,
+        "     {:width$}  {:>17}  {:>6}  {:>9}  {:>9}  {:>9}",
+        "road", "status", "events", "residual", "estimate", "time"
+    )?;
+    for (number, road) in (1..).zip(roads) {
+        write!(text, "  {number}  {:width$}  ", road.name)?;
+        match &road.run {
+            Err(code) => writeln!(text, "{:>17}  {code}", "not applicable")?,
+            Ok(run) => {
+                let estimate = run.error_estimate;
+                let estimate = estimate.map_or("-".to_owned(), |error| format!("{error:.1e}"));
+                writeln!(
+                    text,
+                    "{:>17}  {:>6}  {:>9.1e}  {estimate:>9}  {:>9}",
+                    run.status.as_str(),
+                    run.events.len(),
+                    run.certificate.max_violation.abs(),
+                    duration(run.stats.solve_s)
+                )?;
+                if let Some(failure) = &run.failure {
+                    writeln!(text, "     {:width$}  {failure}", "")?;
+                }
+            }
+        }
+    }
+    if all.n_solved() < 2 {
+        return Ok(());
+    }
+    writeln!(
+        text,
+        "\n  differences of last states, relative to their sizes, and of events, to the horizon"
+    )?;
+    for b in 1..roads.len() {
+        for a in 0..b {
+            let Some(difference) = all.difference(a, b) else {
+                continue;
+            };
+            let times = match difference.times {
+                Some(times) => format!("{times:.1e}"),
+                None => "other events".to_owned(),
+            };
+            let mark = match difference.is_explained() {
+                true => String::new(),
+                false => format!("  DIFFERS, {:.1e} are explained", difference.allowed),
+            };
+            writeln!(
+                text,
+                "  {} - {}  {:>9.1e}  {times:>12}{mark}",
+                a + 1,
+                b + 1,
+                difference.end
+            )?;
+        }
+    }
+    Ok(())
+}
+
+/// What there is to say in a line.
+fn verdict(all: &Roads) -> String {
+    let n = all.n_solved();
+    match (all.disagreements().len(), n) {
+        (0, 0) => "no road comes to the end".to_owned(),
+        (0, 1) => "one road alone, nothing to compare it with".to_owned(),
+        (0, n) => format!("{n} roads agree"),
+        (pairs, n) => format!("{n} roads, {pairs} pairs of them differ"),
+    }
+}
+
+#[cfg(test)]
+#[path = "roads_tests.rs"]
+mod tests;

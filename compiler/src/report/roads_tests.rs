@@ -1,0 +1,78 @@
+use super::{Road, Roads, text};
+use crate::report::{Status, sample};
+
+/// The sample trajectory as it is, another time, and with this added to the first entry of its last state.
+fn roads(error: f64, estimate: Option<f64>) -> Roads {
+    let mut other = sample::oscillator();
+    let last = other.states[0].values.len() - 2;
+    other.states[0].values[last] += error;
+    other.error_estimate = estimate;
+    let names = ["event", "fesd", "fesd, lower step"];
+    let runs = [sample::oscillator(), sample::oscillator(), other];
+    let roads = names.iter().zip(runs).map(|(name, run)| Road {
+        name: (*name).to_owned(),
+        run: Ok(Box::new(run)),
+    });
+    let mut roads: Vec<Road> = roads.collect();
+    roads.push(Road {
+        name: "fesd, lower impact".to_owned(),
+        run: Err("E0935".to_owned()),
+    });
+    Roads {
+        experiment: "crossing".to_owned(),
+        model: "oscillator".to_owned(),
+        tolerance: 1e-6,
+        roads,
+    }
+}
+
+#[test]
+fn a_difference_beyond_tolerance_and_estimates_is_found() {
+    let roads = roads(1e-3, Some(1e-9));
+    assert_eq!(roads.disagreements(), [(0, 2), (1, 2)]);
+    assert!(!roads.agree());
+    assert!(text(&roads).contains("DIFFERS"));
+}
+
+#[test]
+fn what_a_run_says_of_its_own_error_is_believed() {
+    assert!(roads(1e-3, Some(1e-3)).agree());
+    assert!(!roads(1e-3, None).agree());
+}
+
+#[test]
+fn numbers_that_are_none_differ() {
+    assert_eq!(roads(f64::NAN, None).disagreements().len(), 2);
+}
+
+#[test]
+fn runs_that_fail_are_not_compared_but_the_written_one_has_to_end() {
+    let mut roads = roads(1.0, None);
+    let fail = |roads: &mut Roads, k: usize| {
+        if let Ok(run) = &mut roads.roads[k].run {
+            run.status = Status::NumericalFailure;
+        }
+    };
+    fail(&mut roads, 2);
+    assert!(roads.agree());
+    fail(&mut roads, 0);
+    assert!(!roads.agree());
+}
+
+#[test]
+fn events_of_other_kinds_have_no_difference_in_time() {
+    let mut roads = roads(0.0, None);
+    if let Ok(run) = &mut roads.roads[1].run {
+        run.events[0].time += 0.15;
+    }
+    if let Ok(run) = &mut roads.roads[2].run {
+        run.events.clear();
+    }
+    let times = |a, b| {
+        roads
+            .difference(a, b)
+            .and_then(|difference| difference.times)
+    };
+    assert!(times(0, 1).is_some_and(|times| (times - 0.1).abs() < 1e-12));
+    assert_eq!(times(0, 2), None);
+}
