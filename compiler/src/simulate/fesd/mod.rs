@@ -29,6 +29,9 @@ use crate::system::experiment::{FesdOptions, Settings};
 /// An estimate above this says that the grid is too coarse for the model.
 const COARSE: f64 = 0.01;
 
+/// Tolerances below this, in relation to rounding, make no other elements, so that a finer run says nothing.
+const FINEST: f64 = 1e-13;
+
 /// Keeps the multipliers of a run besides what another observer does.
 struct Keeper<O> {
     observer: O,
@@ -113,7 +116,11 @@ pub(super) fn run(
         });
         // A grid is taken as it is.
         let judged = estimate.as_ref().filter(|_| options.steps.is_none());
-        if let Some(next) = tightened(judged, settings, tolerance, attempt) {
+        let next = tightened(judged, settings, tolerance, attempt);
+        let next = next
+            .map(|next| next.max(FINEST))
+            .filter(|next| *next < tolerance);
+        if let Some(next) = next {
             tolerance = next;
             attempt += 1;
             continue;
