@@ -23,6 +23,7 @@ mod bind;
 mod builtins;
 mod calls;
 mod check;
+mod cones;
 mod connect;
 mod declare;
 mod decompose;
@@ -408,13 +409,15 @@ pub struct Complementarity<'e> {
     pub span: Span,
 }
 
-/// A multiplier of a row of a program.
+/// A multiplier of a row of a program, or another number that says how a row holds.
 #[derive(Clone, Debug)]
 pub struct Multiplier<'e> {
     /// Its variable.
     pub var: Expr<'e>,
     /// `z.multiplier[2]`
     pub name: String,
+    /// Where Newton's method starts.
+    pub guess: f64,
     /// The row.
     pub span: Span,
 }
@@ -437,6 +440,8 @@ pub struct ProgramRow<'e> {
     pub value: Expr<'e>,
     /// True for G = 0.
     pub is_equation: bool,
+    /// True for a second-order cone.
+    pub is_cone: bool,
     /// r of a ball, H = r² - |z|², which is not negative.
     pub radius: Option<Expr<'e>>,
     /// The row.

@@ -5,6 +5,7 @@
 //! which is what z solves where F is convex, H concave and G affine, and some z satisfies H > 0 or H is affine (Boyd &
 //! Vandenberghe 2004). A variational inequality has its map in the place of ∇F (Facchinei & Pang 2003). A ball r - |z| ≥ 0 has no derivative in its centre, and r² - |z|² ≥ 0 takes its place.
 
+use super::cones::Cone;
 use super::dynamics::Walk;
 use super::lower::Lowering;
 use super::rows;
@@ -60,6 +61,21 @@ impl<'e> Walk<'e> {
                 program.name.name,
                 k + 1
             );
+            if let Some(cone) = Cone::of(row.value, &vars).filter(|_| row.is_cone) {
+                let program = format!("{}{}", lowering.scope.prefix, program.name.name);
+                let of_row = cone.conditions(&program, k + 1, row.span);
+                let (along, across) = of_row.dual;
+                for (sum, &var) in stationary.iter_mut().zip(&vars) {
+                    let across = cone.entries.iter().zip(&across);
+                    let across = across.map(|(p, &q)| q * p.diff(var));
+                    let forces = across.chain([along * cone.radius.diff(var)]);
+                    *sum = *sum - z.data[0].exprs().sum(forces);
+                }
+                self.multipliers.extend(of_row.multipliers);
+                self.equations.extend(of_row.equations);
+                self.complementarities.extend(of_row.complementarities);
+                continue;
+            }
             let multiplier = z.data[0].exprs().variable(&name);
             for (sum, &var) in stationary.iter_mut().zip(&vars) {
                 *sum = *sum - multiplier * row.value.diff(var);
@@ -67,6 +83,7 @@ impl<'e> Walk<'e> {
             self.multipliers.push(Multiplier {
                 var: multiplier,
                 name,
+                guess: 0.0,
                 span: row.span,
             });
             if row.is_equation {
@@ -160,6 +177,7 @@ fn constraints<'e>(
             found.push(ProgramRow {
                 value,
                 is_equation,
+                is_cone: !is_equation && Cone::of(value, vars).is_some(),
                 radius,
                 span,
             });
@@ -177,6 +195,7 @@ fn bounds<'e>(
     let row = |value: Expr<'e>, span: Span| ProgramRow {
         value,
         is_equation: false,
+        is_cone: false,
         radius: None,
         span,
     };

@@ -58,7 +58,7 @@ impl<'e> Lowering<'_, 'e> {
                     "what is minimized",
                 )
             });
-            let concave = rows.iter().filter(|row| !row.is_equation);
+            let concave = rows.iter().filter(|row| !row.is_equation && !row.is_cone);
             let concave = concave.map(|row| (row.value, -1.0, row.span, "the set"));
             for (e, sign, span, what) in objective.chain(concave) {
                 match self.curvature(program, &rows, e, sign) {
