@@ -48,6 +48,7 @@ pub use tex::tex;
 
 use crate::expr::{Expr, Exprs};
 use crate::source::Span;
+use crate::system::following::following;
 use crate::system::{Param, System, Task};
 use crate::table::Table;
 
@@ -72,6 +73,8 @@ pub struct Dcs<'e> {
     pub params: Vec<Param<'e>>,
     /// Scalar states x.
     pub states: Vec<State<'e>>,
+    /// The states that follow at once what is decided, see [`crate::system::following`].
+    pub following: Vec<Expr<'e>>,
     /// f: the rate of every state.
     pub rates: Vec<Expr<'e>>,
     /// Algebraic variables z.
@@ -198,6 +201,7 @@ impl<'e> Dcs<'e> {
             continuous: false,
             span: state.span,
         };
+        let follows = system.states.iter().zip(following(system).states);
         Dcs {
             exprs: system.exprs,
             name: system.name.clone(),
@@ -210,6 +214,9 @@ impl<'e> Dcs<'e> {
                 .collect(),
             params: system.params.clone(),
             states: system.states.iter().map(state).collect(),
+            following: follows
+                .filter_map(|(state, follows)| follows.then_some(state.var))
+                .collect(),
             rates: Vec::new(),
             algebraics: Vec::new(),
             equations: Vec::new(),

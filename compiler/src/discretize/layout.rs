@@ -44,6 +44,8 @@ pub struct Layout {
     states: usize,
     slopes: Option<usize>,
     initial_algebraics: usize,
+    /// The first of the states that have values of their own with these z, and which states these are.
+    started: (usize, Vec<usize>),
     /// Whether continuous z start anew in every step.
     restarts: bool,
     algebraics: usize,
@@ -135,6 +137,15 @@ impl Layout {
         match self.element(k, j) {
             0 => self.initial_states,
             element => self.states + (element * self.end - 1) * self.n_states,
+        }
+    }
+
+    /// State i where step k starts, with the z that start anew there.
+    pub(super) fn x_start(&self, k: usize, i: usize) -> usize {
+        let (first, states) = &self.started;
+        match states.iter().position(|&state| state == i) {
+            Some(place) => first + (k - 1) * states.len() + place,
+            None => self.before(k, 1) + i,
         }
     }
 
@@ -317,6 +328,17 @@ pub(super) fn declare(
         true => everywhere(&starts, bounds),
     };
     let initial_algebraics = mpcc.declare("z", components, &starts, bounds);
+    let started = match detection {
+        Some(_) => start.states(dcs),
+        None => Vec::new(),
+    };
+    let first = (!started.is_empty()).then(|| {
+        let components = names(started.iter().map(|&i| dcs.states[i].var).collect());
+        let bounds = started.iter().map(|&i| Bounds::free(dcs.states[i].initial));
+        let bounds = everywhere(&starts, bounds.collect());
+        mpcc.declare("x_start", components, &starts, bounds)
+    });
+    let started = (first.unwrap_or(0), started);
     let (components, bounds) = chosen(&all);
     let algebraics = mpcc.declare("z", components, &to(nodes), everywhere(&to(nodes), bounds));
     let right = [step, element, Span::new("m", end, end)];
@@ -344,6 +366,7 @@ pub(super) fn declare(
         states: state_block,
         slopes,
         initial_algebraics,
+        started,
         restarts: start.restarts,
         algebraics,
         end_algebraics,

@@ -7,7 +7,8 @@
 //! u = Σ a_i y_i, Σ y_i = 1, 0 <= y_i ⟂ 1 - y_i >= 0 for more.
 //!
 //! Where the start is not known, or ψ contains what jumps where a step begins, continuous z at the start of the first
-//! element, or of the first element of every step, are variables with the equations that contain them.
+//! element, or of the first element of every step, are variables with the equations that contain them, and so are the
+//! algebraic states in these that follow what is decided.
 //!
 //! Two rows wait for the sides of pairs. Elements between which nothing switches have equal lengths, and where a
 //! sliding mode is left inside a step, what jumps has reached its bound: λ alone accepts every boundary within about
@@ -51,7 +52,7 @@ impl Start {
         let Some(task) = &dcs.task else {
             return known;
         };
-        let rows = End::new(dcs).equations.into_iter();
+        let rows = Start::rows(dcs).into_iter();
         let rows: Vec<Expr> = rows.map(|row| dcs.equations[row]).collect();
         let occurring = variables_of(&rows);
         let occurs = |e: Expr| occurring.contains(&variable(e));
@@ -69,6 +70,37 @@ impl Start {
             is_free: controls || params || states || jumps,
             restarts: controls && task.shape == Shape::Constant || jumps,
         }
+    }
+}
+
+impl Start {
+    /// The equations of continuous z; where these hold algebraic states that follow what is decided, the equations
+    /// of all of those, too.
+    fn rows(dcs: &Dcs) -> Vec<usize> {
+        let mut rows = End::new(dcs).equations;
+        let followed: Vec<Var> = dcs.following.iter().map(|&x| variable(x)).collect();
+        let follows = |row: &usize| {
+            let vars = variables_of(&[dcs.equations[*row]]);
+            vars.iter().any(|var| followed.contains(var))
+        };
+        if rows.iter().any(follows) {
+            rows.extend((0..dcs.equations.len()).filter(follows));
+            rows.sort_unstable();
+            rows.dedup();
+        }
+        rows
+    }
+
+    /// The states that have values of their own where an element begins with free z.
+    pub fn states(self, dcs: &Dcs) -> Vec<usize> {
+        let rows = Start::rows(dcs).into_iter();
+        let rows: Vec<Expr> = rows.map(|row| dcs.equations[row]).collect();
+        let occurring = variables_of(&rows);
+        let occurs = |i: &usize| {
+            let x = dcs.states[*i].var;
+            self.is_free && dcs.following.contains(&x) && occurring.contains(&variable(x))
+        };
+        (0..dcs.states.len()).filter(occurs).collect()
     }
 }
 
@@ -237,16 +269,18 @@ impl<'e> Problem<'_, 'e> {
         let steps = if start.restarts { layout.steps } else { 1 };
         // What jumps with states has its equations where every element begins.
         let (_, jumping) = super::impulses::jumping(dcs);
-        let mut rows = End::new(dcs).equations;
+        let mut rows = Start::rows(dcs);
         rows.retain(|row| layout.boundaries.is_none() || !jumping.contains(row));
         let pick = |row: &usize| dcs.equations[*row];
         let h = mpcc.exprs.variable("h");
         let equations = self.timed(&rows.iter().map(pick).collect::<Vec<_>>(), h);
         let origins: Vec<_> = rows.iter().map(|&row| dcs.origins.equations[row]).collect();
         let mut block = Builder::new("start", [Span::new("k", 1, steps)])
-            .vector(&self.states(), |[k]| layout.before(k, 1))
             .variable(h, |[k]| layout.h(k, 1))
             .number(self.node, |_| 0.0);
+        for (i, state) in self.states().into_iter().enumerate() {
+            block = block.variable(state, |[k]| layout.x_start(k, i));
+        }
         block = self.decided(block, |[k]| k);
         for &i in &layout.kept {
             let index = |[k]: [usize; 1]| {

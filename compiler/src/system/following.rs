@@ -1,11 +1,12 @@
 //! Algebraic states that follow at once what an optimization decides.
 //!
 //! They jump where controls do, and start where free parameters and initial values put them. In a program of an
-//! optimization their values where an element begins are those of the element before, or of the guess: they are what
-//! no row reads, as the rates of algebraic states are free, so that values at nodes are right all the same. What does
-//! read such a value is not allowed, see [`reader`].
+//! optimization their values where an element begins are those of the element before, or of the guess: no row reads
+//! them, as the rates of algebraic states are free, so that values at nodes are right all the same. Where members of
+//! pairs and switching functions hold them, they have values of their own where a control interval begins. What needs
+//! more than that is not allowed, see [`reader`].
 
-use super::{Role, System};
+use super::{Role, Switch, System};
 use crate::expr::{Expr, Var, variables_of};
 use crate::source::Span;
 use crate::system::task::{At, Task};
@@ -78,7 +79,7 @@ pub fn following(system: &System) -> Following {
     }
 }
 
-/// What would read the value of such a state where an element begins: pairs, switches, and rows at the start.
+/// What would read more of such states where an element begins: rows at the start, and α in their equations.
 pub fn reader(system: &System, following: &Following) -> Option<Span> {
     let states = system.states.iter().zip(&following.states);
     let followed: Vec<Var> = (states.filter(|(_, follows)| **follows))
@@ -87,13 +88,11 @@ pub fn reader(system: &System, following: &Following) -> Option<Span> {
     let task = system.task.as_ref()?;
     let by_kind = decided(system, task);
     let initial = &by_kind[2].1;
-    let decided: Vec<Var> = by_kind.iter().flat_map(|(_, vars)| vars).copied().collect();
+    let steps = system.switches.iter().filter(|k| k.role == Role::Step);
+    let alphas: Vec<Var> = steps.filter_map(|k| k.alpha.as_variable()).collect();
     let holds = |e: Expr, vars: &[Var]| variables_of(&[e]).iter().any(|var| vars.contains(var));
-    let switch = system.switches.iter().find(|k| match k.role {
-        Role::Step => holds(k.psi, &followed),
-        Role::Equation => false,
-        Role::Member(_) => holds(k.psi, &followed) || holds(k.psi, &decided),
-    });
+    let bent = |k: &&Switch| holds(k.psi, &followed) && holds(k.psi, &alphas);
+    let switch = system.switches.iter().find(bent);
     let row = task.rows.iter().find(|row| {
         holds(row.value, &followed) && (row.at == At::Start || holds(row.value, initial))
     });

@@ -303,7 +303,7 @@ pub enum ExperimentError {
     )]
     OpenAlgebraic {
         what: &'static str,
-        #[label("a complementarity, a switch or a row at the start that holds one")]
+        #[label("a kink in the equation of one, or a row at the start that holds one")]
         span: Span,
     },
 
