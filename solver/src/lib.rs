@@ -2,6 +2,7 @@
 
 pub mod adaptive;
 pub mod cell;
+pub mod conic;
 pub mod fesd;
 pub mod ipm;
 pub mod kernels;

@@ -138,3 +138,50 @@ fn free_parameters_and_initial_values_act_through_equations() {
     assert!(error.abs() < 1e-8, "{error}");
     assert!((z - root(x)).abs() < 1e-5, "{z} at {x}");
 }
+
+#[test]
+fn complementarities_follow_what_is_decided() {
+    let cost = |model: &str, task: &str| {
+        let text = format!(
+            "model m {{ {model} }} optimize this of m {{ horizon 1; intervals 4; elements 2; {task} }}"
+        );
+        objective(&optimum(&text, 1e-4))
+    };
+    for (rest, explicit, implicit, task) in [
+        // A program that clips a control.
+        (
+            "state x = 1; control u in [-3, 3] = 0; x' = z - x/5;",
+            "let z = sat(u);",
+            "z in argmin (z - u)^2 subject to { -1 <= z <= 1; }",
+            "minimize integral(x^2 + u^2/100);",
+        ),
+        // A force of what a control pushes against.
+        (
+            "state x = 1; control u in [-1, 1] = 0; x' = u - 3*a;",
+            "let a = max(x + u, 0);",
+            "algebraic a = 0; 0 <= a perp a - x - u >= 0;",
+            "minimize integral(x^2 + u^2);",
+        ),
+        // A free initial value.
+        (
+            "state x = 1; control u in [-1, 1] = 0; x' = u - 3*a;",
+            "let a = max(x, 0);",
+            "algebraic a = 0; 0 <= a perp a - x >= 0;",
+            "minimize integral(x^2) + final(x); initial { x free in [0.5, 2]; }",
+        ),
+        // A free parameter.
+        (
+            "state x = 1; param k in [0.5, 2] = 1; x' = -1 - 3*a;",
+            "let a = max(k*x, 0);",
+            "algebraic a = 0; 0 <= a perp a - k*x >= 0;",
+            "minimize final((x + 0.5)^2) + (k - 1.5)^2; free { k; }",
+        ),
+    ] {
+        let explicit = cost(&format!("{rest} {explicit}"), task);
+        let implicit = cost(&format!("{rest} {implicit}"), task);
+        assert!(
+            (explicit - implicit).abs() < 1e-6,
+            "{explicit} and {implicit}: {rest}"
+        );
+    }
+}

@@ -20,8 +20,10 @@ const ROOT: f64 = 1.0;
 const SHARE: f64 = 0.5;
 
 /// A row r ≥ |p|.
-pub(super) struct Cone<'e> {
+pub struct Cone<'e> {
+    /// r.
     pub radius: Expr<'e>,
+    /// p.
     pub entries: Vec<Expr<'e>>,
 }
 
@@ -75,8 +77,25 @@ impl<'e> Cone<'e> {
         (is_cone && affine).then_some(Cone { radius, entries })
     }
 
+    /// What [`Self::conditions`] declares, in that order, where row and multiplier have these values.
+    pub fn split(row: &[f64], multiplier: &[f64]) -> Vec<f64> {
+        let w = (row[0] + multiplier[0]).max(0.0);
+        let share = if w > 0.0 { multiplier[0] / w } else { SHARE };
+        let axis = || row[1..].iter().zip(&multiplier[1..]).map(|(p, q)| p - q);
+        let rest = (w * w - axis().map(|e| e * e).sum::<f64>()).max(0.0);
+        let (inside, beyond) = if share < SHARE {
+            (rest, 0.0)
+        } else {
+            (0.0, rest)
+        };
+        [share, inside, beyond, w.sqrt()]
+            .into_iter()
+            .chain(axis())
+            .collect()
+    }
+
     /// The conditions of the k-th row, k from 1, of the program of this name.
-    pub fn conditions(&self, program: &str, k: usize, span: Span) -> Conditions<'e> {
+    pub(super) fn conditions(&self, program: &str, k: usize, span: Span) -> Conditions<'e> {
         let exprs = self.radius.exprs();
         let mut multipliers = Vec::new();
         let mut unknown = |name: String, guess: f64| {

@@ -64,6 +64,7 @@ mod units;
 mod unroll;
 mod unsupported;
 
+pub use cones::Cone;
 pub use dynamics_error::DynamicsError;
 pub use error::ModelError;
 pub use file::check_file;
@@ -427,10 +428,14 @@ pub struct Multiplier<'e> {
 pub struct Program<'e> {
     /// z.
     pub unknowns: Vec<Expr<'e>>,
+    /// ∇F, or the map of a variational inequality.
+    pub map: Vec<Expr<'e>>,
     /// F of a minimization, and where it stands.
     pub objective: Option<(Expr<'e>, Span)>,
     /// The set.
     pub rows: Vec<ProgramRow<'e>>,
+    /// What says how each row holds: its multiplier, or that and more.
+    pub multipliers: Vec<Vec<Expr<'e>>>,
 }
 
 /// H >= 0 or G = 0.

@@ -53,7 +53,8 @@ impl<'e> Walk<'e> {
                 (map, None, bounds(&z, (&lo, lower.span), (&hi, upper.span)))
             }
         };
-        let mut stationary: Vec<Expr<'e>> = map;
+        let mut stationary: Vec<Expr<'e>> = map.clone();
+        let mut multipliers = Vec::new();
         for (k, row) in rows.iter().enumerate() {
             let name = format!(
                 "{}{}.multiplier[{}]",
@@ -71,6 +72,7 @@ impl<'e> Walk<'e> {
                     let forces = across.chain([along * cone.radius.diff(var)]);
                     *sum = *sum - z.data[0].exprs().sum(forces);
                 }
+                multipliers.push(of_row.multipliers.iter().map(|m| m.var).collect());
                 self.multipliers.extend(of_row.multipliers);
                 self.equations.extend(of_row.equations);
                 self.complementarities.extend(of_row.complementarities);
@@ -80,6 +82,7 @@ impl<'e> Walk<'e> {
             for (sum, &var) in stationary.iter_mut().zip(&vars) {
                 *sum = *sum - multiplier * row.value.diff(var);
             }
+            multipliers.push(vec![multiplier]);
             self.multipliers.push(Multiplier {
                 var: multiplier,
                 name,
@@ -107,8 +110,10 @@ impl<'e> Walk<'e> {
         );
         self.programs.push(Program {
             unknowns: z.data,
+            map,
             objective,
             rows,
+            multipliers,
         });
         Ok(())
     }

@@ -189,7 +189,8 @@ impl<'e> Lowering<'_, 'e> {
             let alpha = |&k: &usize| self.model.exprs.expr(self.switches.list[k].alpha);
             rates.push(self.model.exprs.sum(alphas.iter().map(alpha)));
             let guess = row.unknown.var.as_variable();
-            let guess = guess.and_then(|var| self.values.numbers.get(&var).copied());
+            let known = |var: Var| self.guesses.get(&var).or(self.values.numbers.get(&var));
+            let guess = guess.and_then(|var| known(var).copied());
             states.push(State {
                 name: row.unknown.name.clone(),
                 var: row.unknown.var,

@@ -51,6 +51,7 @@ pub fn lower<'e>(
     if diags.errors().count() > errors_before {
         return None;
     }
+    lowering.guesses = lowering.guess_programs();
     let relays = lowering.declare_relays();
     let (direct, through) = lowering.surfaces();
     lowering.declare_surfaces(&direct);
@@ -104,6 +105,8 @@ pub(super) struct Lowering<'m, 'e> {
     pub given: Substitution<'e>,
     /// Algebraic states that are computed with the others.
     pub implicit: Vec<Expr<'e>>,
+    /// Better guesses of these than those of the experiment.
+    pub guesses: FxHashMap<Var, f64>,
     pub needs: Needs<'e>,
     pub switches: Switches<'e>,
     /// Values of named switches.
@@ -129,6 +132,7 @@ impl<'m, 'e> Lowering<'m, 'e> {
             values,
             given: values.signals.clone(),
             implicit: Vec::new(),
+            guesses: FxHashMap::default(),
             needs,
             switches,
             named: Substitution::new(),

@@ -40,6 +40,7 @@ mod agreement_tests;
 mod algebraic;
 pub mod arrangement;
 mod assemble;
+mod cones;
 mod contacts;
 mod continuity;
 mod corners;

@@ -126,7 +126,7 @@ impl<'e> Lowering<'_, 'e> {
     }
 
     /// The value of a variable where a run starts.
-    fn start_value(&self, program: &Program<'e>, z: &[f64], var: Var) -> f64 {
+    pub(super) fn start_value(&self, program: &Program<'e>, z: &[f64], var: Var) -> f64 {
         let place = program.unknowns.iter();
         let place = place.map(|z| z.as_variable()).position(|z| z == Some(var));
         match place {
@@ -231,7 +231,7 @@ fn labelled(span: Span) -> miette::LabeledSpan {
     miette::LabeledSpan::new_with_span(None, span)
 }
 
-fn unknowns(program: &Program<'_>) -> Vec<Var> {
+pub(super) fn unknowns(program: &Program<'_>) -> Vec<Var> {
     let unknowns = program.unknowns.iter();
     unknowns.filter_map(|z| z.as_variable()).collect()
 }
