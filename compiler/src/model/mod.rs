@@ -70,6 +70,7 @@ pub use error::ModelError;
 pub use file::check_file;
 pub use given_error::GivenError;
 pub use import::find;
+pub use programs::{Multiplier, Program, ProgramRow};
 pub use resolve::resolve;
 pub use rows::Comparison;
 pub use scope::{Hook, Scope};
@@ -407,49 +408,6 @@ pub struct Complementarity<'e> {
     /// Where they stand.
     pub spans: [Span; 2],
     /// The statement.
-    pub span: Span,
-}
-
-/// A multiplier of a row of a program, or another number that says how a row holds.
-#[derive(Clone, Debug)]
-pub struct Multiplier<'e> {
-    /// Its variable.
-    pub var: Expr<'e>,
-    /// `z.multiplier[2]`
-    pub name: String,
-    /// Where Newton's method starts.
-    pub guess: f64,
-    /// The row.
-    pub span: Span,
-}
-
-/// `z in argmin F subject to { .. }` or `z in variational K solves F`.
-#[derive(Clone, Debug)]
-pub struct Program<'e> {
-    /// z.
-    pub unknowns: Vec<Expr<'e>>,
-    /// ∇F, or the map of a variational inequality.
-    pub map: Vec<Expr<'e>>,
-    /// F of a minimization, and where it stands.
-    pub objective: Option<(Expr<'e>, Span)>,
-    /// The set.
-    pub rows: Vec<ProgramRow<'e>>,
-    /// What says how each row holds: its multiplier, or that and more.
-    pub multipliers: Vec<Vec<Expr<'e>>>,
-}
-
-/// H >= 0 or G = 0.
-#[derive(Clone, Copy, Debug)]
-pub struct ProgramRow<'e> {
-    /// H or G.
-    pub value: Expr<'e>,
-    /// True for G = 0.
-    pub is_equation: bool,
-    /// True for a second-order cone.
-    pub is_cone: bool,
-    /// r of a ball, H = r² - |z|², which is not negative.
-    pub radius: Option<Expr<'e>>,
-    /// The row.
     pub span: Span,
 }
 

@@ -10,13 +10,53 @@ use super::dynamics::Walk;
 use super::lower::Lowering;
 use super::rows;
 use super::scope::{Meaning, Reported};
-use super::{
-    Complementarity, DynamicsError, Equation, Multiplier, Program, ProgramRow, Quantity, Shape,
-    TargetKind, Tensor,
-};
+use super::{Complementarity, DynamicsError, Equation, Quantity, Shape, TargetKind, Tensor};
 use crate::expr::{Expr, Function, Node, Var, rewrite};
 use crate::source::Span;
 use crate::syntax::{self, ProgramKind, Relation};
+
+/// A multiplier of a row of a program, or another number that says how a row holds.
+#[derive(Clone, Debug)]
+pub struct Multiplier<'e> {
+    /// Its variable.
+    pub var: Expr<'e>,
+    /// `z.multiplier[2]`
+    pub name: String,
+    /// Where Newton's method starts.
+    pub guess: f64,
+    /// The row.
+    pub span: Span,
+}
+
+/// `z in argmin F subject to { .. }` or `z in variational K solves F`.
+#[derive(Clone, Debug)]
+pub struct Program<'e> {
+    /// z.
+    pub unknowns: Vec<Expr<'e>>,
+    /// ∇F, or the map of a variational inequality.
+    pub map: Vec<Expr<'e>>,
+    /// F of a minimization, and where it stands.
+    pub objective: Option<(Expr<'e>, Span)>,
+    /// The set.
+    pub rows: Vec<ProgramRow<'e>>,
+    /// What says how each row holds: its multiplier, or that and more.
+    pub multipliers: Vec<Vec<Expr<'e>>>,
+}
+
+/// H >= 0 or G = 0.
+#[derive(Clone, Copy, Debug)]
+pub struct ProgramRow<'e> {
+    /// H or G.
+    pub value: Expr<'e>,
+    /// True for G = 0.
+    pub is_equation: bool,
+    /// True for a second-order cone.
+    pub is_cone: bool,
+    /// r of a ball, H = r² - |z|², which is not negative.
+    pub radius: Option<Expr<'e>>,
+    /// The row.
+    pub span: Span,
+}
 
 impl<'e> Walk<'e> {
     /// One program: its conditions become equations and complementarities.
