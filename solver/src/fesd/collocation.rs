@@ -88,7 +88,7 @@ impl Element {
             if row < self.n {
                 let value = match input {
                     0 => self.t,
-                    _ if input <= self.n => self.x0[input - 1],
+                    _ if input <= self.n => self.x0[input - 1].abs().max(self.sizes[input - 1]),
                     _ => 1.0,
                 };
                 self.activity[row] += (self.slope(scheme, e, 0) * value).abs();

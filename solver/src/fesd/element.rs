@@ -81,6 +81,9 @@ pub(super) struct Element {
     pub(super) rhs: Vec<f64>,
     by_x: Vec<f64>,
     pub(super) by_length: Vec<f64>,
+    /// The states that equations determine, and what all states are at least in the terms of rates: the sizes of these.
+    algebraic: Vec<usize>,
+    pub(super) sizes: Vec<f64>,
     /// The state whose rate each w is, where that is an algebraic state.
     follows: Vec<Option<usize>>,
     /// Counts.
@@ -124,6 +127,8 @@ impl Element {
             rhs: vec![0.0; size],
             by_x: vec![0.0; n],
             by_length: vec![0.0; size],
+            algebraic: Vec::new(),
+            sizes: vec![0.0; n],
             follows: vec![None; reduced.unknowns.len()],
             iterations: 0,
             factorizations: 0,
@@ -143,6 +148,7 @@ impl Element {
     /// Says which states are algebraic. The rate of one is a w of its own, and known as far as the state is.
     pub fn follow(&mut self, algebraic: &[usize]) {
         let n = self.n;
+        self.algebraic = algebraic.to_vec();
         for &state in algebraic {
             let entries = self.reduced.slopes.entries.iter();
             let mut inputs = entries
@@ -234,6 +240,9 @@ impl Element {
     ) -> Result<(), Unsolved> {
         (self.t, self.h) = (t, h);
         self.x0.copy_from_slice(x0);
+        for &i in &self.algebraic {
+            self.sizes[i] = scale[i];
+        }
         let mut fresh = self.prepare(scheme, h)?;
         let (mut last, mut chords) = (f64::INFINITY, 0);
         for _ in 0..MAX_NEWTON {

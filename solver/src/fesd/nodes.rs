@@ -61,6 +61,8 @@ pub(super) struct Nodes {
     lu: DenseLu,
     n: usize,
     n_z: usize,
+    /// By the place of V and z in a node: rates of algebraic states, which are known as far as these are.
+    is_rate: Vec<bool>,
 }
 
 impl Nodes {
@@ -71,6 +73,13 @@ impl Nodes {
         let full = system.full();
         let tapes = [&full.equations, &full.slopes.tape, &full.alphas];
         let registers = tapes.map(|tape| tape.n_registers().max(tape.n_inputs()));
+        let mut is_rate = vec![false; n + n_z];
+        for &state in system.algebraic_states() {
+            is_rate[state] = true;
+            let entries = full.slopes.entries.iter();
+            let inputs = entries.filter(|(row, input)| *row == state && *input > n);
+            inputs.for_each(|(_, input)| is_rate[input - 1] = true);
+        }
         Nodes {
             unknowns: vec![0.0; size],
             inputs: vec![0.0; 1 + n + n_z + system.n_numbers()],
@@ -80,6 +89,7 @@ impl Nodes {
             lu: DenseLu::new(size),
             n,
             n_z,
+            is_rate,
         }
     }
 
@@ -204,6 +214,8 @@ impl Nodes {
     ) -> bool {
         let mut residual = self.assemble(system, scheme, step, rule);
         let mut start = self.unknowns.clone();
+        let algebraic = system.algebraic_states().iter();
+        let largest = algebraic.map(|&i| step.x[i].abs()).fold(0.0, f64::max);
         let (most, converged) = match rule {
             Rule::Least => (MAX_LEAST, CONVERGED),
             Rule::Smooth(sigma) => (MAX_ITERATIONS, (ALONG * sigma.sqrt()).max(CONVERGED)),
@@ -230,8 +242,14 @@ impl Nodes {
                 share *= 0.5;
             };
             residual = next;
-            let relative = change.iter().zip(&self.unknowns);
-            let relative = relative.map(|(change, y)| change.abs() / (1.0 + y.abs()));
+            let relative = change.iter().zip(&self.unknowns).enumerate();
+            let relative = relative.map(|(at, (change, y))| {
+                let size = match self.is_rate[at % self.per_node()] {
+                    true => (1.0 + y.abs()).max(largest / step.h),
+                    false => 1.0 + y.abs(),
+                };
+                change.abs() / size
+            });
             let largest = relative.fold(
                 0.0,
                 |most: f64, c| if c > most || c.is_nan() { c } else { most },
