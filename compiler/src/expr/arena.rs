@@ -3,6 +3,7 @@
 //! A node is a `u32`; equal nodes have the same number, and children have smaller numbers than their parents.
 //! So ascending numbers are a topological order, and no algorithm here needs recursion.
 
+use std::cell::RefCell;
 use std::hash::{Hash, Hasher};
 
 use rustc_hash::{FxHashMap, FxHasher};
@@ -52,6 +53,35 @@ pub(super) struct Arena {
     previous: Vec<Id>,
     names: Vec<String>,
     variables: Vec<Id>,
+    /// Memory of walks.
+    pub(super) walk: RefCell<Walk>,
+}
+
+/// Memory of walks below expressions, most of which are short ones.
+#[derive(Debug, Default)]
+pub(super) struct Walk {
+    /// For every node the last walk that has seen it.
+    seen: Vec<u32>,
+    number: u32,
+    pub stack: Vec<Id>,
+}
+
+impl Walk {
+    /// Begins a walk over an arena with so many nodes.
+    pub fn begin(&mut self, n: usize) {
+        if self.number == u32::MAX {
+            self.seen.fill(0);
+            self.number = 0;
+        }
+        self.number += 1;
+        self.seen.resize(n, 0);
+        self.stack.clear();
+    }
+
+    /// Whether a node is seen for the first time.
+    pub fn is_new(&mut self, id: Id) -> bool {
+        std::mem::replace(&mut self.seen[id as usize], self.number) != self.number
+    }
 }
 
 const NONE: Id = Id::MAX;

@@ -194,6 +194,11 @@ impl<'e> Expr<'e> {
         }
     }
 
+    /// Whether the expression is a function of others, neither their sum nor their product.
+    pub fn is_function(self) -> bool {
+        matches!(self.data(), Data::Unary(..) | Data::Binary(..))
+    }
+
     /// Whether the expression is the number 0.
     pub fn is_zero(self) -> bool {
         self.as_constant() == Some(0.0)

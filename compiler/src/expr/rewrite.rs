@@ -8,20 +8,29 @@ use super::{Expr, Var};
 impl Arena {
     /// The nodes below the roots, roots included, children before parents.
     pub fn below(&self, roots: impl IntoIterator<Item = Id>) -> Vec<Id> {
-        let mut stack: Vec<Id> = roots.into_iter().collect();
-        let mut seen = FxHashSet::default();
-        while let Some(id) = stack.pop() {
-            if seen.insert(id) {
-                self.for_each_child(id, |child| {
-                    if !seen.contains(&child) {
-                        stack.push(child);
-                    }
-                });
-            }
-        }
-        let mut nodes: Vec<Id> = seen.into_iter().collect();
+        let mut nodes = Vec::new();
+        self.visit_below(roots, |id| nodes.push(id));
         nodes.sort_unstable();
         nodes
+    }
+
+    /// Calls `visit` with every node below the roots, roots included, once.
+    fn visit_below(&self, roots: impl IntoIterator<Item = Id>, mut visit: impl FnMut(Id)) {
+        let walk = &mut *self.walk.borrow_mut();
+        walk.begin(self.len());
+        for root in roots {
+            if walk.is_new(root) {
+                walk.stack.push(root);
+            }
+        }
+        while let Some(id) = walk.stack.pop() {
+            visit(id);
+            self.for_each_child(id, |child| {
+                if walk.is_new(child) {
+                    walk.stack.push(child);
+                }
+            });
+        }
     }
 
     /// The same node over other children.
@@ -81,17 +90,28 @@ pub(crate) fn transform<'e>(
         .arena
         .borrow()
         .below(roots.iter().map(|root| root.id));
-    let mut image: FxHashMap<Id, Id> = FxHashMap::default();
-    for id in order {
+    transform_in(&order, roots, f)
+}
+
+/// [`transform`] where the nodes below are known.
+fn transform_in<'e>(
+    order: &[Id],
+    roots: &[Expr<'e>],
+    f: &mut impl FnMut(Expr<'e>, Expr<'e>) -> Expr<'e>,
+) -> Vec<Expr<'e>> {
+    let Some(&first) = roots.first() else {
+        return Vec::new();
+    };
+    let place = |id: Id| order.partition_point(|&other| other < id);
+    let mut images: Vec<Id> = Vec::with_capacity(order.len());
+    for &id in order {
         let rebuilt = first
             .exprs
-            .build(|arena| arena.rebuild(id, |child| image[&child]));
-        image.insert(id, f(first.with(id), rebuilt).id);
+            .build(|arena| arena.rebuild(id, |child| images[place(child)]));
+        images.push(f(first.with(id), rebuilt).id);
     }
-    roots
-        .iter()
-        .map(|root| root.with(image[&root.id]))
-        .collect()
+    let image = |root: &Expr<'e>| root.with(images[place(root.id)]);
+    roots.iter().map(image).collect()
 }
 
 /// The variables below the expressions, in order of creation.
@@ -100,8 +120,9 @@ pub fn variables_of(roots: &[Expr]) -> Vec<Var> {
         return Vec::new();
     };
     let arena = first.exprs.arena.borrow();
-    let below = arena.below(roots.iter().map(|root| root.id)).into_iter();
-    let mut vars: Vec<Var> = below.filter_map(|id| arena.as_variable(id)).collect();
+    let mut vars = Vec::new();
+    let ids = roots.iter().map(|root| root.id);
+    arena.visit_below(ids, |id| vars.extend(arena.as_variable(id)));
     vars.sort_unstable();
     vars
 }
@@ -167,8 +188,20 @@ impl<'e> Substitution<'e> {
 
     /// [`Expr::substitute`] for several expressions: what they share is rewritten once.
     pub fn apply(&self, roots: &[Expr<'e>]) -> Vec<Expr<'e>> {
+        let Some(first) = roots.first().filter(|_| !self.is_empty()) else {
+            return roots.to_vec();
+        };
+        let order = {
+            let arena = first.exprs.arena.borrow();
+            let order = arena.below(roots.iter().map(|root| root.id));
+            let mut vars = order.iter().filter_map(|&id| arena.as_variable(id));
+            if !vars.any(|var| self.contains(&var)) {
+                return roots.to_vec();
+            }
+            order
+        };
         // Only nodes that were variables before: `-x` may have become one.
-        transform(roots, &mut |node, rebuilt| {
+        transform_in(&order, roots, &mut |node, rebuilt| {
             let value = node.as_variable().and_then(|var| self.get(var));
             value.unwrap_or(rebuilt)
         })
@@ -204,12 +237,17 @@ impl<'e> Extend<(Var, Expr<'e>)> for Substitution<'e> {
 impl<'e> Expr<'e> {
     /// Replaces variables, all at once, and folds.
     pub fn substitute(self, substitution: &Substitution<'e>) -> Expr<'e> {
-        substitution.apply(&[self])[0]
+        match substitution.is_empty() {
+            true => self,
+            false => substitution.apply(&[self])[0],
+        }
     }
 
     /// Whether the variable occurs.
     pub fn depends_on(self, var: Var) -> bool {
         let arena = self.exprs.arena.borrow();
-        arena.below([self.id]).contains(&arena.variable(var))
+        let (id, mut found) = (arena.variable(var), false);
+        arena.visit_below([self.id], |node| found |= node == id);
+        found
     }
 }

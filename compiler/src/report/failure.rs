@@ -211,6 +211,22 @@ pub enum Failure {
         surfaces: Vec<LabeledSpan>,
     },
 
+    /// A coefficient that no contact has.
+    #[error("at t = {time}, the {what} of `{name}` is {value}, which is not {range}")]
+    #[diagnostic(
+        code(E0731),
+        help("bound it with `max` and `min`, or what it is computed from")
+    )]
+    Coefficient {
+        time: f64,
+        what: &'static str,
+        name: String,
+        value: f64,
+        range: &'static str,
+        #[label(collection)]
+        surfaces: Vec<LabeledSpan>,
+    },
+
     /// Equations without a solution.
     #[error("at t = {time}, no values of the algebraic states satisfy these equations")]
     #[diagnostic(

@@ -1,7 +1,7 @@
 //! How a run ended, in the words of the language.
 
 use miette::LabeledSpan;
-use nsd_solver::simulate::{Candidate, MAX_NAMED, Note, Outcome, Side, Status};
+use nsd_solver::simulate::{Candidate, Coefficient, MAX_NAMED, Note, Outcome, Side, Status};
 
 use super::modes::{ModeNames, law_of};
 use crate::report::{Failure, Warning};
@@ -58,6 +58,14 @@ pub(super) fn failure(
             name: system.switches[*switch].name.clone(),
             surfaces: at(&[*switch]),
         },
+        Status::Coefficient {
+            switch,
+            coefficient,
+            value,
+        } => {
+            let name = system.switches[*switch].name.clone();
+            outside((*coefficient, *value), (time, name), at(&[*switch]))
+        }
         Status::NonUnique(candidates) => non_unique(system, names, candidates, time),
         Status::NoSolution { switches } => Failure::NoSolution {
             time,
@@ -94,6 +102,26 @@ pub(super) fn failure(
             surfaces: at(switches),
         },
     })
+}
+
+/// A contact with a coefficient that no contact has.
+pub(super) fn outside(
+    (coefficient, value): (Coefficient, f64),
+    (time, name): (f64, String),
+    surfaces: Vec<LabeledSpan>,
+) -> Failure {
+    let (what, range) = match coefficient {
+        Coefficient::Restitution => ("restitution", "from 0 to 1"),
+        Coefficient::Friction => ("friction", "from 0 on"),
+    };
+    Failure::Coefficient {
+        time,
+        what,
+        name,
+        value,
+        range,
+        surfaces,
+    }
 }
 
 /// Why algebraic states have no values at the start.

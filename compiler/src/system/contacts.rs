@@ -24,7 +24,9 @@ use crate::source::Span;
 const MANY_CORNERS: usize = 1 << 10;
 
 /// Where states and velocities are.
-pub(super) struct Places {
+pub(super) struct Places<'e> {
+    /// All states of the model.
+    pub all: Vec<Expr<'e>>,
     /// Of kept states among those of the system.
     pub states: FxHashMap<Var, usize>,
     /// Of velocities: (body, velocity).
@@ -56,9 +58,10 @@ impl<'e> Lowering<'_, 'e> {
     }
 
     /// Where states and velocities are.
-    pub(super) fn places(&self) -> Places {
+    pub(super) fn places(&self) -> Places<'e> {
         let model = self.model;
-        let vars: Vec<Option<Var>> = model.state_vars().map(Expr::as_variable).collect();
+        let all: Vec<Expr<'e>> = model.state_vars().collect();
+        let vars: Vec<Option<Var>> = all.iter().map(|var| var.as_variable()).collect();
         let mut velocities = FxHashMap::default();
         for (b, body) in model.bodies.iter().enumerate() {
             let entries = body.velocities.iter().enumerate();
@@ -67,6 +70,7 @@ impl<'e> Lowering<'_, 'e> {
         let states = self.kept_states().enumerate();
         let states = states.filter_map(|(place, (_, var))| Some((var.as_variable()?, place)));
         Places {
+            all,
             states: states.collect(),
             velocities,
         }
@@ -77,7 +81,7 @@ impl<'e> Lowering<'_, 'e> {
         contact: &model::Contact<'e>,
         free: &[Expr<'e>],
         rates: &mut [Expr<'e>],
-        places: &Places,
+        places: &Places<'e>,
     ) -> Result<Option<Contact<'e>>, Box<SystemError>> {
         if !contact.exprs().all(|e| self.needs.holds_all(e)) {
             return Ok(None);
@@ -210,7 +214,7 @@ impl<'e> Lowering<'_, 'e> {
         &mut self,
         contact: &model::Contact<'e>,
         normal: &[Direction<'e>],
-        places: &Places,
+        places: &Places<'e>,
     ) -> Result<(Expr<'e>, Vec<Direction<'e>>), Box<SystemError>> {
         let name = contact.name.clone();
         let Some((slip, span)) = contact.slip else {
@@ -238,9 +242,9 @@ impl<'e> Lowering<'_, 'e> {
 
     /// tᵀv for t = (n_y, -n_x)/|n| of every body with two velocities and a mass that is a number: then q' = v are
     /// positions in the plane. Nothing where some body has others.
-    fn turned(&self, normal: &[Direction<'e>], places: &Places) -> Option<Expr<'e>> {
+    fn turned(&self, normal: &[Direction<'e>], places: &Places<'e>) -> Option<Expr<'e>> {
         let model = self.model;
-        let vars: Vec<Expr<'e>> = model.state_vars().collect();
+        let vars = &places.all;
         let row = |entry: usize| {
             let place = places.states.get(&vars[entry].as_variable()?)?;
             let direction = normal.iter().find(|direction| direction.state == *place);
@@ -276,7 +280,7 @@ impl<'e> Lowering<'_, 'e> {
     }
 
     /// dc/dt = ∇c·f + ∂c/∂t
-    pub(super) fn along(&self, c: Expr<'e>, rates: &[Expr<'e>], places: &Places) -> Expr<'e> {
+    pub(super) fn along(&self, c: Expr<'e>, rates: &[Expr<'e>], places: &Places<'e>) -> Expr<'e> {
         let vars = variables_of(&[c]);
         let states = vars
             .iter()
@@ -287,7 +291,11 @@ impl<'e> Lowering<'_, 'e> {
     }
 
     /// J and M⁻¹J of a function of velocities.
-    pub(super) fn directions(&mut self, speed: Expr<'e>, places: &Places) -> Vec<Direction<'e>> {
+    pub(super) fn directions(
+        &mut self,
+        speed: Expr<'e>,
+        places: &Places<'e>,
+    ) -> Vec<Direction<'e>> {
         let model = self.model;
         let mut slopes: Vec<(usize, usize, Expr<'e>)> = Vec::new();
         for var in variables_of(&[speed]) {
@@ -302,7 +310,7 @@ impl<'e> Lowering<'_, 'e> {
         bodies.sort_unstable();
         bodies.dedup();
         let zero = model.exprs.constant(0.0);
-        let vars: Vec<Expr<'e>> = model.state_vars().collect();
+        let vars = &places.all;
         let mut found = Vec::new();
         for b in bodies {
             let body = &model.bodies[b];

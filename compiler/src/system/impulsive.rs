@@ -13,8 +13,8 @@ use crate::expr::{Expr, Var, variables_of};
 use crate::model;
 
 /// What all contacts are looked at with.
-struct Known {
-    places: Places,
+struct Known<'e> {
+    places: Places<'e>,
     /// Positions of bodies.
     positions: FxHashSet<Var>,
 }
@@ -50,7 +50,7 @@ impl<'e> Lowering<'_, 'e> {
         &mut self,
         contact: &model::Contact<'e>,
         rates: &[Expr<'e>],
-        known: &Known,
+        known: &Known<'e>,
     ) -> Result<Option<Impulsive<'e>>, Box<SystemError>> {
         if !contact.exprs().all(|e| self.needs.holds_all(e)) {
             return Ok(None);

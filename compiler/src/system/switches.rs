@@ -143,6 +143,9 @@ impl<'e> Switches<'e> {
     }
 
     fn replace_node(&mut self, e: Expr<'e>) -> Expr<'e> {
+        if !e.is_function() {
+            return e;
+        }
         match e.node() {
             Node::Unary(Function::Step, psi) => self.enter(psi, Entry::Condition),
             Node::Unary(Function::Sign, psi) => 2.0 * self.enter(psi, Entry::Term) - 1.0,

@@ -8,7 +8,7 @@
 use super::meeting::{Meeting, NoForces};
 use super::state::State;
 use super::system::{Effect, Guard, Impact, Input};
-use super::{Note, Side, Simulator, Status, SwitchedSystem};
+use super::{Coefficient, Note, Side, Simulator, Status, SwitchedSystem};
 
 /// Energy that is gained by less than this fraction of what is exchanged is rounding.
 const GAIN: f64 = 1e-9;
@@ -70,6 +70,15 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         self.mode.enter(self.system, &sides);
         self.mode.eval(state.t, &state.x, &state.alpha);
         let numbers: Vec<[f64; 2]> = impacts.iter().map(|(_, i)| self.numbers(i)).collect();
+        for (&[e, mu], &(switch, _)) in numbers.iter().zip(impacts) {
+            if let Some((coefficient, value)) = Coefficient::outside(e, mu) {
+                return Err(Status::Coefficient {
+                    switch,
+                    coefficient,
+                    value,
+                });
+            }
+        }
         let mode = &mut self.mode;
         let mut all: Vec<usize> = contacts
             .iter()

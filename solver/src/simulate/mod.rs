@@ -71,7 +71,7 @@ use roots::RootFinder;
 pub use select::{Candidate, MAX_NAMED};
 pub use settings::Settings;
 use state::State;
-pub use status::{Note, Stats, Status};
+pub use status::{Coefficient, Note, Stats, Status};
 use stiffness::Stiffness;
 pub use system::{
     Affine, Block, Effect, Guard, Impact, Input, Law, Partials, Rates, Reset, Role, Smooth,

@@ -75,6 +75,15 @@ pub enum Status {
         /// Their switches.
         switches: Vec<usize>,
     },
+    /// A coefficient of a contact is one that no contact has.
+    Coefficient {
+        /// The switch of the contact.
+        switch: usize,
+        /// Which.
+        coefficient: Coefficient,
+        /// What it is here.
+        value: f64,
+    },
     /// While sliding, the equations for α became singular.
     SingularSliding {
         /// The sliding switches.
@@ -101,6 +110,26 @@ pub enum Status {
         /// The switches that slide.
         switches: Vec<usize>,
     },
+}
+
+/// The coefficients of a contact.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Coefficient {
+    /// Of restitution, in [0, 1].
+    Restitution,
+    /// Of friction, not negative.
+    Friction,
+}
+
+impl Coefficient {
+    /// The coefficient among the restitution and the friction of a contact that is outside of its range, with its value.
+    pub fn outside(restitution: f64, friction: f64) -> Option<(Coefficient, f64)> {
+        if !(0.0..=1.0).contains(&restitution) {
+            return Some((Coefficient::Restitution, restitution));
+        }
+        let is_one = friction >= 0.0;
+        (!is_one).then_some((Coefficient::Friction, friction))
+    }
 }
 
 /// What a run went on from although it could not be sure.

@@ -16,6 +16,7 @@ use self::record::Told;
 use super::adaptive::Inputs;
 use super::fesd::estimate;
 use super::instants::Pulses;
+use super::outcome::outside;
 use super::watch::{Progress, Watched};
 use super::{Comparison, Recorder, Request, assemble};
 use crate::report::{Failure, Method, MethodOption, Trajectory, Warning};
@@ -127,6 +128,9 @@ fn failure(system: &System, solution: &Solution) -> Option<Failure> {
             name,
             surfaces: vec![label],
         },
+        &End::Coefficient {
+            coefficient, value, ..
+        } => outside((coefficient, value), (time, name), vec![label]),
         _ => Failure::Impulses {
             time,
             name,
