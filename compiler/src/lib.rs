@@ -345,8 +345,10 @@ fn nonlinear(system: &System, settings: &Settings, freezes: bool) -> Option<Expe
         "`optimize`".to_owned()
     } else if freezes {
         "`lower timefreezing`".to_owned()
-    } else if !settings.method.takes_any_state() {
+    } else if !settings.method.takes_any_state() && !matches!(settings.method, Method::Fesd(_)) {
         format!("`method {}`", settings.method.word())
+    } else if let Some(beside) = beside_branches(system, settings) {
+        format!("`method fesd` with {beside}")
     } else if !system.drives_its_surface(k) {
         format!("rates that do not move `{}` at once", switch.name)
     } else {
@@ -357,6 +359,21 @@ fn nonlinear(system: &System, settings: &Settings, freezes: bool) -> Option<Expe
         name: switch.name.clone(),
         span: switch.spans.first().copied().unwrap_or(settings.span),
     })
+}
+
+/// What finite elements do not take beside switches that are read nonlinearly.
+fn beside_branches(system: &System, settings: &Settings) -> Option<&'static str> {
+    if !matches!(settings.method, Method::Fesd(_)) {
+        return None;
+    }
+    let mut switches = system.switches.iter();
+    if switches.any(|switch| switch.unilateral || switch.role != Role::Step) {
+        Some("projections, contacts and algebraic states")
+    } else if !system.data.is_empty() {
+        Some("signals from tables")
+    } else {
+        None
+    }
 }
 
 /// An experiment whose jumps and relays are lowered by time-freezing.

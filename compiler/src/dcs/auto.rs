@@ -66,12 +66,6 @@ fn is_without_memory(system: &System, takes_impulses: bool) -> Result<(), DcsErr
             span,
         });
     }
-    if let Some(switch) = system.switches.iter().find(|switch| switch.is_nonlinear) {
-        return Err(DcsError::Nonlinear {
-            name: switch.name.clone(),
-            span: switch.spans[0],
-        });
-    }
     match system.switches.iter().find(|switch| switch.relay.is_some()) {
         Some(relay) => Err(DcsError::Relay {
             name: relay.name.clone(),
@@ -83,6 +77,12 @@ fn is_without_memory(system: &System, takes_impulses: bool) -> Result<(), DcsErr
 
 /// Stewart's program weighs regions, and a projection has a force without a bound.
 fn is_bilateral(system: &System) -> Result<(), DcsError> {
+    if let Some(switch) = system.switches.iter().find(|switch| switch.is_nonlinear) {
+        return Err(DcsError::Nonlinear {
+            name: switch.name.clone(),
+            span: switch.spans[0],
+        });
+    }
     if let Some(kept) = system.switches.iter().find(|k| k.role != Role::Step) {
         return Err(DcsError::Algebraic {
             span: kept.spans[0],
@@ -160,6 +160,10 @@ pub fn choose(system: &System) -> Choice {
         .any(|switch| switch.role != Role::Step)
     {
         return choice(Formulation::Step, "algebraic states have no regions");
+    }
+    if let Some(switch) = system.switches.iter().find(|switch| switch.is_nonlinear) {
+        let reason = format!("`{}` is read nonlinearly", switch.name);
+        return choice(Formulation::Step, &reason);
     }
     let mut several = system
         .subsystems

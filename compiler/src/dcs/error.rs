@@ -22,9 +22,12 @@ pub enum DcsError {
         span: Span,
     },
 
-    /// Hidden dynamics have no complementarity form that knows which branch is followed.
-    #[error("`{name}` is read nonlinearly, and cannot be lowered to complementarity yet")]
-    #[diagnostic(code(E0920), help("`method event` runs it as it is"))]
+    /// Stewart's reformulation weighs the rates of regions, which says nothing of hidden terms between them.
+    #[error("`{name}` is read nonlinearly, and cannot be lowered to Stewart's form")]
+    #[diagnostic(
+        code(E0920),
+        help("write `lower step;`, which keeps the rates as they are between both sides")
+    )]
     Nonlinear {
         /// Its name.
         name: String,

@@ -10,6 +10,9 @@
 //! 0 <= a ⟂ b >= 0, which determine z in every point and w by that. The weight of a region is a product of α and 1 - α
 //! over the signs that its guard fixes; products become variables β, see `lift`.
 //!
+//! A switch that is read nonlinearly keeps the α that the rates hold, in powers or under functions: where it slides, α is
+//! one of the solutions of ∇ψ·f(t, x, α) + ∂ψ/∂t = 0, and the conditions do not say which.
+//!
 //! Acary, de Jong & Brogliato 2014; Nurkanović et al. 2024. The set of rates is the multi-affine one of Dieci & Lopez
 //! 2011: it is Filippov's for one surface and for switches that only add up, else a subset.
 
@@ -77,7 +80,10 @@ pub fn lower<'e>(system: &System<'e>) -> Dcs<'e> {
         .map(|state| without_idle(system, state.rate));
     let psi = system.switches.iter().map(|switch| switch.psi);
     let rows: Vec<Expr> = rates.chain(psi).map(|e| e.substitute(&rename)).collect();
-    let mut lift = Lift::new(system.exprs, alphas.clone(), labels, beta);
+    // Powers of what is read nonlinearly stay.
+    let lifted = alphas.iter().zip(&system.switches);
+    let lifted = lifted.map(|(&alpha, switch)| if switch.is_nonlinear { zero } else { alpha });
+    let mut lift = Lift::new(system.exprs, lifted.collect(), labels, beta);
     let mut rates = lift.lift(&rows);
     let psi = rates.split_off(system.states.len());
     dcs.rates = rates;

@@ -95,10 +95,7 @@ impl Directional {
         least: f64,
     ) -> Found {
         let open = open_pairs(system, z, bands);
-        let n_z = z.len();
-        self.inputs[0] = t;
-        self.inputs[1..=self.n].copy_from_slice(x);
-        self.inputs[1 + self.n..][..n_z].copy_from_slice(z);
+        self.set(t, x, z);
         let each = |directional: &mut Self| directional.each(system, zeros, z, &open, bands);
         let (found, scale, complete) = if open.len() <= MAX_OPEN {
             (self.all(system, zeros, z, &open), 0.0, true)
@@ -116,6 +113,13 @@ impl Directional {
             complete,
             open,
         }
+    }
+
+    /// Moves to a point.
+    pub fn set(&mut self, t: f64, x: &[f64], z: &[f64]) {
+        self.inputs[0] = t;
+        self.inputs[1..=self.n].copy_from_slice(x);
+        self.inputs[1 + self.n..][..z.len()].copy_from_slice(z);
     }
 
     /// The choice of one active set at the point of the last [`Directional::choices`], with u from a

@@ -67,6 +67,11 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 self.tell_multipliers(run, at, observer);
             }
         }
+        let last = &self.solved[count - 1];
+        let unknowns = &self.modes[run.mode].element.reduced.unknowns;
+        for (&z, w) in unknowns.iter().zip(&last.w) {
+            run.z[z] = *w;
+        }
         self.go_on(run, self.solved[count - 1].h);
         Ok(())
     }

@@ -112,6 +112,14 @@ impl Hidden {
         Err(Unsolved::Diverged)
     }
 
+    /// det ∂hidden/∂w where the point is: where it vanishes, solutions for w meet and end.
+    pub fn determinant(&mut self, reduced: &Reduced) -> f64 {
+        match self.factor(reduced) {
+            Ok(()) => self.lu.determinant(),
+            Err(_) => 0.0,
+        }
+    }
+
     fn factor(&mut self, reduced: &Reduced) -> Result<(), Unsolved> {
         let n_w = reduced.unknowns.len();
         self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);

@@ -19,6 +19,8 @@ pub(super) struct Solved {
     pub mean: Vec<f64>,
     /// α of the sliding switches at the points of the scheme, one row each.
     pub alphas: Vec<f64>,
+    /// w at the end.
+    pub w: Vec<f64>,
 }
 
 impl Solved {
@@ -146,7 +148,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             }
             let solved = mode.element.solve(&self.scheme, t, tried, x, &run.scale);
             solved.map_err(|_| Status::Unsolved)?;
-            self.evaluate(run)?;
+            self.evaluate(run, at)?;
             // Only the first element after a switch has members that start at zero.
             let starts = if at == 0 { &run.starts[..] } else { &[] };
             let scales = (&run.sizes[..], run.rate_scale * tried);
@@ -170,6 +172,10 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                     run.last = 0.0;
                     return Ok(Some(member));
                 }
+                // A sliding mode that ends has no next node.
+                Verdict::Leaves { member, .. } if member == self.modes[run.mode].element.reduced.watched.len() => {
+                    return Err(Status::Unsolved);
+                }
                 Verdict::Leaves { sigma, member } => {
                     let end = (member, BAND * run.sizes[member]);
                     let mode = &mut self.modes[run.mode];
@@ -182,7 +188,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                         return Err(Status::Unsolved);
                     }
                     run.last = length;
-                    self.evaluate(run)?;
+                    self.evaluate(run, at)?;
                     self.keep(run, at);
                     return Ok(Some(member));
                 }
@@ -220,7 +226,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                         .solve_to(&self.scheme, hidden, end, &run.scale)
                         .map_err(unsolved)?;
                 }
-                self.evaluate(run)?;
+                self.evaluate(run, at)?;
                 self.keep(run, at);
             }
             let last = self.solved[count - 1].h;
@@ -264,17 +270,24 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         solved.h = element.h;
         solved.unknowns.clone_from(&element.unknowns);
         solved.mean.clone_from(&element.mean);
+        self.values.w_at_end(&element.reduced, &mut solved.w);
         self.values
             .alphas(&self.scheme, element, &mut mode.hidden, &mut solved.alphas);
     }
 
-    /// Evaluates the watched members of the element that the mode has solved.
-    fn evaluate(&mut self, run: &Run) -> Result<(), Status> {
+    /// Evaluates the watched members of element `at` since the last report, which the mode has solved.
+    fn evaluate(&mut self, run: &Run, at: usize) -> Result<(), Status> {
         let mode = &mut self.modes[run.mode];
         let evaluated = self
             .values
             .evaluate(&self.scheme, &mode.element, &mut mode.hidden);
-        evaluated.map_err(|_| Status::Unsolved)
+        evaluated.map_err(|_| Status::Unsolved)?;
+        let reduced = &mode.element.reduced;
+        let goes_on = match at {
+            0 => self.values.starts_at(reduced, &run.z_of(&reduced.unknowns)),
+            _ => self.values.starts_at(reduced, &self.solved[at - 1].w),
+        };
+        goes_on.then_some(()).ok_or(Status::Unsolved)
     }
 
     /// Moves the end of the last of `count` elements, which is within rounding, to the end of a step.
@@ -327,7 +340,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 x: &run.x,
                 before: &run.x,
                 jumps: &[],
-                decisions: &[],
+                decisions: &run.decisions,
                 from: &before,
                 to: after,
                 accumulates: false,

@@ -15,6 +15,7 @@ mod collocation;
 mod directional;
 mod element;
 mod emit;
+mod guided;
 mod hidden;
 mod independent;
 mod march;
@@ -36,7 +37,7 @@ use rustc_hash::FxHashMap;
 use crate::simulate::dense::ElementSeries;
 use crate::simulate::roots::RootFinder;
 use crate::simulate::zeno::Events;
-use crate::simulate::{Candidate, Note, Outcome, Side, Stats, Status};
+use crate::simulate::{Candidate, Decision, Guide, Note, Outcome, Side, Stats, Status};
 use crate::tableau::{Family, Tableau, TableauError};
 use directional::Directional;
 use element::Element;
@@ -141,6 +142,8 @@ pub struct Simulator<'s, S> {
     known: FxHashMap<Vec<Zero>, Option<usize>>,
     modes: Vec<Mode>,
     directional: Directional,
+    /// Chooses among sliding modes, where switches are nonlinear.
+    guide: Option<Box<dyn Guide + 's>>,
     /// Memory for whole elements, once one is needed.
     nodes: Option<Nodes>,
     /// What changes at breakpoints, as it is now.
@@ -155,6 +158,8 @@ pub struct Simulator<'s, S> {
 /// A run on its way.
 struct Run {
     t: f64,
+    /// When it ends.
+    t1: f64,
     x: Vec<f64>,
     /// What rounding took from x, so that sums over many elements stay exact.
     low: Vec<f64>,
@@ -185,6 +190,10 @@ struct Run {
     /// Events in a row that took no time.
     stalled: usize,
     events: Events,
+    /// What has decided about nonlinear switches where the run is.
+    decisions: Vec<Decision>,
+    /// The switch whose sliding mode has ended in a fold where the run is.
+    fold: Option<usize>,
     notes: Vec<Note>,
 }
 
@@ -210,6 +219,7 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
             known: FxHashMap::default(),
             modes: Vec::new(),
             directional: Directional::new(system),
+            guide: None,
             nodes: None,
             numbers: vec![0.0; system.n_numbers()],
             values: Values::default(),
@@ -218,6 +228,12 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
             solved: Vec::new(),
             series: ElementSeries::default(),
         })
+    }
+
+    /// Lets a guide choose the modes of a system with nonlinear switches.
+    pub fn guided(mut self, guide: impl Guide + 's) -> Self {
+        self.guide = Some(Box::new(guide));
+        self
     }
 
     /// The settings in force.
@@ -250,6 +266,7 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
         let known = self.modes.len();
         let mut run = Run {
             t: t0,
+            t1,
             x: x0.to_vec(),
             low: vec![0.0; x0.len()],
             z: self.system.start().to_vec(),
@@ -271,6 +288,8 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
             defect: 0.0,
             stalled: 0,
             events: Events::default(),
+            decisions: Vec::new(),
+            fold: None,
             notes: Vec::new(),
         };
         system::measure(&mut run.scale, x0, self.system.algebraic_states());

@@ -26,6 +26,9 @@ enum Trial {
 impl<S: ComplementaritySystem> Simulator<'_, S> {
     /// Finds the set that a run starts with.
     pub(super) fn begin(&mut self, run: &mut Run, horizon: f64) -> Result<(), Status> {
+        if self.guide.is_some() {
+            return self.begin_guided(run, horizon);
+        }
         let bands = self.bands(run);
         // Off its surface the continuous member is positive, and the other one zero.
         let zero = |(pair, band): (&Pair, &f64)| {
@@ -85,6 +88,9 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             *z = value;
         }
         let bands = self.bands(run);
+        if self.guide.is_some() {
+            return self.select_guided(run, &bands, length);
+        }
         self.select_from(run, &bands, length)
     }
 
@@ -266,7 +272,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
     }
 
     /// Goes on with a set.
-    fn take(&mut self, run: &mut Run, choice: Choice, bands: &[f64]) -> Result<(), Status> {
+    pub(super) fn take(&mut self, run: &mut Run, choice: Choice, bands: &[f64]) -> Result<(), Status> {
         let Some(mode) = self.mode(&choice.zeros) else {
             return Err(Status::Undetermined {
                 switches: self.switches_of(&choice.zeros, &run.zeros),
@@ -285,6 +291,9 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         let sizes = reduced.watched.iter();
         run.sizes
             .extend(sizes.map(|w| size(self.system, &choice.zeros, bands, w.pair)));
+        if reduced.has_branches {
+            run.sizes.push(1.0);
+        }
         run.rate_scale = choice.rate_scale;
         for (i, (z, u)) in run.z.iter_mut().zip(&choice.u).enumerate() {
             if !self.system.is_continuous(i) {
@@ -299,7 +308,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
 
     /// Values of the continuous member of each pair below which it is zero: what rounding leaves of
     /// its terms.
-    fn bands(&mut self, run: &Run) -> Vec<f64> {
+    pub(super) fn bands(&mut self, run: &Run) -> Vec<f64> {
         let (n, full) = (run.x.len(), self.system.full());
         let mut inputs = vec![run.t];
         inputs.extend_from_slice(&run.x);

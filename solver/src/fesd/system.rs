@@ -192,6 +192,8 @@ pub struct Reduced {
     pub alphas: Tape,
     /// Whether r are equations of the system, and none of their derivatives.
     pub is_direct: bool,
+    /// Whether several w may solve the hidden equations, of which a run follows one.
+    pub has_branches: bool,
     /// Whether f and r are affine in (x, w), with constant coefficients: one factorization serves
     /// all elements of one length.
     pub is_linear: bool,

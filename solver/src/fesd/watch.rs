@@ -5,6 +5,7 @@ use wide::f64x4;
 use super::element::{Element, Unsolved};
 use super::hidden::Hidden;
 use super::scheme::{Scheme, WIDTH};
+use super::system::Reduced;
 use crate::simulate::roots::RootFinder;
 
 /// How a member starts.
@@ -32,6 +33,9 @@ pub(super) enum Verdict {
 
 /// Below this, relative to the largest value of its pair so far, a member is zero.
 pub(super) const BAND: f64 = 1e-12;
+
+/// Solutions for w that are this close are one branch.
+const SAME: f64 = 1e-5;
 
 /// Values of the watched members of an element.
 #[derive(Default)]
@@ -70,7 +74,11 @@ impl Values {
             }
         }
         let tape = &reduced.members;
-        self.at_points.resize(tape.n_outputs() * n_points, 0.0);
+        let n_rows = tape.n_outputs() + usize::from(reduced.has_branches);
+        self.at_points.resize(n_rows * n_points, 0.0);
+        if reduced.has_branches {
+            self.follow(scheme, element, hidden)?;
+        }
         self.registers
             .resize(tape.n_registers().max(tape.n_inputs()), f64x4::splat(0.0));
         // Lanes of nodes stand ready; a start or end that is no node is looked at by itself.
@@ -104,6 +112,55 @@ impl Values {
             }
         }
         Ok(())
+    }
+
+    /// Checks that w goes on from point to point on one branch, and writes det ∂hidden/∂w as one more member, with the
+    /// sign that it starts with: where it vanishes the branch ends.
+    fn follow(
+        &mut self,
+        scheme: &Scheme,
+        element: &Element,
+        hidden: &mut Hidden,
+    ) -> Result<(), Unsolved> {
+        let reduced = &element.reduced;
+        let (n, n_w, n_points) = (
+            element.n_states(),
+            reduced.unknowns.len(),
+            scheme.points.len(),
+        );
+        let row = reduced.members.n_outputs() * n_points;
+        let mut sign = 1.0;
+        for p in 0..n_points {
+            let t = element.t + scheme.points[p] * element.h;
+            let x = || (0..n).map(|i| element.state_at(scheme, p, i));
+            let w = &self.w[p * n_w..(p + 1) * n_w];
+            hidden.set(t, x(), w);
+            let determinant = hidden.determinant(reduced);
+            if p == 0 {
+                sign = determinant.signum();
+            }
+            self.at_points[row + p] = sign * determinant;
+            if p > 0 {
+                let before = &self.w[(p - 1) * n_w..p * n_w];
+                hidden.set(t, x(), before);
+                hidden.solve(reduced)?;
+                if !is_same(hidden.w(), w) {
+                    return Err(Unsolved::Diverged);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether w where the element starts is what it was before, after [`Values::evaluate`].
+    pub fn starts_at(&self, reduced: &Reduced, w: &[f64]) -> bool {
+        !reduced.has_branches || is_same(w, &self.w[..w.len()])
+    }
+
+    /// w where the element ends, after [`Values::evaluate`].
+    pub fn w_at_end(&self, reduced: &Reduced, w: &mut Vec<f64>) {
+        w.clear();
+        w.extend_from_slice(&self.w[self.w.len() - reduced.unknowns.len()..]);
     }
 
     /// α of the switches that slide at the points, one row each, after [`Values::evaluate`].
@@ -194,6 +251,12 @@ impl Values {
             None => Verdict::Stays,
         }
     }
+}
+
+/// Whether two solutions for w at one point are one.
+fn is_same(a: &[f64], b: &[f64]) -> bool {
+    let near = |(a, b): (&f64, &f64)| (a - b).abs() <= SAME * (1.0 + a.abs());
+    a.iter().zip(b).all(near)
 }
 
 /// True when no polynomial with these values comes down to zero: it leaves the middle of its values

@@ -95,6 +95,13 @@ impl DenseLu {
     pub fn determinant_sign(&self) -> f64 {
         determinant_sign(&self.factors, &self.pivots)
     }
+
+    /// The determinant of the matrix factored last.
+    pub fn determinant(&self) -> f64 {
+        let n = self.pivots.len();
+        let diagonal = (0..n).map(|i| self.factors[i * (n + 1)].abs());
+        self.determinant_sign() * diagonal.product::<f64>()
+    }
 }
 
 /// LU factorization with partial pivoting of dense blocks on the diagonal.

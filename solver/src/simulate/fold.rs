@@ -59,10 +59,7 @@ impl Mode {
         let start = state.alpha[i];
         // ∂²φ/∂α², where the step starts.
         self.set(state.t, &state.x, &state.alpha);
-        let aside = APART.copysign(moves);
-        let [_, before] = self.phi_and_slope(i, start);
-        let [_, beside] = self.phi_and_slope(i, start + aside);
-        let curvature = (beside - before) / aside;
+        let curvature = self.curvature(i, start, APART.copysign(moves));
         let mut rate = vec![0.0; self.n];
         let (mut tau, mut alpha) = (left, start + moves);
         for _ in 0..MAX_ITERATIONS {
@@ -93,6 +90,18 @@ impl Mode {
             }
         }
         None
+    }
+
+    /// ∂²φ/∂α² of a switch at an α, where the point is.
+    fn curvature(&mut self, i: usize, alpha: f64, aside: f64) -> f64 {
+        let [_, before] = self.phi_and_slope(i, alpha);
+        let [_, beside] = self.phi_and_slope(i, alpha + aside);
+        (beside - before) / aside
+    }
+
+    /// Where the dummy system goes from a fold in which the point is; zero where nothing tells.
+    pub(super) fn direction_at(&mut self, i: usize, alpha: f64) -> f64 {
+        self.curvature(i, alpha, if alpha < 0.5 { APART } else { -APART })
     }
 
     /// Takes a state at a rate, some time after the start of the step, into `next`, and moves there.

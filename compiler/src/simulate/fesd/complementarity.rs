@@ -42,6 +42,8 @@ pub struct Complementarity<'e> {
     pulses: Pulses,
     /// ψ of unilateral switches.
     gaps: Vec<(usize, Expr<'e>)>,
+    /// Whether rates contain the α of a switch in another way than affine.
+    nonlinear: Vec<bool>,
     /// The pairs that members of complementarities are in, by switch.
     members: Vec<Option<(usize, Zero)>>,
     /// What z at a breakpoint follows from; none without data.
@@ -108,6 +110,8 @@ impl<'e> Complementarity<'e> {
                 is_bounded: !is_force(origin),
             }
         };
+        let nonlinear = system.switches.iter().map(|switch| switch.is_nonlinear);
+        let nonlinear = nonlinear.collect();
         let continuous: Vec<bool> = dcs.algebraics.iter().map(|z| z.continuous).collect();
         let mut system = Complementarity {
             exprs,
@@ -140,6 +144,7 @@ impl<'e> Complementarity<'e> {
             pieces,
             pulses: Pulses::default(),
             gaps,
+            nonlinear,
             members,
             at_breakpoints,
             known: RefCell::default(),
@@ -344,6 +349,8 @@ impl<'e> Complementarity<'e> {
             members: self.tape(&inputs, &members),
             member_slopes: self.partials(&inputs, &members, &inputs),
             watched,
+            has_branches: (sides.iter().zip(&self.nonlinear))
+                .any(|(side, nonlinear)| *nonlinear && *side == Side::Slide),
             sides,
             alphas: self.tape(&inputs, &sliding),
             is_direct,

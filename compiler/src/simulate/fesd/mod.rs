@@ -12,14 +12,15 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use nsd_solver::fesd::{self, Grid, Simulator, Solution};
-use nsd_solver::simulate::{Event, Observer, Outcome, Segment, Status};
+use nsd_solver::simulate::{self as event, Event, Observer, Outcome, Segment, Status};
 
 pub use complementarity::Complementarity;
 
 use super::instants::Pulses;
 use super::watch::{Progress, Watched};
 use super::{
-    Comparison, Estimate, REFINEMENT, Recorder, Request, Touches, assemble, judge, tightened,
+    Comparison, Estimate, REFINEMENT, Recorder, Request, Switched, Touches, assemble, judge,
+    tightened,
 };
 use crate::dcs::{self, Formulation};
 use crate::report::{Failure, Method, MethodOption, Multipliers, Series, Trajectory};
@@ -78,6 +79,10 @@ pub(super) fn run(
     let (formulation, complementarity) = lower(system, settings);
     let pulses = Pulses::of(system, settings.horizon);
     let complementarity = complementarity.over(pulses.clone());
+    // Complementarity does not say which of several sliding modes is taken.
+    let mut switches = system.switches.iter();
+    let has_branches = switches.any(|switch| switch.is_nonlinear);
+    let switched = has_branches.then(|| Switched::new(system));
     let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
     let left = || {
         let limit = request.time_limit?;
@@ -90,7 +95,13 @@ pub(super) fn run(
             ..fesd::Settings::new(options.scheme.0, options.scheme.1)
         };
         let simulator = Simulator::new(&complementarity, settings);
-        simulator.expect("the number of nodes has been checked")
+        let simulator = simulator.expect("the number of nodes has been checked");
+        match &switched {
+            Some(switched) => {
+                simulator.guided(event::Simulator::new(switched, event::Settings::default()))
+            }
+            None => simulator,
+        }
     };
     let (mut tolerance, mut attempt) = (settings.tolerance, 1);
     let (order, solution, recorder, kept, estimate) = loop {

@@ -1,0 +1,146 @@
+//! The active set where switches are nonlinear.
+//!
+//! Several sliding modes may satisfy the complementarity conditions at once, so that these do not say which one is
+//! taken: a guide does, from the side that the state comes from. The active set follows from the sides that it names,
+//! and z from the α that it names, as the solution of the directional equations next to them.
+
+use super::directional::TIE;
+use super::independent::rate_scale;
+use super::system::{ComplementaritySystem, Zero};
+use super::watch::BAND;
+use super::{Run, Simulator};
+use crate::simulate::{Next, Side, Standing, Status};
+
+/// How far α of the directional equations may be from the α that was named.
+const SAME: f64 = 1e-7;
+
+impl<S: ComplementaritySystem> Simulator<'_, S> {
+    /// Finds the set that a run starts with.
+    pub(super) fn begin_guided(&mut self, run: &mut Run, horizon: f64) -> Result<(), Status> {
+        let bands = self.bands(run);
+        let (x, scale) = (run.x.clone(), run.scale.clone());
+        let next = self.ask(Standing {
+            t: run.t,
+            t1: run.t1,
+            x: &x,
+            scale: &scale,
+            before: None,
+            triggers: &[],
+            fold: None,
+        })?;
+        self.take_guided(run, next, &bands, horizon)?;
+        run.decisions.clear();
+        Ok(())
+    }
+
+    /// Finds the set that goes on where an element has ended on its boundary.
+    pub(super) fn select_guided(
+        &mut self,
+        run: &mut Run,
+        bands: &[f64],
+        length: f64,
+    ) -> Result<(), Status> {
+        let sides = self.modes[run.mode].element.reduced.sides.clone();
+        let mut alpha: Vec<f64> = sides.iter().map(|side| 0.5 + 0.5 * side.sign()).collect();
+        self.alphas(run, &mut alpha);
+        let mut triggers = self.triggers(run, &sides, &alpha, bands);
+        triggers.extend(run.fold);
+        let (x, scale) = (run.x.clone(), run.scale.clone());
+        let next = self.ask(Standing {
+            t: run.t,
+            t1: run.t1,
+            x: &x,
+            scale: &scale,
+            before: Some((&sides, &alpha)),
+            triggers: &triggers,
+            fold: run.fold.take(),
+        })?;
+        self.take_guided(run, next, bands, length)
+    }
+
+    fn ask(&mut self, standing: Standing) -> Result<Next, Status> {
+        let guide = self.guide.as_mut();
+        guide
+            .expect("a guided simulator has a guide")
+            .next(standing)
+    }
+
+    /// The switches that have come to their surface, or whose α is at its bound.
+    fn triggers(&self, run: &Run, sides: &[Side], alpha: &[f64], bands: &[f64]) -> Vec<usize> {
+        let is_near = |switch: usize| {
+            let pairs = self.system.pairs().iter().zip(bands).enumerate();
+            let mut own =
+                pairs.filter(|(pair, _)| self.system.switches_of(*pair).contains(&switch));
+            own.all(|(_, (pair, band))| {
+                let mut members = [pair.left, pair.right].into_iter();
+                let continuous = members.find(|m| self.system.is_continuous(m.variable));
+                continuous.is_none_or(|member| member.value(&run.z) <= *band)
+            })
+        };
+        let is_trigger = |&i: &usize| match sides[i] {
+            Side::Slide => alpha[i].min(1.0 - alpha[i]) <= TIE,
+            _ => is_near(i),
+        };
+        (0..sides.len()).filter(is_trigger).collect()
+    }
+
+    /// Goes on with the mode that a guide has named.
+    fn take_guided(
+        &mut self,
+        run: &mut Run,
+        next: Next,
+        bands: &[f64],
+        length: f64,
+    ) -> Result<(), Status> {
+        let system = self.system;
+        let jumping = |pair: &super::Pair| {
+            let members = [pair.left, pair.right].into_iter();
+            members.into_iter().find(|m| !system.is_continuous(m.variable))
+        };
+        let mut zeros = Vec::with_capacity(system.pairs().len());
+        let mut u: Vec<f64> = (run.z.iter().enumerate())
+            .map(|(i, z)| if system.is_continuous(i) { 0.0 } else { *z })
+            .collect();
+        let mut named = Vec::new();
+        for (at, pair) in system.pairs().iter().enumerate() {
+            let (Some(member), [switch]) = (jumping(pair), system.switches_of(at)) else {
+                return Err(Status::Undetermined {
+                    switches: system.switches_of(at).to_vec(),
+                });
+            };
+            // α is zero below the surface, 1 - α above it, and what is continuous everywhere else.
+            let ends = if member.complement { Side::Plus } else { Side::Minus };
+            let continuous = if member == pair.left { Zero::Right } else { Zero::Left };
+            zeros.push(match next.sides[*switch] == ends {
+                true => continuous.other(),
+                false => continuous,
+            });
+            u[member.variable] = next.alpha[*switch];
+            named.push((member.variable, *switch));
+        }
+        self.directional.set(run.t, &run.x, &run.z);
+        let undetermined = |switches: Vec<usize>| Status::Undetermined { switches };
+        let solved = self.directional.solve(system, &zeros, u);
+        let changed = (0..next.sides.len()).filter(|&i| next.sides[i] == Side::Slide);
+        let u = solved.ok_or_else(|| undetermined(changed.collect()))?;
+        let off = |(variable, switch): &&(usize, usize)| {
+            (u[*variable] - next.alpha[*switch]).abs() > SAME
+        };
+        if let Some((_, switch)) = named.iter().find(off) {
+            return Err(undetermined(vec![*switch]));
+        }
+        let gaps = bands.iter().fold(0.0_f64, |size, band| size.max(band / BAND));
+        let found = [(zeros, u)];
+        let rate_scale = rate_scale(system, &found).max(f64::EPSILON * gaps / length);
+        let [solved] = found;
+        let choice = self
+            .directional
+            .choice(system, solved, &run.z, bands, rate_scale);
+        let choice = choice.ok_or_else(|| Status::NoSolution {
+            switches: named.iter().map(|(_, switch)| *switch).collect(),
+        })?;
+        run.rungs.predicted += 1;
+        run.decisions = next.decisions;
+        self.take(run, choice, bands)
+    }
+}
