@@ -6,6 +6,7 @@
 //! off by is about the local tolerance ε.
 
 use super::emit::Observer;
+use super::fold::Length;
 use super::system::ComplementaritySystem;
 use super::{Run, Simulator};
 use crate::simulate::Status;
@@ -15,8 +16,8 @@ use crate::simulate::Status;
 const LOCAL: f64 = 0.01;
 
 /// Bounds of the change of length from one element to the next, and what it stays below the best.
-const GROWTH: [f64; 2] = [0.2, 4.0];
-const SAFETY: f64 = 0.85;
+pub(super) const GROWTH: [f64; 2] = [0.2, 4.0];
+pub(super) const SAFETY: f64 = 0.85;
 
 /// Rounding of a rate, relative to the size of its terms.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
@@ -48,6 +49,15 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         let mut stalled = 0;
         while run.t < t1 {
             self.limit(run)?;
+            if let Some(ahead) = self.fold_ahead(run) {
+                let length = Length {
+                    h,
+                    target: Some((target, exponent)),
+                };
+                if self.approach(run, ahead, t1, length, observer)? {
+                    continue;
+                }
+            }
             let left = t1 - run.t;
             // No sliver is left at the end.
             let length = match h {

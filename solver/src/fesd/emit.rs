@@ -138,7 +138,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         let reduced = mode.element.reduced.clone();
         let w = run.z_of(&reduced.unknowns);
         mode.hidden.set(run.t, run.x.iter().copied(), &w);
-        if mode.hidden.solve(&reduced).is_err() {
+        if run.fold.is_none() && mode.hidden.solve(&reduced).is_err() {
             return;
         }
         let sliding = (0..alpha.len()).filter(|i| reduced.sides[*i] == Side::Slide);

@@ -4,11 +4,11 @@
 //! taken: a guide does, from the side that the state comes from. The active set follows from the sides that it names,
 //! and z from the α that it names, as the solution of the directional equations next to them.
 
-use super::directional::TIE;
+use super::directional::{Solved, TIE};
 use super::independent::rate_scale;
 use super::system::{ComplementaritySystem, Zero};
 use super::watch::BAND;
-use super::{Run, Simulator};
+use super::{Member, Pair, Run, Simulator};
 use crate::simulate::{Next, Side, Standing, Status};
 
 /// How far α of the directional equations may be from the α that was named.
@@ -72,8 +72,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             let mut own =
                 pairs.filter(|(pair, _)| self.system.switches_of(*pair).contains(&switch));
             own.all(|(_, (pair, band))| {
-                let mut members = [pair.left, pair.right].into_iter();
-                let continuous = members.find(|m| self.system.is_continuous(m.variable));
+                let (continuous, _) = members(self.system, pair);
                 continuous.is_none_or(|member| member.value(&run.z) <= *band)
             })
         };
@@ -82,6 +81,41 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             _ => is_near(i),
         };
         (0..sides.len()).filter(is_trigger).collect()
+    }
+
+    /// What the directional equations are on both sides of every surface that holds the state: their rates are what
+    /// a rate that vanishes is small next to.
+    fn sides_of(&mut self, solved: &Solved, bands: &[f64], z: &[f64]) -> Vec<Solved> {
+        let system = self.system;
+        let mut found = Vec::new();
+        for (at, pair) in system.pairs().iter().enumerate() {
+            let own = |other: &usize| system.switches_of(*other) == system.switches_of(at);
+            let own: Vec<usize> = (0..system.pairs().len()).filter(own).collect();
+            let is_near = own.iter().all(|&other| {
+                let (continuous, _) = members(system, &system.pairs()[other]);
+                continuous.is_some_and(|member| member.value(z) <= bands[other])
+            });
+            let (_, Some(member)) = members(system, pair) else {
+                continue;
+            };
+            if !is_near {
+                continue;
+            }
+            // Every pair of a switch stands for one of its sides: α = 0 here, and 1 - α elsewhere.
+            let (mut zeros, mut u) = solved.clone();
+            for other in own {
+                let pair = &system.pairs()[other];
+                let is_continuous_left = system.is_continuous(pair.left.variable);
+                zeros[other] = match (other == at, is_continuous_left) {
+                    (true, true) | (false, false) => Zero::Right,
+                    (true, false) | (false, true) => Zero::Left,
+                };
+            }
+            u[member.variable] = if member.complement { 1.0 } else { 0.0 };
+            let side = self.directional.solve(system, &zeros, u);
+            found.extend(side.map(|u| (zeros, u)));
+        }
+        found
     }
 
     /// Goes on with the mode that a guide has named.
@@ -93,24 +127,28 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         length: f64,
     ) -> Result<(), Status> {
         let system = self.system;
-        let jumping = |pair: &super::Pair| {
-            let members = [pair.left, pair.right].into_iter();
-            members.into_iter().find(|m| !system.is_continuous(m.variable))
-        };
         let mut zeros = Vec::with_capacity(system.pairs().len());
         let mut u: Vec<f64> = (run.z.iter().enumerate())
             .map(|(i, z)| if system.is_continuous(i) { 0.0 } else { *z })
             .collect();
         let mut named = Vec::new();
         for (at, pair) in system.pairs().iter().enumerate() {
-            let (Some(member), [switch]) = (jumping(pair), system.switches_of(at)) else {
+            let (Some(member), [switch]) = (members(system, pair).1, system.switches_of(at)) else {
                 return Err(Status::Undetermined {
                     switches: system.switches_of(at).to_vec(),
                 });
             };
             // α is zero below the surface, 1 - α above it, and what is continuous everywhere else.
-            let ends = if member.complement { Side::Plus } else { Side::Minus };
-            let continuous = if member == pair.left { Zero::Right } else { Zero::Left };
+            let ends = if member.complement {
+                Side::Plus
+            } else {
+                Side::Minus
+            };
+            let continuous = if member == pair.left {
+                Zero::Right
+            } else {
+                Zero::Left
+            };
             zeros.push(match next.sides[*switch] == ends {
                 true => continuous.other(),
                 false => continuous,
@@ -129,10 +167,13 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         if let Some((_, switch)) = named.iter().find(off) {
             return Err(undetermined(vec![*switch]));
         }
-        let gaps = bands.iter().fold(0.0_f64, |size, band| size.max(band / BAND));
-        let found = [(zeros, u)];
+        let gaps = bands
+            .iter()
+            .fold(0.0_f64, |size, band| size.max(band / BAND));
+        let mut found = vec![(zeros, u)];
+        found.extend(self.sides_of(&found[0], bands, &run.z));
         let rate_scale = rate_scale(system, &found).max(f64::EPSILON * gaps / length);
-        let [solved] = found;
+        let solved = found.swap_remove(0);
         let choice = self
             .directional
             .choice(system, solved, &run.z, bands, rate_scale);
@@ -143,4 +184,15 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         run.decisions = next.decisions;
         self.take(run, choice, bands)
     }
+}
+
+/// The member of a pair that is continuous, and the one that jumps.
+fn members(system: &impl ComplementaritySystem, pair: &Pair) -> (Option<Member>, Option<Member>) {
+    let both = [pair.left, pair.right];
+    let is_continuous = |member: &Member| system.is_continuous(member.variable);
+    let continuous = both.into_iter().find(is_continuous);
+    (
+        continuous,
+        both.into_iter().find(|member| !is_continuous(member)),
+    )
 }

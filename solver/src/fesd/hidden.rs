@@ -112,6 +112,23 @@ impl Hidden {
         Err(Unsolved::Diverged)
     }
 
+    /// dw/dt where the point is, while x moves at these rates.
+    pub fn rate_of_w(&mut self, reduced: &Reduced, rates: &[f64]) -> Result<Vec<f64>, Unsolved> {
+        self.factor(reduced)?;
+        let n = self.n;
+        let mut by_time = vec![0.0; self.n_w];
+        let slopes = &reduced.hidden_slopes;
+        for (&(row, input), slope) in slopes.entries.iter().zip(self.eval(&slopes.tape)) {
+            match input {
+                0 => by_time[row] -= slope,
+                _ if input <= n => by_time[row] -= slope * rates[input - 1],
+                _ => {}
+            }
+        }
+        self.lu.solve(&mut by_time);
+        Ok(by_time)
+    }
+
     /// det ∂hidden/∂w where the point is: where it vanishes, solutions for w meet and end.
     pub fn determinant(&mut self, reduced: &Reduced) -> f64 {
         match self.factor(reduced) {

@@ -2,6 +2,7 @@
 
 use super::element::Unsolved;
 use super::emit::Observer;
+use super::fold::Length;
 use super::system::ComplementaritySystem;
 use super::watch::{BAND, Verdict};
 use super::{Run, Simulator};
@@ -72,6 +73,17 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         let mut left = elements;
         while run.t < end {
             self.limit(run)?;
+            if let Some(ahead) = self.fold_ahead(run) {
+                let length = Length {
+                    h: length / elements as f64,
+                    target: None,
+                };
+                if self.approach(run, ahead, end, length, observer)? {
+                    run.added += usize::from(left == 1);
+                    left = left.saturating_sub(1).max(1);
+                    continue;
+                }
+            }
             let piece = self.piece(run, end, left, length)?;
             let count = piece.elements;
             // A step with more switches than elements less one has elements added.
@@ -173,7 +185,9 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                     return Ok(Some(member));
                 }
                 // A sliding mode that ends has no next node.
-                Verdict::Leaves { member, .. } if member == self.modes[run.mode].element.reduced.watched.len() => {
+                Verdict::Leaves { member, .. }
+                    if member == self.modes[run.mode].element.reduced.watched.len() =>
+                {
                     return Err(Status::Unsolved);
                 }
                 Verdict::Leaves { sigma, member } => {
@@ -327,7 +341,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         observer: &mut impl Observer,
     ) -> Result<(), Status> {
         let after = &self.modes[run.mode].element.reduced.sides;
-        if before != *after {
+        if before != *after || run.decisions.iter().any(|decision| decision.folds) {
             run.stats.events += 1;
             run.events.record(run.t, &before);
             let slides = |sides: &[Side]| sides.iter().filter(|s| **s == Side::Slide).count();

@@ -15,6 +15,7 @@ mod collocation;
 mod directional;
 mod element;
 mod emit;
+mod fold;
 mod guided;
 mod hidden;
 mod independent;
@@ -141,6 +142,8 @@ pub struct Simulator<'s, S> {
     /// Places in `modes`; none for sets without functions.
     known: FxHashMap<Vec<Zero>, Option<usize>>,
     modes: Vec<Mode>,
+    /// Branches of sliding modes, by the mode, the unknown that takes the place of time, and whether it rises.
+    branches: FxHashMap<(usize, usize, bool), Mode>,
     directional: Directional,
     /// Chooses among sliding modes, where switches are nonlinear.
     guide: Option<Box<dyn Guide + 's>>,
@@ -180,6 +183,8 @@ struct Run {
     last: f64,
     /// Length of the next element by the tolerance, zero before the first.
     next: f64,
+    /// The same where α is the independent variable.
+    next_branch: f64,
     rates: Vec<f64>,
     started: Instant,
     stats: Stats,
@@ -218,6 +223,7 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
             settings,
             known: FxHashMap::default(),
             modes: Vec::new(),
+            branches: FxHashMap::default(),
             directional: Directional::new(system),
             guide: None,
             nodes: None,
@@ -279,6 +285,7 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
             scale: vec![0.0; x0.len()],
             last: 0.0,
             next: 0.0,
+            next_branch: 0.0,
             rates: vec![0.0; x0.len()],
             started: Instant::now(),
             stats: Stats::default(),

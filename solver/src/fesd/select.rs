@@ -80,9 +80,11 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         let mode = &mut self.modes[run.mode];
         let w = run.z_of(&mode.element.reduced.unknowns);
         mode.hidden.set(run.t, run.x.iter().copied(), &w);
-        mode.hidden
-            .solve(&mode.element.reduced)
-            .map_err(|_| Status::Unsolved)?;
+        // At a fold w is known, and no solution by itself.
+        if run.fold.is_none() {
+            let solved = mode.hidden.solve(&mode.element.reduced);
+            solved.map_err(|_| Status::Unsolved)?;
+        }
         let reduced = mode.element.reduced.clone();
         for (z, value) in run.z.iter_mut().zip(mode.hidden.eval(&reduced.algebraics)) {
             *z = value;
@@ -272,7 +274,12 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
     }
 
     /// Goes on with a set.
-    pub(super) fn take(&mut self, run: &mut Run, choice: Choice, bands: &[f64]) -> Result<(), Status> {
+    pub(super) fn take(
+        &mut self,
+        run: &mut Run,
+        choice: Choice,
+        bands: &[f64],
+    ) -> Result<(), Status> {
         let Some(mode) = self.mode(&choice.zeros) else {
             return Err(Status::Undetermined {
                 switches: self.switches_of(&choice.zeros, &run.zeros),

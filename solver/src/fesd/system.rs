@@ -33,6 +33,12 @@ pub trait ComplementaritySystem {
     /// The functions while these members are zero; none where that contradicts the equations, or
     /// leaves a z undetermined whatever x is.
     fn reduced(&self, zeros: &[Zero]) -> Option<Arc<Reduced>>;
+    /// The functions while these members are zero, along a branch by one of its unknowns z_i: σ = z_i, or -z_i where it
+    /// does not rise, stands for t, t and the time that is left follow x, and dt/dσ is the first of w. The last
+    /// two watched members are dt/dσ and the time that is left. None where z_i is not determined alone.
+    fn branch(&self, _zeros: &[Zero], _i: usize, _rises: bool) -> Option<Arc<Reduced>> {
+        None
+    }
     /// z where t = 0, with every side's share where that is on a surface.
     fn start(&self) -> &[f64];
     /// How many numbers change at breakpoints.

@@ -6,33 +6,32 @@
 use std::cell::RefCell;
 use std::sync::Arc;
 
-use nsd_solver::fesd::{ComplementaritySystem, Full, Member, Pair, Reduced, Watched, Zero};
-use nsd_solver::simulate::{Partials, Side};
+use nsd_solver::fesd::{ComplementaritySystem, Full, Member, Pair, Reduced, Zero};
+use nsd_solver::simulate::Partials;
 use nsd_solver::tape::Tape;
 use rustc_hash::FxHashMap;
 
 use super::super::data::Pieces;
 use super::super::instants::Pulses;
-use super::reduce::{Remainder, eliminate};
 use crate::dcs::{self, Cause, Dcs, Origin};
 use crate::expr::{self, Expr, Exprs, Substitution, Var, variables_of};
 use crate::system::{Role, System};
 
 /// x' = f(t, x, z), 0 = g(t, x, z), 0 <= a ⟂ b >= 0 with the parameters of one experiment.
 pub struct Complementarity<'e> {
-    exprs: &'e Exprs,
-    time: Var,
-    states: Vec<Var>,
+    pub(super) exprs: &'e Exprs,
+    pub(super) time: Var,
+    pub(super) states: Vec<Var>,
     algebraic_states: Vec<usize>,
-    algebraics: Vec<Var>,
+    pub(super) algebraics: Vec<Var>,
     continuous: Vec<bool>,
     start: Vec<f64>,
-    rates: Vec<Expr<'e>>,
-    equations: Vec<Expr<'e>>,
+    pub(super) rates: Vec<Expr<'e>>,
+    pub(super) equations: Vec<Expr<'e>>,
     /// Whether an equation determines an algebraic state, by equation.
     determines_state: Vec<bool>,
-    alphas: Vec<Expr<'e>>,
-    pairs: Vec<Pair>,
+    pub(super) alphas: Vec<Expr<'e>>,
+    pub(super) pairs: Vec<Pair>,
     switches_of: Vec<Vec<usize>>,
     full: Full,
     /// Coefficients of data, the last inputs of all functions.
@@ -43,16 +42,13 @@ pub struct Complementarity<'e> {
     /// ψ of unilateral switches.
     gaps: Vec<(usize, Expr<'e>)>,
     /// Whether rates contain the α of a switch in another way than affine.
-    nonlinear: Vec<bool>,
+    pub(super) nonlinear: Vec<bool>,
     /// The pairs that members of complementarities are in, by switch.
-    members: Vec<Option<(usize, Zero)>>,
+    pub(super) members: Vec<Option<(usize, Zero)>>,
     /// What z at a breakpoint follows from; none without data.
     at_breakpoints: Option<(System<'e>, Dcs<'e>)>,
     known: RefCell<FxHashMap<Vec<Zero>, Option<Arc<Reduced>>>>,
 }
-
-/// Derivatives that are looked at for one that contains an unknown.
-const MAX_DERIVATIVES: usize = 6;
 
 /// A gap below this is no rounding.
 const OUTSIDE: f64 = 1e-10;
@@ -168,14 +164,14 @@ impl<'e> Complementarity<'e> {
     }
 
     /// The tape of functions of these inputs, and of the coefficients of data.
-    fn tape(&self, inputs: &[Var], outputs: &[Expr<'e>]) -> Tape {
+    pub(super) fn tape(&self, inputs: &[Var], outputs: &[Expr<'e>]) -> Tape {
         let all: Vec<Var> = inputs.iter().chain(&self.coefficients).copied().collect();
         expr::compile(&all, outputs)
             .expect("a verified DCS holds smooth functions of its own variables only")
     }
 
     /// The derivatives of functions of `inputs` by some of these.
-    fn partials(&self, inputs: &[Var], functions: &[Expr<'e>], by: &[Var]) -> Partials {
+    pub(super) fn partials(&self, inputs: &[Var], functions: &[Expr<'e>], by: &[Var]) -> Partials {
         let entries = expr::jacobian(functions, by).entries;
         let values: Vec<Expr> = entries.iter().map(|&(.., value)| value).collect();
         let place: FxHashMap<Var, usize> = inputs
@@ -191,8 +187,14 @@ impl<'e> Complementarity<'e> {
         }
     }
 
+    /// Where variables stand among the algebraic ones.
+    pub(super) fn places(&self, vars: &[Var]) -> Vec<usize> {
+        let place = |var| self.algebraics.iter().position(|z| z == var);
+        vars.iter().filter_map(place).collect()
+    }
+
     /// Time, states, and some more variables.
-    fn inputs(&self, more: &[Var]) -> Vec<Var> {
+    pub(super) fn inputs(&self, more: &[Var]) -> Vec<Var> {
         let mut inputs = vec![self.time];
         inputs.extend_from_slice(&self.states);
         inputs.extend_from_slice(more);
@@ -249,115 +251,11 @@ impl<'e> Complementarity<'e> {
         self.along(e, vars, &self.rates)
     }
 
-    fn along(&self, e: Expr<'e>, vars: &[Var], rates: &[Expr<'e>]) -> Expr<'e> {
+    pub(super) fn along(&self, e: Expr<'e>, vars: &[Var], rates: &[Expr<'e>]) -> Expr<'e> {
         let states = self.states.iter().zip(rates);
         let states = states.filter(|(state, _)| vars.contains(state));
         let by_state = states.map(|(&state, &rate)| e.diff(state) * rate);
         self.exprs.sum(by_state.chain([e.diff(self.time)]))
-    }
-
-    /// The functions while these members are zero.
-    fn compile(&self, zeros: &[Zero]) -> Option<Reduced> {
-        let exprs = self.exprs;
-        let mut fixed = Substitution::new();
-        for (pair, &zero) in self.pairs.iter().zip(zeros) {
-            let (member, _) = pair.split(zero);
-            let value = if member.complement { 1.0 } else { 0.0 };
-            let var = self.algebraics[member.variable];
-            match fixed.get(var).and_then(Expr::as_constant) {
-                Some(other) if other != value => return None,
-                _ => fixed.insert(var, exprs.constant(value)),
-            }
-        }
-        let Remainder {
-            unknowns,
-            residuals,
-            given,
-        } = eliminate(&self.equations, &self.algebraics, &fixed)?;
-        let inputs = self.inputs(&unknowns);
-        let rates = given.apply(&self.rates);
-        let contains_unknown =
-            |vars: &[Var]| vars.iter().any(|var| unknowns.binary_search(var).is_ok());
-
-        // At the nodes stands the last derivative of a residual before an unknown appears in one.
-        let (mut at_nodes, mut hidden) = (Vec::new(), Vec::new());
-        let mut is_direct = true;
-        for mut residual in residuals {
-            let mut next = residual;
-            let mut vars = variables_of(&[next]);
-            for _ in 0..MAX_DERIVATIVES {
-                if contains_unknown(&vars) {
-                    break;
-                }
-                is_direct &= residual == next;
-                residual = next;
-                next = self.along(next, &vars, &rates);
-                vars = variables_of(&[next]);
-            }
-            at_nodes.push(residual);
-            hidden.push(next);
-        }
-
-        let functions: Vec<Expr> = rates.iter().chain(&at_nodes).copied().collect();
-        let algebraics: Vec<Expr> = (self.algebraics.iter())
-            .map(|&z| given.get(z).unwrap_or_else(|| exprs.expr(z)))
-            .collect();
-        let (mut watched, mut members) = (Vec::new(), Vec::new());
-        for (at, (pair, &zero)) in self.pairs.iter().zip(zeros).enumerate() {
-            let (_, member) = pair.split(zero);
-            let z = algebraics[member.variable];
-            let value = if member.complement { 1.0 - z } else { z };
-            match value.as_constant() {
-                Some(constant) if constant < 0.0 => return None,
-                Some(_) => {}
-                None => {
-                    watched.push(Watched { pair: at });
-                    members.push(value);
-                }
-            }
-        }
-        let alphas = given.apply(&self.alphas);
-        let side = |alpha: &Expr| match alpha.as_constant() {
-            Some(alpha) if alpha > 0.5 => Side::Plus,
-            Some(_) => Side::Minus,
-            None => Side::Slide,
-        };
-        let mut sides: Box<[Side]> = alphas.iter().map(side).collect();
-        for (side, member) in sides.iter_mut().zip(&self.members) {
-            if let Some((pair, zero)) = *member {
-                *side = match zeros[pair] == zero {
-                    true => Side::Slide,
-                    false => Side::Minus,
-                };
-            }
-        }
-        let sliding: Vec<Expr> = (alphas.iter().zip(&sides))
-            .filter(|(_, side)| **side == Side::Slide)
-            .map(|(&alpha, _)| alpha)
-            .collect();
-        let slopes = self.partials(&inputs, &functions, &inputs);
-        let constant = expr::jacobian(&functions, &inputs[1..]).entries;
-        Some(Reduced {
-            unknowns: (unknowns.iter())
-                .filter_map(|var| self.algebraics.iter().position(|z| z == var))
-                .collect(),
-            equations: self.tape(&inputs, &functions),
-            slopes,
-            hidden: self.tape(&inputs, &hidden),
-            hidden_slopes: self.partials(&inputs, &hidden, &inputs),
-            algebraics: self.tape(&inputs, &algebraics),
-            members: self.tape(&inputs, &members),
-            member_slopes: self.partials(&inputs, &members, &inputs),
-            watched,
-            has_branches: (sides.iter().zip(&self.nonlinear))
-                .any(|(side, nonlinear)| *nonlinear && *side == Side::Slide),
-            sides,
-            alphas: self.tape(&inputs, &sliding),
-            is_direct,
-            is_linear: constant
-                .iter()
-                .all(|(.., slope)| slope.as_constant().is_some()),
-        })
     }
 }
 
@@ -390,6 +288,10 @@ impl ComplementaritySystem for Complementarity<'_> {
         let mut known = self.known.borrow_mut();
         let compile = || self.compile(zeros).map(Arc::new);
         known.entry(zeros.to_vec()).or_insert_with(compile).clone()
+    }
+
+    fn branch(&self, zeros: &[Zero], i: usize, rises: bool) -> Option<Arc<Reduced>> {
+        self.compile_branch(zeros, i, rises).map(Arc::new)
     }
 
     fn n_numbers(&self) -> usize {
@@ -446,7 +348,7 @@ impl ComplementaritySystem for Complementarity<'_> {
     }
 }
 
-fn variable(e: Expr) -> Var {
+pub(super) fn variable(e: Expr) -> Var {
     e.as_variable().expect("what a DCS declares is a variable")
 }
 

@@ -3,6 +3,8 @@
 //! A second run, on a grid twice as fine or with a smaller tolerance, gives the estimate of the
 //! global error.
 
+mod active;
+mod branch;
 mod complementarity;
 pub(super) mod impulses;
 mod reduce;

@@ -1,0 +1,155 @@
+//! The functions of a complementarity system in one active set.
+
+use nsd_solver::fesd::{Reduced, Watched, Zero};
+use nsd_solver::simulate::Side;
+
+use super::complementarity::Complementarity;
+use super::reduce::{Remainder, eliminate};
+use crate::expr::{self, Expr, Substitution, Var, variables_of};
+
+/// Derivatives that are looked at for one that contains an unknown.
+const MAX_DERIVATIVES: usize = 6;
+
+/// Residuals as a finite element takes them.
+pub(super) struct Differentiated<'e> {
+    pub at_nodes: Vec<Expr<'e>>,
+    pub hidden: Vec<Expr<'e>>,
+    /// Whether none was differentiated.
+    pub is_direct: bool,
+}
+
+impl<'e> Complementarity<'e> {
+    /// The members that are zero, with their values.
+    pub(super) fn fixed(&self, zeros: &[Zero]) -> Option<Substitution<'e>> {
+        let mut fixed = Substitution::new();
+        for (pair, &zero) in self.pairs.iter().zip(zeros) {
+            let (member, _) = pair.split(zero);
+            let value = if member.complement { 1.0 } else { 0.0 };
+            let var = self.algebraics[member.variable];
+            match fixed.get(var).and_then(Expr::as_constant) {
+                Some(other) if other != value => return None,
+                _ => fixed.insert(var, self.exprs.constant(value)),
+            }
+        }
+        Some(fixed)
+    }
+
+    /// The last derivatives of residuals before an unknown appears in one, and those in which it does.
+    pub(super) fn differentiate(
+        &self,
+        residuals: Vec<Expr<'e>>,
+        unknowns: &[Var],
+        rates: &[Expr<'e>],
+    ) -> Differentiated<'e> {
+        let contains_unknown =
+            |vars: &[Var]| vars.iter().any(|var| unknowns.binary_search(var).is_ok());
+        let (mut at_nodes, mut hidden) = (Vec::new(), Vec::new());
+        let mut is_direct = true;
+        for mut residual in residuals {
+            let mut next = residual;
+            let mut vars = variables_of(&[next]);
+            for _ in 0..MAX_DERIVATIVES {
+                if contains_unknown(&vars) {
+                    break;
+                }
+                is_direct &= residual == next;
+                residual = next;
+                next = self.along(next, &vars, rates);
+                vars = variables_of(&[next]);
+            }
+            at_nodes.push(residual);
+            hidden.push(next);
+        }
+        Differentiated {
+            at_nodes,
+            hidden,
+            is_direct,
+        }
+    }
+
+    /// What must not be negative, with every z given; none where a member is.
+    pub(super) fn members_of(
+        &self,
+        zeros: &[Zero],
+        algebraics: &[Expr<'e>],
+    ) -> Option<(Vec<Watched>, Vec<Expr<'e>>)> {
+        let (mut watched, mut members) = (Vec::new(), Vec::new());
+        for (at, (pair, &zero)) in self.pairs.iter().zip(zeros).enumerate() {
+            let (_, member) = pair.split(zero);
+            let z = algebraics[member.variable];
+            let value = if member.complement { 1.0 - z } else { z };
+            match value.as_constant() {
+                Some(constant) if constant < 0.0 => return None,
+                Some(_) => {}
+                None => {
+                    watched.push(Watched { pair: at });
+                    members.push(value);
+                }
+            }
+        }
+        Some((watched, members))
+    }
+
+    /// The functions while these members are zero.
+    pub(super) fn compile(&self, zeros: &[Zero]) -> Option<Reduced> {
+        let exprs = self.exprs;
+        let fixed = self.fixed(zeros)?;
+        let Remainder {
+            unknowns,
+            residuals,
+            given,
+        } = eliminate(&self.equations, &self.algebraics, &fixed)?;
+        let inputs = self.inputs(&unknowns);
+        let rates = given.apply(&self.rates);
+        let Differentiated {
+            at_nodes,
+            hidden,
+            is_direct,
+        } = self.differentiate(residuals, &unknowns, &rates);
+        let functions: Vec<Expr> = rates.iter().chain(&at_nodes).copied().collect();
+        let algebraics: Vec<Expr> = (self.algebraics.iter())
+            .map(|&z| given.get(z).unwrap_or_else(|| exprs.expr(z)))
+            .collect();
+        let (watched, members) = self.members_of(zeros, &algebraics)?;
+        let alphas = given.apply(&self.alphas);
+        let side = |alpha: &Expr| match alpha.as_constant() {
+            Some(alpha) if alpha > 0.5 => Side::Plus,
+            Some(_) => Side::Minus,
+            None => Side::Slide,
+        };
+        let mut sides: Box<[Side]> = alphas.iter().map(side).collect();
+        for (side, member) in sides.iter_mut().zip(&self.members) {
+            if let Some((pair, zero)) = *member {
+                *side = match zeros[pair] == zero {
+                    true => Side::Slide,
+                    false => Side::Minus,
+                };
+            }
+        }
+        let sliding: Vec<Expr> = (alphas.iter().zip(&sides))
+            .filter(|(_, side)| **side == Side::Slide)
+            .map(|(&alpha, _)| alpha)
+            .collect();
+        let slopes = self.partials(&inputs, &functions, &inputs);
+        let constant = expr::jacobian(&functions, &inputs[1..]).entries;
+        Some(Reduced {
+            unknowns: self.places(&unknowns),
+            equations: self.tape(&inputs, &functions),
+            slopes,
+            hidden: self.tape(&inputs, &hidden),
+            hidden_slopes: self.partials(&inputs, &hidden, &inputs),
+            algebraics: self.tape(&inputs, &algebraics),
+            members: self.tape(&inputs, &members),
+            member_slopes: self.partials(&inputs, &members, &inputs),
+            watched,
+            has_branches: (sides.iter().zip(&self.nonlinear))
+                .any(|(side, nonlinear)| *nonlinear && *side == Side::Slide),
+            sides,
+            alphas: self.tape(&inputs, &sliding),
+            is_direct,
+            is_linear: constant
+                .iter()
+                .all(|(.., slope)| slope.as_constant().is_some()),
+        })
+    }
+}
