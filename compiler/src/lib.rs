@@ -146,7 +146,7 @@ fn compile_to<'e>(
             diags.push(error);
             return None;
         }
-        let refused = nonlinear(&system, &settings, freezes);
+        let refused = settings.refuses_branches(&system);
         if let Some(error) = refused.or_else(|| settings.kicks_too_much(&system)) {
             diags.push(error);
             return None;
@@ -334,45 +334,6 @@ fn bends(data: &model::Data, settings: &Settings) -> Result<(), ExperimentError>
             time,
             span: settings.span,
         }),
-    }
-}
-
-/// Why a method does not take a switch that is read nonlinearly.
-fn nonlinear(system: &System, settings: &Settings, freezes: bool) -> Option<ExperimentError> {
-    let mut switches = system.switches.iter().enumerate();
-    let (k, switch) = switches.find(|(_, switch)| switch.is_nonlinear)?;
-    let what = if settings.optimize.is_some() {
-        "`optimize`".to_owned()
-    } else if freezes {
-        "`lower timefreezing`".to_owned()
-    } else if !settings.method.takes_any_state() && !matches!(settings.method, Method::Fesd(_)) {
-        format!("`method {}`", settings.method.word())
-    } else if let Some(beside) = beside_branches(system, settings) {
-        format!("`method fesd` with {beside}")
-    } else if !system.drives_its_surface(k) {
-        format!("rates that do not move `{}` at once", switch.name)
-    } else {
-        return None;
-    };
-    Some(ExperimentError::Nonlinear {
-        what,
-        name: switch.name.clone(),
-        span: switch.spans.first().copied().unwrap_or(settings.span),
-    })
-}
-
-/// What finite elements do not take beside switches that are read nonlinearly.
-fn beside_branches(system: &System, settings: &Settings) -> Option<&'static str> {
-    if !matches!(settings.method, Method::Fesd(_)) {
-        return None;
-    }
-    let mut switches = system.switches.iter();
-    if switches.any(|switch| switch.unilateral || switch.role != Role::Step) {
-        Some("projections, contacts and algebraic states")
-    } else if !system.data.is_empty() {
-        Some("signals from tables")
-    } else {
-        None
     }
 }
 

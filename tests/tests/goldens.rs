@@ -11,7 +11,7 @@ use nsdc::imports;
 use nsdc::optimize;
 use nsdc::source::SourceMap;
 use nsdc::syntax::{DeclKind, Experiment, Item, Model, Stmt};
-use nsdc::system::{Role, Switch, System};
+use nsdc::system::{Role, System};
 
 const FORMULATIONS: [Formulation; 2] = [Formulation::Stewart, Formulation::Step];
 
@@ -88,11 +88,10 @@ fn for_each_model(stem: &str, text: &str, check: &mut impl FnMut(&str, &System))
         let Some(compiled) = compiled else {
             panic!("{}", diagnostics::render(&found, &sources, false, 100));
         };
-        // Relays, jumps, contacts and nonlinear switches have no complementarity form.
+        // Relays, jumps and contacts have no complementarity form.
         let system = &compiled.system;
         let jumps = !system.laws.is_empty() || !system.contacts.is_empty();
-        let has_none = |switch: &Switch| switch.relay.is_some() || switch.is_nonlinear;
-        if jumps || system.switches.iter().any(has_none) {
+        if jumps || system.switches.iter().any(|k| k.relay.is_some()) {
             continue;
         }
         check(stem, &compiled.system);
@@ -106,10 +105,10 @@ fn lower<'e>(system: &System<'e>, formulation: Formulation) -> Dcs<'e> {
     dcs
 }
 
-/// Projections and algebraic states have no form of Stewart's.
+/// Projections, algebraic states and nonlinear switches have no form of Stewart's.
 fn has_no_regions(system: &System) -> bool {
     let mut switches = system.switches.iter();
-    switches.any(|switch| switch.unilateral || switch.role != Role::Step)
+    switches.any(|k| k.unilateral || k.role != Role::Step || k.is_nonlinear)
 }
 
 #[test]

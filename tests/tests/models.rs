@@ -28,6 +28,7 @@ const EXAMPLES: &[&str] = &[
     "friction_chain.nsd: longer",
     "friction_chain.nsd: to_rest",
     "hidden_modes.nsd: attract",
+    "hidden_modes.nsd: elements",
     "hidden_modes.nsd: filippov",
     "hidden_modes.nsd: steep",
     "impact_like.nsd: exact",

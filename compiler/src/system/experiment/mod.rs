@@ -3,6 +3,7 @@
 //! The values of `with` are given to the model first; every other setting is a number in terms of
 //! its parameters. What is asserted (`expect`) stays as it was written.
 
+mod branches;
 mod error;
 mod fesd;
 mod law;
