@@ -98,7 +98,7 @@ fn folds_are_curves_over_two_states() {
             continue;
         }
         let known: &[bool] = match level {
-            level if level < -0.125 || level > 3.0 => &[],
+            level if !(-0.125..=3.0).contains(&level) => &[],
             level if level < 1.0 => &[true, false],
             _ => &[true],
         };
