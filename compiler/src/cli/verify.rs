@@ -63,6 +63,13 @@ fn one(
         )?;
         return Ok(Exit::Success);
     }
+    if smooths(experiment) {
+        writeln!(
+            streams.out,
+            "{name} of {model}: smoothing changes the model, not compared"
+        )?;
+        return Ok(Exit::Success);
+    }
     // As it is written; what is wrong with that is wrong with the experiment.
     let written = match ride(project, experiment, overrides, args.time_limit, streams) {
         Ok(trajectory) => trajectory,
@@ -117,6 +124,15 @@ fn one(
     Ok(match all.agree() {
         true => Exit::Success,
         false => Exit::Failed,
+    })
+}
+
+/// Whether an experiment runs another model than the one that is written.
+fn smooths(experiment: &Experiment) -> bool {
+    let mut settings = experiment.settings.iter();
+    settings.any(|setting| match &setting.kind {
+        SettingKind::Method { name, .. } => name.name == "smoothing",
+        _ => false,
     })
 }
 
