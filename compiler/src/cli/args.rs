@@ -43,7 +43,7 @@ pub enum Command {
     /// Measure the error of every method over step size and time
     #[command(after_help = ORDER_HELP)]
     Order(OrderArgs),
-    /// Map the sliding modes of a nonlinear switch over a state
+    /// Map the sliding modes of a nonlinear switch over one or two states
     #[command(after_help = MODES_HELP)]
     Modes(ModesArgs),
     /// Solve AMPL .nl files with complementarity conditions

@@ -20,7 +20,7 @@ pub(super) const GROWTH: [f64; 2] = [0.2, 4.0];
 pub(super) const SAFETY: f64 = 0.85;
 
 /// Rounding of a rate, relative to the size of its terms.
-const ROUNDING: f64 = 64.0 * f64::EPSILON;
+pub(super) const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
 /// Elements in a row without length that count as the end of all progress.
 const MAX_STALLED: usize = 100;

@@ -83,13 +83,26 @@ impl Element {
                 self.slopes[e * scheme.groups + g] = value;
             }
         }
+        self.measure(scheme);
+    }
+
+    /// The sizes of the terms of rates. A state at rest is what rounding leaves of the terms of its rate over an
+    /// element, so that it counts as them in the rates of others: v = 0 by forces that balance, and x' = v.
+    fn measure(&mut self, scheme: &Scheme) {
         self.activity.fill(0.0);
-        for (e, &(row, input)) in self.reduced.slopes.entries.iter().enumerate() {
-            if row < self.n {
-                let value = match input {
-                    0 => self.t,
-                    _ if input <= self.n => self.x0[input - 1].abs().max(self.sizes[input - 1]),
-                    _ => 1.0,
+        for rests in [false, true] {
+            if rests {
+                self.resting.copy_from_slice(&self.activity);
+            }
+            for (e, &(row, input)) in self.reduced.slopes.entries.iter().enumerate() {
+                let state = input.wrapping_sub(1);
+                let value = match (input, rests) {
+                    _ if row >= self.n => continue,
+                    (_, true) if state >= self.n => continue,
+                    (_, true) => self.h * self.resting[state],
+                    (0, false) => self.t,
+                    (_, false) if state < self.n => self.x0[state].abs().max(self.sizes[state]),
+                    (_, false) => 1.0,
                 };
                 self.activity[row] += (self.slope(scheme, e, 0) * value).abs();
             }

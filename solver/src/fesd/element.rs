@@ -65,6 +65,8 @@ pub(super) struct Element {
     pub(super) numbers: Vec<f64>,
     /// Size of the terms of each rate where it was last differentiated: times ε, its rounding error.
     pub activity: Vec<f64>,
+    /// The same by the states alone that do not rest, while it is measured.
+    pub(super) resting: Vec<f64>,
     /// X at the nodes, in lanes: state i at `i * groups`.
     pub(super) x: Vec<f64x4>,
     pub(super) registers: Vec<f64x4>,
@@ -115,6 +117,7 @@ impl Element {
             end: vec![0.0; n],
             numbers: vec![0.0; n_numbers],
             activity: vec![0.0; n],
+            resting: vec![0.0; n],
             x: vec![zero; n * scheme.groups],
             registers: vec![zero; registers.into_iter().max().unwrap_or(0)],
             slopes: vec![zero; reduced.slopes.entries.len() * scheme.groups],

@@ -9,7 +9,7 @@
 //! keeps the order of the method, and the element ends at the simple root T = 0, at the end of the step, or where
 //! another member vanishes. An observer gets polynomials in time, on parts that become shorter towards the fold.
 
-use super::adaptive::{GROWTH, SAFETY};
+use super::adaptive::{GROWTH, ROUNDING, SAFETY};
 use super::element::Unsolved;
 use super::emit::Observer;
 use super::hidden::Hidden;
@@ -267,7 +267,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             };
             let states = self.states_of(&mode.element);
             if let Some((target, exponent)) = length.target {
-                let error = self.defect_along(mode, &states, &scale);
+                let error = self.defect_along(mode, &states, &scale, target);
                 let best = SAFETY * (target / error.max(f64::MIN_POSITIVE)).powf(1.0 / exponent);
                 let next = mode.element.h * best.clamp(GROWTH[0], GROWTH[1]);
                 if error > target {
@@ -304,7 +304,13 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
     }
 
     /// ‖x' - f‖ h between the nodes, by σ, relative to the size of each state.
-    fn defect_along(&self, mode: &mut Mode, states: &[Vec<f64>], scale: &[f64]) -> f64 {
+    fn defect_along(
+        &self,
+        mode: &mut Mode,
+        states: &[Vec<f64>],
+        scale: &[f64],
+        target: f64,
+    ) -> f64 {
         let (element, scheme) = (&mode.element, &self.scheme);
         let mut worst = 0.0_f64;
         for sigma in scheme.probes() {
@@ -315,9 +321,11 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 return f64::INFINITY;
             }
             let rates = mode.hidden.eval(&element.reduced.equations);
-            for ((c, scale), f) in states.iter().zip(scale).zip(rates) {
+            for (i, ((c, scale), f)) in states.iter().zip(scale).zip(rates).enumerate() {
                 let moves = series::slope(c, sigma);
-                let size = scale.max(moves.abs()).max(f64::MIN_POSITIVE);
+                let rounding = ROUNDING * element.h * element.activity[i] / target;
+                let size = scale.max(moves.abs()).max(rounding);
+                let size = size.max(f64::MIN_POSITIVE);
                 worst = worst.max((moves - element.h * f).abs() / size);
             }
         }

@@ -297,10 +297,12 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             .evaluate(&self.scheme, &mode.element, &mut mode.hidden);
         evaluated.map_err(|_| Status::Unsolved)?;
         let reduced = &mode.element.reduced;
-        let goes_on = match at {
-            0 => self.values.starts_at(reduced, &run.z_of(&reduced.unknowns)),
-            _ => self.values.starts_at(reduced, &self.solved[at - 1].w),
-        };
+        let unknowns = reduced.unknowns.iter().enumerate();
+        let before = unknowns.map(|(k, &z)| match at {
+            0 => run.z[z],
+            _ => self.solved[at - 1].w[k],
+        });
+        let goes_on = self.values.starts_at(reduced, before);
         goes_on.then_some(()).ok_or(Status::Unsolved)
     }
 

@@ -144,7 +144,7 @@ impl Values {
                 let before = &self.w[(p - 1) * n_w..p * n_w];
                 hidden.set(t, x(), before);
                 hidden.solve(reduced)?;
-                if !is_same(hidden.w(), w) {
+                if !is_same(hidden.w().iter().copied(), w) {
                     return Err(Unsolved::Diverged);
                 }
             }
@@ -153,8 +153,8 @@ impl Values {
     }
 
     /// Whether w where the element starts is what it was before, after [`Values::evaluate`].
-    pub fn starts_at(&self, reduced: &Reduced, w: &[f64]) -> bool {
-        !reduced.has_branches || is_same(w, &self.w[..w.len()])
+    pub fn starts_at(&self, reduced: &Reduced, w: impl Iterator<Item = f64>) -> bool {
+        !reduced.has_branches || is_same(w, &self.w)
     }
 
     /// w where the element ends, after [`Values::evaluate`].
@@ -253,10 +253,14 @@ impl Values {
     }
 }
 
-/// Whether two solutions for w at one point are one.
-fn is_same(a: &[f64], b: &[f64]) -> bool {
-    let near = |(a, b): (&f64, &f64)| (a - b).abs() <= SAME * (1.0 + a.abs());
-    a.iter().zip(b).all(near)
+/// Whether a solution for w and the first entries of another at one point are one.
+fn is_same(mut a: impl Iterator<Item = f64>, b: &[f64]) -> bool {
+    let mut others = b.iter();
+    a.all(|a| {
+        others
+            .next()
+            .is_none_or(|b| (a - b).abs() <= SAME * (1.0 + a.abs()))
+    })
 }
 
 /// True when no polynomial with these values comes down to zero: it leaves the middle of its values
