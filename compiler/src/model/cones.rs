@@ -77,7 +77,7 @@ impl<'e> Cone<'e> {
         (is_cone && affine).then_some(Cone { radius, entries })
     }
 
-    /// What [`Self::conditions`] declares, in that order, where row and multiplier have these values.
+    /// What `conditions` declares, in that order, where row and multiplier have these values.
     pub fn split(row: &[f64], multiplier: &[f64]) -> Vec<f64> {
         let w = (row[0] + multiplier[0]).max(0.0);
         let share = if w > 0.0 { multiplier[0] / w } else { SHARE };

@@ -72,37 +72,13 @@ impl Energy {
         (rows.diagonal(row) * sum).sqrt()
     }
 
-    /// Joins the bodies of contacts that displace them.
-    pub fn join(&mut self, moved: &Linear, bodies: &Bodies) {
+    /// Books a displacement s w of contacts, which are joined.
+    pub fn lift(&mut self, (s, h): (f64, f64), w: &[f64], moved: &Linear, bodies: &Bodies) {
         self.joined.join(moved, bodies);
         for contact in &moved.contacts {
             let body = bodies.body_of(moved.rows.columns(contact.normal)[0] as usize);
             self.driven[body] |= contact.is_driven;
         }
-    }
-
-    /// Books that a body without velocity has not moved.
-    pub fn hold(&mut self, body: usize, bodies: &Bodies) {
-        self.lifted[body] = 0.5 * bodies.product(body, &self.change, &self.change);
-    }
-
-    /// v̂ - v of the step.
-    pub fn change(&self) -> &[f64] {
-        &self.change
-    }
-
-    /// Whether a contact of a body may do work.
-    pub fn is_driven(&self, body: usize) -> bool {
-        self.driven[body]
-    }
-
-    /// The first body of the island that a body is in.
-    pub fn island_of(&mut self, body: usize) -> usize {
-        self.joined.of_body(body)
-    }
-
-    /// Books a displacement s w.
-    pub fn lift(&mut self, (s, h): (f64, f64), w: &[f64], bodies: &Bodies) {
         for (body, lifted) in self.lifted.iter_mut().enumerate() {
             *lifted -= s / h * bodies.product(body, &self.change, w);
         }

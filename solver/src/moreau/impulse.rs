@@ -91,23 +91,17 @@ impl Impulses {
     }
 
     /// Solves for the impulses, from those that are there; v becomes v⁺. The contact whose residual is too large,
-    /// where there is one. Islands of `still` bodies keep the impulses that are there, and v.
+    /// where there is one.
     pub fn solve(
         &mut self,
         linear: &Linear,
         islands: &mut Islands,
         bodies: &super::rows::Bodies,
         v: &mut [f64],
-        still: &[bool],
     ) -> Result<(), usize> {
         islands.sort(linear, bodies);
         let mut worst = Ok(());
         for island in 0..islands.len() {
-            let first = islands.contacts(island)[0] as usize;
-            let column = linear.rows.columns(linear.contacts[first].normal)[0];
-            if still.get(bodies.body_of(column as usize)) == Some(&true) {
-                continue;
-            }
             let island = Island {
                 linear,
                 contacts: islands.contacts(island),

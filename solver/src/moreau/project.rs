@@ -1,10 +1,7 @@
 //! The projection of positions onto gap ≥ 0, the nearest ones in the metric of M.
 //!
-//! min ½ wᵀMw subject to gap(q + K w) ≥ 0, by successive linearization at the last w: with its gaps and rows,
-//! w⁺ = D P, 0 ≤ P ⟂ gap + J (w⁺ - w) ≥ 0, until no gap is negative. A contact that a displacement closes joins in with
-//! the next one. It is the whole displacement that is the least, not that of every linearization: what constant forces
-//! move from rest, and this moves back, has never more potential energy than before. Where that takes long, any
-//! displacement will do that leaves no gap negative, and w counts from the last one.
+//! min ½ wᵀMw subject to gap(q + K w) ≥ 0, by successive linearization: w = D P, 0 ≤ P ⟂ gap + J w ≥ 0, until no gap
+//! is negative. A contact that a displacement closes joins in with the next one.
 
 use super::scene::Free;
 use super::{Stepper, TOUCH, Velocities};
@@ -13,11 +10,9 @@ use super::{Stepper, TOUCH, Velocities};
 const DEPTH: f64 = 1e-12;
 /// Contacts take part whose gaps are no larger than so many times the largest depth: those that others may close.
 const REACH: f64 = 8.0;
-/// Linearizations, and those from which on w counts from the last one.
+/// Linearizations.
 const MOST: usize = 40;
-const LONG: usize = 12;
-/// Residual of one of them, relative to that of the one before, the first to depths of an island, and attempts at it: the
-/// next one goes on.
+/// Residual of one of them, relative to the depths of an island, and attempts at it: the next one goes on.
 const SOLVED: f64 = 1e-4;
 const ATTEMPTS: usize = 6;
 
@@ -30,15 +25,10 @@ impl<F: Free> Stepper<F> {
         y: &mut [f64],
     ) -> Result<(), usize> {
         let size = self.size(y);
-        self.from.clear();
-        self.from.extend_from_slice(y);
         self.lift.clear();
         self.lift.resize(velocities.before.len(), 0.0);
-        let moving = (self.active.contacts.iter())
-            .filter(|contact| !self.still.holds(&self.active, contact, &self.bodies));
-        let gaps = moving.map(|contact| contact.gap);
+        let gaps = self.active.contacts.iter().map(|contact| contact.gap);
         let mut depth = -gaps.fold(0.0, f64::min);
-        let mut tolerance = 1.0;
         for round in 0..=MOST {
             self.look(t + h, h, y, self.moved);
             let mut least = f64::INFINITY;
@@ -51,7 +41,6 @@ impl<F: Free> Stepper<F> {
                     .add(of_family, &self.members, &self.memory, &self.bodies, lanes);
             }
             if least >= -DEPTH * size || self.projected.contacts.is_empty() || round == MOST {
-                self.energy.lift((1.0, h), &self.lift, &self.bodies);
                 self.counts.penetration = self.counts.penetration.max(-least);
                 let deep = || {
                     self.projected
@@ -65,22 +54,14 @@ impl<F: Free> Stepper<F> {
                 };
             }
             depth = depth.max(-least);
-            if round >= LONG {
-                self.energy.lift((1.0, h), &self.lift, &self.bodies);
-                self.from.copy_from_slice(y);
-                self.lift.fill(0.0);
-                tolerance = 1.0;
-            }
             let shifts = &mut self.shifts;
             shifts.begin(&self.projected);
+            (shifts.attempts, shifts.tolerance) = (ATTEMPTS, SOLVED);
             shifts.rounding = 0.1 * DEPTH * size;
-            tolerance = (SOLVED * tolerance).max(shifts.rounding / depth);
-            (shifts.attempts, shifts.tolerance) = (ATTEMPTS, tolerance);
             for (c, contact) in self.projected.contacts.iter_mut().enumerate() {
                 contact.is_rough = false;
-                let moved = self.projected.rows.rate(contact.normal, &self.lift);
-                shifts.normal_rate[c] = contact.gap - moved;
-                if round < LONG && shifts.normal_rate[c] < 0.0 {
+                shifts.normal_rate[c] = contact.gap;
+                if round == 0 && contact.gap < 0.0 {
                     let last = self.contacts.last_shift(contact.contact as usize);
                     shifts.normal[c] = last * h * h;
                 }
@@ -94,17 +75,16 @@ impl<F: Free> Stepper<F> {
                 &mut self.islands,
                 &self.bodies,
                 &mut self.lift,
-                &[],
             );
-            if round < LONG {
+            if round == 0 {
                 for (c, contact) in self.projected.contacts.iter().enumerate() {
                     let shift = shifts.normal[c] / (h * h);
                     self.contacts.keep_shift(contact.contact as usize, shift);
                 }
             }
-            y.copy_from_slice(&self.from);
             self.bodies.displace(1.0, &self.lift, y);
-            self.energy.join(&self.projected, &self.bodies);
+            self.energy
+                .lift((1.0, h), &self.lift, &self.projected, &self.bodies);
         }
         Ok(())
     }

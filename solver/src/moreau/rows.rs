@@ -227,13 +227,6 @@ impl Rows {
         &self.columns[self.range(row)]
     }
 
-    /// The velocities of a row, J and D.
-    pub fn entries(&self, row: usize) -> (&[u32], &[f64], &[f64]) {
-        let range = self.range(row);
-        let (columns, j, d) = (&self.columns, &self.j, &self.d);
-        (&columns[range.clone()], &j[range.clone()], &d[range])
-    }
-
     /// J v
     pub fn rate(&self, row: usize, v: &[f64]) -> f64 {
         let range = self.range(row);
