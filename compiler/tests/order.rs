@@ -151,6 +151,61 @@ fn relays_are_run_from_event_to_event_only() {
 }
 
 #[test]
+fn nonlinear_sliding_is_run_by_what_knows_its_modes() {
+    let folder = folder("order_branches");
+    // Of 2s² - s = x the lesser root is taken, from x = 1 on one of two, and left in a fold.
+    let text = "model m { state x = 0.9; state y = 0.05; switch s = sign(y) sliding nonlinear;
+          x' = 2*s^2 - 1; y' = 2*s^2 - s - x; }
+        simulate run of m { horizon 3; }
+        model held { state x = 0.9; state y = 0.05; state z = 1; switch s = sign(y) sliding nonlinear;
+          x' = 2*s^2 - 1; y' = 2*s^2 - s - x; z' = -1; project z onto { z >= 0; } }
+        simulate kept of held { horizon 0.5; }";
+    fs::write(folder.join("m.nsd"), text).expect("the folder is writable");
+    let args = |name: &'static str| ["order", "m.nsd", name, "--time-limit", "1"];
+    let ran = nsdc(&folder, &args("run"));
+    assert_eq!(ran.status, 0, "{}", ran.err);
+    assert!(!ran.out.contains("solutions go on"), "{}", ran.out);
+    assert!(!ran.out.contains("no run reached"), "{}", ran.out);
+    let reason = "left out: `s` is read nonlinearly";
+    let left_out = |name: &str| {
+        let mut lines = ran.out.lines();
+        lines.any(|line| line.trim_start().starts_with(name) && line.contains(reason))
+    };
+    assert!(
+        left_out("timestepping") && left_out("adaptive"),
+        "{}",
+        ran.out
+    );
+    assert!(!ran.out.contains("timestepping radau"), "{}", ran.out);
+    let ran = nsdc(&folder, &args("kept"));
+    assert!(
+        ran.out
+            .contains("`s` is read nonlinearly beside a projection"),
+        "{}{}",
+        ran.out,
+        ran.err
+    );
+}
+
+#[test]
+fn contacts_are_run_from_event_to_event_only() {
+    let folder = folder("order_contact");
+    let text = "model ball { state q[1] = [1]; state v[1] = [0]; q' = v;
+          mechanics q, v { mass = eye(1); force = [-9.81]; contact floor { gap = q[1]; restitution = 0.5; } } }
+        simulate by_events of ball { horizon 0.5; }
+        simulate by_impulses of ball { horizon 0.5; method fesd { steps = 5; } lower impact; expect order >= 2; }";
+    fs::write(folder.join("m.nsd"), text).expect("the folder is writable");
+    let args = ["order", "m.nsd", "by_events", "--time-limit", "0.5"];
+    let ran = nsdc(&folder, &args);
+    assert_eq!(ran.status, 0, "{}{}", ran.out, ran.err);
+    assert_eq!(ran.out.matches("left out: ").count(), 4, "{}", ran.out);
+    let ran = nsdc(&folder, &["test", "m.nsd"]);
+    assert_eq!(ran.status, 2, "{}{}", ran.out, ran.err);
+    let reason = "contact `floor` gives impulses";
+    assert!(ran.out.contains(reason), "{}", ran.out);
+}
+
+#[test]
 fn an_order_can_be_expected() {
     let folder = folder("order_expected");
     let text = "model m { state x = 1; x' = if x > 0.5 then -2*x else -x*x; }
@@ -158,13 +213,17 @@ fn an_order_can_be_expected() {
           expect order >= 2.8; expect order <= 3.2; }
         simulate given of m { horizon 1; method fesd { scheme = gauss(2); elements = 1; steps = 64; }
           expect x at end ~ 1/(2 + 1 - log(2)/2) within 1e-9; expect order ~ 4 within 0.2; }
+        model folds { state x = 0.9; state y = 0.05; switch s = sign(y) sliding nonlinear;
+          x' = 2*s^2 - 1; y' = 2*s^2 - s - x; }
+        simulate followed of folds { horizon 3; method fesd { scheme = radau_iia(2); steps = 8; }
+          expect order ~ 3 within 0.3; }
         simulate crude of m { horizon 1; method timestepping { scheme = radau_iia(2); steps = 200; }
           expect order >= 2.5; }";
     fs::write(folder.join("m.nsd"), text).expect("the folder is writable");
     let ran = nsdc(&folder, &["test", "m.nsd"]);
     assert_eq!(ran.status, 2, "{}{}", ran.out, ran.err);
     assert!(
-        ran.out.contains("2 passed, 1 failed, 0 not yet supported"),
+        ran.out.contains("3 passed, 1 failed, 0 not yet supported"),
         "{}",
         ran.out
     );

@@ -54,7 +54,8 @@ pub fn sweeps(
         more_orders: 0,
     };
     let mut sweeps = vec![by_tolerance("event", (0, 0), event)];
-    let mut left_out = Vec::new();
+    let mut left_out: Vec<(String, String)> = Vec::new();
+    let branches = bench.with_branches();
     match bench.without_elements() {
         Some(reason) => {
             let both = ["fesd", "timestepping"];
@@ -63,13 +64,15 @@ pub fn sweeps(
         None => {
             let coarsest = coarsest(steps);
             sweeps.extend(fesd(settings, coarsest));
-            let stepped = STEPPED.into_iter().enumerate();
-            sweeps.extend(
-                stepped.map(|(k, scheme)| timestepping(settings, coarsest, scheme, (3, k))),
-            );
+            if branches.is_none() {
+                let stepped = STEPPED.into_iter().enumerate();
+                sweeps.extend(
+                    stepped.map(|(k, scheme)| timestepping(settings, coarsest, scheme, (3, k))),
+                );
+            }
         }
     }
-    match bench.with_memory() {
+    match bench.with_more_than_rates() {
         Some(reason) => {
             let both = ["smoothing", "adaptive"].map(|name| (name.to_owned(), reason.clone()));
             left_out.extend(both);
@@ -78,9 +81,17 @@ pub fn sweeps(
             if bench.has_jumps() {
                 sweeps.extend(Law::BUILT_IN.iter().enumerate().map(smoothing));
             }
-            let adaptive = |tolerance| Variant::Adaptive { tolerance };
-            sweeps.push(by_tolerance("adaptive", (5, 3), adaptive));
+            if branches.is_none() {
+                let adaptive = |tolerance| Variant::Adaptive { tolerance };
+                sweeps.push(by_tolerance("adaptive", (5, 3), adaptive));
+            }
         }
+    }
+    if let Some(reason) = branches {
+        let is_open = |name: &&str| left_out.iter().all(|(known, _)| known != name);
+        let both = ["timestepping", "adaptive"].into_iter().filter(is_open);
+        let both: Vec<_> = both.map(|name| (name.to_owned(), reason.clone())).collect();
+        left_out.extend(both);
     }
     (sweeps, left_out)
 }

@@ -174,6 +174,14 @@ pub fn of_method(
     let settings = &compiled.settings;
     has_switches_alone(compiled)?;
     let bench = Bench::untimed(&compiled.system, settings);
+    if let Some(reason) = bench
+        .without_elements()
+        .filter(|_| settings.method.needs_dcs())
+    {
+        return Err(format!(
+            "the order of this lowering is not measured: {reason}"
+        ));
+    }
     let found = reference::find(compiled, &bench, sources, limit / 4)
         .map_err(|failure| format!("there is nothing to measure errors against: {failure}"))?;
     let Some(sweep) = grid::own(settings, found.steps) else {

@@ -13,14 +13,14 @@ use nsd_solver::tableau::Family;
 use solver::{Observer, Outcome, Segment, Simulator, Status};
 
 use super::adaptive::Jumping;
-use super::fesd::Complementarity;
+use super::fesd::{self as elements, Complementarity};
 use super::instants::Pulses;
 use super::modes::ModeNames;
 use super::switched::Switched;
 use super::{outcome, solver_settings};
 use crate::dcs;
-use crate::system::experiment::{Settings, SmoothingOptions};
-use crate::system::{System, smoothing};
+use crate::system::experiment::{Settings, SmoothingOptions, beside_branches};
+use crate::system::{Role, Switch, System, smoothing};
 
 /// A method with all of its options.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -121,10 +121,24 @@ impl<'s, 'e> Bench<'s, 'e> {
         switches.any(|switch| !switch.continuity.is_continuous())
     }
 
-    /// Why methods that look at the present state alone do not run the system.
-    pub fn with_memory(&self) -> Option<String> {
-        let relay = self.system.switches.iter().find(|s| s.relay.is_some());
-        relay.map(|relay| format!("relay `{}` depends on the past", relay.name))
+    /// Why methods that look at the rates in the present state alone do not run the system.
+    pub fn with_more_than_rates(&self) -> Option<String> {
+        let switches = || self.system.switches.iter();
+        if let Some(relay) = switches().find(|switch| switch.relay.is_some()) {
+            return Some(format!("relay `{}` depends on the past", relay.name));
+        }
+        if let Some((name, _)) = self.system.first_jump() {
+            return Some(format!("`{name}` sets states"));
+        }
+        let is_kept = |switch: &Switch| switch.unilateral || switch.role != Role::Step;
+        let is_kept = switches().any(is_kept);
+        is_kept.then(|| "projections and algebraic states have forces without a bound".to_owned())
+    }
+
+    /// Why methods that know nothing of sliding modes do not run the system.
+    pub fn with_branches(&self) -> Option<String> {
+        let nonlinear = self.system.first_nonlinear();
+        nonlinear.map(|k| format!("`{}` is read nonlinearly", self.system.switches[k].name))
     }
 
     /// Why the system has no finite elements.
@@ -160,8 +174,8 @@ impl<'s, 'e> Bench<'s, 'e> {
                 };
                 let system = self.complementarity.as_ref();
                 let system = system.expect("only systems with finite elements are run by them");
-                let simulator = fesd::Simulator::new(system, settings);
-                let mut simulator = simulator.expect("the number of nodes has been checked");
+                let guide = self.system.first_nonlinear().map(|_| &self.switched);
+                let mut simulator = elements::simulator(system, guide, settings);
                 self.measure(|| {
                     let solution = simulator.run(0.0, horizon, &self.x0, &mut Unseen);
                     solution.outcome
@@ -251,6 +265,12 @@ fn complementarity<'e>(
     system: &System<'e>,
     settings: &Settings,
 ) -> Result<Complementarity<'e>, String> {
+    if let Some(k) = system.first_nonlinear()
+        && let Some((beside, _)) = beside_branches(system)
+    {
+        let name = &system.switches[k].name;
+        return Err(format!("`{name}` is read nonlinearly beside {beside}"));
+    }
     let lowerings = &settings.lowerings;
     dcs::check(system, lowerings, true).map_err(|error| error.to_string())?;
     let dcs = dcs::lower(system, lowerings).map_err(|error| error.to_string())?;

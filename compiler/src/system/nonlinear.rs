@@ -3,6 +3,11 @@
 use super::{NamedReading, State, System};
 
 impl System<'_> {
+    /// The first switch that is read nonlinearly.
+    pub fn first_nonlinear(&self) -> Option<usize> {
+        self.switches.iter().position(|switch| switch.is_nonlinear)
+    }
+
     /// Whether the rate of ψ of a switch contains its α.
     pub fn drives_its_surface(&self, switch: usize) -> bool {
         let Some(alpha) = self.switches[switch].alpha.as_variable() else {

@@ -248,7 +248,9 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         let starts: Vec<Start> = watched.iter().map(|w| choice.starts[w.pair]).collect();
         let sizes = watched.iter();
         let sizes = sizes.map(|w| size(self.system, &choice.zeros, bands, w.pair));
-        let scales = (&sizes.collect::<Vec<f64>>()[..], choice.rate_scale * h);
+        let determinant = mode.element.reduced.has_branches.then_some(1.0);
+        let sizes: Vec<f64> = sizes.chain(determinant).collect();
+        let scales = (&sizes[..], choice.rate_scale * h);
         let verdict = self
             .values
             .judge(&self.scheme, &starts, scales, &mut self.roots);

@@ -81,34 +81,24 @@ pub(super) fn run(
     let (formulation, complementarity) = lower(system, settings);
     let pulses = Pulses::of(system, settings.horizon);
     let complementarity = complementarity.over(pulses.clone());
-    // Complementarity does not say which of several sliding modes is taken.
-    let mut switches = system.switches.iter();
-    let has_branches = switches.any(|switch| switch.is_nonlinear);
-    let switched = has_branches.then(|| Switched::new(system));
+    let guide = system.first_nonlinear().map(|_| Switched::new(system));
     let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
     let left = || {
         let limit = request.time_limit?;
         Some(limit.saturating_sub(started.elapsed()))
     };
-    let simulator = |grid: Grid| {
+    let on = |grid: Grid| {
         let settings = fesd::Settings {
             time_limit: left(),
             grid,
             ..fesd::Settings::new(options.scheme.0, options.scheme.1)
         };
-        let simulator = Simulator::new(&complementarity, settings);
-        let simulator = simulator.expect("the number of nodes has been checked");
-        match &switched {
-            Some(switched) => {
-                simulator.guided(event::Simulator::new(switched, event::Settings::default()))
-            }
-            None => simulator,
-        }
+        simulator(&complementarity, guide.as_ref(), settings)
     };
     let (mut tolerance, mut attempt) = (settings.tolerance, 1);
     let (order, solution, recorder, kept, estimate) = loop {
         let grid = grid(options, tolerance);
-        let mut first = simulator(grid);
+        let mut first = on(grid);
         let mut recorder = Recorder::new(system, settings, tolerance, request.dense);
         let mut keeper = Keeper {
             observer: Watched::new(&mut recorder, settings.horizon, false, watch),
@@ -123,7 +113,7 @@ pub(super) fn run(
                 observer: Watched::new(&mut comparison, settings.horizon, true, watch),
                 kept: None,
             };
-            let fine = simulator(finer(grid)).run(0.0, settings.horizon, &x0, &mut keeper);
+            let fine = on(finer(grid)).run(0.0, settings.horizon, &x0, &mut keeper);
             let outcomes = [&solution.outcome, &fine.outcome];
             estimate(system, &comparison, &recorder, outcomes)
         });
@@ -156,6 +146,23 @@ pub(super) fn run(
     }
     trajectory.stats.solve_s = started.elapsed().as_secs_f64();
     trajectory
+}
+
+/// A simulator whose number of nodes has been checked. Where switches are nonlinear, complementarity does not say which
+/// of several sliding modes is taken: `guide` does.
+pub(super) fn simulator<'s, 'e>(
+    complementarity: &'s Complementarity<'e>,
+    guide: Option<&'s Switched<'e>>,
+    settings: fesd::Settings,
+) -> Simulator<'s, Complementarity<'e>> {
+    let simulator = Simulator::new(complementarity, settings);
+    let simulator = simulator.expect("the number of nodes has been checked");
+    match guide {
+        Some(switched) => {
+            simulator.guided(event::Simulator::new(switched, event::Settings::default()))
+        }
+        None => simulator,
+    }
 }
 
 /// The complementarity system of an experiment, and how its switches are stated.

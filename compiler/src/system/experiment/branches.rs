@@ -1,22 +1,25 @@
 //! What experiments do not take of switches that are read nonlinearly.
 
 use super::{ExperimentError, Method, Settings};
+use crate::source::Span;
 use crate::system::{Role, System};
 
 impl Settings<'_> {
     /// Why an experiment does not take a switch that is read nonlinearly.
     pub fn refuses_branches(&self, system: &System) -> Option<ExperimentError> {
-        let mut switches = system.switches.iter().enumerate();
-        let (k, switch) = switches.find(|(_, switch)| switch.is_nonlinear)?;
+        let k = system.first_nonlinear()?;
+        let switch = &system.switches[k];
         let by_elements = matches!(self.method, Method::Fesd(_));
+        let mut beside = None;
         let what = if self.optimize.is_some() {
             "`optimize`".to_owned()
         } else if self.freezes() {
             "`lower timefreezing`".to_owned()
         } else if !self.method.takes_any_state() && !by_elements {
             format!("`method {}`", self.method.word())
-        } else if let Some(beside) = beside_branches(system).filter(|_| by_elements) {
-            format!("`method fesd` with {beside}")
+        } else if let Some((other, span)) = beside_branches(system).filter(|_| by_elements) {
+            beside = Some(span);
+            format!("`method fesd` with {other}")
         } else if !system.drives_its_surface(k) {
             format!("rates that do not move `{}` at once", switch.name)
         } else {
@@ -26,18 +29,21 @@ impl Settings<'_> {
             what,
             name: switch.name.clone(),
             span: switch.spans.first().copied().unwrap_or(self.span),
+            beside,
         })
     }
 }
 
-/// What finite elements do not take beside such switches.
-fn beside_branches(system: &System) -> Option<&'static str> {
-    let mut switches = system.switches.iter();
-    if switches.any(|switch| switch.unilateral || switch.role != Role::Step) {
-        Some("projections, contacts and algebraic states")
-    } else if !system.data.is_empty() {
-        Some("signals from tables")
-    } else {
-        None
-    }
+/// What finite elements do not take beside such switches, and where it stands.
+pub fn beside_branches(system: &System) -> Option<(&'static str, Span)> {
+    let kept = system.switches.iter().enumerate().find_map(|(k, switch)| {
+        let what = match (switch.role, switch.unilateral) {
+            (Role::Equation | Role::Member(_), _) => "algebraic states",
+            (Role::Step, true) if system.is_projected(k) => "a projection",
+            (Role::Step, true) => "a contact",
+            (Role::Step, false) => return None,
+        };
+        Some((what, *switch.spans.first()?))
+    });
+    kept.or_else(|| Some(("signals from tables", system.data.first()?.span)))
 }

@@ -255,8 +255,10 @@ pub enum ExperimentError {
     Nonlinear {
         what: String,
         name: String,
-        #[label("`{name}` is read nonlinearly")]
+        #[label(primary, "`{name}` is read nonlinearly")]
         span: Span,
+        #[label("beside it")]
+        beside: Option<Span>,
     },
 
     /// A jump in a method that integrates rates alone.

@@ -59,7 +59,8 @@ impl Method<'_> {
         matches!(self, Method::Auto | Method::Event(_) | Method::Fesd(_))
     }
 
-    /// Whether the method goes on from any state in any reading of switches, without regions and multipliers alone.
+    /// Whether the method finds by itself how the system goes on from any state: also where a nonlinear switch leaves
+    /// several ways, and where something else than the system has moved the state.
     pub fn takes_any_state(&self) -> bool {
         matches!(self, Method::Auto | Method::Event(_) | Method::Smoothing(_))
     }

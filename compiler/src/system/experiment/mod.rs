@@ -22,6 +22,7 @@ use crate::model::{Model, TargetKind};
 use crate::source::Span;
 use crate::syntax::{self, Bind, Expect, ExperimentKind, OutputWhen, SettingKind, Sliding};
 
+pub use branches::beside_branches;
 pub use error::ExperimentError;
 pub use fesd::{Cross, Equilibration, FesdOptions, Form, SteppingOptions};
 pub use law::Law;
