@@ -2,7 +2,7 @@
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::hidden;
+use super::hidden::{self, Range};
 use super::lower::Lowering;
 use super::names::local_lets;
 use super::scope::{Meaning, Reported};
@@ -10,7 +10,7 @@ use super::{
     Body, Complementarity, Contact, DynamicsError, Equation, Hidden, Jump, Model, Multiplier,
     Program, Projection, Rate, Region, TargetKind, target,
 };
-use crate::expr::{Expr, Interval, Var};
+use crate::expr::{Expr, Var};
 use crate::syntax::{self, For, RegionGuard, Stmt};
 
 /// What a walk over the statements of a model has found.
@@ -21,7 +21,7 @@ pub(super) struct Walk<'e> {
     pub(super) vars: Vec<Expr<'e>>,
     pub(super) switches: Vec<super::NamedSwitch<'e>>,
     /// Where variables may be, where that is known.
-    pub(super) ranges: FxHashMap<Var, Interval>,
+    pub(super) ranges: FxHashMap<Var, Range>,
     /// Indices of the loops around, as in `R[1,2]`.
     indices: Vec<i64>,
     pub dynamics: Vec<Rate<'e>>,

@@ -135,11 +135,10 @@ pub enum DynamicsError {
     },
 
     /// A hidden term that is not hidden.
-    #[error("this hidden term does not vanish at `{switch}` = {at}")]
+    #[error("this hidden term does not vanish at {at}")]
     #[diagnostic(code(E0311), help("multiply it by `{factor}`"))]
     HiddenVisible {
-        switch: String,
-        at: f64,
+        at: String,
         factor: String,
         witness: String,
         #[label("is {witness} there")]
@@ -147,7 +146,7 @@ pub enum DynamicsError {
     },
 
     /// A hidden term of which it is not known whether it is one.
-    #[error("this hidden term is not proven to vanish at `{switch}` = {at}")]
+    #[error("this hidden term is not proven to vanish at {at}")]
     #[diagnostic(
         code(E0311),
         help(
@@ -155,8 +154,7 @@ pub enum DynamicsError {
         )
     )]
     HiddenOpen {
-        switch: String,
-        at: f64,
+        at: String,
         factor: String,
         #[label("may be something else than zero there")]
         span: Span,

@@ -15,14 +15,53 @@ use super::{Domain, DynamicsError, Hidden, Model, Rate, SwitchKind, TargetKind, 
 use crate::expr::{Expr, Interval, Node, Var, transform, variables_of};
 use crate::syntax;
 
-/// Boxes that are looked at.
+/// Entries of a switch in one term, at most: every combination of their sides has a proof of its own.
+const MAX_ENTRIES: usize = 12;
+
+/// Boxes that are looked at: ranges of eight variables are halved once each, that of one eight times.
 const MAX_BOXES: usize = 256;
 
-/// Roundings of its terms within which an enclosure is zero.
+/// Roundings of its terms within which an enclosure is zero: what a sum of so many terms is off by.
 const ROUNDINGS: f64 = 64.0;
 
-/// Points at which a counterexample is looked for.
+/// Points at which a counterexample is looked for: where it is in a box, or beyond a bend, a few of these are (chosen
+/// by trial).
 const POINTS: usize = 64;
+
+/// Where a variable may be.
+#[derive(Clone, Debug)]
+pub(super) enum Range {
+    Between(Interval),
+    Among(Vec<f64>),
+}
+
+impl Range {
+    /// The smallest interval with all of it.
+    fn hull(&self) -> Interval {
+        match self {
+            Range::Between(interval) => *interval,
+            Range::Among(values) => {
+                let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+                let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+                Interval::new(low, high)
+            }
+        }
+    }
+
+    /// A place in it for every share between 0 and 1; `far` is how far out it may be where there is no end.
+    fn place(&self, share: f64, far: f64) -> f64 {
+        let range = match self {
+            Range::Between(interval) => interval,
+            Range::Among(values) => return values[(share * values.len() as f64) as usize],
+        };
+        match (range.low.is_finite(), range.high.is_finite()) {
+            (true, true) => range.low + share * range.width(),
+            (true, false) => range.low + 3.0 * share,
+            (false, true) => range.high - 3.0 * share,
+            (false, false) => (4.0 * share - 2.0) * far,
+        }
+    }
+}
 
 /// What is known of a term on a side.
 enum Proof {
@@ -33,7 +72,7 @@ enum Proof {
 }
 
 /// Where the variables of a model may be, for those where that is declared as numbers.
-pub(super) fn ranges(model: &Model<'_>) -> FxHashMap<Var, Interval> {
+pub(super) fn ranges(model: &Model<'_>) -> FxHashMap<Var, Range> {
     let mut ranges = FxHashMap::default();
     let groups = [
         &model.params,
@@ -48,31 +87,26 @@ pub(super) fn ranges(model: &Model<'_>) -> FxHashMap<Var, Interval> {
             let range = match &quantity.domain {
                 Some(Domain::Box(low, high)) => {
                     let end = |ends: &super::Tensor<'_>| ends.data.get(entry)?.as_constant();
-                    end(low).zip(end(high))
+                    let ends = end(low).zip(end(high));
+                    ends.map(|(low, high)| Range::Between(Interval::new(low, high)))
                 }
                 Some(Domain::Set(values)) => {
                     let values: Option<Vec<f64>> =
                         values.iter().map(|value| value.as_constant()).collect();
-                    values.map(|values| {
-                        let low = values.iter().copied().fold(f64::INFINITY, f64::min);
-                        let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-                        (low, high)
-                    })
+                    values.filter(|values| !values.is_empty()).map(Range::Among)
                 }
                 None => None,
             };
-            if let Some((var, (low, high))) = var.as_variable().zip(range) {
-                ranges.insert(var, Interval::new(low, high));
-            }
+            ranges.extend(var.as_variable().zip(range));
         }
     }
     if let Some(time) = model.time.as_variable() {
-        ranges.insert(time, Interval::new(0.0, f64::INFINITY));
+        ranges.insert(time, Range::Between(Interval::new(0.0, f64::INFINITY)));
     }
     for switch in &model.switches {
         let low = lowest(&switch.kind);
         let vars = switch.vars.iter().filter_map(|var| var.as_variable());
-        ranges.extend(vars.map(|var| (var, Interval::new(low, 1.0))));
+        ranges.extend(vars.map(|var| (var, Range::Between(Interval::new(low, 1.0)))));
     }
     ranges
 }
@@ -132,39 +166,50 @@ impl<'e> Walk<'e> {
         }
         let switch = &self.switches[switch];
         let low = lowest(&switch.kind);
+        let held = variables_of(&[rate.value]);
+        let all = entries.iter().map(|&entry| switch.vars[entry]);
+        let mut vars: Vec<Expr<'e>> = all.clone().collect();
+        vars.retain(|var| var.as_variable().is_some_and(|var| held.contains(&var)));
+        // What holds none of them is the same on all sides.
+        if vars.is_empty() {
+            vars.extend(all.take(1));
+        }
+        let factor = vars.first().map_or(String::new(), |s| match low == 0.0 {
+            true => format!("{s}*(1 - {s})"),
+            false => format!("1 - {s}^2"),
+        });
+        if vars.len() > MAX_ENTRIES {
+            let at = format!(
+                "all sides of the {} entries of `{}`",
+                vars.len(),
+                switch.name
+            );
+            return lowering.error(DynamicsError::HiddenOpen { at, factor, span });
+        }
         // Entries of a vector may be on different sides: corners in the order of counting.
-        let vars: Vec<_> = entries
-            .iter()
-            .filter_map(|&entry| switch.vars[entry].as_variable())
-            .collect();
-        for corner in 0..1_u32 << vars.len().min(6) {
-            let at = |position: usize| {
-                if (corner >> (position % 6)) & 1 == 1 {
-                    1.0
-                } else {
-                    low
-                }
+        for corner in 0..1_u32 << vars.len() {
+            let value = |position: usize| match (corner >> position) & 1 {
+                1 => 1.0,
+                _ => low,
             };
-            let sides = vars.iter().enumerate();
-            let sides = sides.map(|(position, &var)| (var, at(position))).collect();
-            let proof = prove(rate.value, &sides, &self.ranges);
-            let (switch, at) = (switch.name.clone(), at(0));
-            let factor = match low == 0.0 {
-                true => format!("{switch}*(1 - {switch})"),
-                false => format!("1 - {switch}^2"),
+            let corner = vars.iter().enumerate().map(|(k, var)| (var, value(k)));
+            let sides = corner.clone();
+            let sides = sides.filter_map(|(var, value)| Some((var.as_variable()?, value)));
+            let proof = prove(rate.value, &sides.collect(), &self.ranges);
+            let at = || {
+                let all: Vec<String> = corner.map(|(var, at)| format!("{var} = {at}")).collect();
+                format!("`{}`", all.join(", "))
             };
             return lowering.error(match proof {
                 Proof::Vanishes => continue,
                 Proof::Differs(witness) => DynamicsError::HiddenVisible {
-                    switch,
-                    at,
+                    at: at(),
                     factor,
                     witness,
                     span,
                 },
                 Proof::Open => DynamicsError::HiddenOpen {
-                    switch,
-                    at,
+                    at: at(),
                     factor,
                     span,
                 },
@@ -175,21 +220,32 @@ impl<'e> Walk<'e> {
 }
 
 /// Whether a term is zero wherever its variables are, while switches have the values of a side.
-fn prove<'e>(
-    term: Expr<'e>,
-    sides: &FxHashMap<Var, f64>,
-    ranges: &FxHashMap<Var, Interval>,
-) -> Proof {
-    let range = |var: Var| match sides.get(&var) {
-        Some(&value) => Interval::new(value, value),
-        None => ranges.get(&var).copied().unwrap_or(Interval::ALL),
+fn prove<'e>(term: Expr<'e>, sides: &FxHashMap<Var, f64>, ranges: &FxHashMap<Var, Range>) -> Proof {
+    let range = |var: Var| match (sides.get(&var), ranges.get(&var)) {
+        (Some(&value), _) => Range::Among(vec![value]),
+        (None, Some(range)) => range.clone(),
+        (None, None) => Range::Between(Interval::ALL),
     };
     let vars: Vec<Var> = variables_of(&[term]);
-    let whole: Vec<Interval> = vars.iter().map(|&var| range(var)).collect();
+    let whole: Vec<Range> = vars.iter().map(|&var| range(var)).collect();
     if let Some(witness) = counterexample(term, sides, &vars, &whole) {
         return Proof::Differs(witness);
     }
-    let mut boxes = vec![whole];
+    let mut boxes = vec![whole.iter().map(Range::hull).collect::<Vec<Interval>>()];
+    for (place, range) in whole.iter().enumerate() {
+        if let Range::Among(values) = range
+            && boxes.len() * values.len() <= MAX_BOXES
+        {
+            let with = |inside: &Vec<Interval>, value: f64| {
+                let mut part = inside.clone();
+                part[place] = Interval::new(value, value);
+                part
+            };
+            let parts = boxes.iter();
+            let parts = parts.flat_map(|inside| values.iter().map(move |&at| with(inside, at)));
+            boxes = parts.collect();
+        }
+    }
     for _ in 0..MAX_BOXES {
         let Some(inside) = boxes.pop() else {
             return Proof::Vanishes;
@@ -276,19 +332,13 @@ fn counterexample(
     term: Expr<'_>,
     sides: &FxHashMap<Var, f64>,
     vars: &[Var],
-    inside: &[Interval],
+    inside: &[Range],
 ) -> Option<String> {
     (0..POINTS).find_map(|point| {
         let place = |k: usize| {
             let share = 0.5 + 0.49 * (1.7 * ((k + 1) * (point + 1)) as f64).sin();
-            let range = inside[k];
-            match (range.low.is_finite(), range.high.is_finite()) {
-                (true, true) => range.low + share * range.width(),
-                (true, false) => range.low + 3.0 * share,
-                (false, true) => range.high - 3.0 * share,
-                // Farther out from point to point.
-                (false, false) => (4.0 * share - 2.0) * 1.2_f64.powi(point as i32),
-            }
+            // Farther out from point to point.
+            inside[k].place(share, 1.2_f64.powi(point as i32))
         };
         let at = |var: Var| {
             let k = vars.binary_search(&var).unwrap_or(0);
@@ -310,11 +360,17 @@ fn counterexample(
         let others = vars.iter().filter(|var| !sides.contains_key(var));
         let others: Vec<String> = others
             .take(4)
-            .map(|&var| format!("{} = {:.4}", exprs.name(var), at(var)))
+            .map(|&var| format!("{} = {}", exprs.name(var), short(at(var))))
             .collect();
         Some(match others.is_empty() {
-            true => format!("{value:.4}"),
-            false => format!("{value:.4} at {}", others.join(", ")),
+            true => short(value),
+            false => format!("{} at {}", short(value), others.join(", ")),
         })
     })
+}
+
+/// Four digits.
+fn short(value: f64) -> String {
+    let rounded = format!("{value:.3e}").parse().unwrap_or(value);
+    format!("{rounded:?}").trim_end_matches(".0").to_owned()
 }

@@ -215,6 +215,17 @@ pub enum SwitchKind<'e> {
     Relay(Thresholds<'e>),
 }
 
+impl SwitchKind<'_> {
+    /// The function that declares it.
+    pub fn word(&self) -> &'static str {
+        match self {
+            SwitchKind::Sign => "sign",
+            SwitchKind::Step => "step",
+            SwitchKind::Relay(_) => "hysteresis",
+        }
+    }
+}
+
 /// Where the entries of a relay switch, over params.
 #[derive(Clone, Debug)]
 pub struct Thresholds<'e> {
@@ -243,6 +254,15 @@ pub struct NamedSwitch<'e> {
     pub sliding: Option<Sliding>,
     /// The declaration.
     pub span: Span,
+}
+
+impl NamedSwitch<'_> {
+    /// Its declaration as it begins in the model that has it, which may be a part: `switch s = sign(..)`.
+    pub fn statement(&self) -> String {
+        let name = self.name.rsplit('.').next().unwrap_or_default();
+        let name = name.split('[').next().unwrap_or_default();
+        format!("switch {name} = {}(..)", self.kind.word())
+    }
 }
 
 /// A right-hand side of one state entry.

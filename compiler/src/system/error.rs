@@ -69,12 +69,12 @@ pub enum SystemError {
     #[diagnostic(
         code(E0401),
         help(
-            "choose a reading: `switch {name} = {word}(..) sliding nonlinear;` keeps `{term}` while `{name}` is between its sides, `switch {name} = {word}(..) sliding linear;` (or `with {{ {name}.sliding = linear; }}` in an experiment) is Filippov's reading, which drops it"
+            "choose a reading: `{statement} sliding nonlinear;` keeps `{term}` while `{name}` is between its sides, `{statement} sliding linear;` (or `with {{ {name}.sliding = linear; }}` in an experiment) is Filippov's reading, which drops it"
         )
     )]
     HiddenReading {
         name: String,
-        word: &'static str,
+        statement: String,
         term: String,
         #[label(primary, "acts on the surface of `{name}` only")]
         term_span: Span,

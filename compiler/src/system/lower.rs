@@ -271,11 +271,12 @@ impl<'m, 'e> Lowering<'m, 'e> {
         }
         for hidden in &model.hidden {
             let reading = self.sliding(hidden.switch);
+            let mut asks = reading.is_none();
             for rate in &hidden.rates {
                 if !self.needs.entries[rate.entry] {
                     continue;
                 }
-                if reading.is_none() {
+                if std::mem::take(&mut asks) {
                     diags.push(self.open_reading(hidden.switch, rate));
                 }
                 // What is read linearly has no terms that both sides do not have.
@@ -300,10 +301,7 @@ impl<'m, 'e> Lowering<'m, 'e> {
         let switch = &self.model.switches[switch];
         SystemError::HiddenReading {
             name: switch.name.clone(),
-            word: match switch.kind {
-                SwitchKind::Sign => "sign",
-                _ => "step",
-            },
+            statement: switch.statement(),
             term: format!("{}' += {}", self.model.entry_name(rate.entry), rate.value),
             term_span: rate.span,
             switch: switch.span,

@@ -52,23 +52,22 @@ pub(super) fn check_reading<'e>(
             let span = span.or(switch.spans.first().copied()).unwrap_or(entry);
             errors.push(match named {
                 Some((reading, statement)) => {
-                    let kind = match model.switches[statement].kind {
-                        SwitchKind::Sign => "sign",
-                        _ => "step",
-                    };
-                    let statement_of = format!("switch {} = {kind}(..)", reading.name);
+                    let declared = &model.switches[statement];
                     let alpha = switch.alpha;
                     let s = model.exprs.variable(&reading.name);
-                    let above = if kind == "step" { s } else { 0.5 * (s + 1.0) };
+                    let above = match declared.kind {
+                        SwitchKind::Sign => 0.5 * (s + 1.0),
+                        SwitchKind::Step | SwitchKind::Relay(_) => s,
+                    };
                     let above = if reading.flipped { 1.0 - above } else { above };
                     let (linear, nonlinear) =
-                        readings(switches, strict, (alpha, above), &statement_of);
+                        readings(switches, strict, (alpha, above), &declared.statement());
                     SystemError::NonlinearSwitch {
                         name: reading.name.clone(),
                         linear,
                         nonlinear,
-                        switch: model.switches[statement].span,
-                        entry: beside(model.switches[statement].span),
+                        switch: declared.span,
+                        entry: beside(declared.span),
                     }
                 }
                 None => {

@@ -147,7 +147,7 @@ fn every_state_is_set_once() {
     E0308: this comparison is always true | 3: constant | a guard must depend on the state or on time
     ");
     assert_snapshot!(model("model m { state x = 0; switch s = step(x); x' = s; hidden on s { x' += s; } hidden on x { x' = 1; } }"), @r"
-    E0311: this hidden term does not vanish at `s` = 1 | x' += s;: is 1.0000 there | multiply it by `s*(1 - s)`
+    E0311: this hidden term does not vanish at `s = 1` | x' += s;: is 1 there | multiply it by `s*(1 - s)`
     E0312: `x` is not a named `sign` or `step` | x: needs a switch | declare `switch s = sign(..);`
     ");
 }
