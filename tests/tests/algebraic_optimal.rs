@@ -98,6 +98,60 @@ fn controls_act_through_equations() {
     );
 }
 
+/// A switch on the side of u that x is on.
+const SWITCHED: &str = "control u in [-1.5, -0.75] = -1; state x = 0;
+    algebraic q = 0; 0 = q^3 + q - (u - x); x' = u - sign(q)/2;";
+
+#[test]
+fn switches_follow_controls() {
+    // x falls at both sides, so that q rises through zero, where u jumps or in between.
+    let s = "let s = 1.5*sqrt(3)*(u - x); let q = 2/sqrt(3)*sinh(log(s + sqrt(s^2 + 1))/3);";
+    let cost = |model: &str| {
+        let text = format!(
+            "model m {{ {model} }} optimize this of m {{ horizon 3; intervals 4; elements 2; scheme radau_iia(3);
+             minimize integral((u + 1)^2) + final((x + 3.5)^2); }}"
+        );
+        optimum(&text, 1e-8)
+    };
+    let implicit = cost(SWITCHED);
+    let explicit = SWITCHED.replace("algebraic q = 0; 0 = q^3 + q - (u - x);", s);
+    let (a, b) = (objective(&cost(&explicit)), objective(&implicit));
+    assert!((a - b).abs() < 1e-8, "{a} and {b}");
+    let crossings = implicit.switch_times();
+    assert!(
+        crossings.len() == 1 && crossings[0] > 0.5 && crossings[0] < 2.5,
+        "{crossings:?}"
+    );
+    // At the start x = 0 and q³ + q = u.
+    let all = || implicit.states.iter().chain(&implicit.outputs);
+    let q = all().find(|series| series.name == "q").map(|q| q.values[0]);
+    let (q, u) = (q.expect("it is recorded"), implicit.controls[0].values[0]);
+    assert!((q.powi(3) + q - u).abs() < 1e-9, "{q} at {u}");
+}
+
+#[test]
+fn algebraic_states_start_where_they_are_guessed() {
+    let text = format!(
+        "model m {{ {SWITCHED} }} optimize this of m {{ horizon 2; intervals 2; elements 2; scheme radau_iia(1);
+         minimize final(x^2); guess {{ x = -time; q = -0.5 + time/4; }} }}"
+    );
+    with_experiment(&text, "this", |compiled| {
+        let settings = &compiled.settings;
+        let task = settings.optimize.as_ref().expect("an optimization");
+        let program = optimize::program(&compiled.system, settings, task, &[]);
+        let program = program.expect("the program is small");
+        let guess = |name: &str| {
+            let place = program.names().iter().position(|known| known == name);
+            program.bounds()[place.expect(name)].guess
+        };
+        assert_eq!(guess("start(q)[1,1,0]"), -0.5);
+        assert_eq!(guess("start(q)[2,1,0]"), -0.25);
+        // λ of q where the second interval begins.
+        assert_eq!(guess("lambda_n[q][2,1,0]"), 0.25);
+        insta::assert_snapshot!("following.fesd", program);
+    });
+}
+
 #[test]
 fn free_parameters_and_initial_values_act_through_equations() {
     // z³ + z = k x with x(0) = 1, ∫ z dt = ½ needs the right k, and with k = 1 the right x(0).

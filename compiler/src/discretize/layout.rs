@@ -142,11 +142,14 @@ impl Layout {
 
     /// State i where step k starts, with the z that start anew there.
     pub(super) fn x_start(&self, k: usize, i: usize) -> usize {
+        self.started(k, i).unwrap_or(self.before(k, 1) + i)
+    }
+
+    /// State i where step k starts, if it has a value of its own there.
+    pub fn started(&self, k: usize, i: usize) -> Option<usize> {
         let (first, states) = &self.started;
-        match states.iter().position(|&state| state == i) {
-            Some(place) => first + (k - 1) * states.len() + place,
-            None => self.before(k, 1) + i,
-        }
+        let place = states.iter().position(|&state| state == i)?;
+        (k == 1 || self.restarts).then_some(first + (k - 1) * states.len() + place)
     }
 
     /// The first slope at a Runge-Kutta node, in the differential form.
@@ -329,14 +332,16 @@ pub(super) fn declare(
     };
     let initial_algebraics = mpcc.declare("z", components, &starts, bounds);
     let started = match detection {
-        Some(_) => start.states(dcs),
+        Some(_) => start.states,
         None => Vec::new(),
     };
     let first = (!started.is_empty()).then(|| {
-        let components = names(started.iter().map(|&i| dcs.states[i].var).collect());
+        let components = started
+            .iter()
+            .map(|&i| format!("start({})", dcs.states[i].var));
         let bounds = started.iter().map(|&i| Bounds::free(dcs.states[i].initial));
         let bounds = everywhere(&starts, bounds.collect());
-        mpcc.declare("x_start", components, &starts, bounds)
+        mpcc.declare("x_start", components.collect(), &starts, bounds)
     });
     let started = (first.unwrap_or(0), started);
     let (components, bounds) = chosen(&all);

@@ -35,26 +35,32 @@ pub(super) struct Decided {
 }
 
 /// What is known where elements begin.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Start {
     /// Whether the continuous z of the first element are variables.
     pub is_free: bool,
     /// Whether those of every step are.
     pub restarts: bool,
+    /// Their equations; where these hold algebraic states that follow what is decided, the equations of all of those,
+    /// too.
+    rows: Vec<usize>,
+    /// The states that have values of their own where an element begins with free z.
+    pub states: Vec<usize>,
 }
 
 impl Start {
     pub fn of(dcs: &Dcs) -> Self {
-        let known = Start {
+        let mut start = Start {
             is_free: false,
             restarts: false,
+            rows: Start::rows(dcs),
+            states: Vec::new(),
         };
         let Some(task) = &dcs.task else {
-            return known;
+            return start;
         };
-        let rows = Start::rows(dcs).into_iter();
-        let rows: Vec<Expr> = rows.map(|row| dcs.equations[row]).collect();
-        let occurring = variables_of(&rows);
+        let rows = start.rows.iter().map(|&row| dcs.equations[row]);
+        let occurring = variables_of(&rows.collect::<Vec<Expr>>());
         let occurs = |e: Expr| occurring.contains(&variable(e));
         let controls = task.controls.iter().any(|control| occurs(control.var));
         let params = task
@@ -66,16 +72,18 @@ impl Start {
             .iter()
             .any(|free| occurs(dcs.states[free.place].var));
         let jumps = super::data::jumps(dcs, &occurring);
-        Start {
-            is_free: controls || params || states || jumps,
-            restarts: controls && task.shape == Shape::Constant || jumps,
+        start.is_free = controls || params || states || jumps;
+        start.restarts = controls && task.shape == Shape::Constant || jumps;
+        if start.is_free {
+            let follows = |i: &usize| {
+                let x = dcs.states[*i].var;
+                dcs.following.contains(&x) && occurs(x)
+            };
+            start.states = (0..dcs.states.len()).filter(follows).collect();
         }
+        start
     }
-}
 
-impl Start {
-    /// The equations of continuous z; where these hold algebraic states that follow what is decided, the equations
-    /// of all of those, too.
     fn rows(dcs: &Dcs) -> Vec<usize> {
         let mut rows = End::new(dcs).equations;
         let followed: Vec<Var> = dcs.following.iter().map(|&x| variable(x)).collect();
@@ -89,18 +97,6 @@ impl Start {
             rows.dedup();
         }
         rows
-    }
-
-    /// The states that have values of their own where an element begins with free z.
-    pub fn states(self, dcs: &Dcs) -> Vec<usize> {
-        let rows = Start::rows(dcs).into_iter();
-        let rows: Vec<Expr> = rows.map(|row| dcs.equations[row]).collect();
-        let occurring = variables_of(&rows);
-        let occurs = |i: &usize| {
-            let x = dcs.states[*i].var;
-            self.is_free && dcs.following.contains(&x) && occurring.contains(&variable(x))
-        };
-        (0..dcs.states.len()).filter(occurs).collect()
     }
 }
 
@@ -269,7 +265,7 @@ impl<'e> Problem<'_, 'e> {
         let steps = if start.restarts { layout.steps } else { 1 };
         // What jumps with states has its equations where every element begins.
         let (_, jumping) = super::impulses::jumping(dcs);
-        let mut rows = Start::rows(dcs);
+        let mut rows = start.rows;
         rows.retain(|row| layout.boundaries.is_none() || !jumping.contains(row));
         let pick = |row: &usize| dcs.equations[*row];
         let h = mpcc.exprs.variable("h");
@@ -293,7 +289,13 @@ impl<'e> Problem<'_, 'e> {
             block = block.variable(dcs.time, |[k]| layout.t(k, 1).unwrap_or(0));
         }
         let g = self.arguments("t[k,1]", "x[k,1,0]", "z[k,1,0]");
-        let text = format!("0 = g{g}");
+        let own = start.states.iter().map(|&i| dcs.states[i].var.to_string());
+        let own: Vec<String> = own.collect();
+        let own = match own.is_empty() {
+            true => String::new(),
+            false => format!(", with x_start[k,1,0] for {}", own.join(", ")),
+        };
+        let text = format!("0 = g{g}{own}");
         mpcc.blocks
             .push(block.finish(Kind::Equation, equations, sources(&origins), text));
     }

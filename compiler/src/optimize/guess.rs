@@ -108,11 +108,21 @@ pub(super) fn start(problem: &Problem, sampled: &[Sampled]) -> Vec<f64> {
     for (k, j) in (1..=steps).flat_map(|k| (1..=elements).map(move |j| (k, j))) {
         for (m, &c) in nodes.iter().enumerate() {
             let begins = (k, j) == (1, 1) || layout.impulses(k, j).is_some();
-            if m == 0 && !begins {
-                continue;
-            }
             let element = ((k - 1) * elements + j - 1) as f64;
             let share = (element + c) / (steps * elements) as f64;
+            let restarts = (m, j) == (0, 1) && (k == 1 || layout.restarts());
+            for i in 0..layout.n_states() {
+                if let Some(index) = layout.started(k, i).filter(|_| restarts) {
+                    let state = &system.states[i];
+                    set(&mut w, index, known.value(state.var, &state.name, share));
+                }
+            }
+            if m == 0 && !begins {
+                if restarts && is_moved {
+                    known.multipliers(&mut w, (k, j, m), share, &bounds);
+                }
+                continue;
+            }
             for i in 0..layout.n_states() {
                 let state = &system.states[i];
                 let index = layout.x(k, j, m) + i;
@@ -187,11 +197,12 @@ impl Known<'_, '_, '_> {
             insert(param.var, param.value);
         }
         for (i, state) in system.states.iter().enumerate() {
-            let known = i < layout.n_states();
-            insert(
-                state.var,
-                if known { w[layout.x(k, j, m) + i] } else { 0.0 },
-            );
+            let started = layout.started(k, i).filter(|_| (j, m) == (1, 0));
+            let value = match i < layout.n_states() {
+                true => w[started.unwrap_or(layout.x(k, j, m) + i)],
+                false => 0.0,
+            };
+            insert(state.var, value);
         }
         for (i, control) in dcs
             .task

@@ -79,7 +79,8 @@ pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Traje
     elements.finish(problem.settings, horizon)
 }
 
-/// The state where an element begins; of algebraic states that jump there, the polynomial through the nodes.
+/// The state where an element begins; of algebraic states that jump there, what the program has for them, or else the
+/// polynomial through the nodes.
 fn left(problem: &Problem, follows: &[bool], w: &[f64], (k, j): (usize, usize)) -> Vec<f64> {
     let layout = &problem.layout;
     let mut x = w[layout.x(k, j, 0)..][..layout.n_states()].to_vec();
@@ -89,6 +90,10 @@ fn left(problem: &Problem, follows: &[bool], w: &[f64], (k, j): (usize, usize)) 
         .enumerate()
         .filter(|(i, _)| follows.get(*i) == Some(&true))
     {
+        if let Some(index) = layout.started(k, i).filter(|_| j == 1) {
+            *x = w[index];
+            continue;
+        }
         let nodes = (1..=layout.nodes).map(|m| w[layout.x(k, j, m) + i]);
         *x = nodes.zip(&at_left).map(|(x, share)| share * x).sum();
     }

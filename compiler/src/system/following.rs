@@ -20,21 +20,24 @@ pub struct Following {
     pub states: Vec<bool>,
 }
 
+fn vars<'e>(exprs: impl Iterator<Item = Expr<'e>>) -> Vec<Var> {
+    exprs.filter_map(Expr::as_variable).collect()
+}
+
+/// The states with free initial values.
+fn freed(system: &System, task: &Task) -> Vec<Var> {
+    vars(task.initial.iter().map(|x| system.states[x.place].var))
+}
+
 /// What is decided, by kind: controls, free parameters, free initial values; and what changes at any time as these do.
 fn decided(system: &System, task: &Task) -> [(&'static str, Vec<Var>); 4] {
-    fn vars<'e>(exprs: impl Iterator<Item = Expr<'e>>) -> Vec<Var> {
-        exprs.filter_map(Expr::as_variable).collect()
-    }
     let params = task.params.iter().map(|p| system.params[p.place].var);
-    let initial = task.initial.iter().map(|x| system.states[x.place].var);
+    let data = system.data.iter().map(|data| data.var);
     [
         ("controls", vars(task.controls.iter().map(|u| u.var))),
         ("free parameters", vars(params)),
-        ("free initial values", vars(initial)),
-        (
-            "signals from tables",
-            vars(system.data.iter().map(|data| data.var)),
-        ),
+        ("free initial values", freed(system, task)),
+        ("signals from tables", vars(data)),
     ]
 }
 
@@ -86,15 +89,14 @@ pub fn reader(system: &System, following: &Following) -> Option<Span> {
         .filter_map(|(state, _)| state.var.as_variable())
         .collect();
     let task = system.task.as_ref()?;
-    let by_kind = decided(system, task);
-    let initial = &by_kind[2].1;
+    let initial = freed(system, task);
     let steps = system.switches.iter().filter(|k| k.role == Role::Step);
     let alphas: Vec<Var> = steps.filter_map(|k| k.alpha.as_variable()).collect();
     let holds = |e: Expr, vars: &[Var]| variables_of(&[e]).iter().any(|var| vars.contains(var));
     let bent = |k: &&Switch| holds(k.psi, &followed) && holds(k.psi, &alphas);
     let switch = system.switches.iter().find(bent);
     let row = task.rows.iter().find(|row| {
-        holds(row.value, &followed) && (row.at == At::Start || holds(row.value, initial))
+        holds(row.value, &followed) && (row.at == At::Start || holds(row.value, &initial))
     });
     let switch = switch.map(|switch| switch.spans[0]);
     switch.or(row.map(|row| row.span))
