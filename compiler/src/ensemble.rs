@@ -6,6 +6,7 @@
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
+use std::time::Instant;
 
 use crate::Compiled;
 use crate::clock::Clock;
@@ -45,6 +46,22 @@ struct Sample {
     status: Status,
     failure: Option<Failure>,
     warnings: Vec<Warning>,
+}
+
+impl Request {
+    /// The same with what is left of the time since an instant, for runs that share it.
+    pub fn left(&self, since: Instant) -> Self {
+        let limit = self.time_limit;
+        Request {
+            time_limit: limit.map(|limit| limit.saturating_sub(since.elapsed())),
+            ..*self
+        }
+    }
+}
+
+/// How many runs go on at once: one on every core.
+pub fn threads() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
 }
 
 /// Calls `work` for every seed, on up to `n_threads` threads, with the experiment compiled and the seed set.
@@ -105,7 +122,7 @@ pub fn seeds(settings: &Settings<'_>) -> Option<Range<u64>> {
 }
 
 /// Runs an experiment with all its seeds, and adds the quantiles of what is reported to the trajectory of the first
-/// one. Where a run fails, so does the whole.
+/// one. Where a run fails, so does the whole. All runs share the time of the request.
 pub fn add(
     trajectory: &mut Trajectory,
     source: Source<'_>,
@@ -117,6 +134,7 @@ pub fn add(
     let Some(seeds) = seeds(settings) else {
         return;
     };
+    let started = Instant::now();
     let reported = trajectory.states.iter().chain(&trajectory.outputs);
     let names: Vec<String> = reported.flat_map(|series| series.entry_names()).collect();
     let count = (seeds.end - seeds.start) as usize;
@@ -130,6 +148,7 @@ pub fn add(
     let work = |compiled: &Compiled<'_>| {
         let mut settings = compiled.settings.clone();
         settings.sampling = Sampling::At(time.clone());
+        let request = request.left(started);
         sample(&simulate::run(&compiled.system, &settings, &request), &time)
     };
     let samples = over_seeds(source, seeds.clone(), n_threads, work, heard);

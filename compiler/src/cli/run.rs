@@ -1,6 +1,7 @@
 //! `nsdc run`
 
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use super::args::{Log, RunArgs};
 use super::files::{Sink, is_standard};
@@ -141,6 +142,7 @@ fn one(
             Watching::logged(bar, Iterations::new(out))
         }
     };
+    let started = Instant::now();
     let launched = clock.time("solve", || {
         launch(project, &mut compiled, &request, &mut watching)
     });
@@ -158,6 +160,7 @@ fn one(
         overrides,
     };
     clock.time("solve", || {
+        let request = request.left(started);
         watching.ensemble(&mut trajectory, source, &compiled.settings, &request);
     });
     drop(watching);

@@ -1,7 +1,7 @@
 //! `nsdc test`
 
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use super::args::TestArgs;
 use super::launch::launch;
@@ -223,13 +223,13 @@ fn one(
         Ok(lowering) => lowering,
         Err(error) => return Ok(Outcome::Failed(vec![error], Exit::Wrong)),
     };
-    let time_limit = args.time_limit;
     let request = Request {
         dense: true,
         multipliers: false,
         estimate: true,
-        time_limit,
+        time_limit: args.time_limit,
     };
+    let started = Instant::now();
     let mut watching = Watching::new(Bar::new(&compiled.settings.name, streams.progress));
     let trajectory = match launch(project, &mut compiled, &request, &mut watching) {
         Ok(trajectory) => trajectory,
@@ -240,18 +240,18 @@ fn one(
         let mut watch = |order::Progress { name, knob, done }: order::Progress<'_>| {
             watching.bar.show(done, || format!("{name}, {knob:.1e}"));
         };
-        let limit = time_limit.unwrap_or(STUDY);
+        let limit = request.left(started).time_limit.unwrap_or(STUDY);
         order::of_method(&compiled, &project.sources, limit, &mut watch)
     });
-    let warnings = project::warning_codes(&diags);
+    let mut warnings = project::warning_codes(&diags);
     let all = ensemble::Source {
         file: &project.file,
         experiment,
         overrides: &[],
     };
+    let request = request.left(started);
     let others = other_seeds(project, all, &compiled, &request, &warnings, &mut watching);
     drop(watching);
-    let mut warnings = warnings;
     warnings.extend(
         trajectory
             .warnings
@@ -281,7 +281,8 @@ fn one(
     })
 }
 
-/// What is expected holds with every seed: the first one of those after the declared one with which it does not.
+/// What is expected holds with every seed: the first one of those after the declared one with which it does not. All
+/// runs share the time of the request.
 fn other_seeds(
     project: &Project,
     source: ensemble::Source<'_>,
@@ -291,9 +292,10 @@ fn other_seeds(
     watching: &mut Watching<'_>,
 ) -> Option<Outcome> {
     let seeds = ensemble::seeds(&compiled.settings)?;
-    let n_threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let started = Instant::now();
     let work = |compiled: &Compiled<'_>| {
-        let trajectory = simulate::run(&compiled.system, &compiled.settings, request);
+        let request = request.left(started);
+        let trajectory = simulate::run(&compiled.system, &compiled.settings, &request);
         let mut warnings = warnings.to_vec();
         warnings.extend(trajectory.warnings.iter().map(|w| w.code.clone()));
         let findings = Findings {
@@ -315,7 +317,8 @@ fn other_seeds(
         let share = done as f64 / (seeds.end - seeds.start) as f64;
         watching.bar.show(share, || format!("{done} runs"));
     };
-    let outcomes = ensemble::over_seeds(source, others.clone(), n_threads, work, &mut heard);
+    let threads = ensemble::threads();
+    let outcomes = ensemble::over_seeds(source, others.clone(), threads, work, &mut heard);
     let mut failed = others
         .zip(outcomes)
         .filter_map(|(seed, outcome)| match outcome {

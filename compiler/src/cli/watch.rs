@@ -46,7 +46,7 @@ impl<'w> Watching<'w> {
         settings: &Settings<'_>,
         request: &Request,
     ) {
-        let threads = std::thread::available_parallelism().map_or(1, usize::from);
+        let threads = ensemble::threads();
         let runs = settings.runs.unwrap_or(1);
         let mut heard = |done: usize| {
             let share = done as f64 / runs as f64;

@@ -27,6 +27,7 @@ use nsd_solver::problem::Nlp;
 
 use crate::dcs::{self, Dcs};
 use crate::discretize::{self, DiscretizeError, Grid, Layout, discretize};
+use crate::ensemble::threads;
 use crate::expr::Var;
 use crate::mpcc::{Mpcc, Program};
 use crate::report::{
@@ -251,7 +252,6 @@ fn solve(
     };
     let moved = |number| mpcc::perturbed(guess, starts.deviation, starts.seed, number as u64);
     let starts: Vec<Vec<f64>> = (0..count).map(moved).collect();
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let mut heard = |start: usize, found: &Solution| {
         progress.done += 1;
         watch.progress(&Progress {
@@ -259,7 +259,7 @@ fn solve(
             ..progress
         });
     };
-    mpcc::multistart(&problem.program, &starts, &options, threads, &mut heard)
+    mpcc::multistart(&problem.program, &starts, &options, threads(), &mut heard)
 }
 
 /// Where no start led to a feasible point, the one that came closest.

@@ -12,6 +12,7 @@ use super::super::progress::Bar;
 use super::super::{Exit, Streams, io};
 use super::{EXTENSION, name_of, solve};
 use crate::diagnostics::Diagnostics;
+use crate::ensemble::threads;
 use crate::nl::{self, Known, Record, Settings, Table};
 use crate::report::plot::profile;
 use crate::source::SourceMap;
@@ -106,8 +107,8 @@ fn solve_all(
     prints: bool,
     streams: &mut Streams<'_>,
 ) -> io::Result<Table> {
-    let cores = || thread::available_parallelism().map_or(1, usize::from);
-    let n_threads = args.jobs.map_or_else(cores, usize::from).min(paths.len());
+    let n_threads = args.jobs.map_or_else(threads, usize::from);
+    let n_threads = n_threads.min(paths.len());
     let width = paths
         .iter()
         .map(|path| name_of(path).chars().count())
