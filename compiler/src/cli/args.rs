@@ -37,7 +37,7 @@ pub enum Command {
     Run(RunArgs),
     /// Run every `expect` of files and folders
     Test(TestArgs),
-    /// Run experiments by every method and lowering that takes them, and compare
+    /// Run experiments by events and by finite elements with every lowering, and compare
     #[command(after_help = VERIFY_HELP)]
     Verify(VerifyArgs),
     /// Measure the error of every method over step size and time
@@ -191,8 +191,8 @@ impl RunArgs {
 
 /// What `verify --help` ends with.
 const VERIFY_HELP: &str = "\
-The experiment as it is written, `event`, and `fesd` with every lowering choose their own steps, so \
-their last states have to agree up to the tolerance and ten times their estimated errors. The exit \
+The experiment as it is written, `event`, and `fesd` with every lowering estimate their errors, so \
+their last states have to agree up to the tolerance and ten times these estimates. The exit \
 status is 2 where two of them do not, or where the experiment as it is written has no end.
 
 Example: `nsdc verify oscillator.nsd crossing`.";

@@ -28,7 +28,7 @@ const ROADS: [&str; 7] = [
     "fesd; lower impact",
 ];
 
-/// Runs experiments by every method and lowering that takes them and compares the ends.
+/// Runs experiments by events, and by finite elements with every lowering that takes them, and compares the ends.
 pub fn run(args: &VerifyArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
     let Some((mut project, overrides)) = Project::open(&args.file, &args.set, streams)? else {
         return Ok(Exit::Wrong);

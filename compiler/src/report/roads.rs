@@ -1,6 +1,6 @@
 //! Runs of one experiment by different methods and lowerings, side by side.
 //!
-//! All of them keep their own errors small, so they have to come to the same end: where two differ by more than their
+//! All of them estimate their own errors, and have to come to the same end: where two differ by more than these
 //! estimates explain, one of them is wrong, or the model has several solutions and says nowhere which one is meant.
 
 use std::fmt::{self, Write};
@@ -221,11 +221,16 @@ fn write(all: &Roads, text: &mut String) -> fmt::Result {
 /// What there is to say in a line.
 fn verdict(all: &Roads) -> String {
     let n = all.n_solved();
-    match (all.disagreements().len(), n) {
+    let found = match (all.disagreements().len(), n) {
         (0, 0) => "no road comes to the end".to_owned(),
         (0, 1) => "one road alone, nothing to compare it with".to_owned(),
         (0, n) => format!("{n} roads agree"),
+        (1, n) => format!("{n} roads, 1 pair of them differs"),
         (pairs, n) => format!("{n} roads, {pairs} pairs of them differ"),
+    };
+    match all.roads[0].solved() {
+        None if n > 0 => format!("as written it does not come to the end; {found}"),
+        _ => found,
     }
 }
 

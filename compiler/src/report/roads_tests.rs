@@ -53,10 +53,25 @@ fn runs_that_fail_are_not_compared_but_the_written_one_has_to_end() {
             run.status = Status::NumericalFailure;
         }
     };
+    let first_line = |roads: &Roads| text(roads).lines().next().unwrap_or_default().to_owned();
     fail(&mut roads, 2);
     assert!(roads.agree());
+    assert!(first_line(&roads).ends_with(": 2 roads agree"));
     fail(&mut roads, 0);
     assert!(!roads.agree());
+    let said = first_line(&roads);
+    assert!(
+        said.contains("as written it does not come to the end"),
+        "{said}"
+    );
+}
+
+#[test]
+fn one_pair_differs() {
+    let mut roads = roads(1e-3, None);
+    roads.roads.remove(1);
+    let said = text(&roads);
+    assert!(said.contains("2 roads, 1 pair of them differs"), "{said}");
 }
 
 #[test]
