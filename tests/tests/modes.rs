@@ -2,7 +2,7 @@
 
 use nsd_tests::with_experiment;
 use nsdc::modes::{map, plane, plane_text, text};
-use nsdc::report::{Change, Map, plot};
+use nsdc::report::{Change, Map, plot, words_of};
 
 fn mapped(text: &str, state: &str, from: f64, to: f64) -> Map {
     with_experiment(text, "run", |compiled| {
@@ -135,4 +135,33 @@ fn folds_are_curves_over_two_states() {
     assert!(plane_text(&plane).contains("1 attracting, 1 repelling"));
     let svg = plot::plane::write(&plane);
     assert!(svg.starts_with("<svg") && svg.contains("fold") && !svg.contains("NaN"));
+}
+
+/// 2s² - s = x² + z² - 1/2: no mode is within the circle x² + z² = 3/8, a fold.
+#[test]
+fn a_closed_fold_is_a_closed_curve() {
+    let model = "model m { state x = 0.7; state y = 0.05; state z = 0;
+        switch s = sign(y) sliding nonlinear;
+        x' = 1; y' = 2*s^2 - s - x^2 - z^2 + 0.5; z' = 1; } simulate run of m { horizon 1; }";
+    let plane = with_experiment(model, "run", |compiled| {
+        plane(&compiled.system, 0, [0, 2], [-0.8..0.8, -0.75..0.8])
+    });
+    let [fold] = &plane.curves[..] else {
+        panic!("{} curves", plane.curves.len())
+    };
+    assert_eq!(fold.change, Change::Fold);
+    for [x, z] in &fold.points {
+        assert!((x * x + z * z - 0.375).abs() < 1e-9, "{x} {z}");
+    }
+    assert!(fold.points.len() > 100, "{}", fold.points.len());
+    assert_eq!(fold.points.first(), fold.points.last());
+}
+
+#[test]
+fn patterns_are_named_in_the_order_of_their_values() {
+    let words = |pattern: &[bool]| words_of(Some(pattern));
+    assert_eq!(words(&[true, false]), "1 attracting, 1 repelling");
+    assert_eq!(words(&[false, true, true]), "1 repelling, 2 attracting");
+    assert_eq!(words(&[]), "none");
+    assert_eq!(words_of(None), "not on the surface");
 }

@@ -76,17 +76,22 @@ pub fn plane(system: &System, switch: usize, states: [usize; 2], ranges: [Range<
                 let here =
                     here.filter(|edge| crossings.get(edge).is_some_and(|c| c.1.change == change));
                 let here: Vec<Edge> = here.collect();
-                // Two curves of one kind in a cell cannot be told apart; neighbours in order are taken.
-                for pair in here.chunks_exact(2) {
-                    joined.entry(pair[0]).or_default().push(pair[1]);
-                    joined.entry(pair[1]).or_default().push(pair[0]);
+                // Two curves of one kind in a cell cannot be told apart; neighbours in order are taken. What is left
+                // over ends in the cell.
+                for pair in here.chunks(2) {
+                    for (edge, other) in [(0, 1), (1, 0)] {
+                        if let Some(edge) = pair.get(edge) {
+                            let next = joined.entry(*edge).or_default();
+                            next.extend(pair.get(other));
+                        }
+                    }
                 }
             }
         }
     }
     let mut curves = Vec::new();
     // Ends of curves first, then what is closed.
-    let ends = joined.iter().filter(|(_, next)| next.len() == 1);
+    let ends = joined.iter().filter(|(_, next)| next.len() < 2);
     let starts: Vec<Edge> = (ends.chain(joined.iter())).map(|(edge, _)| *edge).collect();
     let mut left = joined;
     for start in starts {
@@ -96,10 +101,15 @@ pub fn plane(system: &System, switch: usize, states: [usize; 2], ranges: [Range<
             points.push(crossings[&edge].0);
             match next.iter().find(|next| left.contains_key(next)) {
                 Some(next) => edge = *next,
-                None => break,
+                None => {
+                    if points.len() > 2 && next.contains(&start) {
+                        points.push(crossings[&start].0);
+                    }
+                    break;
+                }
             }
         }
-        if points.len() > 1 {
+        if !points.is_empty() {
             let change = crossings[&start].1.change;
             curves.push(PlaneCurve { change, points });
         }

@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use crate::report::text::counted;
 use crate::report::{Change, Map, Plane, Sample, words_of};
 
 /// One row per interval without a change.
@@ -56,12 +57,12 @@ const POINTS: usize = 9;
 pub fn plane_text(plane: &Plane) -> String {
     let [x, y] = &plane.states;
     let mut text = format!(
-        "sliding modes of {} over {x} and {y}\n\n   {:<34} {:>8}\n",
+        "sliding modes of {} over {x} and {y}\n\n   {:<40} {:>8}\n",
         plane.switch, "modes", "share"
     );
     for (pattern, share) in plane.shares() {
         let words = words_of(pattern.as_deref());
-        let _ = writeln!(text, "   {words:<34} {:>6.1} %", 100.0 * share);
+        let _ = writeln!(text, "   {words:<40} {:>6.1} %", 100.0 * share);
     }
     for curve in &plane.curves {
         let what = match curve.change {
@@ -71,8 +72,8 @@ pub fn plane_text(plane: &Plane) -> String {
         };
         let _ = writeln!(
             text,
-            "\n   {what}, {} points found\n   {x:<22} {y}",
-            curve.points.len()
+            "\n   {what}, {} found\n   {x:<22} {y}",
+            counted(curve.points.len(), "point")
         );
         let last = curve.points.len().saturating_sub(1);
         let shown = (0..POINTS).map(|k| k * last / (POINTS - 1));

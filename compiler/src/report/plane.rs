@@ -46,19 +46,16 @@ impl Plane {
     }
 }
 
-/// `1 attracting, 1 repelling`, or `none`.
+/// `1 attracting, 1 repelling`, in the order of their values, or `none`.
 pub fn words_of(pattern: Option<&[bool]>) -> String {
     let Some(pattern) = pattern else {
         return "not on the surface".to_owned();
     };
-    let attracting = pattern.iter().filter(|attracts| **attracts).count();
-    let counts = [
-        (attracting, "attracting"),
-        (pattern.len() - attracting, "repelling"),
-    ];
-    let words: Vec<String> = (counts.iter())
-        .filter(|(n, _)| *n > 0)
-        .map(|(n, word)| format!("{n} {word}"))
+    let words: Vec<String> = (pattern.chunk_by(|a, b| a == b))
+        .map(|alike| match alike[0] {
+            true => format!("{} attracting", alike.len()),
+            false => format!("{} repelling", alike.len()),
+        })
         .collect();
     match words.is_empty() {
         true => "none".to_owned(),

@@ -15,8 +15,10 @@ const FOOT: f64 = 34.0;
 /// Left of it: the same.
 const SIDE: f64 = 48.0;
 const N_TICKS: usize = 6;
-/// Where no mode is, and for patterns of modes by how often they occur; distinct to colour-blind readers.
+/// Where no mode is, and where the surface is not met.
 const NONE: RGBColor = RGBColor(246, 246, 246);
+const ELSEWHERE: RGBColor = RGBColor(255, 255, 255);
+/// For patterns of modes by how often they occur; distinct to colour-blind readers.
 const PATTERNS: [RGBColor; 6] = [
     RGBColor(166, 206, 227),
     RGBColor(253, 208, 152),
@@ -25,6 +27,8 @@ const PATTERNS: [RGBColor; 6] = [
     RGBColor(240, 228, 140),
     RGBColor(200, 200, 200),
 ];
+/// Of the colour before, for patterns beyond these.
+const DARKER: f64 = 0.8;
 const FOLD: Stroke = Stroke(1.8, INK);
 const BOUND: Stroke = Stroke(1.0, RGBColor(90, 90, 90));
 const DASHES: (f64, f64) = (4.0, 2.5);
@@ -41,13 +45,16 @@ pub fn write(plane: &Plane) -> String {
     let x = Axis::new(x0, x1).placed(left, right);
     let y = Axis::new(y0, y1).placed(bottom, top);
     let shares = plane.shares();
-    let mut colors = PATTERNS.iter().cycle();
+    let mut colors = (0..).map(color);
     let legend: Vec<(Option<Vec<bool>>, RGBColor)> = shares
         .into_iter()
         .map(|(pattern, _)| {
-            let is_empty = pattern.as_ref().is_none_or(Vec::is_empty);
-            let color = if is_empty { Some(&NONE) } else { colors.next() };
-            (pattern, color.copied().unwrap_or(NONE))
+            let color = match pattern.as_deref() {
+                None => ELSEWHERE,
+                Some([]) => NONE,
+                Some(_) => colors.next().unwrap_or(INK),
+            };
+            (pattern, color)
         })
         .collect();
     let names = legend
@@ -102,6 +109,14 @@ pub fn write(plane: &Plane) -> String {
     )
 }
 
+/// The colour of the k-th pattern.
+fn color(k: usize) -> RGBColor {
+    let RGBColor(red, green, blue) = PATTERNS[k % PATTERNS.len()];
+    let share = DARKER.powi((k / PATTERNS.len()) as i32);
+    let [red, green, blue] = [red, green, blue].map(|part| (share * f64::from(part)) as u8);
+    RGBColor(red, green, blue)
+}
+
 /// One rectangle per run of nodes of a row that have one pattern.
 fn fill(
     canvas: &Canvas<'_>,
@@ -135,6 +150,19 @@ fn fill(
                 canvas.rect(from, (to.0, to.1 + 0.3), *color);
             }
             first = i + 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{ELSEWHERE, NONE, color};
+
+    #[test]
+    fn patterns_have_colours_of_their_own() {
+        let all: Vec<_> = (0..30).map(color).chain([NONE, ELSEWHERE]).collect();
+        for (k, a) in all.iter().enumerate() {
+            assert!(!all[..k].contains(a), "{k}");
         }
     }
 }
