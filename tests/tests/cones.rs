@@ -60,12 +60,20 @@ fn a_start_on_the_surface_needs_no_guess() {
 #[test]
 fn the_axis_of_a_cone_is_a_point_like_others() {
     // A force that is wanted grows from zero until friction, half of the load, is all there is.
-    let model = "state y = 0; y' = z[1];
-      z[3] in argmin (z[1] - time)^2 + z[2]^2 + (z[3] - 1)^2 subject to { 2*norm(z[1..2]) <= z[3]; z[3] = 1; }";
-    for road in ROADS {
-        let found = runs(model, 1.0, road);
-        assert_near(&end(&found, "y"), &[0.125 + 0.25], 1e-10);
-        assert_near(&times(&found, EventKind::Activate), &[0.5], 1e-10);
+    for cone in [
+        "2*norm(z[1..2]) <= z[3];",
+        "norm(k*z[1..2]) <= z[3];",
+        "norm(z[1..2]) <= z[3]/k;",
+    ] {
+        let model = format!(
+            "param k = 2; state y = 0; y' = z[1];
+             z[3] in argmin (z[1] - time)^2 + z[2]^2 + (z[3] - 1)^2 subject to {{ {cone} z[3] = 1; }}"
+        );
+        for road in ROADS {
+            let found = runs(&model, 1.0, road);
+            assert_near(&end(&found, "y"), &[0.125 + 0.25], 1e-10);
+            assert_near(&times(&found, EventKind::Activate), &[0.5], 1e-10);
+        }
     }
 }
 

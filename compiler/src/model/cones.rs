@@ -20,6 +20,7 @@ const ROOT: f64 = 1.0;
 const SHARE: f64 = 0.5;
 
 /// A row r ≥ |p|.
+#[derive(Clone, Debug)]
 pub struct Cone<'e> {
     /// r.
     pub radius: Expr<'e>,
@@ -59,13 +60,11 @@ impl<'e> Cone<'e> {
             let Node::Product(factors) = term.node() else {
                 return None;
             };
-            let [(base, 2)] = factors[..] else {
-                return None;
-            };
-            if weight < 0.0 {
+            if weight < 0.0 || factors.iter().any(|(_, power)| power % 2 != 0) {
                 return None;
             }
-            entries.push(-c * weight.sqrt() * base);
+            let bases = factors.iter().map(|(base, power)| base.powi(power / 2));
+            entries.push(bases.fold(value.exprs().constant(-c * weight.sqrt()), |p, q| p * q));
         }
         if constant > 0.0 {
             entries.push(value.exprs().constant(-c * constant.sqrt()));

@@ -44,14 +44,14 @@ pub struct Program<'e> {
 }
 
 /// H >= 0 or G = 0.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct ProgramRow<'e> {
     /// H or G.
     pub value: Expr<'e>,
     /// True for G = 0.
     pub is_equation: bool,
-    /// True for a second-order cone.
-    pub is_cone: bool,
+    /// H as a second-order cone.
+    pub cone: Option<Cone<'e>>,
     /// r of a ball, H = r² - |z|², which is not negative.
     pub radius: Option<Expr<'e>>,
     /// The row.
@@ -102,7 +102,7 @@ impl<'e> Walk<'e> {
                 program.name.name,
                 k + 1
             );
-            if let Some(cone) = Cone::of(row.value, &vars).filter(|_| row.is_cone) {
+            if let Some(cone) = &row.cone {
                 let program = format!("{}{}", lowering.scope.prefix, program.name.name);
                 let of_row = cone.conditions(&program, k + 1, row.span);
                 let (along, across) = of_row.dual;
@@ -222,7 +222,7 @@ fn constraints<'e>(
             found.push(ProgramRow {
                 value,
                 is_equation,
-                is_cone: !is_equation && Cone::of(value, vars).is_some(),
+                cone: Cone::of(value, vars).filter(|_| !is_equation),
                 radius,
                 span,
             });
@@ -240,7 +240,7 @@ fn bounds<'e>(
     let row = |value: Expr<'e>, span: Span| ProgramRow {
         value,
         is_equation: false,
-        is_cone: false,
+        cone: None,
         radius: None,
         span,
     };

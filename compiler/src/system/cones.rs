@@ -18,7 +18,7 @@ impl<'e> Lowering<'_, 'e> {
         let mut guesses = FxHashMap::default();
         if self.needs.algebraic {
             for program in &self.model.programs {
-                let has_cone = program.rows.iter().any(|row| row.is_cone);
+                let has_cone = program.rows.iter().any(|row| row.cone.is_some());
                 let found = has_cone.then(|| self.guess_program(program)).flatten();
                 guesses.extend(found.into_iter().flatten());
             }
@@ -45,11 +45,7 @@ impl<'e> Lowering<'_, 'e> {
         let entry = |i: usize, j: usize| 0.5 * (map[i].0[j] + map[j].0[i]);
         let hessian: Vec<f64> = (0..n * n).map(|k| entry(k / n, k % n)).collect();
         let cost: Vec<f64> = map.iter().map(|(_, offset)| *offset).collect();
-        let cones: Vec<Option<Cone<'e>>> = (program.rows.iter())
-            .map(|row| Cone::of(row.value, &vars).filter(|_| row.is_cone))
-            .collect();
-        let rows = program.rows.iter().zip(&cones);
-        let blocks = rows.map(|(row, cone)| match cone {
+        let blocks = program.rows.iter().map(|row| match &row.cone {
             Some(cone) => Block {
                 rows: ([cone.radius].iter().chain(&cone.entries))
                     .map(|&e| affine(e))
@@ -66,15 +62,16 @@ impl<'e> Lowering<'_, 'e> {
         });
         let blocks: Vec<Block> = blocks.collect();
         let rows = blocks.iter().flat_map(|block| &block.rows);
-        let mut numbers = rows.flat_map(|(a, b)| a.iter().chain([b])).chain(&hessian);
+        let numbers = rows.flat_map(|(a, b)| a.iter().chain([b]));
+        let mut numbers = numbers.chain(&hessian).chain(&cost);
         if !numbers.all(|number| number.is_finite()) {
             return None;
         }
         let found = conic::solve(&hessian, &cost, &blocks)?;
         let mut guesses: Vec<(Var, f64)> = vars.into_iter().zip(found.x.iter().copied()).collect();
-        let holds = program.multipliers.iter().zip(&cones).zip(&blocks);
-        for (((names, cone), block), dual) in holds.zip(&found.duals) {
-            let values = match cone {
+        let holds = program.multipliers.iter().zip(&program.rows).zip(&blocks);
+        for (((names, row), block), dual) in holds.zip(&found.duals) {
+            let values = match row.cone {
                 None => dual.clone(),
                 Some(_) => {
                     let row = |(a, b): &(Vec<f64>, f64)| {

@@ -46,7 +46,7 @@ impl<'e> Lowering<'_, 'e> {
             let rows: Vec<ProgramRow<'e>> = (program.rows.iter())
                 .map(|row| ProgramRow {
                     value: row.value.substitute(&self.values.signals),
-                    ..*row
+                    ..row.clone()
                 })
                 .collect();
             let objective = program.objective.iter();
@@ -58,7 +58,9 @@ impl<'e> Lowering<'_, 'e> {
                     "what is minimized",
                 )
             });
-            let concave = rows.iter().filter(|row| !row.is_equation && !row.is_cone);
+            let concave = rows
+                .iter()
+                .filter(|row| !row.is_equation && row.cone.is_none());
             let concave = concave.map(|row| (row.value, -1.0, row.span, "the set"));
             for (e, sign, span, what) in objective.chain(concave) {
                 match self.curvature(program, &rows, e, sign) {
