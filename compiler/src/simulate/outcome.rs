@@ -111,8 +111,8 @@ pub(super) fn outside(
     surfaces: Vec<LabeledSpan>,
 ) -> Failure {
     let (what, range) = match coefficient {
-        Coefficient::Restitution => ("restitution", "from 0 to 1"),
-        Coefficient::Friction => ("friction", "from 0 on"),
+        Coefficient::Restitution => ("restitution", "between 0 and 1"),
+        Coefficient::Friction => ("friction", "0 or more"),
     };
     Failure::Coefficient {
         time,

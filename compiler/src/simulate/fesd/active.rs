@@ -90,9 +90,14 @@ impl<'e> Complementarity<'e> {
         Some((watched, members))
     }
 
+    /// Every z, by what is given.
+    pub(super) fn values(&self, given: &Substitution<'e>) -> Vec<Expr<'e>> {
+        let value = |&z: &Var| given.get(z).unwrap_or_else(|| self.exprs.expr(z));
+        self.algebraics.iter().map(value).collect()
+    }
+
     /// The functions while these members are zero.
     pub(super) fn compile(&self, zeros: &[Zero]) -> Option<Reduced> {
-        let exprs = self.exprs;
         let fixed = self.fixed(zeros)?;
         let Remainder {
             unknowns,
@@ -107,17 +112,10 @@ impl<'e> Complementarity<'e> {
             is_direct,
         } = self.differentiate(residuals, &unknowns, &rates);
         let functions: Vec<Expr> = rates.iter().chain(&at_nodes).copied().collect();
-        let algebraics: Vec<Expr> = (self.algebraics.iter())
-            .map(|&z| given.get(z).unwrap_or_else(|| exprs.expr(z)))
-            .collect();
+        let algebraics = self.values(&given);
         let (watched, members) = self.members_of(zeros, &algebraics)?;
         let alphas = given.apply(&self.alphas);
-        let side = |alpha: &Expr| match alpha.as_constant() {
-            Some(alpha) if alpha > 0.5 => Side::Plus,
-            Some(_) => Side::Minus,
-            None => Side::Slide,
-        };
-        let mut sides: Box<[Side]> = alphas.iter().map(side).collect();
+        let mut sides = sides(&alphas);
         for (side, member) in sides.iter_mut().zip(&self.members) {
             if let Some((pair, zero)) = *member {
                 *side = match zeros[pair] == zero {
@@ -126,10 +124,7 @@ impl<'e> Complementarity<'e> {
                 };
             }
         }
-        let sliding: Vec<Expr> = (alphas.iter().zip(&sides))
-            .filter(|(_, side)| **side == Side::Slide)
-            .map(|(&alpha, _)| alpha)
-            .collect();
+        let sliding = sliding(&alphas, &sides);
         let slopes = self.partials(&inputs, &functions, &inputs);
         let constant = expr::jacobian(&functions, &inputs[1..]).entries;
         Some(Reduced {
@@ -152,4 +147,21 @@ impl<'e> Complementarity<'e> {
                 .all(|(.., slope)| slope.as_constant().is_some()),
         })
     }
+}
+
+/// Sides of switches whose α are these; one that is no number slides.
+pub(super) fn sides(alphas: &[Expr]) -> Box<[Side]> {
+    let side = |alpha: &Expr| match alpha.as_constant() {
+        Some(alpha) if alpha > 0.5 => Side::Plus,
+        Some(_) => Side::Minus,
+        None => Side::Slide,
+    };
+    alphas.iter().map(side).collect()
+}
+
+/// α of those that slide.
+pub(super) fn sliding<'e>(alphas: &[Expr<'e>], sides: &[Side]) -> Vec<Expr<'e>> {
+    let all = alphas.iter().zip(sides);
+    let slide = all.filter(|(_, side)| **side == Side::Slide);
+    slide.map(|(&alpha, _)| alpha).collect()
 }

@@ -9,8 +9,9 @@
 //! It is smooth where T = 0: a sliding fold, at which α as a function of time is not.
 
 use nsd_solver::fesd::{Reduced, Watched, Zero};
-use nsd_solver::simulate::{Partials, Side};
+use nsd_solver::simulate::Partials;
 
+use super::active::{sides, sliding};
 use super::complementarity::{Complementarity, variable};
 use super::reduce::{Remainder, eliminate};
 use crate::expr::{Expr, Substitution, Var, variables_of};
@@ -49,9 +50,7 @@ impl<'e> Complementarity<'e> {
         functions.extend([speed, -speed]);
         functions.extend(&phi);
         let functions = by_sigma.apply(&functions);
-        let algebraics: Vec<Expr> = (self.algebraics.iter())
-            .map(|&z| given.get(z).unwrap_or_else(|| exprs.expr(z)))
-            .collect();
+        let algebraics = self.values(&given);
         let (mut watched, mut members) = self.members_of(zeros, &algebraics)?;
         watched.extend(
             [Watched {
@@ -61,15 +60,8 @@ impl<'e> Complementarity<'e> {
         members.extend([speed, left]);
         let members = by_sigma.apply(&members);
         let alphas = given.apply(&self.alphas);
-        let sides: Box<[Side]> = (alphas.iter())
-            .map(|alpha| match alpha.as_constant() {
-                Some(alpha) if alpha > 0.5 => Side::Plus,
-                Some(_) => Side::Minus,
-                None => Side::Slide,
-            })
-            .collect();
-        let sliding = alphas.iter().filter(|alpha| alpha.as_constant().is_none());
-        let sliding: Vec<Expr> = sliding.copied().collect();
+        let sides = sides(&alphas);
+        let sliding = sliding(&alphas, &sides);
 
         let [sigma, speed, left] = [sigma, speed, left].map(variable);
         let states = self.states.iter().copied().chain([self.time, left]);
