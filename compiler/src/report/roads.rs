@@ -8,7 +8,7 @@ use std::fmt::{self, Write};
 use super::text::duration;
 use super::{EventKind, Series, Status, Trajectory};
 
-/// Estimates of errors are right to about this factor.
+/// Estimates of errors are right to about this factor (chosen by trial).
 const SAFETY: f64 = 10.0;
 /// Series are measured by their largest value, and those that stay below this one by this.
 const LEAST_SIZE: f64 = 1e-12;

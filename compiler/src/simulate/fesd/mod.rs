@@ -32,7 +32,8 @@ use crate::system::experiment::{FesdOptions, Settings};
 /// An estimate above this says that the grid is too coarse for the model.
 const COARSE: f64 = 0.01;
 
-/// Tolerances below this, in relation to rounding, make no other elements, so that a finer run says nothing.
+/// Tolerances below this, in relation to rounding, make no other elements, so that a finer run says nothing (chosen by
+/// trial).
 const FINEST: f64 = 1e-13;
 
 /// Keeps the multipliers of a run besides what another observer does.
