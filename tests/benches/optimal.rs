@@ -4,10 +4,13 @@
 //! with the controls ends from what was found.
 //!
 //! Both begin with one guess of their own. Our seconds contain certificates and the branches that they lead to. Three
-//! runs, the quickest.
+//! runs, the quickest. Ours go on for better optima than the first; `as good` has the first stationary point with an
+//! objective that is not above nosnoc's, and the time until it was known.
 
 use std::process::Command;
+use std::time::Instant;
 
+use nsd_solver::mpcc;
 use nsd_tests::with_experiment;
 use nsdc::optimize::{self, Solved};
 use nsdc::report::Trajectory;
@@ -88,19 +91,50 @@ fn main() {
     {
         let ours = problem.ours();
         let theirs = problem.peer();
-        if let (Some(ours), Some(theirs)) = (ours, theirs) {
+        if let (Some((ours, way)), Some([objective, theirs])) = (ours, theirs) {
             print(&format!(
                 "ratio    {:<11} {:.1}",
                 problem.name,
                 theirs / ours
             ));
+            if let Some(first) = way.points.iter().find(|point| point[0] <= objective) {
+                print(&format!(
+                    "as good  {:<11} {:<14.9} {:>8.4}  ratio {:.1}",
+                    problem.name,
+                    first[0],
+                    first[1],
+                    theirs / first[1]
+                ));
+            }
         }
     }
 }
 
+/// The stationary points on the way to the best one: objectives and seconds since the start.
+#[derive(Default)]
+struct Way {
+    started: Option<Instant>,
+    points: Vec<[f64; 2]>,
+}
+
+impl mpcc::Observer for Way {
+    fn program(&mut self, _: &mpcc::Program) {
+        self.started.get_or_insert_with(Instant::now);
+    }
+
+    fn stationary(&mut self, objective: f64) {
+        let seconds = self
+            .started
+            .map_or(0.0, |started| started.elapsed().as_secs_f64());
+        self.points.push([objective, seconds]);
+    }
+}
+
+impl optimize::Watch for Way {}
+
 impl Problem {
-    fn ours(&self) -> Option<f64> {
-        let mut seconds = None;
+    fn ours(&self) -> Option<(f64, Way)> {
+        let mut found = None;
         with_experiment(&self.text, EXPERIMENT, |compiled| {
             let settings = &compiled.settings;
             let task = settings
@@ -108,22 +142,26 @@ impl Problem {
                 .as_ref()
                 .expect("an optimal control problem");
             let request = Request::default();
-            let run =
-                || optimize::run(&compiled.system, settings, task, &[], &request, &mut ()).ok();
+            let run = || {
+                let mut way = Way::default();
+                let system = &compiled.system;
+                let solved = optimize::run(system, settings, task, &[], &request, &mut way).ok()?;
+                Some((solved, way))
+            };
             let runs = (0..RUNS).filter_map(|_| run());
             let best = runs.min_by(|a, b| {
-                let seconds = |solved: &Solved| solved.trajectory.stats.solve_s;
+                let seconds = |run: &(Solved, Way)| run.0.trajectory.stats.solve_s;
                 seconds(a).total_cmp(&seconds(b))
             });
             match best {
-                Some(solved) => {
+                Some((solved, way)) => {
                     self.line("nsdc", &solved.trajectory);
-                    seconds = Some(solved.trajectory.stats.solve_s);
+                    found = Some((solved.trajectory.stats.solve_s, way));
                 }
                 None => print(&format!("nsdc     {:<11} failed", self.name)),
             }
         });
-        seconds
+        found
     }
 
     fn line(&self, solver: &str, found: &Trajectory) {
@@ -144,12 +182,13 @@ impl Problem {
         ));
     }
 
-    fn peer(&self) -> Option<f64> {
+    /// Objective and seconds.
+    fn peer(&self) -> Option<[f64; 2]> {
         let rows = (0..RUNS).filter_map(|_| self.peer_once());
         let seconds = |row: &Value| row["seconds"].as_f64().unwrap_or(f64::INFINITY);
         let row = rows.min_by(|a, b| seconds(a).total_cmp(&seconds(b)))?;
         self.peer_line(&row);
-        Some(seconds(&row))
+        Some([row["objective"].as_f64()?, seconds(&row)])
     }
 
     fn peer_once(&self) -> Option<Value> {

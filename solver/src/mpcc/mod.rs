@@ -22,6 +22,7 @@ mod lpec;
 mod multistart;
 mod observer;
 mod options;
+mod outlook;
 mod polish;
 mod relaxation;
 mod relaxed;
@@ -40,7 +41,8 @@ use crate::ipm;
 use crate::problem::{Mpcc, Nlp};
 use branch::{Branch, choose};
 use certificate::Certificate;
-use polish::{Goal, Guess, Polished, polish};
+use outlook::Goal;
+use polish::{Guess, Polished, polish};
 use way::{DeadEnd, ways};
 use work::Work;
 
@@ -243,6 +245,7 @@ impl Work<'_> {
                 Some(certificate) => certificate,
                 None => self.certify(lifted, &best.point),
             };
+            self.tell(&best, &certificate);
             let Some(step) = &certificate.descent else {
                 match self.elsewhere(lifted, &best, &certificate) {
                     Elsewhere::Better(better) => {

@@ -36,6 +36,9 @@ pub trait Observer {
     /// A program is going to be solved.
     fn program(&mut self, _program: &Program) {}
 
+    /// A stationary point with this objective has been found; the search for better ones goes on.
+    fn stationary(&mut self, _objective: f64) {}
+
     /// An iteration of the program named last.
     fn iteration(&mut self, _program: &Program, _progress: &ipm::Progress<'_>) {}
 }

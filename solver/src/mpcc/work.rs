@@ -3,10 +3,11 @@
 use std::time::{Duration, Instant};
 
 use super::certificate::{Certificate, Tolerances, certify};
+use super::class::Class;
 use super::lift::Lifted;
 use super::observer::{Observer, Program, Shown};
 use super::options::Options;
-use super::polish::Guess;
+use super::polish::{Guess, Polished};
 use super::solution::Stats;
 use crate::ipm;
 use crate::problem::Nlp;
@@ -59,6 +60,13 @@ impl<'o> Work<'o> {
         let certificate = certify(lifted, &point.w, &point.y, &self.tolerances());
         self.stats.certificate_seconds += started.elapsed().as_secs_f64();
         certificate
+    }
+
+    /// Tells of a point that is stationary.
+    pub fn tell(&mut self, point: &Polished, certificate: &Certificate) {
+        if certificate.class != Class::None {
+            self.observer.stationary(point.objective);
+        }
     }
 
     /// Whether the time is up.
