@@ -16,6 +16,7 @@ mod functions;
 mod instants;
 mod laws;
 mod limits;
+mod mode_count;
 mod modes;
 pub mod moreau;
 mod outcome;
@@ -43,6 +44,7 @@ use crate::system::System;
 use crate::system::experiment::{self, Branch, EventOptions, Settings};
 pub use bench::{Bench, End, Variant};
 pub(crate) use elements::Elements;
+use mode_count::ModeCount;
 use modes::ModeNames;
 pub use outcome::sampled;
 use record::{Jump, Recorder};
@@ -315,7 +317,7 @@ impl Estimate {
         Some(Estimate {
             touches,
             error: error.max(rounding),
-            same_modes: comparison.modes == run.n_modes() && fine.status == outcome.status,
+            same_modes: comparison.modes.count == run.n_modes() && fine.status == outcome.status,
         })
     }
 }
@@ -326,7 +328,7 @@ struct Comparison<'r> {
     states: &'r [f64],
     n: usize,
     next: usize,
-    modes: usize,
+    modes: ModeCount,
     /// Jumps of the first run, and how many the second one has met.
     jumps: &'r [Jump],
     jumped: usize,
@@ -346,7 +348,7 @@ impl<'r> Comparison<'r> {
             states: run.states(),
             n,
             next: 0,
-            modes: 1,
+            modes: run.count_modes(),
             jumps: run.jumps(),
             jumped: 0,
             x: vec![0.0; n],
@@ -408,7 +410,7 @@ impl Observer for Comparison<'_> {
     }
 
     fn event(&mut self, event: &solver::Event) {
-        self.modes += 1;
+        self.modes.change(event.time);
         if event.jumps.is_empty() {
             return;
         }

@@ -5,6 +5,7 @@ use std::ops::ControlFlow;
 use nsd_solver::simulate::{Decision, Event, Observer, Outcome, Segment, Side};
 
 use super::limits::Limits;
+use super::mode_count::ModeCount;
 use super::modes::{self, ModeNames};
 use crate::expr;
 use crate::model::Data;
@@ -88,7 +89,16 @@ impl<'s, 'e> Recorder<'s, 'e> {
     }
 
     pub(super) fn n_modes(&self) -> usize {
-        self.changes.len() + 1
+        let mut modes = ModeCount::new(self.horizon);
+        self.changes
+            .iter()
+            .for_each(|change| modes.change(change.0));
+        modes.count
+    }
+
+    /// Counts the modes of another run over the same horizon.
+    pub(super) fn count_modes(&self) -> ModeCount {
+        ModeCount::new(self.horizon)
     }
 
     /// Takes α of a mode, where they are known.

@@ -23,6 +23,8 @@ const MAX_DEPTH: usize = 4;
 
 /// No α of this size is looked for: those of solutions are in [0, 1].
 const FAR: f64 = 1e6;
+/// The same for forces, 1 - α, which have no bound and the unit of the model.
+const FAR_FORCE: f64 = 1e12;
 
 impl<S: SwitchedSystem> Simulator<'_, S> {
     /// All choices of sides with their α.
@@ -272,6 +274,17 @@ impl<'m> Zeros<'m> {
         self.mode.roles[switch] != Role::Step
     }
 
+    /// The largest α of a switch that is looked for.
+    fn far(&self, switch: usize) -> f64 {
+        if self.is_unbounded(switch) {
+            f64::INFINITY
+        } else if self.mode.is_unilateral(switch) {
+            FAR_FORCE
+        } else {
+            FAR
+        }
+    }
+
     /// The zero of the rate of one switch, which is affine in its α.
     fn solve_one(&mut self, switch: usize, start: f64) -> Search {
         self.set(&[start]);
@@ -280,7 +293,7 @@ impl<'m> Zeros<'m> {
             return Search::Singular;
         }
         // Far outside, rounding is all that there is of the dependence on α.
-        if (start - change).abs() <= FAR {
+        if (start - change).abs() <= self.far(switch) {
             self.set(&[start - change]);
             self.found.push(vec![start - change]);
         }
@@ -370,9 +383,8 @@ impl<'m> Zeros<'m> {
                 return true;
             }
             // NaN, or far outside.
-            let bounded = values.iter().zip(&self.unknowns);
-            let mut bounded = bounded.filter(|&(_, &i)| !self.is_unbounded(i));
-            if change.is_nan() || bounded.any(|(value, _)| value.abs() > FAR) {
+            let mut known = values.iter().zip(&self.unknowns);
+            if change.is_nan() || known.any(|(value, &i)| value.abs() > self.far(i)) {
                 break;
             }
         }

@@ -231,7 +231,7 @@ pub(super) fn estimate(
     Estimate {
         touches: Touches::default(),
         error: error.fold(rounding, f64::max),
-        same_modes: comparison.modes == run.n_modes() && fine.status == found.status,
+        same_modes: comparison.modes.count == run.n_modes() && fine.status == found.status,
     }
 }
 
