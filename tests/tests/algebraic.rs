@@ -243,6 +243,11 @@ fn no_solution_and_several_are_told() {
             "state x = 0; algebraic a = 0; 0 <= a perp 1 - a >= 0; x' = a;",
             several,
         ),
+        // Rows that contradict each other from t = 1 on.
+        (
+            "state x = 0; z in argmin z^2 subject to { z >= x; z <= 1; } x' = 1;",
+            none,
+        ),
         // z = √x ends at x = 0.
         (
             "state x = 1; algebraic z = 1; 0 = z^2 - x; x' = -1;",

@@ -228,11 +228,11 @@ pub enum Failure {
     },
 
     /// Equations without a solution.
-    #[error("at t = {time}, no values of the algebraic states satisfy these equations")]
+    #[error("from t = {time} on, no values of the algebraic states satisfy these equations")]
     #[diagnostic(
         code(E0728),
         help(
-            "check whether there is a solution here; where there is one, give a guess close to it: `algebraic z = ..;`, or `with {{ z = ..; }}`"
+            "check whether there is a solution here: rows of a program may contradict each other; where there is one, give a guess close to it: `algebraic z = ..;`, or `with {{ z = ..; }}`"
         )
     )]
     Inconsistent {

@@ -286,7 +286,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         }
         let Some(choice) = valid.pop() else {
             let switches = group.to_vec();
-            return Err(if choices.singular {
+            let is_equation = |&i: &usize| self.system.role(i) != Role::Step;
+            return Err(if group.iter().any(is_equation) {
+                Status::Inconsistent { switches }
+            } else if choices.singular {
                 Status::Undetermined { switches }
             } else {
                 Status::NoSolution { switches }
