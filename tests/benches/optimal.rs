@@ -6,6 +6,7 @@
 //! Both begin with one guess of their own. Our seconds contain certificates and the branches that they lead to. Three
 //! runs, the quickest. Ours go on for better optima than the first; `as good` has the first stationary point with an
 //! objective that is not above nosnoc's, and the time until it was known.
+//! Projected dynamics (`ellipse`, `discs`) are ours alone.
 
 use std::process::Command;
 use std::time::Instant;
@@ -36,7 +37,7 @@ macro_rules! example {
 }
 
 /// Intervals, elements and nodes are those with which the costs are published; examples may be finer.
-fn problems() -> [Problem; 4] {
+fn problems() -> [Problem; 6] {
     [
         (
             "turbo",
@@ -63,6 +64,22 @@ fn problems() -> [Problem; 4] {
             example!("tanks.nsd"),
             "tanks { horizon 100; minimize integral((L[1] - 0.75)^2 + (L[2] - 0.75)^2 + (L[3] - 0.75)^2);",
             (100, 2, 1),
+        ),
+        (
+            "ellipse",
+            example!("around_ellipse.nsd"),
+            "ellipse { horizon 10; minimize integral(10*dot(u, u)); final { x = [0, -4]; }",
+            (50, 2, 3),
+        ),
+        (
+            "discs",
+            example!("pass_discs.nsd"),
+            "discs { horizon 5;
+               minimize integral(1e-4*dot(u, u) + 1e-2*(x[5]^2 + (x[6] - 10)^2))
+                 + final(10*((x[1] + 10)^2 + x[2]^2 + (x[3] - 10)^2 + x[4]^2) + 1e3*(x[5]^2 + (x[6] - 10)^2));
+               subject to { x[1] <= -2.5; x[3] >= 2.5; }
+               guess { u = if time < 1 then [7.5, -10, -2.5, 1.3] else if time < 2.5 then [5, 10, -5, 10] else [-3, -3, 3, -3]; }",
+            (30, 3, 2),
         ),
     ]
     .map(|(name, model, task, (intervals, elements, nodes))| Problem {

@@ -8,6 +8,7 @@ use nsdc::cli::Exit;
 /// Experiments of the examples. All of them pass.
 const EXAMPLES: &[&str] = &[
     "around_ellipse.nsd: across",
+    "around_ellipse.nsd: published",
     "ball_pile.nsd: settles",
     "bouncing_ball.nsd: at_rest",
     "bouncing_ball.nsd: bounces",
@@ -49,6 +50,7 @@ const EXAMPLES: &[&str] = &[
     "parts.nsd: on_ice",
     "parts.nsd: pulled",
     "parts.nsd: to_rest",
+    "pass_discs.nsd: pass",
     "projected.nsd: along",
     "projected.nsd: carried",
     "projected.nsd: level",

@@ -1,6 +1,6 @@
 //! Optimal control against closed forms.
 
-use nsd_tests::{DataFiles, with_data};
+use nsd_tests::{DataFiles, with_data, with_experiment};
 use nsdc::clock::Clock;
 use nsdc::diagnostics::Diagnostics;
 use nsdc::expr::Exprs;
@@ -302,4 +302,69 @@ fn sliding_is_controlled() {
     assert!(objective(&found) <= 9.1501, "{:?}", found.objective);
     let check = found.optimum.and_then(|optimum| optimum.check);
     assert!(check.expect("the simulation ends").terminal_error <= 1e-8);
+}
+
+/// What the state of a model starts from at the ends of control intervals.
+fn started(text: &str) -> Vec<f64> {
+    with_experiment(text, "this", |compiled| {
+        let (system, settings) = (&compiled.system, &compiled.settings);
+        let task = settings.optimize.as_ref().expect("an optimization");
+        let program = optimize::program(system, settings, task, &[]).expect("the program is small");
+        let states = program.variables.iter().rfind(|block| block.name == "x");
+        let guesses = &states.expect("there is a state").bounds;
+        let per_interval = guesses.len() / task.intervals;
+        let ends = guesses.chunks(per_interval).map(|of| of[per_interval - 1]);
+        ends.map(|bounds| bounds.guess).collect()
+    })
+}
+
+#[test]
+fn states_start_from_a_run_with_guessed_controls() {
+    let of = |model: &str, settings: &str| {
+        started(&format!(
+            "model m {{ param k in [0.1, 9] = 1; control u in [-1, 1] = 0; {model} }}
+             optimize this of m {{ horizon 2; intervals 4; scheme radau_iia(2);
+               minimize integral(u^2) + final(x^2); {settings} }}"
+        ))
+    };
+    let near = |found: Vec<f64>, exact: [f64; 4]| {
+        assert_eq!(found.len(), 4);
+        (found.iter().zip(exact)).for_each(|(x, exact)| close(*x, exact, 1e-9));
+    };
+    // Down to the floor at t = 1/2, along it to t = 1, and up again.
+    let floor = "state x = 0.5; x' = k*u; project x onto { x >= 0; }";
+    let turns = "u = if time < 1 then -1 else 0.5;";
+    near(
+        of(floor, &format!("guess {{ {turns} }}")),
+        [0.0, 0.0, 0.25, 0.5],
+    );
+    // A guess of what is free counts as well.
+    let faster = format!("free {{ k; }} guess {{ {turns} k = 2; }}");
+    near(of(floor, &faster), [0.0, 0.0, 0.5, 1.0]);
+    // What is said of states counts, and without a guess they stay where they are.
+    near(of(floor, &format!("guess {{ {turns} x = 3; }}")), [3.0; 4]);
+    near(of(floor, ""), [0.5; 4]);
+    // A run that does not come to the end says nothing: x' = 2 (x + k)² is infinite at t = 1/3.
+    let ends = "state x = 0.5; x' = 2*(x + u)^2;";
+    near(of(ends, "guess { u = 1; }"), [0.5; 4]);
+}
+
+#[test]
+fn a_disc_is_pushed_to_its_place() {
+    // Against its front, and on: with the distance d that is left, the disc that pushes moves by 6, the other one by 3.
+    let text = "model m {
+      state x[4] = [-6, 0, 0, 0];
+      control u[2] in [-5, 5] = 0;
+      x' = [u, 0, 0];
+      project x onto { norm(x[3..4] - x[1..2]) >= 3; }
+    }
+    optimize this of m { horizon 4; intervals 8; elements 2; scheme radau_iia(2);
+      minimize integral(dot(u, u)); final { x[3] = 3; x[4] = 0; }
+      guess { u = [3, 0]; } }";
+    let found = solved(text);
+    // Freely by 3, and with 3 to push half as fast as the control: ∫ u² is least with one u = (3 + 2*3)/4.
+    close(objective(&found), 4.0 * 2.25_f64.powi(2), 1e-6);
+    let check = found.optimum.and_then(|optimum| optimum.check);
+    let check = check.expect("what was found is simulated");
+    assert!(check.terminal_error < 1e-6, "{}", check.terminal_error);
 }

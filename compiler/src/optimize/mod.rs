@@ -38,6 +38,7 @@ use crate::simulate::{self, Request};
 use crate::system::System;
 use crate::system::experiment::{Optimize, Settings};
 use crate::system::freezing::{Frozen, freeze};
+use crate::system::task::Task;
 
 pub use guess::Sampled;
 use moved::Moved;
@@ -143,10 +144,15 @@ pub fn run<'e>(
     })
 }
 
-/// Whether a variable is a control that is decided.
-fn is_control(system: &System, var: Var) -> bool {
-    let mut controls = system.task.iter().flat_map(|task| &task.controls);
-    controls.any(|control| control.var.as_variable() == Some(var))
+/// Whether a variable is a control or a parameter that is decided.
+fn is_decided(system: &System, var: Var) -> bool {
+    let of_task = |task: &Task<'_>| {
+        let controls = task.controls.iter().map(|control| control.var);
+        let params = (task.params.iter()).map(|free| system.params[free.place].var);
+        let mut all = controls.chain(params);
+        all.any(|known| known.as_variable() == Some(var))
+    };
+    system.task.as_ref().is_some_and(of_task)
 }
 
 /// The program of a task, with the point to start from as its guess.
@@ -194,13 +200,24 @@ impl<'p, 'e> Problem<'p, 'e> {
         })
     }
 
-    /// The point to start from, and whether it is that of a rehearsal.
+    /// The point to start from, and whether it is that of a rehearsal in which something jumps.
+    ///
+    /// Where controls are guessed and no states, these are those of a run with the controls.
     fn start(&self, sampled: &[Sampled]) -> (Vec<f64>, bool) {
         let mut guess = guess::start(self, sampled);
-        let is_decided = |(var, _): &(Var, _)| is_control(self.system, *var);
-        let is_free = sampled.is_empty() && self.task.guess.iter().all(is_decided);
-        let rehearsed = is_free && rehearsal::rehearse(self, &mut guess);
-        (guess, rehearsed)
+        let is_decided = |(var, _): &(Var, _)| is_decided(self.system, *var);
+        if !sampled.is_empty() || !self.task.guess.iter().all(is_decided) {
+            return (guess, false);
+        }
+        if rehearsal::rehearse(self, &mut guess) {
+            return (guess, true);
+        }
+        let asks = !self.task.guess.is_empty() && self.frozen.is_none();
+        let run = asks.then(|| rehearsal::sample(self, &guess)).flatten();
+        if let Some(run) = run {
+            guess = guess::start(self, &[run]);
+        }
+        (guess, false)
     }
 }
 

@@ -1,17 +1,17 @@
-//! A start in numerical time: the guessed controls are run from event to event, and elements end where that switches.
+//! A start from controls alone: they are run from event to event.
 //!
-//! What stands still at an instant takes time in the program, and a guess that does not know of it begins in the
-//! wrong modes: contacts then never close.
+//! Where that jumps, elements end there: what stands still at an instant takes time in the program, and a guess that
+//! does not know of it begins in the wrong modes, so that contacts never close.
 
 use std::collections::HashMap;
 
-use super::Problem;
+use super::{Problem, Sampled, solved};
 use crate::dcs::solve_in_mode;
 use crate::expr::Var;
-use crate::report::{Dense, Trajectory};
+use crate::report::{Dense, Status, Trajectory};
 use crate::simulate::{self, Rehearsed, Request, cut};
 use crate::system::experiment::{EventOptions, Method, Sampling, Settings};
-use crate::system::{Param, System};
+use crate::system::{Param, StateGroup, System};
 
 /// Runs in numerical time are so many horizons long, the shorter ones first.
 const LONGER: [f64; 3] = [2.0, 4.0, 16.0];
@@ -73,6 +73,50 @@ pub(super) fn rehearse(problem: &Problem, w: &mut [f64]) -> bool {
         start = end;
     }
     true
+}
+
+/// The states of a run with the controls of a point, at all nodes; nothing where it does not reach the horizon.
+pub(super) fn sample(problem: &Problem, w: &[f64]) -> Option<Sampled> {
+    let layout = &problem.layout;
+    let mut system = solved::system(problem, w);
+    system.outputs.clear();
+    system.controls.clear();
+    system.groups = vec![StateGroup {
+        name: "x".into(),
+        shape: vec![system.states.len()],
+        entries: (0..system.states.len()).collect(),
+    }];
+    let mut settings = problem.settings.clone();
+    let length = settings.horizon / (layout.steps * layout.elements) as f64;
+    let elements = (0..layout.steps * layout.elements).map(|element| element as f64);
+    let nodes = layout.points[1..].iter();
+    let instants = elements.flat_map(|element| nodes.clone().map(move |c| (element + c) * length));
+    let instants = [0.0].into_iter().chain(instants);
+    settings.sampling = Sampling::At(instants.map(|t| t.min(settings.horizon)).collect());
+    settings.method = Method::Event(EventOptions::default());
+    settings.lowerings.clear();
+    (settings.outputs, settings.optimize) = (None, None);
+    let request = Request {
+        dense: false,
+        estimate: false,
+        multipliers: false,
+        time_limit: None,
+    };
+    let run = simulate::run(&system, &settings, &request);
+    let states = run.states.first()?;
+    let entry = |i: usize| {
+        (0..run.time.len())
+            .map(|point| states.at(point)[i])
+            .collect()
+    };
+    let names = system.states.iter().map(|state| state.name.clone());
+    (run.status == Status::Solved).then(|| Sampled {
+        values: names
+            .enumerate()
+            .map(|(i, name)| (name, entry(i)))
+            .collect(),
+        time: run.time.clone(),
+    })
 }
 
 /// A run in numerical time, and the instants at which its clock is at the ends of control intervals.
