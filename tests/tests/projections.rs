@@ -414,3 +414,45 @@ fn a_rectifier_with_a_capacitor_is_a_projection_or_a_relay() {
         assert_near(&on, &times(&b, EventKind::EnterSliding), 1e-9);
     }
 }
+
+#[test]
+fn two_forces_vanish_at_one_instant() {
+    // Two discs push a third one until they pass it, each the mirror image of the other. With the angle θ of the line
+    // between centres and u = (5, 10), forces λ = (5 cos θ - 10 sin θ)/(1 + 2 sin² θ) vanish where tan θ = 1/2, the
+    // third one moves with -2 λ sin θ, and 3 θ' = 5 sin θ + 10 cos θ + 2 λ sin θ cos θ.
+    // Where one force vanishes, what is left of the other one is little, and nothing soon.
+    let model = "model passed {
+      param more = 0;
+      state x[6] = [-3, 0, 3, 0, 0, 0];
+      x' = [5 + more, 10, -5, 10, 0, 0];
+      project x onto { norm(x[5..6] - x[1..2]) >= 3; norm(x[5..6] - x[3..4]) >= 3; }
+    }";
+    // dt/dθ, and what the third one moves by.
+    let rates = |theta: f64| {
+        let (s, c) = theta.sin_cos();
+        let force = (5.0 * c - 10.0 * s) / (1.0 + 2.0 * s * s);
+        let slow = 3.0 / (5.0 * s + 10.0 * c + 2.0 * force * s * c);
+        [slow, -2.0 * force * s * slow]
+    };
+    let (last, n) = (0.5_f64.atan(), 1000);
+    let simpson = |i: usize| {
+        let weight = |k: usize| match k {
+            0 => 1.0,
+            k if k == n => 1.0,
+            k => 2.0 + 2.0 * (k % 2) as f64,
+        };
+        let h = last / n as f64;
+        let terms = (0..=n).map(|k| weight(k) * rates(k as f64 * h)[i]);
+        terms.sum::<f64>() * h / 3.0
+    };
+    for more in [0.0, 1e-10, 1e-8, -3e-8, 1e-7] {
+        let settings = format!("with {{ more = {more:?}; }} tolerance 1e-12;");
+        let found = runs(model, "passed", 0.5, &settings);
+        assert_near(
+            &times(&found, EventKind::Deactivate),
+            &[simpson(0); 2],
+            1e-7,
+        );
+        assert_near(&end(&found, "x")[4..], &[0.0, simpson(1)], 1e-7);
+    }
+}

@@ -75,7 +75,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 _ => true,
             };
             if rests[end] && met {
-                let verdict = self.verdict(state, &[switch], &choices[end], t1);
+                let verdict = self.verdict(state, &[switch], &choices[end], &[1.0], t1);
                 leaves[end] = verdict.is_some_and(|verdict| verdict.agrees);
                 self.look_at(state, switch);
             }

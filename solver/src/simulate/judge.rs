@@ -166,12 +166,24 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         spread
     }
 
+    /// What α of each of the group is measured in, once rates are known: a force in what moves its ψ as fast as the
+    /// rate is large.
+    pub(super) fn units(&self, group: &[usize], rates: &[f64]) -> Vec<f64> {
+        let unit = |(&i, &rate): (&usize, &f64)| {
+            let gain = self.mode.coupling(i, i).abs();
+            let is_force = self.mode.is_unilateral(i) && rate > 0.0 && gain > 0.0;
+            if is_force { rate / gain } else { 1.0 }
+        };
+        group.iter().zip(rates).map(unit).collect()
+    }
+
     /// What the series in the choice's own mode say; nothing where that mode is singular.
     pub(super) fn verdict(
         &mut self,
         state: &mut State,
         group: &[usize],
         choice: &Choice,
+        units: &[f64],
         t1: f64,
     ) -> Option<Verdict> {
         let (mut sides, mut alpha) = (state.sides.clone(), state.alpha.clone());
@@ -194,19 +206,19 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         }
         let h = mode.step_size(tolerance, state, t1 - state.t);
         let h = mode.step_size_of_psi(tolerance, state, h);
-        let stays = |(&i, side): (&usize, &Side)| match side {
+        let stays = |((&i, side), unit): ((&usize, &Side), &f64)| match side {
             _ if mode.is_idle(i, &sides) => true,
             Side::Slide if mode.roles[i] != Role::Step => true,
             Side::Slide => {
-                let series = mode.alpha_series(i);
-                let inward = if series[0] <= TIE && !mode.is_unilateral(i) {
+                let (series, tie) = (mode.alpha_series(i), TIE * unit);
+                let inward = if series[0] <= tie && !mode.is_unilateral(i) {
                     1.0
-                } else if series[0] >= 1.0 - TIE {
+                } else if series[0] >= 1.0 - tie {
                     -1.0
                 } else {
                     return true;
                 };
-                series::leading(series, h, TIE).is_none_or(|k| series[k] * inward > 0.0)
+                series::leading(series, h, tie).is_none_or(|k| series[k] * inward > 0.0)
             }
             side => {
                 let series = mode.psi_series(i);
@@ -214,7 +226,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 leading.is_none_or(|k| series[k] * side.sign() > 0.0)
             }
         };
-        let agrees = group.iter().zip(&choice.sides).all(stays);
+        let agrees = (group.iter().zip(&choice.sides).zip(units)).all(stays);
         let mut terms = Vec::with_capacity(state.x.len() * order);
         for i in 0..state.x.len() {
             let mut power = 1.0;

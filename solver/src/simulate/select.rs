@@ -255,6 +255,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         }
         let choices = self.choices(state, group)?;
         let rates = self.rates(state, group, &choices.found);
+        let units = self.units(group, &rates);
         let mut verdicts = Vec::new();
         for choice in choices.found {
             match self.check(state, group, &choice, &rates) {
@@ -263,7 +264,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 check => verdicts.push((choice, check)),
             }
         }
-        let mut valid = self.confirm(state, group, verdicts, t1);
+        let mut valid = self.confirm(state, group, verdicts, &units, t1);
         if !choices.all && valid.len() == 1 {
             state.note(Note::Unsearched {
                 time: state.t,
@@ -333,6 +334,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         state: &mut State,
         group: &[usize],
         choices: Vec<(Choice, Check)>,
+        units: &[f64],
         t1: f64,
     ) -> Vec<Choice> {
         let alone = choices.len() == 1;
@@ -342,7 +344,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             if alone && matches!(check, Check::Consistent) {
                 return vec![choice];
             }
-            let verdict = self.verdict(state, group, &choice, t1);
+            let verdict = self.verdict(state, group, &choice, units, t1);
             let consistent = match check {
                 Check::Tie => verdict.as_ref().is_some_and(|verdict| verdict.agrees),
                 _ => true,
