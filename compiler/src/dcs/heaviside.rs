@@ -11,7 +11,8 @@
 //! over the signs that its guard fixes; products become variables β, see `lift`.
 //!
 //! A switch that is read nonlinearly keeps the α that the rates hold, in powers or under functions: where it slides, α is
-//! one of the solutions of ∇ψ·f(t, x, α) + ∂ψ/∂t = 0, and the conditions do not say which.
+//! one of the solutions of φ = ∇ψ·f(t, x, α) + ∂ψ/∂t = 0, and the conditions do not say which. Those that attract have
+//! ∂φ/∂α < 0, see [`super::Branch`].
 //!
 //! Acary, de Jong & Brogliato 2014; Nurkanović et al. 2024. The set of rates is the multi-affine one of Dieci & Lopez
 //! 2011: it is Filippov's for one surface and for switches that only add up, else a subset.
@@ -21,7 +22,7 @@ use crate::system::{Role, System};
 
 use super::lift::Lift;
 use super::pointwise::Sides;
-use super::{Algebraic, Cause, Dcs, Formulation, Origin, labels};
+use super::{Algebraic, Branch, Cause, Dcs, Formulation, Origin, labels};
 
 /// Declares α, λᵖ and λⁿ per switch, and one β per product of α.
 pub fn lower<'e>(system: &System<'e>) -> Dcs<'e> {
@@ -87,6 +88,7 @@ pub fn lower<'e>(system: &System<'e>) -> Dcs<'e> {
     let mut rates = lift.lift(&rows);
     let psi = rates.split_off(system.states.len());
     dcs.rates = rates;
+    dcs.branches = branches(system, &dcs, &psi, &alphas);
 
     for (k, (psi, &alpha)) in psi.into_iter().zip(&alphas).enumerate() {
         let (lambda_p, lambda_n) = multipliers[k];
@@ -142,6 +144,33 @@ pub fn lower<'e>(system: &System<'e>) -> Dcs<'e> {
     }
     dcs.alphas = alphas;
     dcs
+}
+
+/// What tells the sliding modes of nonlinear switches apart, for the rates of a system with these ψ and α.
+fn branches<'e>(
+    system: &System<'e>,
+    dcs: &Dcs<'e>,
+    psi: &[Expr<'e>],
+    alphas: &[Expr<'e>],
+) -> Vec<Branch<'e>> {
+    let nonlinear = (0..psi.len()).filter(|&k| system.switches[k].is_nonlinear);
+    let branch = |k: usize| {
+        let alpha = alphas[k];
+        let var = alpha.as_variable()?;
+        let inside = variables_of(&[psi[k]]);
+        let states = dcs.states.iter().map(|state| state.var.as_variable());
+        let terms = states.zip(&dcs.rates).filter_map(|(state, rate)| {
+            let state = state.filter(|state| inside.binary_search(state).is_ok())?;
+            Some(psi[k].diff(state) * rate.diff(var))
+        });
+        Some(Branch {
+            switch: k,
+            alpha,
+            stability: system.exprs.sum(terms),
+            origin: origin(system, k, Cause::Switch(k)),
+        })
+    };
+    nonlinear.filter_map(branch).collect()
 }
 
 /// The rate without those α that do not change it: x α + x (1 - α) is x.

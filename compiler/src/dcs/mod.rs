@@ -83,6 +83,8 @@ pub struct Dcs<'e> {
     pub equations: Vec<Expr<'e>>,
     /// Complementary pairs.
     pub pairs: Vec<Pair<'e>>,
+    /// What tells apart the sliding modes of switches that are read nonlinearly.
+    pub branches: Vec<Branch<'e>>,
     /// Contacts whose impulses act where elements meet; empty where no state jumps.
     pub impacts: Vec<Impact<'e>>,
     /// What is optimized, in z; none in a simulation.
@@ -129,6 +131,19 @@ pub struct Pair<'e> {
     pub left: Expr<'e>,
     /// The second member.
     pub right: Expr<'e>,
+}
+
+/// The sliding modes of a switch that is read nonlinearly: every α at which the rate φ of ψ vanishes.
+#[derive(Clone, Copy, Debug)]
+pub struct Branch<'e> {
+    /// The switch, by its number in the system.
+    pub switch: usize,
+    /// Its α, a variable.
+    pub alpha: Expr<'e>,
+    /// ∂φ/∂α: a mode attracts where it is negative, and repels where it is positive.
+    pub stability: Expr<'e>,
+    /// Its statement.
+    pub origin: Origin,
 }
 
 /// Origins of all rows.
@@ -221,6 +236,7 @@ impl<'e> Dcs<'e> {
             algebraics: Vec::new(),
             equations: Vec::new(),
             pairs: Vec::new(),
+            branches: Vec::new(),
             impacts: Vec::new(),
             task: None,
             alphas: Vec::new(),

@@ -131,7 +131,12 @@ impl<'e> Dcs<'e> {
         let rows = self.rates.iter().chain(&self.equations).copied();
         let task = self.task.iter().flat_map(crate::system::Task::exprs);
         let impacts = self.impacts.iter().flat_map(|impact| impact.exprs());
-        rows.chain(members).chain(task).chain(impacts).collect()
+        let branches = self.branches.iter().map(|branch| branch.stability);
+        rows.chain(members)
+            .chain(task)
+            .chain(impacts)
+            .chain(branches)
+            .collect()
     }
 
     fn algebraic_variables(&self) -> HashSet<Var> {

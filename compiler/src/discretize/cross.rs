@@ -7,6 +7,7 @@
 //! with fewer rows (Nurkanović et al. 2024).
 //! Where both are continuous, as members of algebraic complementarity are, either of them may be a: both are zero at a
 //! switch, and a that closes is zero at the end of its element by a row of its own, see `mpcc::Conditions`.
+//! Where something is optimized, what bounds the stability of nonlinear sliding modes is one more b, see `branch`.
 //! A pair of which neither is continuous is stated at each node alone.
 
 use std::fmt;
@@ -114,8 +115,14 @@ impl<'e> Problem<'_, 'e> {
             let cross = self.detection.map(|detection| detection.cross);
             match cross.filter(|_| group.is_crossed) {
                 None => self.nodewise(&group, mpcc),
-                Some(Cross::All) => self.all(&group, mpcc),
-                Some(Cross::SumTheta) => self.sum_theta(&group, mpcc),
+                Some(Cross::All) => {
+                    self.all(&group, mpcc);
+                    self.bounded(&group, mpcc);
+                }
+                Some(Cross::SumTheta) => {
+                    self.sum_theta(&group, mpcc);
+                    self.bounded(&group, mpcc);
+                }
                 Some(Cross::SumLambda) => self.sum_lambda(&group, mpcc),
                 Some(Cross::SumBoth) => self.sum_both(&group, mpcc),
             }
@@ -165,9 +172,9 @@ impl<'e> Problem<'_, 'e> {
             block = self.bind(block, &b, copy, |[k, j, _]| (k, j, *l));
         }
         let block = self.bind(block, &a, &a, |[k, j, m]| (k, j, m));
-        let text = [at(group.names.0, "m"), summed(group.names.1, l)];
-        mpcc.blocks
-            .push(group.finish(block, a, self.sum(&continuous), text));
+        let (block, b, more) = self.with_bounds(block, &a, self.sum(&continuous));
+        let text = [at(group.names.0, "m"), summed(group.names.1, l) + more];
+        mpcc.blocks.push(group.finish(block, a, b, text));
     }
 
     fn sum_both(&self, group: &Group<'e>, mpcc: &mut Mpcc<'e>) {
@@ -181,9 +188,51 @@ impl<'e> Problem<'_, 'e> {
         for (l, copy) in &continuous {
             block = self.bind(block, &b, copy, |[k, j]| (k, j, *l));
         }
-        let text = [summed(group.names.0, m), summed(group.names.1, l)];
-        let (a, b) = (self.sum(&jumps), self.sum(&continuous));
+        let (block, b, more) = self.with_bounds(block, &a, self.sum(&continuous));
+        let text = [summed(group.names.0, m), summed(group.names.1, l) + more];
+        let a = self.sum(&jumps);
         mpcc.blocks.push(group.finish(block, a, b, text));
+    }
+
+    /// Σ b with the bounds of S, which are complementary to the same a.
+    fn with_bounds<const N: usize>(
+        &self,
+        block: Builder<N>,
+        a: &[Expr<'e>],
+        b: Vec<Expr<'e>>,
+    ) -> (Builder<N>, Vec<Expr<'e>>, &'static str) {
+        let (block, bounds) = self.bounds_of(block, a);
+        let more = match bounds.iter().any(Option::is_some) {
+            true => " + r[k,j]",
+            false => "",
+        };
+        let b = b.into_iter().zip(bounds);
+        let b = b.map(|(b, r)| r.map_or(b, |r| b + r));
+        (block, b.collect(), more)
+    }
+
+    /// Σ a against the bounds of S alone, where b is not added up.
+    fn bounded(&self, group: &Group<'e>, mpcc: &mut Mpcc<'e>) {
+        let (block, bounds) = self.bounds_of(
+            Builder::new("sliding", [self.steps(), self.elements()]),
+            &group.jumps(),
+        );
+        let members = group.members.iter().zip(bounds);
+        let members = members.filter_map(|(&member, r)| Some((member, r?)));
+        let (members, r): (Vec<Members>, Vec<Expr>) = members.unzip();
+        if members.is_empty() {
+            return;
+        }
+        let group = Group { members, ..*group };
+        let [m, _] = self.spans(&group);
+        let a = group.jumps();
+        let jumps = self.copied(&a, m);
+        let block = jumps.iter().fold(block, |block, (m, copy)| {
+            self.bind(block, &a, copy, |[k, j]| (k, j, *m))
+        });
+        let text = [summed(group.names.0, m), "r[k,j]".to_owned()];
+        mpcc.blocks
+            .push(group.finish(block, self.sum(&jumps), r, text));
     }
 
     /// Where a and b are taken.

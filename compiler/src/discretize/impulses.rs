@@ -251,12 +251,9 @@ impl<'e> Problem<'_, 'e> {
 
     /// Which pairs of the program say that there is an impact.
     pub(super) fn impact_pairs(&self, mpcc: &Mpcc<'e>) -> Option<mpcc::Impulses> {
-        let pairs = mpcc.blocks.iter().filter(|block| block.kind == Kind::Pair);
-        let before = pairs.take_while(|block| block.name != "impulse");
-        let first_pair = before.map(|block| block.n_rows() / 2).sum();
         let gaps = self.dcs.impacts.iter().map(|impact| impact.gap);
         self.layout.boundaries.as_ref().map(|_| mpcc::Impulses {
-            first_pair,
+            first_pair: mpcc.first_pair("impulse"),
             gaps: gaps.collect(),
         })
     }

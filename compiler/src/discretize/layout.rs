@@ -6,7 +6,7 @@ use rustc_hash::FxHashSet;
 use super::block::variable;
 use super::impulses::{self, Boundaries};
 use super::quadrature::Integral;
-use super::{Detection, Form, Grid, task};
+use super::{Detection, Form, Grid, branch, task};
 use crate::dcs::Dcs;
 use crate::expr::{Expr, Var, variables_of};
 use crate::mpcc::{Bounds, Mpcc, Span, n_places};
@@ -58,6 +58,8 @@ pub struct Layout {
     pub(super) boundaries: Option<Boundaries>,
     /// Which z are there at a right end that is no node.
     pub(super) at_end: Vec<usize>,
+    /// What bounds the stability of sliding modes, and of how many switches.
+    branches: (usize, usize),
 }
 
 impl Layout {
@@ -106,6 +108,13 @@ impl Layout {
     /// Free parameter i.
     pub fn p(&self, i: usize) -> usize {
         self.params + i
+    }
+
+    /// The first r in an element: for each nonlinear switch one that goes with α and one that goes with 1 - α, see
+    /// `branch`. None where nothing is optimized.
+    pub fn r(&self, k: usize, j: usize) -> Option<usize> {
+        let (first, switches) = self.branches;
+        (switches > 0).then(|| first + self.element(k, j) * 2 * switches)
     }
 
     /// The first control in a step; of linear controls, that at the end of step k, which may be 0.
@@ -349,6 +358,7 @@ pub(super) fn declare(
     let right = [step, element, Span::new("m", end, end)];
     let (components, bounds) = chosen(&at_end);
     let end_algebraics = mpcc.declare("z", components, &right, everywhere(&right, bounds));
+    let branches = branch::declare(mpcc, dcs, per_element);
     Layout {
         steps: grid.steps,
         elements,
@@ -379,6 +389,7 @@ pub(super) fn declare(
         kept,
         boundaries,
         at_end,
+        branches,
     }
 }
 

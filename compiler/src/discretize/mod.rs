@@ -19,12 +19,13 @@
 //!
 //! Where contacts give impulses, every element has a left end of its own, and states jump to it, see `impulses`.
 //!
-//! Where something is optimized, steps are control intervals; `task` adds controls, free parameters, a free T and
+//! Where something is optimized, repelling sliding modes of nonlinear switches are left out, see `branch`; steps are control intervals; `task` adds controls, free parameters, a free T and
 //! constraints, `quadrature` the integrals of the cost.
 //!
 //! Nurkanović, Sperl, Albrecht & Diehl 2024; Baumrucker & Biegler 2009 for free lengths.
 
 mod block;
+mod branch;
 mod cross;
 mod data;
 mod definitions;
@@ -225,6 +226,7 @@ pub fn discretize<'e>(
     problem.define(&mut mpcc);
     problem.dynamics(&mut mpcc);
     problem.complementarity(&mut mpcc);
+    problem.branches(&mut mpcc);
     problem.impulses(&mut mpcc);
     problem.equilibrate(&mut mpcc);
     problem.task(&mut mpcc, &integrals)?;

@@ -363,25 +363,20 @@ impl<'e> Problem<'_, 'e> {
         let mut conditions = Conditions {
             steps: layout.steps,
             elements: layout.elements,
+            branches: self.branch_conditions(mpcc),
             has_more: self.groups().iter().any(|group| !group.is_crossed)
-                || layout.boundaries.is_some(),
+                || layout.boundaries.is_some()
+                || mpcc.blocks.iter().any(|block| block.name == "sliding"),
             impulses: self.impact_pairs(mpcc),
             ..Conditions::default()
         };
-        let pairs = |block: &&Block| block.kind == Kind::Pair;
-        let count = |block: &Block| block.n_rows() / 2;
         let groups = self.groups();
-        let crossed = groups.iter().filter(|group| group.is_crossed);
-        for group in crossed {
-            let place = mpcc
-                .blocks
-                .iter()
-                .filter(pairs)
-                .position(|block| block.name == group.block);
-            let place = place.expect("pairs are stated before what follows from them");
-            let mut blocks = mpcc.blocks.iter().filter(pairs);
-            let first_pair = blocks.by_ref().take(place).map(count).sum();
-            let places = blocks.next().map_or(0, Block::n_places);
+        for group in groups.iter().filter(|group| group.is_crossed) {
+            let is_own = |block: &&Block| block.kind == Kind::Pair && block.name == group.block;
+            let stated = mpcc.blocks.iter().find(is_own);
+            let stated = stated.expect("pairs are stated before what follows from them");
+            let places = stated.n_places();
+            let first_pair = mpcc.first_pair(group.block);
             conditions.groups.push(mpcc::Group {
                 first_pair,
                 per_element: places / (layout.steps * layout.elements),
@@ -412,8 +407,14 @@ impl<'e> Problem<'_, 'e> {
                 }
             }
             let values = values.into_iter().map(|terms| mpcc.exprs.sum(terms));
+            let (block, stabilities) = self.stabilities_at_end(block, |[k, j]| (k, j));
+            let values = values.zip(&a).map(|(value, &a)| match self.branch_of(a) {
+                Some(branch) => value * stabilities[branch],
+                None => value,
+            });
+            let times = if stabilities.is_empty() { "" } else { "*S" };
             let text = format!(
-                "0 = {}(z[k,j]) at the end, where it reaches zero there",
+                "0 = {}{times}(z[k,j]) at the end, where it reaches zero there",
                 group.names.0
             );
             let block: Block = group.conditional(block, values.collect(), text);

@@ -6,6 +6,9 @@
 //! - nothing switches where the same pairs are open on both sides: the lengths of the two elements are equal;
 //! - a pair that closes while none opens leaves a sliding mode: a is zero there.
 //!
+//! What closes for a nonlinear switch is its a times the stability of its sliding mode; where controls are continuous
+//! between steps it closes there, too.
+//!
 //! An impact is a switch, too: a contact that was not closed before has a gap that is zero at the boundary.
 //!
 //! Where a pair opens, b is continuous and zero at the boundary, which is row enough. Of several pairs that close at
@@ -28,8 +31,19 @@ pub struct Conditions {
     pub equal: Option<usize>,
     /// Whether elements have pairs besides.
     pub has_more: bool,
+    /// How sliding modes of nonlinear switches end where a step does.
+    pub branches: Branches,
     /// The pairs of impulses, where contacts give them.
     pub impulses: Option<Impulses>,
+}
+
+/// Ends of sliding modes where steps end.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Branches {
+    /// Members, of all groups, that close where a nonlinear switch leaves its surface.
+    pub members: Vec<usize>,
+    /// The block of rows by which they do.
+    pub leave: Option<usize>,
 }
 
 /// Pairs of an impulse and a gap where elements begin.
@@ -95,7 +109,12 @@ impl Conditions {
             number: group.leave,
             rows: group.members * self.boundaries(),
         });
-        equal.into_iter().chain(leave)
+        let branches = &self.branches;
+        let between = branches.leave.map(|number| Rows {
+            number,
+            rows: branches.members.len() * (self.steps - 1),
+        });
+        equal.into_iter().chain(leave).chain(between)
     }
 
     /// Which pairs are open in an element, counted from 0: those of all groups, one after the other.
@@ -172,6 +191,15 @@ impl Conditions {
             }
             if let (false, Some(equal)) = (changes, self.equal) {
                 rows.push((equal, boundary));
+            }
+        }
+        if let Some(leave) = self.branches.leave {
+            for step in 1..self.steps {
+                let element = step * self.elements - 1;
+                let [before, behind] = [element, element + 1].map(|e| self.open(e, zeros));
+                let members = self.branches.members.iter().enumerate();
+                let closing = members.filter(|&(_, &member)| before[member] && !behind[member]);
+                rows.extend(closing.map(|(at, _)| (leave, at * (self.steps - 1) + step - 1)));
             }
         }
         rows.sort_unstable();

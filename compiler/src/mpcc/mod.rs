@@ -31,7 +31,7 @@ mod verify;
 
 use std::ops::Range;
 
-pub use conditions::{Conditions, Group, Impulses};
+pub use conditions::{Branches, Conditions, Group, Impulses};
 pub use evaluate::Evaluator;
 pub use flat::{Flat, Row, Value};
 pub use nl::Ampl;
@@ -332,6 +332,13 @@ impl<'e> Mpcc<'e> {
             *start = rows.end;
             Some((block, rows))
         })
+    }
+
+    /// The number of the first pair of a block among all pairs, or of all pairs where there is no such block.
+    pub fn first_pair(&self, name: &str) -> usize {
+        let pairs = self.blocks.iter().filter(|block| block.kind == Kind::Pair);
+        let before = pairs.take_while(|block| block.name != name);
+        before.map(|block| block.n_rows() / 2).sum()
     }
 
     /// l, u and guess of all variables.

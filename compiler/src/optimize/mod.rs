@@ -3,10 +3,12 @@
 //! 1. The complementarity system is discretized ([`crate::discretize`]) and compiled.
 //! 2. It is solved from one or several starts: relaxation, polish, certificate ([`nsd_solver::mpcc`]).
 //! 3. The best solution is a trajectory (`record.rs`) of a system that has nothing left to decide (`solved.rs`).
-//! 4. That system is simulated from event to event, as a check by another method (`check.rs`).
+//! 4. Where switches are read nonlinearly, it is brought into the sliding modes of the model (`branches.rs`).
+//! 5. That system is simulated from event to event, as a check by another method (`check.rs`).
 //!
 //! What is in numerical time ([`crate::system::freezing`]) comes back to physical time with the trajectory (`thaw.rs`).
 
+mod branches;
 mod check;
 mod failure;
 mod guess;
@@ -15,8 +17,6 @@ mod read;
 mod record;
 mod rehearsal;
 mod solved;
-#[cfg(test)]
-mod tests;
 mod thaw;
 
 use std::sync::Arc;
@@ -105,12 +105,19 @@ pub fn run<'e>(
     let built = started.elapsed().as_secs_f64();
 
     let started = Instant::now();
-    let found = solve(&mut problem, &guess, rehearsed, request, watch);
-    let seconds = started.elapsed().as_secs_f64();
+    let options = options(&problem, rehearsed, request);
+    let found = solve(&mut problem, &guess, &options, watch);
     let best = found
         .best
         .unwrap_or_else(|| least_violated(&found.solutions));
-    let solution = &found.solutions[best];
+    let mut solution = found.solutions[best].clone();
+    let has_branches = !problem.dcs.branches.is_empty() && solution.is_feasible();
+    let in_other_mode = match has_branches {
+        true => branches::settle(&mut problem, &mut solution, &options, watch),
+        false => None,
+    };
+    let seconds = started.elapsed().as_secs_f64();
+    let solution = &solution;
     let mut solved = solved::system(&problem, &solution.w);
     // Integrals are no states of the model.
     let integrals = system.task.as_ref().map_or(0, |task| task.integrals);
@@ -134,7 +141,7 @@ pub fn run<'e>(
     if solution.is_feasible() {
         check::simulate(&problem, solution, &mut trajectory);
     }
-    trajectory.failure = failure::of(&mut problem, solution);
+    trajectory.failure = failure::of(&mut problem, solution).or(in_other_mode);
     if let Some(failure) = &trajectory.failure {
         trajectory.status = failure.status();
     }
@@ -221,14 +228,8 @@ impl<'p, 'e> Problem<'p, 'e> {
     }
 }
 
-/// All starts, several in parallel.
-fn solve(
-    problem: &mut Problem,
-    guess: &[f64],
-    rehearsed: bool,
-    request: &Request,
-    watch: &mut dyn Watch,
-) -> MultiStart {
+/// How a task is solved.
+fn options(problem: &Problem, rehearsed: bool, request: &Request) -> Options {
     let chosen = &problem.task.options;
     let form = Form {
         relaxation: chosen.relaxation,
@@ -247,7 +248,7 @@ fn solve(
         None => [SINGLE_EFFORT, SINGLE_PATIENCE],
         Some(_) => [Options::default().effort, Options::default().patience],
     };
-    let options = Options {
+    Options {
         effort,
         patience,
         form,
@@ -255,7 +256,16 @@ fn solve(
         time_limit: request.time_limit,
         trusts_start: rehearsed && problem.task.starts.is_none(),
         ..Options::default()
-    };
+    }
+}
+
+/// All starts, several in parallel.
+fn solve(
+    problem: &mut Problem,
+    guess: &[f64],
+    options: &Options,
+    watch: &mut dyn Watch,
+) -> MultiStart {
     let count = problem.task.starts.map_or(1, |starts| starts.count);
     let mut progress = Progress {
         done: 0,
@@ -264,7 +274,7 @@ fn solve(
     };
     watch.progress(&progress);
     let Some(starts) = problem.task.starts else {
-        let found = mpcc::solve_observed(&mut problem.program, guess, &options, watch);
+        let found = mpcc::solve_observed(&mut problem.program, guess, options, watch);
         return MultiStart::new(vec![found]);
     };
     let moved = |number| mpcc::perturbed(guess, starts.deviation, starts.seed, number as u64);
@@ -276,7 +286,7 @@ fn solve(
             ..progress
         });
     };
-    mpcc::multistart(&problem.program, &starts, &options, threads(), &mut heard)
+    mpcc::multistart(&problem.program, &starts, options, threads(), &mut heard)
 }
 
 /// Where no start led to a feasible point, the one that came closest.

@@ -26,6 +26,9 @@ pub(super) fn rehearse(problem: &Problem, w: &mut [f64]) -> bool {
     let Some(task) = &problem.dcs.task else {
         return false;
     };
+    if !problem.dcs.branches.is_empty() {
+        return in_modes(problem, &problem.simulated(w), w);
+    }
     if problem.frozen.is_none() && problem.dcs.impacts.is_empty() {
         return false;
     }
@@ -47,16 +50,9 @@ pub(super) fn rehearse(problem: &Problem, w: &mut [f64]) -> bool {
     }
     let horizon = settings.horizon;
     let Some(frozen) = &problem.frozen else {
-        let Some(rehearsed) = Rehearsed::new(&system, settings) else {
-            return false;
-        };
-        let bounds = problem.mpcc.bounds();
-        for k in 1..=layout.steps {
-            let instant = |k: usize| horizon * k as f64 / layout.steps as f64;
-            let interval = (instant(k - 1), instant(k));
-            rehearsed.fill((&problem.dcs, layout, &bounds), k, interval, w);
-        }
-        return true;
+        let rehearsed = Rehearsed::new(&system, settings);
+        follow(problem, &rehearsed, horizon, w);
+        return rehearsed.begins();
     };
     let Some((run, ends)) = run(&system, settings, frozen.clock, layout.steps, horizon) else {
         return false;
@@ -117,6 +113,40 @@ pub(super) fn sample(problem: &Problem, w: &[f64]) -> Option<Sampled> {
             .collect(),
         time: run.time.clone(),
     })
+}
+
+/// Gives lengths, states and multipliers the values of a run to a horizon.
+fn follow(problem: &Problem, run: &Rehearsed, horizon: f64, w: &mut [f64]) {
+    let layout = &problem.layout;
+    let bounds = problem.mpcc.bounds();
+    for k in 1..=layout.steps {
+        let instant = |k: usize| horizon * k as f64 / layout.steps as f64;
+        let interval = (instant(k - 1), instant(k));
+        run.fill((&problem.dcs, layout, &bounds), k, interval, w);
+    }
+}
+
+/// The same with nonlinear switches, and with the controls of the point itself; false where the run ends before.
+pub(super) fn in_modes(problem: &Problem, run: &Rehearsed, w: &mut [f64]) -> bool {
+    if run.failure.is_some() {
+        return false;
+    }
+    follow(problem, run, problem.horizon(w), w);
+    let layout = &problem.layout;
+    for (k, j) in layout.all_elements() {
+        let alphas: Vec<Vec<f64>> = (1..=layout.nodes)
+            .map(|m| problem.alphas(w, (k, j, m)))
+            .collect();
+        for (i, branch) in problem.dcs.branches.iter().enumerate() {
+            // Only where it slides is its stability bounded.
+            let Some(r) = layout.r(k, j) else { continue };
+            for (side, end) in [0.0, 1.0].into_iter().enumerate() {
+                let is_there = |alphas: &Vec<f64>| (alphas[branch.switch] - end).abs() <= ROUNDING;
+                w[r + 2 * i + side] = f64::from(u8::from(alphas.iter().all(is_there)));
+            }
+        }
+    }
+    true
 }
 
 /// A run in numerical time, and the instants at which its clock is at the ends of control intervals.

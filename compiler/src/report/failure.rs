@@ -378,6 +378,25 @@ pub enum Failure {
         span: Span,
     },
 
+    /// An optimum in other sliding modes than the model.
+    #[error(
+        "at t = {time}, the program has `{name}` at {found}, and a simulation with its controls at {simulated}"
+    )]
+    #[diagnostic(
+        code(E0732),
+        help(
+            "several sliding modes are consistent here, and the model takes the one that is reached from the side of entry: try another `guess`, more `elements`, or constraints that this one can meet"
+        )
+    )]
+    OtherMode {
+        time: f64,
+        name: String,
+        found: String,
+        simulated: String,
+        #[label("read nonlinearly")]
+        span: Span,
+    },
+
     /// Out of time.
     #[error("at t = {time}, the time limit was reached")]
     #[diagnostic(code(E0709), help("raise `--time-limit`, or loosen the tolerance"))]

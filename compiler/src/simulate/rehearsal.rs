@@ -7,7 +7,7 @@ use crate::dcs::{Dcs, solve_in_mode};
 use crate::discretize::Layout;
 use crate::expr::{Expr, Var};
 use crate::mpcc::Bounds;
-use crate::report::{Dense, EventKind};
+use crate::report::{Dense, EventKind, Failure};
 use crate::system::System;
 use crate::system::experiment::{EventOptions, Method, Sampling, Settings};
 
@@ -20,7 +20,7 @@ const INSIDE: f64 = 1e-6;
 /// How accurate the run is.
 const TOLERANCE: f64 = 1e-11;
 
-/// A run whose contacts give impulses.
+/// A run in the modes of the model.
 pub(crate) struct Rehearsed<'e> {
     system: System<'e>,
     dense: Dense,
@@ -28,11 +28,13 @@ pub(crate) struct Rehearsed<'e> {
     switches: Vec<f64>,
     /// When contacts strike, by name.
     strikes: Vec<(f64, String)>,
+    /// Why it ended before its horizon.
+    pub failure: Option<Failure>,
 }
 
 impl<'e> Rehearsed<'e> {
-    /// Over the horizon of the experiment; nothing where the run does not begin.
-    pub fn new(system: &System<'e>, settings: &Settings<'e>) -> Option<Self> {
+    /// Over the horizon of the experiment.
+    pub fn new(system: &System<'e>, settings: &Settings<'e>) -> Self {
         let mut system = system.clone();
         system.outputs.clear();
         let mut settings = settings.clone();
@@ -57,12 +59,25 @@ impl<'e> Rehearsed<'e> {
         let modes = run.modes.iter().skip(1).map(|mode| mode.from);
         let mut switches: Vec<f64> = modes.chain(strikes.iter().map(|strike| strike.0)).collect();
         switches.sort_by(f64::total_cmp);
-        (!run.dense.pieces.is_empty()).then_some(Rehearsed {
+        Rehearsed {
             system,
             dense: run.dense,
             switches,
             strikes,
-        })
+            failure: run.failure,
+        }
+    }
+
+    /// Whether it has got beyond its start.
+    pub fn begins(&self) -> bool {
+        !self.dense.pieces.is_empty()
+    }
+
+    /// α of all switches at an instant.
+    pub fn alphas(&self, time: f64) -> Option<Vec<f64>> {
+        let (row, _) = self.at(time, time)?;
+        let n = self.system.states.len();
+        Some(row[n..n + self.system.switches.len()].to_vec())
     }
 
     /// Gives the lengths, states, impulses and multipliers of step k the values of the run in an interval.
@@ -81,6 +96,9 @@ impl<'e> Rehearsed<'e> {
         let near = CLOSEST * (end - start);
         for (j, h) in (1..).zip(cut(start, end, &self.switches, layout.elements)) {
             set(layout.h(k, j), h);
+            if let Some(t) = layout.t(k, j) {
+                set(t, start);
+            }
             let first = layout.impulses(k, j);
             for (m, c) in layout.points.iter().enumerate() {
                 let inside = start + c.clamp(INSIDE, 1.0 - INSIDE) * h;

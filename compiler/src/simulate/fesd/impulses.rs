@@ -178,7 +178,7 @@ impl<'s, 'e> Run<'s, 'e> {
             horizon: settings.horizon,
             steps,
             deadline,
-            rehearsed: Rehearsed::new(system, settings),
+            rehearsed: Some(Rehearsed::new(system, settings)).filter(Rehearsed::begins),
             x: dcs.states.iter().map(|state| state.initial).collect(),
             dcs,
             size: 0.0,

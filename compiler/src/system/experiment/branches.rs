@@ -1,6 +1,8 @@
 //! What experiments do not take of switches that are read nonlinearly.
 
 use super::{ExperimentError, Method, Settings};
+use crate::expr::{Expr, variables_of};
+use crate::model::Data;
 use crate::source::Span;
 use crate::system::{Role, System};
 
@@ -10,12 +12,14 @@ impl Settings<'_> {
         let k = system.first_nonlinear()?;
         let switch = &system.switches[k];
         let by_elements = matches!(self.method, Method::Fesd(_));
+        let is_optimized = self.optimize.is_some();
         let mut beside = None;
-        let what = if self.optimize.is_some() {
-            "`optimize`".to_owned()
-        } else if self.freezes() {
+        let what = if self.freezes() {
             "`lower timefreezing`".to_owned()
-        } else if !self.method.takes_any_state() && !by_elements {
+        } else if let Some((other, span)) = beside_forces(system).filter(|_| is_optimized) {
+            beside = Some(span);
+            format!("`optimize` with {other}")
+        } else if !is_optimized && !self.method.takes_any_state() && !by_elements {
             format!("`method {}`", self.method.word())
         } else if let Some((other, span)) = beside_branches(system).filter(|_| by_elements) {
             beside = Some(span);
@@ -36,7 +40,19 @@ impl Settings<'_> {
 
 /// What finite elements do not take beside such switches, and where it stands.
 pub fn beside_branches(system: &System) -> Option<(&'static str, Span)> {
-    let kept = system.switches.iter().enumerate().find_map(|(k, switch)| {
+    let functions: Vec<Expr> = system.switches.iter().map(|switch| switch.psi).collect();
+    let inside = variables_of(&functions);
+    let is_watched = |data: &&Data| {
+        let var = data.var.as_variable();
+        var.is_some_and(|var| inside.contains(&var))
+    };
+    let data = || system.data.iter().find(is_watched);
+    beside_forces(system).or_else(|| Some(("switches on signals from tables", data()?.span)))
+}
+
+/// What keeps its surface in another way than by α between 0 and 1, and where it stands.
+fn beside_forces(system: &System) -> Option<(&'static str, Span)> {
+    system.switches.iter().enumerate().find_map(|(k, switch)| {
         let what = match (switch.role, switch.unilateral) {
             (Role::Equation | Role::Member(_), _) => "algebraic states",
             (Role::Step, true) if system.is_projected(k) => "a projection",
@@ -44,6 +60,5 @@ pub fn beside_branches(system: &System) -> Option<(&'static str, Span)> {
             (Role::Step, false) => return None,
         };
         Some((what, *switch.spans.first()?))
-    });
-    kept.or_else(|| Some(("signals from tables", system.data.first()?.span)))
+    })
 }

@@ -249,7 +249,7 @@ pub enum ExperimentError {
     #[diagnostic(
         code(E0920),
         help(
-            "`method event`, which is the default, and `method smoothing` take it, and so does `method fesd` where rates depend on states and time alone; `with {{ {name}.sliding = linear; }}` chooses Filippov's reading, without hidden terms"
+            "`method event`, which is the default, takes every switch that moves its surface at once, with all that is beside it; `with {{ {name}.sliding = linear; }}` chooses Filippov's reading, without hidden terms"
         )
     )]
     Nonlinear {

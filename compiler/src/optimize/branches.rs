@@ -1,0 +1,129 @@
+//! Whether a solution is in the sliding modes of the model, where switches are read nonlinearly.
+//!
+//! The program tells sliding modes that attract from those that repel, but not which of several is entered, nor that one
+//! is not left before it ends: that depends on the side that the state comes from, which the dummy system knows
+//! ([`nsd_solver::simulate`]). So the controls that were found are run from event to event. Where that run is in other
+//! modes the program is solved again from it, in its modes. What differs still is no solution of the model.
+
+use nsd_solver::mpcc::{self, Options, Solution};
+use nsd_solver::tableau::lagrange;
+
+use super::{Problem, Watch, rehearsal, solved};
+use crate::report::Failure;
+use crate::simulate::Rehearsed;
+
+/// How often a program is solved again.
+const MAX_ROUNDS: usize = 4;
+/// α that differ by less are in one mode.
+const APART: f64 = 0.1;
+/// Modes may differ for so long, as a share of the horizon: switches of both are not at the same instants.
+const BRIEF: f64 = 1e-2;
+
+/// Where a solution and a run with its controls are in different modes.
+struct Difference {
+    time: f64,
+    /// The switch.
+    switch: usize,
+    /// Its α in the solution and in the run.
+    alphas: [f64; 2],
+}
+
+impl<'e> Problem<'_, 'e> {
+    /// A run from event to event with the controls of a point.
+    pub(super) fn simulated(&self, w: &[f64]) -> Rehearsed<'e> {
+        let mut settings = self.settings.clone();
+        settings.horizon = self.horizon(w);
+        let mut system = solved::system(self, w);
+        system.controls.clear();
+        Rehearsed::new(&system, &settings)
+    }
+
+    /// Where nonlinear switches of a point differ from those of a run first, if they do for long.
+    fn difference(&self, run: &Rehearsed, w: &[f64]) -> Option<Difference> {
+        let layout = &self.layout;
+        let horizon = self.horizon(w);
+        let middle = lagrange(&layout.points[1..=layout.nodes], &[0.5]);
+        let (mut first, mut duration) = (None, 0.0);
+        for (k, j) in layout.all_elements() {
+            let h = w[layout.h(k, j)].max(0.0);
+            let before: f64 = (1..j).map(|j| w[layout.h(k, j)].max(0.0)).sum();
+            let start = horizon * (k - 1) as f64 / layout.steps as f64 + before;
+            let time = start + 0.5 * h;
+            let Some(simulated) = run.alphas(time) else {
+                continue;
+            };
+            let nodes: Vec<Vec<f64>> = (1..=layout.nodes)
+                .map(|m| self.alphas(w, (k, j, m)))
+                .collect();
+            let differs = self.dcs.branches.iter().find_map(|branch| {
+                let switch = branch.switch;
+                let found = nodes.iter().zip(&middle);
+                let found: f64 = found.map(|(alphas, share)| share * alphas[switch]).sum();
+                let other = simulated[switch];
+                ((found - other).abs() > APART).then_some(Difference {
+                    time: start,
+                    switch,
+                    alphas: [found, other],
+                })
+            });
+            if let Some(differs) = differs {
+                duration += h;
+                first.get_or_insert(differs);
+            }
+        }
+        first.filter(|_| duration > BRIEF * horizon)
+    }
+
+    /// What is wrong with a solution in other modes than the model.
+    fn in_other_mode(&self, difference: &Difference) -> Failure {
+        let switch = &self.system.switches[difference.switch];
+        let reading = switch.named.first();
+        let shown = |alpha: f64| {
+            let value = reading.map_or(alpha, |reading| reading.value(alpha));
+            format!("{value:.4}")
+        };
+        let [found, simulated] = difference.alphas.map(shown);
+        Failure::OtherMode {
+            time: difference.time,
+            name: switch.name.clone(),
+            found,
+            simulated,
+            span: switch.spans.first().copied().unwrap_or(self.settings.span),
+        }
+    }
+}
+
+/// Brings a solution into the modes of the model; the failure says why it is in others.
+pub(super) fn settle(
+    problem: &mut Problem,
+    solution: &mut Solution,
+    options: &Options,
+    watch: &mut dyn Watch,
+) -> Option<Failure> {
+    let options = Options {
+        trusts_start: true,
+        effort: 0,
+        ..options.clone()
+    };
+    for round in 0.. {
+        let run = problem.simulated(&solution.w);
+        if run.failure.is_some() {
+            return run.failure;
+        }
+        let difference = problem.difference(&run, &solution.w)?;
+        let failure = problem.in_other_mode(&difference);
+        if round == MAX_ROUNDS {
+            return Some(failure);
+        }
+        let mut start = solution.w.clone();
+        rehearsal::in_modes(problem, &run, &mut start);
+        let found = mpcc::solve_observed(&mut problem.program, &start, &options, watch);
+        if !found.is_feasible() {
+            return Some(failure);
+        }
+        let iterations = solution.stats.iterations;
+        *solution = found;
+        solution.stats.iterations += iterations;
+    }
+    None
+}
