@@ -163,6 +163,27 @@ fn static_friction_is_larger_than_kinetic() {
 }
 
 #[test]
+fn folds_are_found_whatever_the_numbers() {
+    // A push that grows along a line reaches the strongest friction at t = (F + c)/b, and x = 0 until then; afterwards
+    // x' = v with v' = b t - c - 1.
+    for k in 0..40 {
+        let b = 0.61 + 0.173 * f64::from(k);
+        let c = 0.007 * f64::from(k * k % 17);
+        let folds = (strongest() + c) / b;
+        let text = format!(
+            "model m {{ state x = 0; state v = 0; switch s = sign(v) sliding nonlinear;
+               x' = v; v' = {b}*time - {c} - s; hidden on s {{ v' += -2*pi*s*(1 - s^2); }} }}
+             simulate run of m {{ horizon {}; tolerance 1e-11; }}",
+            folds + 0.5
+        );
+        let found = solved(&text, "run");
+        close(&times(&found, EventKind::Fold), &[folds], 1e-11 * folds);
+        let v = 0.5 * (b * (folds + 0.25) - c - 1.0);
+        close(&end(&found, "v"), &[v], 1e-10 * v);
+    }
+}
+
+#[test]
 fn with_less_damping_it_sticks_and_slips_for_ever() {
     let found = solved(BELT, "cycle");
     let leaves = 0.25 - strongest();

@@ -18,6 +18,9 @@ const CLOSE: f64 = 3e-5;
 /// Newton iterations.
 const MAX_ITERATIONS: usize = 30;
 
+/// Roundings of its terms that φ may be wrong by.
+const ROUNDINGS: f64 = 4.0;
+
 /// A change of α over which S is compared.
 const APART: f64 = 1e-5;
 
@@ -72,13 +75,16 @@ impl Mode {
             let [phi, slope] = self.phi_and_slope(i, alpha);
             let by_time = (ahead - phi) / left;
             let (by, later) = (-slope / curvature, -phi / by_time);
+            // An instant is known as far as rounding in t and in φ lets it be.
+            let terms = self.terms_of_phi(i) / by_time.abs();
+            let rounding = ROUNDINGS * f64::EPSILON * (state.t.abs() + terms);
             (alpha, tau) = (alpha + by, tau + later);
             let is_near = (alpha - start - moves).abs() <= 0.5 * moves.abs()
                 && (tau - left).abs() <= 0.5 * left;
             if !is_near {
                 return None;
             }
-            if by.abs() <= 1e-12 && later.abs() <= 1e-10 * left {
+            if by.abs() <= 1e-12 && later.abs() <= (1e-10 * left).max(rounding) {
                 self.shift(state, tau, &rate);
                 let fold = Fold {
                     switch: i,
