@@ -148,11 +148,12 @@ fn repelling_modes_are_infeasible() {
 }
 
 #[test]
-fn a_mode_that_has_not_ended_is_not_left() {
-    // A constant u below the largest friction does not tear the block loose, although v' = u - 1 is a motion, too.
-    let model = BLOCK.replace("[-9, 9]", "[-9, 2.9]");
+fn a_mode_that_is_met_first_is_not_crossed() {
+    // With 1 < u < F the field points upwards on both sides of v = 0, but between them it has a zero, where the block
+    // comes to rest for good. Constant controls below F cannot bring it further.
+    let model = BLOCK.replace("[-9, 9] = 0", "[-9, 2.9] = 1.2");
     let found = result(&format!(
-        "{model} optimize o of m {{ horizon 2; intervals 2; final {{ v = 0.5; }} minimize integral(u^2); }}"
+        "{model} optimize o of m {{ horizon 2; intervals 1; elements 3; final {{ v = 0.5; }} minimize integral(u^2); }}"
     ));
     let Some(Failure::OtherMode { name, .. }) = &found.failure else {
         panic!("{:?} {:?}", found.status, found.failure)

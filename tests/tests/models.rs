@@ -55,6 +55,7 @@ const EXAMPLES: &[&str] = &[
     "projected.nsd: carried",
     "projected.nsd: level",
     "puck.nsd: carry",
+    "push_crate.nsd: push",
     "rectifier.nsd: rectifies",
     "schedule.nsd: day",
     "spiral.nsd: zeno",

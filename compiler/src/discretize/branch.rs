@@ -24,6 +24,9 @@ use crate::system::task::Shape;
 /// S may be above its bound by so much: where S = 0 is asked for, too, that leaves room.
 const ROOM: f64 = 1e-8;
 
+/// Elements are no shorter than this share of their mean length.
+pub(super) const SHORTEST: f64 = 1e-3;
+
 /// Declares r: the index of the first one, and how many switches have them.
 pub(super) fn declare(mpcc: &mut Mpcc, dcs: &Dcs, elements: [Span; 2]) -> (usize, usize) {
     if dcs.task.is_none() {

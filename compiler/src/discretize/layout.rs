@@ -249,8 +249,13 @@ pub(super) fn declare(
         Some(detection) if elements > 1 => detection.spread,
         _ => 0.0,
     };
+    // Without any length, rates do not say what α is, and a sliding mode might end in it anywhere.
+    let least = match task.is_some() && !dcs.branches.is_empty() {
+        true => branch::SHORTEST,
+        false => 0.0,
+    };
     let length = Bounds::between(
-        (1.0 - spread).max(0.0) * shortest,
+        (1.0 - spread).max(least) * shortest,
         (1.0 + spread) * longest,
         mean,
     );

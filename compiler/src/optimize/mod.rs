@@ -245,6 +245,8 @@ fn options(problem: &Problem, rehearsed: bool, request: &Request) -> Options {
         false => Options::default().homotopy,
     };
     let [effort, patience] = match problem.task.starts {
+        // Other ways would be cheaper in modes that the model is not in.
+        None if rehearsed && !problem.dcs.branches.is_empty() => [0, SINGLE_PATIENCE],
         None => [SINGLE_EFFORT, SINGLE_PATIENCE],
         Some(_) => [Options::default().effort, Options::default().patience],
     };
