@@ -296,6 +296,68 @@ fn a_fold_may_lead_to_another_branch() {
 }
 
 #[test]
+fn a_fold_of_switches_that_interact() {
+    // r³ + r/2 = s/10 on the surface z = 0, and on both x = 2s² - s + r/10, which turns back where dx/ds = 0.
+    let text = "model m { state x = 0.9; state y = 0.05; state z = 0.02;
+           switch s = sign(y) sliding nonlinear; switch r = sign(z) sliding nonlinear;
+           x' = 2*s^2 - 1; y' = 2*s^2 - s - x + 0.1*r; z' = -r^3 - 0.5*r + 0.1*s; }
+         simulate run of m { horizon 4; tolerance 1e-11; }";
+    let found = solved(text, "run");
+    let zero = |f: &dyn Fn(f64) -> f64, mut low: f64, mut high: f64| {
+        let sign = f(low).signum();
+        for _ in 0..100 {
+            let middle = 0.5 * (low + high);
+            match f(middle).signum() == sign {
+                true => low = middle,
+                false => high = middle,
+            }
+        }
+        low
+    };
+    let r = |s: f64| zero(&|r| r * r * r + 0.5 * r - 0.1 * s, -1.0, 1.0);
+    let by_r = |s: f64| 0.1 / (3.0 * r(s).powi(2) + 0.5);
+    let x = |s: f64| 2.0 * s * s - s + 0.1 * r(s);
+    let by_s = |s: f64| 4.0 * s - 1.0 + 0.1 * by_r(s);
+    // z falls by 1.4, then y by x - 1 - r/10 with s = 1.
+    let first = 0.02 / 1.4;
+    let y = |t: f64| {
+        let until = |t: f64, r: f64| (0.1 + 0.1 * r) * t - 0.5 * t * t;
+        0.05 + until(first, 1.0) + until(t, r(1.0)) - until(first, r(1.0))
+    };
+    let second = zero(&y, 0.1, 1.0);
+    close(&found.switch_times()[..2], &[first, second], 1e-11);
+    let enters = zero(&|s| x(s) - 0.9 - second, -0.9, 0.0);
+    let turns = zero(&by_s, 0.0, 0.5);
+    let folds = second + integral(|s| by_s(s) / (2.0 * s * s - 1.0), enters, turns);
+    close(&times(&found, EventKind::Fold), &[folds], 1e-10);
+    let fold = found
+        .events
+        .iter()
+        .find(|event| event.kind == EventKind::Fold);
+    assert!(fold.is_some_and(|fold| fold.surface == "s"), "{fold:?}");
+    // From there upwards with s = 1, while r goes on.
+    let left = 4.0 - folds;
+    close(&end(&found, "x"), &[x(turns) + left], 1e-10);
+    let rises = (1.0 - x(turns) + 0.1 * r(1.0)) * left - 0.5 * left * left;
+    close(&end(&found, "y"), &[rises], 1e-10);
+}
+
+#[test]
+fn one_of_two_that_interact_leaves_at_its_bound() {
+    // a = ∛w up to w = 1, where x leaves with x'' = w' = 1; b = ∛(a/2) stays where it is then.
+    let text = "model m { state w = 0.5; state x = 0; state y = 0; state z = 0;
+           switch a = sign(x) sliding nonlinear; switch b = sign(y) sliding nonlinear;
+           w' = 1; x' = w - a^3; y' = 0.5*a - b^3; z' = b; }
+         simulate run of m { horizon 1; tolerance 1e-11; }";
+    let found = solved(text, "run");
+    close(&found.switch_times(), &[0.5], 1e-10);
+    close(&end(&found, "x"), &[0.125], 1e-11);
+    // ∫ ∛(∛w/2) dw from 1/2 to 1, and then half of ∛½.
+    let slides = 0.5_f64.cbrt() * 0.9 * (1.0 - 0.5_f64.powf(10.0 / 9.0));
+    close(&end(&found, "z"), &[slides + 0.5 * 0.5_f64.cbrt()], 1e-10);
+}
+
+#[test]
 fn sliding_ends_at_a_bound_too() {
     // φ = x - s³ with x' = 1: s = ∛x up to 1, where it leaves upwards tangentially, y'' = x' = 1.
     let text = "model m { state x = 0.2; state y = 0.4; switch s = sign(y) sliding nonlinear;

@@ -43,8 +43,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         t1: f64,
         series: bool,
     ) -> Result<bool, Status> {
-        let start = match (state.fold, state.entry[switch]) {
-            (Some(fold), _) if fold.switch == switch => Start::Fold(fold.alpha, fold.direction),
+        let turn = state.fold.as_ref().and_then(|fold| fold.turn(switch));
+        let start = match (turn, state.entry[switch]) {
+            (Some(turn), _) => Start::Fold(turn.alpha, turn.direction),
             (_, Entry::Present) => Start::At(state.alpha[switch]),
             (_, Entry::From(alpha)) => Start::At(alpha),
             (_, Entry::Unknown) => Start::Unknown,

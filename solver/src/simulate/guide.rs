@@ -4,7 +4,7 @@
 //! which of them is taken depends on the side that the state comes from (`dummy.rs`, `several.rs`). So a method that
 //! knows the conditions alone asks here, with the sides and α that it has come with.
 
-use super::fold::Fold;
+use super::fold::{Fold, Turn};
 use super::state::State;
 use super::{Decision, Side, Simulator, Status, SwitchedSystem};
 
@@ -88,11 +88,15 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 switches: vec![switch],
             });
         }
+        let turn = Turn {
+            switch,
+            alpha,
+            direction,
+        };
         Ok(Fold {
             switch,
             after: 0.0,
-            alpha,
-            direction,
+            turns: vec![turn],
         })
     }
 }

@@ -251,7 +251,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         }
         // What follows takes rates to be affine in each α.
         if group.iter().any(|&i| self.mode.nonlinear[i]) {
-            return self.decide_several(state, group, wanted);
+            return self.decide_several(state, group, wanted, t1);
         }
         let choices = self.choices(state, group)?;
         let rates = self.rates(state, group, &choices.found);

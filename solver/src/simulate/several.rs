@@ -41,6 +41,15 @@ struct Dummy<'m> {
     scales: &'m [f64],
 }
 
+/// What a dummy system tends to.
+#[derive(Clone)]
+struct Way {
+    sides: Vec<Side>,
+    alpha: Vec<f64>,
+    /// The switches, by their places, that leave their surface with a rate that vanishes.
+    tied: Vec<usize>,
+}
+
 impl Dummy<'_> {
     fn set(&mut self, z: &[f64]) {
         for (&i, z) in self.group.iter().zip(z) {
@@ -57,7 +66,7 @@ impl Dummy<'_> {
     }
 
     /// The α and sides that it tends to; none where it does not come to rest.
-    fn limit(&mut self, mut z: Vec<f64>) -> Option<(Vec<Side>, Vec<f64>)> {
+    fn limit(&mut self, mut z: Vec<f64>) -> Option<Way> {
         let (mut h, mut first) = (0.01_f64, self.rate(&z));
         for step in 0..MAX_STEPS {
             // Bogacki and Shampine's pair of orders 3 and 2.
@@ -99,10 +108,10 @@ impl Dummy<'_> {
     }
 
     /// The fixed point of the sides that z has, where it is close.
-    fn rest_near(&mut self, z: &[f64]) -> Option<(Vec<Side>, Vec<f64>)> {
+    fn rest_near(&mut self, z: &[f64]) -> Option<Way> {
         let side = |z: &f64| match *z {
-            z if z <= 0.0 => Side::Minus,
-            z if z >= 1.0 => Side::Plus,
+            z if z <= TIE => Side::Minus,
+            z if z >= 1.0 - TIE => Side::Plus,
             _ => Side::Slide,
         };
         let sides: Vec<Side> = z.iter().map(side).collect();
@@ -139,11 +148,21 @@ impl Dummy<'_> {
             }
             if change <= 1e-13 {
                 self.set(&alpha);
-                let leaves = |at: usize| {
-                    let rate = self.mode.phi(self.group[at]) * sides[at].sign();
-                    sides[at] == Side::Slide || rate > TIE * self.scales[at]
+                let mut way = Way {
+                    sides,
+                    alpha,
+                    tied: Vec::new(),
                 };
-                return (0..z.len()).all(leaves).then_some((sides, alpha));
+                for at in (0..z.len()).filter(|at| way.sides[*at] != Side::Slide) {
+                    let rate = self.mode.phi(self.group[at]) * way.sides[at].sign();
+                    if rate < -TIE * self.scales[at] {
+                        return None;
+                    }
+                    if rate <= TIE * self.scales[at] {
+                        way.tied.push(at);
+                    }
+                }
+                return Some(way);
             }
         }
         None
@@ -157,6 +176,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         state: &mut State,
         group: &[usize],
         wanted: &[Option<Side>],
+        t1: f64,
     ) -> Result<bool, Status> {
         let undetermined = || Status::Undetermined {
             switches: group.to_vec(),
@@ -185,10 +205,23 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         if scales.iter().any(|scale| *scale <= 0.0) {
             return Err(undetermined());
         }
-        let mut ways: Vec<(Vec<Side>, Vec<f64>)> = Vec::new();
+        // Sizes of rates, without what a short step before says of their rounding.
+        let size = |(&i, scale): (&usize, &f64)| {
+            let largest = |state: usize| {
+                let at = self.mode.states_in_focus().partition_point(|&j| j < state);
+                corners
+                    .iter()
+                    .fold(0.0, |m: f64, corner| m.max(corner.f[at].abs()))
+            };
+            let terms = self.mode.gradient(i).iter();
+            let size: f64 = terms.map(|&(state, g)| g.abs() * largest(state)).sum();
+            if size > 0.0 { size } else { *scale }
+        };
+        let sizes: Vec<f64> = group.iter().zip(&scales).map(size).collect();
+        let mut ways: Vec<Way> = Vec::new();
         for start in &starts {
             for trial in 0..=STEEPNESS.len() * group.len() {
-                let mut speeds: Vec<f64> = scales.iter().map(|scale| 1.0 / scale).collect();
+                let mut speeds: Vec<f64> = sizes.iter().map(|size| 1.0 / size).collect();
                 if let Some(steeper) = trial.checked_sub(1) {
                     speeds[steeper / STEEPNESS.len()] *= STEEPNESS[steeper % STEEPNESS.len()];
                 }
@@ -200,22 +233,23 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                     scales: &scales,
                 };
                 let way = dummy.limit(start.clone()).ok_or_else(undetermined)?;
-                let known = |other: &(Vec<Side>, Vec<f64>)| {
-                    let mut pairs = other.1.iter().zip(&way.1);
-                    other.0 == way.0 && pairs.all(|(a, b)| (a - b).abs() <= SAME)
+                let known = |other: &Way| {
+                    let mut pairs = other.alpha.iter().zip(&way.alpha);
+                    other.sides == way.sides && pairs.all(|(a, b)| (a - b).abs() <= SAME)
                 };
                 if !ways.iter().any(known) {
                     ways.push(way);
                 }
             }
         }
-        let name = |way: &(Vec<Side>, Vec<f64>)| -> Candidate {
-            group.iter().copied().zip(way.0.iter().copied()).collect()
+        let name = |way: &Way| -> Candidate {
+            let sides = way.sides.iter().copied();
+            group.iter().copied().zip(sides).collect()
         };
         if ways.len() > 1 {
             let found = Status::NonUnique(ways.iter().map(name).collect());
-            let fits = |way: &(Vec<Side>, Vec<f64>)| {
-                let mut pairs = way.0.iter().zip(wanted);
+            let fits = |way: &Way| {
+                let mut pairs = way.sides.iter().zip(wanted);
                 wanted.iter().any(Option::is_some)
                     && pairs.all(|(side, wanted)| wanted.is_none_or(|wanted| *side == wanted))
             };
@@ -224,19 +258,48 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 return Err(found);
             }
         }
-        let (chosen, alpha) = ways.pop().ok_or_else(undetermined)?;
-        self.tell_several(state, group, &chosen, &alpha)?;
+        let way = ways.pop().ok_or_else(undetermined)?;
+        let Way { sides, alpha, .. } = self
+            .untied(state, group, way, t1)
+            .ok_or_else(undetermined)?;
+        self.tell_several(state, group, &sides, &alpha)?;
         Ok(true)
+    }
+
+    /// The same where the series say so of switches that leave with a rate that vanishes, or with these sliding.
+    fn untied(&mut self, state: &mut State, group: &[usize], way: Way, t1: f64) -> Option<Way> {
+        if way.tied.is_empty() {
+            return Some(way);
+        }
+        let mut slides = way.clone();
+        for &at in &way.tied {
+            slides.sides[at] = Side::Slide;
+        }
+        let mut agrees = |way: &Way| {
+            let choice = Choice {
+                sides: way.sides.clone(),
+                alpha: way.alpha.clone(),
+                f: Vec::new(),
+            };
+            let verdict = self.verdict(state, group, &choice, t1);
+            verdict.is_some_and(|verdict| verdict.agrees)
+        };
+        let found = [way, slides].into_iter().find(|way| agrees(way));
+        let mut sides = state.sides.clone();
+        for &i in group {
+            sides[i] = Side::Slide;
+        }
+        self.mode.enter(self.system, &sides);
+        self.mode.focus(state.t, &state.x, &state.alpha, group);
+        found
     }
 
     /// Where the dummy system of a group may start: at one point, or at every corner that nobody knows better.
     fn starts(&self, state: &State, group: &[usize]) -> Vec<Vec<f64>> {
         let mut starts = vec![Vec::new()];
         for &i in group {
-            let nudge = match state.fold {
-                Some(fold) if fold.switch == i => NUDGE.copysign(fold.direction),
-                _ => 0.0,
-            };
+            let turn = state.fold.as_ref().and_then(|fold| fold.turn(i));
+            let nudge = turn.map_or(0.0, |turn| NUDGE * turn.direction);
             let values: &[f64] = match state.entry[i] {
                 Entry::Present => &[state.alpha[i] + nudge],
                 Entry::From(alpha) => &[alpha],
@@ -260,7 +323,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         chosen: &[Side],
         alpha: &[f64],
     ) -> Result<(), Status> {
-        let folded = state.fold.map(|fold| fold.switch);
+        let folded = state.fold.as_ref().map(|fold| fold.switch);
         let mut alphas = state.alpha.clone();
         for (&i, &a) in group.iter().zip(alpha) {
             alphas[i] = a;

@@ -70,12 +70,15 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             && let Some(fold) = mode.fold_ahead(state, remaining)
         {
             std::mem::swap(&mut state.x, &mut state.next);
-            state.alpha[fold.switch] = fold.alpha;
+            for turn in &fold.turns {
+                state.alpha[turn.switch] = turn.alpha;
+            }
+            let (length, switch) = (fold.after, fold.switch);
             state.fold = Some(fold);
             return Ok(Step {
-                length: fold.after,
+                length,
                 reaches_end: false,
-                triggers: vec![fold.switch],
+                triggers: vec![switch],
                 defect: 0.0,
                 implicit: false,
             });
