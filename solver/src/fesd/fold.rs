@@ -44,6 +44,14 @@ pub(super) struct Ahead {
     distance: f64,
 }
 
+/// What a look at a fold needs memory for.
+#[derive(Default)]
+pub(super) struct Near {
+    w: Vec<f64>,
+    rates: Vec<f64>,
+    by_time: Vec<f64>,
+}
+
 /// How long elements are.
 #[derive(Clone, Copy)]
 pub(super) struct Length {
@@ -63,31 +71,31 @@ struct Solved {
 impl<S: ComplementaritySystem> Simulator<'_, S> {
     /// The fold that the sliding modes are near.
     pub(super) fn fold_ahead(&mut self, run: &Run) -> Option<Ahead> {
-        let mode = &mut self.modes[run.mode];
-        let reduced = mode.element.reduced.clone();
+        let Mode { element, hidden } = &mut self.modes[run.mode];
+        let reduced = &*element.reduced;
         if !reduced.has_branches {
             return None;
         }
-        let (w, n) = (run.z_of(&reduced.unknowns), run.x.len());
-        let hidden = &mut mode.hidden;
-        hidden.set(run.t, run.x.iter().copied(), &w);
-        let here = hidden.determinant(&reduced);
-        let rates: Vec<f64> = hidden.eval(&reduced.equations).take(n).collect();
-        let by_time = hidden.rate_of_w(&reduced, &rates).ok()?;
+        let Near { w, rates, by_time } = &mut self.near;
+        w.clear();
+        w.extend(reduced.unknowns.iter().map(|&i| run.z[i]));
+        hidden.set(run.t, run.x.iter().copied(), w);
+        let here = hidden.determinant(reduced);
+        rates.clear();
+        rates.extend(hidden.eval(&reduced.equations).take(run.x.len()));
+        hidden.rate_of_w(reduced, rates, by_time).ok()?;
         let size = |k: &usize| by_time[*k].abs();
         let unknown = (0..w.len()).max_by(|a, b| size(a).total_cmp(&size(b)))?;
         let step = ASIDE / size(&unknown);
         if !step.is_finite() {
             return None;
         }
-        let x = run.x.iter().zip(&rates).map(|(x, rate)| x + step * rate);
-        let next: Vec<f64> = w
-            .iter()
-            .zip(&by_time)
-            .map(|(w, rate)| w + step * rate)
-            .collect();
-        hidden.set(run.t + step, x, &next);
-        let there = hidden.determinant(&reduced);
+        let x = run.x.iter().zip(&*rates).map(|(x, rate)| x + step * rate);
+        for (w, rate) in w.iter_mut().zip(&*by_time) {
+            *w += step * rate;
+        }
+        hidden.set(run.t + step, x, w);
+        let there = hidden.determinant(reduced);
         let distance = ASIDE * here / (here - there);
         (distance > 0.0 && distance <= ZONE).then_some(Ahead {
             unknown,

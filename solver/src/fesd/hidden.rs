@@ -113,10 +113,16 @@ impl Hidden {
     }
 
     /// dw/dt where the point is, while x moves at these rates.
-    pub fn rate_of_w(&mut self, reduced: &Reduced, rates: &[f64]) -> Result<Vec<f64>, Unsolved> {
+    pub fn rate_of_w(
+        &mut self,
+        reduced: &Reduced,
+        rates: &[f64],
+        by_time: &mut Vec<f64>,
+    ) -> Result<(), Unsolved> {
         self.factor(reduced)?;
         let n = self.n;
-        let mut by_time = vec![0.0; self.n_w];
+        by_time.clear();
+        by_time.resize(self.n_w, 0.0);
         let slopes = &reduced.hidden_slopes;
         for (&(row, input), slope) in slopes.entries.iter().zip(self.eval(&slopes.tape)) {
             match input {
@@ -125,8 +131,8 @@ impl Hidden {
                 _ => {}
             }
         }
-        self.lu.solve(&mut by_time);
-        Ok(by_time)
+        self.lu.solve(by_time);
+        Ok(())
     }
 
     /// det ∂hidden/∂w where the point is: where it vanishes, solutions for w meet and end.

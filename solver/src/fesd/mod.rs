@@ -156,6 +156,7 @@ pub struct Simulator<'s, S> {
     /// The elements solved since the last one that was reported.
     solved: Vec<march::Solved>,
     series: ElementSeries,
+    near: fold::Near,
 }
 
 /// A run on its way.
@@ -233,6 +234,7 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
             scheme,
             solved: Vec::new(),
             series: ElementSeries::default(),
+            near: fold::Near::default(),
         })
     }
 
@@ -254,22 +256,7 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
 
     /// Integrates from `x0` at `t0` to `t1`.
     pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut impl Observer) -> Solution {
-        let counts = |mode: &Mode| {
-            let element = &mode.element;
-            [
-                element.iterations,
-                element.factorizations,
-                element.evaluations,
-            ]
-        };
-        let total = |modes: &[Mode]| {
-            let all = modes.iter().map(counts);
-            all.fold([0; 3], |sum, next| {
-                std::array::from_fn(|i| sum[i] + next[i])
-            })
-        };
-        let before = total(&self.modes);
-        let known = self.modes.len();
+        let (before, known) = (self.work(), self.n_functions());
         let mut run = Run {
             t: t0,
             t1,
@@ -304,11 +291,11 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
             Ok(()) => Status::Solved,
             Err(status) => status,
         };
-        let after = total(&self.modes);
+        let after = self.work();
         run.stats.newton_iterations += after[0] - before[0];
         run.stats.factorizations += after[1] - before[1];
         run.stats.rhs_evaluations = after[2] - before[2];
-        run.stats.functions = self.modes.len() - known;
+        run.stats.functions = self.n_functions() - known;
         let n = x0.len();
         let alive = !run.zeros.is_empty() || self.system.pairs().is_empty();
         let sides = match self.modes.get(run.mode).filter(|_| alive) {
@@ -339,6 +326,24 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
             rungs: run.rungs,
             least_member: run.least_member,
         }
+    }
+
+    /// Iterations, factorizations and evaluations so far.
+    fn work(&self) -> [usize; 3] {
+        let all = self.modes.iter().chain(self.branches.values());
+        all.fold([0; 3], |sum, Mode { element, .. }| {
+            let own = [
+                element.iterations,
+                element.factorizations,
+                element.evaluations,
+            ];
+            std::array::from_fn(|i| sum[i] + own[i])
+        })
+    }
+
+    /// Active sets and branches that have functions.
+    fn n_functions(&self) -> usize {
+        self.modes.len() + self.branches.len()
     }
 
     fn integrate(
