@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use nsd_tests::{end, fitted_order, run, times};
+use nsd_tests::{DataFiles, end, fitted_order, run, run_with_data, times};
 use nsdc::report::{EventKind, Status, Trajectory};
 
 fn solved(text: &str, experiment: &str) -> Trajectory {
@@ -243,6 +243,42 @@ fn folds_of_switches_that_interact_end_a_run() {
          simulate run of m { horizon 5; tolerance 1e-8; method fesd; }";
     let found = run(text, "run");
     assert_eq!(found.status, Status::NumericalFailure, "{:?}", found.events);
+}
+
+#[test]
+fn a_signal_from_data_moves_what_slides() {
+    // A block is pushed by what a table says, which jumps at 1 and 2: it comes to rest at 1/3, sticks with F(s) = u, and
+    // is torn loose by the last push, beyond the strongest friction. z' = s.
+    let model = "model m { signal u = table(\"push.csv\", \"u\", fit = FIT); state v = -0.5; state z = 0;
+       switch s = sign(v) sliding nonlinear; v' = u - s; hidden on s { v' += -2*pi*s*(1 - s^2); } z' = s; }
+     simulate run of m { horizon 3; tolerance 1e-10; METHOD }";
+    let data = DataFiles(vec![(
+        "push.csv",
+        "t,u\n0,0.5\n1,2.9\n2,3.5\n3,3.5\n".to_owned(),
+    )]);
+    let friction = |s: f64| s + 2.0 * PI * s * (1.0 - s * s);
+    let held = |u: f64| root(|s| friction(s) - u, 0.0, 0.6215);
+    let jumps = -1.0 / 3.0 + 2.0 / 3.0 * held(0.5) + held(2.9) + 1.0;
+    for method in ["", "method fesd;"] {
+        let text = model.replace("METHOD", method);
+        let found = run_with_data(&text.replace("FIT", "hold"), &data, "run");
+        assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
+        let (v, z) = (end(&found, "v")[0], end(&found, "z")[0]);
+        assert!((v - 2.5).abs() < 1e-9, "{method} {v}");
+        assert!((z - jumps).abs() < 1e-9, "{method} {z} {jumps}");
+
+        // Along lines it is torn loose in a fold, at u = F between t = 1 and 2.
+        let found = run_with_data(&text.replace("FIT", "linear"), &data, "run");
+        assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
+        let folds = 1.0 + (3.018145824447 - 2.9) / 0.6;
+        let found_at = times(&found, EventKind::Fold);
+        assert!(
+            found_at.len() == 1 && (found_at[0] - folds).abs() < 1e-9,
+            "{method} {found_at:?} {folds}"
+        );
+        let v = 0.5 * (3.018145824447 + 3.5) * (2.0 - folds) + 3.5 - (3.0 - folds);
+        assert!((end(&found, "v")[0] - v).abs() < 1e-9, "{method}");
+    }
 }
 
 #[test]

@@ -135,6 +135,8 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 }
             }
         };
+        mode.element.set_numbers(&self.numbers);
+        mode.hidden.set_numbers(&self.numbers);
         let event = self.element_to_fold(run, &mut mode, &time_form, ahead, end, length, observer);
         let last = mode.element.reduced.watched.len() - 1;
         self.branches.insert(key, mode);

@@ -40,19 +40,47 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         bands: &[f64],
         length: f64,
     ) -> Result<(), Status> {
+        let (sides, alpha) = self.standing(run);
+        let mut triggers = self.triggers(run, &sides, &alpha, bands);
+        triggers.extend(run.fold);
+        self.ask_from(run, (&sides, &alpha), &triggers, bands, length)
+    }
+
+    /// Finds the set that goes on where functions of time do with other pieces, on which no ψ depends: what slides may
+    /// slide otherwise.
+    pub(super) fn pass_guided(&mut self, run: &mut Run, length: f64) -> Result<(), Status> {
+        let (sides, alpha) = self.standing(run);
+        let slides = (0..sides.len()).filter(|&i| sides[i] == Side::Slide);
+        let triggers: Vec<usize> = slides.collect();
+        let bands = self.bands(run);
+        self.ask_from(run, (&sides, &alpha), &triggers, &bands, length)
+    }
+
+    /// Sides and α of all switches.
+    fn standing(&mut self, run: &Run) -> (Box<[Side]>, Vec<f64>) {
         let sides = self.modes[run.mode].element.reduced.sides.clone();
         let mut alpha: Vec<f64> = sides.iter().map(|side| 0.5 + 0.5 * side.sign()).collect();
         self.alphas(run, &mut alpha);
-        let mut triggers = self.triggers(run, &sides, &alpha, bands);
-        triggers.extend(run.fold);
+        (sides, alpha)
+    }
+
+    /// Asks for the mode after this one, and takes it.
+    fn ask_from(
+        &mut self,
+        run: &mut Run,
+        before: (&[Side], &[f64]),
+        triggers: &[usize],
+        bands: &[f64],
+        length: f64,
+    ) -> Result<(), Status> {
         let (x, scale) = (run.x.clone(), run.scale.clone());
         let next = self.ask(Standing {
             t: run.t,
             t1: run.t1,
             x: &x,
             scale: &scale,
-            before: Some((&sides, &alpha)),
-            triggers: &triggers,
+            before: Some(before),
+            triggers,
             fold: run.fold.take(),
         })?;
         self.take_guided(run, next, bands, length)

@@ -69,8 +69,13 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         // The instant may be just ahead, by rounding.
         let from = run.t.max(run.until);
         self.load(run, from);
-        run.z = self.system.z_at(from, &run.x);
-        self.begin(run, length)?;
+        if self.guide.is_some() {
+            run.t = from;
+            self.pass_guided(run, length)?;
+        } else {
+            run.z = self.system.z_at(from, &run.x);
+            self.begin(run, length)?;
+        }
         run.last = 0.0;
         self.tell_change(run, before, observer)
     }
