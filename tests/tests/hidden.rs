@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use nsd_tests::{end, run, times};
-use nsdc::report::{EventKind, Status, Trajectory};
+use nsdc::report::{EventKind, Failure, Status, Trajectory};
 
 fn solved(text: &str, experiment: &str) -> Trajectory {
     let found = run(text, experiment);
@@ -524,4 +524,21 @@ fn errors_are_reproducible_and_move_the_sharp_state_off_its_surface() {
         t.iter().any(|t| *t < 0.95) && t.iter().any(|t| *t > 0.95),
         "{t:?}"
     );
+}
+
+#[test]
+fn a_triple_root_ends_a_run_and_is_named() {
+    // s = ∛x has no derivative at x = 0, where S = -3s² vanishes and nothing folds.
+    for rate in ["0", "s"] {
+        let text = format!(
+            "model m {{ state x = 0.5; state y = 0.1; state z = 0; switch s = sign(y) sliding nonlinear;
+               x' = -1; y' = x - s^3; z' = {rate}; }}
+             simulate run of m {{ horizon 1; tolerance 1e-10; }}"
+        );
+        let found = run(&text, "run");
+        let Some(Failure::SingularSliding { time, surfaces }) = &found.failure else {
+            panic!("{:?} {:?}", found.status, found.failure)
+        };
+        assert!((time - 0.5).abs() < 1e-6 && surfaces.len() == 1, "{time}");
+    }
 }

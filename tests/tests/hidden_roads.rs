@@ -282,6 +282,27 @@ fn a_signal_from_data_moves_what_slides() {
 }
 
 #[test]
+fn elements_pass_a_triple_root() {
+    // s = ∛x down through x = 0, where S = -3s² vanishes: z' = s is 1 until y = 0.1 - t/2 - t²/2 is zero, and ∫ s dt
+    // from there on is ¾ (x^(4/3) - 0.7^(4/3)).
+    let text =
+        "model m { state x = 0.5; state y = 0.1; state z = 0; switch s = sign(y) sliding nonlinear;
+           x' = -1; y' = x - s^3; z' = s; }
+         simulate run of m { horizon 1.2; tolerance 1e-8; method fesd; }";
+    let found = solved(text, "run");
+    let enters = 0.45_f64.sqrt() - 0.5;
+    let slides = 0.75 * ((0.5 - enters).powf(4.0 / 3.0) - 0.7_f64.powf(4.0 / 3.0));
+    let error = (end(&found, "z")[0] - enters - slides).abs();
+    assert!(error < 1e-4, "{error}");
+    assert!(
+        found
+            .error_estimate
+            .is_some_and(|estimate| 30.0 * estimate > error),
+        "{error}"
+    );
+}
+
+#[test]
 fn the_side_of_entry_decides() {
     // s = ±1/2 attract, and 0 repels.
     let model = |y: f64| {

@@ -59,7 +59,9 @@ pub enum Failure {
     #[error("at t = {time}, the sliding mode became singular")]
     #[diagnostic(
         code(E0704),
-        help("both sides are tangent to the surface here, so the mode after it is not determined")
+        help(
+            "rates do not determine the switch on its surface here: both sides are tangent to it, or sliding modes of a nonlinear switch meet without a fold"
+        )
     )]
     SingularSliding {
         time: f64,

@@ -44,6 +44,9 @@ enum Failure {
     Diverged,
 }
 
+/// α of a sliding mode that is so far outside of [0, 1] is none.
+const ASTRAY: f64 = 0.5;
+
 impl<S: SwitchedSystem> Simulator<'_, S> {
     /// The state with consistent algebraic states, from those in `x` as guesses.
     ///
@@ -446,6 +449,15 @@ impl Mode {
 
     /// Why no step goes on from here.
     pub(super) fn stuck(&self) -> Status {
+        // An α that was not found makes rates infinite, and is not made so by them.
+        let is_lost = |&i: &usize| {
+            let alpha = self.memory.values[1 + self.n + i];
+            self.nonlinear[i] && !(-ASTRAY..=1.0 + ASTRAY).contains(&alpha)
+        };
+        let lost: Vec<usize> = self.sliding.iter().copied().filter(is_lost).collect();
+        if !lost.is_empty() {
+            return Status::SingularSliding { switches: lost };
+        }
         let kept = self.sliding.iter().copied();
         let kept: Vec<usize> = kept.filter(|&i| self.roles[i] != Role::Step).collect();
         let states = self.f().iter().zip(&self.is_algebraic);
