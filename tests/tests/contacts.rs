@@ -456,3 +456,37 @@ fn a_mass_that_no_force_meets_may_switch() {
     assert_eq!(trajectory.status, Status::Solved);
     assert!((end(&trajectory, "q")[0] - 1.5).abs() <= 1e-12);
 }
+
+/// An output may ask for the direction of a velocity that friction keeps at zero: nothing depends on the answer.
+#[test]
+fn outputs_look_at_what_sticks() {
+    let trajectory = run(
+        "model block {
+           state q[2] = [0, 1]; state v[2] = [1, 0];
+           q' = v;
+           mechanics q, v {
+             mass = eye(2);
+             force = [20*max(time - 1, 0), -9.81];
+             contact floor { gap = q[2]; restitution = 0; friction = 0.5; }
+           }
+           output speed = abs(v[1]);
+           output direction = sign(v[1]);
+         }
+         simulate this of block { horizon 1.5; }",
+        "this",
+    );
+    assert_eq!(
+        trajectory.status,
+        Status::Solved,
+        "{:?}",
+        trajectory.failure
+    );
+    // It sticks at once, and slips again when 20 (t - 1) = μg.
+    let (mu, g) = (0.5, 9.81);
+    let s = 0.5 - mu * g / 20.0;
+    let expected = 10.0 * s * s;
+    let (speed, v) = (end(&trajectory, "speed")[0], end(&trajectory, "v")[0]);
+    assert!((v - expected).abs() <= 1e-9, "{v}, not {expected}");
+    assert_eq!(speed, v);
+    assert_eq!(end(&trajectory, "direction"), [1.0]);
+}

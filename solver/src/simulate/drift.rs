@@ -2,76 +2,145 @@
 
 use super::mode::Mode;
 use super::state::State;
+use crate::linalg::Singular;
+
+/// Rounds of Newton's method.
+const ROUNDS: usize = 3;
 
 impl Mode {
-    /// Projects x onto ψ and its lower derivatives of sliding switches of higher relative degree, one
-    /// after the other.
-    fn project_lower(&mut self, state: &mut State) {
-        for at in 0..self.sliding.len() {
-            let i = self.sliding[at];
-            let order = self.surfaces.n_derivatives(i);
-            for lower in 0..order {
-                self.set(state.t, &state.x, &state.alpha);
-                self.surfaces.stand_for(i, lower);
-                self.surfaces.linearize(i, &self.memory.values);
-                let psi = self.psi(i);
-                let gradient = self.surfaces.gradient(i).iter();
-                let square: f64 = gradient.map(|&(j, g)| (g * state.size(j)).powi(2)).sum();
-                if square > 0.0 {
-                    for &(j, g) in self.surfaces.gradient(i) {
-                        state.x[j] -= g * psi / square * state.size(j).powi(2);
-                    }
-                }
-            }
-            self.surfaces.stand_for(i, order);
-        }
-    }
-
-    /// Projects x onto the sliding surfaces, in the norm of the states' sizes, and returns the
-    /// largest |ψ| found, relative to the size of its terms.
+    /// Projects x onto the sliding surfaces, those of higher relative degree from ψ to its highest derivative, in the
+    /// norm of the states' sizes, and returns the largest |ψ| found, relative to the size of its terms.
     pub(crate) fn project(&mut self, state: &mut State) -> f64 {
         let mut drift = 0.0_f64;
         if self.sliding.is_empty() {
             return drift;
         }
-        for round in 0..3 {
-            self.project_lower(state);
-            self.set(state.t, &state.x, &state.alpha);
-            self.linearize_surfaces();
-            let mut worst = 0.0_f64;
-            for at in 0..self.sliding.len() {
-                let i = self.equations.switches[at];
-                let psi = self.psi(i);
-                let terms = self.gradient(i).iter();
-                let size: f64 = terms.map(|&(j, g)| g.abs() * state.size(j)).sum();
-                self.equations.rhs[at] = if self.equations.tie(at).is_some() {
-                    0.0
-                } else {
-                    psi
-                };
-                if size > 0.0 {
-                    worst = worst.max(psi.abs() / size);
+        let orders = self.sliding.iter();
+        let deepest = orders.map(|&i| self.surfaces.n_derivatives(i)).max();
+        let deepest = deepest.unwrap_or(0);
+        let mut placed = vec![false; state.x.len()];
+        for round in 0..ROUNDS {
+            placed.fill(false);
+            let mut below = 0.0_f64;
+            for order in 0..deepest {
+                let (worst, stepped) = self.step_onto(state, Some(order), &mut placed);
+                below = below.max(worst);
+                // Contacts that depend on each other make the matrix singular.
+                if stepped.is_err() {
+                    self.step_onto_each(state, order);
                 }
             }
+            let (worst, stepped) = self.step_onto(state, None, &mut placed);
             if round == 0 {
                 drift = worst;
             }
-            if worst <= f64::EPSILON {
+            if worst.max(below) <= f64::EPSILON || stepped.is_err() {
                 break;
-            }
-            let mut equations = std::mem::take(&mut self.equations);
-            let factored = equations.factor_gram(&self.surfaces, |j| self.mobility(state, j));
-            self.equations = equations;
-            if factored.is_err() {
-                break;
-            }
-            self.equations.solve();
-            for (&i, multiplier) in self.equations.switches.iter().zip(&self.equations.rhs) {
-                for &(j, g) in self.surfaces.gradient(i) {
-                    state.x[j] -= g * multiplier * self.mobility(state, j).powi(2);
-                }
             }
         }
         drift
+    }
+
+    /// One step of Newton's method towards all sliding surfaces at once, those of higher relative degree standing for
+    /// their derivative of this order or their highest. The largest |ψ| before it, relative to the size of its terms.
+    fn step_onto(
+        &mut self,
+        state: &mut State,
+        order: Option<usize>,
+        placed: &mut [bool],
+    ) -> (f64, Result<(), Singular>) {
+        self.stand_for_order(order);
+        self.set(state.t, &state.x, &state.alpha);
+        self.linearize_surfaces();
+        let mut worst = 0.0_f64;
+        for at in 0..self.sliding.len() {
+            let i = self.equations.switches[at];
+            let psi = self.psi(i);
+            let terms = self.gradient(i).iter();
+            let size: f64 = terms.map(|&(j, g)| g.abs() * state.size(j)).sum();
+            self.equations.rhs[at] = if self.equations.tie(at).is_some() {
+                0.0
+            } else {
+                psi
+            };
+            if size > 0.0 {
+                worst = worst.max(psi.abs() / size);
+            }
+        }
+        let mut factored = Ok(());
+        if worst > f64::EPSILON {
+            // What lower derivatives have placed stays there, as far as the others can be met without it.
+            factored = self.correct(state, |j| placed[j]);
+            if factored.is_err() && placed.contains(&true) {
+                factored = self.correct(state, |_| false);
+            }
+        }
+        if order.is_some() {
+            let deep = self.sliding.iter().copied();
+            for i in deep.filter(|&i| self.surfaces.n_derivatives(i) > 0) {
+                let gradient = self.surfaces.gradient(i).iter();
+                gradient.for_each(|&(j, _)| placed[j] = true);
+            }
+        }
+        self.stand_for_order(None);
+        (worst, factored)
+    }
+
+    /// Moves x by what the right sides of the equations ask for, but for states that stay.
+    fn correct(
+        &mut self,
+        state: &mut State,
+        stays: impl Fn(usize) -> bool,
+    ) -> Result<(), Singular> {
+        let mobility = |mode: &Mode, state: &State, j: usize| match stays(j) {
+            true => 0.0,
+            false => mode.mobility(state, j),
+        };
+        let mut equations = std::mem::take(&mut self.equations);
+        let factored = equations.factor_gram(&self.surfaces, |j| mobility(self, state, j));
+        if factored.is_ok() {
+            equations.solve();
+            for (&i, multiplier) in equations.switches.iter().zip(&equations.rhs) {
+                for &(j, g) in self.surfaces.gradient(i) {
+                    state.x[j] -= g * multiplier * mobility(self, state, j).powi(2);
+                }
+            }
+        }
+        self.equations = equations;
+        factored
+    }
+
+    /// Projects x onto one surface after the other.
+    fn step_onto_each(&mut self, state: &mut State, order: usize) {
+        for at in 0..self.sliding.len() {
+            let i = self.sliding[at];
+            let highest = self.surfaces.n_derivatives(i);
+            if order >= highest {
+                continue;
+            }
+            self.set(state.t, &state.x, &state.alpha);
+            self.surfaces.stand_for(i, order);
+            self.surfaces.linearize(i, &self.memory.values);
+            let psi = self.psi(i);
+            let gradient = self.surfaces.gradient(i).iter();
+            let square: f64 = gradient.map(|&(j, g)| (g * state.size(j)).powi(2)).sum();
+            if square > 0.0 {
+                for &(j, g) in self.surfaces.gradient(i) {
+                    state.x[j] -= g * psi / square * state.size(j).powi(2);
+                }
+            }
+            self.surfaces.stand_for(i, highest);
+        }
+    }
+
+    /// Lets sliding switches of higher relative degree stand for their derivative of an order, or their highest.
+    fn stand_for_order(&mut self, order: Option<usize>) {
+        for &i in &self.sliding {
+            let highest = self.surfaces.n_derivatives(i);
+            if highest > 0 {
+                let order = order.map_or(highest, |order| order.min(highest));
+                self.surfaces.stand_for(i, order);
+            }
+        }
     }
 }

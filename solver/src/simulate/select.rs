@@ -167,6 +167,15 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 groups.push(self.interacting(trigger, &meeting));
             }
         }
+        // What only looks at others is decided behind them.
+        for &i in meeting.iter().filter(|i| self.only_watches(**i)) {
+            let watches = |j: &usize| self.system.couplings(i).contains(j);
+            let known = |group: &Vec<usize>| group.contains(&i);
+            if groups.iter().flatten().any(watches) && !groups.iter().any(known) {
+                groups.push(vec![i]);
+            }
+        }
+        groups.sort_by_key(|group| group.iter().all(|&i| self.only_watches(i)));
         let mut decided = groups.concat();
         decided.sort_unstable();
         let mut tied = Vec::new();
@@ -203,9 +212,21 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         group.iter().map(of_switch).collect()
     }
 
+    /// True for a switch whose α no rate of a switching function contains, as that of a term in an output.
+    fn only_watches(&self, switch: usize) -> bool {
+        let is_step = self.system.role(switch) == Role::Step;
+        is_step
+            && self.coupled_by[switch].is_empty()
+            && self.system.slip_of(switch).is_none()
+            && !self.system.is_unilateral(switch)
+    }
+
     /// The surfaces among `meeting` that `switch` interacts with, in order.
     pub(super) fn interacting(&self, switch: usize, meeting: &[usize]) -> Vec<usize> {
         let mut group = vec![switch];
+        if self.only_watches(switch) {
+            return group;
+        }
         let mut next = 0;
         while next < group.len() {
             let i = group[next];
@@ -215,7 +236,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 Role::Step | Role::Equation => None,
             };
             for &j in linked.chain(&partner) {
-                if meeting.binary_search(&j).is_ok() && !group.contains(&j) {
+                let is_met = meeting.binary_search(&j).is_ok() && !self.only_watches(j);
+                if is_met && !group.contains(&j) {
                     group.push(j);
                 }
             }
