@@ -33,6 +33,12 @@ const TOLERANCE: f64 = 1e-11;
 ///
 /// `curvature` is d and `cost` is c, both with an entry per variable.
 pub fn solve(curvature: &[f64], cost: &[f64], rows: &[HalfSpace]) -> Option<Solution> {
+    let (solution, is_solved) = approach(curvature, cost, rows)?;
+    is_solved.then_some(solution)
+}
+
+/// The last iterate, and whether it is a solution to the tolerance.
+pub fn approach(curvature: &[f64], cost: &[f64], rows: &[HalfSpace]) -> Option<(Solution, bool)> {
     let n = cost.len();
     let settings = DefaultSettings {
         verbose: false,
@@ -75,10 +81,11 @@ pub fn solve(curvature: &[f64], cost: &[f64], rows: &[HalfSpace]) -> Option<Solu
         solution.status,
         SolverStatus::Solved | SolverStatus::AlmostSolved
     );
-    is_solved.then(|| Solution {
+    let found = Solution {
         x: solution.x.clone(),
         multipliers: solution.z.iter().map(|z| z.max(0.0)).collect(),
-    })
+    };
+    Some((found, is_solved))
 }
 
 impl HalfSpace {

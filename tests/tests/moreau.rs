@@ -244,6 +244,157 @@ fn discs_that_fill_their_bin_come_to_rest() {
     assert!(speed <= 1e-9, "{speed}");
 }
 
+/// What rests keeps its energy: bodies that stand still do not move, however many steps go by.
+#[test]
+fn a_pile_at_rest_keeps_its_energy() {
+    let n = 30;
+    let numbers = |f: &dyn Fn(usize) -> f64| -> Vec<f64> { (0..n).map(f).collect() };
+    let x = numbers(&|i| 0.14 + 0.23 * (i % 6) as f64 + 0.01 * (7.0 * i as f64).sin());
+    let y = numbers(&|i| 0.13 + 0.23 * (i / 6) as f64);
+    let trajectory = solved(&format!(
+        "model disc {{
+           state q[2]; state v[2] = [0, 0]; q' = v;
+           mechanics q, v {{ mass = eye(2); force = [0, -9.81]; }}
+           output energy = dot(v, v)/2 + 9.81*q[2];
+         }}
+         model bin {{
+           const n = {n};
+           const x = {x:?};
+           const y = {y:?};
+           part ball[i in 1..n] = disc {{ q = [x[i], y[i]]; }}
+           for i in 1..n {{
+             contact floor {{ gap = ball[i].q[2] - 0.1; restitution = 0.3; }}
+             contact left {{ gap = ball[i].q[1] - 0.1; restitution = 0.3; }}
+             contact right {{ gap = 1.43 - ball[i].q[1] - 0.1; restitution = 0.3; }}
+           }}
+           for i in 1..n, j in i+1..n {{
+             contact pair {{ gap = norm(ball[i].q - ball[j].q) - 0.2; restitution = 0.3; }}
+           }}
+           output energy = sum(ball[i].energy for i in 1..n);
+           output speed = max(norm(ball[i].v) for i in 1..n);
+         }}
+         simulate this of bin {{ horizon 2.2; method timestepping {{ steps = 1100; }} output energy, speed; }}"
+    ));
+    never_grows(&trajectory, 1e-9);
+    let values = |name: &str| {
+        let output = trajectory.outputs.iter().find(|o| o.name == name);
+        &output.expect("the model has it").values
+    };
+    let (energy, speed) = (values("energy"), values("speed"));
+    let rest = speed.iter().rposition(|speed| *speed > 0.0);
+    let rest = rest.map_or(0, |last| last + 1);
+    assert!(rest < 1050, "at rest from step {rest} on");
+    let mut least = energy[rest];
+    for later in &energy[rest..] {
+        assert!(later - least <= 1e-9 * energy[0], "{later} after {least}");
+        least = least.min(*later);
+    }
+}
+
+/// A body that has stood still on a rough floor moves when it is struck, as Coulomb's law says.
+#[test]
+fn what_stands_still_is_struck() {
+    let trajectory = solved(
+        "model blocks {
+           state a[2] = [1, 0]; state b[2] = [0, 0.5]; state u[2] = [0, 0]; state v[2] = [1, 0];
+           a' = u; b' = v;
+           mechanics a, u { mass = eye(2); force = [0, -9.81]; contact floor { gap = a[2]; restitution = 0; friction = 0.1; } }
+           mechanics b, v { mass = eye(2); force = [0, 0]; contact bump { gap = a[1] - b[1] - 0.5; restitution = 1; } }
+         }
+         simulate this of blocks { horizon 3; method timestepping { steps = 3000; } }",
+    );
+    let (a, u) = (end(&trajectory, "a"), end(&trajectory, "u"));
+    // It takes over 1 m/s at t = 0.5, and friction stops it within v²/(2μg).
+    assert!((a[0] - 1.0 - 1.0 / (0.2 * 9.81)).abs() <= 3e-3, "{a:?}");
+    assert_eq!((u, a[1]), (vec![0.0, 0.0], 0.0));
+}
+
+/// Forces that change after half a second set in motion what has stood still.
+#[test]
+fn what_stands_still_is_pushed() {
+    let pushed = solved(
+        "model block {
+           state q[2] = [0, 0]; state v[2] = [0, 0];
+           q' = v;
+           mechanics q, v {
+             mass = eye(2);
+             force = [40*max(time - 0.5, 0), -9.81];
+             contact floor { gap = q[2]; restitution = 0; friction = 0.5; }
+           }
+         }
+         simulate this of block { horizon 1; method timestepping { steps = 2000; } }",
+    );
+    // It slips once 40 (t - 0.5) = μg.
+    let s = 0.5_f64 - 0.5 * 9.81 / 40.0;
+    let q = end(&pushed, "q");
+    assert!((q[0] - 20.0 / 3.0 * s.powi(3)).abs() <= 2e-3, "{q:?}");
+    assert_eq!(q[1], 0.0);
+    // One block is held up against a stop, and carries another, until the force is less than the weight of both.
+    let carried = solved(
+        "model blocks {
+           state a = 0; state b = 1; state u = 0; state v = 0;
+           a' = u; b' = v;
+           mechanics a, u { mass = 1; force = 60 - 100*max(time - 0.5, 0) - 9.81; contact stop { gap = -a; restitution = 0; } }
+           mechanics b, v { mass = 1; force = -9.81; contact load { gap = b - a - 1; restitution = 0; } }
+         }
+         simulate this of blocks { horizon 1.05; method timestepping { steps = 2100; } }",
+    );
+    let s = 0.55 - (60.0 - 2.0 * 9.81) / 100.0;
+    let fall = 50.0 / 6.0 * s * s * s;
+    let (a, b) = (end(&carried, "a")[0], end(&carried, "b")[0]);
+    assert!(
+        (a + fall).abs() <= 1e-3 && (b - 1.0 + fall).abs() <= 1e-3,
+        "{a}, {b}"
+    );
+}
+
+/// A floor that time moves carries what stands on it.
+#[test]
+fn what_stands_on_a_moving_floor_moves() {
+    let trajectory = solved(
+        "model ball {
+           state q = 0; state v = 0;
+           q' = v;
+           mechanics q, v { mass = 1; force = -9.81; contact floor { gap = q - 0.1*(1 - cos(2*pi*time)); restitution = 0; } }
+         }
+         simulate this of ball { horizon 0.5; method timestepping { steps = 500; } }",
+    );
+    let q = end(&trajectory, "q")[0];
+    assert!((q - 0.2).abs() <= 1e-3, "{q}");
+}
+
+/// A coefficient that leaves its range in the run ends it.
+#[test]
+fn coefficients_keep_their_range() {
+    for (law, what) in [
+        (
+            "restitution = 0.9 + v[2]/4;",
+            "the restitution of `floor` is -",
+        ),
+        (
+            "restitution = 0; friction = 0.1 - time;",
+            "the friction of `floor` is -",
+        ),
+    ] {
+        for method in ["", "method timestepping { steps = 1000; }"] {
+            let trajectory = run(
+                &format!(
+                    "model ball {{
+                       state q[2] = [0, 1];
+                       state v[2] = [1, 0];
+                       q' = v;
+                       mechanics q, v {{ mass = eye(2); force = [0, -9.81]; contact floor {{ gap = q[2]; {law} }} }}
+                     }}
+                     simulate this of ball {{ horizon 1; {method} }}"
+                ),
+                "this",
+            );
+            let failure = trajectory.failure.expect("it ends");
+            assert!(failure.to_string().contains(what), "{failure}");
+        }
+    }
+}
+
 #[test]
 fn bodies_far_apart_cost_no_gaps() {
     let text = |apart: f64| {

@@ -72,6 +72,22 @@ impl Energy {
         (rows.diagonal(row) * sum).sqrt()
     }
 
+    /// The first body of the island that a body is in.
+    pub fn island_of(&mut self, body: usize) -> usize {
+        self.joined.of_body(body)
+    }
+
+    /// v̂ - v of the step.
+    pub fn change(&self) -> &[f64] {
+        &self.change
+    }
+
+    /// Books that a body without velocity has not moved: it is h/2 (v̂ - v) away from where it would be without
+    /// contacts.
+    pub fn stay(&mut self, body: usize, bodies: &Bodies) {
+        self.lifted[body] = 0.5 * bodies.product(body, &self.change, &self.change);
+    }
+
     /// Books a displacement s w of contacts, which are joined.
     pub fn lift(&mut self, (s, h): (f64, f64), w: &[f64], moved: &Linear, bodies: &Bodies) {
         self.joined.join(moved, bodies);

@@ -218,7 +218,7 @@ impl<F: Free> Stepper<F> {
     }
 
     /// The gap of a contact at what `memory` holds.
-    fn gap_of(&mut self, contact: u32) -> f64 {
+    pub(super) fn gap_of(&mut self, contact: u32) -> f64 {
         for (f, family) in self.scene.families.iter().enumerate() {
             if let Ok(member) = family.contacts.binary_search(&contact) {
                 rows::gather(family, &[member as u32], &self.memory, &mut self.inputs);

@@ -4,12 +4,14 @@
 //!
 //! Projected Gauss-Seidel sweeps, contact by contact (Moreau 1988; Jean 1999, *The non-smooth contact dynamics
 //! method*), start from the impulses of the step before. In larger islands, and where sweeps take long, the contacts
-//! that push and those that stick are taken for known, and their equations solved at once (`direct.rs`).
+//! that push and those that stick are taken for known, and their equations solved at once (`direct.rs`). What resists both
+//! is a convex program where there is no friction (`convex.rs`), and where it is small, is pivoted (`pivoting.rs`).
 
+use super::convex;
 use super::direct::Direct;
 use super::islands::Islands;
 use super::pivoting::{self, Pivoting};
-use super::rows::{Contact, Linear};
+use super::rows::{Bodies, Contact, Linear};
 
 /// Residual that is accepted where sweeps and equations get no further.
 const ACCEPTED: f64 = 1e-6;
@@ -21,8 +23,20 @@ const MANY: usize = 4;
 const GUESSES: usize = 8;
 /// Guesses that bring nothing, before sweeps go on.
 const MOST_WORSE: usize = 2;
-/// The attempt after which small islands are solved by pivoting.
+/// The attempts after which islands without friction are solved as programs, and small islands by pivoting.
+const CONVEX: usize = 1;
 const PIVOTING: usize = 3;
+
+/// How all impulses of an island are solved for at once.
+#[derive(Clone, Copy)]
+enum By<'b> {
+    /// The equations of guessed sets.
+    Equations,
+    /// A convex program.
+    Program(&'b Bodies),
+    /// Complementary pivots.
+    Pivoting,
+}
 
 /// Impulses of the contacts of a [`Linear`].
 #[derive(Default)]
@@ -96,7 +110,7 @@ impl Impulses {
         &mut self,
         linear: &Linear,
         islands: &mut Islands,
-        bodies: &super::rows::Bodies,
+        bodies: &Bodies,
         v: &mut [f64],
     ) -> Result<(), usize> {
         islands.sort(linear, bodies);
@@ -106,7 +120,7 @@ impl Impulses {
                 linear,
                 contacts: islands.contacts(island),
             };
-            let residual = self.solve_island(&island, v);
+            let residual = self.solve_island(&island, bodies, v);
             if residual.is_nan() || residual > ACCEPTED {
                 worst = Err(island.contacts[0] as usize);
             }
@@ -116,7 +130,7 @@ impl Impulses {
     }
 
     /// The relative residual.
-    fn solve_island(&mut self, island: &Island, v: &mut [f64]) -> f64 {
+    fn solve_island(&mut self, island: &Island, bodies: &Bodies, v: &mut [f64]) -> f64 {
         let rows = &island.linear.rows;
         // How much the laws are violated without impulses.
         let mut scale = 0.0_f64;
@@ -145,7 +159,7 @@ impl Impulses {
         let mut residual = f64::INFINITY;
         if island.contacts.len() >= MANY {
             residual = self.residual_of(island, v);
-            residual = self.improve(island, v, residual, false);
+            residual = self.improve(island, v, residual, By::Equations);
             if residual <= enough {
                 return residual / scale;
             }
@@ -164,9 +178,13 @@ impl Impulses {
                     return residual / scale;
                 }
             }
-            residual = self.improve(island, v, residual, false);
+            residual = self.improve(island, v, residual, By::Equations);
+            if residual > enough && attempt == CONVEX {
+                residual = self.improve(island, v, residual, By::Program(bodies));
+                residual = self.improve(island, v, residual, By::Equations);
+            }
             if residual > enough && attempt == PIVOTING {
-                residual = self.improve(island, v, residual, true);
+                residual = self.improve(island, v, residual, By::Pivoting);
             }
             if residual <= enough {
                 break;
@@ -219,18 +237,23 @@ impl Impulses {
         residual
     }
 
-    /// Solves the equations of contacts that push and of those that stick, or for all by pivoting, and keeps what has
+    /// Solves the equations of contacts that push and of those that stick, or for all in another way, and keeps what has
     /// a smaller residual.
-    fn improve(&mut self, island: &Island, v: &mut [f64], before: f64, pivots: bool) -> f64 {
+    fn improve(&mut self, island: &Island, v: &mut [f64], before: f64, by: By) -> f64 {
         let mut direct = std::mem::take(&mut self.direct);
         let mut pivoting = std::mem::take(&mut self.pivoting);
         direct.save(island, self, v);
         let (mut best, mut worse) = (before, 0);
-        for _ in 0..if pivots { 1 } else { GUESSES } {
+        let guesses = match by {
+            By::Equations => GUESSES,
+            By::Program(_) | By::Pivoting => 1,
+        };
+        for _ in 0..guesses {
             self.factorizations += 1;
-            let solved = match pivots {
-                true => pivoting::solve(&mut pivoting, island, self, v),
-                false => direct.solve(island, self, v),
+            let solved = match by {
+                By::Equations => direct.solve(island, self, v),
+                By::Program(bodies) => convex::solve(island, bodies, self, v),
+                By::Pivoting => pivoting::solve(&mut pivoting, island, self, v),
             };
             let residual = self.residual_of(island, v);
             if !solved || residual.is_nan() {

@@ -12,11 +12,14 @@
 //! 3. q̂ + h/2 M⁻¹(J_nΛ - J_tβ), the positions of the θ-method, are projected onto gap ≥ 0 in the metric of M
 //!    (`project.rs`). Of Λ there are those of rough contacts that stay, which rest where friction holds them. All
 //!    others are put on their surfaces by the projection alone.
+//!    Islands without velocity before and after the step begin the projection where they are, at q + h/2 (v + v⁺)
+//!    (`rest.rs`).
 //! 4. Where the projection has lifted an island by more energy than its impacts have taken, its velocities pay for the
 //!    difference (`energy.rs`): energy is never gained by contacts that nothing drives.
 //!
 //! The order is one; bounces that accumulate end in a contact that stays closed.
 
+mod convex;
 mod direct;
 mod energy;
 mod events;
@@ -26,9 +29,11 @@ mod islands;
 mod pairs;
 mod pivoting;
 mod project;
+mod rest;
 mod rows;
 mod scene;
 mod search;
+mod strike;
 
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
@@ -49,14 +54,8 @@ use search::Search;
 
 /// A gap below this share of the size of positions is closed.
 const TOUCH: f64 = 1e-10;
-/// A speed below this share of the largest is rounding.
-const ROUNDING: f64 = 1e-15;
 /// Residual of the impulses of an island, relative to its speeds.
 const SOLVED: f64 = 1e-11;
-/// A contact stays where its rate before a step is below this share of what the free motion changes it by.
-const STAYS: f64 = 1e-3;
-/// Attempts to solve for the impulses of an island.
-const ATTEMPTS: usize = 12;
 
 /// What the user may choose.
 #[derive(Clone, Copy, Debug)]
@@ -109,6 +108,8 @@ pub struct Stepper<F> {
     /// How far positions move in the present step.
     moved: f64,
     shift: Vec<f64>,
+    /// By the first body of an island: whether it moves.
+    moves: Vec<bool>,
     /// Displacements of a projection.
     lift: Vec<f64>,
 }
@@ -129,15 +130,6 @@ struct Velocities {
     before: Vec<f64>,
     free: Vec<f64>,
     after: Vec<f64>,
-}
-
-/// How contacts strike.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Impact {
-    /// With their restitutions.
-    AsStated,
-    /// Without rebound.
-    Plastic,
 }
 
 /// Why a step could not be made.
@@ -173,6 +165,7 @@ impl<F: Free> Stepper<F> {
             counts: Counts::default(),
             moved: 0.0,
             shift: Vec::new(),
+            moves: Vec::new(),
             lift: Vec::new(),
             scene,
             free,
@@ -307,10 +300,14 @@ impl<F: Free> Stepper<F> {
         self.energy.observe(velocities);
         self.find_active((t, h), x, y, velocities);
         self.energy.begin(&self.bodies, &self.active);
+        if let Some(failed) = self.outside() {
+            return Err(failed);
+        }
         if !self.active.contacts.is_empty() {
             self.strike(y, velocities).map_err(|c| unsolved(Some(c)))?;
             self.let_impulses_move(h, velocities, y);
         }
+        self.rest((t, h), x, y, velocities);
         self.project((t, h), velocities, y)
             .map_err(|c| unsolved(Some(c)))?;
         self.pay(velocities);
@@ -393,95 +390,6 @@ impl<F: Free> Stepper<F> {
                 contact.gap - h * (rows.rate(contact.normal, &velocities.free) + contact.offset);
             !(contact.gap > touch && start > h * energy.gain(bodies, rows, contact.normal))
         });
-    }
-
-    /// Lets the active contacts give impulses, those that the free motion to y has closed if all of them are too many.
-    fn strike(&mut self, y: &[f64], velocities: &mut Velocities) -> Result<(), usize> {
-        let mut solved = self.strike_all(velocities);
-        let touch = TOUCH * self.size(y);
-        if solved.is_err() && self.active.contacts.iter().any(|c| c.gap > touch) {
-            self.active.contacts.retain(|contact| contact.gap <= touch);
-            solved = self.strike_all(velocities);
-        }
-        self.counts.plastic += usize::from(solved == Ok(Impact::Plastic));
-        self.counts.impulses += self.active.contacts.len();
-        self.counts.residual = self.counts.residual.max(self.impulses.residual);
-        match solved {
-            Ok(_) => Ok(()),
-            Err(c) => Err(self.active.contacts[c].contact as usize),
-        }
-    }
-
-    /// Lets the active contacts give impulses.
-    fn strike_all(&mut self, velocities: &mut Velocities) -> Result<Impact, usize> {
-        self.islands.begin(&self.bodies);
-        self.islands.join(&self.active, &self.bodies);
-        let mut solved = Ok(Impact::AsStated);
-        // Restitutions of contacts that depend on each other may contradict each other.
-        for impact in [Impact::AsStated, Impact::Plastic] {
-            let bounced = self.set_impulses(velocities, impact == Impact::AsStated);
-            let (active, impulses) = (&self.active, &mut self.impulses);
-            velocities.after.clone_from(&velocities.free);
-            let found = impulses.solve(
-                active,
-                &mut self.islands,
-                &self.bodies,
-                &mut velocities.after,
-            );
-            solved = found.map(|()| impact);
-            if solved.is_ok() || !bounced {
-                break;
-            }
-        }
-        solved
-    }
-
-    /// States the laws of the active contacts, and starts from the impulses of the step before. Whether any rebounds.
-    fn set_impulses(&mut self, velocities: &Velocities, rebounds: bool) -> bool {
-        let (active, impulses) = (&self.active, &mut self.impulses);
-        impulses.begin(active);
-        (impulses.attempts, impulses.tolerance) = (ATTEMPTS, SOLVED);
-        let speeds = velocities.free.iter();
-        impulses.rounding = ROUNDING * speeds.fold(0.0_f64, |most, v| most.max(v.abs()));
-        let mut any = false;
-        for (c, contact) in active.contacts.iter().enumerate() {
-            let before = active.rows.rate(contact.normal, &velocities.before) + contact.offset;
-            let rebound = contact.restitution * before;
-            impulses.normal_rate[c] = contact.offset;
-            // A rebound that cannot outlast a step is none, whatever presses: what moves the bodies may reach the
-            // contact through others.
-            let change = self.energy.gain(&self.bodies, &active.rows, contact.normal);
-            if rebounds && rebound.abs() > 0.5 * change {
-                impulses.normal_rate[c] += rebound;
-                any = true;
-            }
-            impulses.friction[c] = contact.friction;
-            impulses.slip_rate[c] = contact.slip;
-            let known = self.contacts.last(contact.contact as usize);
-            (impulses.normal[c], impulses.tangential[c]) = (known[0], known[1]);
-        }
-        any
-    }
-
-    /// q̂ + h/2 M⁻¹(J_nΛ - J_tβ), of Λ those of rough contacts that stay.
-    fn let_impulses_move(&mut self, h: f64, velocities: &Velocities, y: &mut [f64]) {
-        let (rows, impulses) = (&self.active.rows, &self.impulses);
-        self.shift.clear();
-        self.shift.resize(velocities.before.len(), 0.0);
-        for (c, contact) in self.active.contacts.iter().enumerate() {
-            let rate = |v: &[f64]| rows.rate(contact.normal, v) + contact.offset;
-            let before = rate(&velocities.before);
-            let change = (rate(&velocities.free) - before).abs();
-            if contact.is_rough && before.abs() <= STAYS * change {
-                rows.push_by(contact.normal, impulses.normal[c], &mut self.shift);
-            }
-            if contact.is_rough {
-                rows.push_by(contact.normal + 1, -impulses.tangential[c], &mut self.shift);
-            }
-        }
-        self.bodies.displace(0.5 * h, &self.shift, y);
-        self.energy
-            .lift((0.5 * h, h), &self.shift, &self.active, &self.bodies);
     }
 
     /// A contact that is closed by more than rounding at the start.

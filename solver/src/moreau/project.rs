@@ -12,8 +12,9 @@ const DEPTH: f64 = 1e-12;
 const REACH: f64 = 8.0;
 /// Linearizations.
 const MOST: usize = 40;
-/// Residual of one of them, relative to the depths of an island, and attempts at it: the next one goes on.
-const SOLVED: f64 = 1e-4;
+/// Residual of one of them, relative to the depths of an island, and attempts at it: the next one goes on. What is left
+/// lifts jammed bodies by many times as much.
+const SOLVED: f64 = 1e-9;
 const ATTEMPTS: usize = 6;
 
 impl<F: Free> Stepper<F> {

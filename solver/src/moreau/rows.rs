@@ -142,14 +142,21 @@ impl Bodies {
             .sum()
     }
 
-    /// Overwrites entries of a body's velocities by M⁻¹ times them.
-    fn solve(&self, body: usize, rhs: &mut [f64]) {
+    /// Overwrites entries of a body's velocities by L⁻¹ times them.
+    fn solve_half(&self, body: usize, rhs: &mut [f64]) {
         let n = rhs.len();
         let l = &self.factors[self.mass_starts[body]..self.mass_starts[body + 1]];
         for i in 0..n {
             let known: f64 = (0..i).map(|k| l[i * n + k] * rhs[k]).sum();
             rhs[i] = (rhs[i] - known) / l[i * n + i];
         }
+    }
+
+    /// Overwrites entries of a body's velocities by M⁻¹ times them.
+    fn solve(&self, body: usize, rhs: &mut [f64]) {
+        self.solve_half(body, rhs);
+        let n = rhs.len();
+        let l = &self.factors[self.mass_starts[body]..self.mass_starts[body + 1]];
         for i in (0..n).rev() {
             let known: f64 = (i + 1..n).map(|k| l[k * n + i] * rhs[k]).sum();
             rhs[i] = (rhs[i] - known) / l[i * n + i];
@@ -232,6 +239,20 @@ impl Rows {
         let range = self.range(row);
         let terms = self.columns[range.clone()].iter().zip(&self.j[range]);
         terms.map(|(&column, j)| j * v[column as usize]).sum()
+    }
+
+    /// L⁻¹Jᵀ, by velocity of the row.
+    pub fn rooted(&self, row: usize, bodies: &Bodies) -> Vec<f64> {
+        let mut values = self.j[self.range(row)].to_vec();
+        let columns = self.columns(row);
+        let mut first = 0;
+        while first < columns.len() {
+            let body = bodies.body_of(columns[first] as usize);
+            let next = first + bodies.velocities_of(body).len();
+            bodies.solve_half(body, &mut values[first..next]);
+            first = next;
+        }
+        values
     }
 
     /// v += D z
