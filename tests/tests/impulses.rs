@@ -391,3 +391,42 @@ fn printed_forms() {
         insta::assert_snapshot!("impulses_program", program);
     });
 }
+
+/// The gap of a contact that turns with its body is known to rounding, which over τ is what the law of impacts leaves of
+/// its speed where the next element begins.
+#[test]
+fn a_rod_slips_on_its_end() {
+    let rod = "model m {
+           state q[3] = [0, 0.5*cos(pi/4) + 0.2, pi/4];
+           state v[3] = [2, 0, 0];
+           q' = v;
+           mechanics q, v {
+             mass = [1, 0, 0; 0, 1, 0; 0, 0, 1/32];
+             force = [0, -9.81, 0];
+             contact lower {
+               gap = q[2] - 0.5*cos(q[3]); slip = v[1] + 0.5*cos(q[3])*v[3]; restitution = 0; friction = 0.7;
+             }
+             contact upper {
+               gap = q[2] + 0.5*cos(q[3]); slip = v[1] - 0.5*cos(q[3])*v[3]; restitution = 0; friction = 0.7;
+             }
+           }
+         }";
+    let events = solved(&format!(
+        "{rod} simulate o of m {{ horizon 0.36; tolerance 1e-12; }}"
+    ));
+    let exact = last(&events.states[1])[2];
+    let errors = [12, 24].map(|steps| {
+        let found = solved(&format!(
+            "{rod} simulate o of m {{ horizon 0.36; lower impact; method fesd {{ steps = {steps}; }} }}"
+        ));
+        // It has fallen by 0.2 m.
+        let struck = times(&found, EventKind::Jump);
+        assert_eq!(struck.len(), 1);
+        close(struck[0], (0.4_f64 / 9.81).sqrt(), 1e-9);
+        (last(&found.states[1])[2] - exact).abs()
+    });
+    // Where gaps vanish at the nodes, the order of speeds is the number of nodes.
+    let order = (errors[0] / errors[1]).log2();
+    assert!((3.5..4.7).contains(&order), "{errors:?}, order {order}");
+    assert!(errors[1] <= 1e-7, "{errors:?}");
+}

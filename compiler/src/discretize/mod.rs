@@ -44,6 +44,7 @@ use nsd_solver::tableau::{Family, Tableau};
 
 pub use data::inside;
 pub use error::DiscretizeError;
+pub use impulses::WINDOW;
 pub use layout::Layout;
 
 use crate::dcs::Dcs;

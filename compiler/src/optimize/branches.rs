@@ -35,7 +35,7 @@ impl<'e> Problem<'_, 'e> {
         settings.horizon = self.horizon(w);
         let mut system = solved::system(self, w);
         system.controls.clear();
-        Rehearsed::new(&system, &settings)
+        Rehearsed::new(&system, &settings, None)
     }
 
     /// Where nonlinear switches of a point differ from those of a run first, if they do for long.

@@ -50,7 +50,7 @@ pub(super) fn rehearse(problem: &Problem, w: &mut [f64]) -> bool {
     }
     let horizon = settings.horizon;
     let Some(frozen) = &problem.frozen else {
-        let rehearsed = Rehearsed::new(&system, settings);
+        let rehearsed = Rehearsed::new(&system, settings, None);
         follow(problem, &rehearsed, horizon, w);
         return rehearsed.begins();
     };

@@ -1,6 +1,7 @@
 //! A run from event to event says where elements may meet, and what goes on in them: where a program starts.
 
 use std::collections::HashMap;
+use std::time::Duration;
 
 use super::{Request, run};
 use crate::dcs::{Dcs, solve_in_mode};
@@ -33,8 +34,12 @@ pub(crate) struct Rehearsed<'e> {
 }
 
 impl<'e> Rehearsed<'e> {
-    /// Over the horizon of the experiment.
-    pub fn new(system: &System<'e>, settings: &Settings<'e>) -> Self {
+    /// Over the horizon of the experiment, for so long.
+    pub fn new(
+        system: &System<'e>,
+        settings: &Settings<'e>,
+        time_limit: Option<Duration>,
+    ) -> Self {
         let mut system = system.clone();
         system.outputs.clear();
         let mut settings = settings.clone();
@@ -47,7 +52,7 @@ impl<'e> Rehearsed<'e> {
             dense: true,
             estimate: false,
             multipliers: false,
-            time_limit: None,
+            time_limit,
         };
         let run = run(&system, &settings, &request);
         let jumps = run
@@ -78,6 +83,15 @@ impl<'e> Rehearsed<'e> {
         let (row, _) = self.at(time, time)?;
         let n = self.system.states.len();
         Some(row[n..n + self.system.switches.len()].to_vec())
+    }
+
+    /// The contact that has ended the run in an interval by a coefficient that no contact has.
+    pub fn outside(&self, from: f64, to: f64) -> Option<&Failure> {
+        let in_it = |failure: &&Failure| match failure {
+            Failure::Coefficient { time, .. } => (from..=to).contains(time),
+            _ => false,
+        };
+        self.failure.as_ref().filter(in_it)
     }
 
     /// Gives the lengths, states, impulses and multipliers of step k the values of the run in an interval.

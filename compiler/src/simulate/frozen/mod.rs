@@ -6,7 +6,7 @@ mod thaw;
 use std::time::{Duration, Instant};
 
 use nsd_solver::fesd::{self as elements, Grid};
-use nsd_solver::simulate::{Observer, Outcome, Simulator, Status};
+use nsd_solver::simulate::{Coefficient, Observer, Outcome, Simulator, Status};
 use thaw::{End, drive};
 
 use super::fesd::{Complementarity, estimate, judge_grid};
@@ -191,6 +191,12 @@ impl<'e> Road<'e> {
                 name: frozen.system.switches[contact].name.clone(),
                 surfaces: outcome::labels(&frozen.system, &[contact]),
             }),
+            Some(End::Negative(contact, value)) => {
+                let name = frozen.system.switches[contact].name.clone();
+                let surfaces = outcome::labels(&frozen.system, &[contact]);
+                let of = (Coefficient::Friction, value);
+                Some(outcome::outside(of, (outcome.time, name), surfaces))
+            }
             None => {
                 let names = ModeNames::new(&frozen.system);
                 outcome::failure(&frozen.system, &names, &outcome, settings.span)

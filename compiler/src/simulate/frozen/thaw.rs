@@ -36,6 +36,8 @@ pub(super) enum End {
     Closed,
     /// Friction of a contact, by its switch in the frozen system, is stronger than what opens it.
     Locked(usize),
+    /// The friction of a contact, by its switch in the frozen system, is negative.
+    Negative(usize, f64),
 }
 
 /// Passes on a run in numerical time as one in physical time.
@@ -155,8 +157,9 @@ impl<'t, 'e> Thaw<'t, 'e> {
         }
     }
 
-    /// The contact that friction closes whatever pushes, at a state of the frozen system.
-    fn locked(&self, x: &[f64]) -> Option<usize> {
+    /// Why time does not go on where a contact has struck, at a state of the frozen system: its friction is negative,
+    /// or closes it whatever pushes.
+    fn refused(&self, x: &[f64]) -> Option<End> {
         let params = &self.frozen.system.params;
         let value = |var: Var| match self.state_of.get(&var) {
             Some(&i) => x[i],
@@ -165,11 +168,17 @@ impl<'t, 'e> Thaw<'t, 'e> {
                 param.map_or(f64::NAN, |param| param.value)
             }
         };
-        let opens = |rest: &Rest| rest.cone.iter().all(|e| e.eval(&value) > 0.0);
         let contacts = self.frozen.contacts.iter();
         let mut struck = contacts.filter(|contact| self.fired.contains(&contact.law));
-        let locked = struck.find(|contact| contact.rest.as_ref().is_some_and(|r| !opens(r)))?;
-        Some(locked.switch)
+        struck.find_map(|contact| {
+            let friction = contact.friction.map(|friction| friction.eval(&value));
+            if let Some(friction) = friction.filter(|friction| *friction < 0.0) {
+                return Some(End::Negative(contact.switch, friction));
+            }
+            let rest = contact.rest.as_ref()?;
+            let opens = rest.cone.iter().all(|e| e.eval(&value) > 0.0);
+            (!opens).then_some(End::Locked(contact.switch))
+        })
     }
 
     /// Tells what has happened at the present instant, if anything.
@@ -241,8 +250,8 @@ impl Observer for Thaw<'_, '_> {
                 self.stopped = Some(self.x.clone());
             }
             self.act(segment.sides);
-            if let Some(switch) = self.locked(segment.end) {
-                self.end = Some(End::Locked(switch));
+            self.end = self.refused(segment.end);
+            if self.end.is_some() {
                 return ControlFlow::Break(());
             }
             return ControlFlow::Continue(());

@@ -61,6 +61,8 @@ pub struct Impact<'e> {
     pub switch: usize,
     /// a: the force of a contact that lasts is a (1/t' - 1).
     pub strength: Expr<'e>,
+    /// μ; none where it is smooth.
+    pub friction: Option<Expr<'e>>,
     /// Where it is inelastic.
     pub rest: Option<Rest<'e>>,
 }
@@ -172,6 +174,10 @@ pub fn freeze<'e>(system: &System<'e>, pace: f64) -> Result<Frozen<'e>, SystemEr
             law: contact.law,
             switch,
             strength,
+            friction: contact
+                .friction
+                .as_ref()
+                .map(|friction| friction.coefficient),
             rest,
         });
     }

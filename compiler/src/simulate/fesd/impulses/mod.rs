@@ -8,6 +8,8 @@
 //! `equilibration` say of the printed form: its solutions are the same.
 //! What is found satisfies all equations and signs; gaps are looked at between the nodes, too.
 
+mod checks;
+
 use std::time::Instant;
 
 use nsd_solver::mpcc::{self, Options};
@@ -37,12 +39,6 @@ const MOST_ITERATIONS: usize = 500;
 const FEASIBLE: f64 = 1e-9;
 /// A gap this small, relative to the largest value, is closed.
 const CLOSED: f64 = 1e-11;
-/// A gap may be so far below zero between nodes, relative to the largest value.
-const BELOW: f64 = 1e-8;
-/// A closed contact may open with such a speed, relative to the largest value.
-const OPENING: f64 = 1e-8;
-/// Points of an element at which gaps are looked at.
-const LOOKS: usize = 8;
 /// Impulses below this are rounding.
 const IMPULSE: f64 = 1e-9;
 /// Elements shorter than this, as a share of the horizon, have no mode of their own.
@@ -98,7 +94,9 @@ pub(in crate::simulate) fn run(
             coarse.compare(&fine, ended.is_none())
         });
         let error = estimate.as_ref().map_or(0.0, |estimate| estimate.error);
-        if options.steps.is_some() || error <= settings.tolerance || steps >= MOST_STEPS {
+        let is_unsolved = matches!(failure, Some(Failure::Unsolved { .. }));
+        let is_done = error <= settings.tolerance && !is_unsolved;
+        if options.steps.is_some() || is_done || steps >= MOST_STEPS {
             break (coarse, elements, failure, estimate);
         }
         steps *= 2;
@@ -160,6 +158,7 @@ impl<'s, 'e> Run<'s, 'e> {
         let dcs = dcs::lower(system, &settings.lowerings);
         let mut dcs = dcs.expect("compilation has checked that the system can be lowered");
         dcs.task = Some(nothing(system.exprs.constant(0.0), settings));
+        let left = deadline.map(|deadline| deadline.saturating_duration_since(Instant::now()));
         let fesd = discretize::Options::fesd(options);
         let detection = fesd.detection.unwrap_or_default();
         Run {
@@ -178,7 +177,7 @@ impl<'s, 'e> Run<'s, 'e> {
             horizon: settings.horizon,
             steps,
             deadline,
-            rehearsed: Some(Rehearsed::new(system, settings)).filter(Rehearsed::begins),
+            rehearsed: Some(Rehearsed::new(system, settings, left)).filter(Rehearsed::begins),
             x: dcs.states.iter().map(|state| state.initial).collect(),
             dcs,
             size: 0.0,
@@ -193,7 +192,11 @@ impl<'s, 'e> Run<'s, 'e> {
     /// How far a run came that may have failed.
     fn reached(&self, horizon: f64, failure: &Option<Failure>) -> f64 {
         match failure {
-            Some(Failure::Unsolved { time, .. } | Failure::TimeLimit { time, .. }) => *time,
+            Some(
+                Failure::Unsolved { time, .. }
+                | Failure::TimeLimit { time, .. }
+                | Failure::Coefficient { time, .. },
+            ) => *time,
             _ => horizon,
         }
     }
@@ -223,9 +226,12 @@ impl<'s, 'e> Run<'s, 'e> {
                     .deadline
                     .is_some_and(|deadline| Instant::now() >= deadline);
                 let (time, span) = (start, settings.span);
-                let failure = match late {
-                    true => Failure::TimeLimit { time, span },
-                    false => Failure::Unsolved { time, span },
+                let rehearsed = self.rehearsed.as_ref();
+                let outside = rehearsed.and_then(|run| run.outside(start, end));
+                let failure = match (late, outside) {
+                    (true, _) => Failure::TimeLimit { time, span },
+                    (_, Some(failure)) => failure.clone(),
+                    _ => Failure::Unsolved { time, span },
                 };
                 if k == 0 {
                     let alphas = vec![1.0; self.system.switches.len()];
@@ -233,7 +239,13 @@ impl<'s, 'e> Run<'s, 'e> {
                 }
                 return (elements, Some(failure));
             };
+            let n_jumps = self.jumps.len();
             self.take(&step, (start, end), &mut elements);
+            if self.jumps.len() > n_jumps
+                && let Some(failure) = self.outside(&step, start)
+            {
+                return (elements, Some(failure));
+            }
             watch(Progress {
                 time: end,
                 horizon: self.horizon,
@@ -339,55 +351,6 @@ impl<'s, 'e> Run<'s, 'e> {
                 *gap = 0.0;
             }
         }
-    }
-
-    /// Whether no gap is below zero between the nodes.
-    fn stays_above(&self, layout: &Layout, w: &[f64]) -> bool {
-        let basis = |tau: f64| nsd_solver::tableau::lagrange(&layout.points, &[tau]);
-        let weights: Vec<Vec<f64>> = (1..LOOKS).map(|i| basis(i as f64 / LOOKS as f64)).collect();
-        let gaps: Vec<usize> = self.dcs.impacts.iter().map(|impact| impact.gap).collect();
-        layout.all_elements().all(|(k, j)| {
-            gaps.iter().all(|&gap| {
-                let at = |m: usize| layout.z(k, j, m, gap).map_or(0.0, |index| w[index]);
-                let values: Vec<f64> = (0..=layout.end).map(at).collect();
-                let size = values.iter().fold(1.0, |m: f64, v| m.max(v.abs()));
-                weights.iter().all(|weights| {
-                    let value: f64 = weights.iter().zip(&values).map(|(l, v)| l * v).sum();
-                    value >= -BELOW * size
-                })
-            })
-        })
-    }
-
-    /// Whether contacts that are closed in an element do not open where it begins: otherwise their forces have
-    /// absorbed a bounce, which the equations of an element of few nodes allow where it is slow.
-    fn comes_to_rest(&self, layout: &Layout, w: &[f64], start: f64) -> bool {
-        let mut t = start;
-        layout.all_elements().all(|(k, j)| {
-            let from = t;
-            t += w[layout.h(k, j)].max(0.0);
-            let x = &w[layout.x(k, j, 0)..][..layout.n_states()];
-            let value = |var: Var| {
-                let is = |e: Expr| e.as_variable() == Some(var);
-                let state = self.dcs.states.iter().position(|state| is(state.var));
-                let param = || self.dcs.params.iter().find(|param| is(param.var));
-                match state {
-                    Some(i) => x[i],
-                    None if is(self.dcs.time) => from,
-                    None => param().map_or(f64::NAN, |param| param.value),
-                }
-            };
-            let size = x.iter().fold(1.0, |m: f64, x| m.max(x.abs()));
-            self.dcs.impacts.iter().all(|impact| {
-                let force = |m: usize| {
-                    layout
-                        .z(k, j, m, impact.force)
-                        .map_or(0.0, |index| w[index])
-                };
-                let is_closed = (1..=layout.nodes).any(|m| force(m) > IMPULSE);
-                !is_closed || impact.speed.eval(&value).abs() <= OPENING * size
-            })
-        })
     }
 
     /// Adds a step to the elements, and goes to its end.
