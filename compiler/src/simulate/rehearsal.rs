@@ -35,11 +35,7 @@ pub(crate) struct Rehearsed<'e> {
 
 impl<'e> Rehearsed<'e> {
     /// Over the horizon of the experiment, for so long.
-    pub fn new(
-        system: &System<'e>,
-        settings: &Settings<'e>,
-        time_limit: Option<Duration>,
-    ) -> Self {
+    pub fn new(system: &System<'e>, settings: &Settings<'e>, time_limit: Option<Duration>) -> Self {
         let mut system = system.clone();
         system.outputs.clear();
         let mut settings = settings.clone();

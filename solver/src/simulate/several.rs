@@ -275,13 +275,14 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         for &at in &way.tied {
             slides.sides[at] = Side::Slide;
         }
+        let units = vec![1.0; group.len()];
         let mut agrees = |way: &Way| {
             let choice = Choice {
                 sides: way.sides.clone(),
                 alpha: way.alpha.clone(),
                 f: Vec::new(),
             };
-            let verdict = self.verdict(state, group, &choice, t1);
+            let verdict = self.verdict(state, group, &choice, &units, t1);
             verdict.is_some_and(|verdict| verdict.agrees)
         };
         let found = [way, slides].into_iter().find(|way| agrees(way));
