@@ -222,9 +222,7 @@ impl<'s, 'e> Run<'s, 'e> {
             let end = self.horizon * (k + 1) as f64 / self.steps as f64;
             let step = self.step(start, end - start);
             let Some(step) = step else {
-                let late = self
-                    .deadline
-                    .is_some_and(|deadline| Instant::now() >= deadline);
+                let late = self.is_late();
                 let (time, span) = (start, settings.span);
                 let rehearsed = self.rehearsed.as_ref();
                 let outside = rehearsed.and_then(|run| run.outside(start, end));
@@ -257,6 +255,11 @@ impl<'s, 'e> Run<'s, 'e> {
         (elements, None)
     }
 
+    fn is_late(&self) -> bool {
+        let deadline = self.deadline;
+        deadline.is_some_and(|deadline| Instant::now() >= deadline)
+    }
+
     /// A step from the present state.
     fn step(&mut self, start: f64, length: f64) -> Option<Step> {
         let elements = self
@@ -264,6 +267,10 @@ impl<'s, 'e> Run<'s, 'e> {
             .detection
             .map_or(1, |detection| detection.elements);
         for added in 0..=MOST_ADDED {
+            // Making the program of many contacts may take longer than solving it.
+            if self.is_late() {
+                return None;
+            }
             if let Some(step) = self.solve(start, length, elements + added) {
                 self.added += added;
                 return Some(step);
