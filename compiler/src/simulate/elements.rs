@@ -128,6 +128,8 @@ impl<'s, 'e> Elements<'s, 'e> {
         let (n, m) = (self.system.states.len(), self.system.switches.len());
         let points = match settings.sampling {
             Sampling::Method => self.points,
+            // A run without a first element has its start alone.
+            _ if dense.pieces.is_empty() => self.points,
             _ => sampled(&dense, &settings.sampling, horizon, (n, m), self.points),
         };
         recorded(self.system, settings, points, dense.pieces, &self.sides)
