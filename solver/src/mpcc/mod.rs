@@ -22,7 +22,6 @@ mod lpec;
 mod multistart;
 mod observer;
 mod options;
-mod outlook;
 mod polish;
 mod relaxation;
 mod relaxed;
@@ -41,8 +40,7 @@ use crate::ipm;
 use crate::problem::{Mpcc, Nlp};
 use branch::{Branch, choose};
 use certificate::Certificate;
-use outlook::Goal;
-use polish::{Guess, Polished, polish};
+use polish::{Goal, Guess, Polished, polish};
 use way::{DeadEnd, ways};
 use work::Work;
 

@@ -1,11 +1,12 @@
 //! From a point near a solution to the solution of its branch, with exact zeros on the sides that are held.
 
+use std::ops::ControlFlow;
+
 use super::branch::Branch;
 use super::certificate::Residuals;
 use super::lift::Lifted;
 use super::local::Local;
 use super::observer::Program;
-use super::outlook::{Goal, Outlook};
 use super::work::Work;
 use crate::ipm;
 use crate::problem::{Member, Nlp};
@@ -39,6 +40,30 @@ pub struct Polished {
 const RUNS: [(f64, usize); 2] = [(1e-5, 100), (1e-1, 300)];
 /// The largest number of iterations with pivots in pairs.
 const MAX_PAIRED: usize = 100;
+
+/// Errors of the conditions of a barrier problem at which its objective is believed.
+const SETTLED: f64 = 1e-4;
+
+/// What the solution of a branch is wanted for.
+#[derive(Clone, Copy, Debug)]
+pub enum Goal {
+    /// The solution itself.
+    Solution,
+    /// A solution with an objective below this.
+    Below(f64),
+    /// The same, where the branch is feasible close to the point.
+    Near(f64),
+}
+
+impl Goal {
+    /// What the objective has to be below.
+    fn below(self) -> Option<f64> {
+        match self {
+            Goal::Solution => None,
+            Goal::Below(objective) | Goal::Near(objective) => Some(objective),
+        }
+    }
+}
 
 /// The solution of the branch with these zeros near a point.
 ///
@@ -79,16 +104,32 @@ pub fn polish(
                 pairs_pivots,
                 ..ipm::Options::default()
             };
-            let mut outlook = Outlook::new(goal);
+            let mut is_lost = false;
+            let mut hopeless = |progress: &ipm::Progress<'_>| {
+                let Some(below) = goal.below() else {
+                    return ControlFlow::Continue(());
+                };
+                // What restoration minimizes is not the objective.
+                let is_settled =
+                    !progress.is_restoration && progress.primal.max(progress.dual) <= SETTLED;
+                is_lost = is_near && progress.is_restoration;
+                match is_lost || is_settled && progress.objective - progress.gap > below {
+                    true => ControlFlow::Break(()),
+                    false => ControlFlow::Continue(()),
+                }
+            };
             let found = work.minimize(
                 Program::Branch,
                 &mut branch,
                 settings,
                 Some(&start),
-                &mut outlook,
+                &mut hopeless,
             );
             if found.status == ipm::Status::Stopped {
-                return Err(outlook.verdict);
+                return Err(match is_lost {
+                    true => ipm::Status::LocallyInfeasible,
+                    false => ipm::Status::Stopped,
+                });
             }
             let residuals = Residuals::new(lifted, &found.w);
             if residuals.violation > work.options.feasibility || !found.objective.is_finite() {

@@ -18,9 +18,10 @@ impl Mode {
         let orders = self.sliding.iter();
         let deepest = orders.map(|&i| self.surfaces.n_derivatives(i)).max();
         let deepest = deepest.unwrap_or(0);
-        let mut placed = vec![false; state.x.len()];
+        let mut placed = std::mem::take(&mut self.placed);
         for round in 0..ROUNDS {
-            placed.fill(false);
+            placed.clear();
+            placed.resize(state.x.len(), false);
             let mut below = 0.0_f64;
             for order in 0..deepest {
                 let (worst, stepped) = self.step_onto(state, Some(order), &mut placed);
@@ -38,6 +39,7 @@ impl Mode {
                 break;
             }
         }
+        self.placed = placed;
         drift
     }
 

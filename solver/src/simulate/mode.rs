@@ -53,6 +53,8 @@ pub(crate) struct Mode {
     pub perturbed: Vec<f64>,
     /// Switches off their surface whose ψ might vanish within the step.
     pub watched: Vec<usize>,
+    /// The states that a projection has placed.
+    pub placed: Vec<bool>,
     /// How far each state may move within the step.
     pub reach: Vec<f64>,
     focus: Focus,
@@ -100,6 +102,7 @@ impl Mode {
             terms: vec![0.0; n],
             perturbed: Vec::new(),
             watched: Vec::new(),
+            placed: Vec::new(),
             reach: vec![0.0; n],
             focus: Focus::default(),
             probed: Probed::new(n),
