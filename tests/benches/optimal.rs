@@ -127,23 +127,18 @@ fn main() {
     }
 }
 
-/// The stationary points on the way to the best one: objectives and seconds since the start.
-#[derive(Default)]
+/// The strongly stationary points on the way to the best one: objectives, and seconds since before the program was built.
 struct Way {
-    started: Option<Instant>,
+    started: Instant,
     points: Vec<[f64; 2]>,
 }
 
 impl mpcc::Observer for Way {
-    fn program(&mut self, _: &mpcc::Program) {
-        self.started.get_or_insert_with(Instant::now);
-    }
-
-    fn stationary(&mut self, objective: f64) {
-        let seconds = self
-            .started
-            .map_or(0.0, |started| started.elapsed().as_secs_f64());
-        self.points.push([objective, seconds]);
+    fn stationary(&mut self, objective: f64, class: mpcc::Class) {
+        if class == mpcc::Class::S {
+            let seconds = self.started.elapsed().as_secs_f64();
+            self.points.push([objective, seconds]);
+        }
     }
 }
 
@@ -160,7 +155,10 @@ impl Problem {
                 .expect("an optimal control problem");
             let request = Request::default();
             let run = || {
-                let mut way = Way::default();
+                let mut way = Way {
+                    started: Instant::now(),
+                    points: Vec::new(),
+                };
                 let system = &compiled.system;
                 let solved = optimize::run(system, settings, task, &[], &request, &mut way).ok()?;
                 Some((solved, way))

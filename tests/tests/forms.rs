@@ -29,8 +29,8 @@ fn runs(model: &str, horizon: f64, settings: &str) -> Trajectory {
 #[track_caller]
 fn assert_near(found: &[f64], exact: &[f64], within: f64) {
     assert_eq!(found.len(), exact.len(), "{found:?} and {exact:?}");
-    let far = |(a, b): (&f64, &f64)| (a - b).abs() > within;
-    assert!(!found.iter().zip(exact).any(far), "{found:?} and {exact:?}");
+    let near = |(a, b): (&f64, &f64)| (a - b).abs() <= within;
+    assert!(found.iter().zip(exact).all(near), "{found:?} and {exact:?}");
 }
 
 /// What is wrong with a text.
@@ -53,9 +53,9 @@ fn assert_agree(forms: &[&str], horizon: f64, states: &[&str]) {
     for form in forms {
         for road in ROADS {
             let found = ends(form, road);
-            let far = |(a, b): (&f64, &f64)| (a - b).abs() > 1e-9;
-            let differs = found.iter().zip(&first).any(far);
-            assert!(!differs, "{found:?} and {first:?}: {form} {road}");
+            let near = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-9;
+            let agrees = found.len() == first.len() && found.iter().zip(&first).all(near);
+            assert!(agrees, "{found:?} and {first:?}: {form} {road}");
         }
     }
 }

@@ -8,7 +8,7 @@ use super::impulse::{Impulses, Island};
 use super::rows::Bodies;
 use crate::qp::{self, HalfSpace};
 
-/// Sets impulses and velocities to a solution; false where there is none, or where contacts are rough.
+/// Sets impulses and velocities of contacts without friction to a solution; false where there is none.
 pub(super) fn solve(
     island: &Island,
     bodies: &Bodies,
@@ -16,9 +16,6 @@ pub(super) fn solve(
     v: &mut [f64],
 ) -> bool {
     let rows = &island.linear.rows;
-    if island.iter().any(|(_, contact)| contact.is_rough) {
-        return false;
-    }
     for (c, contact) in island.iter() {
         rows.push_by(contact.normal, -impulses.normal[c], v);
         impulses.normal[c] = 0.0;

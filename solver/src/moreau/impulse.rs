@@ -179,9 +179,12 @@ impl Impulses {
                 }
             }
             residual = self.improve(island, v, residual, By::Equations);
-            if residual > enough && attempt == CONVEX {
+            let is_smooth = || island.iter().all(|(_, contact)| !contact.is_rough);
+            if residual > enough && attempt == CONVEX && is_smooth() {
                 residual = self.improve(island, v, residual, By::Program(bodies));
-                residual = self.improve(island, v, residual, By::Equations);
+                if residual > enough {
+                    residual = self.improve(island, v, residual, By::Equations);
+                }
             }
             if residual > enough && attempt == PIVOTING {
                 residual = self.improve(island, v, residual, By::Pivoting);

@@ -6,6 +6,8 @@
 use super::scene::{Family, Free, HEAD, Scene};
 use crate::tape::LaneScratch;
 
+/// A difference this small next to its terms is rounding.
+const ROUNDING: f64 = 4.0 * f64::EPSILON;
 /// No velocity, or no body.
 const NONE: usize = usize::MAX;
 
@@ -98,10 +100,15 @@ impl Bodies {
     ) -> bool {
         self.jacobian.copy_from_slice(jacobian);
         for (state, (terms, drift)) in self.kinematics.iter().zip(&mut self.drift).enumerate() {
-            let along = terms
-                .iter()
-                .map(|&(v, slope)| jacobian[slope] * x[self.velocities[v]]);
-            *drift = rates[state] - along.sum::<f64>();
+            let along = (terms.iter()).map(|&(v, slope)| jacobian[slope] * x[self.velocities[v]]);
+            let (sum, size) = along.fold((0.0, rates[state].abs()), |(sum, size), term| {
+                (sum + term, size + term.abs())
+            });
+            // What rounding leaves of a difference is no drift.
+            *drift = match rates[state] - sum {
+                rest if rest.abs() <= ROUNDING * size => 0.0,
+                rest => rest,
+            };
         }
         if self.has_masses && free.masses_are_constant() {
             return true;

@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 
+use super::class::Class;
 use super::relaxed::{Coupling, Form};
 use crate::ipm;
 
@@ -37,7 +38,7 @@ pub trait Observer {
     fn program(&mut self, _program: &Program) {}
 
     /// A stationary point with this objective has been found; the search for better ones goes on.
-    fn stationary(&mut self, _objective: f64) {}
+    fn stationary(&mut self, _objective: f64, _class: Class) {}
 
     /// An iteration of the program named last.
     fn iteration(&mut self, _program: &Program, _progress: &ipm::Progress<'_>) {}

@@ -65,7 +65,7 @@ impl<'o> Work<'o> {
     /// Tells of a point that is stationary.
     pub fn tell(&mut self, point: &Polished, certificate: &Certificate) {
         if certificate.class != Class::None {
-            self.observer.stationary(point.objective);
+            self.observer.stationary(point.objective, certificate.class);
         }
     }
 

@@ -222,7 +222,10 @@ impl Mode {
     pub(super) fn direction_at(&mut self, i: usize, alpha: f64) -> f64 {
         let aside = if alpha < 0.5 { APART } else { -APART };
         let [before, beside] = [0.0, aside].map(|by| self.rates_at(&[i], &[alpha + by]).slopes[0]);
-        ((beside - before) / aside).signum()
+        match (beside - before) / aside {
+            0.0 => 0.0,
+            curvature => curvature.signum(),
+        }
     }
 
     /// Takes a state at a rate, some time after the start of the step, into `next`, and moves there.

@@ -175,18 +175,21 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 groups.push(vec![i]);
             }
         }
-        groups.sort_by_key(|group| group.iter().all(|&i| self.only_watches(i)));
         let mut decided = groups.concat();
         decided.sort_unstable();
-        let mut tied = Vec::new();
-        for group in groups {
-            let wanted = self.wanted(&group, &decided);
-            if !self.choose(state, &group, &wanted, t1, false)? {
-                tied.push((group, wanted));
+        let is_behind = |group: &Vec<usize>| group.iter().all(|&i| self.only_watches(i));
+        let (behind, first): (Vec<_>, Vec<_>) = groups.into_iter().partition(is_behind);
+        for groups in [first, behind] {
+            let mut tied = Vec::new();
+            for group in groups {
+                let wanted = self.wanted(&group, &decided);
+                if !self.choose(state, &group, &wanted, t1, false)? {
+                    tied.push((group, wanted));
+                }
             }
-        }
-        for (group, wanted) in tied {
-            self.choose(state, &group, &wanted, t1, true)?;
+            for (group, wanted) in tied {
+                self.choose(state, &group, &wanted, t1, true)?;
+            }
         }
         for &i in &meeting {
             state.armed[i] = true;

@@ -214,7 +214,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                     .fold(0.0, |m: f64, corner| m.max(corner.f[at].abs()))
             };
             let terms = self.mode.gradient(i).iter();
-            let size: f64 = terms.map(|&(state, g)| g.abs() * largest(state)).sum();
+            let by_states: f64 = terms.map(|&(state, g)| g.abs() * largest(state)).sum();
+            let size = by_states + self.mode.time_gradient(i).abs();
             if size > 0.0 { size } else { *scale }
         };
         let sizes: Vec<f64> = group.iter().zip(&scales).map(size).collect();
