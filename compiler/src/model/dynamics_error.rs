@@ -160,6 +160,20 @@ pub enum DynamicsError {
         span: Span,
     },
 
+    /// A hidden term with too many combinations of sides.
+    #[error("this hidden term holds {count} entries of `{name}`")]
+    #[diagnostic(
+        code(E0311),
+        help("split it into terms that hold at most {most} entries each")
+    )]
+    HiddenEntries {
+        name: String,
+        count: usize,
+        most: usize,
+        #[label("has more combinations of sides than are looked at")]
+        span: Span,
+    },
+
     /// `hidden on` something else.
     #[error("`{name}` is not a named `sign` or `step`")]
     #[diagnostic(code(E0312), help("declare `switch s = sign(..);`"))]

@@ -18,7 +18,7 @@ use crate::syntax;
 /// Entries of a switch in one term, at most: every combination of their sides has a proof of its own.
 const MAX_ENTRIES: usize = 12;
 
-/// Boxes that are looked at: ranges of eight variables are halved once each, that of one eight times.
+/// Boxes that are looked at: combinations of the values of sets, and what is halved and its halves.
 const MAX_BOXES: usize = 256;
 
 /// Roundings of its terms within which an enclosure is zero: what a sum of so many terms is off by.
@@ -179,12 +179,12 @@ impl<'e> Walk<'e> {
             false => format!("1 - {s}^2"),
         });
         if vars.len() > MAX_ENTRIES {
-            let at = format!(
-                "all sides of the {} entries of `{}`",
-                vars.len(),
-                switch.name
-            );
-            return lowering.error(DynamicsError::HiddenOpen { at, factor, span });
+            return lowering.error(DynamicsError::HiddenEntries {
+                name: switch.name.clone(),
+                count: vars.len(),
+                most: MAX_ENTRIES,
+                span,
+            });
         }
         // Entries of a vector may be on different sides: corners in the order of counting.
         for corner in 0..1_u32 << vars.len() {
@@ -231,7 +231,11 @@ fn prove<'e>(term: Expr<'e>, sides: &FxHashMap<Var, f64>, ranges: &FxHashMap<Var
     if let Some(witness) = counterexample(term, sides, &vars, &whole) {
         return Proof::Differs(witness);
     }
-    let mut boxes = vec![whole.iter().map(Range::hull).collect::<Vec<Interval>>()];
+    let hull: Vec<Interval> = whole.iter().map(Range::hull).collect();
+    if reduced(term, sides, &vars, &hull).is_zero() {
+        return Proof::Vanishes;
+    }
+    let mut boxes = vec![hull];
     for (place, range) in whole.iter().enumerate() {
         if let Range::Among(values) = range
             && boxes.len() * values.len() <= MAX_BOXES
@@ -246,10 +250,12 @@ fn prove<'e>(term: Expr<'e>, sides: &FxHashMap<Var, f64>, ranges: &FxHashMap<Var
             boxes = parts.collect();
         }
     }
-    for _ in 0..MAX_BOXES {
-        let Some(inside) = boxes.pop() else {
-            return Proof::Vanishes;
-        };
+    let mut looked_at = 0;
+    while let Some(inside) = boxes.pop() {
+        if looked_at == MAX_BOXES {
+            return Proof::Open;
+        }
+        looked_at += 1;
         if reduced(term, sides, &vars, &inside).is_zero() {
             continue;
         }
@@ -268,7 +274,7 @@ fn prove<'e>(term: Expr<'e>, sides: &FxHashMap<Var, f64>, ranges: &FxHashMap<Var
             boxes.push(part);
         }
     }
-    Proof::Open
+    Proof::Vanishes
 }
 
 /// The term with what is zero all over a box left out.
