@@ -9,8 +9,8 @@ use crate::system::{Role, System};
 impl Settings<'_> {
     /// Why an experiment does not take a switch that is read nonlinearly.
     pub fn refuses_branches(&self, system: &System) -> Option<ExperimentError> {
-        let k = system.first_nonlinear()?;
-        let switch = &system.switches[k];
+        let mut k = system.first_nonlinear()?;
+        let mut nonlinear = (k..system.switches.len()).filter(|&k| system.switches[k].is_nonlinear);
         let by_elements = matches!(self.method, Method::Fesd(_));
         let is_optimized = self.optimize.is_some();
         let mut beside = None;
@@ -24,16 +24,31 @@ impl Settings<'_> {
         } else if let Some((other, span)) = beside_branches(system).filter(|_| by_elements) {
             beside = Some(span);
             format!("`method fesd` with {other}")
-        } else if !system.drives_its_surface(k) {
-            format!("rates that do not move `{}` at once", switch.name)
+        } else if let Some(still) = nonlinear.find(|&k| !system.drives_its_surface(k)) {
+            k = still;
+            format!(
+                "rates that do not move `{}` at once",
+                system.switches[k].name
+            )
         } else {
             return None;
         };
-        Some(ExperimentError::Nonlinear {
-            what,
-            name: switch.name.clone(),
-            span: switch.spans.first().copied().unwrap_or(self.span),
-            beside,
+        let switch = &system.switches[k];
+        let (name, span) = (switch.name.clone(), switch.spans.first());
+        let span = span.copied().unwrap_or(self.span);
+        Some(match is_optimized {
+            true => ExperimentError::NonlinearOptimum {
+                what,
+                name,
+                span,
+                beside,
+            },
+            false => ExperimentError::Nonlinear {
+                what,
+                name,
+                span,
+                beside,
+            },
         })
     }
 }

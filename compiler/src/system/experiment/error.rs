@@ -261,6 +261,23 @@ pub enum ExperimentError {
         beside: Option<Span>,
     },
 
+    /// A nonlinear switch in an optimization that cannot have it.
+    #[error("{what} cannot take nonlinear sliding yet")]
+    #[diagnostic(
+        code(E0920),
+        help(
+            "`with {{ {name}.sliding = linear; }}` chooses Filippov's reading, without hidden terms"
+        )
+    )]
+    NonlinearOptimum {
+        what: String,
+        name: String,
+        #[label(primary, "`{name}` is read nonlinearly")]
+        span: Span,
+        #[label("beside it")]
+        beside: Option<Span>,
+    },
+
     /// A jump in a method that integrates rates alone.
     #[error("`method {method}` does not take state jumps yet")]
     #[diagnostic(code(E0904), help("use `method event`, which is the default"))]
