@@ -5,7 +5,7 @@ use nsd_tests::{run, times, with_experiment};
 use nsdc::dcs;
 use nsdc::discretize::{self, Grid, discretize};
 use nsdc::optimize;
-use nsdc::report::{EventKind, Series, Status, Trajectory};
+use nsdc::report::{EventKind, Failure, Series, Status, Trajectory};
 use nsdc::simulate::Request;
 
 /// The last values of a series.
@@ -130,6 +130,42 @@ fn a_ball_slips_and_sticks() {
     let path = u * (2.0 * h / g).sqrt() + slipping * slipping / (2.0 * mu * g);
     close(last(&found.states[0])[0], path, 1e-9);
     close(times(&found, EventKind::Stick)[0], u / (mu * g), 1e-9);
+}
+
+/// The restitution is 0.7 + t/2 where it strikes: 1 is exceeded at the second time.
+#[test]
+fn a_run_ends_before_the_step_in_which_a_coefficient_is_out_of_its_range() {
+    let found = run(
+        "model m {
+           state q = 1;
+           state v = 0;
+           state c = 0;
+           q' = v;
+           c' = 1;
+           mechanics q, v { mass = 1; force = -9.81; contact floor { gap = q; restitution = 0.7 + c/2; } }
+         }
+         simulate o of m { horizon 2; lower impact; method fesd { steps = 10; } }",
+        "o",
+    );
+    found.verify().expect("the invariants of `Trajectory`");
+    let (g, fall) = (9.81, (2.0_f64 / 9.81).sqrt());
+    let up = (0.7 + 0.5 * fall) * g * fall;
+    let Some(Failure::Coefficient { time, .. }) = &found.failure else {
+        panic!("{:?} {:?}", found.status, found.failure)
+    };
+    close(*time, fall + 2.0 * up / g, 1e-9);
+    // Steps are 0.2 long.
+    let (end, flown) = (1.2, 1.2 - fall);
+    close(found.time[found.time.len() - 1], end, 1e-12);
+    let last_piece = found.dense.pieces.last().expect("it has begun");
+    close(last_piece.to, end, 1e-12);
+    close(
+        last(&found.states[0])[0],
+        up * flown - 0.5 * g * flown * flown,
+        1e-9,
+    );
+    close(last(&found.states[1])[0], up - g * flown, 1e-9);
+    assert_eq!(times(&found, EventKind::Jump).len(), 1);
 }
 
 const CRADLE: &str = "

@@ -56,7 +56,8 @@ struct Run<'s, 'e> {
     deadline: Option<Instant>,
     /// A run from event to event, where one begins.
     rehearsed: Option<Rehearsed<'e>>,
-    /// The state at the end of the last step.
+    /// The end of the last step, and the state there.
+    reached: f64,
     x: Vec<f64>,
     /// The largest magnitude of a state so far.
     size: f64,
@@ -101,8 +102,7 @@ pub(in crate::simulate) fn run(
         }
         steps *= 2;
     };
-    let reached = coarse.reached(settings.horizon, &failure);
-    let mut trajectory = elements.finish(settings, reached);
+    let mut trajectory = elements.finish(settings, coarse.reached);
     let (family, nodes) = options.scheme;
     let number = |name: &str, value: usize| (name.to_owned(), MethodOption::Number(value as f64));
     let word = |name: &str, value: &str| (name.to_owned(), MethodOption::Text(value.to_owned()));
@@ -178,6 +178,7 @@ impl<'s, 'e> Run<'s, 'e> {
             steps,
             deadline,
             rehearsed: Some(Rehearsed::new(system, settings, left)).filter(Rehearsed::begins),
+            reached: 0.0,
             x: dcs.states.iter().map(|state| state.initial).collect(),
             dcs,
             size: 0.0,
@@ -186,18 +187,6 @@ impl<'s, 'e> Run<'s, 'e> {
             iterations: 0,
             relaxed: 0,
             violation: 0.0,
-        }
-    }
-
-    /// How far a run came that may have failed.
-    fn reached(&self, horizon: f64, failure: &Option<Failure>) -> f64 {
-        match failure {
-            Some(
-                Failure::Unsolved { time, .. }
-                | Failure::TimeLimit { time, .. }
-                | Failure::Coefficient { time, .. },
-            ) => *time,
-            _ => horizon,
         }
     }
 
@@ -220,30 +209,21 @@ impl<'s, 'e> Run<'s, 'e> {
         for k in 0..self.steps {
             let start = self.horizon * k as f64 / self.steps as f64;
             let end = self.horizon * (k + 1) as f64 / self.steps as f64;
-            let step = self.step(start, end - start);
-            let Some(step) = step else {
-                let late = self.is_late();
-                let (time, span) = (start, settings.span);
-                let rehearsed = self.rehearsed.as_ref();
-                let outside = rehearsed.and_then(|run| run.outside(start, end));
-                let failure = match (late, outside) {
-                    (true, _) => Failure::TimeLimit { time, span },
-                    (_, Some(failure)) => failure.clone(),
-                    _ => Failure::Unsolved { time, span },
-                };
-                if k == 0 {
-                    let alphas = vec![1.0; self.system.switches.len()];
-                    elements.point(0.0, &self.x.clone(), &alphas);
-                }
-                return (elements, Some(failure));
+            let step = match self.step(start, end - start) {
+                Some(step) => self.outside(&step, start).map_or(Ok(step), Err),
+                None => Err(self.without_step((start, end), settings)),
             };
-            let n_jumps = self.jumps.len();
+            let step = match step {
+                Ok(step) => step,
+                Err(failure) => {
+                    if k == 0 {
+                        let alphas = vec![1.0; self.system.switches.len()];
+                        elements.point(0.0, &self.x, &alphas);
+                    }
+                    return (elements, Some(failure));
+                }
+            };
             self.take(&step, (start, end), &mut elements);
-            if self.jumps.len() > n_jumps
-                && let Some(failure) = self.outside(&step, start)
-            {
-                return (elements, Some(failure));
-            }
             watch(Progress {
                 time: end,
                 horizon: self.horizon,
@@ -253,6 +233,18 @@ impl<'s, 'e> Run<'s, 'e> {
             });
         }
         (elements, None)
+    }
+
+    /// Why there is no step in an interval.
+    fn without_step(&self, (start, end): (f64, f64), settings: &Settings) -> Failure {
+        let (time, span) = (start, settings.span);
+        let rehearsed = self.rehearsed.as_ref();
+        let outside = rehearsed.and_then(|run| run.outside(start, end));
+        match (self.is_late(), outside) {
+            (true, _) => Failure::TimeLimit { time, span },
+            (_, Some(failure)) => failure.clone(),
+            _ => Failure::Unsolved { time, span },
+        }
     }
 
     fn is_late(&self) -> bool {
@@ -399,6 +391,7 @@ impl<'s, 'e> Run<'s, 'e> {
             let last = &w[layout.x(k, j, layout.end)..][..n];
             elements.point(t, last, &alphas[layout.nodes - 1]);
         }
+        self.reached = end;
         let (k, j) = (1, layout.elements);
         self.x = w[layout.x(k, j, layout.end)..][..n].to_vec();
         self.size = self.x.iter().fold(self.size, |m: f64, x| m.max(x.abs()));
