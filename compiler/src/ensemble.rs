@@ -48,17 +48,6 @@ struct Sample {
     warnings: Vec<Warning>,
 }
 
-impl Request {
-    /// The same with what is left of the time since an instant, for runs that share it.
-    pub fn left(&self, since: Instant) -> Self {
-        let limit = self.time_limit;
-        Request {
-            time_limit: limit.map(|limit| limit.saturating_sub(since.elapsed())),
-            ..*self
-        }
-    }
-}
-
 /// How many runs go on at once: one on every core.
 pub fn threads() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)

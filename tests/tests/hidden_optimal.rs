@@ -178,6 +178,13 @@ fn several_ways_from_a_start_on_the_surface_are_named() {
         found.status,
         found.failure
     );
+    // The failure is that of the run with these controls, which is said once.
+    let warnings = found.warnings.iter().filter(|one| one.code == "W0709");
+    let messages: Vec<&str> = warnings.map(|one| one.message.as_str()).collect();
+    let [message] = messages[..] else {
+        panic!("{messages:?}")
+    };
+    assert!(message.contains("does not reach the end: "), "{message}");
 }
 
 #[test]

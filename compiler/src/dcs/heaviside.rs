@@ -12,7 +12,7 @@
 //!
 //! A switch that is read nonlinearly keeps the α that the rates hold, in powers or under functions: where it slides, α is
 //! one of the solutions of φ = ∇ψ·f(t, x, α) + ∂ψ/∂t = 0, and the conditions do not say which. Those that attract have
-//! ∂φ/∂α < 0, see [`super::Branch`].
+//! ∂φ/∂α < 0, for each switch taken alone, see [`super::Branch`].
 //!
 //! Acary, de Jong & Brogliato 2014; Nurkanović et al. 2024. The set of rates is the multi-affine one of Dieci & Lopez
 //! 2011: it is Filippov's for one surface and for switches that only add up, else a subset.

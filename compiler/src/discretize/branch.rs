@@ -6,7 +6,9 @@
 //! S(t_kjm, x_kjm, z_kjm) <= r⁻_kj + r⁺_kj,   0 <= r⁻_kj ⟂ α_kjm >= 0,   0 <= r⁺_kj ⟂ 1 - α_kjm >= 0
 //!
 //! leave S <= 0 at all nodes of an element in which the switch slides, and S free where α is 0 or 1 throughout. Being
-//! complementary to the same members as λⁿ and λᵖ, r stands with them in the sums of `cross`.
+//! complementary to the same members as λⁿ and λᵖ, r stands with them in the sums of `cross`. Where several switches
+//! slide this bounds each S taken alone, a diagonal entry of ∂φ/∂α: whether their common mode attracts is left to the
+//! check by simulation.
 //!
 //! A mode may end with α inside of (0, 1), at a sliding fold, where S = 0. So where a nonlinear switch leaves its surface
 //! not a = 0 is asked for, as of others, but a S = 0; where controls are continuous, at ends of steps, too.

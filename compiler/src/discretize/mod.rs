@@ -19,8 +19,9 @@
 //!
 //! Where contacts give impulses, every element has a left end of its own, and states jump to it, see `impulses`.
 //!
-//! Where something is optimized, repelling sliding modes of nonlinear switches are left out, see `branch`; steps are control intervals; `task` adds controls, free parameters, a free T and
-//! constraints, `quadrature` the integrals of the cost.
+//! Where something is optimized, repelling sliding modes of nonlinear switches are left out, see `branch`; steps are
+//! control intervals; `task` adds controls, free parameters, a free T and constraints, `quadrature` the integrals of
+//! the cost.
 //!
 //! Nurkanović, Sperl, Albrecht & Diehl 2024; Baumrucker & Biegler 2009 for free lengths.
 

@@ -5,7 +5,9 @@
 //! ([`nsd_solver::simulate`]). So the controls that were found are run from event to event. Where that run is in other
 //! modes the program is solved again from it, in its modes. What differs still is no solution of the model.
 
-use nsd_solver::mpcc::{self, Options, Solution};
+use std::time::Duration;
+
+use nsd_solver::mpcc::{self, Options, Solution, Status};
 use nsd_solver::tableau::lagrange;
 
 use super::{Problem, Watch, rehearsal, solved};
@@ -29,13 +31,13 @@ struct Difference {
 }
 
 impl<'e> Problem<'_, 'e> {
-    /// A run from event to event with the controls of a point.
-    pub(super) fn simulated(&self, w: &[f64]) -> Rehearsed<'e> {
+    /// A run from event to event with the controls of a point, for so long.
+    pub(super) fn simulated(&self, w: &[f64], time_limit: Option<Duration>) -> Rehearsed<'e> {
         let mut settings = self.settings.clone();
         settings.horizon = self.horizon(w);
         let mut system = solved::system(self, w);
         system.controls.clear();
-        Rehearsed::new(&system, &settings, None)
+        Rehearsed::new(&system, &settings, time_limit)
     }
 
     /// Where nonlinear switches of a point differ from those of a run first, if they do for long.
@@ -93,31 +95,42 @@ impl<'e> Problem<'_, 'e> {
     }
 }
 
-/// Brings a solution into the modes of the model; the failure says why it is in others.
+/// Brings a solution into the modes of the model while time is left; the failure says why it is in others, or is that
+/// of the run.
 pub(super) fn settle(
     problem: &mut Problem,
     solution: &mut Solution,
     options: &Options,
+    left: &dyn Fn() -> Option<Duration>,
     watch: &mut dyn Watch,
 ) -> Option<Failure> {
-    let options = Options {
-        trusts_start: true,
-        effort: 0,
-        ..options.clone()
-    };
-    for round in 0.. {
-        let run = problem.simulated(&solution.w);
-        if run.failure.is_some() {
-            return run.failure;
+    let span = problem.settings.span;
+    let too_late = Failure::TimeLimit { time: 0.0, span };
+    let mut rounds = 0..MAX_ROUNDS;
+    loop {
+        let run = problem.simulated(&solution.w, left());
+        match run.failure {
+            Some(Failure::TimeLimit { .. }) => return Some(too_late),
+            Some(failure) => return Some(failure),
+            None => {}
         }
         let difference = problem.difference(&run, &solution.w)?;
         let failure = problem.in_other_mode(&difference);
-        if round == MAX_ROUNDS {
+        if rounds.next().is_none() {
             return Some(failure);
         }
         let mut start = solution.w.clone();
         rehearsal::in_modes(problem, &run, &mut start);
+        let options = Options {
+            trusts_start: true,
+            effort: 0,
+            time_limit: left(),
+            ..options.clone()
+        };
         let found = mpcc::solve_observed(&mut problem.program, &start, &options, watch);
+        if found.status == Status::TimeLimit {
+            return Some(too_late);
+        }
         if !found.is_feasible() {
             return Some(failure);
         }
@@ -125,5 +138,4 @@ pub(super) fn settle(
         *solution = found;
         solution.stats.iterations += iterations;
     }
-    None
 }

@@ -5,7 +5,7 @@ use std::time::Instant;
 use nsd_solver::mpcc::Solution;
 
 use super::{Problem, solved};
-use crate::report::{Check, Status, Trajectory, Warning};
+use crate::report::{Check, Failure, Status, Trajectory, Warning};
 use crate::simulate::{self, Request};
 use crate::system::StateGroup;
 use crate::system::experiment::{EventOptions, Method, Sampling, Settings};
@@ -26,7 +26,6 @@ pub(super) fn simulate(problem: &Problem, solution: &Solution, trajectory: &mut 
         shape: vec![system.states.len()],
         entries: (0..system.states.len()).collect(),
     }];
-    let span = problem.settings.span;
     let mut settings: Settings = problem.settings.clone();
     settings.horizon = problem.horizon(w);
     settings.tolerance = (FINER * settings.tolerance).max(FINEST);
@@ -45,20 +44,9 @@ pub(super) fn simulate(problem: &Problem, solution: &Solution, trajectory: &mut 
     if let Some(optimum) = &mut trajectory.optimum {
         optimum.check_s = started.elapsed().as_secs_f64();
     }
-    let mut warn = |message: String| {
-        trajectory.warnings.push(Warning {
-            code: "W0709".into(),
-            message,
-            span: Some(span),
-        });
-    };
     if run.status != Status::Solved {
-        let reason = run
-            .failure
-            .map_or_else(String::new, |failure| format!(": {failure}"));
-        return warn(format!(
-            "a simulation with these controls does not reach the end{reason}"
-        ));
+        let warning = unfinished(problem.settings, run.failure.as_ref());
+        return trajectory.warnings.push(warning);
     }
     let last = run.time.len() - 1;
     let x = run.states[0].at(last);
@@ -75,11 +63,13 @@ pub(super) fn simulate(problem: &Problem, solution: &Solution, trajectory: &mut 
     let relative = (terminal / size.max(f64::MIN_POSITIVE))
         .max(objective.abs() / solution.objective.abs().max(1.0));
     if relative > problem.settings.tolerance {
-        warn(format!(
+        let message = format!(
             "a simulation with these controls ends {terminal:.1e} away, with an objective that differs by \
              {:.1e}; more `elements` or nodes are more accurate",
             objective.abs()
-        ));
+        );
+        let warning = disagrees(problem.settings, message);
+        trajectory.warnings.push(warning);
     }
     trajectory.error_estimate = Some(relative);
     if let Some(optimum) = &mut trajectory.optimum {
@@ -87,6 +77,21 @@ pub(super) fn simulate(problem: &Problem, solution: &Solution, trajectory: &mut 
             terminal_error: terminal,
             objective_error: objective,
         });
+    }
+}
+
+/// That a simulation with the controls does not come to the end.
+pub(super) fn unfinished(settings: &Settings, failure: Option<&Failure>) -> Warning {
+    let reason = failure.map_or_else(String::new, |failure| format!(": {failure}"));
+    let message = format!("a simulation with these controls does not reach the end{reason}");
+    disagrees(settings, message)
+}
+
+fn disagrees(settings: &Settings, message: String) -> Warning {
+    Warning {
+        code: "W0709".into(),
+        message,
+        span: Some(settings.span),
     }
 }
 

@@ -20,7 +20,7 @@ mod solved;
 mod thaw;
 
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use nsd_solver::mpcc::{self, Class, Form, Homotopy, MultiStart, Options, Solution};
 use nsd_solver::problem::Nlp;
@@ -101,11 +101,11 @@ pub fn run<'e>(
 ) -> Result<Solved<'e>, DiscretizeError> {
     let started = Instant::now();
     let mut problem = Problem::new(system, settings, task)?;
-    let (guess, rehearsed) = problem.start(sampled);
-    let built = started.elapsed().as_secs_f64();
+    let left = || request.left(started).time_limit;
+    let (guess, rehearsed) = problem.start(sampled, &left);
+    let built = started.elapsed();
 
-    let started = Instant::now();
-    let options = options(&problem, rehearsed, request);
+    let options = options(&problem, rehearsed, left());
     let found = solve(&mut problem, &guess, &options, watch);
     let best = found
         .best
@@ -113,10 +113,10 @@ pub fn run<'e>(
     let mut solution = found.solutions[best].clone();
     let has_branches = !problem.dcs.branches.is_empty() && solution.is_feasible();
     let in_other_mode = match has_branches {
-        true => branches::settle(&mut problem, &mut solution, &options, watch),
+        true => branches::settle(&mut problem, &mut solution, &options, &left, watch),
         false => None,
     };
-    let seconds = started.elapsed().as_secs_f64();
+    let seconds = (started.elapsed() - built).as_secs_f64();
     let solution = &solution;
     let mut solved = solved::system(&problem, &solution.w);
     // Integrals are no states of the model.
@@ -126,7 +126,7 @@ pub fn run<'e>(
     describe(&problem, solution, &mut trajectory);
     trajectory.warnings.extend(simulate::sampled(&solved));
     trajectory.optimum = Some(Optimum {
-        built_s: built,
+        built_s: built.as_secs_f64(),
         factor_entries: solution.stats.factor_entries,
         starts: found.solutions.len(),
         spread: found.spread(),
@@ -139,7 +139,15 @@ pub fn run<'e>(
     });
     trajectory.stats.solve_s = seconds;
     if solution.is_feasible() {
-        check::simulate(&problem, solution, &mut trajectory);
+        match &in_other_mode {
+            None | Some(Failure::OtherMode { .. }) => {
+                check::simulate(&problem, solution, &mut trajectory);
+            }
+            Some(Failure::TimeLimit { .. }) => {}
+            Some(failure) => trajectory
+                .warnings
+                .push(check::unfinished(settings, Some(failure))),
+        }
     }
     trajectory.failure = failure::of(&mut problem, solution).or(in_other_mode);
     if let Some(failure) = &trajectory.failure {
@@ -170,7 +178,7 @@ pub fn program<'e>(
     sampled: &[Sampled],
 ) -> Result<Mpcc<'e>, DiscretizeError> {
     let mut problem = Problem::new(system, settings, task)?;
-    let (guess, _) = problem.start(sampled);
+    let (guess, _) = problem.start(sampled, &|| None);
     problem.mpcc.set_guess(&guess);
     Ok(problem.mpcc)
 }
@@ -207,20 +215,22 @@ impl<'p, 'e> Problem<'p, 'e> {
         })
     }
 
-    /// The point to start from, and whether it is that of a rehearsal in which something jumps.
+    /// The point to start from, and whether elements end and modes are those of a run: where something may jump, and
+    /// where switches are read nonlinearly.
     ///
-    /// Where controls are guessed and no states, these are those of a run with the controls.
-    fn start(&self, sampled: &[Sampled]) -> (Vec<f64>, bool) {
+    /// Where controls are guessed and no states, these are those of a run with the controls, for the time that is left.
+    fn start(&self, sampled: &[Sampled], left: &dyn Fn() -> Option<Duration>) -> (Vec<f64>, bool) {
         let mut guess = guess::start(self, sampled);
         let is_decided = |(var, _): &(Var, _)| is_decided(self.system, *var);
         if !sampled.is_empty() || !self.task.guess.iter().all(is_decided) {
             return (guess, false);
         }
-        if rehearsal::rehearse(self, &mut guess) {
+        if rehearsal::rehearse(self, &mut guess, left) {
             return (guess, true);
         }
         let asks = !self.task.guess.is_empty() && self.frozen.is_none();
-        let run = asks.then(|| rehearsal::sample(self, &guess)).flatten();
+        let run = asks.then(|| rehearsal::sample(self, &guess, left()));
+        let run = run.flatten();
         if let Some(run) = run {
             guess = guess::start(self, &[run]);
         }
@@ -229,7 +239,7 @@ impl<'p, 'e> Problem<'p, 'e> {
 }
 
 /// How a task is solved.
-fn options(problem: &Problem, rehearsed: bool, request: &Request) -> Options {
+fn options(problem: &Problem, rehearsed: bool, time_limit: Option<Duration>) -> Options {
     let chosen = &problem.task.options;
     let form = Form {
         relaxation: chosen.relaxation,
@@ -255,7 +265,7 @@ fn options(problem: &Problem, rehearsed: bool, request: &Request) -> Options {
         patience,
         form,
         homotopy,
-        time_limit: request.time_limit,
+        time_limit,
         trusts_start: rehearsed && problem.task.starts.is_none(),
         ..Options::default()
     }

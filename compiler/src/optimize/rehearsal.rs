@@ -1,9 +1,11 @@
 //! A start from controls alone: they are run from event to event.
 //!
-//! Where that jumps, elements end there: what stands still at an instant takes time in the program, and a guess that
-//! does not know of it begins in the wrong modes, so that contacts never close.
+//! Where contacts strike or switches are read nonlinearly, elements end where that run jumps or changes its mode: a guess
+//! that does not know of it begins in the wrong modes. Contacts never close in them, as what stands still at an instant
+//! takes time in the program.
 
 use std::collections::HashMap;
+use std::time::Duration;
 
 use super::{Problem, Sampled, solved};
 use crate::dcs::solve_in_mode;
@@ -20,14 +22,18 @@ const ROUNDING: f64 = 1e-9;
 /// How far inside of its element α is read, as a share of it: at its ends it belongs to others.
 const INSIDE: f64 = 1e-6;
 
-/// Gives lengths, states and multipliers the values of a run; false where there is none to the end of the horizon.
-pub(super) fn rehearse(problem: &Problem, w: &mut [f64]) -> bool {
+/// Gives lengths, states and multipliers the values of a run; false where there is none.
+pub(super) fn rehearse(
+    problem: &Problem,
+    w: &mut [f64],
+    left: &dyn Fn() -> Option<Duration>,
+) -> bool {
     let (layout, settings) = (&problem.layout, problem.settings);
     let Some(task) = &problem.dcs.task else {
         return false;
     };
     if !problem.dcs.branches.is_empty() {
-        return in_modes(problem, &problem.simulated(w), w);
+        return in_modes(problem, &problem.simulated(w, left()), w);
     }
     if problem.frozen.is_none() && problem.dcs.impacts.is_empty() {
         return false;
@@ -50,11 +56,12 @@ pub(super) fn rehearse(problem: &Problem, w: &mut [f64]) -> bool {
     }
     let horizon = settings.horizon;
     let Some(frozen) = &problem.frozen else {
-        let rehearsed = Rehearsed::new(&system, settings, None);
+        let rehearsed = Rehearsed::new(&system, settings, left());
         follow(problem, &rehearsed, horizon, w);
         return rehearsed.begins();
     };
-    let Some((run, ends)) = run(&system, settings, frozen.clock, layout.steps, horizon) else {
+    let grid = (layout.steps, horizon);
+    let Some((run, ends)) = run(&system, settings, frozen.clock, grid, left) else {
         return false;
     };
     let switches: Vec<f64> = run.modes.iter().skip(1).map(|mode| mode.from).collect();
@@ -72,7 +79,11 @@ pub(super) fn rehearse(problem: &Problem, w: &mut [f64]) -> bool {
 }
 
 /// The states of a run with the controls of a point, at all nodes; nothing where it does not reach the horizon.
-pub(super) fn sample(problem: &Problem, w: &[f64]) -> Option<Sampled> {
+pub(super) fn sample(
+    problem: &Problem,
+    w: &[f64],
+    time_limit: Option<Duration>,
+) -> Option<Sampled> {
     let layout = &problem.layout;
     let mut system = solved::system(problem, w);
     system.outputs.clear();
@@ -96,7 +107,7 @@ pub(super) fn sample(problem: &Problem, w: &[f64]) -> Option<Sampled> {
         dense: false,
         estimate: false,
         multipliers: false,
-        time_limit: None,
+        time_limit,
     };
     let run = simulate::run(&system, &settings, &request);
     let states = run.states.first()?;
@@ -154,21 +165,21 @@ fn run(
     system: &System,
     settings: &Settings,
     clock: usize,
-    steps: usize,
-    horizon: f64,
+    (steps, horizon): (usize, f64),
+    left: &dyn Fn() -> Option<Duration>,
 ) -> Option<(Trajectory, Vec<f64>)> {
     let mut settings = settings.clone();
     settings.method = Method::Event(EventOptions::default());
     settings.sampling = Sampling::Method;
     settings.lowerings.clear();
     (settings.outputs, settings.optimize) = (None, None);
-    let request = Request {
-        dense: true,
-        estimate: false,
-        multipliers: false,
-        time_limit: None,
-    };
     LONGER.iter().find_map(|longer| {
+        let request = Request {
+            dense: true,
+            estimate: false,
+            multipliers: false,
+            time_limit: left(),
+        };
         settings.horizon = longer * horizon;
         let run = simulate::run(system, &settings, &request);
         let instant = |k: usize| reached(&run.dense, clock, horizon * k as f64 / steps as f64);

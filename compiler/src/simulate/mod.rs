@@ -22,6 +22,7 @@ pub mod moreau;
 mod outcome;
 mod record;
 mod rehearsal;
+mod request;
 mod settle;
 mod smoothed;
 mod structure;
@@ -50,35 +51,12 @@ pub use outcome::sampled;
 use record::{Jump, Recorder};
 use record::{Points, recorded};
 pub(crate) use rehearsal::{Rehearsed, cut};
+pub use request::Request;
 pub use settle::settle;
 pub use switched::Switched;
 use touches::Touches;
 pub use watch::Progress;
 use watch::Watched;
-
-/// What a caller needs of a run besides the experiment's own settings.
-#[derive(Clone, Copy, Debug)]
-pub struct Request {
-    /// Keep the solution between the reported instants.
-    pub dense: bool,
-    /// Estimate the global error by a second, more accurate run.
-    pub estimate: bool,
-    /// Keep the multipliers, where the method has them.
-    pub multipliers: bool,
-    /// Wall time after which the run stops.
-    pub time_limit: Option<Duration>,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        Request {
-            dense: true,
-            estimate: true,
-            multipliers: false,
-            time_limit: None,
-        }
-    }
-}
 
 /// How much more accurate the second run is.
 const REFINEMENT: f64 = 1e-2;
