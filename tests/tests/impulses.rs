@@ -132,6 +132,25 @@ fn a_ball_slips_and_sticks() {
     close(times(&found, EventKind::Stick)[0], u / (mu * g), 1e-9);
 }
 
+/// √(2h/g) after it was let go it goes up with the restitution of that instant.
+#[test]
+fn a_restitution_may_depend_on_time() {
+    let found = agree(
+        "model m {
+           state q = 1;
+           state v = 0;
+           q' = v;
+           mechanics q, v { mass = 1; force = -9.81; contact floor { gap = q; restitution = 0.7 + time/4; } }
+         }",
+        1.0,
+        "steps = 10;",
+        1e-9,
+    );
+    let (g, fall) = (9.81, (2.0_f64 / 9.81).sqrt());
+    let up = (0.7 + 0.25 * fall) * g * fall;
+    close(last(&found.states[1])[0], up - g * (1.0 - fall), 1e-9);
+}
+
 /// The restitution is 0.7 + t/2 where it strikes: 1 is exceeded at the second time.
 #[test]
 fn a_run_ends_before_the_step_in_which_a_coefficient_is_out_of_its_range() {

@@ -7,7 +7,7 @@ use super::block::variable;
 use super::impulses::{self, Boundaries};
 use super::quadrature::Integral;
 use super::{Detection, Form, Grid, branch, task};
-use crate::dcs::Dcs;
+use crate::dcs::{Dcs, Impact};
 use crate::expr::{Expr, Var, variables_of};
 use crate::mpcc::{Bounds, Mpcc, Span, n_places};
 use crate::system::task::Shape;
@@ -271,6 +271,7 @@ pub(super) fn declare(
     let all_lengths = vec![length; n_elements];
     let lengths = mpcc.declare("h", vec!["h".to_owned()], &per_element, all_lengths);
     let rows = dcs.rates.iter().chain(&dcs.equations).copied();
+    let rows = rows.chain(dcs.impacts.iter().flat_map(Impact::exprs));
     let rows: Vec<Expr> = rows.chain(integrals.iter().map(|i| i.rate)).collect();
     let occurring = variables_of(&rows);
     let is_timed = occurring.contains(&variable(dcs.time)) || task::is_timed(dcs, &occurring);
