@@ -10,6 +10,7 @@ use nsdc::diagnostics::{self, Diagnostics};
 use nsdc::ensemble::Source;
 use nsdc::expr::Exprs;
 use nsdc::imports::{self, Loaded, Loader, NoFiles, NotLoaded};
+use nsdc::optimize;
 use nsdc::report::{EventKind, Trajectory};
 use nsdc::simulate::{self, Request};
 use nsdc::source::SourceMap;
@@ -130,7 +131,20 @@ pub fn run(text: &str, experiment: &str) -> Trajectory {
     })
 }
 
-/// The same for a text with data beside it.
+/// Compiles one problem of optimal control of a text, and solves it.
+pub fn optimum(text: &str, experiment: &str) -> Trajectory {
+    with_experiment(text, experiment, |compiled| {
+        let settings = &compiled.settings;
+        let task = settings.optimize.as_ref().expect("an optimization");
+        let request = Request::default();
+        let run = optimize::run(&compiled.system, settings, task, &[], &request, &mut ());
+        let found = run.expect("the problem can be discretized").trajectory;
+        found.verify().expect("the invariants of `Trajectory`");
+        found
+    })
+}
+
+/// As [`run`], for a text with data beside it.
 pub fn run_with_data(text: &str, data: &DataFiles<'_>, experiment: &str) -> Trajectory {
     with_data(text, &mut data.clone(), experiment, |compiled| {
         simulate::run(&compiled.system, &compiled.settings, &Request::default())

@@ -3,17 +3,10 @@
 use nsd_tests::{fitted_order, with_experiment};
 use nsdc::optimize;
 use nsdc::report::{Status, Trajectory};
-use nsdc::simulate::Request;
 
 /// Solves the experiment `this` of a text; a simulation by events with the controls comes to the same end and cost.
 fn optimum(text: &str, within: f64) -> Trajectory {
-    let found = with_experiment(text, "this", |compiled| {
-        let settings = &compiled.settings;
-        let task = settings.optimize.as_ref().expect("an optimization");
-        let request = Request::default();
-        let run = optimize::run(&compiled.system, settings, task, &[], &request, &mut ());
-        run.expect("the problem can be discretized").trajectory
-    });
+    let found = nsd_tests::optimum(text, "this");
     assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
     let check = found.optimum.as_ref().and_then(|optimum| optimum.check);
     let check = check.expect("what was found is simulated");

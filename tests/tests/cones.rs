@@ -1,9 +1,7 @@
 //! Programs over second-order cones against closed forms.
 
-use nsd_tests::{end, run, times, with_experiment};
-use nsdc::optimize;
+use nsd_tests::{end, optimum, run, times};
 use nsdc::report::{EventKind, Status, Trajectory};
-use nsdc::simulate::Request;
 
 /// By events, and by finite elements of an order that leaves rounding.
 const ROADS: [&str; 2] = [
@@ -96,13 +94,7 @@ fn objective(set: &str, dimension: usize, goal: &str) -> f64 {
          optimize this of c {{ horizon 2; intervals 6; elements 2; scheme radau_iia(3);
            minimize integral(dot(x, x) + u^2); }}"
     );
-    let found = with_experiment(&text, "this", |compiled| {
-        let settings = &compiled.settings;
-        let task = settings.optimize.as_ref().expect("an optimization");
-        let request = Request::default();
-        let run = optimize::run(&compiled.system, settings, task, &[], &request, &mut ());
-        run.expect("the problem can be discretized").trajectory
-    });
+    let found = optimum(&text, "this");
     assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
     found.objective.expect("what was minimized")
 }

@@ -1,25 +1,10 @@
 //! Optimal control of switches that are read nonlinearly: closed forms, and runs from event to event with the controls.
 
-use nsd_tests::with_experiment;
-use nsdc::optimize;
+use nsd_tests::optimum;
 use nsdc::report::{Failure, Status, Trajectory};
-use nsdc::simulate::Request;
-
-/// The result of experiment `o` of a text.
-fn result(text: &str) -> Trajectory {
-    with_experiment(text, "o", |compiled| {
-        let settings = &compiled.settings;
-        let task = settings.optimize.as_ref().expect("an optimization");
-        let request = Request::default();
-        let run = optimize::run(&compiled.system, settings, task, &[], &request, &mut ());
-        let found = run.expect("the problem can be discretized").trajectory;
-        found.verify().expect("the invariants of `Trajectory`");
-        found
-    })
-}
 
 fn solved(text: &str) -> Trajectory {
-    let found = result(text);
+    let found = optimum(text, "o");
     assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
     found
 }
@@ -141,9 +126,12 @@ fn a_cheaper_mode_that_is_not_entered_is_no_optimum() {
 fn repelling_modes_are_infeasible() {
     // x' = 1 - 4s² is zero where the modes attract, -3 outside, and 1 on the repelling one.
     let model = SIDES.replace("x' = s + u;", "x' = 1 - 4*s^2 + 0.01*u;");
-    let found = result(&format!(
-        "{model} optimize o of m {{ horizon 1; intervals 2; elements 3; final {{ x = 0.5; }} minimize integral(u^2); }}"
-    ));
+    let found = optimum(
+        &format!(
+            "{model} optimize o of m {{ horizon 1; intervals 2; elements 3; final {{ x = 0.5; }} minimize integral(u^2); }}"
+        ),
+        "o",
+    );
     assert_eq!(
         found.status,
         Status::LocallyInfeasible,
@@ -157,9 +145,12 @@ fn a_mode_that_is_met_first_is_not_crossed() {
     // With 1 < u < F the field points upwards on both sides of v = 0, but between them it has a zero, where the block
     // comes to rest for good. Constant controls below F cannot bring it further.
     let model = BLOCK.replace("[-9, 9] = 0", "[-9, 2.9] = 1.2");
-    let found = result(&format!(
-        "{model} optimize o of m {{ horizon 2; intervals 1; elements 3; final {{ v = 0.5; }} minimize integral(u^2); }}"
-    ));
+    let found = optimum(
+        &format!(
+            "{model} optimize o of m {{ horizon 2; intervals 1; elements 3; final {{ v = 0.5; }} minimize integral(u^2); }}"
+        ),
+        "o",
+    );
     let Some(Failure::OtherMode { name, .. }) = &found.failure else {
         panic!("{:?} {:?}", found.status, found.failure)
     };
@@ -169,9 +160,12 @@ fn a_mode_that_is_met_first_is_not_crossed() {
 #[test]
 fn several_ways_from_a_start_on_the_surface_are_named() {
     let model = DRIFT.replace("x = 1.2", "x = 0.5");
-    let found = result(&format!(
-        "{model} optimize o of m {{ horizon 0.1; intervals 2; final {{ x = 0.4; }} minimize integral(u^2); }}"
-    ));
+    let found = optimum(
+        &format!(
+            "{model} optimize o of m {{ horizon 0.1; intervals 2; final {{ x = 0.4; }} minimize integral(u^2); }}"
+        ),
+        "o",
+    );
     assert!(
         matches!(found.failure, Some(Failure::NonUnique { .. })),
         "{:?} {:?}",

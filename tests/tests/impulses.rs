@@ -4,9 +4,7 @@
 use nsd_tests::{run, times, with_experiment};
 use nsdc::dcs;
 use nsdc::discretize::{self, Grid, discretize};
-use nsdc::optimize;
 use nsdc::report::{EventKind, Failure, Series, Status, Trajectory};
-use nsdc::simulate::Request;
 
 /// The last values of a series.
 fn last(series: &Series) -> &[f64] {
@@ -324,20 +322,13 @@ const BALL: &str = "
 /// The optimum of experiment `o` of a text, which agrees with a run from event to event.
 #[track_caller]
 fn optimum(text: &str, within: f64) -> Trajectory {
-    with_experiment(text, "o", |compiled| {
-        let settings = &compiled.settings;
-        let task = settings.optimize.as_ref().expect("an optimization");
-        let request = Request::default();
-        let run = optimize::run(&compiled.system, settings, task, &[], &request, &mut ());
-        let found = run.expect("the problem can be discretized").trajectory;
-        assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
-        found.verify().expect("the invariants of `Trajectory`");
-        let check = found.optimum.as_ref().and_then(|optimum| optimum.check);
-        let check = check.expect("the run reaches its end");
-        close(check.terminal_error, 0.0, within);
-        close(check.objective_error, 0.0, within);
-        found
-    })
+    let found = nsd_tests::optimum(text, "o");
+    assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
+    let check = found.optimum.as_ref().and_then(|optimum| optimum.check);
+    let check = check.expect("the run reaches its end");
+    close(check.terminal_error, 0.0, within);
+    close(check.objective_error, 0.0, within);
+    found
 }
 
 /// With 11 down until 0.4 it strikes the sooner, and with 9 behind it comes up the higher: q + v s - 9 s²/2 = 0.

@@ -1,9 +1,7 @@
 //! Regions, a projection, an equation and a complementarity in one model: a closed form, by every method.
 
-use nsd_tests::{end, run, times, with_experiment};
-use nsdc::optimize;
+use nsd_tests::{end, optimum, run, times};
 use nsdc::report::{EventKind, Status, Trajectory};
-use nsdc::simulate::Request;
 
 /// A height over a floor falls with 1 + q in the first region and rises with 1 - q - a/10 in the second one, where q is
 /// the root of q³ + q = x₁ and a = max(0, x₁ - 2).
@@ -113,13 +111,7 @@ fn an_optimum_has_the_closed_form() {
          optimize this of plant {{ horizon {HORIZON}; intervals 6; elements 3; scheme radau_iia(4);
            minimize final(-x[1]); }}"
     );
-    let found = with_experiment(&text, "this", |compiled| {
-        let settings = &compiled.settings;
-        let task = settings.optimize.as_ref().expect("an optimization");
-        let request = Request::default();
-        let run = optimize::run(&compiled.system, settings, task, &[], &request, &mut ());
-        solved(run.expect("the problem can be discretized").trajectory)
-    });
+    let found = solved(optimum(&text, "this"));
     assert_near(&end(&found, "x"), &x, 1e-8);
     let check = found.optimum.as_ref().and_then(|optimum| optimum.check);
     let check = check.expect("what was found is simulated");

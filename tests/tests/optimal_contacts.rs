@@ -1,24 +1,15 @@
 //! Optimal control of what jumps, in frozen time: closed forms, agreement with runs from event to event, printed forms.
 
-use nsd_tests::{times, with_experiment};
+use nsd_tests::{optimum, times, with_experiment};
 use nsdc::dcs;
 use nsdc::discretize::{self, Grid, discretize};
-use nsdc::optimize;
 use nsdc::report::{EventKind, Status, Trajectory};
-use nsdc::simulate::Request;
 
 /// The result of experiment `o` of a text.
 fn solved(text: &str) -> Trajectory {
-    with_experiment(text, "o", |compiled| {
-        let settings = &compiled.settings;
-        let task = settings.optimize.as_ref().expect("an optimization");
-        let request = Request::default();
-        let run = optimize::run(&compiled.system, settings, task, &[], &request, &mut ());
-        let found = run.expect("the problem can be discretized").trajectory;
-        assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
-        found.verify().expect("the invariants of `Trajectory`");
-        found
-    })
+    let found = optimum(text, "o");
+    assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
+    found
 }
 
 #[track_caller]

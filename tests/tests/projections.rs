@@ -3,10 +3,8 @@
 use std::f64::consts::PI;
 
 use nalgebra::{DMatrix, DVector};
-use nsd_tests::{end, fitted_order, run, times, with_experiment};
-use nsdc::optimize;
+use nsd_tests::{end, fitted_order, optimum, run, times};
 use nsdc::report::{EventKind, Failure, Status, Trajectory};
-use nsdc::simulate::Request;
 
 /// By events, and by finite elements of an order that leaves rounding.
 const ROADS: [&str; 2] = [
@@ -330,13 +328,7 @@ fn an_optimum_uses_a_wall() {
       horizon 1; intervals 4; elements 2; scheme radau_iia(3);
       minimize integral(x^2 + 1e-3*(u + 1)^2);
     }";
-    let found = with_experiment(text, "this", |compiled| {
-        let settings = &compiled.settings;
-        let task = settings.optimize.as_ref().expect("an optimization");
-        let request = Request::default();
-        let run = optimize::run(&compiled.system, settings, task, &[], &request, &mut ());
-        run.expect("the problem can be discretized").trajectory
-    });
+    let found = optimum(text, "this");
     assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
     let objective = found.objective.expect("an objective");
     assert!((objective - 1.0 / 24.0).abs() <= 1e-9, "{objective}");

@@ -6,9 +6,7 @@ use nsd_solver::mpcc::Solution;
 
 use super::{Problem, solved};
 use crate::report::{Check, Failure, Status, Trajectory, Warning};
-use crate::simulate::{self, Request};
-use crate::system::StateGroup;
-use crate::system::experiment::{EventOptions, Method, Sampling, Settings};
+use crate::system::experiment::{Sampling, Settings};
 
 /// How accurate the simulation is, compared with what the result is to be.
 const FINER: f64 = 1e-2;
@@ -17,30 +15,11 @@ const FINEST: f64 = 1e-12;
 /// Simulates, and says by how much the end and the objective differ.
 pub(super) fn simulate(problem: &Problem, solution: &Solution, trajectory: &mut Trajectory) {
     let (layout, w) = (&problem.layout, &solution.w);
-    let mut system = solved::system(problem, w);
-    system.outputs.clear();
-    system.controls.clear();
-    // All states, integrals among them, in one series.
-    system.groups = vec![StateGroup {
-        name: "x".into(),
-        shape: vec![system.states.len()],
-        entries: (0..system.states.len()).collect(),
-    }];
-    let mut settings: Settings = problem.settings.clone();
-    settings.horizon = problem.horizon(w);
-    settings.tolerance = (FINER * settings.tolerance).max(FINEST);
-    settings.method = Method::Event(EventOptions::default());
-    settings.sampling = Sampling::Method;
-    settings.lowerings.clear();
-    (settings.outputs, settings.optimize) = (None, None);
-    let request = Request {
-        dense: false,
-        estimate: false,
-        multipliers: false,
-        time_limit: None,
-    };
     let started = Instant::now();
-    let run = simulate::run(&system, &settings, &request);
+    let run = solved::run(problem, w, None, |settings| {
+        settings.tolerance = (FINER * settings.tolerance).max(FINEST);
+        settings.sampling = Sampling::Method;
+    });
     if let Some(optimum) = &mut trajectory.optimum {
         optimum.check_s = started.elapsed().as_secs_f64();
     }

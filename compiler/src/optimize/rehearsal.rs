@@ -13,7 +13,7 @@ use crate::expr::Var;
 use crate::report::{Dense, Status, Trajectory};
 use crate::simulate::{self, Rehearsed, Request, cut};
 use crate::system::experiment::{EventOptions, Method, Sampling, Settings};
-use crate::system::{Param, StateGroup, System};
+use crate::system::{Param, System};
 
 /// Runs in numerical time are so many horizons long, the shorter ones first.
 const LONGER: [f64; 3] = [2.0, 4.0, 16.0];
@@ -85,38 +85,25 @@ pub(super) fn sample(
     time_limit: Option<Duration>,
 ) -> Option<Sampled> {
     let layout = &problem.layout;
-    let mut system = solved::system(problem, w);
-    system.outputs.clear();
-    system.controls.clear();
-    system.groups = vec![StateGroup {
-        name: "x".into(),
-        shape: vec![system.states.len()],
-        entries: (0..system.states.len()).collect(),
-    }];
-    let mut settings = problem.settings.clone();
-    let length = settings.horizon / (layout.steps * layout.elements) as f64;
+    let horizon = problem.settings.horizon;
+    let length = horizon / (layout.steps * layout.elements) as f64;
     let elements = (0..layout.steps * layout.elements).map(|element| element as f64);
     let nodes = layout.points[1..].iter();
     let instants = elements.flat_map(|element| nodes.clone().map(move |c| (element + c) * length));
     let instants = [0.0].into_iter().chain(instants);
-    settings.sampling = Sampling::At(instants.map(|t| t.min(settings.horizon)).collect());
-    settings.method = Method::Event(EventOptions::default());
-    settings.lowerings.clear();
-    (settings.outputs, settings.optimize) = (None, None);
-    let request = Request {
-        dense: false,
-        estimate: false,
-        multipliers: false,
-        time_limit,
-    };
-    let run = simulate::run(&system, &settings, &request);
+    let instants = instants.map(|t| t.min(horizon)).collect();
+    let run = solved::run(problem, w, time_limit, |settings| {
+        settings.horizon = horizon;
+        settings.sampling = Sampling::At(instants);
+    });
     let states = run.states.first()?;
     let entry = |i: usize| {
         (0..run.time.len())
             .map(|point| states.at(point)[i])
             .collect()
     };
-    let names = system.states.iter().map(|state| state.name.clone());
+    let names = problem.system.states.iter();
+    let names = names.map(|state| state.name.clone());
     (run.status == Status::Solved).then(|| Sampled {
         values: names
             .enumerate()

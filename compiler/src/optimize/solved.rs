@@ -1,11 +1,15 @@
 //! A system with what was found: nothing is left to decide, and controls are functions of time.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use super::Problem;
 use crate::model::Data;
-use crate::system::System;
+use crate::report::Trajectory;
+use crate::simulate::{self, Request};
+use crate::system::experiment::{EventOptions, Method, Settings};
 use crate::system::task::Shape;
+use crate::system::{StateGroup, System};
 use crate::table::{Fit, Table};
 
 impl Problem<'_, '_> {
@@ -19,6 +23,36 @@ impl Problem<'_, '_> {
     pub(super) fn nodes(&self) -> Vec<f64> {
         self.layout.points.clone()
     }
+}
+
+/// A run of the system at a point from event to event, with all states, integrals among them, in one series.
+pub(super) fn run(
+    problem: &Problem,
+    w: &[f64],
+    time_limit: Option<Duration>,
+    change: impl FnOnce(&mut Settings),
+) -> Trajectory {
+    let mut system = system(problem, w);
+    system.outputs.clear();
+    system.controls.clear();
+    system.groups = vec![StateGroup {
+        name: "x".into(),
+        shape: vec![system.states.len()],
+        entries: (0..system.states.len()).collect(),
+    }];
+    let mut settings = problem.settings.clone();
+    settings.horizon = problem.horizon(w);
+    settings.method = Method::Event(EventOptions::default());
+    settings.lowerings.clear();
+    (settings.outputs, settings.optimize) = (None, None);
+    change(&mut settings);
+    let request = Request {
+        dense: false,
+        estimate: false,
+        multipliers: false,
+        time_limit,
+    };
+    simulate::run(&system, &settings, &request)
 }
 
 /// The system at a point, without its task; integrals are still states.

@@ -6,6 +6,10 @@ use crate::model::Data;
 use crate::source::Span;
 use crate::system::{Role, System};
 
+/// Which simulations take them.
+const BY_EVENTS: &str = "`method event`, which is the default, takes every switch that moves its surface at once, \
+                         with all that is beside it; ";
+
 impl Settings<'_> {
     /// Why an experiment does not take a switch that is read nonlinearly.
     pub fn refuses_branches(&self, system: &System) -> Option<ExperimentError> {
@@ -36,19 +40,12 @@ impl Settings<'_> {
         let switch = &system.switches[k];
         let (name, span) = (switch.name.clone(), switch.spans.first());
         let span = span.copied().unwrap_or(self.span);
-        Some(match is_optimized {
-            true => ExperimentError::NonlinearOptimum {
-                what,
-                name,
-                span,
-                beside,
-            },
-            false => ExperimentError::Nonlinear {
-                what,
-                name,
-                span,
-                beside,
-            },
+        Some(ExperimentError::Nonlinear {
+            what,
+            others: if is_optimized { "" } else { BY_EVENTS },
+            name,
+            span,
+            beside,
         })
     }
 }

@@ -244,33 +244,18 @@ pub enum ExperimentError {
         span: Span,
     },
 
-    /// A nonlinear switch in a method that knows regions and multipliers alone.
+    /// A nonlinear switch where it cannot be taken.
     #[error("{what} cannot take nonlinear sliding yet")]
     #[diagnostic(
         code(E0920),
         help(
-            "`method event`, which is the default, takes every switch that moves its surface at once, with all that is beside it; `with {{ {name}.sliding = linear; }}` chooses Filippov's reading, without hidden terms"
+            "{others}`with {{ {name}.sliding = linear; }}` chooses Filippov's reading, without hidden terms"
         )
     )]
     Nonlinear {
         what: String,
-        name: String,
-        #[label(primary, "`{name}` is read nonlinearly")]
-        span: Span,
-        #[label("beside it")]
-        beside: Option<Span>,
-    },
-
-    /// A nonlinear switch in an optimization that cannot have it.
-    #[error("{what} cannot take nonlinear sliding yet")]
-    #[diagnostic(
-        code(E0920),
-        help(
-            "`with {{ {name}.sliding = linear; }}` chooses Filippov's reading, without hidden terms"
-        )
-    )]
-    NonlinearOptimum {
-        what: String,
+        /// What takes it instead.
+        others: &'static str,
         name: String,
         #[label(primary, "`{name}` is read nonlinearly")]
         span: Span,
