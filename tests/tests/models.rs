@@ -51,6 +51,7 @@ const EXAMPLES: &[&str] = &[
     "parts.nsd: pulled",
     "parts.nsd: to_rest",
     "pass_discs.nsd: pass",
+    "place_disc.nsd: place",
     "projected.nsd: along",
     "projected.nsd: carried",
     "projected.nsd: level",

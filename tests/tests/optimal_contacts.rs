@@ -115,6 +115,37 @@ fn a_ball_that_lies_is_pushed() {
 
 /// A heater with memory goes on at 18: the colder it is outside before, the sooner. Half a second later it is warmest
 /// where u = 0 until 1/4, and 1 behind, as little of that is left until 18 is reached.
+/// Where the guess has no speed and nothing touches, it makes no difference which side of zero the speed of the contact
+/// is on, and no speed is a branch of its own: in the ones beside it, the same point is not stationary.
+#[test]
+fn a_disc_does_not_stay_where_its_speed_is_zero() {
+    let found = solved(
+        "model discs {
+           state q1[2] = [-1, 0];
+           state q2[2] = [1, 0];
+           state v1[2] in [-5, 5] = [0, 0];
+           state v2[2] in [-5, 5] = [0, 0];
+           control u[2] in [-20, 20] = [0, 0];
+           q1' = v1;
+           q2' = v2;
+           mechanics q1, v1 { mass = 2*eye(2); force = u - 2*v1/norm(v1 + [0.1, 0.1]); }
+           mechanics q2, v2 { mass = eye(2); force = -2*v2/norm(v2 + [0.1, 0.1]); }
+           contact touch { gap = norm(q1 - q2) - 0.5; restitution = 0; }
+           let d1 = q1 - [1, 0];
+           let d2 = q2 - [-1, 0];
+         }
+         optimize o of discs {
+           horizon 3; intervals 2; elements 3; scheme radau_iia(2);
+           lower timefreezing;
+           minimize integral(10*dot(d1, d1) + 20*dot(d2, d2) + 0.1*dot(u, u))
+             + 1000*final(dot(d1, d1) + dot(d2, d2) + dot(v1, v1) + dot(v2, v2));
+         }",
+    );
+    // To stay costs 4 (3*(10 + 20) + 2000), and any push to the right less.
+    let objective = found.objective.expect("it was solved");
+    assert!(objective < 8000.0, "{objective}");
+}
+
 #[test]
 fn a_relay_switches_where_the_outside_lets_it() {
     let found = solved(

@@ -13,6 +13,7 @@ mod check;
 mod failure;
 mod guess;
 mod moved;
+mod products;
 mod read;
 mod record;
 mod rehearsal;
@@ -42,6 +43,7 @@ use crate::system::task::Task;
 
 pub use guess::Sampled;
 use moved::Moved;
+use products::products;
 
 /// A solved task.
 pub struct Solved<'e> {
@@ -202,7 +204,8 @@ impl<'p, 'e> Problem<'p, 'e> {
         };
         let (mpcc, layout) = discretize(&dcs, grid, &discretize::Options::optimize(task))?;
         let mut program = mpcc.program().expect("kernels are smooth");
-        program.set_others(Arc::new(Moved::new(&layout, &mpcc.conditions)));
+        let moved = Moved::new(&layout, &mpcc.conditions, products(&dcs));
+        program.set_others(Arc::new(moved));
         Ok(Problem {
             system,
             frozen,
@@ -352,7 +355,9 @@ fn describe(problem: &Problem, solution: &Solution, trajectory: &mut Trajectory)
             (_, Some(true)) => Stationarity::B,
             (Class::M, _) => Stationarity::M,
             (Class::C, _) => Stationarity::C,
-            _ => Stationarity::None,
+            (Class::A, _) => Stationarity::A,
+            (Class::W, _) => Stationarity::W,
+            (Class::None, _) => Stationarity::None,
         },
         max_violation: solution.residuals.violation,
     };

@@ -19,6 +19,7 @@ use nsd_solver::problem::{Member, Other};
 use nsd_solver::tableau::lagrange;
 use rustc_hash::FxHashMap;
 
+use super::products::Product;
 use crate::discretize::Layout;
 use crate::mpcc::{Conditions, Linearized, Others};
 
@@ -36,6 +37,7 @@ const NEGATIVE: f64 = -1e-9;
 pub(super) struct Moved {
     layout: Layout,
     conditions: Conditions,
+    products: Vec<Product>,
 }
 
 /// Consecutive elements of an interval in one mode.
@@ -80,10 +82,11 @@ struct Point<'a> {
 }
 
 impl Moved {
-    pub fn new(layout: &Layout, conditions: &Conditions) -> Self {
+    pub fn new(layout: &Layout, conditions: &Conditions, products: Vec<Product>) -> Self {
         Moved {
             layout: layout.clone(),
             conditions: conditions.clone(),
+            products,
         }
     }
 
@@ -203,6 +206,9 @@ impl Moved {
                         let places = nodes().filter_map(|(j, m)| layout.z(k, j, m, i));
                         direction.extend(places.map(|place| (place, sign * change)));
                     }
+                    for (j, m) in nodes() {
+                        self.follow((k, j, m), w, &mut direction);
+                    }
                     if near.change(&direction) <= SAME_RATES {
                         others.push(Change::Mode {
                             interval,
@@ -216,6 +222,29 @@ impl Moved {
             }
         }
         changes
+    }
+
+    /// Adds how products at a node change.
+    fn follow(
+        &self,
+        (k, j, m): (usize, usize, usize),
+        w: &[f64],
+        direction: &mut FxHashMap<usize, f64>,
+    ) {
+        let place = |i| self.layout.z(k, j, m, i);
+        for product in &self.products {
+            let change = product.change(
+                |i| place(i).map_or(0.0, |place| w[place]),
+                |i| {
+                    place(i)
+                        .and_then(|place| direction.get(&place))
+                        .map_or(0.0, |d| *d)
+                },
+            );
+            if let Some(place) = place(product.value).filter(|_| change != 0.0) {
+                direction.insert(place, change);
+            }
+        }
     }
 
     /// The point with these changes, where elements suffice.
@@ -418,6 +447,13 @@ impl Moved {
             && let Some(value) = place(to).and_then(|z| point.new.get_mut(&z))
         {
             *value += other_slope * given;
+        }
+        for product in &self.products {
+            let known = |place: usize| point.new.get(&place).map_or(0.0, |value| *value);
+            let value = product.at(|i| place(i).map_or(0.0, known));
+            if let Some(place) = place(product.value) {
+                point.new.insert(place, value);
+            }
         }
     }
 }

@@ -233,6 +233,12 @@ fn optimum(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
         Stationarity::None => writeln!(text, "  certificate: none")?,
         class => write!(text, "  certificate: {}-stationary", class.as_str())?,
     }
+    if !matches!(
+        certificate.stationarity,
+        Stationarity::S | Stationarity::B | Stationarity::None
+    ) {
+        text.push_str(", descent to first order is not excluded");
+    }
     match (certificate.stationarity, optimum.branches) {
         (Stationarity::None, _) => {}
         (_, 0) => writeln!(text)?,
