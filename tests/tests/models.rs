@@ -62,6 +62,7 @@ const EXAMPLES: &[&str] = &[
     "oscillator.nsd: smoothed",
     "oscillator.nsd: without_detection",
     "parts.nsd: on_ice",
+    "parts.nsd: one_alone",
     "parts.nsd: pulled",
     "parts.nsd: to_rest",
     "pass_discs.nsd: pass",
