@@ -2,6 +2,8 @@
 //! that have nothing to do with each other, how long many possible contacts take to compile, and how a hundred come to
 //! rest.
 
+#[path = "support/records.rs"]
+mod records;
 #[allow(dead_code, reason = "other benchmarks use all of it")]
 mod support;
 
@@ -12,6 +14,8 @@ use nsd_solver::moreau::{Change, Observer, Solution};
 use nsd_solver::simulate::{Event, Segment, Status};
 use nsd_tests::with_experiment;
 use nsdc::simulate::moreau::stepper;
+use records::record;
+use serde_json::json;
 use support::{print, start};
 
 /// Simulated seconds, and steps in each.
@@ -54,6 +58,17 @@ fn main() {
             1e6 * run.seconds / STEPS as f64,
             run.solution.impulses,
         ));
+        record(
+            "discs",
+            &[
+                ("discs", json!(n)),
+                ("possible contacts", json!(n * (n - 1) / 2 + 3 * n)),
+                ("seconds", json!(run.seconds)),
+                ("seconds a step", json!(run.seconds / STEPS as f64)),
+                ("impulses", json!(run.solution.impulses)),
+                ("gaps a step", json!(gaps.round())),
+            ],
+        );
         if n == 400 {
             print(&format!(
                 "\n{:.2} s to compile 400 discs, bar 2 s",

@@ -6,6 +6,8 @@
 
 #[path = "support/peers.rs"]
 mod peers;
+#[path = "support/records.rs"]
+mod records;
 mod support;
 
 use std::f64::consts::PI;
@@ -18,6 +20,7 @@ use nsd_tests::with_experiment;
 use nsdc::Compiled;
 use nsdc::simulate::Switched;
 use peers::{Row, Script};
+use records::record;
 use serde_json::{Value, json};
 use support::{Silent, median, print, simulator, start};
 
@@ -95,6 +98,17 @@ fn compare(name: &str, compiled: &Compiled<'_>, exact: &[f64], criterion: &mut C
                 "{error:>8.0e} {:>12.2} {ratio:>8.1}  {solver_name}",
                 1e6 * time
             ));
+            record(
+                "peers",
+                &[
+                    ("problem", json!(name)),
+                    ("error", json!(error)),
+                    ("solver", json!(solver_name)),
+                    ("reached", json!(error)),
+                    ("seconds", json!(time)),
+                    ("to nsdc", json!(ratio)),
+                ],
+            );
         }
         if error == ERRORS[1] && least.is_finite() {
             print(&format!(

@@ -3,6 +3,9 @@
 //! The cart-pole of the examples with 10 to 3000 intervals, each for a minute at most. Everything is to grow in
 //! proportion to them. Numbers behind the name of the bench are taken instead of these sizes.
 
+#[path = "support/records.rs"]
+mod records;
+
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
@@ -12,6 +15,8 @@ use nsd_tests::with_experiment;
 use nsdc::optimize::{self, Watch};
 use nsdc::report::{MethodOption, Trajectory};
 use nsdc::simulate::Request;
+use records::record;
+use serde_json::json;
 
 const SIZES: [usize; 6] = [10, 30, 100, 300, 1000, 3000];
 const MODEL: &str = include_str!("../../examples/cart_pole.nsd");
@@ -113,6 +118,19 @@ fn line(intervals: usize, found: &Trajectory, iterations: &Iterations, whole: f6
         found.objective.unwrap_or(f64::NAN),
         found.status.as_str(),
     ));
+    record(
+        "intervals",
+        &[
+            ("intervals", json!(intervals)),
+            ("variables", json!(option("variables"))),
+            ("pairs", json!(option("pairs"))),
+            ("factor", json!(optimum.factor_entries)),
+            ("iterations", json!(count)),
+            ("seconds", json!(whole)),
+            ("seconds an iteration", json!(each)),
+            ("end", json!(found.status.as_str())),
+        ],
+    );
 }
 
 /// What this thread has computed, in seconds; where the system does not tell, what has passed.

@@ -104,6 +104,12 @@ fn compare(accept: bool) -> ExitCode {
         .collect();
     let mut failed = false;
     let mut new = String::from("toolchain,workload,instructions\n");
+    let others = rows
+        .iter()
+        .filter(|row| row[0] != toolchain && row[0] != "toolchain");
+    others.for_each(|row| {
+        let _ = writeln!(new, "{}", row.join(","));
+    });
     print(&format!(
         "{:<24} {:>14} {:>14} {:>8}",
         "workload", "instructions", "kept", "change"

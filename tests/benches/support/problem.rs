@@ -2,6 +2,8 @@
 
 #[path = "peers.rs"]
 mod peers;
+#[path = "records.rs"]
+mod records;
 
 use std::hint::black_box;
 
@@ -9,9 +11,10 @@ use criterion::Criterion;
 use nsd_solver::simulate::Status;
 use nsdc::Compiled;
 use nsdc::simulate::Switched;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use peers::{Row, Script};
+use records::record;
 
 use crate::support::{Silent, median, print, simulator, start};
 
@@ -50,7 +53,7 @@ impl Problem<'_> {
                 ));
                 continue;
             };
-            line(error, own, 1.0);
+            self.line(error, own, 1.0);
             let mut solvers: Vec<&str> = peers.iter().map(|row| first_word(&row.solver)).collect();
             solvers.dedup();
             for solver in solvers {
@@ -58,7 +61,7 @@ impl Problem<'_> {
                     |row: &&Row| first_word(&row.solver) == solver && row.error <= error;
                 let cheapest = peers.iter().filter(of_solver);
                 match cheapest.min_by(|a, b| a.seconds.total_cmp(&b.seconds)) {
-                    Some(row) => line(error, row, row.seconds / own.seconds),
+                    Some(row) => self.line(error, row, row.seconds / own.seconds),
                     None => print(&format!(
                         "{error:>8.0e} {:>11} {:>12} {:>8}  {solver}",
                         "-", "never", ""
@@ -66,6 +69,26 @@ impl Problem<'_> {
                 }
             }
         }
+    }
+
+    fn line(&self, error: f64, row: &Row, ratio: f64) {
+        print(&format!(
+            "{error:>8.0e} {:>11.1e} {:>12.2} {ratio:>8.1}  {}",
+            row.error,
+            row.seconds * 1e6,
+            row.solver
+        ));
+        record(
+            "peers",
+            &[
+                ("problem", json!(self.name)),
+                ("error", json!(error)),
+                ("solver", json!(row.solver)),
+                ("reached", json!(row.error)),
+                ("seconds", json!(row.seconds)),
+                ("to nsdc", json!(ratio)),
+            ],
+        );
     }
 
     /// Our cheapest run for each error, over the tolerances 10^-k.
@@ -104,15 +127,6 @@ impl Problem<'_> {
         };
         self.errors.iter().map(cheapest).collect()
     }
-}
-
-fn line(error: f64, row: &Row, ratio: f64) {
-    print(&format!(
-        "{error:>8.0e} {:>11.1e} {:>12.2} {ratio:>8.1}  {}",
-        row.error,
-        row.seconds * 1e6,
-        row.solver
-    ));
 }
 
 fn first_word(text: &str) -> &str {
