@@ -54,6 +54,19 @@ fn close(value: &serde_json::Value, exact: f64, tolerance: f64) -> bool {
         .is_some_and(|value| (value - exact).abs() <= tolerance)
 }
 
+/// minimize (x - 1)² + (y - 1)²  subject to  0 <= x ⟂ y >= 0: 1 at (1, 0) and at (0, 1), and 2 in the corner between.
+#[test]
+fn the_example_has_one_of_its_two_minima() {
+    let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples");
+    let ran = nsdc(&examples, &["solve", "two_minima.nl", "--json", "-"]);
+    assert_eq!((ran.status, ran.err.as_str()), (0, ""));
+    let report = json(&ran.out);
+    assert!(close(&report["objective"], 1.0, 1e-10), "{report}");
+    let at = |x: f64, y: f64| close(&report["x"][0], x, 1e-8) && close(&report["x"][1], y, 1e-8);
+    assert!(at(1.0, 0.0) || at(0.0, 1.0), "{report}");
+    assert_eq!(report["certificate"]["stationarity"], "S");
+}
+
 #[test]
 fn a_problem_has_its_solution() {
     let folder = problems("solve_one");
