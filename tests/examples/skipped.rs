@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release -p nsd-tests --example skipped`
 //!
-//! Off is on with one difference: without its `output` list an experiment keeps the whole model. So each simulation of
+//! Off is on with one difference: without its `output` list an experiment keeps the whole model. So each experiment of
 //! the examples is run as it stands, without its list, and for one state alone, by the method that it names.
 //! What has no such switch is counted and not timed: modes that are never entered, and gaps that are not looked at.
 
@@ -26,7 +26,7 @@ use nsdc::source::SourceMap;
 use nsdc::syntax::{self, Experiment, ExperimentKind, ExperimentSetting, File, Item, SettingKind};
 use nsdc::system::System;
 use nsdc::system::experiment::Method;
-use nsdc::{Compiled, compile};
+use nsdc::{Compiled, compile, optimize};
 
 /// Runs of which the fastest counts: at least and at most, and seconds after which there are enough.
 const RUNS: (usize, usize, f64) = (3, 25, 0.3);
@@ -41,7 +41,7 @@ fn main() {
     fs::write(folder.join("SKIPPED.md"), page).expect("the folder of the tests is writable");
 }
 
-/// A simulation of an example.
+/// An experiment of an example.
 struct Example {
     file: String,
     name: String,
@@ -66,9 +66,7 @@ fn examples(folder: &Path) -> Vec<Example> {
         let text = fs::read_to_string(&path).expect("an example is text");
         let parsed = parse(&file, &text, folder);
         for item in &parsed.items {
-            if let Item::Experiment(experiment) = item
-                && experiment.kind == ExperimentKind::Simulate
-            {
+            if let Item::Experiment(experiment) = item {
                 found.push(Example {
                     file: file.clone(),
                     name: experiment.name.name.clone(),
@@ -143,7 +141,7 @@ impl Example {
         (!diags.has_errors()).then(|| use_it(&compiled))
     }
 
-    /// Compiles and runs it.
+    /// The fastest of several runs; nothing where one does not come to its end.
     fn measure(&self, asked: Asked<'_>) -> Option<Measured> {
         let mut best: Option<Measured> = None;
         let (least, most, enough) = RUNS;
@@ -152,14 +150,19 @@ impl Example {
             if k >= least && begun.elapsed().as_secs_f64() > enough {
                 break;
             }
-            let started = Instant::now();
-            let run = self.compiled(asked, |compiled| Measured::of(compiled, &run(compiled)))?;
-            let seconds = started.elapsed().as_secs_f64();
-            if best.as_ref().is_none_or(|best| seconds < best.seconds) {
-                best = Some(Measured { seconds, ..run });
+            let run = self.once(asked).filter(|run| run.is_solved)?;
+            if best.as_ref().is_none_or(|best| run.seconds < best.seconds) {
+                best = Some(run);
             }
         }
         best
+    }
+
+    fn once(&self, asked: Asked<'_>) -> Option<Measured> {
+        let started = Instant::now();
+        let run = self.compiled(asked, |compiled| Measured::of(compiled, &run(compiled)))?;
+        let seconds = started.elapsed().as_secs_f64();
+        Some(Measured { seconds, ..run })
     }
 }
 
@@ -174,7 +177,13 @@ fn run(compiled: &Compiled<'_>) -> Trajectory {
         estimate: false,
         ..Request::default()
     };
-    simulate::run(&system, &compiled.settings, &request)
+    match &compiled.settings.optimize {
+        None => simulate::run(&system, &compiled.settings, &request),
+        Some(task) => {
+            let found = optimize::run(&system, &compiled.settings, task, &[], &request, &mut ());
+            found.expect("examples can be discretized").trajectory
+        }
+    }
 }
 
 /// Sizes and costs of a run.
@@ -225,25 +234,25 @@ fn asked(examples: &[Example]) -> String {
     let mut without = Vec::new();
     for example in examples {
         let name = format!("{}: {}", example.file, example.name);
-        let Some(whole) = example
-            .measure(Asked::Everything)
-            .filter(|whole| whole.is_solved)
-        else {
+        let least = example.least();
+        let alone = least
+            .iter()
+            .map(|state| (format!("`{state}`"), Asked::Alone(state)));
+        let listed = example
+            .has_list()
+            .then(|| ("its list".to_owned(), Asked::AsWritten));
+        let asked = listed.into_iter().chain(alone);
+        let asked: Vec<(String, Asked<'_>)> =
+            asked.filter(|(_, asked)| example.skips(*asked)).collect();
+        if asked.is_empty() {
+            without.push(name);
+            continue;
+        }
+        let Some(whole) = example.measure(Asked::Everything) else {
             continue;
         };
-        let mut found: Vec<(String, Measured)> = Vec::new();
-        if example.has_list() {
-            let written = example.measure(Asked::AsWritten);
-            found.extend(written.map(|run| ("its list".to_owned(), run)));
-        }
-        if let Some(state) = example.least() {
-            let run = example.measure(Asked::Alone(&state));
-            found.extend(run.map(|run| (format!("`{state}`"), run)));
-        }
-        found.retain(|(_, run)| run.is_solved && !run.skipped.is_empty());
-        if found.is_empty() {
-            without.push(name.clone());
-        }
+        let runs = asked.into_iter();
+        let found = runs.filter_map(|(what, asked)| Some((what, example.measure(asked)?)));
         for (what, run) in found {
             let _ = writeln!(
                 rows,
@@ -267,12 +276,18 @@ fn asked(examples: &[Example]) -> String {
          Each row is an experiment with its own list, or asked for the one state that needs the least and without expectations, beside the same without a list.\n\n\
          | experiment | asked for | skipped | states | switches | evaluations | ms | saved |\n\
          | --- | --- | --- | --- | --- | --- | --- | --- |\n{rows}\n\
-         In all others, no state can be left out for any other one: {}.\n\n",
+         In all others nothing is left out for any of up to twelve states: {}.\n\n",
         without.join(", ")
     )
 }
 
 impl Example {
+    /// Whether something is left out.
+    fn skips(&self, asked: Asked<'_>) -> bool {
+        let skips = self.compiled(asked, |compiled| !compiled.system.skipped.is_empty());
+        skips.unwrap_or(false)
+    }
+
     /// The state that needs the fewest others.
     fn least(&self) -> Option<String> {
         let names = |compiled: &Compiled<'_>| -> Vec<String> {
@@ -296,8 +311,11 @@ impl Example {
 /// Modes that a run never meets.
 fn modes(examples: &[Example]) -> String {
     let mut rows = String::new();
-    for example in examples {
-        let Some(run) = example.measure(Asked::Everything) else {
+    let simulations = examples.iter();
+    let simulations =
+        simulations.filter(|example| example.experiment.kind == ExperimentKind::Simulate);
+    for example in simulations {
+        let Some(run) = example.once(Asked::Everything) else {
             continue;
         };
         if run.switches > 1 && run.is_solved && run.modes > 0 {
