@@ -19,16 +19,21 @@ fn read(path: &Path) -> String {
     fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
+/// Folders of the repository; others beside them, as what peers are installed in, are not its own.
+const FOLDERS: [&str; 6] = [
+    "compiler", "examples", "grammar", "solver", "stdlib", "tests",
+];
+
 /// All Markdown files of the repository, without what builds and snapshots leave behind.
 fn documents() -> Vec<PathBuf> {
-    let mut folders = vec![root()];
-    let mut found = Vec::new();
+    let mut folders: Vec<PathBuf> = FOLDERS.iter().map(|name| root().join(name)).collect();
+    let mut found = vec![root().join("README.md")];
     while let Some(folder) = folders.pop() {
         let entries = fs::read_dir(&folder).expect("folders of the repository are readable");
         for path in entries.filter_map(|entry| Some(entry.ok()?.path())) {
             let name = path.file_name().unwrap_or_default().to_string_lossy();
             if path.is_dir() {
-                let built = ["target", "snapshots", "corpus", "node_modules"];
+                let built = ["target", "snapshots", "corpus"];
                 if !name.starts_with('.') && !built.contains(&&*name) {
                     folders.push(path);
                 }
