@@ -47,10 +47,7 @@ impl Problem<'_> {
         ));
         for (&error, own) in self.errors.iter().zip(&ours) {
             let Some(own) = own else {
-                print(&format!(
-                    "{error:>8.0e} {:>11} {:>12} {:>8}  nsdc",
-                    "-", "never", ""
-                ));
+                self.never(error, "nsdc");
                 continue;
             };
             self.line(error, own, 1.0);
@@ -62,10 +59,7 @@ impl Problem<'_> {
                 let cheapest = peers.iter().filter(of_solver);
                 match cheapest.min_by(|a, b| a.seconds.total_cmp(&b.seconds)) {
                     Some(row) => self.line(error, row, row.seconds / own.seconds),
-                    None => print(&format!(
-                        "{error:>8.0e} {:>11} {:>12} {:>8}  {solver}",
-                        "-", "never", ""
-                    )),
+                    None => self.never(error, solver),
                 }
             }
         }
@@ -78,15 +72,29 @@ impl Problem<'_> {
             row.seconds * 1e6,
             row.solver
         ));
+        let measured = [json!(row.error), json!(row.seconds), json!(ratio)];
+        self.record(error, &row.solver, measured);
+    }
+
+    /// A solver that reaches an error at no tolerance.
+    fn never(&self, error: f64, solver: &str) {
+        print(&format!(
+            "{error:>8.0e} {:>11} {:>12} {:>8}  {solver}",
+            "-", "never", ""
+        ));
+        self.record(error, solver, [json!("-"), json!("never"), json!("-")]);
+    }
+
+    fn record(&self, error: f64, solver: &str, [reached, seconds, ratio]: [Value; 3]) {
         record(
             "peers",
             &[
                 ("problem", json!(self.name)),
                 ("error", json!(error)),
-                ("solver", json!(row.solver)),
-                ("reached", json!(row.error)),
-                ("seconds", json!(row.seconds)),
-                ("to nsdc", json!(ratio)),
+                ("solver", json!(solver)),
+                ("reached", reached),
+                ("seconds", seconds),
+                ("to nsdc", ratio),
             ],
         );
     }
