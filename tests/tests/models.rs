@@ -9,6 +9,7 @@ use nsdc::cli::Exit;
 const EXAMPLES: &[&str] = &[
     "around_ellipse.nsd: across",
     "around_ellipse.nsd: published",
+    "ball_pile.nsd: by_events",
     "ball_pile.nsd: settles",
     "bouncing_ball.nsd: at_rest",
     "bouncing_ball.nsd: bounces",
