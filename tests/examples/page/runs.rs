@@ -12,7 +12,7 @@ use super::{figure, print, repository};
 
 /// Runs benches, and gives the rows that they record in a table.
 fn rows_of(benches: &[&str], name: &str) -> Vec<Row> {
-    let file = repository("target").join(format!("{name}.records"));
+    let file = std::env::temp_dir().join(format!("nsdc-{name}.records"));
     let _ = fs::remove_file(&file);
     let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
     for bench in benches {
