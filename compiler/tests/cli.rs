@@ -323,31 +323,6 @@ fn what_is_not_supported_yet_fails_no_test() {
 }
 
 #[test]
-fn goldens_are_written_on_demand_and_compared() {
-    let folder = folder("golden");
-    let model = RELAY.replace(
-        "horizon 2;\n  output",
-        "horizon 2;\n  expect lowering golden;\n  output",
-    );
-    fs::write(folder.join("relay.nsd"), &model).expect("the folder is writable");
-    assert_eq!(
-        nsdc(&folder, &["test", "relay.nsd"]).status,
-        2,
-        "there is no golden yet"
-    );
-    assert_eq!(nsdc(&folder, &["test", "--accept", "relay.nsd"]).status, 0);
-    assert_eq!(nsdc(&folder, &["test", "relay.nsd"]).status, 0);
-    fs::write(
-        folder.join("relay.nsd"),
-        model.replace("-k*sign", "-2*k*sign"),
-    )
-    .expect("the folder is writable");
-    let ran = nsdc(&folder, &["test", "relay.nsd"]);
-    assert_eq!(ran.status, 2);
-    assert!(ran.out.contains("of the golden file"), "{}", ran.out);
-}
-
-#[test]
 fn emit_refuses_what_is_too_large() {
     let folder = folder("large");
     let model = "model m { state x = 1; x' = -sign(x); }

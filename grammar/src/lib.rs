@@ -59,6 +59,7 @@ pub fn spelling(rule: Rule) -> Option<&'static str> {
         Rule::kw_metric => "metric",
         Rule::kw_mode => "mode",
         Rule::kw_model => "model",
+        Rule::kw_numbers => "numbers",
         Rule::kw_of => "of",
         Rule::kw_on => "on",
         Rule::kw_onto => "onto",

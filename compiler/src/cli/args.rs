@@ -36,6 +36,7 @@ pub enum Command {
     /// Run experiments and report what came out
     Run(RunArgs),
     /// Run every `expect` of files and folders
+    #[command(after_help = TEST_HELP)]
     Test(TestArgs),
     /// Run experiments by events and by finite elements with every lowering, and compare
     #[command(after_help = VERIFY_HELP)]
@@ -329,15 +330,34 @@ pub enum Log {
     Iterations,
 }
 
+/// What `test --help` ends with.
+const TEST_HELP: &str = "\
+The exit status is 0 where all tests pass, 1 where a file does not compile, 2 where an expectation is \
+missed, in one test or more, and 64 where the filter takes none.
+
+Example: `nsdc test models --junit results.xml`.";
+
 /// Arguments of `test`.
 #[derive(Debug, Arguments)]
 pub struct TestArgs {
     /// Files, and folders with all .nsd files below them
     #[arg(required = true, value_name = "PATH")]
     pub paths: Vec<PathBuf>,
-    /// Write goldens instead of comparing with them
+    /// Show how goldens differ, and write them as they are now
     #[arg(long)]
     pub accept: bool,
+    /// Only tests with this text in their names, `FILE: EXPERIMENT`
+    #[arg(long, value_name = "TEXT")]
+    pub filter: Option<String>,
+    /// Write results as JSON, one object per line; `-` is standard output, instead of the report
+    #[arg(long, value_name = "PATH")]
+    pub json: Option<PathBuf>,
+    /// Write results as JUnit XML; `-` is standard output, instead of the report
+    #[arg(long, value_name = "PATH")]
+    pub junit: Option<PathBuf>,
+    /// Test so many files at once; all cores without it
+    #[arg(long, value_name = "N")]
+    pub jobs: Option<NonZeroUsize>,
     /// Stop solving an experiment after so many seconds
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub time_limit: Option<Duration>,

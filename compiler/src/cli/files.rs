@@ -81,6 +81,32 @@ pub fn write(path: &Path, text: &str) -> Result<(), FileError> {
     fs::write(path, text).map_err(|error| FileError::new("write", path, &error))
 }
 
+/// Replaces a file, in a folder that may have to be made.
+pub fn write_in_folder(path: &Path, text: &str) -> Result<(), FileError> {
+    let made = path.parent().map_or(Ok(()), fs::create_dir_all);
+    made.map_err(|error| FileError::new("write", path, &error))?;
+    write(path, text)
+}
+
+/// Takes a file away.
+pub fn remove(path: &Path) -> Result<(), FileError> {
+    fs::remove_file(path).map_err(|error| FileError::new("remove", path, &error))
+}
+
+/// What is in a folder that may be missing, in order of names.
+pub fn list_if_present(folder: &Path) -> Result<Vec<PathBuf>, FileError> {
+    let error = |error: io::Error| FileError::new("read", folder, &error);
+    let entries = match fs::read_dir(folder) {
+        Ok(entries) => entries,
+        Err(missing) if missing.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+        Err(other) => return Err(error(other)),
+    };
+    let paths = entries.map(|entry| entry.map(|entry| entry.path()));
+    let mut paths = paths.collect::<io::Result<Vec<PathBuf>>>().map_err(error)?;
+    paths.sort();
+    Ok(paths)
+}
+
 /// Reads imported files, relative to the file that imports them.
 #[derive(Debug, Default)]
 pub struct Imports {

@@ -6,11 +6,19 @@ use std::path::Path;
 use super::{Exit, Streams, files, io};
 
 /// What a new folder holds: names and texts.
-const FILES: [(&str, &str); 4] = [
+const FILES: [(&str, &str); 6] = [
     ("slider.nsd", include_str!("../../template/slider.nsd")),
     (
-        "slider.swings.stewart.golden",
-        include_str!("../../template/slider.swings.stewart.golden"),
+        "slider.golden/swings.system",
+        include_str!("../../template/slider.golden/swings.system"),
+    ),
+    (
+        "slider.golden/swings.stewart.dcs",
+        include_str!("../../template/slider.golden/swings.stewart.dcs"),
+    ),
+    (
+        "slider.golden/swings.numbers",
+        include_str!("../../template/slider.golden/swings.numbers"),
     ),
     ("README.md", include_str!("../../template/README.md")),
     (".gitignore", include_str!("../../template/gitignore")),
@@ -37,7 +45,7 @@ pub fn run(path: &Path, streams: &mut Streams<'_>) -> io::Result<Exit> {
     }
     for (file, text) in FILES {
         let text = text.replace("{name}", &name);
-        if let Err(error) = files::write(&path.join(file), &text) {
+        if let Err(error) = files::write_in_folder(&path.join(file), &text) {
             writeln!(streams.err, "error: {error}")?;
             return Ok(Exit::Wrong);
         }

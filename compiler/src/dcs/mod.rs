@@ -19,7 +19,6 @@
 mod auto;
 mod dot;
 mod error;
-mod golden;
 pub mod heaviside;
 mod impact;
 mod labels;
@@ -41,7 +40,6 @@ use std::sync::Arc;
 pub use auto::{Choice, check, choose, lower, lower_as};
 pub use dot::{Vertex, dot, graph};
 pub use error::DcsError;
-pub use golden::{Golden, golden};
 pub use impact::{Friction, Impact};
 pub use pointwise::{Pointwise, solve_in_mode, solve_pointwise};
 pub use tex::tex;

@@ -12,12 +12,14 @@
 mod branches;
 pub mod csv;
 mod dense;
+pub mod difference;
 mod ensemble;
 mod event;
 pub mod expect;
 mod failure;
 pub mod json;
 mod modes;
+pub mod numbers;
 mod optimum;
 mod plane;
 pub mod plot;

@@ -7,15 +7,44 @@ use crate::expr::Expr;
 
 impl fmt::Display for System<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.write(f, Shows::All)
+    }
+}
+
+/// What of a system is printed.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Shows {
+    All,
+    /// Nothing that another value of a parameter, another start or another horizon would change: no values, and not
+    /// what was found at sample points.
+    Structure,
+}
+
+/// The structure of a system, as goldens keep it.
+pub struct Structure<'s, 'e>(pub &'s System<'e>);
+
+impl fmt::Display for Structure<'_, '_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.write(f, Shows::Structure)
+    }
+}
+
+impl System<'_> {
+    fn write(&self, f: &mut impl fmt::Write, shows: Shows) -> fmt::Result {
+        let all = shows == Shows::All;
+        let valued = |value: &dyn fmt::Display| match all {
+            true => format!(" = {value}"),
+            false => String::new(),
+        };
         writeln!(f, "system {}", self.name)?;
         for param in &self.params {
-            writeln!(f, "param {} = {}", param.name, param.value)?;
+            writeln!(f, "param {}{}", param.name, valued(&param.value))?;
         }
         for data in &self.data {
-            writeln!(f, "signal {} = {}", data.var, data.text)?;
+            writeln!(f, "signal {}{}", data.var, valued(&data.text))?;
         }
         for state in &self.states {
-            writeln!(f, "state {} = {}", state.name, state.initial)?;
+            writeln!(f, "state {}{}", state.name, valued(&state.initial))?;
         }
         for state in &self.states {
             writeln!(f, "der({}) = {}", state.name, state.rate)?;
@@ -26,7 +55,8 @@ impl fmt::Display for System<'_> {
                 _ if switch.slip_of.is_some() => "slips where it is closed",
                 Continuity::Discontinuous => "discontinuous",
                 Continuity::Certain => "continuous",
-                Continuity::Sampled => "continuous at sampled points",
+                Continuity::Sampled if all => "continuous at sampled points",
+                Continuity::Sampled => "continuous",
             };
             match switch.role {
                 Role::Step => {}
@@ -53,6 +83,9 @@ impl fmt::Display for System<'_> {
                 "{} in step({})  // {}, {kind}",
                 switch.alpha, switch.psi, switch.name
             )?;
+            if switch.relay.is_some() && !all {
+                continue;
+            }
             if let Some(relay) = switch.relay {
                 let start = if relay.start { "on" } else { "off" };
                 writeln!(
@@ -142,14 +175,13 @@ impl fmt::Display for System<'_> {
                 .map(|&s| self.states[s].name.as_str())
                 .collect();
             let coverage = match partition.coverage {
-                Coverage::Proven => "proven",
-                Coverage::Sampled => "no counterexample at sampled points",
+                _ if !all => "",
+                Coverage::Proven => "  // one region everywhere: proven",
+                Coverage::Sampled => {
+                    "  // one region everywhere: no counterexample at sampled points"
+                }
             };
-            writeln!(
-                f,
-                "partition of {}  // one region everywhere: {coverage}",
-                states.join(", ")
-            )?;
+            writeln!(f, "partition of {}{coverage}", states.join(", "))?;
             for (r, region) in partition.regions.iter().enumerate() {
                 write!(f, "  {}: {}", region.name, region.weight)?;
                 match partition.indicators.get(r) {
@@ -167,7 +199,9 @@ impl fmt::Display for System<'_> {
                 }
             }
         }
-        self.task.iter().try_for_each(|task| write!(f, "{task}"))?;
+        if let Some(task) = &self.task {
+            task.write(f, all)?;
+        }
         for subsystem in &self.subsystems {
             let alphas: Vec<String> = subsystem
                 .switches

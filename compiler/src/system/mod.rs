@@ -85,6 +85,7 @@ mod values;
 mod verify;
 mod words;
 
+pub use display::Structure;
 pub use error::SystemError;
 pub use experiment::ExperimentError;
 pub use limits::{Allowed, Limit};

@@ -95,7 +95,10 @@ struct Named<'e> {
 impl<'e> Named<'e> {
     fn expectation(&mut self, model: &Model<'e>, expect: &Expect) {
         match expect {
-            Expect::LoweringGolden | Expect::Warning(_) | Expect::Status(_) => {}
+            Expect::LoweringGolden
+            | Expect::NumbersGolden
+            | Expect::Warning(_)
+            | Expect::Status(_) => {}
             Expect::Mode { mode, .. } => self.mode(model, mode),
             Expect::Relation(relation) => {
                 self.value(model, &relation.left);

@@ -105,18 +105,34 @@ impl<'e> Task<'e> {
 /// The cost and the constraints, one per line.
 impl fmt::Display for Task<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.write(f, true)
+    }
+}
+
+impl Task<'_> {
+    /// With the numbers of bounds, or only which bounds there are.
+    pub(super) fn write(&self, f: &mut impl fmt::Write, with_numbers: bool) -> fmt::Result {
+        let number = |value: f64, instead: &str| match with_numbers {
+            true => value.to_string(),
+            false => instead.to_owned(),
+        };
         for control in &self.controls {
             write!(f, "control {}", control.name)?;
             match &control.allowed {
-                Some(allowed) => writeln!(f, " in {allowed}")?,
+                Some(allowed) if with_numbers => writeln!(f, " in {allowed}")?,
+                Some(Allowed::Between(..)) => writeln!(f, " in bounds")?,
+                Some(Allowed::OneOf(_)) => writeln!(f, " in a finite set")?,
                 None => writeln!(f)?,
             }
         }
         writeln!(f, "minimize {} at the end", self.cost)?;
         for row in &self.rows {
-            let (lower, value, upper) = (row.lower, row.value, row.upper);
-            match (lower.is_finite(), upper.is_finite()) {
-                _ if lower == upper => write!(f, "{value} = {lower}")?,
+            let value = row.value;
+            let (lower, upper) = (number(row.lower, "lower"), number(row.upper, "upper"));
+            match (row.lower.is_finite(), row.upper.is_finite()) {
+                _ if row.lower == row.upper => {
+                    write!(f, "{value} = {}", number(row.lower, "number"))?;
+                }
                 (true, true) => write!(f, "{lower} <= {value} <= {upper}")?,
                 (true, false) => write!(f, "{value} >= {lower}")?,
                 _ => write!(f, "{value} <= {upper}")?,

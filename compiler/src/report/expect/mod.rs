@@ -12,7 +12,7 @@ mod values;
 pub use error::ExpectError;
 
 use self::values::Run;
-use super::{Status, Trajectory};
+use super::{Status, Trajectory, difference};
 use crate::diagnostics::Diagnostics;
 use crate::model::Model;
 use crate::source::{SourceMap, Span};
@@ -56,6 +56,8 @@ pub enum Verdict {
         /// What is.
         got: String,
     },
+    /// Golden files are not what they should be.
+    Differs(Vec<Difference>),
     /// It cannot be said yet.
     Unsupported {
         /// Code of the diagnostic that says so.
@@ -63,13 +65,51 @@ pub enum Verdict {
     },
 }
 
+/// A golden file that is not what it should be.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Difference {
+    /// Its name.
+    pub name: String,
+    /// Whether it is missing.
+    pub is_missing: bool,
+    /// What is gone and what is new.
+    pub lines: Vec<String>,
+}
+
+/// A golden file and what should be in it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Comparison {
+    /// Its name.
+    pub name: String,
+    /// What is in it, where it is there.
+    pub golden: Option<String>,
+    /// What this run would write.
+    pub now: String,
+}
+
+impl Comparison {
+    /// How the file differs, if it does.
+    pub fn difference(&self) -> Option<Difference> {
+        let golden = self.golden.as_deref();
+        let lines = difference::lines(golden.unwrap_or(""), &self.now);
+        let differs = golden.is_none() || !lines.is_empty();
+        differs.then(|| Difference {
+            name: self.name.clone(),
+            is_missing: golden.is_none(),
+            lines,
+        })
+    }
+}
+
 /// What a run gave besides its trajectory.
 #[derive(Default)]
 pub struct Findings {
     /// Codes of all warnings.
     pub warnings: Vec<String>,
-    /// The printed lowering and its golden file, where there is one.
-    pub lowering: Option<(String, Option<String>)>,
+    /// The printed forms with their golden files, where they are asked for.
+    pub lowering: Vec<Comparison>,
+    /// The numbers with theirs, where they are asked for.
+    pub numbers: Vec<Comparison>,
     /// The order of convergence, where one was measured, or why there is none.
     pub order: Option<Result<Convergence, String>>,
 }
@@ -100,7 +140,7 @@ pub fn asks_for_order(subject: &Subject<'_, '_>, expects: &[(Expect, Span)]) -> 
 pub fn check(subject: &Subject<'_, '_>, expects: &[(Expect, Span)], diags: &mut Diagnostics) {
     for (expect, span) in expects {
         match expect {
-            Expect::LoweringGolden | Expect::Warning(_) => {}
+            Expect::LoweringGolden | Expect::NumbersGolden | Expect::Warning(_) => {}
             Expect::Status(status) => {
                 if !Status::ALL
                     .iter()
@@ -183,20 +223,8 @@ fn verdict(
 ) -> Verdict {
     let failed = |expected: String, got: String| Verdict::Failed { expected, got };
     match expect {
-        Expect::LoweringGolden => match &findings.lowering {
-            None => failed("a golden file".into(), "no lowered form".into()),
-            Some((_, None)) => failed(
-                "a golden file".into(),
-                "none; `nsdc test --accept` writes it".into(),
-            ),
-            Some((now, Some(golden))) => match first_difference(golden, now) {
-                None => Verdict::Passed,
-                Some((line, golden, now)) => failed(
-                    format!("line {line} of the golden file, {}", quoted(golden)),
-                    quoted(now),
-                ),
-            },
-        },
+        Expect::LoweringGolden => same(&findings.lowering),
+        Expect::NumbersGolden => same(&findings.numbers),
         Expect::Status(status) if status.name == trajectory.status.as_str() => Verdict::Passed,
         Expect::Status(status) => failed(status.name.clone(), status_text(trajectory)),
         Expect::Warning(code) if findings.warnings.contains(&code.name) => Verdict::Passed,
@@ -222,27 +250,18 @@ fn status_text(trajectory: &Trajectory) -> String {
     }
 }
 
-/// The first line in which two texts differ, from 1, with both versions of it; ends of lines may
-/// be those of any system.
-fn first_difference<'t>(
-    a: &'t str,
-    b: &'t str,
-) -> Option<(usize, Option<&'t str>, Option<&'t str>)> {
-    let (mut a, mut b) = (a.trim_end().lines(), b.trim_end().lines());
-    for line in 1.. {
-        match (a.next(), b.next()) {
-            (None, None) => return None,
-            (x, y) if x == y => {}
-            (x, y) => return Some((line, x, y)),
-        }
+/// Whether golden files are what they should be; where there are none, nothing can be said for the expectation.
+fn same(files: &[Comparison]) -> Verdict {
+    if files.is_empty() {
+        return Verdict::Failed {
+            expected: "a golden file".into(),
+            got: "nothing to compare".into(),
+        };
     }
-    None
-}
-
-fn quoted(line: Option<&str>) -> String {
-    match line {
-        Some(line) => format!("`{line}`"),
-        None => "the end".into(),
+    let differences: Vec<Difference> = files.iter().filter_map(Comparison::difference).collect();
+    match differences.is_empty() {
+        true => Verdict::Passed,
+        false => Verdict::Differs(differences),
     }
 }
 
@@ -264,15 +283,23 @@ fn as_name(expr: &Expr) -> Option<&str> {
 
 #[cfg(test)]
 mod tests {
-    use super::first_difference;
+    use super::{Comparison, Verdict, same};
 
     #[test]
-    fn the_first_different_line_is_found() {
-        assert_eq!(first_difference("a\r\nb\r\n", "a\nb"), None);
-        assert_eq!(
-            first_difference("a\nb", "a\nc"),
-            Some((2, Some("b"), Some("c")))
-        );
-        assert_eq!(first_difference("a", "a\nc"), Some((2, None, Some("c"))));
+    fn golden_files_are_compared_line_by_line() {
+        let file = |golden: Option<&str>| Comparison {
+            name: "m.golden/run.system".into(),
+            golden: golden.map(str::to_owned),
+            now: "a\nb\n".into(),
+        };
+        assert_eq!(same(&[file(Some("a\r\nb"))]), Verdict::Passed);
+        assert!(matches!(same(&[]), Verdict::Failed { .. }));
+        let both = [file(None), file(Some("a\nb")), file(Some("a\nc"))];
+        let Verdict::Differs(differences) = same(&both) else {
+            panic!("two of them differ");
+        };
+        let missing: Vec<bool> = differences.iter().map(|file| file.is_missing).collect();
+        assert_eq!(missing, [true, false]);
+        assert_eq!(differences[1].lines, ["  a", "- c", "+ b"]);
     }
 }

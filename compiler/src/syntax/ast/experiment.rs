@@ -147,6 +147,8 @@ pub enum OutputWhen {
 pub enum Expect {
     /// `expect lowering golden;`
     LoweringGolden,
+    /// `expect numbers golden;`
+    NumbersGolden,
     /// `expect mode at 2.0 is inside and sliding(s);`
     Mode {
         /// The instant; `end` is a name.

@@ -198,6 +198,7 @@ impl Builder<'_> {
         let mut parts = self::parts(pair);
         match rule {
             Rule::expect_golden => Expect::LoweringGolden,
+            Rule::expect_numbers => Expect::NumbersGolden,
             Rule::expect_mode => Expect::Mode {
                 at: self.expr(parts.one(Rule::arith)),
                 mode: self.expr(parts.one(Rule::expr)),

@@ -103,6 +103,7 @@ fn random(by: &Option<Expr>, seed: &Option<Expr>) -> String {
 fn expectation(expect: &Expect) -> String {
     let relation = match expect {
         Expect::LoweringGolden => return "lowering golden".to_owned(),
+        Expect::NumbersGolden => return "numbers golden".to_owned(),
         Expect::Mode { at, mode } => return format!("mode at {} is {mode}", arith(at)),
         Expect::Status(status) => return format!("status is {status}"),
         Expect::Warning(code) => return format!("warning {code}"),

@@ -1,0 +1,177 @@
+//! Results of tests as JUnit XML, which services for continuous integration read.
+//!
+//! A file is a suite, and a test of it a case. What is missed is a `failure`, what does not compile an `error`, and what
+//! is not supported yet is `skipped`.
+
+use std::fmt::{self, Write};
+
+use super::case::{Case, Outcome};
+use crate::cli::Exit;
+
+/// The document.
+pub fn write(cases: &[Case]) -> String {
+    let mut text = String::new();
+    // Writing to a string does not fail.
+    let _ = document(cases, &mut text);
+    text
+}
+
+fn document(cases: &[Case], text: &mut String) -> fmt::Result {
+    writeln!(text, r#"<?xml version="1.0" encoding="UTF-8"?>"#)?;
+    let counts = Counts::of(cases);
+    writeln!(text, r#"<testsuites name="nsdc" {counts}>"#)?;
+    for suite in cases.chunk_by(|a, b| a.file == b.file) {
+        let (file, counts) = (escaped(&suite[0].file), Counts::of(suite));
+        writeln!(text, r#"  <testsuite name="{file}" {counts}>"#)?;
+        for case in suite {
+            let name = escaped(case.test.as_deref().unwrap_or("compiles"));
+            let head = format!(
+                r#"    <testcase name="{name}" classname="{file}" time="{:.3}""#,
+                case.seconds
+            );
+            match &case.outcome {
+                Outcome::Passed(_) => writeln!(text, "{head}/>")?,
+                Outcome::Unsupported(code) => {
+                    writeln!(text, "{head}>")?;
+                    let message = escaped(&format!("not yet supported ({code})"));
+                    writeln!(text, r#"      <skipped message="{message}"/>"#)?;
+                    writeln!(text, "    </testcase>")?;
+                }
+                Outcome::Failed { missed, exit } => {
+                    writeln!(text, "{head}>")?;
+                    let tag = tag(*exit);
+                    let message = missed.first().map_or("", |missed| &missed.what);
+                    let (message, lines) = (escaped(message), case.outcome.lines().join("\n"));
+                    let lines = escaped(&lines).replace("&#10;", "\n");
+                    writeln!(text, r#"      <{tag} message="{message}">{lines}</{tag}>"#)?;
+                    writeln!(text, "    </testcase>")?;
+                }
+            }
+        }
+        writeln!(text, "  </testsuite>")?;
+    }
+    writeln!(text, "</testsuites>")
+}
+
+/// What does not compile is an error, what is missed a failure.
+fn tag(exit: Exit) -> &'static str {
+    match exit {
+        Exit::Wrong => "error",
+        _ => "failure",
+    }
+}
+
+/// The attributes of a suite.
+#[derive(Default)]
+struct Counts {
+    tests: usize,
+    failures: usize,
+    errors: usize,
+    skipped: usize,
+    seconds: f64,
+}
+
+impl Counts {
+    fn of(cases: &[Case]) -> Self {
+        let mut counts = Counts::default();
+        for case in cases {
+            counts.tests += 1;
+            counts.seconds += case.seconds;
+            match &case.outcome {
+                Outcome::Passed(_) => {}
+                Outcome::Unsupported(_) => counts.skipped += 1,
+                Outcome::Failed { exit, .. } if tag(*exit) == "error" => counts.errors += 1,
+                Outcome::Failed { .. } => counts.failures += 1,
+            }
+        }
+        counts
+    }
+}
+
+impl fmt::Display for Counts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Counts {
+            tests,
+            failures,
+            errors,
+            skipped,
+            seconds,
+        } = self;
+        write!(
+            f,
+            r#"tests="{tests}" failures="{failures}" errors="{errors}" skipped="{skipped}" time="{seconds:.3}""#
+        )
+    }
+}
+
+/// A text in an attribute. Characters that XML has no way to write are U+FFFD.
+fn escaped(text: &str) -> String {
+    let mut escaped = String::with_capacity(text.len());
+    for character in text.chars() {
+        match character {
+            '&' => escaped.push_str("&amp;"),
+            '<' => escaped.push_str("&lt;"),
+            '>' => escaped.push_str("&gt;"),
+            '"' => escaped.push_str("&quot;"),
+            '\'' => escaped.push_str("&apos;"),
+            '\n' => escaped.push_str("&#10;"),
+            '\r' => escaped.push_str("&#13;"),
+            '\t' => escaped.push_str("&#9;"),
+            '\0'..'\u{20}' | '\u{fffe}' | '\u{ffff}' => escaped.push('\u{fffd}'),
+            _ => escaped.push(character),
+        }
+    }
+    escaped
+}
+
+#[cfg(test)]
+mod tests {
+    use insta::assert_snapshot;
+
+    use super::{escaped, write};
+    use crate::cli::Exit;
+    use crate::cli::test::case::{Case, Missed, Outcome};
+
+    #[test]
+    fn what_xml_cannot_write_is_replaced() {
+        assert_eq!(
+            escaped("a<b & \"c\" '\u{1b}[1m'\t\n\u{7f}\u{ffff}é"),
+            "a&lt;b &amp; &quot;c&quot; &apos;\u{fffd}[1m&apos;&#9;&#10;\u{7f}\u{fffd}é"
+        );
+    }
+
+    #[test]
+    fn a_file_is_a_suite() {
+        let case = |file: &str, test: Option<&str>, outcome: Outcome| Case {
+            file: file.to_owned(),
+            test: test.map(str::to_owned),
+            outcome,
+            seconds: 0.25,
+            changes: Vec::new(),
+        };
+        let missed = Missed {
+            what: "expect x at end < 1".to_owned(),
+            expected: Some("less than 1".to_owned()),
+            got: Some("2".to_owned()),
+            lines: Vec::new(),
+        };
+        let cases = [
+            case("a.nsd", Some("fine"), Outcome::Passed(Vec::new())),
+            case("a.nsd", Some("off"), Outcome::failed(missed, Exit::Failed)),
+            case(
+                "a.nsd",
+                Some("later"),
+                Outcome::Unsupported("E0923".to_owned()),
+            ),
+            case(
+                "b & c.nsd",
+                None,
+                Outcome::failed(
+                    Missed::plain("does not compile: E0101".to_owned()),
+                    Exit::Wrong,
+                ),
+            ),
+        ];
+        assert_snapshot!(write(&cases), @r#""#);
+    }
+}
