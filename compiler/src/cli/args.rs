@@ -38,7 +38,7 @@ pub enum Command {
     /// Run every `expect` of files and folders
     #[command(after_help = TEST_HELP)]
     Test(TestArgs),
-    /// Run experiments by events and by finite elements with every lowering, and compare
+    /// Run or solve experiments by every method and lowering that takes them, and compare
     #[command(after_help = VERIFY_HELP)]
     Verify(VerifyArgs),
     /// Measure the error of every method over step size and time
@@ -192,9 +192,11 @@ impl RunArgs {
 
 /// What `verify --help` ends with.
 const VERIFY_HELP: &str = "\
-The experiment as it is written, `event`, and `fesd` with every lowering estimate their errors, so \
-their last states have to agree up to the tolerance and ten times these estimates. The exit \
-status is 2 where two of them do not, or where the experiment as it is written has no end.
+A simulation as it is written, by `event`, and by `fesd` with every lowering: all estimate their \
+errors, so their last states and the instants of their events have to agree up to the tolerance and \
+ten times these estimates. An optimum is solved with every lowering, and again from the best one of \
+all, where each lowering has to have the same objective. The exit status is 2 where two of them do \
+not agree, or where the experiment as it is written has no end.
 
 Example: `nsdc verify oscillator.nsd crossing`.";
 
@@ -208,12 +210,15 @@ pub struct VerifyArgs {
     /// Differences up to this need no explanation, relative to the size of each state
     #[arg(long, value_name = "NUMBER", value_parser = tolerance, default_value = "1e-6")]
     pub tolerance: f64,
-    /// Override a parameter, initial value or input
+    /// Write results as JSON, one object per line; `-` is standard output, instead of the tables
+    #[arg(long, value_name = "PATH")]
+    pub json: Option<PathBuf>,
+    /// Override a parameter, initial value or input of the experiment
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = assignment)]
     pub set: Vec<String>,
     /// Stop each run after so many seconds
-    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
-    pub time_limit: Option<Duration>,
+    #[arg(long, value_name = "SECONDS", value_parser = seconds, default_value = "60")]
+    pub time_limit: Duration,
 }
 
 /// What `order --help` ends with.

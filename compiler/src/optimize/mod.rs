@@ -19,6 +19,7 @@ mod record;
 mod rehearsal;
 mod solved;
 mod thaw;
+mod transfer;
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -44,6 +45,7 @@ use crate::system::task::Task;
 pub use guess::Sampled;
 use moved::Moved;
 use products::products;
+pub use transfer::Point;
 
 /// A solved task.
 pub struct Solved<'e> {
@@ -51,6 +53,16 @@ pub struct Solved<'e> {
     pub trajectory: Trajectory,
     /// The system with the values that were found: controls are functions of time.
     pub system: System<'e>,
+    /// What was found, for programs of other lowerings.
+    pub point: Point,
+}
+
+/// Where a solver starts.
+enum Start<'s> {
+    /// As the task says, with these trajectories as guesses.
+    Task(&'s [Sampled]),
+    /// At a solution of the same task.
+    Point(&'s Point),
 }
 
 /// How far an optimization is.
@@ -101,13 +113,52 @@ pub fn run<'e>(
     request: &Request,
     watch: &mut dyn Watch,
 ) -> Result<Solved<'e>, DiscretizeError> {
+    let start = Start::Task(sampled);
+    let solved = run_from(system, settings, task, start, request, watch)?;
+    Ok(solved.expect("a task has a start"))
+}
+
+/// Solves the task again in another lowering of switches, from a solution in the branch that it is in; none where the
+/// two programs have no points in common.
+pub fn resume<'e>(
+    system: &System<'e>,
+    settings: &Settings<'e>,
+    task: &Optimize<'e>,
+    point: &Point,
+    request: &Request,
+    watch: &mut dyn Watch,
+) -> Result<Option<Solved<'e>>, DiscretizeError> {
+    let mut single = task.clone();
+    single.starts = None;
+    let start = Start::Point(point);
+    run_from(system, settings, &single, start, request, watch)
+}
+
+fn run_from<'e>(
+    system: &System<'e>,
+    settings: &Settings<'e>,
+    task: &Optimize<'e>,
+    start: Start<'_>,
+    request: &Request,
+    watch: &mut dyn Watch,
+) -> Result<Option<Solved<'e>>, DiscretizeError> {
     let started = Instant::now();
     let mut problem = Problem::new(system, settings, task)?;
     let left = || request.left(started).time_limit;
-    let (guess, rehearsed) = problem.start(sampled, &left);
+    let (guess, rehearsed) = match start {
+        Start::Task(sampled) => problem.start(sampled, &left),
+        Start::Point(point) => match problem.lifted(point) {
+            Some(guess) => (guess, true),
+            None => return Ok(None),
+        },
+    };
     let built = started.elapsed();
 
-    let options = options(&problem, rehearsed, left());
+    let mut options = options(&problem, rehearsed, left());
+    if let Start::Point(_) = start {
+        // Other ways would lead elsewhere.
+        options.effort = 0;
+    }
     let found = solve(&mut problem, &guess, &options, watch);
     let best = found
         .best
@@ -155,10 +206,11 @@ pub fn run<'e>(
     if let Some(failure) = &trajectory.failure {
         trajectory.status = failure.status();
     }
-    Ok(Solved {
+    Ok(Some(Solved {
+        point: problem.point(&solution.w),
         trajectory,
         system: solved,
-    })
+    }))
 }
 
 /// Whether a variable is a control or a parameter that is decided.

@@ -102,7 +102,7 @@ impl<'e> Problem<'_, 'e> {
     }
 
     /// α of the switches of the system that is discretized.
-    fn lowered_alphas(&self, w: &[f64], (k, j, m): (usize, usize, usize)) -> Vec<f64> {
+    pub(super) fn lowered_alphas(&self, w: &[f64], (k, j, m): (usize, usize, usize)) -> Vec<f64> {
         let dcs = &self.dcs;
         let known = dcs
             .algebraics

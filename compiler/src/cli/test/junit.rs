@@ -172,6 +172,26 @@ mod tests {
                 ),
             ),
         ];
-        assert_snapshot!(write(&cases), @r#""#);
+        assert_snapshot!(write(&cases), @r#"
+        <?xml version="1.0" encoding="UTF-8"?>
+        <testsuites name="nsdc" tests="4" failures="1" errors="1" skipped="1" time="1.000">
+          <testsuite name="a.nsd" tests="3" failures="1" errors="0" skipped="1" time="0.750">
+            <testcase name="fine" classname="a.nsd" time="0.250"/>
+            <testcase name="off" classname="a.nsd" time="0.250">
+              <failure message="expect x at end &lt; 1">expect x at end &lt; 1
+          expected less than 1
+          got      2</failure>
+            </testcase>
+            <testcase name="later" classname="a.nsd" time="0.250">
+              <skipped message="not yet supported (E0923)"/>
+            </testcase>
+          </testsuite>
+          <testsuite name="b &amp; c.nsd" tests="1" failures="0" errors="1" skipped="0" time="0.250">
+            <testcase name="compiles" classname="b &amp; c.nsd" time="0.250">
+              <error message="does not compile: E0101">does not compile: E0101</error>
+            </testcase>
+          </testsuite>
+        </testsuites>
+        "#);
     }
 }

@@ -94,8 +94,10 @@ pub(super) fn run(
         trajectory.failure = Some(failure);
     }
     trajectory.method = road.method(settings, found.order);
-    let violation = &mut trajectory.certificate.max_violation;
-    *violation = violation.max(-found.least_member);
+    if let Road::Elements(..) = road {
+        // As of `method fesd`.
+        trajectory.certificate.max_violation = -found.least_member;
+    }
     if let Some(estimate) = estimated {
         match settings.method.has_steps() {
             false => judge(&mut trajectory, &estimate, settings),

@@ -1,13 +1,11 @@
-//! `nsdc verify`
+//! A simulation by events, and by finite elements with every lowering.
 
-use std::time::Duration;
-
-use super::args::VerifyArgs;
-use super::launch::launch;
-use super::progress::Bar;
-use super::project::{self, Project};
-use super::watch::Watching;
-use super::{Exit, Streams, io};
+use super::{Subject, Verified, exit};
+use crate::cli::launch::launch;
+use crate::cli::progress::Bar;
+use crate::cli::project::{self, Project};
+use crate::cli::watch::Watching;
+use crate::cli::{Streams, io};
 use crate::clock::Clock;
 use crate::compile;
 use crate::diagnostics::Diagnostics;
@@ -15,7 +13,7 @@ use crate::expr::Exprs;
 use crate::report::Trajectory;
 use crate::report::roads::{self, Road, Roads};
 use crate::simulate::Request;
-use crate::syntax::{Bind, Experiment, ExperimentKind, SettingKind};
+use crate::syntax::{Experiment, SettingKind};
 
 /// Methods with their lowerings. All choose their own steps.
 const ROADS: [&str; 7] = [
@@ -28,54 +26,19 @@ const ROADS: [&str; 7] = [
     "fesd; lower impact",
 ];
 
-/// Runs experiments by events, and by finite elements with every lowering that takes them, and compares the ends.
-pub fn run(args: &VerifyArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
-    let Some((mut project, overrides)) = Project::open(&args.file, &args.set, streams)? else {
-        return Ok(Exit::Wrong);
-    };
-    let Some(experiments) = project.selected(args.experiment.as_deref(), streams)? else {
-        return Ok(Exit::Wrong);
-    };
-    let mut exit = Exit::Success;
-    for (number, experiment) in experiments.iter().enumerate() {
-        if number > 0 {
-            writeln!(streams.out)?;
-        }
-        exit = exit.max(one(&mut project, experiment, &overrides, args, streams)?);
-        // A long run shows where it is.
-        streams.out.flush()?;
-    }
-    Ok(exit)
-}
-
-fn one(
+/// Runs an experiment on all roads; nothing where it is wrong as it is written, which has been printed.
+pub fn verify(
     project: &mut Project,
-    experiment: &Experiment,
-    overrides: &[Bind],
-    args: &VerifyArgs,
+    subject: &Subject<'_>,
     streams: &mut Streams<'_>,
-) -> io::Result<Exit> {
-    let (name, model) = (&experiment.name.name, &experiment.model.head.name);
-    if experiment.kind == ExperimentKind::Optimize {
-        writeln!(
-            streams.out,
-            "{name} of {model}: an optimum, not compared; `nsdc run` simulates its controls"
-        )?;
-        return Ok(Exit::Success);
-    }
-    if smooths(experiment) {
-        writeln!(
-            streams.out,
-            "{name} of {model}: smoothing changes the model, not compared"
-        )?;
-        return Ok(Exit::Success);
-    }
+) -> io::Result<Option<Verified>> {
+    let experiment = subject.experiment;
     // As it is written; what is wrong with that is wrong with the experiment.
-    let written = match ride(project, experiment, overrides, args.time_limit, streams) {
+    let written = match ride(project, experiment, subject, streams) {
         Ok(trajectory) => trajectory,
         Err(diags) => {
             project::print(&diags, &project.sources, streams)?;
-            return Ok(Exit::Wrong);
+            return Ok(None);
         }
     };
     let mut found = Diagnostics::new();
@@ -99,7 +62,7 @@ fn one(
             continue;
         }
         let name = words.replace(';', ",");
-        let run = match ride(project, &other, overrides, args.time_limit, streams) {
+        let run = match ride(project, &other, subject, streams) {
             Err(diags) => Err(project::error_codes(&diags).join(", ")),
             Ok(run) => {
                 let is_known = all.iter().any(|road| {
@@ -115,37 +78,28 @@ fn one(
         all.push(Road { name, run });
     }
     let all = Roads {
-        experiment: name.clone(),
-        model: model.clone(),
-        tolerance: args.tolerance,
+        experiment: experiment.name.name.clone(),
+        model: experiment.model.head.name.clone(),
+        tolerance: subject.args.tolerance,
         roads: all,
     };
-    streams.out.write_all(roads::text(&all).as_bytes())?;
-    Ok(match all.agree() {
-        true => Exit::Success,
-        false => Exit::Failed,
-    })
-}
-
-/// Whether an experiment runs another model than the one that is written.
-fn smooths(experiment: &Experiment) -> bool {
-    let mut settings = experiment.settings.iter();
-    settings.any(|setting| match &setting.kind {
-        SettingKind::Method { name, .. } => name.name == "smoothing",
-        _ => false,
-    })
+    Ok(Some(Verified {
+        text: roads::text(&all),
+        json: roads::json(&all),
+        exit: exit(all.agree()),
+    }))
 }
 
 /// The trajectory of an experiment with these settings, or why it has none.
 fn ride(
     project: &Project,
     experiment: &Experiment,
-    overrides: &[Bind],
-    time_limit: Option<Duration>,
+    subject: &Subject<'_>,
     streams: &mut Streams<'_>,
 ) -> Result<Trajectory, Diagnostics> {
     let (exprs, mut diags) = (Exprs::new(), Diagnostics::new());
     let (file, mut clock) = (&project.file, Clock::default());
+    let overrides = subject.overrides;
     let compiled = compile(&exprs, file, experiment, overrides, &mut clock, &mut diags);
     let Some(mut compiled) = compiled.filter(|_| !diags.has_errors()) else {
         return Err(diags);
@@ -154,7 +108,7 @@ fn ride(
         dense: false,
         estimate: true,
         multipliers: false,
-        time_limit,
+        time_limit: Some(subject.args.time_limit),
     };
     let bar = Bar::new(&compiled.settings.name, streams.progress);
     launch(project, &mut compiled, &request, &mut Watching::new(bar))

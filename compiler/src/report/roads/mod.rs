@@ -3,10 +3,19 @@
 //! All of them estimate their own errors, and have to come to the same end: where two differ by more than these
 //! estimates explain, one of them is wrong, or the model has several solutions and says nowhere which one is meant.
 
-use std::fmt::{self, Write};
+mod json;
+mod optima;
+mod optima_text;
+mod text;
+mod times;
 
-use super::text::duration;
-use super::{EventKind, Series, Status, Trajectory};
+pub use json::{optima as optima_json, roads as json};
+pub(crate) use optima::is_feasible;
+pub use optima::{Found, Optima, Resumed};
+pub use optima_text::text as optima_text;
+pub use text::text;
+
+use super::{Event, EventKind, Series, Status, Trajectory};
 
 /// Estimates of errors are right to about this factor (chosen by trial).
 const SAFETY: f64 = 10.0;
@@ -47,13 +56,18 @@ pub struct Difference {
 }
 
 impl Difference {
-    /// Whether the two runs come to the same end.
+    /// Whether the two runs come to the same end, at the same instants where they have the same events.
     pub fn is_explained(&self) -> bool {
-        self.end <= self.allowed
+        self.end <= self.allowed && self.times.is_none_or(|times| times <= self.allowed)
     }
 }
 
 impl Road {
+    /// By how much rows of the system are missed at most, by the run's own account.
+    fn residual(run: &Trajectory) -> f64 {
+        run.certificate.max_violation.max(0.0)
+    }
+
     /// The run, where it came to the end of the horizon.
     fn solved(&self) -> Option<&Trajectory> {
         let run = self.run.as_deref().ok()?;
@@ -118,11 +132,16 @@ fn end(a: &Trajectory, b: &Trajectory) -> f64 {
     largest
 }
 
+/// What happens in a run, whatever its method has to say about choices.
+fn happened(run: &Trajectory) -> impl Iterator<Item = &Event> {
+    let events = run.events.iter();
+    events.filter(|event| event.kind != EventKind::Branch)
+}
+
 /// The largest difference of the instants of events, relative to the horizon.
 fn times(a: &Trajectory, b: &Trajectory) -> Option<f64> {
     let of = |run: &Trajectory| {
-        let events = run.events.iter();
-        let events = events.filter(|event| event.kind != EventKind::Branch);
+        let events = happened(run);
         let mut found: Vec<(EventKind, f64)> =
             events.map(|event| (event.kind, event.time)).collect();
         found.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
@@ -142,98 +161,5 @@ fn times(a: &Trajectory, b: &Trajectory) -> Option<f64> {
     }))
 }
 
-/// The table of the runs and that of their differences.
-pub fn text(roads: &Roads) -> String {
-    let mut text = String::new();
-    // Writing to a string does not fail.
-    let _ = write(roads, &mut text);
-    text
-}
-
-fn write(all: &Roads, text: &mut String) -> fmt::Result {
-    let Roads {
-        experiment,
-        model,
-        roads,
-        ..
-    } = all;
-    writeln!(text, "{experiment} of {model}: {}\n", verdict(all))?;
-    let width = roads.iter().map(|road| road.name.len()).max();
-    let width = width.unwrap_or(0).max("road".len());
-    writeln!(
-        text,
-        "     {:width$}  {:>17}  {:>6}  {:>9}  {:>9}  {:>9}",
-        "road", "status", "events", "residual", "estimate", "time"
-    )?;
-    for (number, road) in (1..).zip(roads) {
-        write!(text, "  {number}  {:width$}  ", road.name)?;
-        match &road.run {
-            Err(code) => writeln!(text, "{:>17}  {code}", "not applicable")?,
-            Ok(run) => {
-                let estimate = run.error_estimate;
-                let estimate = estimate.map_or("-".to_owned(), |error| format!("{error:.1e}"));
-                writeln!(
-                    text,
-                    "{:>17}  {:>6}  {:>9.1e}  {estimate:>9}  {:>9}",
-                    run.status.as_str(),
-                    run.events.len(),
-                    run.certificate.max_violation.abs(),
-                    duration(run.stats.solve_s)
-                )?;
-                if let Some(failure) = &run.failure {
-                    writeln!(text, "     {:width$}  {failure}", "")?;
-                }
-            }
-        }
-    }
-    if all.n_solved() < 2 {
-        return Ok(());
-    }
-    writeln!(
-        text,
-        "\n  differences of last states, relative to their sizes, and of events, to the horizon"
-    )?;
-    for b in 1..roads.len() {
-        for a in 0..b {
-            let Some(difference) = all.difference(a, b) else {
-                continue;
-            };
-            let times = match difference.times {
-                Some(times) => format!("{times:.1e}"),
-                None => "other events".to_owned(),
-            };
-            let mark = match difference.is_explained() {
-                true => String::new(),
-                false => format!("  DIFFERS, {:.1e} are explained", difference.allowed),
-            };
-            writeln!(
-                text,
-                "  {} - {}  {:>9.1e}  {times:>12}{mark}",
-                a + 1,
-                b + 1,
-                difference.end
-            )?;
-        }
-    }
-    Ok(())
-}
-
-/// What there is to say in a line.
-fn verdict(all: &Roads) -> String {
-    let n = all.n_solved();
-    let found = match (all.disagreements().len(), n) {
-        (0, 0) => "no road comes to the end".to_owned(),
-        (0, 1) => "one road alone, nothing to compare it with".to_owned(),
-        (0, n) => format!("{n} roads agree"),
-        (1, n) => format!("{n} roads, 1 pair of them differs"),
-        (pairs, n) => format!("{n} roads, {pairs} pairs of them differ"),
-    };
-    match all.roads[0].solved() {
-        None if n > 0 => format!("as written it does not come to the end; {found}"),
-        _ => found,
-    }
-}
-
 #[cfg(test)]
-#[path = "roads_tests.rs"]
 mod tests;

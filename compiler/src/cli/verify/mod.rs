@@ -1,0 +1,103 @@
+//! `nsdc verify`
+
+mod optimum;
+mod simulation;
+
+use super::args::VerifyArgs;
+use super::files::{Sink, is_standard};
+use super::project::Project;
+use super::{Exit, Streams, io};
+use crate::syntax::{Bind, Experiment, ExperimentKind, SettingKind};
+
+/// What came of an experiment.
+struct Verified {
+    /// For a reader.
+    text: String,
+    /// For a program: one object.
+    json: String,
+    exit: Exit,
+}
+
+/// An experiment to be verified.
+struct Subject<'s> {
+    experiment: &'s Experiment,
+    overrides: &'s [Bind],
+    args: &'s VerifyArgs,
+}
+
+/// Runs experiments in every way that takes them, and compares what comes out.
+pub fn run(args: &VerifyArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
+    let Some((mut project, overrides)) = Project::open(&args.file, &args.set, streams)? else {
+        return Ok(Exit::Wrong);
+    };
+    let Some(experiments) = project.selected(args.experiment.as_deref(), streams)? else {
+        return Ok(Exit::Wrong);
+    };
+    let mut exit = Exit::Success;
+    let mut sink = args.json.as_deref().map(Sink::new);
+    let reports = !args.json.as_deref().is_some_and(is_standard);
+    for (number, experiment) in experiments.iter().enumerate() {
+        let subject = Subject {
+            experiment,
+            overrides: &overrides,
+            args,
+        };
+        let verified = match experiment.kind {
+            ExperimentKind::Optimize => optimum::verify(&mut project, &subject, streams)?,
+            ExperimentKind::Simulate if smooths(experiment) => Some(other_model(experiment)),
+            ExperimentKind::Simulate => simulation::verify(&mut project, &subject, streams)?,
+        };
+        let Some(verified) = verified else {
+            exit = exit.max(Exit::Wrong);
+            continue;
+        };
+        if reports {
+            if number > 0 {
+                writeln!(streams.out)?;
+            }
+            streams.out.write_all(verified.text.as_bytes())?;
+            // A long run shows where it is.
+            streams.out.flush()?;
+        }
+        if let Some(sink) = &mut sink {
+            sink.push(&verified.json);
+            sink.push("\n");
+        }
+        exit = exit.max(verified.exit);
+    }
+    match sink.map_or(Ok(true), |sink| sink.finish(streams))? {
+        true => Ok(exit),
+        false => Ok(exit.max(Exit::Wrong)),
+    }
+}
+
+/// Whether an experiment runs another model than the one that is written.
+fn smooths(experiment: &Experiment) -> bool {
+    let mut settings = experiment.settings.iter();
+    settings.any(|setting| match &setting.kind {
+        SettingKind::Method { name, .. } => name.name == "smoothing",
+        _ => false,
+    })
+}
+
+/// That an experiment is not compared.
+fn other_model(experiment: &Experiment) -> Verified {
+    let (name, model) = (&experiment.name.name, &experiment.model.head.name);
+    let reason = "smoothing changes the model, not compared";
+    Verified {
+        text: format!("{name} of {model}: {reason}\n"),
+        json: serde_json::json!({
+            "experiment": name, "model": model, "kind": "simulate", "agree": null, "reason": reason,
+        })
+        .to_string(),
+        exit: Exit::Success,
+    }
+}
+
+/// What two runs that agree or not make of the exit status.
+fn exit(agree: bool) -> Exit {
+    match agree {
+        true => Exit::Success,
+        false => Exit::Failed,
+    }
+}

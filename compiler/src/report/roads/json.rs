@@ -1,0 +1,86 @@
+//! Runs side by side as JSON: one object on one line.
+
+use serde_json::{Value, json};
+
+use super::optima::Verdict;
+use super::{Optima, Road, Roads};
+use crate::report::Trajectory;
+
+/// Runs of a simulation and their differences; the numbers of roads count from 1.
+pub fn roads(all: &Roads) -> String {
+    let road = |road: &Road| {
+        let mut object = run(&road.name, &road.run);
+        object["events"] = json!(road.run.as_ref().ok().map(|run| run.events.len()));
+        object["error_estimate"] = json!(road.run.as_ref().ok().and_then(|run| run.error_estimate));
+        object
+    };
+    let n = all.roads.len();
+    let pairs = (1..n).flat_map(|b| (0..b).map(move |a| (a, b)));
+    let difference = |(a, b): (usize, usize)| {
+        let found = all.difference(a, b)?;
+        Some(json!({
+            "roads": [a + 1, b + 1],
+            "end": found.end,
+            "times": found.times,
+            "allowed": found.allowed,
+            "is_explained": found.is_explained(),
+        }))
+    };
+    json!({
+        "experiment": all.experiment,
+        "model": all.model,
+        "kind": "simulate",
+        "agree": all.agree(),
+        "tolerance": all.tolerance,
+        "roads": all.roads.iter().map(road).collect::<Vec<Value>>(),
+        "differences": pairs.filter_map(difference).collect::<Vec<Value>>(),
+    })
+    .to_string()
+}
+
+/// Optima with several lowerings.
+pub fn optima(all: &Optima) -> String {
+    let road = |(number, found): (usize, &super::Found)| {
+        let mut object = run(&found.name, &found.run);
+        let own = found.run.as_ref().ok();
+        object["objective"] = json!(own.and_then(|run| run.objective));
+        object["stationarity"] = json!(own.map(|run| run.certificate.stationarity.as_str()));
+        object["simulation_error"] = json!(own.and_then(|run| run.error_estimate));
+        object["from_best"] = json!(found.resumed.as_ref().map(|resumed| json!({
+            "is_same_point": resumed.is_same_point,
+            "status": resumed.run.status.as_str(),
+            "objective": resumed.run.objective,
+            "stationarity": resumed.run.certificate.stationarity.as_str(),
+        })));
+        let is_wrong = matches!(
+            all.verdict(number),
+            Verdict::Differs(_) | Verdict::Elsewhere(_)
+        );
+        object["is_explained"] = json!(!is_wrong);
+        object
+    };
+    json!({
+        "experiment": all.experiment,
+        "model": all.model,
+        "kind": "optimize",
+        "agree": all.agree(),
+        "tolerance": all.tolerance,
+        "objective": all.objective(),
+        "best": all.best.map(|best| best + 1),
+        "roads": all.found.iter().enumerate().map(road).collect::<Vec<Value>>(),
+    })
+    .to_string()
+}
+
+/// What runs of both kinds have.
+fn run(name: &str, run: &Result<Box<Trajectory>, String>) -> Value {
+    let code = run.as_ref().err();
+    let run = run.as_ref().ok();
+    json!({
+        "name": name,
+        "status": run.map_or("not_applicable", |run| run.status.as_str()),
+        "code": code,
+        "residual": run.map(|run| Road::residual(run)),
+        "solve_s": run.map(|run| run.stats.solve_s),
+    })
+}

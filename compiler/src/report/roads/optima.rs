@@ -1,0 +1,135 @@
+//! Optima of one task with several lowerings.
+//!
+//! A task has many local optima, and which one is found is no matter of its lowering. What is asked of each lowering is
+//! something else: that the best point that is known, with its grid, states and controls, is a point of its program,
+//! too, and that solving from there, in the branch of that point, comes back to the same objective. Where it comes to a
+//! smaller one, that is the best point, which all others have to confirm.
+//!
+//! Programs of other kinds, in numerical time or with impulses, have other grids. They start from the trajectory, and
+//! may end in an optimum of their own.
+
+use crate::report::{Status, Trajectory};
+
+/// Violations up to this are none.
+const FEASIBLE: f64 = 1e-6;
+/// A simulation with the controls that is further away than this, relatively, is of another system.
+const ELSEWHERE: f64 = 1e-2;
+
+/// The optima of one experiment.
+#[derive(Debug)]
+pub struct Optima {
+    /// Name of the experiment.
+    pub experiment: String,
+    /// Name of the model.
+    pub model: String,
+    /// The difference of objectives that is allowed, relative to max(1, |f|).
+    pub tolerance: f64,
+    /// With every lowering; the first is the one that is written.
+    pub found: Vec<Found>,
+    /// Which one the others were solved again from.
+    pub best: Option<usize>,
+}
+
+/// What came of one lowering.
+#[derive(Debug)]
+pub struct Found {
+    /// The lowering.
+    pub name: String,
+    /// From the start of the experiment, or the codes of what keeps the lowering from it.
+    pub run: Result<Box<Trajectory>, String>,
+    /// From the best point.
+    pub resumed: Option<Resumed>,
+}
+
+/// What came of solving again from the best point.
+#[derive(Debug)]
+pub struct Resumed {
+    /// Whether the point is one of this program, too.
+    pub is_same_point: bool,
+    /// The result.
+    pub run: Box<Trajectory>,
+}
+
+/// What a lowering says about the best point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Verdict {
+    /// Nothing: it is not applicable, or has no result.
+    Silent,
+    /// It is the one that has found it.
+    Itself,
+    /// The same objective.
+    Confirms,
+    /// Another optimum, by so much; its program has other points.
+    Another(f64),
+    /// Another objective at the same point, by so much, or none.
+    Differs(f64),
+    /// A simulation with its controls ends elsewhere, by so much.
+    Elsewhere(f64),
+}
+
+/// Whether a point satisfies its program.
+pub(crate) fn is_feasible(run: &Trajectory) -> bool {
+    let has_result = matches!(run.status, Status::Solved | Status::NumericalFailure);
+    has_result && run.objective.is_some() && run.certificate.max_violation <= FEASIBLE
+}
+
+impl Optima {
+    /// The smallest objective of all results.
+    pub fn objective(&self) -> Option<f64> {
+        let found = &self.found[self.best?];
+        let resumed = found.resumed.as_ref().map(|resumed| &resumed.run);
+        let runs = found.run.iter().chain(resumed);
+        let objectives = runs
+            .filter(|run| is_feasible(run))
+            .filter_map(|run| run.objective);
+        objectives.min_by(f64::total_cmp)
+    }
+
+    /// The difference that is allowed.
+    pub fn allowed(&self) -> f64 {
+        self.tolerance
+            * self
+                .objective()
+                .map_or(1.0, |objective| objective.abs().max(1.0))
+    }
+
+    /// What a lowering says.
+    pub fn verdict(&self, number: usize) -> Verdict {
+        let found = &self.found[number];
+        let Ok(run) = &found.run else {
+            return Verdict::Silent;
+        };
+        if let Some(error) = run.error_estimate.filter(|error| *error > ELSEWHERE) {
+            return Verdict::Elsewhere(error);
+        }
+        if self.best == Some(number) {
+            return Verdict::Itself;
+        }
+        let (Some(resumed), Some(best)) = (&found.resumed, self.objective()) else {
+            return Verdict::Silent;
+        };
+        let objective = resumed.run.objective.filter(|_| is_feasible(&resumed.run));
+        let difference = objective.map_or(f64::INFINITY, |objective| objective - best);
+        match (difference.abs() <= self.allowed(), resumed.is_same_point) {
+            (true, _) => Verdict::Confirms,
+            (false, true) => Verdict::Differs(difference),
+            (false, false) => Verdict::Another(difference),
+        }
+    }
+
+    /// Whether the experiment as it is written has an optimum, and no lowering contradicts it.
+    pub fn agree(&self) -> bool {
+        let is_solved = |run: &Trajectory| run.status == Status::Solved;
+        let written = self.found[0].run.as_ref();
+        let contradicts = |verdict| matches!(verdict, Verdict::Differs(_) | Verdict::Elsewhere(_));
+        written.is_ok_and(|run| is_solved(run))
+            && !(0..self.found.len()).any(|number| contradicts(self.verdict(number)))
+    }
+
+    /// How many lowerings have the same objective, the best one among them.
+    pub fn n_agreeing(&self) -> usize {
+        let agrees =
+            |number: &usize| matches!(self.verdict(*number), Verdict::Confirms | Verdict::Itself);
+        (0..self.found.len()).filter(agrees).count()
+    }
+}

@@ -1,0 +1,114 @@
+//! Optima side by side as a table.
+
+use std::fmt::{self, Write};
+
+use super::optima::Verdict;
+use super::{Optima, Road};
+use crate::report::text::duration;
+use crate::report::{Status, Trajectory};
+
+/// The table.
+pub fn text(all: &Optima) -> String {
+    let mut text = String::new();
+    // Writing to a string does not fail.
+    let _ = write(all, &mut text);
+    text
+}
+
+fn write(all: &Optima, text: &mut String) -> fmt::Result {
+    let Optima {
+        experiment, model, ..
+    } = all;
+    writeln!(text, "{experiment} of {model}: {}\n", summary(all))?;
+    let width = all.found.iter().map(|found| found.name.len()).max();
+    let width = width.unwrap_or(0).max("lowering".len());
+    writeln!(
+        text,
+        "     {:width$}  {:>17}  {:>5}  {:>16}  {:>8}  {:>9}  {:>16}  {:>9}",
+        "lowering",
+        "status",
+        "class",
+        "objective",
+        "residual",
+        "by events",
+        "from the best",
+        "time"
+    )?;
+    for (number, found) in all.found.iter().enumerate() {
+        write!(text, "  {}  {:width$}  ", number + 1, found.name)?;
+        let run = match &found.run {
+            Err(code) => {
+                writeln!(text, "{:>17}  {code}", "not applicable")?;
+                continue;
+            }
+            Ok(run) => run,
+        };
+        let by_events = run.error_estimate;
+        let by_events = by_events.map_or("-".to_owned(), |error| format!("{error:.1e}"));
+        let again = match &found.resumed {
+            Some(resumed) => objective(&resumed.run),
+            None => "-".to_owned(),
+        };
+        writeln!(
+            text,
+            "{:>17}  {:>5}  {:>16}  {:>8.1e}  {by_events:>9}  {again:>16}  {:>9}{}",
+            run.status.as_str(),
+            run.certificate.stationarity.as_str(),
+            objective(run),
+            Road::residual(run),
+            duration(run.stats.solve_s),
+            mark(all, number)
+        )?;
+        if let Some(failure) = &run.failure {
+            writeln!(text, "     {:width$}  {failure}", "")?;
+        }
+    }
+    Ok(())
+}
+
+fn objective(run: &Trajectory) -> String {
+    let objective = run.objective;
+    objective.map_or("-".to_owned(), |objective| format!("{objective:.9}"))
+}
+
+/// What is to be seen in a row.
+fn mark(all: &Optima, number: usize) -> String {
+    match all.verdict(number) {
+        Verdict::Silent | Verdict::Itself | Verdict::Confirms => String::new(),
+        Verdict::Another(_) => "  another optimum".to_owned(),
+        Verdict::Differs(difference) => format!(
+            "  DIFFERS by {difference:.1e}, {:.1e} is allowed",
+            all.allowed()
+        ),
+        Verdict::Elsewhere(error) => format!("  DIFFERS from its simulation by {error:.1e}"),
+    }
+}
+
+/// What there is to say in a line.
+fn summary(all: &Optima) -> String {
+    let differing = (0..all.found.len()).filter(|&number| {
+        matches!(
+            all.verdict(number),
+            Verdict::Differs(_) | Verdict::Elsewhere(_)
+        )
+    });
+    let differing = differing.count();
+    let found = match (all.objective(), all.n_agreeing()) {
+        (None, _) => "no lowering finds an optimum".to_owned(),
+        (Some(_), 0 | 1) if differing == 0 => {
+            "one lowering alone, nothing to compare it with".to_owned()
+        }
+        (Some(objective), n) => format!("{n} lowerings have the objective {objective:.6e}"),
+    };
+    let differ = match differing {
+        0 => String::new(),
+        1 => ", 1 differs".to_owned(),
+        n => format!(", {n} differ"),
+    };
+    let written = all.found[0].run.as_ref();
+    let is_solved = written.is_ok_and(|run| run.status == Status::Solved);
+    match (is_solved, all.objective()) {
+        (false, Some(_)) => format!("as written it has no optimum; {found}{differ}"),
+        _ => format!("{found}{differ}"),
+    }
+}

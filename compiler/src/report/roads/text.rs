@@ -1,0 +1,98 @@
+//! Runs side by side as tables.
+
+use std::fmt::{self, Write};
+
+use super::{Road, Roads, times};
+use crate::report::text::duration;
+
+/// The table of the runs and that of their differences.
+pub fn text(roads: &Roads) -> String {
+    let mut text = String::new();
+    // Writing to a string does not fail.
+    let _ = write(roads, &mut text);
+    text
+}
+
+fn write(all: &Roads, text: &mut String) -> fmt::Result {
+    let Roads {
+        experiment,
+        model,
+        roads,
+        ..
+    } = all;
+    writeln!(text, "{experiment} of {model}: {}\n", verdict(all))?;
+    let width = roads.iter().map(|road| road.name.len()).max();
+    let width = width.unwrap_or(0).max("road".len());
+    writeln!(
+        text,
+        "     {:width$}  {:>17}  {:>6}  {:>9}  {:>9}  {:>9}",
+        "road", "status", "events", "residual", "estimate", "time"
+    )?;
+    for (number, road) in (1..).zip(roads) {
+        write!(text, "  {number}  {:width$}  ", road.name)?;
+        match &road.run {
+            Err(code) => writeln!(text, "{:>17}  {code}", "not applicable")?,
+            Ok(run) => {
+                let estimate = run.error_estimate;
+                let estimate = estimate.map_or("-".to_owned(), |error| format!("{error:.1e}"));
+                writeln!(
+                    text,
+                    "{:>17}  {:>6}  {:>9.1e}  {estimate:>9}  {:>9}",
+                    run.status.as_str(),
+                    run.events.len(),
+                    Road::residual(run),
+                    duration(run.stats.solve_s)
+                )?;
+                if let Some(failure) = &run.failure {
+                    writeln!(text, "     {:width$}  {failure}", "")?;
+                }
+            }
+        }
+    }
+    if all.n_solved() < 2 {
+        return Ok(());
+    }
+    writeln!(
+        text,
+        "\n  differences of last states, relative to their sizes, and of events, to the horizon"
+    )?;
+    for b in 1..roads.len() {
+        for a in 0..b {
+            let Some(difference) = all.difference(a, b) else {
+                continue;
+            };
+            let times = match difference.times {
+                Some(times) => format!("{times:.1e}"),
+                None => "other events".to_owned(),
+            };
+            let mark = match difference.is_explained() {
+                true => String::new(),
+                false => format!("  DIFFERS, {:.1e} are explained", difference.allowed),
+            };
+            writeln!(
+                text,
+                "  {} - {}  {:>9.1e}  {times:>12}{mark}",
+                a + 1,
+                b + 1,
+                difference.end
+            )?;
+        }
+    }
+    times::write(all, text)
+}
+
+/// What there is to say in a line.
+fn verdict(all: &Roads) -> String {
+    let n = all.n_solved();
+    let found = match (all.disagreements().len(), n) {
+        (0, 0) => "no road comes to the end".to_owned(),
+        (0, 1) => "one road alone, nothing to compare it with".to_owned(),
+        (0, n) => format!("{n} roads agree"),
+        (1, n) => format!("{n} roads, 1 pair of them differs"),
+        (pairs, n) => format!("{n} roads, {pairs} pairs of them differ"),
+    };
+    match all.roads[0].solved() {
+        None if n > 0 => format!("as written it does not come to the end; {found}"),
+        _ => found,
+    }
+}
