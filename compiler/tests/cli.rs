@@ -55,7 +55,7 @@ fn help_names_the_commands() {
       emit     Print what the compiler makes of a model
       run      Run experiments and report what came out
       test     Run every `expect` of files and folders
-      verify   Run experiments by events and by finite elements with every lowering, and compare
+      verify   Run or solve experiments by every method and lowering that takes them, and compare
       order    Measure the error of every method over step size and time
       modes    Map the sliding modes of a nonlinear switch over one or two states
       solve    Solve AMPL .nl files with complementarity conditions

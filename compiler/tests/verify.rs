@@ -77,3 +77,92 @@ fn what_is_wrong_as_written_is_said_with_its_line() {
     let ran = nsdc(&folder, &["verify", "wrong.nsd"]);
     assert_eq!(ran.status, 1, "{}{}", ran.out, ran.err);
 }
+
+#[test]
+fn results_are_there_for_programs() {
+    let folder = folder("verify_json");
+    fs::write(folder.join("relay.nsd"), CONTACT_FREE).expect("the folder is writable");
+    let ran = nsdc(&folder, &["verify", "relay.nsd", "--json", "-"]);
+    assert_eq!(ran.status, 0, "{}{}", ran.out, ran.err);
+    let lines: Vec<serde_json::Value> = (ran.out.lines())
+        .map(|line| serde_json::from_str(line).expect("every line is an object"))
+        .collect();
+    assert_eq!(lines.len(), 2);
+    assert_eq!(lines[0]["experiment"], "slide");
+    assert_eq!(lines[0]["agree"], true);
+    assert_eq!(lines[0]["roads"][0]["status"], "solved");
+    assert!(lines[0]["roads"][0]["residual"].is_number());
+    assert!(lines[0]["differences"][0]["end"].is_number());
+    assert!(lines[1]["agree"].is_null(), "smoothing is not compared");
+}
+
+/// From x < 0 the switch at t = -x/3 is chosen with the start: Stewart and Anitescu 2010; two optima without `initial`.
+const OPTIMAL: &str = "
+model crossing {
+  state x in [-5, 5] = -1;
+  x' = 2 - sign(x);
+}
+optimize start of crossing {
+  horizon 2;
+  intervals 1;
+  elements 4;
+  initial { x free; }
+  minimize integral(x^2) + final((x - 5/3)^2);
+}
+model drive {
+  state x = 0.5;
+  control u in [-2, 2] = 0;
+  x' = u - sign(x);
+}
+optimize stop of drive {
+  horizon 1;
+  intervals 5;
+  minimize integral(u^2) + final((x + 0.5)^2);
+}
+";
+
+#[test]
+fn an_optimum_is_one_with_every_lowering() {
+    let folder = folder("verify_optimum");
+    fs::write(folder.join("ocp.nsd"), OPTIMAL).expect("the folder is writable");
+    let ran = nsdc(&folder, &["verify", "ocp.nsd", "--json", "-"]);
+    assert_eq!(ran.status, 0, "{}{}", ran.out, ran.err);
+    for line in ran.out.lines() {
+        let object: serde_json::Value = serde_json::from_str(line).expect("an object");
+        assert_eq!(object["kind"], "optimize");
+        assert_eq!(object["agree"], true, "{line}");
+        let names = [0, 1].map(|k| object["roads"][k]["name"].clone());
+        assert_eq!(names, ["as written, stewart", "step"]);
+        let best = object["best"].as_u64().expect("one is the best") as usize - 1;
+        assert!(object["roads"][best]["from_best"].is_null());
+        let other = &object["roads"][1 - best]["from_best"];
+        assert_eq!(other["is_same_point"], true);
+        let objectives = [&object["objective"], &other["objective"]];
+        let [a, b] = objectives.map(|number| number.as_f64().expect("a number"));
+        // It is the same point: both programs have it to rounding.
+        assert!((a - b).abs() <= 1e-9, "{a} and {b}");
+    }
+    // L(x0) = |x0|³/9 + (2 + x0/3)³/3 + (2 + x0/3 - 5/3)² at its minimum.
+    let first = ran.out.lines().next().expect("two experiments");
+    let object: serde_json::Value = serde_json::from_str(first).expect("an object");
+    let objective = object["objective"].as_f64().expect("a number");
+    assert!((objective - 1.523772775374957).abs() < 1e-9, "{objective}");
+    let ran = nsdc(&folder, &["verify", "ocp.nsd", "start"]);
+    assert_eq!(ran.status, 0, "{}{}", ran.out, ran.err);
+    assert!(
+        ran.out.contains("2 lowerings have the objective"),
+        "{}",
+        ran.out
+    );
+}
+
+#[test]
+fn an_optimum_that_is_not_reached_in_time_is_none() {
+    let folder = folder("verify_late");
+    fs::write(folder.join("ocp.nsd"), OPTIMAL).expect("the folder is writable");
+    let ran = nsdc(
+        &folder,
+        &["verify", "ocp.nsd", "start", "--time-limit", "1e-9"],
+    );
+    assert_eq!(ran.status, 2, "{}{}", ran.out, ran.err);
+}

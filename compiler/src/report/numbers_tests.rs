@@ -111,7 +111,7 @@ fn numbers_are_as_long_as_they_are_known() {
     assert_eq!(shown(1.0 / 3.0, 1e-4), "0.33333");
     assert_eq!(shown(-1e-9, 1e-4), "0");
     assert_eq!(shown(1.25e20, 2e12), "1.250000000e20");
-    assert_eq!(shown(3.25e-9, 1e-12), "3.25000e-9");
+    assert_eq!(shown(3.25e-9, 1e-12), "3.2500e-9");
     assert_eq!(shown(123456.0, 100.0), "123456");
     for value in [1.0, 0.3, 1e-9, 4.2e-9, 7e3] {
         let within = rounded(value);

@@ -52,10 +52,7 @@ pub fn optima(all: &Optima) -> String {
             "objective": resumed.run.objective,
             "stationarity": resumed.run.certificate.stationarity.as_str(),
         })));
-        let is_wrong = matches!(
-            all.verdict(number),
-            Verdict::Differs(_) | Verdict::Elsewhere(_)
-        );
+        let is_wrong = matches!(all.verdict(number), Verdict::Differs(_));
         object["is_explained"] = json!(!is_wrong);
         object
     };

@@ -162,4 +162,6 @@ fn times(a: &Trajectory, b: &Trajectory) -> Option<f64> {
 }
 
 #[cfg(test)]
+mod optima_tests;
+#[cfg(test)]
 mod tests;

@@ -12,7 +12,7 @@ use crate::report::{Status, Trajectory};
 
 /// Violations up to this are none.
 const FEASIBLE: f64 = 1e-6;
-/// A simulation with the controls that is further away than this, relatively, is of another system.
+/// A simulation with the controls that is further away than this, relatively, ends elsewhere.
 const ELSEWHERE: f64 = 1e-2;
 
 /// The optima of one experiment.
@@ -63,8 +63,6 @@ pub enum Verdict {
     Another(f64),
     /// Another objective at the same point, by so much, or none.
     Differs(f64),
-    /// A simulation with its controls ends elsewhere, by so much.
-    Elsewhere(f64),
 }
 
 /// Whether a point satisfies its program.
@@ -96,12 +94,6 @@ impl Optima {
     /// What a lowering says.
     pub fn verdict(&self, number: usize) -> Verdict {
         let found = &self.found[number];
-        let Ok(run) = &found.run else {
-            return Verdict::Silent;
-        };
-        if let Some(error) = run.error_estimate.filter(|error| *error > ELSEWHERE) {
-            return Verdict::Elsewhere(error);
-        }
         if self.best == Some(number) {
             return Verdict::Itself;
         }
@@ -121,9 +113,24 @@ impl Optima {
     pub fn agree(&self) -> bool {
         let is_solved = |run: &Trajectory| run.status == Status::Solved;
         let written = self.found[0].run.as_ref();
-        let contradicts = |verdict| matches!(verdict, Verdict::Differs(_) | Verdict::Elsewhere(_));
-        written.is_ok_and(|run| is_solved(run))
-            && !(0..self.found.len()).any(|number| contradicts(self.verdict(number)))
+        written.is_ok_and(|run| is_solved(run)) && self.n_differing() == 0
+    }
+
+    /// How many lowerings contradict the best point.
+    pub fn n_differing(&self) -> usize {
+        let differs = |number: &usize| matches!(self.verdict(*number), Verdict::Differs(_));
+        (0..self.found.len()).filter(differs).count()
+    }
+
+    /// Lowerings whose controls lead elsewhere in a simulation. That says nothing about the lowering: programs are as
+    /// accurate as their grids, and an unstable motion forgets small errors as little as large ones.
+    pub fn elsewhere(&self) -> Vec<usize> {
+        let is_elsewhere = |number: &usize| {
+            let run = self.found[*number].run.as_ref().ok();
+            let error = run.and_then(|run| run.error_estimate);
+            error.is_some_and(|error| error > ELSEWHERE)
+        };
+        (0..self.found.len()).filter(is_elsewhere).collect()
     }
 
     /// How many lowerings have the same objective, the best one among them.

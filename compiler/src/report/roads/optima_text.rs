@@ -63,6 +63,16 @@ fn write(all: &Optima, text: &mut String) -> fmt::Result {
             writeln!(text, "     {:width$}  {failure}", "")?;
         }
     }
+    let elsewhere: Vec<String> = (all.elsewhere().iter())
+        .map(|number| (number + 1).to_string())
+        .collect();
+    if !elsewhere.is_empty() {
+        writeln!(
+            text,
+            "\n  simulations with the controls of {} end elsewhere: the grid is coarse, or the motion unstable",
+            elsewhere.join(", ")
+        )?;
+    }
     Ok(())
 }
 
@@ -80,19 +90,12 @@ fn mark(all: &Optima, number: usize) -> String {
             "  DIFFERS by {difference:.1e}, {:.1e} is allowed",
             all.allowed()
         ),
-        Verdict::Elsewhere(error) => format!("  DIFFERS from its simulation by {error:.1e}"),
     }
 }
 
 /// What there is to say in a line.
 fn summary(all: &Optima) -> String {
-    let differing = (0..all.found.len()).filter(|&number| {
-        matches!(
-            all.verdict(number),
-            Verdict::Differs(_) | Verdict::Elsewhere(_)
-        )
-    });
-    let differing = differing.count();
+    let differing = all.n_differing();
     let found = match (all.objective(), all.n_agreeing()) {
         (None, _) => "no lowering finds an optimum".to_owned(),
         (Some(_), 0 | 1) if differing == 0 => {

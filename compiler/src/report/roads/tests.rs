@@ -1,4 +1,4 @@
-use super::{Road, Roads, text};
+use super::{Road, Roads, json, text};
 use crate::report::{Status, sample};
 
 /// The sample trajectory as it is, another time, and with this added to the first entry of its last state.
@@ -90,4 +90,42 @@ fn events_of_other_kinds_have_no_difference_in_time() {
     };
     assert!(times(0, 1).is_some_and(|times| (times - 0.1).abs() < 1e-12));
     assert_eq!(times(0, 2), None);
+    // The same events at other instants are another solution, others alone are not.
+    assert_eq!(roads.disagreements(), [(0, 1)]);
+}
+
+#[test]
+fn events_that_differ_stand_side_by_side() {
+    let mut roads = roads(0.0, None);
+    assert!(!text(&roads).contains("not the same"));
+    if let Ok(run) = &mut roads.roads[1].run {
+        run.events[0].time += 0.15;
+    }
+    if let Ok(run) = &mut roads.roads[2].run {
+        run.events.clear();
+    }
+    let shown = text(&roads);
+    let (_, shown) = shown
+        .split_once("events that are not the same")
+        .expect("a table");
+    insta::assert_snapshot!(shown, @r"
+    in all runs
+                                   1                 2                 3
+     crossing of c       1.000000000       1.150000000                 -
+    ");
+}
+
+#[test]
+fn a_program_reads_the_same() {
+    let roads = roads(1e-3, None);
+    let object: serde_json::Value = serde_json::from_str(&json(&roads)).expect("an object");
+    assert_eq!(object["agree"], false);
+    assert_eq!(object["roads"].as_array().map(Vec::len), Some(4));
+    assert_eq!(object["roads"][3]["status"], "not_applicable");
+    assert_eq!(object["roads"][3]["code"], "E0935");
+    let explained = |pair: usize| object["differences"][pair]["is_explained"].as_bool();
+    assert_eq!(
+        [0, 1, 2].map(explained),
+        [Some(true), Some(false), Some(false)]
+    );
 }
