@@ -213,7 +213,7 @@ pub struct VerifyArgs {
     /// Write results as JSON, one object per line; `-` is standard output, instead of the tables
     #[arg(long, value_name = "PATH")]
     pub json: Option<PathBuf>,
-    /// Override a parameter, initial value or input of the experiment
+    /// Override a parameter, initial value or input
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = assignment)]
     pub set: Vec<String>,
     /// Stop each run after so many seconds
