@@ -340,6 +340,7 @@ fn the_exit_status_is_that_of_the_worst_test() {
     assert_eq!(status(&["."]), 2);
     assert_eq!(status(&["missing.nsd"]), 1);
     assert_eq!(status(&[".", "--json", "-", "--junit", "-"]), 64);
+    assert_eq!(status(&[".", "--json", "-", "--accept"]), 64);
     assert_eq!(status(&[".", "--json", "no/such/folder"]), 2);
     assert_eq!(status(&["b.nsd", "--json", "no/such/folder"]), 1);
     fs::create_dir(folder.join("empty")).expect("the folder is writable");

@@ -26,11 +26,17 @@ const STACK: usize = 8 << 20;
 /// Runs every expectation of files and folders.
 pub fn run(args: &TestArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
     let to_standard = |path: &Option<PathBuf>| path.as_deref().is_some_and(is_standard);
-    if to_standard(&args.json) && to_standard(&args.junit) {
-        writeln!(
-            streams.err,
-            "error: only one of `--json`, `--junit` can write to standard output"
-        )?;
+    let n_to_standard = [&args.json, &args.junit]
+        .into_iter()
+        .filter(|path| to_standard(path))
+        .count();
+    let misuse = match (n_to_standard, args.accept) {
+        (2, _) => Some("only one of `--json`, `--junit` can write to standard output"),
+        (1, true) => Some("`--accept` shows what it writes: let results go to a file"),
+        _ => None,
+    };
+    if let Some(misuse) = misuse {
+        writeln!(streams.err, "error: {misuse}")?;
         return Ok(Exit::Usage);
     }
     let paths = match files::find(&args.paths) {
@@ -51,7 +57,7 @@ pub fn run(args: &TestArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         return Ok(Exit::Wrong);
     }
     let mut tally = Tally {
-        reports: !to_standard(&args.json) && !to_standard(&args.junit),
+        reports: n_to_standard == 0,
         ..Tally::default()
     };
     all(&paths, args, &mut tally, streams)?;

@@ -92,6 +92,10 @@ fn events_of_other_kinds_have_no_difference_in_time() {
     assert_eq!(times(0, 2), None);
     // The same events at other instants are another solution, others alone are not.
     assert_eq!(roads.disagreements(), [(0, 1)]);
+    if let Ok(run) = &mut roads.roads[1].run {
+        run.method.name = "timestepping".to_owned();
+    }
+    assert!(roads.agree(), "its events are known to a step only");
 }
 
 #[test]
