@@ -7,13 +7,17 @@ use nalgebra::{DMatrix, DVector};
 use super::{Affine, Form, Kind, Surface};
 
 impl Affine {
-    /// Surface i has the name `psi1`, `psi2`, ... in trajectories.
+    /// With an experiment at a tolerance. Surface i has the name `psi1`, `psi2`, ... in trajectories.
     pub fn text(&self, tolerance: f64) -> String {
-        let mut text = format!(
-            "model m {{\n  state x[{}] = {};\n",
-            self.n,
-            vector(&self.start)
-        );
+        let (model, horizon) = (self.model(), self.horizon);
+        format!(
+            "model m {{\n{model}}}\nsimulate run of m {{ horizon {horizon}; tolerance {tolerance:e}; }}\n"
+        )
+    }
+
+    /// What stands between the braces of the model.
+    pub fn model(&self) -> String {
+        let mut text = format!("  state x[{}] = {};\n", self.n, vector(&self.start));
         for (i, surface) in self.surfaces.iter().enumerate() {
             let (x, constant, time) = (
                 surface.normal.rows(0, self.n).into_owned(),
@@ -33,11 +37,6 @@ impl Affine {
             Form::Regions | Form::Terms => self.terms(),
             Form::Mixed => self.mixed(),
         };
-        let horizon = self.horizon;
-        let _ = writeln!(
-            text,
-            "}}\nsimulate run of m {{ horizon {horizon}; tolerance {tolerance:e}; }}"
-        );
         text
     }
 

@@ -1,0 +1,95 @@
+//! All cases of the stress families, as a Markdown table: what was promised, and what came out.
+
+#[allow(dead_code, reason = "other benchmarks use all of it")]
+mod support;
+
+use std::process::ExitCode;
+use std::time::Instant;
+
+use nsd_tests::stress::{Case, Extent, Family, Outcome, families};
+use support::print;
+
+/// A first argument chooses families by a part of their name.
+fn main() -> ExitCode {
+    let chosen = std::env::args().skip(1).find(|word| !word.starts_with('-'));
+    let started = Instant::now();
+    let mut tally = Tally::default();
+    for family in families(Extent::Long) {
+        if chosen
+            .as_ref()
+            .is_none_or(|part| family.name.contains(part.as_str()))
+        {
+            section(&family, &mut tally);
+        }
+    }
+    let Tally {
+        met,
+        reported,
+        broken,
+    } = tally;
+    print(&format!(
+        "\n{} runs in {:.0} s: {met} as accurate as promised, {reported} that say that they are not or end early, \
+         {broken} that break their promise.",
+        met + reported + broken,
+        started.elapsed().as_secs_f64()
+    ));
+    if broken == 0 {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    }
+}
+
+#[derive(Default)]
+struct Tally {
+    met: usize,
+    reported: usize,
+    broken: usize,
+}
+
+/// A table with one line for each hardness and one column for each method.
+fn section(family: &Family, tally: &mut Tally) {
+    let mut methods: Vec<&str> = Vec::new();
+    let mut rows: Vec<(&str, String)> = Vec::new();
+    for case in &family.cases {
+        if !methods.contains(&case.method.as_str()) {
+            methods.push(&case.method);
+        }
+        if rows
+            .last()
+            .is_none_or(|(hardness, _)| *hardness != case.hardness)
+        {
+            rows.push((&case.hardness, case.promised()));
+        }
+    }
+    let lines = "| --- ".repeat(methods.len() + 2);
+    let head = methods.join(" | ");
+    print(&format!(
+        "\n## {}\n\n{}\n\n| {} | promised | {head} |\n{lines}|",
+        family.name, family.about, family.hardness
+    ));
+    for (hardness, promised) in rows {
+        let cells = methods.iter().map(|method| {
+            let of = |case: &&Case| case.hardness == hardness && case.method == *method;
+            let mut worst: Option<Outcome> = None;
+            for case in family.cases.iter().filter(of) {
+                let outcome = case.run();
+                match &outcome {
+                    outcome if !case.keeps(outcome) => tally.broken += 1,
+                    Outcome::Met { .. } => tally.met += 1,
+                    _ => tally.reported += 1,
+                }
+                worst = Some(match worst.take() {
+                    Some(worst) => worst.worse(outcome),
+                    None => outcome,
+                });
+            }
+            worst.map_or(String::new(), |worst| worst.to_string())
+        });
+        let cells: Vec<String> = cells.collect();
+        print(&format!(
+            "| {hardness} | {promised} | {} |",
+            cells.join(" | ")
+        ));
+    }
+}

@@ -1,0 +1,355 @@
+//! Families of hard cases: each is a function of its hardness, with a reference that does not come from
+//! the code under test, what is promised, and what comes out.
+//!
+//! A run that ends as solved, with a larger error than promised and without a warning, is wrong: there is
+//! no case in which that is allowed. What else a family promises is said by [`Promise`].
+//! `tests/tests/families.rs` runs a few cases of each, `tests/benches/stress.rs` all, as a table.
+
+mod contacts;
+mod events;
+mod large;
+mod masses;
+mod stiff;
+mod surfaces;
+mod units;
+mod zeno;
+
+use std::fmt;
+use std::time::Duration;
+
+use nsdc::report::{Status, Trajectory, Warning};
+use nsdc::simulate::{self, Request};
+
+use crate::{end, with_experiment};
+
+pub use stiff::{actuated, relay_exactly};
+
+/// How much of every family.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Extent {
+    /// A few cases that are quick.
+    Short,
+    /// All of them.
+    Long,
+}
+
+impl Extent {
+    /// The values of a sweep.
+    fn sweep<T: Clone>(self, short: &[T], long: &[T]) -> Vec<T> {
+        match self {
+            Extent::Short => short.to_vec(),
+            Extent::Long => long.to_vec(),
+        }
+    }
+}
+
+/// Cases that differ in one number.
+#[derive(Clone, Debug)]
+pub struct Family {
+    /// What is hard, in a few words.
+    pub name: &'static str,
+    /// The model, and where the reference is from.
+    pub about: &'static str,
+    /// What the hardness is a value of.
+    pub hardness: &'static str,
+    /// In order of hardness. Several may have one hardness and one method.
+    pub cases: Vec<Case>,
+}
+
+/// What a case promises.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Promise {
+    /// The accuracy.
+    Accuracy,
+    /// The accuracy, or a warning or failure that says that it is not there.
+    AccuracyOrReport,
+    /// Ten times the error that the run estimates itself, for methods on a grid, or a report.
+    Estimate,
+}
+
+/// One run.
+#[derive(Clone, Debug)]
+pub struct Case {
+    /// A value, as the table has it.
+    pub hardness: String,
+    /// `event`, `fesd`, or another with its options.
+    pub method: String,
+    model: String,
+    horizon: f64,
+    tolerance: f64,
+    /// What the arithmetic of the model loses whatever the method: condition times rounding.
+    rounding: f64,
+    promise: Promise,
+    known: Vec<Known>,
+    times: Option<Vec<f64>>,
+    switches: Option<usize>,
+}
+
+/// Values of a state at the end, and the largest magnitudes that they have had.
+#[derive(Clone, Debug)]
+struct Known {
+    state: String,
+    values: Vec<f64>,
+    scales: Vec<f64>,
+}
+
+impl Case {
+    /// The body of a model over a horizon, at a tolerance of 1e-8 and by events.
+    fn new(hardness: impl fmt::Display, model: impl Into<String>, horizon: f64) -> Self {
+        Case {
+            hardness: hardness.to_string(),
+            method: "event".to_owned(),
+            model: model.into(),
+            horizon,
+            tolerance: 1e-8,
+            rounding: 0.0,
+            promise: Promise::Accuracy,
+            known: Vec::new(),
+            times: None,
+            switches: None,
+        }
+    }
+
+    /// With a state that ends at these values, relative to a magnitude.
+    fn ends(self, state: &str, values: &[f64], scale: f64) -> Self {
+        self.ends_each(state, values, &vec![scale; values.len()])
+    }
+
+    /// The same with a magnitude for each entry.
+    fn ends_each(mut self, state: &str, values: &[f64], scales: &[f64]) -> Self {
+        self.known.push(Known {
+            state: state.to_owned(),
+            values: values.to_vec(),
+            scales: scales.to_vec(),
+        });
+        self
+    }
+
+    /// With these instants at which the mode changes.
+    fn switches_at(mut self, times: &[f64]) -> Self {
+        self.times = Some(times.to_vec());
+        self
+    }
+
+    /// With so many changes of the mode.
+    fn switches(mut self, count: usize) -> Self {
+        self.switches = Some(count);
+        self
+    }
+
+    /// With an error that no method can avoid.
+    fn rounds(mut self, error: f64) -> Self {
+        self.rounding = error;
+        self
+    }
+
+    /// By another method.
+    fn by(mut self, method: &str) -> Self {
+        self.method = method.to_owned();
+        self
+    }
+
+    /// With another promise.
+    fn promises(mut self, promise: Promise) -> Self {
+        self.promise = promise;
+        self
+    }
+
+    /// By events and by finite elements.
+    fn both(self) -> [Self; 2] {
+        [self.clone(), self.by("fesd")]
+    }
+
+    /// The model and its experiment, `run`.
+    pub fn text(&self) -> String {
+        let (method, tolerance) = (&self.method, self.tolerance);
+        let semicolon = if method.ends_with('}') { "" } else { ";" };
+        format!(
+            "model m {{\n{}\n}}\nsimulate run of m {{\n  horizon {:?};\n  tolerance {tolerance:e};\n  \
+             method {method}{semicolon}\n}}\n",
+            self.model, self.horizon
+        )
+    }
+
+    /// Runs it and compares.
+    pub fn run(&self) -> Outcome {
+        let request = Request {
+            dense: false,
+            time_limit: Some(Duration::from_secs(300)),
+            ..Request::default()
+        };
+        let trajectory = with_experiment(&self.text(), "run", |compiled| {
+            simulate::run(&compiled.system, &compiled.settings, &request)
+        });
+        self.judge(&trajectory)
+    }
+
+    fn judge(&self, trajectory: &Trajectory) -> Outcome {
+        if trajectory.status != Status::Solved {
+            let failure = trajectory.failure.as_ref().map(|f| Warning::of(f).code);
+            return Outcome::Refused(
+                failure.unwrap_or_else(|| trajectory.status.as_str().to_owned()),
+            );
+        }
+        let error = self.error(trajectory);
+        let estimate = trajectory.error_estimate.unwrap_or(0.0);
+        let promised = match self.promise {
+            Promise::Estimate => 10.0 * estimate,
+            _ => self.tolerance,
+        };
+        if error <= promised + self.rounding {
+            return Outcome::Met { error };
+        }
+        if trajectory.warnings.is_empty() {
+            return Outcome::Wrong { error };
+        }
+        let mut codes: Vec<String> = Vec::new();
+        for warning in &trajectory.warnings {
+            if !codes.contains(&warning.code) {
+                codes.push(warning.code.clone());
+            }
+        }
+        Outcome::Warned { error, codes }
+    }
+
+    /// The largest difference of a state at the end, relative to its magnitude, or of an instant, relative
+    /// to the horizon; infinite where the numbers of instants differ.
+    fn error(&self, trajectory: &Trajectory) -> f64 {
+        let mut error: f64 = 0.0;
+        for known in &self.known {
+            let found = end(trajectory, &known.state);
+            assert_eq!(found.len(), known.values.len(), "entries of a state");
+            let pairs = found.iter().zip(&known.values).zip(&known.scales);
+            for ((found, exact), scale) in pairs {
+                let difference = (found - exact).abs() / scale;
+                error = error.max(if difference.is_nan() {
+                    f64::INFINITY
+                } else {
+                    difference
+                });
+            }
+        }
+        let times = trajectory.switch_times();
+        if self.switches.is_some_and(|count| count != times.len()) {
+            return f64::INFINITY;
+        }
+        if let Some(exact) = &self.times {
+            if exact.len() != times.len() {
+                return f64::INFINITY;
+            }
+            for (found, exact) in times.iter().zip(exact) {
+                error = error.max((found - exact).abs() / self.horizon);
+            }
+        }
+        error
+    }
+
+    /// Whether this is what was promised.
+    pub fn keeps(&self, outcome: &Outcome) -> bool {
+        match outcome {
+            Outcome::Met { .. } => true,
+            Outcome::Warned { .. } | Outcome::Refused(_) => self.promise != Promise::Accuracy,
+            Outcome::Wrong { .. } => false,
+        }
+    }
+
+    /// What was promised, as the table has it.
+    pub fn promised(&self) -> String {
+        let rounding = match self.rounding {
+            0.0 => String::new(),
+            rounding => format!(" + {rounding:.0e}"),
+        };
+        match self.promise {
+            Promise::Accuracy => format!("{:.0e}{rounding}", self.tolerance),
+            Promise::AccuracyOrReport => format!("{:.0e}{rounding}, or a report", self.tolerance),
+            Promise::Estimate => format!("10 times the estimate{rounding}, or a report"),
+        }
+    }
+}
+
+/// What came of a run.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Outcome {
+    /// The promised accuracy.
+    Met {
+        /// Relative to magnitudes.
+        error: f64,
+    },
+    /// A larger error, of which a warning tells.
+    Warned {
+        /// Relative to magnitudes.
+        error: f64,
+        /// Of the warnings.
+        codes: Vec<String>,
+    },
+    /// No result, for a reason with this code.
+    Refused(String),
+    /// A larger error, and nothing tells of it.
+    Wrong {
+        /// Relative to magnitudes.
+        error: f64,
+    },
+}
+
+impl Outcome {
+    /// The worse one of two.
+    #[must_use]
+    pub fn worse(self, other: Self) -> Self {
+        let rank = |outcome: &Self| match outcome {
+            Outcome::Met { error } => (0, *error),
+            Outcome::Warned { error, .. } => (1, *error),
+            Outcome::Refused(_) => (2, 0.0),
+            Outcome::Wrong { error } => (3, *error),
+        };
+        if rank(&self) >= rank(&other) {
+            self
+        } else {
+            other
+        }
+    }
+}
+
+impl fmt::Display for Outcome {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Outcome::Met { error } => write!(f, "{error:.0e}"),
+            Outcome::Warned { error, codes } => write!(f, "{error:.0e}, {}", codes.join(" ")),
+            Outcome::Refused(code) => f.write_str(code),
+            Outcome::Wrong { error } => write!(f, "**{error:.0e}**"),
+        }
+    }
+}
+
+/// All families.
+pub fn families(extent: Extent) -> Vec<Family> {
+    [
+        units::families(extent),
+        surfaces::families(extent),
+        events::families(extent),
+        zeno::families(extent),
+        stiff::families(extent),
+        contacts::families(extent),
+        masses::families(extent),
+        large::families(extent),
+    ]
+    .concat()
+}
+
+/// Where `f` changes its sign between `a` and `b`, by bisection to rounding.
+///
+/// # Panics
+///
+/// Where `f` has one sign at both.
+pub fn root(f: impl Fn(f64) -> f64, mut a: f64, mut b: f64) -> f64 {
+    let sign = f(a).signum();
+    assert!(f(b) * sign <= 0.0, "a root between {a} and {b}");
+    for _ in 0..200 {
+        let middle = 0.5 * (a + b);
+        if f(middle) * sign > 0.0 {
+            a = middle;
+        } else {
+            b = middle;
+        }
+    }
+    0.5 * (a + b)
+}

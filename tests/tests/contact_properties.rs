@@ -1,0 +1,227 @@
+//! Random contacts between random masses: what every impact and every motion must have.
+//!
+//! M (v⁺ - v⁻) = J_nᵀ Λ_n + J_tᵀ Λ_t,   0 ≤ Λ_n ⟂ J_n v⁺ + e J_n v⁻ ≥ 0,   |Λ_t| ≤ μ Λ_n against J_t v⁺
+//!
+//! With r = J_n v, the energy grows by Λᵀ(r⁺ + r⁻)/2. Without friction and with one e for all contacts that
+//! is (1 - e) Λᵀr⁻/2 by complementarity, and (1 + e) Λᵀr⁻ = Λᵀ(r⁻ - r⁺) = -|Δv|² is not positive; with friction
+//! and e = 0, Λᵀ(r⁺, J_t v⁺) ≤ 0, and the energy grows by that less |Δv|²/2 (norms of M). With different e, or
+//! friction and e > 0, it may grow, and W0712 says so.
+
+use nalgebra::{DMatrix, DVector};
+use nsd_tests::{end, run};
+use nsdc::report::Status;
+use proptest::prelude::*;
+
+/// Contacts that are all closed and struck at the start, or open.
+#[derive(Clone, Debug)]
+struct Scene {
+    mass: DMatrix<f64>,
+    normals: DMatrix<f64>,
+    slips: DMatrix<f64>,
+    gaps: Vec<f64>,
+    speed: DVector<f64>,
+    force: DVector<f64>,
+    restitution: f64,
+    friction: f64,
+}
+
+fn numbers(count: usize) -> impl Strategy<Value = Vec<f64>> {
+    // Multiples of 1/64, so that the text has them exactly.
+    let number = (-64..=64_i32).prop_map(|k| f64::from(k) / 64.0);
+    prop::collection::vec(number, count)
+}
+
+/// d velocities and fewer contacts, all of them struck by the speed. Friction goes with e = 0.
+fn scene() -> impl Strategy<Value = Scene> {
+    let sizes = (2..6_usize).prop_flat_map(|d| (Just(d), 1..d));
+    let scenes = sizes.prop_flat_map(|(d, m)| {
+        let parts = (
+            numbers(d * d),
+            numbers(d * m),
+            numbers(d * m),
+            numbers(d),
+            numbers(d),
+        );
+        (
+            Just((d, m)),
+            parts,
+            numbers(m),
+            0..5_u32,
+            0..4_u32,
+            any::<bool>(),
+        )
+    });
+    scenes.prop_map(|((d, m), parts, gaps, e, mu, rubs)| {
+        let (mass, normals, slips, speed, force) = parts;
+        let factor = DMatrix::from_vec(d, d, mass);
+        let speed = DVector::from_vec(speed);
+        let mut normals = DMatrix::from_vec(m, d, normals);
+        for (i, mut normal) in normals.row_iter_mut().enumerate() {
+            // Not nearly zero, not nearly one another, and against the speed.
+            normal[i] += 2.0_f64.copysign(normal[i]);
+            if (&normal * &speed)[0] > 0.0 {
+                normal *= -1.0;
+            }
+        }
+        Scene {
+            mass: &factor * factor.transpose() + DMatrix::identity(d, d),
+            normals,
+            slips: DMatrix::from_vec(m, d, slips),
+            gaps: gaps.into_iter().map(f64::abs).collect(),
+            speed,
+            force: DVector::from_vec(force),
+            restitution: if rubs { 0.0 } else { f64::from(e) / 4.0 },
+            friction: if rubs { f64::from(mu) / 4.0 } else { 0.0 },
+        }
+    })
+}
+
+fn list<'a>(numbers: impl IntoIterator<Item = &'a f64>) -> String {
+    let numbers: Vec<String> = numbers.into_iter().map(|x| format!("{x:?}")).collect();
+    numbers.join(", ")
+}
+
+impl Scene {
+    fn text(&self, gaps: &[f64], force: &DVector<f64>, setting: &str) -> String {
+        let d = self.speed.len();
+        let rows: Vec<String> = self.mass.row_iter().map(|row| list(row.iter())).collect();
+        let mut contacts = String::new();
+        for (i, gap) in gaps.iter().enumerate() {
+            let (normal, slip) = (
+                list(self.normals.row(i).iter()),
+                list(self.slips.row(i).iter()),
+            );
+            let rubs = match self.friction {
+                0.0 => String::new(),
+                mu => format!(" slip = dot([{slip}], v); friction = {mu:?};"),
+            };
+            contacts += &format!(
+                "contact c{i} {{ gap = dot([{normal}], q) + {gap:?}; restitution = {:?};{rubs} }}",
+                self.restitution
+            );
+        }
+        let (mass, speed, force) = (rows.join("; "), list(&self.speed), list(force));
+        format!(
+            "model scene {{
+               state q[{d}] = zeros({d}); state v[{d}] = [{speed}]; q' = v;
+               mechanics q, v {{ mass = [{mass}]; force = [{force}]; {contacts} }}
+               output energy = 0.5*dot(v, [{mass}]*v) - dot([{force}], q);
+             }}
+             simulate this of scene {{ {setting} }}"
+        )
+    }
+
+    /// Whether this is a velocity after the impact of all contacts.
+    fn is_an_impact(&self, after: &DVector<f64>) -> Result<(), TestCaseError> {
+        let (m, d) = self.normals.shape();
+        let change = after - &self.speed;
+        let momentum = &self.mass * &change;
+        let rubs = self.friction > 0.0;
+        let jacobian = DMatrix::from_fn(if rubs { 2 * m } else { m }, d, |i, j| {
+            if i < m {
+                self.normals[(i, j)]
+            } else {
+                self.slips[(i - m, j)]
+            }
+        });
+        let energy = |v: &DVector<f64>| 0.5 * v.dot(&(&self.mass * v));
+        prop_assert!(
+            energy(after) <= energy(&self.speed) * (1.0 + 1e-12) + 1e-13,
+            "energy"
+        );
+
+        let (before, behind) = (&self.normals * &self.speed, &self.normals * after);
+        let size = self.mass.amax() * self.speed.amax().max(1.0) * 1e3;
+        for i in 0..m {
+            prop_assert!(
+                behind[i] + self.restitution * before[i] >= -1e-10,
+                "gap rate {i}"
+            );
+        }
+        // With friction, impulses are determined by the velocities where all rows are independent.
+        let gram = &jacobian * jacobian.transpose();
+        let Some(inverse) = gram
+            .clone()
+            .try_inverse()
+            .filter(|i| i.amax() * gram.amax() < 1e4)
+        else {
+            return Ok(());
+        };
+        let impulses = inverse * &jacobian * &momentum;
+        prop_assert!(
+            (jacobian.transpose() * &impulses - momentum).amax() <= 1e-10 * size,
+            "balance"
+        );
+        for i in 0..m {
+            let normal = impulses[i];
+            prop_assert!(normal >= -1e-10 * size, "impulse {i}: {normal}");
+            let product = normal * (behind[i] + self.restitution * before[i]);
+            prop_assert!(
+                product.abs() <= 1e-10 * size * size,
+                "complementarity {i}: {product}"
+            );
+            if rubs {
+                let (tangential, slip) = (impulses[m + i], (self.slips.row(i) * after)[0]);
+                let bound = self.friction * normal;
+                prop_assert!(tangential.abs() <= bound + 1e-10 * size, "cone {i}");
+                let missing = tangential * slip.signum() + bound;
+                let is_slip = slip.abs() > 1e-9;
+                prop_assert!(
+                    !is_slip || missing.abs() <= 1e-10 * size,
+                    "slip {i}: {missing}"
+                );
+            }
+        }
+        Ok(())
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    /// By events and in steps of time, which have one law.
+    #[test]
+    fn impacts_obey_their_law(scene in scene()) {
+        let gaps = vec![0.0; scene.normals.nrows()];
+        let still = DVector::zeros(scene.speed.len());
+        for method in ["event;", "timestepping { steps = 1; }"] {
+            let text = scene.text(&gaps, &still, &format!("horizon 0.5; method {method}"));
+            let found = run(&text, "this");
+            // Friction may leave several motions, which is told.
+            if scene.friction > 0.0 && found.status != Status::Solved {
+                continue;
+            }
+            prop_assert_eq!(found.status, Status::Solved, "{}\n{:?}", text, found.failure);
+            scene.is_an_impact(&DVector::from_vec(end(&found, "v")))?;
+        }
+    }
+
+    /// Over many impacts: nothing penetrates, and energy does not grow.
+    #[test]
+    fn motions_lose_energy(scene in scene()) {
+        let grid = "horizon 2; method timestepping { steps = 200; }";
+        for setting in ["horizon 2;", grid] {
+            let text = scene.text(&scene.gaps, &scene.force, setting);
+            let found = run(&text, "this");
+            if found.status != Status::Solved {
+                prop_assert!(found.failure.is_some());
+                continue;
+            }
+            let series = |name: &str| {
+                let series = found.states.iter().chain(&found.outputs).find(|s| s.name == name);
+                series.expect("the model has it")
+            };
+            let (q, energy) = (series("q"), &series("energy").values);
+            let size = energy.iter().fold(1.0_f64, |most, e| most.max(e.abs()));
+            for pair in energy.windows(2) {
+                prop_assert!(pair[1] <= pair[0] + 1e-9 * size, "energy grows: {:?}\n{}", pair, text);
+            }
+            for k in 0..found.time.len() {
+                let gaps = &scene.normals * DVector::from_column_slice(q.at(k));
+                for (gap, start) in gaps.iter().zip(&scene.gaps) {
+                    prop_assert!(gap + start >= -1e-9 * size, "depth {} at {}", gap + start, found.time[k]);
+                }
+            }
+        }
+    }
+}
