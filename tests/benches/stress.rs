@@ -71,20 +71,9 @@ fn section(family: &Family, tally: &mut Tally) {
     for (hardness, promised) in rows {
         let cells = methods.iter().map(|method| {
             let of = |case: &&Case| case.hardness == hardness && case.method == *method;
-            let mut worst: Option<Outcome> = None;
-            for case in family.cases.iter().filter(of) {
-                let outcome = case.run();
-                match &outcome {
-                    outcome if !case.keeps(outcome) => tally.broken += 1,
-                    Outcome::Met { .. } => tally.met += 1,
-                    _ => tally.reported += 1,
-                }
-                worst = Some(match worst.take() {
-                    Some(worst) => worst.worse(outcome),
-                    None => outcome,
-                });
-            }
-            worst.map_or(String::new(), |worst| worst.to_string())
+            let cases = family.cases.iter().filter(of);
+            let outcomes: Vec<Outcome> = cases.map(|case| tally.run(case)).collect();
+            cell(&outcomes)
         });
         let cells: Vec<String> = cells.collect();
         print(&format!(
@@ -92,4 +81,43 @@ fn section(family: &Family, tally: &mut Tally) {
             cells.join(" | ")
         ));
     }
+}
+
+impl Tally {
+    fn run(&mut self, case: &Case) -> Outcome {
+        let outcome = case.run();
+        *match &outcome {
+            outcome if !case.keeps(outcome) => &mut self.broken,
+            Outcome::Met { .. } => &mut self.met,
+            _ => &mut self.reported,
+        } += 1;
+        outcome
+    }
+}
+
+/// The largest error that was promised, then what else came out, and how often where not always.
+fn cell(outcomes: &[Outcome]) -> String {
+    let is_met = |outcome: &&Outcome| matches!(outcome, Outcome::Met { .. });
+    let met = outcomes
+        .iter()
+        .filter(is_met)
+        .cloned()
+        .reduce(Outcome::worse);
+    let others: Vec<String> = outcomes
+        .iter()
+        .filter(|o| !is_met(o))
+        .map(Outcome::to_string)
+        .collect();
+    let mut parts: Vec<String> = met.iter().map(Outcome::to_string).collect();
+    for (at, other) in others.iter().enumerate() {
+        if others[..at].contains(other) {
+            continue;
+        }
+        let count = others.iter().filter(|o| *o == other).count();
+        parts.push(match count == outcomes.len() {
+            true => other.clone(),
+            false => format!("{count} of {}: {other}", outcomes.len()),
+        });
+    }
+    parts.join("; ")
 }

@@ -111,6 +111,16 @@ impl Scene {
         )
     }
 
+    /// M⁻¹f
+    fn accelerations(&self) -> DVector<f64> {
+        let factor = self
+            .mass
+            .clone()
+            .cholesky()
+            .expect("the mass is positive definite");
+        factor.solve(&self.force)
+    }
+
     /// Whether this is a velocity after the impact of all contacts.
     fn is_an_impact(&self, after: &DVector<f64>) -> Result<(), TestCaseError> {
         let (m, d) = self.normals.shape();
@@ -200,7 +210,7 @@ proptest! {
     #[test]
     fn motions_lose_energy(scene in scene()) {
         let grid = "horizon 2; method timestepping { steps = 200; }";
-        for setting in ["horizon 2;", grid] {
+        for setting in ["horizon 2; tolerance 1e-11;", grid] {
             let text = scene.text(&scene.gaps, &scene.force, setting);
             let found = run(&text, "this");
             if found.status != Status::Solved {
@@ -213,8 +223,15 @@ proptest! {
             };
             let (q, energy) = (series("q"), &series("energy").values);
             let size = energy.iter().fold(1.0_f64, |most, e| most.max(e.abs()));
-            for pair in energy.windows(2) {
-                prop_assert!(pair[1] <= pair[0] + 1e-9 * size, "energy grows: {:?}\n{}", pair, text);
+            // A step that has no speed to pay with owes what it was lifted by: at most h² fᵀM⁻¹f.
+            let debt = match setting == grid {
+                true => (2.0_f64 / 200.0).powi(2) * scene.force.dot(&scene.accelerations()),
+                false => 0.0,
+            };
+            let mut least = f64::INFINITY;
+            for &energy in energy {
+                prop_assert!(energy <= least + debt + 1e-9 * size, "{} after {}\n{}", energy, least, text);
+                least = least.min(energy);
             }
             for k in 0..found.time.len() {
                 let gaps = &scene.normals * DVector::from_column_slice(q.at(k));

@@ -161,14 +161,16 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let all = contacts.iter().flat_map(|c| [Some(c.0), c.1]).flatten();
         let terms = all.fold(0.0_f64, |size, i| size.max(mode.terms_of_phi(i)));
         let size = a.iter().chain(&b).fold(0.0_f64, |s, v| s.max(v.abs()));
-        // Where accelerations cancel, what is left is rounding.
-        let near = f64::max(NEAR * size, ROUNDING * terms);
         for &i in &meets {
             alpha[i] = 0.0;
         }
         mode.vary(&alpha);
         mode.linearize(group);
         let meeting = Meeting::of(mode, contacts);
+        // Where accelerations cancel, what is left is rounding: of their terms, and of α = 1, which is no force.
+        let push = (0..a.len()).fold(0.0_f64, |push, i| push.max(meeting.push(i).abs()));
+        let rounding = f64::max(ROUNDING * terms, 8.0 * f64::EPSILON * push);
+        let near = f64::max(NEAR * size, rounding);
         let at_rest = vec![0.0; a.len()];
         let forces = meeting.solve(&a, &b, &at_rest).map_err(|why| match why {
             NoForces::Paradox(at) => Status::Painleve {
