@@ -145,7 +145,7 @@ impl<'s, 'e> Limits<'s, 'e> {
 }
 
 /// A tape of (t, x, α, data) with the parameters put in.
-fn tape_of<'e>(system: &System<'e>, exprs: &[expr::Expr<'e>]) -> (Tape, usize) {
+pub(super) fn tape_of<'e>(system: &System<'e>, exprs: &[expr::Expr<'e>]) -> (Tape, usize) {
     let variable = |e: expr::Expr<'e>| e.as_variable().expect("a declared quantity is a variable");
     let numbers = system.params.iter();
     let numbers: expr::Substitution<'e> = numbers

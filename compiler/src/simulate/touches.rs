@@ -18,15 +18,16 @@ pub(super) struct Touches {
     worst: Option<Touch>,
 }
 
-struct Touch {
-    switch: usize,
-    time: f64,
+/// One surface that was touched.
+pub(super) struct Touch {
+    pub switch: usize,
+    pub time: f64,
     /// Uncertainty of ψ.
-    known_to: f64,
+    pub known_to: f64,
     /// Largest change of a state, relative to its magnitude.
-    matters: f64,
+    pub matters: f64,
     /// By how much more accurate runs could tell; none where rounding hides it.
-    share_to_tell: Option<f64>,
+    pub share_to_tell: Option<f64>,
 }
 
 impl Touches {
@@ -81,6 +82,18 @@ impl Touches {
         Touches {
             error: moved.into_iter().fold(0.0, f64::max),
             worst,
+        }
+    }
+
+    /// Takes note of a touch; a visit that ends soon is an error of as much.
+    pub(super) fn add(&mut self, touch: Touch, ends: bool) {
+        self.error += if ends { touch.matters } else { 0.0 };
+        if self
+            .worst
+            .as_ref()
+            .is_none_or(|worst| touch.matters > worst.matters)
+        {
+            self.worst = Some(touch);
         }
     }
 

@@ -22,6 +22,12 @@ pub(super) const SAFETY: f64 = 0.85;
 /// Rounding of a rate, relative to the size of its terms.
 pub(super) const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
+/// What a polynomial of a member may miss it by, as a share of its values (chosen by trial).
+const FOLLOWS: f64 = 0.01;
+
+/// Members below this share of what they have been are not looked at so closely.
+const NEGLIGIBLE_MEMBER: f64 = 1e-6;
+
 /// Elements in a row without length that count as the end of all progress.
 const MAX_STALLED: usize = 100;
 
@@ -128,6 +134,14 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 .set(solved.t + tau, x, mode.element.w(scheme.s / 2));
             if mode.hidden.solve(reduced).is_err() {
                 return f64::INFINITY;
+            }
+            // Roots of members were looked for in polynomials, which have to be the members.
+            for (member, value) in mode.hidden.eval(&reduced.members).enumerate() {
+                let size = run.sizes[member].max(run.rate_scale * h);
+                let floor = NEGLIGIBLE_MEMBER * size;
+                if self.values.misses(scheme, member, (sigma, value), floor) > FOLLOWS {
+                    return f64::INFINITY;
+                }
             }
             for (i, f) in mode.hidden.eval(&reduced.equations).take(n).enumerate() {
                 let rate = crate::simulate::series::slope(self.series.row(i), tau);

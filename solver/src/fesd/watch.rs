@@ -193,6 +193,25 @@ impl Values {
         &self.at_points[member * n_points..(member + 1) * n_points]
     }
 
+    /// How far the polynomial through the values of a member is from what it is there, relative to the largest of
+    /// them.
+    pub fn misses(
+        &mut self,
+        scheme: &Scheme,
+        member: usize,
+        (sigma, value): (f64, f64),
+        floor: f64,
+    ) -> f64 {
+        let n_points = scheme.points.len();
+        let values = &self.at_points[member * n_points..(member + 1) * n_points];
+        let largest = values
+            .iter()
+            .fold(value.abs().max(floor), |most, v| most.max(v.abs()));
+        self.series.resize(n_points, 0.0);
+        scheme.point_series(values, &mut self.series);
+        (crate::simulate::series::value(&self.series, sigma) - value).abs() / largest
+    }
+
     /// Whether the members stay positive; `starts` says how each begins, above zero where it does not.
     /// What starts at zero stays there below `least` and the `scales`, next to which it is rounding.
     pub fn judge(

@@ -59,17 +59,21 @@ impl Energy {
     }
 
     /// The most that the free motion of a step changes a rate by, had it the direction of this row:
-    /// (J D)^½ (Δvᵀ M Δv)^½ of its bodies.
+    /// (J D)^½ (Δvᵀ M Δv)^½ of its bodies, or |J| |Δv|, which is less where masses are far apart.
     pub fn gain(&self, bodies: &Bodies, rows: &Rows, row: usize) -> f64 {
-        let (mut last, mut sum) = (usize::MAX, 0.0);
+        let (mut last, mut sum, mut square) = (usize::MAX, 0.0, 0.0);
         for &column in rows.columns(row) {
             let body = bodies.body_of(column as usize);
             if body != last {
+                let change = &self.change[bodies.velocities_of(body)];
+                square += change.iter().map(|v| v * v).sum::<f64>();
                 sum += bodies.product(body, &self.change, &self.change);
                 last = body;
             }
         }
-        (rows.diagonal(row) * sum).sqrt()
+        (rows.diagonal(row) * sum)
+            .min(rows.square(row) * square)
+            .sqrt()
     }
 
     /// The first body of the island that a body is in.

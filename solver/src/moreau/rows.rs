@@ -287,6 +287,11 @@ impl Rows {
         sum
     }
 
+    /// |J|² of a row.
+    pub fn square(&self, row: usize) -> f64 {
+        self.j[self.range(row)].iter().map(|j| j * j).sum()
+    }
+
     /// J D of a row.
     pub fn diagonal(&self, row: usize) -> f64 {
         let range = self.range(row);

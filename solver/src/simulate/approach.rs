@@ -31,7 +31,7 @@ pub struct Approach {
     pub jump: Vec<f64>,
     /// Whether the run has crossed the surface, where it might have turned back.
     pub crosses: bool,
-    /// A relay, which does not return with ψ.
+    /// A relay or a contact, which does not return with ψ.
     latches: bool,
     /// Coefficients of ψ from order one on, with the sign of the distance, in the mode of the run and
     /// behind the surface.
@@ -217,12 +217,14 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             }
             sides[switch] = other;
             alpha[switch] = if other == Side::Plus { 1.0 } else { 0.0 };
+            // What is struck does not come back as it came.
+            let latches = self.system.relay(switch).is_some() || self.is_contact(switch);
             let mode = &mut self.mode;
             mode.enter(self.system, &sides);
             let exists = mode.expand(approach.time, &approach.x, &mut alpha).is_ok();
             mode.surfaces.linearize(switch, &mode.memory.values);
             approach.gradient.extend_from_slice(mode.gradient(switch));
-            approach.latches = self.system.relay(switch).is_some();
+            approach.latches = latches;
             let order = mode.order + 1;
             mode.surfaces.expand(switch, &mut mode.memory, order);
             let c = mode.psi_series(switch);

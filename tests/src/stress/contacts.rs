@@ -2,7 +2,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use super::{Case, Extent, Family, Promise};
+use super::{Case, Extent, Family};
 
 pub fn families(extent: Extent) -> Vec<Family> {
     vec![grazing(extent)]
@@ -20,21 +20,13 @@ fn grazing(extent: Extent) -> Family {
                    contact wall {{ gap = {wall:?} - q; restitution = 0.5; }} }}"
             );
             let case = Case::new(format!("{d:e}"), model, horizon);
-            let promise = if power <= 6 {
-                Promise::Accuracy
-            } else {
-                Promise::AccuracyOrReport
-            };
             let case = case
                 .ends("q", &[q], 1.0)
                 .ends("v", &[v], 1.0)
-                .promises(promise);
-            let grid = case.clone().by("timestepping { steps = 1000; }");
+                .accurate_if(power <= 6);
+            let grid = case.clone().in_steps(1000);
             // The speed of the impact is √(2d), to rounding of q over that.
-            [
-                case.rounds(16.0 * f64::EPSILON / d.sqrt()),
-                grid.promises(Promise::Estimate),
-            ]
+            [case.rounds(16.0 * f64::EPSILON / d.sqrt()), grid]
         };
         let wall = 1.0 - d;
         let depth = 1.0 - wall;

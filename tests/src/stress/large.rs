@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use super::{Case, Extent, Family, Promise, root};
+use super::{Case, Extent, Family, root};
 
 pub fn families(extent: Extent) -> Vec<Family> {
     vec![heat(extent), relays(extent), held(extent)]
@@ -21,7 +21,9 @@ fn heat(extent: Extent) -> Family {
         );
         let (times, exact) = rod.solve(horizon);
         let case = Case::new(n, model, horizon).ends("x", &exact, 1.0);
-        case.switches_at(&times).both()
+        let case = case.switches_at(&times);
+        // A relay on a state that it reaches late is left to the events: elements may find no set.
+        [case.clone(), case.by("fesd").accurate_if(false)]
     };
     Family {
         name: "many states",
@@ -204,12 +206,7 @@ fn held(extent: Extent) -> Family {
         };
         let exact = (0..60).map(share).sum();
         let case = Case::new(n, model, 3.0).ends("y", &[exact], 1.0);
-        let promise = if n <= 8 {
-            Promise::Accuracy
-        } else {
-            Promise::AccuracyOrReport
-        };
-        case.switches_at(&[]).promises(promise).both()
+        case.switches_at(&[]).accurate_if(n <= 8).both()
     };
     Family {
         name: "switches held from the start",

@@ -1,6 +1,6 @@
 //! Mass matrices with large condition.
 
-use super::{Case, Extent, Family, Promise};
+use super::{Case, Extent, Family};
 
 pub fn families(extent: Extent) -> Vec<Family> {
     vec![
@@ -20,10 +20,7 @@ fn powers(extent: Extent) -> Vec<i32> {
 
 /// By events, and in steps of time.
 fn with_a_grid(case: Case) -> [Case; 2] {
-    let grid = case
-        .clone()
-        .by("timestepping { steps = 1000; }")
-        .promises(Promise::Estimate);
+    let grid = case.clone().in_steps(1000);
     [case, grid]
 }
 
@@ -65,7 +62,9 @@ fn row(extent: Extent) -> Family {
         let first = 1.0 - speed * (m + 1.0);
         let case = Case::new(format!("2^{power}"), model, 2.0);
         let case = case.ends_each("v", &[first, speed, speed], &[1.0, speed, speed]);
-        with_a_grid(case.ends("q", &[first, speed, speed], 2.0))
+        let [events, grid] = with_a_grid(case.ends("q", &[first, speed, speed], 2.0));
+        // Forces are known to rounding of one, and what that moves a light mass by is large.
+        [events.accurate_if(power.abs() <= 20), grid]
     };
     Family {
         name: "a row of unequal masses",
@@ -102,7 +101,7 @@ fn coupled(extent: Extent) -> Family {
             .ends("q", &q, 1.0)
             .ends("v", &[up - 2.0 * t, right + t], 2.0);
         // What elimination loses is of the data, not of the method.
-        with_a_grid(case.promises(Promise::AccuracyOrReport))
+        with_a_grid(case.accurate_if(false))
     };
     Family {
         name: "masses that hang together",
@@ -119,7 +118,7 @@ fn friction(extent: Extent) -> Family {
         let model = format!(
             "state q[3] = [0, 0, 5]; state v[3] = [2, 0, 0.5]; q' = v;
              mechanics q, v {{ mass = diag([1, 1, {m:e}]); force = [0, -8, 0];
-               contact floor {{ gap = q[2]; restitution = 0; friction = 0.25; }}
+               contact floor {{ gap = q[2]; restitution = 0; slip = v[1]; friction = 0.25; }}
                contact wall {{ gap = q[3] - q[1]; restitution = 0; }} }}"
         );
         // Slips with -2 and stops after 1 s at 1; the mass of m goes on.

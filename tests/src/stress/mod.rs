@@ -63,8 +63,9 @@ pub enum Promise {
     Accuracy,
     /// The accuracy, or a warning or failure that says that it is not there.
     AccuracyOrReport,
-    /// Ten times the error that the run estimates itself, for methods on a grid, or a report.
-    Estimate,
+    /// Of a grid of so many steps: ten times the error that the run estimates itself, or one step as a share
+    /// of the horizon where that is more; or a report.
+    Grid(usize),
 }
 
 /// One run.
@@ -155,6 +156,20 @@ impl Case {
         self
     }
 
+    /// In so many steps of time.
+    fn in_steps(self, steps: usize) -> Self {
+        let method = format!("timestepping {{ steps = {steps}; }}");
+        self.by(&method).promises(Promise::Grid(steps))
+    }
+
+    /// The accuracy where this holds, else a report will do.
+    fn accurate_if(self, is_promised: bool) -> Self {
+        match is_promised {
+            true => self,
+            false => self.promises(Promise::AccuracyOrReport),
+        }
+    }
+
     /// By events and by finite elements.
     fn both(self) -> [Self; 2] {
         [self.clone(), self.by("fesd")]
@@ -194,7 +209,7 @@ impl Case {
         let error = self.error(trajectory);
         let estimate = trajectory.error_estimate.unwrap_or(0.0);
         let promised = match self.promise {
-            Promise::Estimate => 10.0 * estimate,
+            Promise::Grid(steps) => f64::max(10.0 * estimate, 1.0 / steps as f64),
             _ => self.tolerance,
         };
         if error <= promised + self.rounding {
@@ -262,7 +277,7 @@ impl Case {
         match self.promise {
             Promise::Accuracy => format!("{:.0e}{rounding}", self.tolerance),
             Promise::AccuracyOrReport => format!("{:.0e}{rounding}, or a report", self.tolerance),
-            Promise::Estimate => format!("10 times the estimate{rounding}, or a report"),
+            Promise::Grid(_) => "10 times the estimate or a step, or a report".to_owned(),
         }
     }
 }

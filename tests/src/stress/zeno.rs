@@ -1,6 +1,6 @@
 //! Events that accumulate in finite time.
 
-use super::{Case, Extent, Family, Promise};
+use super::{Case, Extent, Family};
 
 pub fn families(extent: Extent) -> Vec<Family> {
     vec![bounces(extent), spirals(extent), fuller(extent)]
@@ -19,11 +19,7 @@ fn bounces(extent: Extent) -> Family {
         let area = 1.0 / 3.0 + 2.0 / 3.0 * e.powi(3) / (1.0 - e.powi(3));
         let case = Case::new(e, model, limit + 1.0).ends("q", &[0.0], 1.0);
         let case = case.ends("v", &[0.0], 4.0).ends("z", &[area], area);
-        // The smoothest grid sees flights as long as a step.
-        let grid = case
-            .clone()
-            .by("timestepping { steps = 2000; }")
-            .promises(Promise::Estimate);
+        let grid = case.clone().in_steps(2000);
         [case, grid]
     };
     Family {
@@ -54,7 +50,7 @@ fn spirals(extent: Extent) -> Family {
             .ends("x", &[0.0], 1.0)
             .ends("y", &[0.0], 1.0);
         case.ends("z", &[exact], exact.max(0.1))
-            .promises(Promise::AccuracyOrReport)
+            .accurate_if(false)
             .both()
     };
     Family {
@@ -88,9 +84,7 @@ fn fuller(extent: Extent) -> Family {
         let case = Case::new(c, model, limit + 0.5)
             .ends("x", &[0.0], 1.0)
             .ends("v", &[0.0], 1.0);
-        case.ends("z", &[area], area)
-            .promises(Promise::AccuracyOrReport)
-            .both()
+        case.ends("z", &[area], area).accurate_if(false).both()
     };
     Family {
         name: "Fuller's phenomenon",

@@ -9,14 +9,17 @@ mod complementarity;
 pub(super) mod impulses;
 mod reduce;
 pub(super) mod stepping;
+mod turns;
 
 use std::ops::ControlFlow;
 use std::time::Instant;
 
 use nsd_solver::fesd::{self, Grid, Simulator, Solution};
 use nsd_solver::simulate::{self as event, Event, Observer, Outcome, Segment, Status};
+use nsd_solver::tableau::Family;
 
 pub use complementarity::Complementarity;
+use turns::Turns;
 
 use super::instants::Pulses;
 use super::watch::{Progress, Watched};
@@ -36,14 +39,21 @@ const COARSE: f64 = 0.01;
 /// trial).
 const FINEST: f64 = 1e-13;
 
-/// Keeps the multipliers of a run besides what another observer does.
-struct Keeper<O> {
+/// Nodes of the largest schemes of Radau IIA and Gauss.
+const MOST_NODES: usize = 9;
+
+/// Keeps the multipliers of a run, and looks at surfaces that are touched, besides what another observer does.
+struct Keeper<'s, 'e, O> {
     observer: O,
     kept: Option<Multipliers>,
+    turns: Option<Turns<'s, 'e>>,
 }
 
-impl<O: Observer> Observer for Keeper<O> {
+impl<O: Observer> Observer for Keeper<'_, '_, O> {
     fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
+        if let Some(turns) = &mut self.turns {
+            turns.segment(segment);
+        }
         self.observer.segment(segment)
     }
 
@@ -52,7 +62,7 @@ impl<O: Observer> Observer for Keeper<O> {
     }
 }
 
-impl<O: Observer> fesd::Observer for Keeper<O> {
+impl<O: Observer> fesd::Observer for Keeper<'_, '_, O> {
     fn wants_multipliers(&self) -> bool {
         self.kept.is_some()
     }
@@ -88,35 +98,46 @@ pub(super) fn run(
         let limit = request.time_limit?;
         Some(limit.saturating_sub(started.elapsed()))
     };
-    let on = |grid: Grid| {
+    let on = |grid: Grid, nodes: usize| {
         let settings = fesd::Settings {
             time_limit: left(),
             grid,
-            ..fesd::Settings::new(options.scheme.0, options.scheme.1)
+            ..fesd::Settings::new(options.scheme.0, nodes)
         };
         simulator(&complementarity, guide.as_ref(), settings)
     };
     let (mut tolerance, mut attempt) = (settings.tolerance, 1);
     let (order, solution, recorder, kept, estimate) = loop {
         let grid = grid(options, tolerance);
-        let mut first = on(grid);
+        let mut first = on(grid, options.scheme.1);
         let mut recorder = Recorder::new(system, settings, tolerance, request.dense);
         let mut keeper = Keeper {
             observer: Watched::new(&mut recorder, settings.horizon, false, watch),
             kept: request.multipliers.then(|| empty(&complementarity)),
+            turns: request.estimate.then(|| Turns::new(system)),
         };
         let solution = first.run(0.0, settings.horizon, &x0, &mut keeper);
-        let kept = keeper.kept;
+        let (kept, turns) = (keeper.kept, keeper.turns);
         let wanted = request.estimate && solution.outcome.status != Status::TimeLimit;
         let estimate = wanted.then(|| {
             let mut comparison = Comparison::new(&recorder, &x0);
             let mut keeper = Keeper {
                 observer: Watched::new(&mut comparison, settings.horizon, true, watch),
                 kept: None,
+                turns: None,
             };
-            let fine = on(finer(grid)).run(0.0, settings.horizon, &x0, &mut keeper);
+            let fine = on(finer(grid), nodes_of_finer(options)).run(
+                0.0,
+                settings.horizon,
+                &x0,
+                &mut keeper,
+            );
             let outcomes = [&solution.outcome, &fine.outcome];
-            estimate(system, &comparison, &recorder, outcomes)
+            let mut found = estimate(system, &comparison, &recorder, outcomes);
+            if let Some(turns) = turns {
+                found.touches = turns.judge(found.error, solution.outcome.time);
+            }
+            found
         });
         // A grid is taken as it is.
         let judged = estimate.as_ref().filter(|_| options.steps.is_none());
@@ -144,6 +165,9 @@ pub(super) fn run(
             None => judge(&mut trajectory, &estimate, settings),
             Some(_) => judge_grid(&mut trajectory, &estimate, settings),
         }
+        let warning = estimate.touches.warning(system, settings.tolerance);
+        let told = trajectory.failure.is_none() && estimate.same_modes;
+        trajectory.warnings.extend(warning.filter(|_| told));
     }
     trajectory.stats.solve_s = started.elapsed().as_secs_f64();
     trajectory
@@ -206,6 +230,13 @@ fn finer(grid: Grid) -> Grid {
             tolerance: REFINEMENT * tolerance,
         },
     }
+}
+
+/// Its nodes: with a tolerance one more, where the scheme has it, so that its rounding is another.
+fn nodes_of_finer(options: &FesdOptions) -> usize {
+    let (family, nodes) = options.scheme;
+    let more = matches!(family, Family::RadauIia | Family::GaussLegendre) && nodes < MOST_NODES;
+    nodes + usize::from(options.steps.is_none() && more)
 }
 
 /// What a finer run says, where differences are large compared with rounding.

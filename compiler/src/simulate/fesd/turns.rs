@@ -1,0 +1,264 @@
+//! Surfaces that a run by finite elements comes close to and leaves again.
+//!
+//! Where ψ turns back at a distance d that is smaller than the error of a run, it cannot be told whether its surface
+//! is crossed: elements end where a member of a pair vanishes, and this one does not. With ψ ≈ d + c τ² around the
+//! turn, a run that is wrong by more than d might be behind the surface for 2 √(·/c), or to the end, where the field
+//! there leads away.
+
+use nsd_solver::simulate::{Segment, Side};
+use nsd_solver::tape::{Scratch, Tape};
+
+use crate::expr::Expr;
+use crate::simulate::limits::tape_of;
+use crate::simulate::touches::{Touch, Touches};
+use crate::system::{Role, System};
+
+/// Points of an element at which ψ is looked at first, as parts of it.
+const PARTS: usize = 8;
+/// A turn above this share of the largest |ψ| is not a close one, whatever the error.
+const CLOSE: f64 = 1e-2;
+/// Sections of the interval that the least value is in.
+const SECTIONS: usize = 60;
+/// What is closer to an end of an element than this share of it is the end.
+const END: f64 = 1e-6;
+/// What estimates of errors may fall short by.
+const SAFETY: f64 = 2.0;
+/// Roundings that ψ and the states in it have seen.
+const ROUNDINGS: f64 = 64.0;
+
+/// A ψ that turned back.
+struct Turn {
+    switch: usize,
+    time: f64,
+    /// ψ, positive on the side of the run.
+    distance: f64,
+    /// ψ''/2 there.
+    bend: f64,
+    x: Vec<f64>,
+    alpha: Vec<f64>,
+}
+
+/// Looks at the switches whose sides have different fields.
+pub(super) struct Turns<'s, 'e> {
+    system: &'s System<'e>,
+    /// Switches that are looked at.
+    watched: Vec<usize>,
+    /// By state.
+    scale: Vec<f64>,
+    /// By switch that is looked at: the largest |ψ|.
+    largest: Vec<f64>,
+    found: Vec<Turn>,
+    psi: Function,
+}
+
+/// Functions of (t, x, α, data).
+struct Function {
+    tape: Tape,
+    scratch: Scratch,
+    inputs: Vec<f64>,
+    values: Vec<f64>,
+}
+
+impl Function {
+    fn new<'e>(system: &System<'e>, exprs: &[Expr<'e>]) -> Self {
+        let (tape, n_inputs) = tape_of(system, exprs);
+        Function {
+            scratch: tape.scratch(),
+            inputs: vec![0.0; n_inputs],
+            values: vec![0.0; exprs.len()],
+            tape,
+        }
+    }
+
+    fn at(&mut self, system: &System, time: f64, piece: f64, x: &[f64], alpha: &[f64]) -> &[f64] {
+        let (n, m) = (x.len(), alpha.len());
+        self.inputs[0] = time;
+        self.inputs[1..=n].copy_from_slice(x);
+        self.inputs[1 + n..1 + n + m].copy_from_slice(alpha);
+        for (value, data) in self.inputs[1 + n + m..].iter_mut().zip(&system.data) {
+            *value = data.table.piece(piece).value(time);
+        }
+        self.tape
+            .eval(&self.inputs, &mut self.values, &mut self.scratch);
+        &self.values
+    }
+}
+
+impl<'s, 'e> Turns<'s, 'e> {
+    /// For a run of the system.
+    pub fn new(system: &'s System<'e>) -> Self {
+        let switches = system.switches.iter().enumerate();
+        let watched = switches.filter(|(_, switch)| {
+            let acts = !switch.continuity.is_continuous() && !switch.unilateral;
+            acts && switch.role == Role::Step && switch.relay.is_none()
+        });
+        let watched: Vec<usize> = watched.map(|(i, _)| i).collect();
+        let psi: Vec<Expr<'e>> = watched.iter().map(|&i| system.switches[i].psi).collect();
+        Turns {
+            scale: system
+                .states
+                .iter()
+                .map(|state| state.initial.abs())
+                .collect(),
+            largest: vec![0.0; watched.len()],
+            found: Vec::new(),
+            psi: Function::new(system, &psi),
+            watched,
+            system,
+        }
+    }
+
+    /// Looks at one element.
+    pub fn segment(&mut self, segment: &Segment) {
+        if self.watched.is_empty() {
+            return;
+        }
+        let mut x = vec![0.0; self.scale.len()];
+        let mut alpha = vec![0.0; segment.sides.len()];
+        let mut values = vec![[0.0_f64; PARTS + 1]; self.watched.len()];
+        for part in 0..=PARTS {
+            let tau = segment.length * part as f64 / PARTS as f64;
+            segment.state(tau, &mut x);
+            segment.alpha(tau, &mut alpha);
+            for (scale, x) in self.scale.iter_mut().zip(&x) {
+                *scale = scale.max(x.abs());
+            }
+            let time = segment.start + tau;
+            let psi = self.psi.at(self.system, time, segment.start, &x, &alpha);
+            for (values, psi) in values.iter_mut().zip(psi) {
+                values[part] = *psi;
+            }
+        }
+        for (k, values) in values.iter_mut().enumerate() {
+            let sign = match segment.sides[self.watched[k]] {
+                Side::Minus => -1.0,
+                Side::Slide => continue,
+                Side::Plus => 1.0,
+            };
+            values.iter_mut().for_each(|value| *value *= sign);
+            self.largest[k] = values.iter().fold(self.largest[k], |most, v| most.max(*v));
+            for part in 0..=PARTS {
+                let before = part.saturating_sub(1);
+                let behind = (part + 1).min(PARTS);
+                if values[part] <= values[before] && values[part] <= values[behind] {
+                    self.turn(segment, k, sign, (before, behind));
+                }
+            }
+        }
+    }
+
+    /// Finds the least ψ between two parts of an element, unless it is where the element ends.
+    fn turn(&mut self, segment: &Segment, k: usize, sign: f64, (from, to): (usize, usize)) {
+        let system = self.system;
+        let (mut x, mut alpha) = (vec![0.0; self.scale.len()], vec![0.0; segment.sides.len()]);
+        let psi = &mut self.psi;
+        let mut at = |tau: f64| {
+            segment.state(tau, &mut x);
+            segment.alpha(tau, &mut alpha);
+            sign * psi.at(system, segment.start + tau, segment.start, &x, &alpha)[k]
+        };
+        // A golden section.
+        let part = segment.length / PARTS as f64;
+        let (mut a, mut b) = (from as f64 * part, to as f64 * part);
+        let share = 0.5 * (5.0_f64.sqrt() - 1.0);
+        let (mut c, mut d) = (b - share * (b - a), a + share * (b - a));
+        let (mut at_c, mut at_d) = (at(c), at(d));
+        for _ in 0..SECTIONS {
+            if at_c <= at_d {
+                (b, d, at_d) = (d, c, at_c);
+                c = b - share * (b - a);
+                at_c = at(c);
+            } else {
+                (a, c, at_c) = (c, d, at_d);
+                d = a + share * (b - a);
+                at_d = at(d);
+            }
+        }
+        let tau = 0.5 * (a + b);
+        let distance = at(tau);
+        let step = tau.min(segment.length - tau).min(part);
+        if distance > CLOSE * self.largest[k] || step <= END * segment.length {
+            return;
+        }
+        let bend = (at(tau + step) + at(tau - step) - 2.0 * distance) / (2.0 * step * step);
+        at(tau);
+        self.found.push(Turn {
+            switch: self.watched[k],
+            time: segment.start + tau,
+            distance,
+            bend,
+            x,
+            alpha,
+        });
+    }
+
+    /// What a run with errors of this share of every state cannot tell, until its end.
+    pub fn judge(&self, error: f64, end: f64) -> Touches {
+        let system = self.system;
+        let mut touches = Touches::default();
+        if self.found.is_empty() {
+            return touches;
+        }
+        let rates: Vec<Expr<'e>> = system.states.iter().map(|state| state.rate).collect();
+        let mut rates = Function::new(system, &rates);
+        for turn in &self.found {
+            let psi = system.switches[turn.switch].psi;
+            let gradient: Vec<Expr<'e>> = (system.states.iter())
+                .map(|state| psi.diff(state.var.as_variable().expect("a state is a variable")))
+                .collect();
+            let mut gradient = Function::new(system, &gradient);
+            let gradient = gradient.at(system, turn.time, turn.time, &turn.x, &turn.alpha);
+            let reach: f64 = gradient
+                .iter()
+                .zip(&self.scale)
+                .map(|(g, s)| g.abs() * s)
+                .sum();
+            let floor = ROUNDINGS * f64::EPSILON * (reach + turn.distance.abs());
+            let known_to = floor + SAFETY * error * reach;
+            let depth = known_to - turn.distance;
+            if depth <= 0.0 {
+                continue;
+            }
+            let mut beyond = turn.alpha.clone();
+            let was = beyond[turn.switch];
+            let here = rates
+                .at(system, turn.time, turn.time, &turn.x, &turn.alpha)
+                .to_vec();
+            beyond[turn.switch] = 1.0 - was;
+            let there = rates.at(system, turn.time, turn.time, &turn.x, &beyond);
+            let jump: Vec<f64> = there.iter().zip(&here).map(|(a, b)| a - b).collect();
+            let sign = if was > 0.5 { 1.0 } else { -1.0 };
+            let back: f64 = sign * gradient.iter().zip(&jump).map(|(g, j)| g * j).sum::<f64>();
+            let half = (depth / turn.bend).sqrt();
+            let left = end - turn.time;
+            let returns = back * half >= -depth && half.is_finite();
+            let lasts = match returns {
+                true if back * half > depth => 4.0 * depth / back,
+                true => 4.0 * half,
+                false => left,
+            };
+            let lasts = lasts.min(left);
+            let mut matters = 0.0_f64;
+            for (jump, scale) in jump.iter().zip(&self.scale) {
+                let change = jump.abs() * lasts;
+                // A state that has not moved would be as large as its change.
+                let scale = scale.max(change);
+                if scale > 0.0 {
+                    matters = matters.max(change / scale);
+                }
+            }
+            let distance = turn.distance.abs();
+            touches.add(
+                Touch {
+                    switch: turn.switch,
+                    time: turn.time,
+                    known_to,
+                    matters,
+                    share_to_tell: (distance > 2.0 * floor).then_some(0.1 * distance / known_to),
+                },
+                returns,
+            );
+        }
+        touches
+    }
+}
