@@ -18,6 +18,7 @@
 
 mod auto;
 mod dot;
+mod drift;
 mod error;
 pub mod heaviside;
 mod impact;
@@ -39,6 +40,7 @@ use std::sync::Arc;
 
 pub use auto::{Choice, check, choose, lower, lower_as};
 pub use dot::{Vertex, dot, graph};
+pub use drift::Kept;
 pub use error::DcsError;
 pub use impact::{Friction, Impact};
 pub use pointwise::{Pointwise, solve_in_mode, solve_pointwise};

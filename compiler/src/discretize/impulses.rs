@@ -185,7 +185,7 @@ impl<'e> Problem<'_, 'e> {
         let gap = |impact: &Impact<'e>| dcs.algebraics[impact.gap].var;
         let law = |impact: &Impact<'e>| {
             let before = impact.speed.substitute(&sides);
-            gap(impact) + window * (impact.speed + impact.restitution * before)
+            gap(impact) / window + impact.speed + impact.restitution * before
         };
         let impulses = dcs.impacts.iter().map(|impact| impact.impulse);
         let rubs = |impact: &&Impact<'e>| impact.friction.is_some();
@@ -219,7 +219,7 @@ impl<'e> Problem<'_, 'e> {
             dcs.impacts.iter().map(law).collect(),
             contacts,
             format!(
-                "0 <= impulse[k,j] perp gap[k,j,0] + {window}*(after(speed) + e*before(speed)) >= 0"
+                "0 <= impulse[k,j] perp gap[k,j,0]/{window} + after(speed) + e*before(speed) >= 0"
             ),
         );
         pair(

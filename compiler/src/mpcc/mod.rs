@@ -347,6 +347,17 @@ impl<'e> Mpcc<'e> {
         blocks.flat_map(|block| &block.bounds).copied().collect()
     }
 
+    /// Gives a variable its value.
+    ///
+    /// # Panics
+    ///
+    /// When there is no such variable.
+    pub fn fix(&mut self, index: usize, value: f64) {
+        let after = self.variables.partition_point(|block| block.start <= index);
+        let block = &mut self.variables[after - 1];
+        block.bounds[index - block.start] = Bounds::between(value, value, value);
+    }
+
     /// Changes where solvers start.
     ///
     /// # Panics

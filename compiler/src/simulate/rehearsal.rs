@@ -81,10 +81,29 @@ impl<'e> Rehearsed<'e> {
         Some(row[n..n + self.system.switches.len()].to_vec())
     }
 
-    /// The contact that has ended the run in an interval by a coefficient that no contact has.
-    pub fn outside(&self, from: f64, to: f64) -> Option<&Failure> {
+    /// Which contacts push in the elements of an interval.
+    pub fn closed(&self, mut start: f64, end: f64, elements: usize) -> Vec<Vec<bool>> {
+        let contacts = &self.system.contacts;
+        let lengths = cut(start, end, &self.switches, elements);
+        let of = |h: f64| {
+            let alphas = self.alphas(start + 0.5 * h);
+            start += h;
+            let pushes = |switch: usize| {
+                let alphas = alphas.as_ref();
+                alphas.is_some_and(|alphas| 1.0 - alphas[switch] > ROUNDING)
+            };
+            contacts.iter().map(|contact| pushes(contact.switch)).collect()
+        };
+        lengths.into_iter().map(of).collect()
+    }
+
+    /// What has ended the run in an interval and ends any other one: a coefficient that no contact has, or friction
+    /// that leaves no motion.
+    pub fn ended(&self, from: f64, to: f64) -> Option<&Failure> {
         let in_it = |failure: &&Failure| match failure {
-            Failure::Coefficient { time, .. } => (from..=to).contains(time),
+            Failure::Coefficient { time, .. } | Failure::Painleve { time, .. } => {
+                (from..=to).contains(time)
+            }
             _ => false,
         };
         self.failure.as_ref().filter(in_it)
@@ -128,12 +147,22 @@ impl<'e> Rehearsed<'e> {
                     continue;
                 };
                 let mut sides = first + dcs.impacts.len();
+                let strikes = |(t, _): &&(f64, String)| (t - start).abs() <= near;
+                let struck: Vec<&String> =
+                    (self.strikes.iter().filter(strikes).map(|strike| &strike.1)).collect();
+                // Of contacts that are closed already, those push whose law holds as an equation.
+                let before = self.at(start, start - INSIDE * h);
+                let before = before.filter(|_| !struck.is_empty());
                 for (c, impact) in dcs.impacts.iter().enumerate() {
-                    let strikes = |(t, name): &(f64, String)| {
-                        (t - start).abs() <= near && *name == impact.name
+                    let pushes = |before: &[f64]| {
+                        let [old, new] = [before, &row].map(|x| self.known(start, x));
+                        let e = impact.restitution.eval(&new);
+                        let law = impact.speed.eval(&new) + e * impact.speed.eval(&old);
+                        z[impact.gap] == 0.0 && law.abs() <= ROUNDING
                     };
-                    let struck = self.strikes.iter().any(strikes);
-                    set(first + c, f64::from(u8::from(struck)));
+                    let pushes = struck.contains(&&impact.name)
+                        || before.as_ref().is_some_and(|(before, _)| pushes(before));
+                    set(first + c, f64::from(u8::from(pushes)));
                     if let Some(friction) = &impact.friction {
                         let [above, below] = friction.multipliers.map(|i| z[i]);
                         let side = match (above > ROUNDING, below > ROUNDING) {
@@ -158,25 +187,31 @@ impl<'e> Rehearsed<'e> {
         (inside <= piece.to).then(|| (piece.at(time), piece.at(inside)))
     }
 
-    /// z for the states and α of a run.
-    fn multipliers(&self, dcs: &Dcs<'e>, time: f64, row: &[f64], within: &[f64]) -> Vec<f64> {
+    /// States of a run, parameters, time and data.
+    fn known(&self, time: f64, row: &[f64]) -> impl Fn(Var) -> f64 {
         let system = &self.system;
-        let n = system.states.len();
         let states = system.states.iter().map(|state| state.var).zip(row);
         let params = system.params.iter().map(|param| (param.var, &param.value));
         let known = states.chain(params).chain([(system.time, &time)]);
         let known: HashMap<Var, f64> = known
             .filter_map(|(var, &value)| Some((var.as_variable()?, value)))
             .collect();
-        let alphas = &within[n..n + system.switches.len()];
-        let value = |var: Var| {
+        move |var: Var| {
             let data = || {
                 let is = |e: Expr| e.as_variable() == Some(var);
                 let data = system.data.iter().find(|data| is(data.var));
                 data.map_or(f64::NAN, |data| data.table.value(time))
             };
             known.get(&var).copied().unwrap_or_else(data)
-        };
+        }
+    }
+
+    /// z for the states and α of a run.
+    fn multipliers(&self, dcs: &Dcs<'e>, time: f64, row: &[f64], within: &[f64]) -> Vec<f64> {
+        let system = &self.system;
+        let n = system.states.len();
+        let alphas = &within[n..n + system.switches.len()];
+        let value = self.known(time, row);
         let mut z = solve_in_mode(system, dcs, alphas, &value).algebraics;
         // On the surface of a contact the sign of rounding says nothing.
         for (impact, contact) in dcs.impacts.iter().zip(&system.contacts) {

@@ -1,5 +1,6 @@
 //! Runs in numerical time: a system is frozen, run event by event or by finite elements, and thawed.
 
+mod law;
 mod stretch;
 mod thaw;
 
@@ -7,7 +8,8 @@ use std::time::{Duration, Instant};
 
 use nsd_solver::fesd::{self as elements, Grid};
 use nsd_solver::simulate::{Coefficient, Observer, Outcome, Simulator, Status};
-use thaw::{End, drive};
+use law::impact;
+use thaw::{End, Law, drive};
 
 use super::fesd::{Complementarity, estimate, judge_grid};
 use super::modes::ModeNames;
@@ -52,6 +54,7 @@ pub(super) fn run(
     let frozen = freeze(system, settings.pace());
     let frozen = frozen.expect("compilation has checked that the system can be frozen");
     let road = Road::new(&frozen, settings);
+    let jumping = frozen.meet.then(|| Switched::new(system));
     let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
     let left = || {
         let limit = request.time_limit?;
@@ -62,12 +65,14 @@ pub(super) fn run(
     let (found, recorder, estimated) = loop {
         let mut recorder = Recorder::new(system, settings, tolerance, request.dense);
         let mut watched = Watched::new(&mut recorder, horizon, false, watch);
-        let found = road.run(&frozen, settings, (tolerance, false), left(), &mut watched);
+        let run = (tolerance, false);
+        let found = road.run((&frozen, jumping.as_ref()), settings, run, left(), &mut watched);
         let wanted = request.estimate && found.outcome.status != Status::TimeLimit;
         let estimated = wanted.then(|| {
             let mut comparison = Comparison::new(&recorder, &x0);
             let mut watched = Watched::new(&mut comparison, horizon, true, watch);
-            let fine = road.run(&frozen, settings, (tolerance, true), left(), &mut watched);
+            let run = (tolerance, true);
+            let fine = road.run((&frozen, jumping.as_ref()), settings, run, left(), &mut watched);
             estimate(
                 system,
                 &comparison,
@@ -140,10 +145,11 @@ impl<'e> Road<'e> {
         Road::Elements(Box::new(complementarity), *options, dcs.formulation)
     }
 
-    /// One run with a tolerance, or the finer one that shows its error.
+    /// One run with a tolerance, or the finer one that shows its error; impacts are compared with those of the system
+    /// with jumps, if it is given.
     fn run(
         &self,
-        frozen: &Frozen,
+        (frozen, jumping): (&Frozen, Option<&Switched>),
         settings: &Settings,
         (tolerance, fine): (f64, bool),
         time_limit: Option<Duration>,
@@ -154,8 +160,11 @@ impl<'e> Road<'e> {
         // All runs together have the time that is given.
         let left = || Some(time_limit?.saturating_sub(started.elapsed()));
         let horizon = settings.horizon;
+        let law = jumping.map(|jumping| -> Box<Law> {
+            Box::new(move |t: f64, x: &[f64]| impact(jumping, horizon, t, x))
+        });
         let (outcome, end) = match self {
-            Road::Events(switched) => drive(frozen, horizon, observer, |end, x, thaw| {
+            Road::Events(switched) => drive(frozen, horizon, observer, law, |end, x, thaw| {
                 let mut chosen = solver_settings(&settings.method, tolerance, None);
                 if fine {
                     chosen = finer(&chosen, order, tolerance);
@@ -164,7 +173,7 @@ impl<'e> Road<'e> {
                 Simulator::new(&**switched, chosen).run(0.0, end, x, thaw)
             }),
             Road::Elements(complementarity, options, _) => {
-                drive(frozen, horizon, observer, |end, x, thaw| {
+                drive(frozen, horizon, observer, law, |end, x, thaw| {
                     let settings = elements::Settings {
                         time_limit: left(),
                         grid: grid(options, tolerance, fine, end / horizon),
@@ -188,6 +197,10 @@ impl<'e> Road<'e> {
                 Some(stops(format!("bounces accumulate towards t = {limit:.6}")))
             }
             Some(End::Closed) => Some(stops("a contact stays closed".to_owned())),
+            Some(End::Unlawful) => {
+                let what = "contacts act at once, which one after the other is another impact";
+                Some(stops(what.to_owned()))
+            }
             Some(End::Locked(contact)) => Some(Failure::Painleve {
                 time: outcome.time,
                 name: frozen.system.switches[contact].name.clone(),

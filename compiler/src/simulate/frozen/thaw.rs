@@ -26,6 +26,8 @@ const CORRECTIONS: usize = 8;
 const DENSE: f64 = 1e-6;
 /// How much the ratio of successive intervals may still change where they are.
 const SETTLED: f64 = 0.1;
+/// Velocities behind an impact differ from those of its law by less, relative to the largest state.
+const LAWFUL: f64 = 1e-6;
 
 /// Why time does not go on.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,7 +40,12 @@ pub(super) enum End {
     Locked(usize),
     /// The friction of a contact, by its switch in the frozen system, is negative.
     Negative(usize, f64),
+    /// The velocities behind an impact are not those of its law.
+    Unlawful,
 }
+
+/// States behind an impact at an instant by its law, none where there is no impact.
+pub(super) type Law<'l> = dyn FnMut(f64, &[f64]) -> Option<Vec<f64>> + 'l;
 
 /// Passes on a run in numerical time as one in physical time.
 pub(super) struct Thaw<'t, 'e> {
@@ -65,6 +72,8 @@ pub(super) struct Thaw<'t, 'e> {
     state_of: FxHashMap<Var, usize>,
     /// Set when time does not go on.
     end: Option<End>,
+    /// The law of impacts, where the frozen system may do something else.
+    law: Option<Box<Law<'t>>>,
     /// The rate of the clock, of late.
     rate: f64,
     /// Whether the run ends where the clock reaches the horizon.
@@ -114,6 +123,7 @@ impl<'t, 'e> Thaw<'t, 'e> {
                 .filter_map(|(i, state)| Some((state.var.as_variable()?, i)))
                 .collect(),
             end: None,
+            law: None,
             rate: 1.0,
             probes: false,
             reached: None,
@@ -208,6 +218,21 @@ impl<'t, 'e> Thaw<'t, 'e> {
         self.sides.clone_from(&self.next);
     }
 
+    /// Whether states are behind an impact where its law wants them.
+    fn is_lawful(&mut self) -> bool {
+        let (Some(law), Some(before)) = (&mut self.law, &self.stopped) else {
+            return true;
+        };
+        if self.fired.is_empty() {
+            return true;
+        }
+        let size = self.x.iter().chain(before).fold(1.0, |m: f64, x| m.max(x.abs()));
+        let exact = law(self.t, before);
+        let exact = exact.as_ref().unwrap_or(before);
+        let mut both = exact.iter().zip(&self.x);
+        both.all(|(exact, x)| (exact - x).abs() <= LAWFUL * size)
+    }
+
     /// Takes note of the bounces that have ended, and sees where they would accumulate.
     fn count(&mut self) {
         for (contact, times) in self.frozen.contacts.iter().zip(&mut self.bounces) {
@@ -273,6 +298,10 @@ impl Observer for Thaw<'_, '_> {
         }
         self.read(segment.sides, segment.end);
         segment.state(0.0, &mut self.x);
+        if !self.is_lawful() {
+            self.end = self.end.or(Some(End::Unlawful));
+            return ControlFlow::Break(());
+        }
         self.tell();
         if self.end.is_some() {
             return ControlFlow::Break(());
@@ -321,7 +350,7 @@ impl Observer for Silent {
     fn event(&mut self, _event: &Event) {}
 }
 
-/// Runs to the numerical time at which the clock is at the horizon; `run` gets the end, the start and what observes it.
+/// Runs to the numerical time at which the clock is at the horizon, as long as impacts obey the law; `run` gets the end, the start and what observes it.
 ///
 /// That time is found by a run that goes on until then, and corrected by runs that end there. The outcome is that of
 /// the original, but for a status that is not `Solved`, whose switches are those of the frozen system.
@@ -329,6 +358,7 @@ pub(super) fn drive(
     frozen: &Frozen,
     horizon: f64,
     observer: &mut dyn Observer,
+    law: Option<Box<Law>>,
     mut run: impl FnMut(f64, &[f64], &mut Thaw) -> Outcome,
 ) -> (Outcome, Option<End>) {
     let states = &frozen.system.states;
@@ -362,6 +392,7 @@ pub(super) fn drive(
         end += miss / probe.rate;
     }
     let mut thaw = Thaw::new(frozen, horizon, observer);
+    thaw.law = law;
     let mut outcome = run(end, &x, &mut thaw);
     let missed = horizon - outcome.x[frozen.clock] > NEAR * horizon;
     if outcome.status == Status::Solved && missed {

@@ -39,6 +39,8 @@ pub struct Frozen<'e> {
     pub relays: Vec<Memory>,
     /// The contacts.
     pub contacts: Vec<Impact<'e>>,
+    /// Whether what forces do to velocities while the clock stands still may not be the law of the impact.
+    pub meet: bool,
 }
 
 /// A relay that has become a state.
@@ -81,7 +83,7 @@ pub fn freeze<'e>(system: &System<'e>, pace: f64) -> Result<Frozen<'e>, SystemEr
     check::check(system)?;
     let exprs = system.exprs;
     let contacts = contact::contacts(system)?;
-    check::together(system, &contacts)?;
+    let meet = check::together(system, &contacts)?;
     let relays = (0..system.switches.len()).filter(|&k| system.switches[k].relay.is_some());
     let relays: Vec<usize> = relays.collect();
 
@@ -103,6 +105,7 @@ pub fn freeze<'e>(system: &System<'e>, pace: f64) -> Result<Frozen<'e>, SystemEr
         places: vec![None; system.switches.len()],
         relays: Vec::new(),
         contacts: Vec::new(),
+        meet,
     };
     let mut switches: Vec<Switch<'e>> = Vec::new();
     for (k, switch) in system.switches.iter().enumerate() {

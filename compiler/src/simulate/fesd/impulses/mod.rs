@@ -63,6 +63,8 @@ struct Run<'s, 'e> {
     size: f64,
     /// Instants and laws of all jumps.
     jumps: Vec<(f64, Vec<usize>)>,
+    /// The contacts that were open in the last element, or come together at the start.
+    open: Vec<bool>,
     added: usize,
     iterations: u64,
     relaxed: u64,
@@ -161,7 +163,7 @@ impl<'s, 'e> Run<'s, 'e> {
         let left = deadline.map(|deadline| deadline.saturating_duration_since(Instant::now()));
         let fesd = discretize::Options::fesd(options);
         let detection = fesd.detection.unwrap_or_default();
-        Run {
+        let mut run = Run {
             system,
             options: discretize::Options {
                 detection: Some(Detection {
@@ -183,11 +185,14 @@ impl<'s, 'e> Run<'s, 'e> {
             dcs,
             size: 0.0,
             jumps: Vec::new(),
+            open: Vec::new(),
             added: 0,
             iterations: 0,
             relaxed: 0,
             violation: 0.0,
-        }
+        };
+        run.open = run.come_together();
+        run
     }
 
     /// Step by step.
@@ -239,8 +244,8 @@ impl<'s, 'e> Run<'s, 'e> {
     fn without_step(&self, (start, end): (f64, f64), settings: &Settings) -> Failure {
         let (time, span) = (start, settings.span);
         let rehearsed = self.rehearsed.as_ref();
-        let outside = rehearsed.and_then(|run| run.outside(start, end));
-        match (self.is_late(), outside) {
+        let ended = rehearsed.and_then(|run| run.ended(start, end));
+        match (self.is_late(), ended) {
             (true, _) => Failure::TimeLimit { time, span },
             (_, Some(failure)) => failure.clone(),
             _ => Failure::Unsolved { time, span },
@@ -284,7 +289,19 @@ impl<'s, 'e> Run<'s, 'e> {
             horizon: length,
             steps: 1,
         };
-        let (mpcc, layout) = discretize(&self.dcs, grid, &options).ok()?;
+        let (dcs, kept) = self.dcs.without_drift(self.system);
+        let (mut mpcc, layout) = discretize(&dcs, grid, &options).ok()?;
+        let closed = |rehearsed: &Rehearsed| rehearsed.closed(start, start + length, elements);
+        let closed = self.rehearsed.as_ref().map(closed).unwrap_or_default();
+        for (k, j) in layout.all_elements() {
+            for (c, kept) in kept.iter().enumerate() {
+                let is_closed = closed.get(j - 1).is_some_and(|closed| closed[c]);
+                for m in 1..=layout.nodes {
+                    let index = layout.z(k, j, m, kept.closed).expect("it is there at nodes");
+                    mpcc.fix(index, f64::from(u8::from(is_closed)));
+                }
+            }
+        }
         let mut program = mpcc.program().expect("kernels are smooth");
         let bounds = mpcc.bounds();
         let mut w: Vec<f64> = bounds.iter().map(|bounds| bounds.guess).collect();
@@ -314,13 +331,28 @@ impl<'s, 'e> Run<'s, 'e> {
             .residuals
             .violation
             .max(found.residuals.complementarity);
+        let (violation, is_feasible) = (off, found.is_feasible());
+        let step = Step { layout, w: found.w };
         let holds =
-            || self.stays_above(&layout, &found.w) && self.comes_to_rest(&layout, &found.w, start);
-        if !found.is_feasible() || off > FEASIBLE * size || !holds() {
+            || self.stays_above(&step.layout, &step.w) && self.comes_to_rest(&step, start);
+        #[allow(clippy::print_stderr)]
+        if std::env::var("DBG6").is_ok() {
+            eprintln!("step {start} {length} el {elements} status {:?} feas {} off {off:.2e} size {size} above {} rest {} viol {:?} it {}", found.status, is_feasible, self.stays_above(&step.layout, &step.w), self.comes_to_rest(&step, start), found.residuals, found.stats.iterations);
+            for (k, j) in step.layout.all_elements() {
+                let first = step.layout.impulses(k, j).unwrap_or(0);
+                eprintln!("  h {} imp {:?} guess h {} imp {:?}", step.w[step.layout.h(k,j)], &step.w[first..first + 2*self.dcs.impacts.len()], w[step.layout.h(k,j)], &w[first..first+2*self.dcs.impacts.len()]);
+                for m in 0..=step.layout.nodes {
+                    let z: Vec<f64> = (0..self.dcs.algebraics.len()).map(|i| step.layout.z(k,j,m,i).map_or(f64::NAN, |i| step.w[i])).collect();
+                    let z0: Vec<f64> = (0..self.dcs.algebraics.len()).map(|i| step.layout.z(k,j,m,i).map_or(f64::NAN, |i| w[i])).collect();
+                    eprintln!("    z {z:.3?}\n   z0 {z0:.3?}");
+                }
+            }
+        }
+        if !is_feasible || violation > FEASIBLE * size || !holds() {
             return None;
         }
-        self.violation = self.violation.max(off);
-        Some(Step { layout, w: found.w })
+        self.violation = self.violation.max(violation);
+        Some(step)
     }
 
     /// Gives the complementarity system the present state, and z the values there.
@@ -370,13 +402,12 @@ impl<'s, 'e> Run<'s, 'e> {
             if from == 0.0 && j == 1 {
                 elements.point(0.0, before, &alphas[0]);
             }
-            let first = layout.impulses(k, j).expect("contacts give impulses");
-            let struck = (0..self.dcs.impacts.len()).filter(|c| w[first + c] > IMPULSE);
-            let struck: Vec<usize> = struck.collect();
+            let struck = self.struck(step, (k, j), &self.open);
             if !struck.is_empty() {
                 elements.jump(from, struck.clone(), [before, after], &alphas[0]);
                 self.jumps.push((from, struck));
             }
+            self.open = self.opened(step, (k, j), &self.open);
             if to - from > SHORTEST * self.horizon {
                 let instants: Vec<f64> = layout
                     .points
