@@ -151,8 +151,12 @@ impl<'e> Rehearsed<'e> {
                 let struck: Vec<&String> =
                     (self.strikes.iter().filter(strikes).map(|strike| &strike.1)).collect();
                 // Of contacts that are closed already, those push whose law holds as an equation.
-                let before = self.at(start, start - INSIDE * h);
-                let before = before.filter(|_| !struck.is_empty());
+                let initial = || dcs.states.iter().map(|state| state.initial).collect();
+                let before = match j {
+                    1 => Some(initial()),
+                    _ => self.at(start, start - INSIDE * h).map(|(x, _)| x),
+                };
+                let before: Option<Vec<f64>> = before.filter(|_| !struck.is_empty());
                 for (c, impact) in dcs.impacts.iter().enumerate() {
                     let pushes = |before: &[f64]| {
                         let [old, new] = [before, &row].map(|x| self.known(start, x));
@@ -161,7 +165,7 @@ impl<'e> Rehearsed<'e> {
                         z[impact.gap] == 0.0 && law.abs() <= ROUNDING
                     };
                     let pushes = struck.contains(&&impact.name)
-                        || before.as_ref().is_some_and(|(before, _)| pushes(before));
+                        || before.as_ref().is_some_and(|before| pushes(before));
                     set(first + c, f64::from(u8::from(pushes)));
                     if let Some(friction) = &impact.friction {
                         let [above, below] = friction.multipliers.map(|i| z[i]);

@@ -1,9 +1,9 @@
 //! Polynomials in numerical time as polynomials in physical time, where the clock is slower.
 //!
-//! With t = c(τ) and the series of its inverse τ = g(t), a state x(τ) is x(g(t)). Contacts that last act on what those
-//! before them leave, x' = ϑ (..) + (1 - ϑ) a n, so that t' = Π ϑ, and contact k has the force
+//! With t = c(τ) and the series of its inverse τ = g(t), a state x(τ) is x(g(t)). Where contacts last,
+//! x' = Π ϑ_k f + Σ (1 - ϑ_k) a_k n_k and t' = Π ϑ_k, so that contact k has the force
 //!
-//! λ_k = a_k (1 - ϑ_k) Π_{j > k} ϑ_j g'(t).
+//! λ_k = a_k (1 - ϑ_k) g'(t).
 
 use nsd_solver::simulate::Polynomials;
 
@@ -26,8 +26,7 @@ pub(super) struct Stretched {
 }
 
 impl Stretched {
-    /// For the first states; `lasting` are contacts in the order in which they act, `places` say where other switches
-    /// are that slide.
+    /// For the first states; `lasting` are contacts, `places` say where other switches are that slide.
     pub fn new(
         inner: &dyn Polynomials,
         clock: usize,
@@ -46,8 +45,7 @@ impl Stretched {
         let closed = |k: usize| {
             let mut share: Vec<f64> = free[k].iter().map(|c| -lasting[k].strength * c).collect();
             share[0] += lasting[k].strength;
-            let after = free[k + 1..].iter();
-            let force = after.fold(product(&share, &pace), |force, free| product(&force, free));
+            let force = product(&share, &pace);
             let mut alpha: Vec<f64> = force.iter().map(|c| -c).collect();
             alpha[0] += 1.0;
             alpha
@@ -143,8 +141,7 @@ mod tests {
 
     #[test]
     fn contacts_that_last_together_have_forces_of_their_own() {
-        // x' = ϑ₂ (ϑ₁ f + (1 - ϑ₁) a₁ n₁) + (1 - ϑ₂) a₂ n₂ with ϑ = 3/4 and 1/2, t' = 3/8: in physical time the forces
-        // are a₁ (1/2)(1/4)/(3/8) and a₂ (1/2)/(3/8).
+        // ϑ = 3/4 and 1/2, t' = 3/8: in physical time the forces are a₁ (1/4)/(3/8) and a₂ (1/2)/(3/8).
         let inner = Two([vec![0.0, 0.375], vec![0.75, 0.0], vec![0.5, 0.0]]);
         let contact = |contact: usize, strength: f64| Lasting {
             contact,
@@ -156,7 +153,7 @@ mod tests {
             0,
             1,
             &[None, None],
-            &[contact(0, 6.0), contact(1, 9.0)],
+            &[contact(0, 3.0), contact(1, 9.0)],
         );
         assert!((1.0 - seen.alpha(0)[0] - 2.0).abs() <= 1e-14);
         assert!((1.0 - seen.alpha(1)[0] - 12.0).abs() <= 1e-14);

@@ -41,30 +41,30 @@ pub(super) struct Bounce<'e> {
     pub strength: Expr<'e>,
 }
 
-/// Adds the force of a contact to the rates, which stand still while it acts.
+/// Adds the force of a contact to the forces, and lets the rates stand still while it acts.
 pub(super) fn bounce<'e>(
     system: &System<'e>,
     contact: &Contact<'e>,
-    pace: f64,
-    rates: &mut [Expr<'e>],
+    (expected, pace): (f64, f64),
+    (rates, forces): (&mut [Expr<'e>], &mut [Expr<'e>]),
 ) -> Bounce<'e> {
     let old = &system.switches[contact.switch];
     let name = format!("depth[{}]", old.name);
     let p = system.exprs.variable(&name);
-    let (e, expected) = (contact.restitution, speed(system, contact, pace));
+    let e = contact.restitution;
     let a = (1.0 + e) * expected / (SHARE * pace);
     let apart = old.alpha;
     for rate in rates.iter_mut() {
         *rate = apart * *rate;
     }
     for &(state, push) in &contact.normal {
-        rates[state] = rates[state] + (1.0 - apart) * (push / contact.gain) * a;
+        forces[state] = forces[state] + (1.0 - apart) * (push / contact.gain) * a;
     }
     if let Some(friction) = &contact.friction {
         let sign = 2.0 * system.switches[friction.switch].alpha - 1.0;
         let strength = friction.coefficient * a / contact.gain;
         for &(state, push) in &friction.tangent {
-            rates[state] = rates[state] - (1.0 - apart) * strength * push * sign;
+            forces[state] = forces[state] - (1.0 - apart) * strength * push * sign;
         }
     }
     let square = (1.0 + e).powi(2) * contact.speed.powi(2) - (4.0 * e * (1.0 + e) * a) * p;
@@ -89,17 +89,28 @@ pub(super) fn bounce<'e>(
     }
 }
 
-/// The speed with which a contact is expected to close: that of a free fall from the start, if nothing is faster.
-fn speed(system: &System<'_>, contact: &Contact<'_>, pace: f64) -> f64 {
+/// The speeds with which contacts are expected to close: that of a free fall from the start, if nothing is faster, and
+/// that of the fastest of all others where nothing moves a contact by itself.
+pub(super) fn speeds<'e>(system: &System<'e>, contacts: &[Contact<'e>], pace: f64) -> Vec<f64> {
     let start = Start::of(system);
-    let gap = start.value(contact.gap).abs();
-    let fall = (2.0 * start.acceleration(contact.speed).abs() * gap).sqrt();
-    let known = [start.value(contact.speed).abs(), fall];
-    let known = known.into_iter().filter(|speed| speed.is_finite());
-    let fastest = known.fold(0.0, f64::max);
-    match gap / pace {
+    let own = |contact: &Contact<'e>| {
+        let fall = (2.0 * start.acceleration(contact.speed).abs() * gap(&start, contact)).sqrt();
+        let known = [start.value(contact.speed).abs(), fall];
+        let known = known.into_iter().filter(|speed| speed.is_finite());
+        known.fold(0.0, f64::max)
+    };
+    let own: Vec<f64> = contacts.iter().map(own).collect();
+    let fastest = own.iter().copied().fold(0.0, f64::max);
+    let expected = |(contact, &own): (&Contact<'e>, &f64)| match gap(&start, contact) / pace {
+        _ if own > 0.0 => own,
         _ if fastest > 0.0 => fastest,
         crossing if crossing > 0.0 && crossing.is_finite() => crossing,
         _ => 1.0 / pace,
-    }
+    };
+    contacts.iter().zip(&own).map(expected).collect()
+}
+
+/// The distance at the start.
+fn gap<'e>(start: &Start<'_, 'e>, contact: &Contact<'e>) -> f64 {
+    start.value(contact.gap).abs()
 }

@@ -154,11 +154,13 @@ pub fn freeze<'e>(system: &System<'e>, pace: f64) -> Result<Frozen<'e>, SystemEr
         added.push(cells.memory);
         partitions.push(cells.partition);
     }
-    for contact in &contacts {
+    let speeds = bounce::speeds(system, &contacts, pace);
+    let mut forces = vec![exprs.constant(0.0); rates.len()];
+    for (contact, expected) in contacts.iter().zip(speeds) {
         let switch = switches.len();
         let strength;
         let rest = if contact.is_inelastic() {
-            let rest = rest::rest(system, contact, pace, &mut rates);
+            let rest = rest::rest(system, contact, pace, (&mut rates, &mut forces));
             switches.extend(rest.switches);
             strength = exprs.constant(rest.strength);
             Some(Rest {
@@ -166,7 +168,12 @@ pub fn freeze<'e>(system: &System<'e>, pace: f64) -> Result<Frozen<'e>, SystemEr
                 cone: rest.cone,
             })
         } else {
-            let bounce = bounce::bounce(system, contact, pace, &mut rates);
+            let bounce = bounce::bounce(
+                system,
+                contact,
+                (expected, pace),
+                (&mut rates, &mut forces),
+            );
             switches.push(bounce.switch);
             added.push(bounce.state);
             strength = bounce.strength;
@@ -183,6 +190,10 @@ pub fn freeze<'e>(system: &System<'e>, pace: f64) -> Result<Frozen<'e>, SystemEr
                 .map(|friction| friction.coefficient),
             rest,
         });
+    }
+
+    for (rate, force) in rates.iter_mut().zip(forces) {
+        *rate = *rate + force;
     }
 
     let clock = State {

@@ -4,7 +4,8 @@
 //!
 //! x' = ϑ f + (1 - ϑ) a M⁻¹(J_n - μ (2α_t - 1) J_t),   t' = ϑ,
 //!
-//! where the second term acts on velocities alone. At an impact ϑ = 0 until J_nᵀv = 0, and the impulse keeps to
+//! where the second term acts on velocities alone; of several contacts there are all their second terms, and f has the
+//! product of their weights. At an impact ϑ = 0 until J_nᵀv = 0, and the impulse keeps to
 //! Coulomb's law. A contact that lasts is the sliding mode on J_nᵀv = 0, with the force λ_n = a (1 - ϑ)/ϑ in
 //! physical time; there the clock is slower than numerical time, t' = a G/(a G - φ) for a free acceleration φ < 0.
 //! It needs J_nᵀM⁻¹(J_n ∓ μ J_t) > 0 (Painlevé).
@@ -30,12 +31,12 @@ pub(super) struct Rest<'e> {
     pub cone: Vec<Expr<'e>>,
 }
 
-/// Adds the auxiliary forces of a contact to the rates, which are slowed down.
+/// Adds the auxiliary forces of a contact to the forces, and slows down the rates.
 pub(super) fn rest<'e>(
     system: &System<'e>,
     contact: &Contact<'e>,
     pace: f64,
-    rates: &mut [Expr<'e>],
+    (rates, forces): (&mut [Expr<'e>], &mut [Expr<'e>]),
 ) -> Rest<'e> {
     let exprs = system.exprs;
     let old = &system.switches[contact.switch];
@@ -47,14 +48,14 @@ pub(super) fn rest<'e>(
         *rate = free * *rate;
     }
     for &(state, push) in &contact.normal {
-        rates[state] = rates[state] + (1.0 - free) * (strength * push);
+        forces[state] = forces[state] + (1.0 - free) * (strength * push);
     }
     let mut cone = vec![contact.gain];
     if let Some(friction) = &contact.friction {
         let sign = 2.0 * system.switches[friction.switch].alpha - 1.0;
         for &(state, push) in &friction.tangent {
             let drag = strength * friction.coefficient * push * sign;
-            rates[state] = rates[state] - (1.0 - free) * drag;
+            forces[state] = forces[state] - (1.0 - free) * drag;
         }
         let terms = friction.tangent.iter();
         let across = terms.map(|&(state, push)| slope(system, contact.speed, state) * push);

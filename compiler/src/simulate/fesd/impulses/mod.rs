@@ -88,11 +88,16 @@ pub(in crate::simulate) fn run(
     let started = Instant::now();
     let deadline = request.time_limit.map(|limit| started + limit);
     let mut steps = options.steps.unwrap_or(STEPS);
+    // With as many elements, twice as many steps could cut an interval between two events as before.
+    let finer = FesdOptions {
+        elements: options.elements + 1,
+        ..*options
+    };
     let (coarse, elements, failure, estimate) = loop {
         let mut coarse = Run::new(system, settings, options, steps, deadline);
         let (elements, failure) = coarse.integrate(settings, watch, false);
         let estimate = (failure.is_none() && request.estimate).then(|| {
-            let mut fine = Run::new(system, settings, options, 2 * steps, deadline);
+            let mut fine = Run::new(system, settings, &finer, 2 * steps, deadline);
             let (_, ended) = fine.integrate(settings, watch, true);
             coarse.compare(&fine, ended.is_none())
         });
