@@ -186,12 +186,15 @@ fn lowered(
     diags: &mut Diagnostics,
 ) -> Option<Result<Printed, Refused>> {
     let (system, settings) = (&compiled.lowered(), &compiled.settings);
+    if ir == Ir::Tex {
+        let text = dcs::tex(system, &settings.lowerings);
+        let text = text.map_err(|error| diags.push(error)).ok()?;
+        return Some(Ok(Printed::of(text)));
+    }
     let dcs = dcs::lower(system, &settings.lowerings);
     let dcs = dcs.map_err(|error| diags.push(error)).ok()?;
-    match ir {
-        Ir::Dcs => return Some(Ok(Printed::of(dcs))),
-        Ir::Tex => return Some(Ok(Printed::of(dcs::tex(&dcs)))),
-        _ => {}
+    if ir == Ir::Dcs {
+        return Some(Ok(Printed::of(dcs)));
     }
     // Of an optimization it is known that a step needs one piece of them.
     if let Some(data) = system.data.first().filter(|_| settings.optimize.is_none()) {

@@ -20,6 +20,39 @@ pub struct Choice {
 
 /// Lowers in the formulation that the experiment asks for, else in the one of [`choose`]; the reason is printed.
 pub fn lower<'e>(system: &System<'e>, lowerings: &[Lowering]) -> Result<Dcs<'e>, DcsError> {
+    lower_taking(system, lowerings, takes(lowerings))
+}
+
+/// The same for a reader, who takes jumps as they are: what they do is not in it.
+pub(super) fn lower_with_jumps<'e>(
+    system: &System<'e>,
+    lowerings: &[Lowering],
+) -> Result<Dcs<'e>, DcsError> {
+    lower_taking(system, lowerings, Takes::Jumps)
+}
+
+/// What is known to those who take a DCS besides rates.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Takes {
+    Rates,
+    /// Impulses of contacts, too.
+    Impulses,
+    /// All jumps of states.
+    Jumps,
+}
+
+fn takes(lowerings: &[Lowering]) -> Takes {
+    match lowerings.contains(&Lowering::Impact) {
+        true => Takes::Impulses,
+        false => Takes::Rates,
+    }
+}
+
+fn lower_taking<'e>(
+    system: &System<'e>,
+    lowerings: &[Lowering],
+    takes: Takes,
+) -> Result<Dcs<'e>, DcsError> {
     let asked = asked(lowerings).map(|formulation| Choice {
         formulation,
         reason: "asked for by the experiment".to_owned(),
@@ -28,8 +61,7 @@ pub fn lower<'e>(system: &System<'e>, lowerings: &[Lowering]) -> Result<Dcs<'e>,
         formulation,
         reason,
     } = asked.unwrap_or_else(|| choose(system));
-    let jumps = lowerings.contains(&Lowering::Impact);
-    let mut dcs = lowered(system, formulation, jumps)?;
+    let mut dcs = lowered(system, formulation, takes)?;
     dcs.reason = Some(reason);
     Ok(dcs)
 }
@@ -42,7 +74,7 @@ pub fn check(system: &System, lowerings: &[Lowering], needs: bool) -> Result<(),
         None => choose(system).formulation,
         Some(formulation) => formulation,
     };
-    is_without_memory(system, lowerings.contains(&Lowering::Impact))?;
+    is_without_memory(system, takes(lowerings))?;
     match formulation {
         Formulation::Stewart => signs::check(system).and_then(|()| is_bilateral(system)),
         Formulation::Step => Ok(()),
@@ -51,14 +83,15 @@ pub fn check(system: &System, lowerings: &[Lowering], needs: bool) -> Result<(),
 
 /// A relay depends on the past, which complementarity knows nothing of, and a jump has no rate; one of a contact is
 /// an impulse, where these are taken.
-fn is_without_memory(system: &System, takes_impulses: bool) -> Result<(), DcsError> {
+fn is_without_memory(system: &System, takes: Takes) -> Result<(), DcsError> {
     let law = || {
         let laws = system.laws.iter();
         laws.map(|law| (law.name.as_str(), law.span)).next()
     };
-    let jump = match takes_impulses {
-        true => law(),
-        false => system.first_jump(),
+    let jump = match takes {
+        Takes::Rates => system.first_jump(),
+        Takes::Impulses => law(),
+        Takes::Jumps => None,
     };
     if let Some((name, span)) = jump {
         return Err(DcsError::Jump {
@@ -107,16 +140,16 @@ fn asked(lowerings: &[Lowering]) -> Option<Formulation> {
 
 /// Lowers in the given formulation.
 pub fn lower_as<'e>(system: &System<'e>, formulation: Formulation) -> Result<Dcs<'e>, DcsError> {
-    lowered(system, formulation, false)
+    lowered(system, formulation, Takes::Rates)
 }
 
 /// Lowers in the given formulation, contacts with impulses where these are taken.
 fn lowered<'e>(
     system: &System<'e>,
     formulation: Formulation,
-    takes_impulses: bool,
+    takes: Takes,
 ) -> Result<Dcs<'e>, DcsError> {
-    is_without_memory(system, takes_impulses)?;
+    is_without_memory(system, takes)?;
     let mut dcs = match formulation {
         Formulation::Stewart => {
             is_bilateral(system)?;
@@ -148,7 +181,8 @@ pub fn choose(system: &System) -> Choice {
         return choice(Formulation::Stewart, "the system has no switch");
     }
     if system.switches.iter().any(|switch| switch.unilateral) {
-        let reason = match system.contacts.is_empty() {
+        let strikes = system.laws.iter().any(|law| law.strikes.is_some());
+        let reason = match system.contacts.is_empty() && !strikes {
             true => "projections are stated by forces",
             false => "contacts are stated by forces",
         };

@@ -65,6 +65,8 @@ pub struct Settings {
     pub max_events: usize,
     /// Wall time after which the run stops.
     pub time_limit: Option<Duration>,
+    /// Switches that are below their surface where several sets go on that differ in them.
+    pub below: Vec<usize>,
 }
 
 impl Settings {
@@ -77,6 +79,7 @@ impl Settings {
             max_elements: 10_000_000,
             max_events: 1_000_000,
             time_limit: None,
+            below: Vec::new(),
         }
     }
 }
@@ -441,6 +444,21 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
         });
         self.known.insert(zeros.to_vec(), place);
         place
+    }
+
+    /// The only one of several modes in which the switches that are to be below their surfaces are.
+    fn preferred(&self, modes: &[usize]) -> Option<usize> {
+        let below = &self.settings.below;
+        let is_it = |mode: &usize| {
+            let sides = &self.modes[*mode].element.reduced.sides;
+            below.iter().all(|&switch| {
+                let of = |mode: &usize| self.modes[*mode].element.reduced.sides[switch];
+                sides[switch] == Side::Minus || modes.iter().all(|mode| of(mode) == sides[switch])
+            })
+        };
+        let mut found = (0..modes.len()).filter(|&at| is_it(&modes[at]));
+        let first = found.next().filter(|_| !below.is_empty())?;
+        found.next().is_none().then_some(first)
     }
 
     /// The switches that slide in some of several modes, or are on different sides, with their sides

@@ -154,10 +154,15 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 None => Err(self.nothing(run, &found)),
             },
             _ => {
+                accepted.retain(|choice| self.mode(&choice.zeros).is_some());
                 let modes = accepted
                     .iter()
                     .filter_map(|choice| self.mode(&choice.zeros));
                 let modes: Vec<usize> = modes.collect();
+                if let Some(at) = self.preferred(&modes) {
+                    run.rungs.tried += 1;
+                    return self.take(run, accepted.swap_remove(at), bands);
+                }
                 let candidates = self.candidates(&modes);
                 Err(match candidates.iter().all(Vec::is_empty) {
                     true => Status::Unweighted {

@@ -9,7 +9,7 @@ use super::judge::{Check, Verdict};
 use super::jump::{Met, TOUCH};
 use super::mode::Mode;
 use super::state::{Entry, State};
-use super::{Note, Role, Side, Simulator, Status, SwitchedSystem};
+use super::{Note, Role, Settings, Side, Simulator, Status, SwitchedSystem};
 
 /// One way to go on: the sides of the switches that meet.
 pub type Candidate = Vec<(usize, Side)>;
@@ -207,8 +207,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     /// The sides asked for at a non-unique point: one for all, or one for each of the switches
     /// `decided` there, in order.
     pub(super) fn wanted(&self, group: &[usize], decided: &[usize]) -> Vec<Option<Side>> {
-        let branch = &self.settings.branch;
+        let Settings { branch, below, .. } = &self.settings;
         let of_switch = |i: &usize| match branch[..] {
+            [] => below.contains(i).then_some(Side::Minus),
             [side] => Some(side),
             _ => branch.get(decided.binary_search(i).ok()?).copied(),
         };
@@ -390,7 +391,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 Some(_) => {}
             }
             // Without a choice of branch, it is enough to know that there are several.
-            if valid.len() >= MAX_NAMED && self.settings.branch.is_empty() {
+            let Settings { branch, below, .. } = &self.settings;
+            if valid.len() >= MAX_NAMED && branch.is_empty() && below.is_empty() {
                 break;
             }
         }

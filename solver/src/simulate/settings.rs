@@ -20,6 +20,9 @@ pub struct Settings {
     /// Sides to take at a non-unique point: one for all switches that are decided there, or one for
     /// each, in order.
     pub branch: Vec<Side>,
+    /// Switches that are below their surface at such a point, where no branch says more: what acts there keeps them on
+    /// it, and the states of other solutions only look as if it did not.
+    pub below: Vec<usize>,
     /// Unmodelled errors.
     pub kicks: Option<Kicks>,
 }
@@ -33,6 +36,7 @@ impl Default for Settings {
             max_events: 1_000_000,
             time_limit: None,
             branch: Vec::new(),
+            below: Vec::new(),
             kicks: None,
         }
     }

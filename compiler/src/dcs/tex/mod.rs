@@ -1,20 +1,32 @@
 //! A DCS as LaTeX: one `align*` environment of amsmath.
 
+mod jumps;
 mod names;
 
 use std::collections::HashMap;
 
 use crate::expr::{BinaryFunction, Expr, Function, Node, rewrite};
 
-use super::Dcs;
+use super::{Dcs, DcsError, auto};
+use crate::system::System;
+use crate::system::experiment::Lowering;
 use names::{name, name_parts, number};
 
 /// A formula with a longer text gets a symbol, and the symbol an equation of its own.
 const LONGEST: usize = 4000;
 
-/// The equations of a DCS, ready to be included where amsmath is loaded.
-pub fn tex(dcs: &Dcs) -> String {
+/// The equations of a system, ready to be included where amsmath is loaded. Contacts are stated by forces and impulses,
+/// and other jumps by their laws, whatever method runs them.
+pub fn tex(system: &System, lowerings: &[Lowering]) -> Result<String, DcsError> {
+    let dcs = auto::lower_with_jumps(system, lowerings)?;
     let mut writer = Writer::default();
+    let mut jumps = jumps::impulses(&dcs, &mut writer);
+    jumps.extend(jumps::laws(system, &dcs, &mut writer));
+    Ok(equations(&dcs, writer, jumps))
+}
+
+/// The equations of a DCS, and lines about jumps.
+fn equations<'e>(dcs: &Dcs<'e>, mut writer: Writer<'e>, jumps: Vec<String>) -> String {
     let mut lines = Vec::new();
     for (state, &rate) in dcs.states.iter().zip(&dcs.rates) {
         lines.push(format!(
@@ -30,6 +42,8 @@ pub fn tex(dcs: &Dcs) -> String {
         let (left, right) = (writer.formula(pair.left), writer.formula(pair.right));
         lines.push(format!("0 &\\le {left} \\perp {right} \\ge 0"));
     }
+    let has_jumps = !jumps.is_empty();
+    lines.extend(jumps);
     lines.extend(writer.definitions);
 
     // A comment ends with its line.
@@ -37,9 +51,13 @@ pub fn tex(dcs: &Dcs) -> String {
         let reason = reason.replace(['\n', '\r'], " ");
         format!("% {}: {reason}\n", dcs.formulation)
     });
+    let legend = match has_jumps {
+        true => "% where states jump, - is before and + behind\n",
+        false => "",
+    };
     let lines = lines.join(" \\\\\n");
     format!(
-        "{}\\begin{{align*}}\n{lines}\n\\end{{align*}}\n",
+        "{}{legend}\\begin{{align*}}\n{lines}\n\\end{{align*}}\n",
         comment.unwrap_or_default()
     )
 }
@@ -95,6 +113,12 @@ impl<'e> Writer<'e> {
             e
         });
         self.pieces[&expr].text.clone()
+    }
+
+    /// The same as a part of a formula that binds so tightly.
+    fn within(&mut self, expr: Expr<'e>, outer: Binding) -> String {
+        self.formula(expr);
+        self.pieces[&expr].within(outer)
     }
 
     fn define(&mut self, piece: Piece) -> Piece {

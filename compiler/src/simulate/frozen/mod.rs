@@ -54,7 +54,7 @@ pub(super) fn run(
     let frozen = freeze(system, settings.pace());
     let frozen = frozen.expect("compilation has checked that the system can be frozen");
     let road = Road::new(&frozen, settings);
-    let jumping = frozen.meet.then(|| Switched::new(system));
+    let jumping = frozen.meeting.is_open.then(|| Switched::new(system));
     let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
     let left = || {
         let limit = request.time_limit?;
@@ -160,6 +160,8 @@ impl<'e> Road<'e> {
         // All runs together have the time that is given.
         let left = || Some(time_limit?.saturating_sub(started.elapsed()));
         let horizon = settings.horizon;
+        // Gaps stand still at zero while contacts act on each other: these are closed.
+        let below: Vec<usize> = frozen.contacts.iter().map(|contact| contact.switch).collect();
         let law = jumping.map(|jumping| -> Box<Law> {
             Box::new(move |t: f64, x: &[f64]| impact(jumping, horizon, t, x))
         });
@@ -170,11 +172,13 @@ impl<'e> Road<'e> {
                     chosen = finer(&chosen, order, tolerance);
                 }
                 chosen.time_limit = left();
+                chosen.below.clone_from(&below);
                 Simulator::new(&**switched, chosen).run(0.0, end, x, thaw)
             }),
             Road::Elements(complementarity, options, _) => {
                 drive(frozen, horizon, observer, law, |end, x, thaw| {
                     let settings = elements::Settings {
+                        below: below.clone(),
                         time_limit: left(),
                         grid: grid(options, tolerance, fine, end / horizon),
                         ..elements::Settings::new(options.scheme.0, options.scheme.1)

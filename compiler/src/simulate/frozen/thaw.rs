@@ -24,6 +24,8 @@ const LONGER: f64 = 4.0;
 const CORRECTIONS: usize = 8;
 /// Bounces this close, relative to the horizon, that become ever closer are on their way to a Zeno point.
 const DENSE: f64 = 1e-6;
+/// A gap is closed below this.
+const CLOSED: f64 = 1e-8;
 /// How much the ratio of successive intervals may still change where they are.
 const SETTLED: f64 = 0.1;
 /// Velocities behind an impact differ from those of its law by less, relative to the largest state.
@@ -168,7 +170,7 @@ impl<'t, 'e> Thaw<'t, 'e> {
     }
 
     /// Why time does not go on where a contact has struck, at a state of the frozen system: its friction is negative,
-    /// or closes it whatever pushes.
+    /// or closes it whatever pushes, or another one is closed that it acts on, with friction.
     fn refused(&self, x: &[f64]) -> Option<End> {
         let params = &self.frozen.system.params;
         let value = |var: Var| match self.state_of.get(&var) {
@@ -178,6 +180,15 @@ impl<'t, 'e> Thaw<'t, 'e> {
                 param.map_or(f64::NAN, |param| param.value)
             }
         };
+        let strikes = |contact: usize| self.fired.contains(&self.frozen.contacts[contact].law);
+        let is_closed = |contact: usize| {
+            let switch = self.frozen.contacts[contact].switch;
+            self.frozen.system.switches[switch].psi.eval(&value) <= CLOSED
+        };
+        let mut rough = self.frozen.meeting.rough.iter();
+        if rough.any(|&[a, b]| strikes(a) && is_closed(b) || strikes(b) && is_closed(a)) {
+            return Some(End::Unlawful);
+        }
         let contacts = self.frozen.contacts.iter();
         let mut struck = contacts.filter(|contact| self.fired.contains(&contact.law));
         struck.find_map(|contact| {

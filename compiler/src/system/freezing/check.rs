@@ -1,7 +1,7 @@
 //! What cannot be frozen.
 
 use super::contact::{Contact, refused};
-use super::{alpha, numbers, slope};
+use super::{Meeting, alpha, numbers, slope};
 use crate::expr::{Expr, Var, variables_of};
 use crate::system::affine::at;
 use crate::system::{Role, System, SystemError};
@@ -66,13 +66,13 @@ pub(super) fn check(system: &System<'_>) -> Result<(), SystemError> {
     Ok(())
 }
 
-/// Whether contacts may be closed at once and act on each other, or friction on a gap that it closes: one force after
-/// the other is Newton's law of an impact in some cases, and not in all. A run looks; in an optimization they are
-/// refused.
+/// What a run has to look at: contacts may be closed at once and act on each other, or friction acts on the gap of its
+/// contact. One force after the other is then the law of the impact in some cases, and not in all. In an optimization
+/// contacts that act on each other are refused.
 pub(super) fn together<'e>(
     system: &System<'e>,
     contacts: &[Contact<'e>],
-) -> Result<bool, SystemError> {
+) -> Result<Meeting, SystemError> {
     let numbers = numbers(system);
     let effect = |on: &Contact<'e>, terms: &[(usize, Expr<'e>)]| {
         let terms = terms.iter().copied();
@@ -86,12 +86,15 @@ pub(super) fn together<'e>(
     let acts = |by: &Contact<'e>, on: &Contact<'e>| {
         !effect(on, &by.normal).is_zero() || !effect(on, &tangent(by)).is_zero()
     };
-    let mut meet = contacts.iter().any(|contact| {
-        let pushes = effect(contact, &tangent(contact));
-        !pushes.is_zero()
-    });
+    let mut meeting = Meeting {
+        is_open: contacts.iter().any(|contact| {
+            let pushes = effect(contact, &tangent(contact));
+            !pushes.is_zero()
+        }),
+        rough: Vec::new(),
+    };
     for (j, second) in contacts.iter().enumerate() {
-        for first in &contacts[..j] {
+        for (i, first) in contacts[..j].iter().enumerate() {
             let apart = (first.gap + second.gap).substitute(&numbers).as_constant();
             let never = apart.is_some_and(|sum| sum > 0.0);
             if never || !acts(first, second) && !acts(second, first) {
@@ -104,8 +107,11 @@ pub(super) fn together<'e>(
                     format!("contacts `{one}` and `{other}`, which may close at once, in `optimize`");
                 return Err(refused(what, second.span));
             }
-            meet = true;
+            meeting.is_open = true;
+            if first.friction.is_some() || second.friction.is_some() {
+                meeting.rough.push([i, j]);
+            }
         }
     }
-    Ok(meet)
+    Ok(meeting)
 }

@@ -39,8 +39,17 @@ pub struct Frozen<'e> {
     pub relays: Vec<Memory>,
     /// The contacts.
     pub contacts: Vec<Impact<'e>>,
-    /// Whether what forces do to velocities while the clock stands still may not be the law of the impact.
-    pub meet: bool,
+    /// What contacts do to each other.
+    pub meeting: Meeting,
+}
+
+/// Whether what forces do to velocities while the clock stands still is the law of the impact.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Meeting {
+    /// Nothing says so beforehand.
+    pub is_open: bool,
+    /// Pairs of contacts that act on each other, one of them with friction: no motion is known for both at once.
+    pub rough: Vec<[usize; 2]>,
 }
 
 /// A relay that has become a state.
@@ -83,7 +92,7 @@ pub fn freeze<'e>(system: &System<'e>, pace: f64) -> Result<Frozen<'e>, SystemEr
     check::check(system)?;
     let exprs = system.exprs;
     let contacts = contact::contacts(system)?;
-    let meet = check::together(system, &contacts)?;
+    let meeting = check::together(system, &contacts)?;
     let relays = (0..system.switches.len()).filter(|&k| system.switches[k].relay.is_some());
     let relays: Vec<usize> = relays.collect();
 
@@ -105,7 +114,7 @@ pub fn freeze<'e>(system: &System<'e>, pace: f64) -> Result<Frozen<'e>, SystemEr
         places: vec![None; system.switches.len()],
         relays: Vec::new(),
         contacts: Vec::new(),
-        meet,
+        meeting,
     };
     let mut switches: Vec<Switch<'e>> = Vec::new();
     for (k, switch) in system.switches.iter().enumerate() {
