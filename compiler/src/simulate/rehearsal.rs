@@ -92,7 +92,10 @@ impl<'e> Rehearsed<'e> {
                 let alphas = alphas.as_ref();
                 alphas.is_some_and(|alphas| 1.0 - alphas[switch] > ROUNDING)
             };
-            contacts.iter().map(|contact| pushes(contact.switch)).collect()
+            contacts
+                .iter()
+                .map(|contact| pushes(contact.switch))
+                .collect()
         };
         lengths.into_iter().map(of).collect()
     }

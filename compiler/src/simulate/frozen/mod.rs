@@ -6,9 +6,9 @@ mod thaw;
 
 use std::time::{Duration, Instant};
 
+use law::impact;
 use nsd_solver::fesd::{self as elements, Grid};
 use nsd_solver::simulate::{Coefficient, Observer, Outcome, Simulator, Status};
-use law::impact;
 use thaw::{End, Law, drive};
 
 use super::fesd::{Complementarity, estimate, judge_grid};
@@ -66,13 +66,25 @@ pub(super) fn run(
         let mut recorder = Recorder::new(system, settings, tolerance, request.dense);
         let mut watched = Watched::new(&mut recorder, horizon, false, watch);
         let run = (tolerance, false);
-        let found = road.run((&frozen, jumping.as_ref()), settings, run, left(), &mut watched);
+        let found = road.run(
+            (&frozen, jumping.as_ref()),
+            settings,
+            run,
+            left(),
+            &mut watched,
+        );
         let wanted = request.estimate && found.outcome.status != Status::TimeLimit;
         let estimated = wanted.then(|| {
             let mut comparison = Comparison::new(&recorder, &x0);
             let mut watched = Watched::new(&mut comparison, horizon, true, watch);
             let run = (tolerance, true);
-            let fine = road.run((&frozen, jumping.as_ref()), settings, run, left(), &mut watched);
+            let fine = road.run(
+                (&frozen, jumping.as_ref()),
+                settings,
+                run,
+                left(),
+                &mut watched,
+            );
             estimate(
                 system,
                 &comparison,
@@ -161,7 +173,11 @@ impl<'e> Road<'e> {
         let left = || Some(time_limit?.saturating_sub(started.elapsed()));
         let horizon = settings.horizon;
         // Gaps stand still at zero while contacts act on each other: these are closed.
-        let below: Vec<usize> = frozen.contacts.iter().map(|contact| contact.switch).collect();
+        let below: Vec<usize> = frozen
+            .contacts
+            .iter()
+            .map(|contact| contact.switch)
+            .collect();
         let law = jumping.map(|jumping| -> Box<Law> {
             Box::new(move |t: f64, x: &[f64]| impact(jumping, horizon, t, x))
         });

@@ -237,7 +237,11 @@ impl<'t, 'e> Thaw<'t, 'e> {
         if self.fired.is_empty() {
             return true;
         }
-        let size = self.x.iter().chain(before).fold(1.0, |m: f64, x| m.max(x.abs()));
+        let size = self
+            .x
+            .iter()
+            .chain(before)
+            .fold(1.0, |m: f64, x| m.max(x.abs()));
         let exact = law(self.t, before);
         let exact = exact.as_ref().unwrap_or(before);
         let mut both = exact.iter().zip(&self.x);

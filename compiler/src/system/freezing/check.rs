@@ -103,8 +103,9 @@ pub(super) fn together<'e>(
             if system.task.is_some() {
                 let name = |contact: &Contact<'e>| &system.switches[contact.switch].name;
                 let (one, other) = (name(first), name(second));
-                let what =
-                    format!("contacts `{one}` and `{other}`, which may close at once, in `optimize`");
+                let what = format!(
+                    "contacts `{one}` and `{other}`, which may close at once, in `optimize`"
+                );
                 return Err(refused(what, second.span));
             }
             meeting.is_open = true;

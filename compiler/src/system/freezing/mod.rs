@@ -177,12 +177,8 @@ pub fn freeze<'e>(system: &System<'e>, pace: f64) -> Result<Frozen<'e>, SystemEr
                 cone: rest.cone,
             })
         } else {
-            let bounce = bounce::bounce(
-                system,
-                contact,
-                (expected, pace),
-                (&mut rates, &mut forces),
-            );
+            let bounce =
+                bounce::bounce(system, contact, (expected, pace), (&mut rates, &mut forces));
             switches.push(bounce.switch);
             added.push(bounce.state);
             strength = bounce.strength;

@@ -5,7 +5,7 @@ use nsd_solver::simulate::Coefficient;
 
 use super::super::super::outcome::outside;
 use super::{CLOSED, IMPULSE, Run, SHORTEST, Step};
-use crate::discretize::{Layout, WINDOW};
+use crate::discretize::WINDOW;
 use crate::expr::{Expr, Var};
 use crate::report::Failure;
 
@@ -18,7 +18,7 @@ const LOOKS: usize = 8;
 
 impl Run<'_, '_> {
     /// Whether no gap is below zero between the nodes.
-    pub(super) fn stays_above(&self, layout: &Layout, w: &[f64]) -> bool {
+    pub(super) fn stays_above(&self, Step { layout, w }: &Step) -> bool {
         let basis = |tau: f64| nsd_solver::tableau::lagrange(&layout.points, &[tau]);
         let weights: Vec<Vec<f64>> = (1..LOOKS).map(|i| basis(i as f64 / LOOKS as f64)).collect();
         let gaps: Vec<usize> = self.dcs.impacts.iter().map(|impact| impact.gap).collect();
@@ -61,9 +61,7 @@ impl Run<'_, '_> {
                         .map_or(0.0, |index| w[index])
                 };
                 let is_closed = (1..=layout.nodes).any(|m| force(m) > IMPULSE);
-                !is_closed
-                    || lasts && !open[c]
-                    || impact.speed.eval(&value).abs() <= least * size
+                !is_closed || lasts && !open[c] || impact.speed.eval(&value).abs() <= least * size
             });
             open = self.opened(step, (k, j), &open);
             holds

@@ -2,7 +2,8 @@
 //!
 //! Each step of the grid is the program of an optimal control problem with nothing to control: elements, impulses where
 //! they meet, and complementarity (Nurkanović, Frey, Pozharskiy & Diehl 2024). A run from
-//! event to event says which branch of it is solved first; then the relaxed program is, and then one with more
+//! event to event says which branch of it is solved first, and in which elements contacts stay closed, where the rates
+//! of their gaps vanish at the nodes, too (`dcs/drift.rs`); then the relaxed program is solved, and then one with more
 //! elements: a step with r switches and impacts needs r + 1.
 //! Pairs are sums over an element, and lengths are equal where nothing happens between them, whatever `cross` and
 //! `equilibration` say of the printed form: its solutions are the same.
@@ -77,7 +78,8 @@ struct Step {
     w: Vec<f64>,
 }
 
-/// Integrates over the horizon of the experiment, and again over twice as many steps for an estimate of the error.
+/// Integrates over the horizon of the experiment, and again over twice as many steps, each of one
+/// element more, for an estimate of the error.
 pub(in crate::simulate) fn run(
     system: &System,
     settings: &Settings,
@@ -302,7 +304,9 @@ impl<'s, 'e> Run<'s, 'e> {
             for (c, kept) in kept.iter().enumerate() {
                 let is_closed = closed.get(j - 1).is_some_and(|closed| closed[c]);
                 for m in 1..=layout.nodes {
-                    let index = layout.z(k, j, m, kept.closed).expect("it is there at nodes");
+                    let index = layout
+                        .z(k, j, m, kept.closed)
+                        .expect("it is there at nodes");
                     mpcc.fix(index, f64::from(u8::from(is_closed)));
                 }
             }
@@ -332,27 +336,11 @@ impl<'s, 'e> Run<'s, 'e> {
         self.iterations += found.stats.iterations as u64;
         self.relaxed += found.stats.relaxed as u64;
         let size = self.x.iter().fold(1.0, |m: f64, x| m.max(x.abs()));
-        let off = found
-            .residuals
-            .violation
-            .max(found.residuals.complementarity);
-        let (violation, is_feasible) = (off, found.is_feasible());
+        let residuals = &found.residuals;
+        let violation = residuals.violation.max(residuals.complementarity);
+        let is_feasible = found.is_feasible();
         let step = Step { layout, w: found.w };
-        let holds =
-            || self.stays_above(&step.layout, &step.w) && self.comes_to_rest(&step, start);
-        #[allow(clippy::print_stderr)]
-        if std::env::var("DBG6").is_ok() {
-            eprintln!("step {start} {length} el {elements} status {:?} feas {} off {off:.2e} size {size} above {} rest {} viol {:?} it {}", found.status, is_feasible, self.stays_above(&step.layout, &step.w), self.comes_to_rest(&step, start), found.residuals, found.stats.iterations);
-            for (k, j) in step.layout.all_elements() {
-                let first = step.layout.impulses(k, j).unwrap_or(0);
-                eprintln!("  h {} imp {:?} guess h {} imp {:?}", step.w[step.layout.h(k,j)], &step.w[first..first + 2*self.dcs.impacts.len()], w[step.layout.h(k,j)], &w[first..first+2*self.dcs.impacts.len()]);
-                for m in 0..=step.layout.nodes {
-                    let z: Vec<f64> = (0..self.dcs.algebraics.len()).map(|i| step.layout.z(k,j,m,i).map_or(f64::NAN, |i| step.w[i])).collect();
-                    let z0: Vec<f64> = (0..self.dcs.algebraics.len()).map(|i| step.layout.z(k,j,m,i).map_or(f64::NAN, |i| w[i])).collect();
-                    eprintln!("    z {z:.3?}\n   z0 {z0:.3?}");
-                }
-            }
-        }
+        let holds = || self.stays_above(&step) && self.comes_to_rest(&step, start);
         if !is_feasible || violation > FEASIBLE * size || !holds() {
             return None;
         }
