@@ -8,7 +8,7 @@ use nsdc::report::{EventKind, Failure, Status, Trajectory};
 const EVENTS: &str = "tolerance 1e-12;";
 const FROZEN: [&str; 2] = [
     "lower timefreezing; method event;",
-    "lower timefreezing; method fesd { scheme = radau_iia(4); steps = 60; }",
+    "lower timefreezing; method fesd { scheme = radau_iia(4); }",
 ];
 const IMPULSES: &str =
     "lower impact; method fesd { scheme = radau_iia(3); steps = 8; elements = 4; }";

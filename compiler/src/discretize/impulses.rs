@@ -2,7 +2,7 @@
 //!
 //! Every element has a state x⁺ of its own at its left end, behind the end x⁻ of the one before, or the initial state:
 //!
-//! x⁺ - x⁻ = Σ_c r_c(x⁺) y_c,   0 <= Λ_c ⟂ gap_c >= 0,   0 <= Λ_c ⟂ gap_c + τ J_nᵀ(v⁺ + e v⁻) >= 0
+//! x⁺ - x⁻ = Σ_c r_c(x⁺) y_c,   0 <= Λ_c ⟂ gap_c >= 0,   0 <= Λ_c ⟂ gap_c/τ + J_nᵀ(v⁺ + e v⁻) >= 0
 //!
 //! with the impulses y = (Λ, α⁺) of [`crate::dcs::Impact`]. At gap = 0 the last pair is Newton's law of impacts, which
 //! a contact cannot refuse: Λ = 0 needs J_nᵀ(v⁺ + e v⁻) >= 0. The published block, 0 <= Λ_n ⟂ gap + P + N >= 0 with

@@ -97,7 +97,7 @@ pub enum Failure {
     #[diagnostic(
         code(E0726),
         help(
-            "every bounce takes numerical time; `method event` without `lower` goes on from the limit"
+            "every impact takes numerical time, one after the other; `method event` without `lower` goes on"
         )
     )]
     Standstill {

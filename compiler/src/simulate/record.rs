@@ -120,6 +120,8 @@ impl<'s, 'e> Recorder<'s, 'e> {
     }
 
     fn push(&mut self, t: f64) {
+        // An event is where a step ends, but for rounding.
+        let t = self.times.last().map_or(t, |last| t.max(*last));
         self.times.push(t);
         self.states.extend_from_slice(&self.x);
         self.alphas.extend_from_slice(&self.alpha);

@@ -38,7 +38,7 @@ impl Run<'_, '_> {
     /// Whether contacts that are closed in an element do not open where it begins: otherwise their forces have
     /// absorbed a bounce, which the equations of an element of few nodes allow where it is slow.
     ///
-    /// The law of impacts, gap + τ J_nᵀ(v⁺ + e v⁻) ≥ 0, leaves speeds open that are gaps of rounding over τ. A contact
+    /// The law of impacts, gap/τ + J_nᵀ(v⁺ + e v⁻) ≥ 0, leaves speeds open that are gaps of rounding over τ. A contact
     /// that stays closed while none is struck has no bounce: its speed is the error of the elements before, as its gap
     /// is zero at nodes alone.
     pub(super) fn comes_to_rest(&self, step: &Step, start: f64) -> bool {

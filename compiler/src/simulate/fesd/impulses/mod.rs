@@ -221,9 +221,17 @@ impl<'s, 'e> Run<'s, 'e> {
         for k in 0..self.steps {
             let start = self.horizon * k as f64 / self.steps as f64;
             let end = self.horizon * (k + 1) as f64 / self.steps as f64;
-            let step = match self.step(start, end - start) {
-                Some(step) => self.outside(&step, start).map_or(Ok(step), Err),
-                None => Err(self.without_step((start, end), settings)),
+            // Impulses without a motion, as those of Painlevé's paradox, may be solutions of a step.
+            let ended = self
+                .rehearsed
+                .as_ref()
+                .and_then(|run| run.ended(start, end));
+            let step = match ended.cloned() {
+                Some(failure) => Err(failure),
+                None => match self.step(start, end - start) {
+                    Some(step) => self.outside(&step, start).map_or(Ok(step), Err),
+                    None => Err(self.without_step(start, settings)),
+                },
             };
             let step = match step {
                 Ok(step) => step,
@@ -247,15 +255,12 @@ impl<'s, 'e> Run<'s, 'e> {
         (elements, None)
     }
 
-    /// Why there is no step in an interval.
-    fn without_step(&self, (start, end): (f64, f64), settings: &Settings) -> Failure {
-        let (time, span) = (start, settings.span);
-        let rehearsed = self.rehearsed.as_ref();
-        let ended = rehearsed.and_then(|run| run.ended(start, end));
-        match (self.is_late(), ended) {
-            (true, _) => Failure::TimeLimit { time, span },
-            (_, Some(failure)) => failure.clone(),
-            _ => Failure::Unsolved { time, span },
+    /// Why there is no step from an instant.
+    fn without_step(&self, time: f64, settings: &Settings) -> Failure {
+        let span = settings.span;
+        match self.is_late() {
+            true => Failure::TimeLimit { time, span },
+            false => Failure::Unsolved { time, span },
         }
     }
 
