@@ -37,7 +37,11 @@ pub fn draw(compiled: &Compiled<'_>, trajectory: &Trajectory) -> String {
         .map(|&entry| system.states[entry].var)
         .chain(recorded.flat_map(|output| output.exprs.iter().copied()))
         .collect();
+    let n_states = system.states.len();
     let fine = refine(trajectory, N_POINTS, &|t, row| {
+        let mut row = row.to_vec();
+        let (x, alpha) = row.split_at_mut(n_states);
+        system.see(t, x, alpha);
         let number = |var: Var| match rows.get(&var) {
             Some(&place) => row[place],
             None if Some(var) == time => t,

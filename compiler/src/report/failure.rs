@@ -214,7 +214,7 @@ pub enum Failure {
     },
 
     /// A coefficient that no contact has.
-    #[error("at t = {time}, the {what} of `{name}` is {value}, which is not {range}")]
+    #[error("at t = {time}, the {what} of `{name}` {how}")]
     #[diagnostic(
         code(E0731),
         help("bound it with `max` and `min`, or what it is computed from")
@@ -223,8 +223,7 @@ pub enum Failure {
         time: f64,
         what: &'static str,
         name: String,
-        value: f64,
-        range: &'static str,
+        how: String,
         #[label(collection)]
         surfaces: Vec<LabeledSpan>,
     },

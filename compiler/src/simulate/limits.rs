@@ -22,6 +22,7 @@ const ROUNDING: f64 = 1e-9;
 
 /// Watches the limits of a system during a run.
 pub(super) struct Limits<'s, 'e> {
+    system: &'s System<'e>,
     limits: &'s [Limit<'e>],
     /// The state that a limit with bounds is about; none for what is evaluated.
     state: Vec<Option<usize>>,
@@ -58,6 +59,7 @@ impl<'s, 'e> Limits<'s, 'e> {
             .collect();
         let (tape, n_inputs) = tape_of(system, &evaluated);
         Limits {
+            system,
             limits: &system.limits,
             left: vec![None; state.len()],
             tolerance,
@@ -103,6 +105,7 @@ impl<'s, 'e> Limits<'s, 'e> {
             segment.state(tau, x);
             segment.alpha(tau, alpha);
             let time = segment.start + tau;
+            self.system.see(time, x, alpha);
             for (value, data) in data.iter_mut().zip(self.data) {
                 *value = data.table.piece(segment.start).value(time);
             }

@@ -104,6 +104,9 @@ pub(super) fn failure(
     })
 }
 
+/// A coefficient so close to a bound of its range is just leaving it.
+const AT_BOUND: f64 = 1e-9;
+
 /// A contact with a coefficient that no contact has.
 pub(super) fn outside(
     (coefficient, value): (Coefficient, f64),
@@ -114,12 +117,18 @@ pub(super) fn outside(
         Coefficient::Restitution => ("restitution", "between 0 and 1"),
         Coefficient::Friction => ("friction", "0 or more"),
     };
+    // While a contact lasts, a coefficient leaves its range where it has the value of a bound.
+    let at = |bound: f64| (value - bound).abs() <= AT_BOUND;
+    let how = match coefficient {
+        _ if at(0.0) => "falls below 0".to_owned(),
+        Coefficient::Restitution if at(1.0) => "rises above 1".to_owned(),
+        _ => format!("is {value}, which is not {range}"),
+    };
     Failure::Coefficient {
         time,
         what,
         name,
-        value,
-        range,
+        how,
         surfaces,
     }
 }

@@ -30,6 +30,7 @@ pub(super) struct Jump {
 
 /// Observes a run and keeps what the experiment asks for.
 pub(super) struct Recorder<'s, 'e> {
+    system: &'s System<'e>,
     n: usize,
     sampling: Sampling,
     horizon: f64,
@@ -58,6 +59,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
     ) -> Self {
         let (n, m) = (system.states.len(), system.switches.len());
         Recorder {
+            system,
             n,
             sampling: settings.sampling.clone(),
             horizon: settings.horizon,
@@ -122,6 +124,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
     fn push(&mut self, t: f64) {
         // An event is where a step ends, but for rounding.
         let t = self.times.last().map_or(t, |last| t.max(*last));
+        self.system.see(t, &self.x, &mut self.alpha);
         self.times.push(t);
         self.states.extend_from_slice(&self.x);
         self.alphas.extend_from_slice(&self.alpha);
@@ -460,7 +463,11 @@ fn piece(segment: &Segment, end: f64, data: &[Data]) -> Piece {
         coefficients.extend_from_slice(segment.state_series(i));
     }
     for i in 0..segment.sides.len() {
+        let is_known = !segment.blind().contains(&i);
         match segment.alpha_series(i) {
+            None if !is_known => {
+                coefficients.resize(coefficients.len() + n_coefficients, f64::NAN);
+            }
             Some(series) => coefficients.extend_from_slice(series),
             None => {
                 coefficients.push(0.5 + 0.5 * segment.sides[i].sign());

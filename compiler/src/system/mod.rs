@@ -81,6 +81,7 @@ mod switches_tests;
 pub mod task;
 #[cfg(test)]
 mod tests;
+mod unseen;
 mod values;
 mod verify;
 mod words;

@@ -8,6 +8,7 @@ use super::judge::TIE;
 use super::mode::Mode;
 use super::pivot::Problem;
 use super::select::{Choice, Choices};
+use super::sliding::held;
 use super::state::State;
 use super::{Role, Side, Simulator, Status, SwitchedSystem};
 use crate::linalg::DenseLu;
@@ -214,6 +215,8 @@ pub(super) struct Zeros<'m> {
     alpha: Vec<f64>,
     /// The switches S.
     pub unknowns: Vec<usize>,
+    /// Unknowns that stay what they are: slip velocities that others keep at zero.
+    held: Vec<usize>,
     found: Vec<Vec<f64>>,
 }
 
@@ -224,6 +227,7 @@ impl<'m> Zeros<'m> {
             mode,
             alpha,
             unknowns,
+            held: Vec::new(),
             found: Vec::new(),
         }
     }
@@ -234,6 +238,11 @@ impl<'m> Zeros<'m> {
         if self.unknowns.is_empty() {
             return Some(start);
         }
+        self.set(&start);
+        let is_slip = |at: usize| self.mode.surfaces.is_slip(self.unknowns[at]);
+        let held = held(&self.matrix(), start.len(), is_slip).into_iter();
+        let held = held.zip(&self.unknowns).filter(|(held, _)| *held);
+        self.held = held.map(|(_, &switch)| switch).collect();
         self.newton(&start);
         self.found.pop()
     }
@@ -315,6 +324,7 @@ impl<'m> Zeros<'m> {
     /// What must vanish for an unknown: its rate, or what ties it to another one.
     fn residual(&self, row: usize) -> f64 {
         match self.mode.tie(row, &self.unknowns) {
+            _ if self.held.contains(&row) => 0.0,
             Some(tie) => tie.residual(&self.alpha),
             None => self.mode.phi(row),
         }
@@ -324,7 +334,9 @@ impl<'m> Zeros<'m> {
         let mut matrix = Vec::new();
         for &row in &self.unknowns {
             let tie = self.mode.tie(row, &self.unknowns);
+            let is_held = self.held.contains(&row);
             let entry = |&col: &usize| match tie {
+                _ if is_held => f64::from(u8::from(row == col)),
                 Some(tie) => tie.derivative(col),
                 None => self.mode.coupling(row, col),
             };

@@ -183,17 +183,25 @@ impl Mode {
                 continue;
             }
             self.expand_psi(i, state);
+            if self.is_blind(i) {
+                self.blind.push(i);
+                continue;
+            }
             if !self.continuous[i] {
                 self.surfaces.linearize(i, &self.memory.values);
             }
             self.watched.push(i);
             curved |= !self.surfaces.is_affine(i);
         }
-        if curved {
-            self.step_size_of_psi(tolerance, state, h)
-        } else {
-            h
+        let shorter = match curved {
+            true => self.step_size_of_psi(tolerance, state, h),
+            false => h,
+        };
+        if self.is_too_short(state, shorter) {
+            self.look_away();
+            return self.step_size_of_psi(tolerance, state, h);
         }
+        shorter
     }
 
     /// Computes the series of ψ of a switch along the expansion, and the size of its terms.

@@ -79,9 +79,17 @@ pub trait Polynomials {
     fn x(&self, i: usize) -> &[f64];
     /// Series of α of a sliding switch.
     fn alpha(&self, switch: usize) -> &[f64];
+    /// Switches that nothing but outputs looks at, whose α is not known here.
+    fn blind(&self) -> &[usize] {
+        &[]
+    }
 }
 
 impl Polynomials for Dense<'_> {
+    fn blind(&self) -> &[usize] {
+        &self.mode().blind
+    }
+
     fn degree(&self) -> usize {
         self.order()
     }

@@ -60,7 +60,8 @@ impl Mode {
             let psi = self.psi(i);
             let terms = self.gradient(i).iter();
             let size: f64 = terms.map(|&(j, g)| g.abs() * state.size(j)).sum();
-            self.equations.rhs[at] = if self.equations.tie(at).is_some() {
+            let follows = self.equations.tie(at).is_some() || self.equations.is_held(at);
+            self.equations.rhs[at] = if follows {
                 0.0
             } else {
                 psi

@@ -147,6 +147,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 triggers,
                 defect: radau.error(),
                 implicit: true,
+            ends: None,
             }));
         }
         Ok(None)
@@ -222,6 +223,7 @@ impl Mode {
     fn watch_along(&mut self, radau: &Radau, start: &Start, state: &mut State) {
         let (h, s) = (radau.reach(), radau.degree());
         self.watched.clear();
+        self.blind.clear();
         for i in 0..self.n {
             self.reach[i] = series::reach(radau.series(i), h);
         }

@@ -15,6 +15,9 @@ pub(super) const TIE: f64 = 1e-9;
 /// Motions that differ less than this fraction of themselves are one.
 const SAME: f64 = 1e-9;
 
+/// Rounding of the terms of a rate.
+const ROUNDINGS: f64 = 64.0 * f64::EPSILON;
+
 /// What an error grows by at most before motions are told apart.
 const GROWTH: f64 = 1e6;
 
@@ -143,12 +146,21 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     }
 
     /// Sizes of the terms of all rates, with what they grow to within a step h where one state acts on another:
-    /// exp(|J| h) times them, up to the order of the series.
-    fn spread(&mut self, state: &State, h: f64) -> Vec<f64> {
+    /// exp(|J| h) times them, up to the order of the series. Forces of contacts are as large as they are known to be.
+    fn spread(&mut self, state: &State, group: &[usize], units: &[f64], h: f64) -> Vec<f64> {
         let mut entries = Vec::new();
         let keep = |row, column, value: f64| entries.push((row, column, value.abs() * h));
         self.mode.jacobian(self.system, keep);
         let mut spread = state.activity.clone();
+        let forces = group.iter().zip(units);
+        let forces: Vec<_> = forces.filter(|(i, _)| self.mode.is_contact(**i)).collect();
+        for (state, spread) in spread.iter_mut().enumerate() {
+            for (switch, slope) in self.mode.field.slopes(state) {
+                let unit = forces.iter().find(|(i, _)| **i == switch);
+                let force = unit.map_or(0.0, |(_, unit)| TIE * **unit * slope.abs());
+                *spread += force / ROUNDINGS;
+            }
+        }
         let mut last = spread.clone();
         for k in 1..=self.order {
             let mut next = vec![0.0; last.len()];
@@ -204,8 +216,19 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             mode.expand_psi(i, state);
             mode.watched.push(i);
         }
-        let h = mode.step_size(tolerance, state, t1 - state.t);
+        let mut longest = t1 - state.t;
+        if group.len() > 1 && group.iter().any(|&i| mode.is_contact(i)) {
+            longest = longest.min(mode.sight(self.system));
+        }
+        let h = mode.step_size(tolerance, state, longest);
         let h = mode.step_size_of_psi(tolerance, state, h);
+        // A gap that is still open is struck behind this instant.
+        let near = &self.jumps.near;
+        let comes = |i: usize| {
+            let c = mode.psi_series(i);
+            let is_near = near.iter().any(|&(_, switch)| switch == i);
+            mode.is_contact(i) && !is_near && c[0] > 0.0 && c[1] < 0.0
+        };
         let stays = |((&i, side), unit): ((&usize, &Side), &f64)| match side {
             _ if mode.is_idle(i, &sides) => true,
             Side::Slide if mode.roles[i] != Role::Step => true,
@@ -220,6 +243,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 };
                 series::leading(series, h, tie).is_none_or(|k| series[k] * inward > 0.0)
             }
+            _ if comes(i) => true,
             side => {
                 let series = mode.psi_series(i);
                 let leading = series::leading(series, h, state.band[i]);
@@ -235,12 +259,12 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 c * power
             }));
         }
-        let spread = self.spread(state, h);
+        let spread = self.spread(state, group, units, h);
         Some(Verdict {
             agrees,
             h,
             terms,
-            rounding: spread.iter().map(|a| 64.0 * f64::EPSILON * a * h).collect(),
+            rounding: spread.iter().map(|a| ROUNDINGS * a * h).collect(),
         })
     }
 }

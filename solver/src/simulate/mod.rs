@@ -12,7 +12,9 @@
 
 mod algebraic;
 mod approach;
+mod blind;
 mod candidates;
+mod coefficients;
 mod control;
 pub(crate) mod dense;
 mod drift;
@@ -20,6 +22,7 @@ mod dummy;
 mod field;
 mod fold;
 mod guide;
+mod halt;
 mod hidden;
 mod impact;
 mod implicit;
@@ -39,11 +42,13 @@ mod pieces;
 mod pivot;
 mod psi;
 mod radau;
+mod rank;
 pub(crate) mod roots;
 mod select;
 pub(crate) mod series;
 mod settings;
 mod several;
+mod sight;
 mod sliding;
 mod state;
 mod status;
@@ -60,6 +65,7 @@ pub(crate) mod zeno;
 use std::time::{Duration, Instant};
 
 pub use approach::{Approach, Visit};
+use coefficients::Coefficients;
 use dense::Dense;
 pub use dense::Polynomials;
 pub use guide::{Guide, Next, Standing};
@@ -151,6 +157,7 @@ pub struct Simulator<'s, S> {
     roots: RootFinder,
     stiffness: Stiffness,
     jumps: Jumps,
+    coefficients: Coefficients,
     /// Memory that one run leaves to the next.
     state: State,
 }
@@ -178,6 +185,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
             pieces: Pieces::new(system),
             roots: RootFinder::new(order.max(stiffness::MOST_NODES)),
             jumps: Jumps::default(),
+            coefficients: Coefficients::of(system),
             state: State::default(),
         }
     }
@@ -289,6 +297,10 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 };
                 if step.length > 0.0 && observer.segment(&segment).is_break() {
                     break Status::Stopped;
+                }
+                self.look_again(&mut state);
+                if let Some(status) = step.ends {
+                    break status;
                 }
 
                 // Where events accumulate, the mode changes at their limit.

@@ -13,7 +13,8 @@ use super::control::Probed;
 use super::field::Field;
 use super::implicit::Workspace;
 use super::layout::Memory;
-use super::sliding::{Sliding, Tie};
+use super::blind;
+use super::sliding::Sliding;
 use super::state::State;
 use super::surfaces::Surfaces;
 use super::{Role, Side, SwitchedSystem};
@@ -53,6 +54,9 @@ pub(crate) struct Mode {
     pub perturbed: Vec<f64>,
     /// Switches off their surface whose ψ might vanish within the step.
     pub watched: Vec<usize>,
+    /// Switches that nothing but outputs looks at, and those of them without a series within the step.
+    pub(super) observers: Vec<bool>,
+    pub blind: Vec<usize>,
     /// The states that a projection has placed.
     pub placed: Vec<bool>,
     /// How far each state may move within the step.
@@ -102,6 +106,8 @@ impl Mode {
             terms: vec![0.0; n],
             perturbed: Vec::new(),
             watched: Vec::new(),
+            observers: blind::observers(system),
+            blind: Vec::new(),
             placed: Vec::new(),
             reach: vec![0.0; n],
             focus: Focus::default(),
@@ -262,22 +268,6 @@ impl Mode {
         by_alpha.sum::<f64>() + self.surfaces.mixed(switch, alpha, &self.field.f)
     }
 
-    /// What ties α of a switch to that of another one before it in a list, where both surfaces are
-    /// kept by one equation.
-    pub(super) fn tie(&self, switch: usize, among: &[usize]) -> Option<Tie> {
-        let before = among.iter().take_while(|&&other| other != switch);
-        let other = before
-            .copied()
-            .find(|&other| self.surfaces.is_same(switch, other))?;
-        let product = self.coupling(other, switch) * self.coupling(other, other);
-        let sign = if product < 0.0 { -1.0 } else { 1.0 };
-        Some(Tie {
-            switch,
-            other,
-            sign,
-        })
-    }
-
     /// (j, ∂ψ/∂x_j), where it was last linearized.
     pub(crate) fn gradient(&self, switch: usize) -> &[(usize, f64)] {
         self.surfaces.gradient(switch)
@@ -341,6 +331,7 @@ impl Mode {
             self.factor()?;
             for at in 0..self.sliding.len() {
                 self.equations.rhs[at] = match self.equations.tie(at) {
+                    _ if self.equations.is_held(at) => 0.0,
                     None => self.phi(self.equations.switches[at]),
                     Some(tie) => tie.residual(alpha),
                 };
@@ -431,7 +422,7 @@ impl Mode {
             return;
         }
         for (at, &i) in self.equations.switches.iter().enumerate() {
-            if self.equations.tie(at).is_some() {
+            if self.equations.tie(at).is_some() || self.equations.is_held(at) {
                 self.equations.rhs[at] = 0.0;
                 continue;
             }

@@ -84,7 +84,12 @@ impl<'a> Segment<'a> {
         (self.sides[switch] == Side::Slide).then(|| self.dense.alpha(switch))
     }
 
-    /// α of every switch `tau` after the start.
+    /// Switches that nothing but outputs looks at, whose α is not known: their ψ has no series here, only values.
+    pub fn blind(&self) -> &[usize] {
+        self.dense.blind()
+    }
+
+    /// α of every switch `tau` after the start; not a number where it is not known.
     pub fn alpha(&self, tau: f64, alpha: &mut [f64]) {
         for (i, alpha) in alpha.iter_mut().enumerate() {
             *alpha = match self.sides[i] {
@@ -92,6 +97,9 @@ impl<'a> Segment<'a> {
                 Side::Slide => series::value(self.dense.alpha(i), tau),
                 Side::Plus => 1.0,
             };
+        }
+        for &i in self.blind() {
+            alpha[i] = f64::NAN;
         }
     }
 }

@@ -16,6 +16,10 @@ use super::{Role, Side, Simulator, Status, SwitchedSystem};
 /// Forces and accelerations below this fraction of their scale are tried both ways.
 const NEAR: f64 = 1e-7;
 
+/// A contact is approached no faster than what others were closed against where the square of its speed is at most this
+/// times its band and the largest acceleration: four times it is what closes one.
+const SHARE: f64 = 64.0;
+
 /// More contacts in doubt than this are tried one by one.
 const MAX_DOUBTS: usize = 4;
 
@@ -117,17 +121,26 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     /// Lets contacts meet that others were closed against: their rates are negative by less than what that took away.
     fn meet(&mut self, state: &State, group: &[usize]) {
         let mode = &mut self.mode;
-        mode.eval(state.t, &state.x, &state.alpha);
-        for &i in group {
-            let is_open = mode.unilateral[i] && !mode.surfaces.is_deep(i);
-            if is_open && !self.jumps.grazed.contains(&i) {
-                mode.surfaces.stand_for(i, 1);
-                mode.linearize(&[i]);
-                let speed = mode.psi(i);
-                let least = 8.0 * state.band[i] * mode.terms_of_phi(i);
-                let meets = speed < 0.0 && speed * speed <= least;
-                mode.surfaces.stand_for(i, usize::from(meets));
-            }
+        let normals = group.iter().copied().filter(|&i| mode.unilateral[i]);
+        let normals: Vec<usize> = normals.collect();
+        let is_open = |i: &usize| !mode.surfaces.is_deep(*i) && !self.jumps.grazed.contains(i);
+        let open: Vec<usize> = normals.iter().copied().filter(is_open).collect();
+        // Where forces hold bodies at rest, what they hold shows how fast gaps bend. What closes one of them acts on
+        // the others.
+        let mut free = state.alpha.clone();
+        normals.iter().for_each(|&i| free[i] = 1.0);
+        let mut bend = 0.0_f64;
+        open.iter().for_each(|&i| mode.surfaces.stand_for(i, 1));
+        for alpha in [&free, &state.alpha] {
+            mode.eval(state.t, &state.x, alpha);
+            mode.linearize(&normals);
+            let terms = normals.iter().map(|&i| mode.terms_of_phi(i));
+            bend = terms.fold(bend, f64::max);
+        }
+        for i in open {
+            let speed = mode.psi(i);
+            let meets = speed < 0.0 && speed * speed <= SHARE * state.band[i] * bend;
+            mode.surfaces.stand_for(i, usize::from(meets));
         }
         mode.focus(state.t, &state.x, &state.alpha, group);
     }

@@ -155,6 +155,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
 
     /// Chooses the sides of all switches that meet here and interact with `triggers`.
     fn select(&mut self, state: &mut State, triggers: &[usize], t1: f64) -> Result<(), Status> {
+        let mut triggers = triggers.to_vec();
+        triggers.retain(|&i| !self.has_no_rate(state, i));
+        let triggers = &triggers[..];
         let meets = |i: &usize| state.sides[*i] == Side::Slide || state.armed[*i];
         let is_met = |i: &usize| triggers.contains(i) || meets(i) && !self.leads(*i);
         let meeting: Vec<usize> = (0..state.sides.len())
@@ -197,6 +200,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         // What was small before the event is zero after it.
         let deep = |&i: &usize| self.mode.surfaces.n_derivatives(i) > 0;
         if meeting.iter().any(deep) {
+            if meeting.iter().any(|&i| self.mode.is_contact(i)) {
+                self.halt(state);
+            }
             self.mode.enter(self.system, &state.sides);
             self.mode.start_equations(state);
             self.mode.project(state);

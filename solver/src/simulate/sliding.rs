@@ -5,6 +5,8 @@
 //! state, and no α of one occurs in a rate of the other.
 
 use super::field::Field;
+use super::mode::Mode;
+use super::rank::eliminate;
 use super::surfaces::Surfaces;
 use crate::linalg::{BlockLu, Singular};
 
@@ -31,6 +33,10 @@ pub(super) struct Sliding {
     parent: Vec<usize>,
     /// By place: what takes the place of the equation of a switch whose surface another one has.
     ties: Vec<Option<Tie>>,
+    /// By place: slip velocities that other surfaces keep at zero. Their α stay what they are.
+    held: Vec<bool>,
+    /// Whether it is known which are.
+    weighed: bool,
 }
 
 /// α_i - ½ = σ (α_j - ½): the choice where one equation is all there is for two α.
@@ -56,6 +62,24 @@ impl Tie {
             alpha if alpha == self.other => -self.sign,
             _ => 0.0,
         }
+    }
+}
+
+impl Mode {
+    /// What ties α of a switch to that of another one before it in a list, where both surfaces are
+    /// kept by one equation.
+    pub(super) fn tie(&self, switch: usize, among: &[usize]) -> Option<Tie> {
+        let before = among.iter().take_while(|&&other| other != switch);
+        let other = before
+            .copied()
+            .find(|&other| self.surfaces.is_same(switch, other))?;
+        let product = self.coupling(other, switch) * self.coupling(other, other);
+        let sign = if product < 0.0 { -1.0 } else { 1.0 };
+        Some(Tie {
+            switch,
+            other,
+            sign,
+        })
     }
 }
 
@@ -118,6 +142,9 @@ impl Sliding {
                 sign: 1.0,
             }));
         }
+        self.held.clear();
+        self.held.resize(sliding.len(), false);
+        self.weighed = false;
         self.rhs.clear();
         self.rhs.resize(sliding.len(), 0.0);
         self.row_sums.clear();
@@ -173,7 +200,17 @@ impl Sliding {
                     Some(tie) => self.row_sums[self.place[tie.other]],
                 };
             }
+            let is_slip = |row: usize| surfaces.is_slip(self.switches[start + row]);
+            if !self.weighed && (0..end - start).any(is_slip) {
+                self.held[start..end].copy_from_slice(&held(matrix, end - start, is_slip));
+            }
+            for row in (start..end).filter(|&row| self.held[row]) {
+                let row_of = &mut matrix[(row - start) * (end - start)..][..end - start];
+                row_of.fill(0.0);
+                row_of[row - start] = 1.0;
+            }
         }
+        self.weighed = true;
         self.lu.factor()
     }
 
@@ -198,6 +235,11 @@ impl Sliding {
         self.ties[place]
     }
 
+    /// True where α stays what it is.
+    pub(super) fn is_held(&self, place: usize) -> bool {
+        self.held[place]
+    }
+
     /// Solves for `rhs`, with what was factored last.
     pub(super) fn solve(&mut self) {
         self.lu.solve(&mut self.rhs);
@@ -213,7 +255,7 @@ impl Sliding {
             let (start, end) = (self.starts[component], self.starts[component + 1]);
             let matrix = self.lu.matrix(component);
             for row in start..end {
-                if self.ties[row].is_some() {
+                if self.ties[row].is_some() || self.held[row] {
                     matrix[(row - start) * (end - start) + row - start] = 1.0;
                     continue;
                 }
@@ -238,6 +280,17 @@ impl Sliding {
     pub(super) fn gain(&self, switch: usize) -> f64 {
         self.gains[self.place[switch]]
     }
+}
+
+/// The slip velocities among some surfaces that the others keep at zero with any friction: bodies that several contacts
+/// hold. `matrix` is ∂φ/∂α.
+pub(super) fn held(matrix: &[f64], n: usize, is_slip: impl Fn(usize) -> bool) -> Vec<bool> {
+    let mut rest = matrix.to_vec();
+    let solved = eliminate(&mut rest, &mut vec![0.0; n], &is_slip);
+    let depends = |row: usize| is_slip(row) && !solved[row] && matrix[row * n + row] != 0.0;
+    // Where normals depend on each other, their forces are not determined, and this does not make them so.
+    let determined = (0..n).all(|row| solved[row] || depends(row));
+    (0..n).map(|row| determined && depends(row)).collect()
 }
 
 fn root(parent: &mut [usize], mut at: usize) -> usize {

@@ -18,6 +18,8 @@ pub(super) struct Step {
     pub defect: f64,
     /// Whether its polynomials are those of the implicit method.
     pub implicit: bool,
+    /// What ends the run where it ends.
+    pub ends: Option<Status>,
 }
 
 /// What is watched for a root: ψ off the surface, α and 1 - α on it.
@@ -38,6 +40,9 @@ impl Watch {
 
 /// Halvings of a step before it counts as impossible.
 const MAX_HALVINGS: usize = 60;
+
+/// Halvings of a step for a switch that nothing but outputs looks at.
+const PATIENCE: usize = 20;
 
 /// Steps grow at most by this factor, which bounds the search for their size.
 const MAX_GROWTH: f64 = 10.0;
@@ -61,6 +66,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let (order, tolerance) = (self.order, self.settings.local_tolerance());
         let remaining = (goal - state.t) - state.t_low;
         let mode = &mut self.mode;
+        mode.blind.clear();
         if mode.expand(state.t, &state.x, &mut state.alpha).is_err() {
             return Err(mode.stuck());
         }
@@ -81,6 +87,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 triggers: vec![switch],
                 defect: 0.0,
                 implicit: false,
+                ends: None,
             });
         }
         let longest = if state.last_step > 0.0 {
@@ -88,24 +95,42 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         } else {
             remaining
         };
+        let longest = match mode.has_idle_contact(state) {
+            true => longest.min(mode.sight(self.system)),
+            false => longest,
+        };
         // The last term of the series, differentiated, is what the defect shows of the error.
         let allowed = 10.0 * (order as f64) * tolerance.max(4.0 * f64::EPSILON);
         let h = mode.step_size(self.stiffness.explicit_tolerance(), state, longest);
-        let mut h = mode.watch(tolerance, state, h);
-        for _ in 0..MAX_HALVINGS {
+        let h = mode.watch(tolerance, state, h);
+        let mut h = self.coefficients.expand(mode, tolerance, h);
+        for attempt in 0..MAX_HALVINGS {
             let closeness = self.settings.tolerance;
             let event = first_event(&mut self.roots, Dense::Taylor(mode), state, h, closeness);
             let length = event.as_ref().map_or(h, |(root, _)| root.tau);
+            let left = self.coefficients.leave(&mut self.roots, mode, length);
+            let (event, length) = match &left {
+                Some((tau, _)) => (None, *tau),
+                None => (event, length),
+            };
+            let ends = left.map(|(_, status)| status);
             let defect = mode.defect(state, length, tolerance, allowed);
-            let unseen = event.is_none() && mode.on_wrong_side(state);
+            let unseen = event.is_none() && ends.is_none() && mode.on_wrong_side(state);
             let inaccurate = defect.rate.is_nan() || defect.rate > allowed;
-            if inaccurate || !defect.switches_agree || unseen || mode.turned_over() {
+            let looked = self.coefficients.agree(mode, state, length, allowed);
+            // Without friction nothing determines a force that sticks.
+            let turned = ends.is_none() && mode.turned_over();
+            if inaccurate || !defect.switches_agree || unseen || !looked || turned {
                 state.stats.rejected += 1;
+                if attempt == PATIENCE {
+                    mode.look_away();
+                }
                 h *= 0.5;
                 continue;
             }
             let reaches_end = length >= remaining;
-            if event.is_none() && !reaches_end && state.t + (length + state.t_low) <= state.t {
+            let is_free = event.is_none() && ends.is_none();
+            if is_free && !reaches_end && state.t + (length + state.t_low) <= state.t {
                 return Err(mode.stuck());
             }
             let (length, triggers) = match event {
@@ -122,9 +147,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                     let dense = Dense::Taylor(mode);
                     (tau, simultaneous(dense, state, tau, h, watch.switch()))
                 }
-                None => (h, Vec::new()),
+                None => (length, Vec::new()),
             };
-            if triggers.is_empty() && h < longest {
+            if triggers.is_empty() && h < longest && ends.is_none() {
                 let motion = mode.motion(state, h);
                 let left = [remaining, t1 - state.t];
                 self.stiffness.after_explicit(mode, h, motion, left);
@@ -135,7 +160,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             std::mem::swap(&mut state.x, &mut state.next);
             dense.alphas_at(length, &mut state.alpha);
             let reaches_end = length >= remaining;
-            let is_cut = reaches_end || !triggers.is_empty();
+            let is_cut = reaches_end || ends.is_some() || !triggers.is_empty();
             state.last_step = if is_cut && state.last_step > 0.0 {
                 state.last_step.max(length)
             } else {
@@ -147,6 +172,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 triggers,
                 defect: defect.rate,
                 implicit: false,
+                ends,
             });
         }
         Err(self.mode.stuck())

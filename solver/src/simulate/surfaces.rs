@@ -180,6 +180,11 @@ impl Surfaces {
         self.of_switch[switch].1
     }
 
+    /// Whether ψ is a slip velocity.
+    pub(super) fn is_slip(&self, switch: usize) -> bool {
+        self.slips[switch]
+    }
+
     /// Whether a switch stands for a derivative.
     pub(super) fn is_deep(&self, switch: usize) -> bool {
         self.slot[switch] != switch

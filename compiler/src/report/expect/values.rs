@@ -221,7 +221,10 @@ impl Point {
             .iter()
             .map(|state| state.var)
             .chain(system.switches.iter().map(|switch| switch.alpha));
-        let row = trajectory.row_at(time)?;
+        let mut row = trajectory.row_at(time)?;
+        let n_states = system.states.len().min(row.len());
+        let (x, alpha) = row.split_at_mut(n_states);
+        system.see(time, x, alpha);
         let data = (system.data.iter()).map(|data| (data.var, data.table.value(time)));
         let entries = variables.zip(row).chain([(system.time, time)]).chain(data);
         point

@@ -23,6 +23,7 @@ pub(super) struct Stretched {
     degree: usize,
     n_states: usize,
     rows: Vec<Vec<f64>>,
+    blind: Vec<usize>,
 }
 
 impl Stretched {
@@ -66,7 +67,14 @@ impl Stretched {
                 .map(state)
                 .chain(places.iter().enumerate().map(alpha))
                 .collect(),
+            blind: Vec::new(),
         }
+    }
+
+    /// Without knowing α of these switches.
+    pub fn without(mut self, blind: &[usize]) -> Self {
+        self.blind = blind.to_vec();
+        self
     }
 }
 
@@ -81,6 +89,10 @@ impl Polynomials for Stretched {
 
     fn alpha(&self, switch: usize) -> &[f64] {
         &self.rows[self.n_states + switch]
+    }
+
+    fn blind(&self) -> &[usize] {
+        &self.blind
     }
 }
 

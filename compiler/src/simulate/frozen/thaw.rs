@@ -88,6 +88,7 @@ pub(super) struct Thaw<'t, 'e> {
 struct Thawed<'a> {
     inner: &'a dyn Polynomials,
     places: &'a [Option<usize>],
+    blind: &'a [usize],
 }
 
 impl Polynomials for Thawed<'_> {
@@ -103,6 +104,10 @@ impl Polynomials for Thawed<'_> {
         let place = self.places[switch];
         self.inner
             .alpha(place.expect("relays and contacts that bounce do not slide"))
+    }
+
+    fn blind(&self) -> &[usize] {
+        self.blind
     }
 }
 
@@ -330,13 +335,20 @@ impl Observer for Thaw<'_, '_> {
             }
         }
         let (inner, places) = (segment.polynomials(), &self.frozen.places[..]);
-        let seen = Thawed { inner, places };
+        let of_frozen = segment.blind();
+        let is_blind = |i: &usize| places[*i].is_some_and(|place| of_frozen.contains(&place));
+        let blind: Vec<usize> = (0..places.len()).filter(is_blind).collect();
+        let seen = Thawed {
+            inner,
+            places,
+            blind: &blind,
+        };
         let stretched = lasts.then(|| {
             // Of what slides there are series.
             let slides = places.iter().zip(&self.sides);
             let slides = slides.map(|(place, side)| place.filter(|_| *side == Side::Slide));
             let slides: Vec<Option<usize>> = slides.collect();
-            Stretched::new(inner, clock, n, &slides, &self.lasting)
+            Stretched::new(inner, clock, n, &slides, &self.lasting).without(&blind)
         });
         let dense: &dyn Polynomials = match &stretched {
             Some(stretched) => stretched,
