@@ -32,7 +32,13 @@ fn verdicts(expects: &[&str]) -> Vec<Check> {
         .iter()
         .map(|expect| format!("  expect {expect};\n"))
         .collect();
-    let text = format!("{MODEL}simulate run of two {{\n  horizon 2;\n{statements}}}\n");
+    verdicts_of(&format!(
+        "{MODEL}simulate run of two {{\n  horizon 2;\n{statements}}}\n"
+    ))
+}
+
+/// The verdicts of the expectations of a text with one experiment.
+fn verdicts_of(text: &str) -> Vec<Check> {
     let mut sources = SourceMap::new();
     let mut diags = Diagnostics::new();
     let source = sources.add("two.nsd", text);
@@ -161,5 +167,37 @@ fn a_failure_says_what_should_be_and_what_is() {
         shown[2].starts_with("expected 0.5 within 1e-9, got ["),
         "{}",
         shown[2]
+    );
+}
+
+/// The speed |v| is 1 - t until it has no derivative any more, from t = 1 on; |w| turns back at t = 1/2.
+#[test]
+fn what_has_no_derivative_has_values() {
+    let checks = verdicts_of(
+        "model stops {
+           state v = 1; state w = 0.5;
+           v' = -sign(v); w' = -1;
+           output fast = max(norm([v, 0]), 0.25);
+         }
+         simulate run of stops {
+           horizon 2;
+           expect fast at 0.5 ~ 0.5 within 1e-9;
+           expect fast at end ~ 0.25 within 1e-9;
+           expect fast always <= 1.000000001;
+           expect max(norm([v, 0]), 0.25) at 1.5 ~ 0.25 within 1e-9;
+           expect max(norm([w, 0]), 0.1) at 0.45 ~ 0.1 within 1e-9;
+           expect max(norm([w, 0]), 0.1) at 0.7 ~ 0.2 within 1e-9;
+           expect max(norm([w, 0]), 0.1) at end ~ 1.5 within 1e-9;
+           expect fast at 0.5 ~ 0.6 within 1e-9;
+         }",
+    );
+    let passed: Vec<bool> = checks
+        .iter()
+        .map(|check| check.verdict == Verdict::Passed)
+        .collect();
+    assert_eq!(
+        passed,
+        [true, true, true, true, true, true, true, false],
+        "{checks:?}"
     );
 }

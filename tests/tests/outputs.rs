@@ -164,3 +164,46 @@ model whole { part h = heater { on = 0.5*heat; } state heat = 2; heat' = -1; }
         "{found:?}"
     );
 }
+
+/// |v| has no derivative at v = 0: a block that stops at t = 2, one that turns back at t = 1, and one at rest.
+const NORMS: &str = "
+model norms {
+  state v = 2;
+  state w = 1;
+  state r[2] = [0, 0];
+  v' = -sign(v);
+  w' = -1;
+  r' = [0, 0];
+  output fast = max(norm([v, 0]), norm(r));
+  output turns = max(norm([w, 0]), 0.25);
+  output least = min(norm(r), norm([v, 0]), norm([w, 0]));
+  output speed = norm([v, 0]);
+}
+simulate steps of norms { horizon 3; }
+simulate listed of norms { horizon 3; output fast, turns, least, speed every 0.05; }
+";
+
+#[test]
+fn outputs_need_values_and_no_derivatives() {
+    for experiment in ["steps", "listed"] {
+        let found = solved(NORMS, experiment);
+        let series = |name: &str| {
+            let mut outputs = found.outputs.iter();
+            let output = outputs.find(|output| output.name == name);
+            &output.expect("it is recorded").values
+        };
+        assert!(found.time.len() > 2);
+        for (k, &t) in found.time.iter().enumerate() {
+            let (v, w) = ((2.0 - t).max(0.0), (1.0 - t).abs());
+            for (name, exact) in [
+                ("fast", v),
+                ("turns", w.max(0.25)),
+                ("least", 0.0),
+                ("speed", v),
+            ] {
+                let value = series(name)[k];
+                assert!((value - exact).abs() <= 1e-9, "{name} at {t}: {value}");
+            }
+        }
+    }
+}

@@ -176,3 +176,46 @@ fn three_discs_fit_a_bin_exactly() {
         assert!((x - exact).abs() <= 1e-9, "{x}, not {exact}");
     }
 }
+
+/// Numbers in [0, 1) that follow from a seed (SplitMix64 of Steele, Lea & Flood 2014).
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    }
+}
+
+/// Four to six discs fall from anywhere into bins of any width.
+#[test]
+fn piles_that_fall_at_random_come_to_rest() {
+    for seed in 0..SEEDS {
+        let mut random = Random(seed);
+        let n = 4 + (3.0 * random.next()) as usize;
+        let width = 0.5 + 0.6 * random.next();
+        let x: Vec<f64> = (0..n)
+            .map(|_| 0.1 + (width - 0.2) * random.next())
+            .collect();
+        let y: Vec<f64> = (1..=n).map(|i| 0.25 * i as f64).collect();
+        for friction in ["", "friction = 0.3;"] {
+            if UNSOLVED.contains(&(seed, friction)) {
+                continue;
+            }
+            let found = pile_from(&x, &y, width, friction);
+            for i in 1..=n {
+                let (q, v) = (
+                    end(&found, &format!("ball[{i}].q")),
+                    end(&found, &format!("ball[{i}].v")),
+                );
+                // Without friction nothing stops what slides along the floor, until it meets another one.
+                let slides = friction.is_empty() && (q[1] - 0.1).abs() <= 1e-10;
+                let at_rest = v[1].abs() <= 1e-9 && (slides || v[0].abs() <= 1e-9);
+                assert!(at_rest, "seed {seed}, {friction}: {v:?}");
+            }
+        }
+    }
+}

@@ -19,13 +19,20 @@ impl System<'_> {
 
     /// What a variable stands for at a point.
     fn number(&self, var: Var, time: f64, x: &[f64], alpha: &[f64]) -> f64 {
-        let states = self.states.iter().map(|state| state.var).zip(x.iter().copied());
+        let states = self
+            .states
+            .iter()
+            .map(|state| state.var)
+            .zip(x.iter().copied());
         let switches = self.switches.iter().map(|switch| switch.alpha);
         let switches = switches.zip(alpha.iter().copied());
         let params = self.params.iter().map(|param| (param.var, param.value));
         let data = self.data.iter();
         let data = data.map(|data| (data.var, data.table.value(time)));
-        let all = [(self.time, time)].into_iter().chain(states).chain(switches);
+        let all = [(self.time, time)]
+            .into_iter()
+            .chain(states)
+            .chain(switches);
         let mut all = all.chain(params).chain(data);
         let known = all.find(|(e, _)| e.as_variable() == Some(var));
         known.map_or(f64::NAN, |(_, number)| number)

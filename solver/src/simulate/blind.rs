@@ -36,7 +36,10 @@ pub(super) fn observers(system: &impl SwitchedSystem) -> Vec<bool> {
     }
     // Inner switches come before what they are inside of.
     for i in (0..n).rev().filter(|&i| used[i]).collect::<Vec<_>>() {
-        system.inside(i).iter().for_each(|&inner| used[inner] = true);
+        system
+            .inside(i)
+            .iter()
+            .for_each(|&inner| used[inner] = true);
     }
     used.into_iter().map(|used| !used).collect()
 }

@@ -219,7 +219,11 @@ fn first_below(roots: &mut RootFinder, c: &[f64], h: f64) -> Option<f64> {
     let tau = roots.first(start, &c[1..], h, 0.0)?.tau;
     // Back to where it is zero itself.
     let back = tau - series::value(c, tau) / series::slope(c, tau);
-    Some(if (0.0..=tau).contains(&back) { back } else { tau })
+    Some(if (0.0..=tau).contains(&back) {
+        back
+    } else {
+        tau
+    })
 }
 
 #[cfg(test)]

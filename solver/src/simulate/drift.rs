@@ -61,11 +61,7 @@ impl Mode {
             let terms = self.gradient(i).iter();
             let size: f64 = terms.map(|&(j, g)| g.abs() * state.size(j)).sum();
             let follows = self.equations.tie(at).is_some() || self.equations.is_held(at);
-            self.equations.rhs[at] = if follows {
-                0.0
-            } else {
-                psi
-            };
+            self.equations.rhs[at] = if follows { 0.0 } else { psi };
             if size > 0.0 {
                 worst = worst.max(psi.abs() / size);
             }

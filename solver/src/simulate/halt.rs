@@ -50,5 +50,24 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 }
             }
         }
+        self.turn(state);
+    }
+
+    /// Lets what slips do so in the direction that impulses have left.
+    fn turn(&mut self, state: &mut State) {
+        let mut sides = state.sides.clone();
+        self.mode.set(state.t, &state.x, &state.alpha);
+        for (i, side) in sides.iter_mut().enumerate() {
+            let contact = self.system.slip_of(i);
+            let slips = contact.is_some_and(|of| state.sides[of] == Side::Slide);
+            if !slips || *side == Side::Slide {
+                continue;
+            }
+            let band = self.mode.band(i, state, 0.0);
+            if self.mode.psi(i) * side.sign() < -band {
+                *side = Side::of(-side.sign());
+            }
+        }
+        state.set_sides(sides);
     }
 }

@@ -147,7 +147,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 triggers,
                 defect: radau.error(),
                 implicit: true,
-            ends: None,
+                ends: None,
             }));
         }
         Ok(None)

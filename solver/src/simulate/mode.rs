@@ -9,11 +9,11 @@
 //! point, so one factorization serves all orders: evaluate f with α_K,k = 0, from it x and ψ_K of
 //! order k + 1, solve A α_K,k = -(k + 1) ψ_K,k+1, and evaluate again what contains α_K.
 
+use super::blind;
 use super::control::Probed;
 use super::field::Field;
 use super::implicit::Workspace;
 use super::layout::Memory;
-use super::blind;
 use super::sliding::Sliding;
 use super::state::State;
 use super::surfaces::Surfaces;

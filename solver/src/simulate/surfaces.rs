@@ -197,7 +197,9 @@ impl Surfaces {
         if self.slips[a] && self.slips[b] {
             return are_parallel(self.gradient(a), self.gradient(b));
         }
-        if !self.is_deep(a) && !self.is_deep(b) {
+        // A force along a surface and one across another are no shares of one force.
+        let is_mixed = self.slips[a] != self.slips[b];
+        if is_mixed || !self.is_deep(a) && !self.is_deep(b) {
             return false;
         }
         let form = |i: usize| match &self.now(i).form {

@@ -1,0 +1,130 @@
+//! Coefficients of contacts that leave their range while a contact lasts, from event to event.
+
+use nsd_tests::{end, run};
+use nsdc::report::{Failure, Status, Trajectory};
+
+/// A block on a floor, pushed along by `push` from a speed of `v`.
+fn block(push: f64, v: f64, restitution: &str, friction: &str, horizon: f64) -> Trajectory {
+    let text = text(push, v, restitution, friction, horizon);
+    run(&text, "this")
+}
+
+fn text(push: f64, v: f64, restitution: &str, friction: &str, horizon: f64) -> String {
+    format!(
+        "model block {{
+           state q[2] = [0, 0];
+           state v[2] = [{v:?}, 0];
+           q' = v;
+           mechanics q, v {{
+             mass = eye(2);
+             force = [{push:?}, -10];
+             contact sole {{ gap = q[2]; restitution = {restitution}; friction = {friction}; }}
+           }}
+         }}
+         simulate this of block {{ horizon {horizon:?}; }}"
+    )
+}
+
+/// When and how a run ended because of a coefficient; its label is at the contact.
+fn outside(found: &Trajectory, text: &str) -> (f64, &'static str, String) {
+    let Some(Failure::Coefficient {
+        time,
+        what,
+        name,
+        how,
+        surfaces,
+    }) = &found.failure
+    else {
+        panic!("{:?}", found.failure);
+    };
+    assert_eq!(found.status, Status::NumericalFailure);
+    assert_eq!(name, "sole");
+    let line = |at: usize| text[..at].matches('\n').count();
+    let contact = text.find("contact sole").expect("the text has it");
+    assert_eq!(line(surfaces[0].offset()), line(contact));
+    // What has been recorded ends there.
+    assert_eq!(found.time.last(), Some(time));
+    (*time, what, how.clone())
+}
+
+#[test]
+fn friction_that_turns_negative_ends_a_run_where_it_does() {
+    // At rest, slipping, and slipping over a floor whose friction depends on the place, v = 2.
+    for (push, v, friction, exact) in [
+        (0.0, 0.0, "0.3 - 0.2*time", 1.5),
+        (0.1, 0.0, "0.3 - 0.2*time^2 - 0.1*time^4", 1.0),
+        (5.0, 0.0, "0.3 - 0.2*time", 1.5),
+        (5.0, 0.0, "cos(7*time)/4 + 0.1", ((-0.4_f64).acos()) / 7.0),
+        (0.0, 2.0, "0.2 - 0.2*exp(20*q[1] - 20)", 1.0),
+    ] {
+        let text = text(push, v, "0", friction, 3.0);
+        let found = run(&text, "this");
+        let (time, what, how) = outside(&found, &text);
+        assert_eq!((what, &how[..]), ("friction", "falls below 0"));
+        if friction.contains('q') {
+            assert!((end(&found, "q")[0] - exact).abs() <= 1e-9, "{friction}");
+        } else {
+            assert!((time - exact).abs() <= 1e-9, "{friction}: {time}");
+        }
+    }
+}
+
+#[test]
+fn restitution_that_leaves_its_range_ends_a_run_where_it_does() {
+    for (restitution, said, exact) in [
+        ("0.5 - q[1]", "falls below 0", 0.25),
+        ("0.5 + q[1]", "rises above 1", 0.25),
+        // Above 1 for a while, within one step.
+        (
+            "1.01 - (q[1] - 1)^2/2",
+            "rises above 1",
+            0.5 - 0.02_f64.sqrt() / 2.0,
+        ),
+        ("q[1] - 1", "is -1, which is not between 0 and 1", 0.0),
+    ] {
+        let text = text(0.0, 2.0, restitution, "0", 3.0);
+        let (time, what, how) = outside(&run(&text, "this"), &text);
+        assert_eq!((what, &how[..]), ("restitution", said));
+        assert!((time - exact).abs() <= 1e-9, "{restitution}: {time}");
+    }
+}
+
+#[test]
+fn coefficients_that_come_to_a_bound_and_stay_in_their_range_are_good() {
+    for (restitution, friction, horizon) in [
+        ("0", "max(0.3 - 0.2*time, 0)", 3.0),
+        ("0", "0.3*(time - 1)^2", 3.0),
+        ("1 - (q[1] - 1)^2", "0", 0.9),
+        // Zero at the very end.
+        ("0", "0.3 - 0.2*time", 1.5),
+        ("0", "0.3*exp(-20*time)", 3.0),
+    ] {
+        for v in [0.0, 2.0] {
+            let found = block(0.0, v, restitution, friction, horizon);
+            let failure = &found.failure;
+            assert_eq!(found.status, Status::Solved, "{friction}: {failure:?}");
+        }
+    }
+}
+
+#[test]
+fn an_open_contact_has_no_coefficients() {
+    // It leaves the floor at t = 1, as the friction turns negative half a second later.
+    let found = run(
+        "model block {
+           state q[2] = [0, 0];
+           state v[2] = [1, 0];
+           q' = v;
+           mechanics q, v {
+             mass = eye(2);
+             force = [0, 20*(time - 1)];
+             contact sole { gap = q[2]; restitution = 0; friction = 0.3 - 0.2*time; }
+           }
+         }
+         simulate this of block { horizon 3; }",
+        "this",
+    );
+    assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
+    // 10/3 (t - 1)³ from t = 1 on.
+    assert!((end(&found, "q")[1] - 80.0 / 3.0).abs() <= 1e-7);
+}
