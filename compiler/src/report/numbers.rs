@@ -8,7 +8,7 @@
 //! ```
 //!
 //! The status, the states at the end, the objective and what happened when. A tolerance is what the experiment asks for,
-//! or [`SAFETY`] times the estimate of the error where that is more, relative to the size of the quantity: of a state
+//! or ten times the estimate of the error where that is more, relative to the size of the quantity: of a state
 //! its largest value, of an instant the length of the run. What is decided by an optimum, which is flat, is known to the
 //! square root of that; its objective is not.
 //!

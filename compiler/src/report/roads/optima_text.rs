@@ -101,6 +101,7 @@ fn summary(all: &Optima) -> String {
         (Some(_), 0 | 1) if differing == 0 => {
             "one lowering alone, nothing to compare it with".to_owned()
         }
+        (Some(objective), 1) => format!("one lowering has the objective {objective:.6e}"),
         (Some(objective), n) => format!("{n} lowerings have the objective {objective:.6e}"),
     };
     let differ = match differing {
