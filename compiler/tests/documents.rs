@@ -113,6 +113,9 @@ fn broken(document: &Path, target: &str) -> Option<String> {
     {
         return None;
     }
+    if target.contains(' ') {
+        return Some(format!("{}: a blank in `{target}`", document.display()));
+    }
     let (file, heading) = target.split_once('#').unwrap_or((target, ""));
     let beside = document.parent().expect("a document is in a folder");
     let path = match file {

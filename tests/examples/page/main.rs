@@ -106,8 +106,9 @@ fn repository(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)
 }
 
-/// Writes a figure, and gives the line that shows it.
+/// Writes a figure, and gives the line that shows it; a link has no blanks.
 fn figure(figures: &Path, name: &str, alt: &str, svg: &str) -> String {
+    let name = name.replace(' ', "-");
     fs::write(figures.join(format!("{name}.svg")), svg)
         .expect("the folder of the figures is writable");
     format!("![{alt}](benchmarks/{name}.svg)\n")
