@@ -246,3 +246,43 @@ fn an_order_can_be_expected() {
     );
     assert!(failed.contains("got      order "), "{failed}");
 }
+
+/// Where states jump, lowerings and steps of time that take jumps stand beside events.
+#[test]
+fn contacts_have_orders_on_several_roads() {
+    let folder = folder("order_contacts");
+    let text = "model m { state q = 1; state v = 0; q' = v;
+          mechanics q, v { mass = 1; force = -9.81*sin(q); contact wall { gap = q + 0.3; restitution = 0.7; } } }
+        simulate s of m { horizon 1.5; }
+        model h { state y = 15; switch on = hysteresis(y, on = 18, off = 20); y' = -0.2*y + 10*on; }
+        simulate warm of h { horizon 1; }";
+    fs::write(folder.join("m.nsd"), text).expect("the folder is writable");
+    let ran = nsdc(&folder, &["order", "m.nsd", "s", "--csv", "errors.csv"]);
+    assert_eq!(ran.status, 0, "{}", ran.err);
+    for (method, expected) in [
+        ("impact fesd radau_iia(2)", 3.0),
+        ("timestepping, contacts", 1.0),
+    ] {
+        let found = order(&ran.out, method);
+        assert!(
+            (found - expected).abs() < 0.7,
+            "{method}: {found} {}",
+            ran.out
+        );
+    }
+    assert!(ran.out.contains("timefreezing event"), "{}", ran.out);
+    let ran = nsdc(&folder, &["order", "m.nsd", "warm", "--csv", "warm.csv"]);
+    assert_eq!(ran.status, 0, "{}", ran.err);
+    let lines = ran.out.lines().map(str::trim_start);
+    let reason = |name: &str| {
+        lines
+            .clone()
+            .any(|line| line.starts_with(name) && line.contains("left out: relay"))
+    };
+    assert!(reason("impact") && reason("timestepping"), "{}", ran.out);
+    assert!(
+        ran.out.contains("timefreezing fesd radau_iia(2)"),
+        "{}",
+        ran.out
+    );
+}

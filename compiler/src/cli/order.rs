@@ -8,12 +8,12 @@ use super::progress::Bar;
 use super::project::{self, Project};
 use super::{Exit, Streams, io};
 use crate::clock::Clock;
-use crate::compile;
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
-use crate::order::{self, Progress, Study};
+use crate::order::{self, Progress, Road, Study};
 use crate::syntax::{ExperimentKind, ExperimentSetting, SettingKind};
 use crate::system::experiment::ExperimentError;
+use crate::{Compiled, compile};
 
 /// Measures the errors of all methods for one experiment.
 pub fn run(args: &OrderArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
@@ -42,10 +42,30 @@ pub fn run(args: &OrderArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         project.replace_setting(experiment, "order", "method auto");
     }
 
+    // Where states jump, lowerings and methods have systems of their own.
+    let mut automatic = experiment.clone();
+    project.replace_setting(&mut automatic, "order", "method auto");
+    let mut roads = Vec::new();
+    for road in Road::ALL {
+        let mut other = experiment.clone();
+        let lowers = |setting: &ExperimentSetting| matches!(setting.kind, SettingKind::Lower(_));
+        other.settings.retain(|setting| !lowers(setting));
+        for words in road.settings() {
+            project.replace_setting(&mut other, "order", words);
+        }
+        roads.push((road, other));
+    }
+
     let exprs = Exprs::new();
     let mut diags = Diagnostics::new();
     let (file, mut clock) = (&project.file, Clock::default());
-    let compiled = compile(&exprs, file, experiment, &overrides, &mut clock, &mut diags);
+    let mut compiled = compile(&exprs, file, experiment, &overrides, &mut clock, &mut diags);
+    let steps = compiled
+        .as_ref()
+        .is_some_and(|compiled| !compiled.system.impulsive.is_empty());
+    if steps {
+        compiled = compile(&exprs, file, &automatic, &overrides, &mut clock, &mut diags);
+    }
     if experiment.kind == ExperimentKind::Optimize && !diags.has_errors() {
         let (name, span) = (experiment.name.name.clone(), experiment.name.span);
         diags.push(ExperimentError::NotSimulated { name, span });
@@ -56,12 +76,43 @@ pub fn run(args: &OrderArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         return Ok(Exit::Wrong);
     };
 
+    let jumps = |compiled: &Compiled| {
+        let system = &compiled.system;
+        system.first_jump().is_some() || system.switches.iter().any(|k| k.relay.is_some())
+    };
+    roads.retain(|_| jumps(&compiled));
+    let lowered = roads.iter().map(|(road, experiment)| {
+        let mut diags = Diagnostics::new();
+        let lowered = compile(&exprs, file, experiment, &overrides, &mut clock, &mut diags);
+        let reason = || {
+            diags
+                .errors()
+                .map(ToString::to_string)
+                .next()
+                .unwrap_or_default()
+        };
+        (
+            *road,
+            lowered.filter(|_| !diags.has_errors()).ok_or_else(reason),
+        )
+    });
+    let lowered: Vec<(Road, Result<Compiled, String>)> = lowered.collect();
+    let lowered: Vec<order::Lowered> = (lowered.iter())
+        .map(|(road, lowered)| (*road, lowered.as_ref().map_err(Clone::clone)))
+        .collect();
+
     let mut bar = Bar::new(&compiled.settings.name, streams.progress);
     let mut watch = |progress: Progress| {
         let Progress { name, knob, done } = progress;
         bar.show(done, || format!("{name}, {knob:.1e}"));
     };
-    let study = order::study(&compiled, &project.sources, args.time_limit, &mut watch);
+    let study = order::study(
+        &compiled,
+        &lowered,
+        &project.sources,
+        args.time_limit,
+        &mut watch,
+    );
     drop(bar);
     let study = match study {
         Ok(study) => study,

@@ -96,6 +96,77 @@ pub fn sweeps(
     (sweeps, left_out)
 }
 
+/// A lowering, or a method, that takes jumps of states by a system of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Road {
+    /// A clock stands still while states jump.
+    Frozen,
+    /// Contacts give impulses where finite elements meet.
+    Impulses,
+    /// Contacts give impulses in steps of time.
+    Steps,
+}
+
+impl Road {
+    /// All of them.
+    pub const ALL: [Road; 3] = [Road::Frozen, Road::Impulses, Road::Steps];
+
+    /// The settings of an experiment that goes it, besides which it asks for no lowering.
+    pub fn settings(self) -> &'static [&'static str] {
+        match self {
+            Road::Frozen => &["method fesd", "lower timefreezing"],
+            Road::Impulses => &["method fesd", "lower impact"],
+            Road::Steps => &["method timestepping"],
+        }
+    }
+
+    /// What it is called where it is left out.
+    pub fn name(self) -> &'static str {
+        match self {
+            Road::Frozen => "timefreezing",
+            Road::Impulses => "impact",
+            Road::Steps => "timestepping",
+        }
+    }
+
+    /// What is run of it; `steps` are as for [`sweeps`].
+    pub fn sweeps(self, settings: &Settings, steps: usize) -> Vec<Sweep> {
+        let coarsest = coarsest(steps);
+        let elements = match settings.method {
+            Method::Fesd(options) => options.elements,
+            _ => FesdOptions::default().elements,
+        };
+        let fesd = |family: usize| {
+            let schemes = SCHEMES[..3].iter().enumerate();
+            schemes.map(move |(k, &scheme)| {
+                let sweep = self::elements(settings, coarsest, scheme, elements, (family, k));
+                Sweep {
+                    name: format!("{} {}", self.name(), sweep.name),
+                    ..sweep
+                }
+            })
+        };
+        let event = |tolerance| Variant::Event {
+            tolerance,
+            more_orders: 0,
+        };
+        match self {
+            Road::Frozen => {
+                let event = by_tolerance("timefreezing event", (0, 1), event);
+                [event].into_iter().chain(fesd(2)).collect()
+            }
+            Road::Impulses => fesd(1).collect(),
+            Road::Steps => {
+                let stepped = timestepping(settings, coarsest, STEPPED[0], (3, 0));
+                vec![Sweep {
+                    name: "timestepping, contacts".to_owned(),
+                    ..stepped
+                }]
+            }
+        }
+    }
+}
+
 fn by_tolerance(name: &str, place: (usize, usize), variant: impl Fn(f64) -> Variant) -> Sweep {
     let run = |exponent: i32| {
         let tolerance = 10f64.powi(-exponent);

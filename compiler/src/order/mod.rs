@@ -14,13 +14,14 @@ mod table;
 use std::time::{Duration, Instant};
 
 pub use fit::Fit;
+pub use grid::Road;
 pub use reference::Reference;
 pub use table::{csv, text};
 
 use crate::Compiled;
 use crate::report::expect::Convergence;
 use crate::report::plot::{Curve as Line, LogLog};
-use crate::simulate::{Bench, End};
+use crate::simulate::{Bench, End, Variant, whole};
 use crate::source::SourceMap;
 use crate::system::experiment::Settings;
 use grid::Sweep;
@@ -124,10 +125,14 @@ pub struct Progress<'a> {
     pub done: f64,
 }
 
+/// An experiment on a road that takes jumps, or why it does not go it.
+pub type Lowered<'c, 'e> = (Road, Result<&'c Compiled<'e>, String>);
+
 /// Measures the errors of all methods in about as much wall time as `limit`; why there is no
-/// reference otherwise.
+/// reference otherwise. Where states jump, `roads` are compared, too.
 pub fn study(
     compiled: &Compiled<'_>,
+    roads: &[Lowered<'_, '_>],
     sources: &SourceMap,
     limit: Duration,
     watch: &mut dyn FnMut(Progress),
@@ -138,9 +143,22 @@ pub fn study(
     let bench = Bench::new(&compiled.system, settings);
     let found = reference::find(compiled, &bench, sources, limit / 4)?;
     let reference = found.reference;
-    let (sweeps, left_out) = grid::sweeps(&bench, settings, found.steps);
+    let (sweeps, mut left_out) = grid::sweeps(&bench, settings, found.steps);
+    let mut sweeps: Vec<(Sweep, Option<&Compiled>)> =
+        sweeps.into_iter().map(|sweep| (sweep, None)).collect();
+    // What is said of a road says more than what is said of its method.
+    left_out.retain(|(name, _)| roads.iter().all(|(road, _)| road.name() != name));
+    for (road, lowered) in roads {
+        match lowered {
+            Ok(lowered) => {
+                let new = road.sweeps(&lowered.settings, found.steps);
+                sweeps.extend(new.into_iter().map(|sweep| (sweep, Some(*lowered))));
+            }
+            Err(reason) => left_out.push((road.name().to_owned(), reason.clone())),
+        }
+    }
     let mut curves = Vec::with_capacity(sweeps.len());
-    for (k, sweep) in sweeps.iter().enumerate() {
+    for (k, (sweep, lowered)) in sweeps.iter().enumerate() {
         let left = limit.saturating_sub(started.elapsed());
         let share = left / (sweeps.len() - k) as u32;
         let done = k as f64 / sweeps.len() as f64;
@@ -148,8 +166,12 @@ pub fn study(
             let name = &sweep.name;
             watch(Progress { name, knob, done });
         };
+        let run = |variant, limit| match lowered {
+            None => bench.run(variant, limit),
+            Some(lowered) => whole(&lowered.system, &lowered.settings, variant, limit),
+        };
         curves.push(measure(
-            &bench, settings, sweep, &reference, share, &mut watch,
+            &run, settings, sweep, &reference, share, &mut watch,
         ));
     }
     Ok(Study {
@@ -174,9 +196,10 @@ pub fn of_method(
     let settings = &compiled.settings;
     has_switches_alone(compiled)?;
     let bench = Bench::untimed(&compiled.system, settings);
+    let takes_jumps = settings.freezes() || settings.takes_impulses();
     if let Some(reason) = bench
         .without_elements()
-        .filter(|_| settings.method.needs_dcs())
+        .filter(|_| settings.method.needs_dcs() && !takes_jumps)
     {
         return Err(format!(
             "the order of this lowering is not measured: {reason}"
@@ -194,7 +217,11 @@ pub fn of_method(
     };
     let left = limit.saturating_sub(started.elapsed());
     let reference = &found.reference;
-    let curve = measure(&bench, settings, &sweep, reference, left, &mut watch);
+    let run = |variant, limit| match takes_jumps {
+        false => bench.run(variant, limit),
+        true => whole(&compiled.system, settings, variant, limit),
+    };
+    let curve = measure(&run, settings, &sweep, reference, left, &mut watch);
     match &curve.fit {
         Some(fit) => Ok(Convergence {
             order: fit.order,
@@ -222,7 +249,7 @@ fn has_switches_alone(compiled: &Compiled<'_>) -> Result<(), String> {
 
 /// Refines until the error is that of the reference, or the time is over.
 fn measure(
-    bench: &Bench<'_, '_>,
+    run: &dyn Fn(Variant, Duration) -> End,
     settings: &Settings,
     sweep: &Sweep,
     reference: &Reference,
@@ -241,7 +268,7 @@ fn measure(
             steps,
             failure,
             seconds,
-        } = bench.run(variant, left.max(Duration::from_millis(1)));
+        } = run(variant, left.max(Duration::from_millis(1)));
         let error = match failure {
             Some(failure) => Err(failure),
             None => Ok(reference.error(&x)),

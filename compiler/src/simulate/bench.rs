@@ -17,9 +17,12 @@ use super::fesd::{self as elements, Complementarity};
 use super::instants::Pulses;
 use super::modes::ModeNames;
 use super::switched::Switched;
-use super::{outcome, solver_settings};
+use super::{Request, outcome, solver_settings};
 use crate::dcs;
-use crate::system::experiment::{Settings, SmoothingOptions, beside_branches};
+use crate::system::experiment::{
+    EventOptions, FesdOptions, Method, Sampling, Settings, SmoothingOptions, SteppingOptions,
+    beside_branches,
+};
 use crate::system::{Role, Switch, System, smoothing};
 
 /// A method with all of its options.
@@ -257,6 +260,56 @@ impl<'s, 'e> Bench<'s, 'e> {
         }
         times.sort_by(f64::total_cmp);
         (outcome, times[times.len() / 2])
+    }
+}
+
+/// A run of an experiment as it is, with another method, for its end; its time is that of everything. A run that takes
+/// longer than `limit` fails.
+pub fn whole<'e>(
+    system: &System<'e>,
+    settings: &Settings<'e>,
+    variant: Variant,
+    limit: Duration,
+) -> End {
+    let mut settings = settings.clone();
+    settings.sampling = Sampling::Method;
+    settings.outputs = None;
+    settings.method = match variant {
+        Variant::Event { tolerance, .. } | Variant::Adaptive { tolerance } => {
+            settings.tolerance = tolerance;
+            Method::Event(EventOptions::default())
+        }
+        Variant::Fesd {
+            scheme,
+            steps,
+            elements,
+        } => Method::Fesd(FesdOptions {
+            scheme,
+            steps: Some(steps),
+            elements,
+            ..FesdOptions::default()
+        }),
+        Variant::Timestepping { steps, .. } => Method::Timestepping(SteppingOptions {
+            scheme: None,
+            steps,
+        }),
+        Variant::Smoothing(options) => Method::Smoothing(options),
+    };
+    let request = Request {
+        dense: false,
+        estimate: false,
+        multipliers: false,
+        time_limit: Some(limit),
+    };
+    let run = super::run(system, &settings, &request);
+    let last = run.time.len() - 1;
+    End {
+        x: (run.states.iter())
+            .flat_map(|series| series.at(last).to_vec())
+            .collect(),
+        steps: run.stats.steps as usize,
+        failure: run.failure.map(|failure| failure.to_string()),
+        seconds: run.stats.solve_s,
     }
 }
 

@@ -43,7 +43,7 @@ use crate::report::{
 };
 use crate::system::System;
 use crate::system::experiment::{self, Branch, EventOptions, Settings};
-pub use bench::{Bench, End, Variant};
+pub use bench::{Bench, End, Variant, whole};
 pub(crate) use elements::Elements;
 use mode_count::ModeCount;
 use modes::ModeNames;

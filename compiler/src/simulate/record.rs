@@ -396,7 +396,12 @@ impl Observer for Recorder<'_, '_> {
         let end = segment.start + segment.length;
         self.limits.segment(segment);
         if let Some(pieces) = &mut self.pieces {
-            pieces.push(piece(segment, end, self.data));
+            let mut piece = piece(segment, end, self.data);
+            // An event is where a step ends, but for rounding.
+            piece.from = pieces
+                .last()
+                .map_or(piece.from, |last| piece.from.max(last.to));
+            pieces.push(piece);
         }
         if self.sampling == Sampling::Method {
             if self.times.is_empty() {
