@@ -29,6 +29,7 @@ const EXAMPLES: &[&str] = &[
     "corner.nsd: drop",
     "corner.nsd: pushed",
     "dispatch.nsd: day",
+    "falling_rod.nsd: by_elements",
     "falling_rod.nsd: falls",
     "fast_actuator.nsd: follows",
     "fast_actuator.nsd: slides",
