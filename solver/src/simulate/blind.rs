@@ -84,9 +84,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         if !self.mode.observers[switch] {
             return false;
         }
-        self.mode.set(state.t, &state.x, &state.alpha);
-        self.mode.linearize(&[switch]);
-        let mut gradient = self.mode.gradient(switch).iter();
-        !gradient.all(|(_, g)| g.is_finite()) || !self.mode.time_gradient(switch).is_finite()
+        let mode = &mut self.mode;
+        mode.set(state.t, &state.x, &state.alpha);
+        mode.surfaces.linearize(switch, &mode.memory.values);
+        let mut gradient = mode.gradient(switch).iter();
+        !gradient.all(|(_, g)| g.is_finite()) || !mode.time_gradient(switch).is_finite()
     }
 }
