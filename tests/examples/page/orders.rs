@@ -96,7 +96,7 @@ fn study(name: &str, experiment: &str) -> Result<Study, String> {
     let (exprs, mut clock) = (Exprs::new(), Clock::default());
     let compiled = compile(&exprs, &file, item, &[], &mut clock, &mut diags);
     let compiled = compiled.expect("examples compile");
-    order::study(&compiled, &sources, LIMIT, &mut |_| {})
+    order::study(&compiled, &[], &sources, LIMIT, &mut |_| {})
 }
 
 /// One row per method that has an error.
