@@ -113,7 +113,7 @@ fn an_open_contact_has_no_coefficients() {
     let found = run(
         "model block {
            state q[2] = [0, 0];
-           state v[2] = [1, 0];
+           state v[2] = [9, 0];
            q' = v;
            mechanics q, v {
              mass = eye(2);

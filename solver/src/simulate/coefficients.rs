@@ -13,7 +13,7 @@ use super::system::{Effect, Guard, Impact, Input};
 use super::{Coefficient, Side, Status, SwitchedSystem, series};
 use crate::tape::{self, Recurrences};
 
-/// Below zero by less than this, in relation to the largest term of a series, is rounding.
+/// Below zero by less than this is rounding: coefficients have no unit, and one is large.
 const ROUNDING: f64 = 1e-12;
 
 /// Shares of a step at which a series is compared with its function.
@@ -72,7 +72,6 @@ impl Coefficients {
             watched.expand(mode);
             let order = mode.order;
             for c in watched.rows(&mode.memory, order) {
-                // Coefficients have no unit, and one is large.
                 let last = |h: f64| (order - 1..=order).map(move |k| c[k].abs() * h.powi(k as i32));
                 for _ in 0..MAX_SHORTER {
                     if last(h).fold(0.0, f64::max) <= tolerance {
@@ -208,12 +207,11 @@ impl Watched {
 
 /// Where Σ c_k τᵏ first falls below zero in [0, h], but for rounding.
 fn first_below(roots: &mut RootFinder, c: &[f64], h: f64) -> Option<f64> {
-    let slack = ROUNDING * series::magnitude(c, h, 0);
-    let start = c[0] + slack;
+    let start = c[0] + ROUNDING;
     if start < 0.0 {
         return Some(0.0);
     }
-    if slack == 0.0 || h <= 0.0 {
+    if h <= 0.0 {
         return None;
     }
     let tau = roots.first(start, &c[1..], h, 0.0)?.tau;
