@@ -189,7 +189,7 @@ fn square_wave(extent: Extent) -> Family {
         let horizon = 2.0 * PI * n + 0.5 * PI;
         let case = Case::new(n, model, horizon).ends("x", &[0.5 * PI], PI);
         let case = case.switches(2 * n as usize).rounds(16.0 * EPSILON * n);
-        [case.clone(), case.by("fesd").accurate_if(n <= 1000.0)]
+        case.accurate_if(n <= 1000.0).both()
     };
     Family {
         name: "a square wave",
