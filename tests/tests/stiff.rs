@@ -1,23 +1,9 @@
 //! Stiff models, which an implicit method integrates between their events: closed forms and published
 //! values.
 
+use nsd_tests::stress::{relay_exactly, root};
 use nsd_tests::{end, run};
 use nsdc::report::{EventKind, Status, Trajectory};
-
-/// Where `f` changes its sign between `a` and `b`.
-fn root(f: impl Fn(f64) -> f64, mut a: f64, mut b: f64) -> f64 {
-    let sign = f(a).signum();
-    assert!(f(b) * sign < 0.0, "a root between {a} and {b}");
-    for _ in 0..100 {
-        let middle = 0.5 * (a + b);
-        if f(middle) * sign > 0.0 {
-            a = middle;
-        } else {
-            b = middle;
-        }
-    }
-    0.5 * (a + b)
-}
 
 fn distance(a: &[f64], b: &[f64]) -> f64 {
     assert_eq!(a.len(), b.len(), "{a:?} and {b:?}");
@@ -47,40 +33,6 @@ fn relay(lambda: f64, tolerance: f64) -> Trajectory {
         simulate a of relay {{ horizon 10; tolerance {tolerance:e}; }}"
     );
     run(&text, "a")
-}
-
-/// (x, v, u) of the relay `tau` after `start`, for a constant s.
-fn actuated(start: [f64; 3], lambda: f64, s: f64, tau: f64) -> [f64; 3] {
-    let ([x, v, u], c) = (start, 0.1);
-    let (fast, slow) = ((-lambda * tau).exp(), (-c * tau).exp());
-    let b = (u - s) / (lambda - c);
-    let a = v + s / c - b;
-    [
-        x + a * (1.0 - slow) / c - s / c * tau + b * (1.0 - fast) / lambda,
-        a * slow - s / c + b * fast,
-        s + (u - s) * fast,
-    ]
-}
-
-/// Crossings until 10, and the end.
-fn relay_exactly(lambda: f64) -> (Vec<f64>, [f64; 3]) {
-    let (mut t, mut s, mut now) = (0.0, 1.0, [1.0, 0.0, 0.0]);
-    let mut crossings = Vec::new();
-    loop {
-        let x = |tau: f64| actuated(now, lambda, s, tau)[0];
-        let mut tau = 0.1;
-        while x(tau) * s > 0.0 && t + tau < 10.0 {
-            tau += 0.1;
-        }
-        if t + tau >= 10.0 {
-            return (crossings, actuated(now, lambda, s, 10.0 - t));
-        }
-        let tau = root(x, tau - 0.1, tau);
-        now = actuated(now, lambda, s, tau);
-        now[0] = 0.0;
-        (t, s) = (t + tau, -s);
-        crossings.push(t);
-    }
 }
 
 #[test]

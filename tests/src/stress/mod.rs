@@ -22,7 +22,7 @@ use nsdc::simulate::{self, Request};
 
 use crate::{end, with_experiment};
 
-pub use stiff::{actuated, relay_exactly};
+pub use stiff::relay_exactly;
 
 /// How much of every family.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

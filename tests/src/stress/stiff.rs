@@ -33,7 +33,7 @@ fn relay(extent: Extent) -> Family {
 }
 
 /// (x, v, u) of the relay `tau` after `start`, for a constant s.
-pub fn actuated(start: [f64; 3], lambda: f64, s: f64, tau: f64) -> [f64; 3] {
+fn actuated(start: [f64; 3], lambda: f64, s: f64, tau: f64) -> [f64; 3] {
     let ([x, v, u], c) = (start, 0.1);
     let (fast, slow) = ((-lambda * tau).exp(), (-c * tau).exp());
     let b = (u - s) / (lambda - c);
