@@ -1,6 +1,7 @@
 //! Harness shared by the test files of this crate: from text to a trajectory.
 
 pub mod affine;
+pub mod faults;
 pub mod stress;
 
 use std::path::{Path, PathBuf};

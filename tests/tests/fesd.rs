@@ -1,5 +1,7 @@
 //! `method fesd` against closed forms, its orders, and the event road on the same models.
 
+#[path = "fesd/elements.rs"]
+mod elements;
 #[path = "fesd/rungs.rs"]
 mod rungs;
 

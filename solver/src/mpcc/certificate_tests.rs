@@ -1,6 +1,6 @@
 //! Points whose class is known.
 
-use super::certificate::{Certificate, Tolerances, certify};
+use super::certificate::{Certificate, Residuals, Tolerances, certify};
 use super::{Class, Lifted};
 use crate::problem::Side;
 use crate::quadratic::{Function, Quadratic};
@@ -87,6 +87,31 @@ fn points_that_are_not_stationary() {
     check(problem(), &[0.5, 0.0], Class::None, false);
     // Off by less than the tolerance of the multipliers.
     check(problem(), &[0.0, 2.0 + 1e-8], Class::S, true);
+}
+
+#[test]
+fn an_upper_bound_pushes_down_alone() {
+    // w₂ <= 1 at (0, 2, 1): the minimum where the objective asks for w₂ = 2, and none where it asks for 0.
+    let problem = |target: f64| {
+        let objective = distance(&[-1.0, 2.0, target]);
+        pairs(Quadratic::new(3, objective, Vec::new()), 1).bound(2, -INFINITY, 1.0)
+    };
+    check(problem(2.0), &[0.0, 2.0, 1.0], Class::S, true);
+    check(problem(0.0), &[0.0, 2.0, 1.0], Class::None, false);
+}
+
+#[test]
+fn residuals_are_those_of_the_point() {
+    // 0 <= x ⟂ y >= 0 and x + 2y <= 1 at (0.5, 2).
+    let rows = vec![(linear(&[1.0, 2.0]), -INFINITY, 1.0)];
+    let mut problem = pairs(Quadratic::new(2, linear(&[1.0, 1.0]), rows), 1);
+    let mut lifted = Lifted::new(&mut problem);
+    let expected = Residuals {
+        violation: 3.5,
+        complementarity: 0.5,
+        product: 1.0,
+    };
+    assert_eq!(Residuals::new(&mut lifted, &[0.5, 2.0]), expected);
 }
 
 #[test]

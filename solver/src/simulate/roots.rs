@@ -335,6 +335,15 @@ mod tests {
     }
 
     #[test]
+    fn what_the_lowest_terms_alone_do_not_reach_is_not_missed() {
+        // 1 - 0.995 t stays above zero up to 1, and the last term brings it below.
+        let c = [1.0, -0.995, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -0.01];
+        let root = first_root(8, &c, 1.0).unwrap();
+        assert!(series::value(&c, root.tau).abs() < 1e-15, "{root:?}");
+        assert!(root.crosses);
+    }
+
+    #[test]
     fn a_double_root_is_marked() {
         let root = first_root(4, &[0.25, -1.0, 1.0], 1.0).unwrap();
         assert_eq!(

@@ -2,6 +2,7 @@
 
 use super::program::{INF, Program};
 use super::{log, run};
+use crate::ipm::residuals::residuals;
 use crate::ipm::{Failure, Options, Point, Solution, Status, solve};
 use crate::problem::Nlp;
 
@@ -90,6 +91,23 @@ fn fixed_variables_have_multipliers() {
     assert_near(&solution.y, &[-4.0]);
     assert_near(&solution.z_l, &[1.0, 0.0]);
     assert_near(&solution.z_u, &[0.0, 0.0]);
+}
+
+#[test]
+fn residuals_are_those_of_the_conditions_at_any_point() {
+    // min x² + 3y with 1 <= x <= 4, y >= 1, 3 <= xy <= 8 and x + y <= 4, at (2, 3).
+    let mut program = Program::new(&[2.0, 3.0])
+        .minimize(|x| x[0].powi(2) + 3.0 * x[1])
+        .row(3.0, |x| x[0] * x[1], 8.0)
+        .row(-INF, |x| x[0] + x[1], 4.0)
+        .bounds(0, 1.0, 4.0)
+        .bounds(1, 1.0, INF);
+    let (y, z_l, z_u) = ([-0.5, 0.25], [0.75, 0.5], [0.25, 0.0]);
+    let found = residuals(&mut program, &[2.0, 3.0], &y, &z_l, &z_u);
+    // 2x - 0.5 y + 0.25 - 0.75 + 0.25 = 2.25 is more than 3 - 0.5 x + 0.25 - 0.5, 0.5 (xy - 3) = 1.5 more than
+    // other products, and x + y is 1 too much.
+    let (primal, dual, complementarity) = (found.primal, found.dual, found.complementarity);
+    assert_near(&[primal, dual, complementarity], &[1.0, 2.25, 1.5]);
 }
 
 #[test]

@@ -1,0 +1,211 @@
+//! Deliberate faults of one line each, and the test that catches each of them: the table in `README.md`.
+//!
+//! | file | line as it stands | becomes | caught by |
+//! | --- | --- | --- | --- |
+//! | `solver/src/lcp.rs` | `row[i] = 1.0;` | `row[i] = -1.0;` | nsd-solver lib: `lcp::tests::name` |
+//!
+//! Lines are written without what they are indented by; `\|` stands for a bar. What becomes nothing is left out.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// The heading of the section.
+const HEADING: &str = "## Faults that the suite must catch";
+
+/// One row of the table.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Fault {
+    /// The file, from the root of the workspace.
+    pub file: String,
+    /// The line as it stands, without indentation.
+    pub line: String,
+    /// What stands there instead.
+    pub becomes: String,
+    /// What catches it.
+    pub test: Test,
+}
+
+/// A test by name.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct Test {
+    /// The package.
+    pub package: String,
+    /// The file of tests, or `lib` for those beside the code.
+    pub target: String,
+    /// The path of the test in it.
+    pub name: String,
+}
+
+/// The root of the workspace.
+pub fn root() -> &'static Path {
+    let package = Path::new(env!("CARGO_MANIFEST_DIR"));
+    package.parent().expect("the package is a folder of it")
+}
+
+/// The rows of the table, or what is wrong with one of them.
+pub fn table() -> Result<Vec<Fault>, String> {
+    read(include_str!("../README.md"))
+}
+
+fn read(text: &str) -> Result<Vec<Fault>, String> {
+    let section = text.lines().skip_while(|line| *line != HEADING).skip(1);
+    let section = section.take_while(|line| !line.starts_with("## "));
+    let rows = section.filter(|line| line.starts_with("| `"));
+    rows.map(|line| row(line).ok_or_else(|| format!("this row cannot be read:\n{line}")))
+        .collect()
+}
+
+fn row(line: &str) -> Option<Fault> {
+    const BAR: &str = "\u{0}";
+    let line = line.replace("\\|", BAR);
+    let cells = line.strip_prefix('|')?.strip_suffix('|')?.split('|');
+    let cells: Vec<String> = cells.map(|cell| cell.trim().replace(BAR, "|")).collect();
+    let [file, line, becomes, test] = &cells[..] else {
+        return None;
+    };
+    let (target, name) = test.split_once(": ")?;
+    let (package, target) = target.split_once(' ')?;
+    Some(Fault {
+        file: code(file)?,
+        line: code(line)?,
+        becomes: if becomes.is_empty() {
+            String::new()
+        } else {
+            code(becomes)?
+        },
+        test: Test {
+            package: package.to_owned(),
+            target: target.to_owned(),
+            name: code(name)?,
+        },
+    })
+}
+
+fn code(cell: &str) -> Option<String> {
+    Some(cell.strip_prefix('`')?.strip_suffix('`')?.to_owned())
+}
+
+impl Fault {
+    /// The text of the file with the fault in it, or why there is none.
+    pub fn apply(&self, text: &str) -> Result<String, String> {
+        let is_it = |line: &&str| line.trim() == self.line;
+        match text.lines().filter(is_it).count() {
+            1 => {}
+            n => return Err(format!("the line is there {n} times")),
+        }
+        if self.becomes == self.line {
+            return Err("the line stays as it is".to_owned());
+        }
+        let change = |line: &str| match line.trim() == self.line {
+            true => line.replace(&self.line, &self.becomes) + "\n",
+            false => line.to_owned() + "\n",
+        };
+        Ok(text.lines().map(change).collect())
+    }
+}
+
+impl Test {
+    /// The folder of its package, from the root of the workspace.
+    pub fn folder(&self) -> &'static str {
+        match &self.package[..] {
+            "nsd-solver" => "solver",
+            "nsdc" => "compiler",
+            _ => "tests",
+        }
+    }
+
+    /// Whether there is a function of that name where it should be.
+    pub fn exists(&self) -> bool {
+        let name = self.name.rsplit("::").next().unwrap_or_default();
+        let head = format!("fn {name}(");
+        let has = |file: &PathBuf| fs::read_to_string(file).is_ok_and(|text| text.contains(&head));
+        self.files().iter().any(has)
+    }
+
+    fn files(&self) -> Vec<PathBuf> {
+        let package = root().join(self.folder());
+        if self.target == "lib" {
+            return sources(&package.join("src"));
+        }
+        let tests = package.join("tests");
+        let mut files = sources(&tests.join(&self.target));
+        files.push(tests.join(format!("{}.rs", self.target)));
+        files
+    }
+}
+
+/// All sources below a folder; none where there is no such folder.
+fn sources(folder: &Path) -> Vec<PathBuf> {
+    let (mut found, mut open) = (Vec::new(), vec![folder.to_owned()]);
+    while let Some(folder) = open.pop() {
+        for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+            let path = entry.path();
+            if path.is_dir() {
+                open.push(path);
+            } else if path.extension().is_some_and(|extension| extension == "rs") {
+                found.push(path);
+            }
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Fault, Test, read};
+
+    const TEXT: &str = r"
+| `not.rs` | `a` | `b` | nsdc lib: `c` |
+## Faults that the suite must catch
+| file | line | becomes | caught by |
+| --- | --- | --- | --- |
+| `a/b.rs` | `map(\|x\| x)` | `map(\|x\| -x)` | nsd-tests goldens: `name` |
+| `a/b.rs` | `skip();` | | nsd-solver lib: `a::tests::name` |
+## Others
+| `not.rs` | `a` | `b` | nsdc lib: `c` |
+";
+
+    fn test(package: &str, target: &str, name: &str) -> Test {
+        let [package, target, name] = [package, target, name].map(str::to_owned);
+        Test {
+            package,
+            target,
+            name,
+        }
+    }
+
+    fn fault(line: &str, becomes: &str, test: Test) -> Fault {
+        let [file, line, becomes] = ["a/b.rs", line, becomes].map(str::to_owned);
+        Fault {
+            file,
+            line,
+            becomes,
+            test,
+        }
+    }
+
+    #[test]
+    fn the_rows_of_the_section_are_read() {
+        let goldens = test("nsd-tests", "goldens", "name");
+        let lib = test("nsd-solver", "lib", "a::tests::name");
+        let expected = [
+            fault("map(|x| x)", "map(|x| -x)", goldens),
+            fault("skip();", "", lib),
+        ];
+        assert_eq!(read(TEXT).unwrap(), expected);
+        let torn = TEXT.replace(" | nsd-tests goldens: `name` |", " |");
+        assert!(read(&torn).is_err());
+    }
+
+    #[test]
+    fn a_fault_changes_one_line_and_nothing_else() {
+        let fault = |line, becomes| fault(line, becomes, test("nsdc", "lib", "name"));
+        let text = "if a {\n    b();\n    bb();\n}\n";
+        let faulty = fault("b();", "c();").apply(text);
+        assert_eq!(faulty.unwrap(), "if a {\n    c();\n    bb();\n}\n");
+        assert!(fault("d();", "c();").apply(text).is_err());
+        assert!(fault("b();", "b();").apply(text).is_err());
+        let twice = text.replace("bb", "b");
+        assert!(fault("b();", "c();").apply(&twice).is_err());
+    }
+}
