@@ -95,6 +95,8 @@ fn these_hold() {
         "x at end - 0.5 ~ 2 within 1e-9",
         "gap at 0.25 ~ 0.25 within 1e-12",
         "total at end <= 4.6",
+        "k <= 1",
+        "k >= 1",
         "x always >= 0",
         "y always <= 2.000000001",
         "y[2] always ~ time within 1e-9",
@@ -153,6 +155,7 @@ fn a_failure_says_what_should_be_and_what_is() {
         "len(switches) = 3",
         "mode at 0.25 is high",
         "switches ~ [1/2] within 1e-9",
+        "y at 0 = [0.5, 2]",
     ]);
     let shown: Vec<String> = checks
         .iter()
@@ -168,6 +171,9 @@ fn a_failure_says_what_should_be_and_what_is() {
         "{}",
         shown[2]
     );
+    // The worst entry is told.
+    let worst = "expected [0.5, 2], got [1, 0], off by 2 in entry 2";
+    assert_eq!(shown[3], worst);
 }
 
 /// The speed |v| is 1 - t until it has no derivative any more, from t = 1 on; |w| turns back at t = 1/2.

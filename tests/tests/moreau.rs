@@ -156,6 +156,53 @@ fn touching_balls_strike_as_one() {
     }
 }
 
+#[test]
+fn an_impulse_moves_what_the_mass_couples() {
+    // Nothing pushes along the floor, so that 2 v₁ + v₂/2 stays as it is through every bounce.
+    let trajectory = solved(
+        "model oblique {
+           state q[2] = [0, 0.5];
+           state v[2] = [1, 0];
+           q' = v;
+           mechanics q, v {
+             mass = [2, 0.5; 0.5, 1];
+             force = [0, -9.81];
+             contact floor { gap = q[2]; restitution = 0.8; }
+           }
+         }
+         simulate this of oblique { horizon 1; method timestepping { steps = 500; } }",
+    );
+    assert!(!times(&trajectory, EventKind::Jump).is_empty());
+    let v = end(&trajectory, "v");
+    let momentum = 2.0 * v[0] + 0.5 * v[1];
+    assert!((momentum - 2.0).abs() <= 1e-12, "{momentum}");
+}
+
+#[test]
+fn a_long_row_of_discs_is_struck_as_one() {
+    // Twelve discs that touch go on with a twelfth of the speed of the first: no contact of the row may be overlooked.
+    let trajectory = solved(
+        "model disc {
+           state q[2];
+           state v[2];
+           q' = v;
+           mechanics q, v { mass = eye(2); force = [0, 0]; }
+         }
+         model row {
+           const n = 12;
+           part ball[i in 1..n] = disc { q = [0.2*i, 0]; v = [max(0, 2 - i), 0]; }
+           for i in 1..n, j in i+1..n {
+             contact pair { gap = norm(ball[i].q - ball[j].q) - 0.2; restitution = 0; }
+           }
+         }
+         simulate this of row { horizon 1; method timestepping { steps = 100; } }",
+    );
+    for i in 1..=12 {
+        let v = end(&trajectory, &format!("ball[{i}].v"));
+        assert!((v[0] - 1.0 / 12.0).abs() <= 1e-12, "{i}: {}", v[0]);
+    }
+}
+
 /// Discs in a bin.
 fn pile(n: usize, width: f64, e: f64, friction: &str, horizon: f64, steps: usize) -> Trajectory {
     solved(&format!(

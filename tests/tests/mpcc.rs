@@ -216,3 +216,21 @@ fn the_rows_have_the_solution_of_the_run() {
         }
     }
 }
+
+/// Where the end of an element is no node, it has rows of its own, with the weights of the scheme or the polynomial.
+#[test]
+fn ends_that_are_no_nodes_are_those_of_the_run() {
+    let [radau, gauss] = [Family::RadauIa, Family::GaussLegendre];
+    for (family, word, form) in [
+        (radau, "radau_ia", Form::Differential),
+        (gauss, "gauss", Form::Differential),
+        (gauss, "gauss", Form::Integral),
+    ] {
+        let method = format!("method fesd {{ scheme = {word}(2); steps = 2; elements = 2; }}");
+        let run = end(&run(&model(&method), "run"), "y")[0];
+        let options = options((family, 2), form, Cross::All);
+        let rows = by_rows(Formulation::Step, 2, &options);
+        let close = (rows - run).abs() < 1e-12;
+        assert!(close, "{options:?}: {rows} by rows, {run} by a run");
+    }
+}
