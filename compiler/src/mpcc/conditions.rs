@@ -218,3 +218,35 @@ impl Group {
         first..first + self.per_element
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{Conditions, Group};
+    use nsd_solver::problem::Member;
+
+    #[test]
+    fn a_mode_that_ends_has_the_row_of_its_member_and_boundary() {
+        // Two steps of three elements, two members: the second one is open in the fourth and fifth element.
+        let conditions = Conditions {
+            steps: 2,
+            elements: 3,
+            groups: vec![Group {
+                first_pair: 0,
+                per_element: 1,
+                members: 2,
+                continuous: vec![0, 1],
+                jumps: vec![(2, 1.0), (3, 1.0)],
+                leave: 5,
+            }],
+            equal: Some(4),
+            ..Conditions::default()
+        };
+        let mut zeros = [Member::A; 12];
+        zeros[6 + 3..6 + 5].fill(Member::B);
+        let holding = conditions.holding(&zeros);
+        // Within a step it ends behind the fifth element, at the last of four boundaries; elsewhere lengths are equal.
+        let leaves: Vec<usize> = (0..8).filter(|&row| holding.contains(5, row)).collect();
+        let equal: Vec<usize> = (0..4).filter(|&row| holding.contains(4, row)).collect();
+        assert_eq!((leaves, equal), (vec![4 + 3], vec![0, 1, 2]));
+    }
+}
