@@ -185,13 +185,13 @@ fn build(copy: &Path, test: &Test) -> io::Result<Option<PathBuf>> {
     let messages = text
         .lines()
         .filter_map(|line| serde_json::from_str(line).ok());
-    let programs = messages.filter_map(|message: Value| {
+    let mut programs = messages.filter_map(|message: Value| {
         let is_test = message["profile"]["test"] == true;
         let program = message["executable"].as_str().filter(|_| is_test)?;
         Some(PathBuf::from(program))
     });
     programs
-        .last()
+        .next_back()
         .map(Some)
         .ok_or_else(|| io::Error::other(format!("there are no tests for {}", name(test))))
 }
