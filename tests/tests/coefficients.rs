@@ -42,8 +42,9 @@ fn outside(found: &Trajectory, text: &str) -> (f64, &'static str, String) {
     let line = |at: usize| text[..at].matches('\n').count();
     let contact = text.find("contact sole").expect("the text has it");
     assert_eq!(line(surfaces[0].offset()), line(contact));
-    // What has been recorded ends there.
-    assert_eq!(found.time.last(), Some(time));
+    // What has been recorded ends there, but for rounding.
+    let last = found.time.last().expect("a run has a start");
+    assert!((last - time).abs() <= 1e-14, "{last}, not {time}");
     (*time, what, how.clone())
 }
 
@@ -92,7 +93,6 @@ fn restitution_that_leaves_its_range_ends_a_run_where_it_does() {
 #[test]
 fn coefficients_that_come_to_a_bound_and_stay_in_their_range_are_good() {
     for (restitution, friction, horizon) in [
-        ("0", "max(0.3 - 0.2*time, 0)", 3.0),
         ("0", "0.3*(time - 1)^2", 3.0),
         ("1 - (q[1] - 1)^2", "0", 0.9),
         // Zero at the very end.
