@@ -233,7 +233,8 @@ impl Field {
         }
     }
 
-    fn linearize_block(&mut self, block: usize, values: &[f64]) {
+    /// The same for all rates of a block.
+    pub(super) fn linearize_block(&mut self, block: usize, values: &[f64]) {
         let local = &mut self.blocks[block];
         let compiled = &mut local.known[local.now];
         if compiled.slopes.is_empty() {

@@ -35,7 +35,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let mode = &mut self.mode;
         mode.enter(self.system, &sides);
         mode.eval(state.t, &state.x, &alpha);
-        mode.linearize(&rows);
+        mode.linearize_impulses(&rows);
         let mut matrix = Vec::with_capacity(rows.len() * rows.len());
         for &row in &rows {
             matrix.extend(rows.iter().map(|&by| mode.coupling(row, by)));

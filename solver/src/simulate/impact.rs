@@ -86,7 +86,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             .flatten()
             .collect();
         all.sort_unstable();
-        mode.linearize(&all);
+        mode.linearize_impulses(&all);
         let speeds: Vec<f64> = contacts.iter().map(|c| mode.psi(c.0)).collect();
         let slips: Vec<f64> = contacts
             .iter()

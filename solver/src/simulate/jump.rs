@@ -256,7 +256,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let alpha = std::mem::replace(&mut state.alpha[switch], 1.0);
         mode.eval(state.t, &state.x, &state.alpha);
         state.alpha[switch] = alpha;
-        mode.linearize(&[switch]);
+        mode.linearize_impulses(&[switch]);
         Bent {
             speed: mode.psi(switch),
             bend: mode.phi(switch),

@@ -48,6 +48,20 @@ pub(super) enum NoForces {
     NotFound,
 }
 
+impl Mode {
+    /// `linearize`, and ∂f/∂α of all other rates that have these α: impulses move what gaps do not depend on, too,
+    /// where a mass joins them.
+    pub(super) fn linearize_impulses(&mut self, switches: &[usize]) {
+        self.linearize(switches);
+        for &switch in switches {
+            for at in 0..self.field.of_switch(switch).len() {
+                let block = self.field.of_switch(switch)[at];
+                self.field.linearize_block(block, &self.memory.values);
+            }
+        }
+    }
+}
+
 impl Meeting {
     /// Reads the directions of forces off a mode that was linearized at α_n = 0 and α_t = ½.
     pub(super) fn of(mode: &Mode, contacts: Vec<(usize, Option<usize>)>) -> Self {

@@ -218,7 +218,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         found.leaves.iter().any(|&i| {
             let mode = &mut self.mode;
             mode.surfaces.stand_for(i, 1);
-            mode.linearize(&[i]);
+            mode.linearize_impulses(&[i]);
             let bent = Bent {
                 speed: mode.psi(i),
                 bend: mode.phi(i),
