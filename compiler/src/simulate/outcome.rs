@@ -168,7 +168,9 @@ pub fn sampled(system: &System) -> impl Iterator<Item = Warning> {
 /// What the run went on from although it could not be sure.
 pub(super) fn warnings(system: &System, outcome: &Outcome) -> Vec<Warning> {
     let warning = |note: &Note| {
-        let (Note::Unsearched { time, switches } | Note::EnergyGained { time, switches }) = note;
+        let (Note::Unsearched { time, switches }
+        | Note::EnergyGained { time, switches }
+        | Note::Together { time, switches }) = note;
         let names = (switches.iter().take(MAX_SHOWN))
             .map(|&i| format!("`{}`", system.switches[i].name))
             .collect::<Vec<_>>();
@@ -188,6 +190,10 @@ pub(super) fn warnings(system: &System, outcome: &Outcome) -> Vec<Warning> {
             Note::EnergyGained { .. } => (
                 "W0712",
                 format!("at t = {time}, an impact of {names} has added energy"),
+            ),
+            Note::Together { .. } => (
+                "W0710",
+                format!("at t = {time}, {names} are met at once, as far as rounding tells; which one is met first matters"),
             ),
         };
         Warning {

@@ -122,18 +122,25 @@ impl Touches {
     }
 }
 
-/// How long the other side may have been visited instead, where ψ is known to `known_to`, and whether
-/// that ends soon; nothing where it is certain what happens.
+/// How long the other side may have been visited instead, or how fast a contact struck, where ψ is known to
+/// `known_to`, and whether that ends soon; nothing where it is certain what happens.
 fn visit(approach: &Approach, known_to: f64, end: f64) -> Option<(f64, bool)> {
     let left = end - approach.time;
     let depth = known_to - approach.distance;
     if approach.crosses {
         // The time of a visit is uncertain as the run is; only that it was none is news.
-        let shallow = -approach.distance < known_to && approach.visit(depth) == Visit::Stays;
-        return shallow.then_some((left, false));
+        if -approach.distance >= known_to {
+            return None;
+        }
+        return match approach.visit(depth) {
+            Visit::Lasts(_) => None,
+            Visit::Stays => Some((left, false)),
+            Visit::Strikes(speed) => Some((speed, false)),
+        };
     }
     (depth > 0.0).then(|| match approach.visit(depth) {
         Visit::Lasts(time) => (time.min(left), true),
         Visit::Stays => (left, false),
+        Visit::Strikes(speed) => (speed, false),
     })
 }

@@ -27,6 +27,7 @@ mod select;
 mod smooth;
 mod stepping;
 mod system;
+mod together;
 mod uniform;
 mod watch;
 mod whole;

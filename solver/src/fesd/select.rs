@@ -98,6 +98,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         if self.guide.is_some() {
             return self.select_guided(run, &bands, length);
         }
+        self.note_together(run, &bands, length);
         self.select_from(run, &bands, length)
     }
 
@@ -378,7 +379,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         self.switches_of_pairs(&pairs)
     }
 
-    fn switches_of_pairs(&self, pairs: &[usize]) -> Vec<usize> {
+    pub(super) fn switches_of_pairs(&self, pairs: &[usize]) -> Vec<usize> {
         let switches = pairs.iter().flat_map(|&pair| self.system.switches_of(pair));
         let mut switches: Vec<usize> = switches.copied().collect();
         switches.sort_unstable();

@@ -31,8 +31,10 @@ pub struct Approach {
     pub jump: Vec<f64>,
     /// Whether the run has crossed the surface, where it might have turned back.
     pub crosses: bool,
-    /// A relay or a contact, which does not return with ψ.
+    /// A relay, which does not return with ψ.
     latches: bool,
+    /// A contact, whose jump is that of the velocities by a change of ψ' by one.
+    strikes: bool,
     /// Coefficients of ψ from order one on, with the sign of the distance, in the mode of the run and
     /// behind the surface.
     along: [f64; DERIVATIVES],
@@ -46,6 +48,8 @@ pub enum Visit {
     Lasts(f64),
     /// The field there does not lead back soon.
     Stays,
+    /// None: a contact is struck, and ψ' changes by no more than this.
+    Strikes(f64),
 }
 
 /// An approach in a step, before it is known what is behind the surface.
@@ -66,6 +70,9 @@ const ROUNDINGS: f64 = 8.0;
 /// Doublings of the time of a visit after which it does not end.
 const DOUBLINGS: usize = 6;
 
+/// The share of its band by which a contact may be below its surface and is grazed.
+const GRAZED: f64 = 0.125;
+
 /// Approaches closer than this many tolerances are looked at.
 const CLOSE: f64 = 10.0;
 
@@ -77,6 +84,10 @@ impl Approach {
     pub fn visit(&self, depth: f64) -> Visit {
         let reaches = |k: usize| (depth / self.along[k - 1].abs()).powf(1.0 / k as f64);
         let half = (2..=DERIVATIVES).map(reaches).fold(f64::INFINITY, f64::min);
+        if self.strikes {
+            // |ψ'| ≤ k d/half for the power k that d is reached with; a rebound may double it.
+            return Visit::Strikes(2.0 * DERIVATIVES as f64 * depth / half);
+        }
         if self.latches || !half.is_finite() || self.behind[0].is_nan() {
             return Visit::Stays;
         }
@@ -185,6 +196,7 @@ impl Mode {
                     .collect(),
                 crosses,
                 latches: false,
+                strikes: false,
                 along,
                 behind: [f64::NAN; DERIVATIVES],
             },
@@ -208,7 +220,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         {
             let (switch, side) = (approach.switch, sides[approach.switch]);
             let other = Side::of(-side.sign());
+            let strikes = self.is_contact(switch);
             let is_there = match approach.crosses {
+                // A contact is struck or grazed, and above its surface afterwards in any case.
+                _ if strikes => true,
                 true => state.sides[switch] == other,
                 false => !is_event || state.sides[switch] == side,
             };
@@ -217,14 +232,13 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             }
             sides[switch] = other;
             alpha[switch] = if other == Side::Plus { 1.0 } else { 0.0 };
-            // What is struck does not come back as it came.
-            let latches = self.system.relay(switch).is_some() || self.is_contact(switch);
             let mode = &mut self.mode;
             mode.enter(self.system, &sides);
             let exists = mode.expand(approach.time, &approach.x, &mut alpha).is_ok();
             mode.surfaces.linearize(switch, &mode.memory.values);
             approach.gradient.extend_from_slice(mode.gradient(switch));
-            approach.latches = latches;
+            approach.latches = self.system.relay(switch).is_some();
+            approach.strikes = strikes;
             let order = mode.order + 1;
             mode.surfaces.expand(switch, &mut mode.memory, order);
             let c = mode.psi_series(switch);
@@ -241,6 +255,13 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 } else {
                     f64::NAN
                 };
+            }
+            if strikes {
+                // What is closer than this is taken for a graze (`jump.rs`).
+                approach.rounding = approach.rounding.max(GRAZED * state.band[switch]);
+                // α = 0 is a force of one.
+                let push = 2.0 * (approach.behind[1] - approach.along[1]);
+                approach.jump.iter_mut().for_each(|jump| *jump /= push);
             }
             state.keep_approach(approach);
         }

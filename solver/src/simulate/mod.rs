@@ -328,7 +328,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 }
                 if !step.triggers.is_empty() {
                     if !passes {
-                        self.tell_apart(&state, &mut step.triggers);
+                        self.tell_apart(&mut state, &mut step.triggers, t1);
                     }
                     self.stiffness.after_event();
                     if !step.implicit && !passes {

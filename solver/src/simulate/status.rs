@@ -149,6 +149,13 @@ pub enum Note {
         /// The contacts.
         switches: Vec<usize>,
     },
+    /// Surfaces counted as met at once, where it matters whether one of them is met later.
+    Together {
+        /// When.
+        time: f64,
+        /// The switch of that one, and those of the others.
+        switches: Vec<usize>,
+    },
 }
 
 impl Note {
@@ -164,6 +171,12 @@ impl Note {
             | (
                 Note::EnergyGained { switches, .. },
                 Note::EnergyGained {
+                    switches: others, ..
+                },
+            )
+            | (
+                Note::Together { switches, .. },
+                Note::Together {
                     switches: others, ..
                 },
             ) => switches == others,

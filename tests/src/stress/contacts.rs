@@ -48,7 +48,7 @@ fn grazing(extent: Extent) -> Family {
         hardness: "distance d",
         cases: extent
             .sweep(
-                &[2, 6, 10],
+                &[2, 6, 10, 13],
                 &[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15],
             )
             .into_iter()

@@ -39,16 +39,16 @@ fn nearly_parallel(extent: Extent) -> Family {
         let times = [5.0 / 7.0, 1.25];
         let case = Case::new(format!("{a:e}"), model, 2.0).ends("x", &[0.0], 0.5);
         let case = case.ends("y", &[0.0], 1.0).switches_at(&times);
-        // Below, the angle is not much more than rounding of x.
-        let elements = case.clone().by("fesd").accurate_if(a >= 1e-9);
-        [case, elements]
+        // x is zero to its rounding, so that y is met to that over a.
+        let error = 16.0 * EPSILON / a;
+        case.rounds(error).accurate_if(error <= 1e-8).both()
     };
     Family {
         name: "nearly parallel surfaces",
-        about: "x' = 0.3 - sign(x), y' = 0.2 - sign(x + a y): slides on one surface, then on both; closed form. \
-                Below 1e-11 the second surface is within the band, 1e-12 of the states, in which it counts as met.",
+        about: "x' = 0.3 - sign(x), y' = 0.2 - sign(x + a y): slides on one surface, then on both; closed form, \
+                to 16 roundings of x over a.",
         hardness: "angle a",
-        cases: powers(extent, &[4, 8, 11], 1..=11)
+        cases: powers(extent, &[4, 8, 12, 13, 14], 1..=16)
             .into_iter()
             .flat_map(case)
             .collect(),
@@ -63,14 +63,15 @@ fn close_together(extent: Extent) -> Family {
         let case = Case::new(format!("{a:e}"), model, 2.0).ends("z", &[-1.0], 1.0);
         case.ends("x", &[-1.0], 1.0)
             .rounds(16.0 * EPSILON / a)
+            .accurate_if(16.0 * EPSILON / a <= 1e-8)
             .both()
     };
     Family {
         name: "surfaces close together",
         about: "z' = (sign(x) - sign(x + a))/a while x passes both: z falls by 2; closed form, to 16 roundings \
-                of x over a. Elements take what is closer than 1e-12 for one event.",
+                of x over a.",
         hardness: "distance a",
-        cases: powers(extent, &[4, 8], 1..=12)
+        cases: powers(extent, &[4, 8, 12, 13, 14], 1..=16)
             .into_iter()
             .flat_map(case)
             .collect(),
