@@ -191,7 +191,7 @@ fn models_in_documents_pass() {
             }
         }
     }
-    assert!(count >= 3, "{count} models");
+    assert!(count >= 2, "{count} models");
 }
 
 /// Whether two words are the same, or numbers that are close.
