@@ -9,7 +9,7 @@
 //! 3. Laws whose guards hold on these sides jump together, all from the values before.
 //!
 //! A contact that opens by less than ψ is known closes at once: ψ'²/(2|ψ''|) ≤ ε, where ψ'' < 0 at α = 1.
-//! What is left of ψ' is taken away in the direction d in which the surface pushes. This is how infinitely
+//! What is left of ψ' is taken away in the direction d in which the surface pushes, without friction. This is how infinitely
 //! many jumps end: with e = -ψ'⁺/ψ'⁻ the next one takes 2ψ'/|ψ''|, each one after it e times as long as the
 //! one before, and all together 2ψ'/(|ψ''| (1 - e)).
 //!
@@ -19,6 +19,7 @@
 //! After a jump all ψ are evaluated again, as at the start of a run, and the three steps are repeated
 //! until nothing jumps.
 
+use super::mode::Mode;
 use super::select::BAND;
 use super::state::State;
 use super::system::{Effect, Guard, Input, Law};
@@ -70,11 +71,10 @@ impl Jumps {
     }
 }
 
-/// ψ', ψ'' and ∂ψ''/∂α of a contact.
+/// ψ' and ψ'' of a contact.
 pub(super) struct Bent {
     pub speed: f64,
     pub bend: f64,
-    pub push: f64,
 }
 
 /// The share of its band within which a contact that is not met itself has no gap: less than what a contact is grazed
@@ -256,11 +256,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let alpha = std::mem::replace(&mut state.alpha[switch], 1.0);
         mode.eval(state.t, &state.x, &state.alpha);
         state.alpha[switch] = alpha;
-        mode.linearize_impulses(&[switch]);
+        mode.linearize(&[switch]);
         Bent {
             speed: mode.psi(switch),
             bend: mode.phi(switch),
-            push: mode.coupling(switch, switch),
         }
     }
 
@@ -277,7 +276,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     /// Closes a contact that opens by less than its ψ is known until it is bent back: takes its speed away, in the
     /// direction in which its force acts. True where it did.
     pub(super) fn shut(&mut self, state: &mut State, switch: usize, bent: Bent) -> bool {
-        let Bent { speed, bend, push } = bent;
+        let Bent { speed, bend } = bent;
         let rounding = ROUNDING * bend.abs() * state.last_step.powi(2);
         let least = 2.0 * state.band[switch].max(rounding);
         let opens = speed > 0.0 && bend < 0.0;
@@ -294,14 +293,56 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             let end = state.t + 2.0 * speed / (bend.abs() * (1.0 - ratio));
             self.jumps.end = Some(self.jumps.end.map_or(end, |other| other.max(end)));
         }
+        let slopes = self.slopes_of_push(state, switch);
+        let gradient = self.mode.gradient(switch).iter();
+        let push: f64 = gradient.map(|&(i, g)| g * slopes[i]).sum();
         self.jumps.closed.resize(state.x.len(), 0.0);
-        for (i, closed) in self.jumps.closed.iter_mut().enumerate() {
-            let slopes = mode.field.slopes(i).filter(|(j, _)| *j == switch);
-            let change: f64 = slopes.map(|(_, slope)| slope * speed / push).sum();
-            state.x[i] -= change;
+        for ((x, closed), slope) in (state.x.iter_mut().zip(&mut self.jumps.closed)).zip(slopes) {
+            let change = slope * speed / push;
+            *x -= change;
             *closed += change;
         }
         true
+    }
+
+    /// ∂f/∂α of a contact that slides in the present mode, without its friction: where α_t is ½. What is taken away
+    /// with friction in it would be pushed along its slip velocity, and gain energy.
+    fn slopes_of_push(&mut self, state: &State, switch: usize) -> Vec<f64> {
+        let mode = &mut self.mode;
+        let slip = mode.slip_of.iter().position(|of| *of == Some(switch));
+        let mut sides = mode.sides.clone();
+        let alpha = slip.map(|slip| {
+            sides[slip] = Side::Slide;
+            let place = 1 + mode.n + slip;
+            (
+                place,
+                std::mem::replace(&mut mode.memory.values[place], 0.5),
+            )
+        });
+        let blocks = mode.field.of_switch(switch).to_vec();
+        for &block in &blocks {
+            let Mode { field, memory, .. } = mode;
+            field.enter(self.system, memory, block, &sides);
+            field.linearize_block(block, &memory.values);
+        }
+        let slope = |i: usize| {
+            let slopes = mode.field.slopes(i).filter(|(j, _)| *j == switch);
+            slopes.map(|(_, slope)| slope).sum()
+        };
+        let slopes = (0..state.x.len()).map(slope).collect();
+        if let Some((place, alpha)) = alpha {
+            mode.memory.values[place] = alpha;
+        }
+        for block in blocks {
+            let Mode {
+                field,
+                memory,
+                sides,
+                ..
+            } = mode;
+            field.enter(self.system, memory, block, sides);
+        }
+        slopes
     }
 
     /// The laws whose guards hold on the present sides.

@@ -218,11 +218,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         found.leaves.iter().any(|&i| {
             let mode = &mut self.mode;
             mode.surfaces.stand_for(i, 1);
-            mode.linearize_impulses(&[i]);
+            mode.linearize(&[i]);
             let bent = Bent {
                 speed: mode.psi(i),
                 bend: mode.phi(i),
-                push: mode.coupling(i, i),
             };
             let shut = self.shut(state, i, bent);
             self.mode.surfaces.stand_for(i, usize::from(shut));
