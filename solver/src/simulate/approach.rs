@@ -105,14 +105,17 @@ impl Approach {
 }
 
 impl Mode {
-    /// |ψ| that a run within its tolerance may have on either side of the surface; zero where it
-    /// does not matter on which.
-    pub(super) fn closeness(&self, switch: usize, state: &State, tolerance: f64) -> f64 {
+    /// |ψ| that a run within its tolerance may have on either side of the surface in a step of length `h`; zero
+    /// where it does not matter on which.
+    pub(super) fn closeness(&self, switch: usize, state: &State, tolerance: f64, h: f64) -> f64 {
         if self.continuous[switch] {
             return 0.0;
         }
         let past = self.gradient(switch).iter();
-        let past: f64 = past.map(|&(j, g)| g.abs() * state.scale[j]).sum();
+        // Before the first step, a state that starts at zero has no size but that of its motion.
+        let motion = if state.last_step > 0.0 { 0.0 } else { h };
+        let size = |j: usize| state.scale[j].max(state.activity[j] * motion);
+        let past: f64 = past.map(|&(j, g)| g.abs() * size(j)).sum();
         let terms = state.terms[switch];
         // The series of what is no affine function has an error of its own.
         let cut = if self.surfaces.is_affine(switch) {
@@ -147,7 +150,7 @@ impl Mode {
         let c = dense.psi(switch);
         let (slope, bend) = (series::slope(c, length), series::curvature(c, length));
         let turns = bend * self.sides[switch].sign() > 0.0
-            && 0.5 * slope * slope <= bend.abs() * self.closeness(switch, state, tolerance);
+            && 0.5 * slope * slope <= bend.abs() * self.closeness(switch, state, tolerance, length);
         if !root.crosses || turns {
             self.note_approach(dense, state, switch, length, Some(root.crosses));
         }

@@ -219,7 +219,7 @@ pub(super) fn first_event(
             dense.psi(i),
             state.armed[i].then_some(share * state.band[i]),
         );
-        let level = mode.closeness(i, state, tolerance);
+        let level = mode.closeness(i, state, tolerance, h);
         let root = first_root(roots, c[0], c, reach, mode.sides[i].sign(), band, level);
         state.close.extend(roots.close.iter().map(|&tau| (i, tau)));
         if let Some(root) = root {

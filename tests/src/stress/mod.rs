@@ -138,9 +138,9 @@ impl Case {
         self
     }
 
-    /// With an error that no method can avoid.
+    /// With an error that no method can avoid. What is larger than a hundredth is no result, and excuses none.
     fn rounds(mut self, error: f64) -> Self {
-        self.rounding = error;
+        self.rounding = error.min(1e-2);
         self
     }
 
