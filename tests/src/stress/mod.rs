@@ -170,6 +170,12 @@ impl Case {
         }
     }
 
+    /// The accuracy where 16 roundings of data are below the tolerance with this condition, else a report will do.
+    fn conditioned(self, condition: f64) -> Self {
+        let is_promised = 16.0 * f64::EPSILON * condition <= self.tolerance;
+        self.accurate_if(is_promised)
+    }
+
     /// By events and by finite elements.
     fn both(self) -> [Self; 2] {
         [self.clone(), self.by("fesd")]

@@ -40,8 +40,7 @@ fn nearly_parallel(extent: Extent) -> Family {
         let case = Case::new(format!("{a:e}"), model, 2.0).ends("x", &[0.0], 0.5);
         let case = case.ends("y", &[0.0], 1.0).switches_at(&times);
         // x is zero to its rounding, so that y is met to that over a.
-        let error = 16.0 * EPSILON / a;
-        case.rounds(error).accurate_if(error <= 1e-8).both()
+        case.rounds(16.0 * EPSILON / a).conditioned(1.0 / a).both()
     };
     Family {
         name: "nearly parallel surfaces",
@@ -63,7 +62,7 @@ fn close_together(extent: Extent) -> Family {
         let case = Case::new(format!("{a:e}"), model, 2.0).ends("z", &[-1.0], 1.0);
         case.ends("x", &[-1.0], 1.0)
             .rounds(16.0 * EPSILON / a)
-            .accurate_if(16.0 * EPSILON / a <= 1e-8)
+            .conditioned(1.0 / a)
             .both()
     };
     Family {
@@ -290,9 +289,9 @@ fn nearly_repelling(extent: Extent) -> Family {
         let exact = t * (1.0 + k + b2) + (horizon - t) * (b1 + b2) / d;
         let case = Case::new(format!("2^-{power}"), model, horizon);
         let case = case.ends("z", &[exact], exact).switches_at(&[t]);
-        let case = case.rounds(16.0 * EPSILON / d);
-        let elements = case.clone().by("fesd").accurate_if(power <= 27);
-        [case.accurate_if(power <= 14), elements]
+        case.rounds(16.0 * EPSILON / d)
+            .conditioned(1.0 / d)
+            .both()
     };
     Family {
         name: "near loss of attractivity",
@@ -301,7 +300,7 @@ fn nearly_repelling(extent: Extent) -> Family {
         hardness: "d",
         cases: extent
             .sweep(
-                &[4, 14, 27],
+                &[4, 14, 20, 27],
                 &[1, 4, 7, 10, 14, 17, 20, 24, 27, 30, 34, 37, 40],
             )
             .into_iter()

@@ -78,8 +78,7 @@ fn case(system: &Affine, solution: &Solution, power: i32, states: &[f64], time: 
         pairs.map(|(unit, value)| unit * value).collect()
     };
     let case = case.ends_each("x", &scaled(exact.as_slice()), &scaled(&magnitudes));
-    // Elements do not find every next active set of four surfaces, and then say so.
-    [case.clone(), case.by("fesd").accurate_if(false)]
+    case.both()
 }
 
 /// The largest magnitude of every state, over a grid.
