@@ -22,6 +22,9 @@ const MAX_BOXES: usize = 4000;
 /// Halvings of the unit cube before Newton's method takes over.
 const MAX_DEPTH: usize = 4;
 
+/// A change of α that does not become smaller any more is rounding below this.
+const ROUNDED: f64 = 1e-9;
+
 /// No α of this size is looked for: those of solutions are in [0, 1].
 const FAR: f64 = 1e6;
 /// The same for forces, 1 - α, which have no bound and the unit of the model.
@@ -363,12 +366,13 @@ impl<'m> Zeros<'m> {
         matrices[1..].iter().all(same)
     }
 
-    /// Newton's method; false where it meets a singular matrix.
+    /// Newton's method; false where it meets a singular matrix, or one so close to it that it does not converge.
     fn newton(&mut self, start: &[f64]) -> bool {
         let k = self.unknowns.len();
         let (mut lu, mut rhs) = (DenseLu::new(k), vec![0.0; k]);
         let mut values = start.to_vec();
         self.set(&values);
+        let mut last = f64::INFINITY;
         for _ in 0..30 {
             let matrix = self.matrix();
             for (rhs, &row) in rhs.iter_mut().zip(&self.unknowns) {
@@ -384,7 +388,8 @@ impl<'m> Zeros<'m> {
                 change = change.max(delta.abs() / (1.0 + value.abs()));
             }
             self.set(&values);
-            if change <= 1e-13 {
+            // Close to a singular matrix, what rounding does to φ is large in α.
+            if change <= 1e-13 || change <= ROUNDED && change > 0.5 * last {
                 let known = |other: &Vec<f64>| {
                     let mut pairs = other.iter().zip(&values);
                     pairs.all(|(a, b)| (a - b).abs() <= 1e-9)
@@ -397,10 +402,11 @@ impl<'m> Zeros<'m> {
             // NaN, or far outside.
             let mut known = values.iter().zip(&self.unknowns);
             if change.is_nan() || known.any(|(value, &i)| value.abs() > self.far(i)) {
-                break;
+                return true;
             }
+            last = change;
         }
-        true
+        false
     }
 
     /// All zeros of rates with products of α: a multi-affine function has its extremes over a box at
