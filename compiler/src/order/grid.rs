@@ -129,7 +129,7 @@ impl Road {
         }
     }
 
-    /// What is run of it; `steps` are as for [`sweeps`].
+    /// What is run of it; `steps` are as for `sweeps`.
     pub fn sweeps(self, settings: &Settings, steps: usize) -> Vec<Sweep> {
         let coarsest = coarsest(steps);
         let elements = match settings.method {
