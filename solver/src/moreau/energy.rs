@@ -2,8 +2,12 @@
 //!
 //! The midpoint rule keeps ½vᵀMv + V for constant forces, f = M(v̂ - v)/h. Impulses change ½vᵀMv, and displacements w
 //! change V by -fᵀw. Where a displacement costs more than the impulses of its island have taken, the velocities of
-//! the island are scaled down by what is missing, in later steps where they have too little. Contacts that time moves,
-//! or that slip on something driven, may do work; their islands are left alone.
+//! the island are scaled down by what is missing. Where they have too little, the island stays where the step began,
+//! without velocity: V is what it was. That is what friction may ask for that stops a body within a step: impulses act
+//! at the end of it, and q + h/2 (v + v⁺) is up to h² fᵀM⁻¹f/8 higher than the speed v could lift it. Without friction,
+//! from gap(q) ≥ 0 that are convex, the projection q + d has dᵀM(d - h v - h²/2 M⁻¹f) ≤ 0, and costs -fᵀd ≤ ½vᵀMv.
+//!
+//! Contacts that time moves, or that slip on something driven, may do work; their islands are left alone.
 
 use super::islands::Islands;
 use super::rows::{Bodies, Linear, Rows};
@@ -12,6 +16,8 @@ use super::{Stepper, Velocities};
 
 /// A debt below this share of the kinetic energy is rounding.
 const ROUNDING: f64 = 1e-15;
+/// One that velocities cannot pay, below this share of what impulses have taken.
+const SMALL: f64 = 1e-10;
 
 /// The account of a step.
 #[derive(Default)]
@@ -23,17 +29,24 @@ pub(super) struct Energy {
     /// Bodies that contacts join.
     joined: Islands,
     change: Vec<f64>,
-    debts: Vec<[f64; 3]>,
-    /// By body: what could not be paid in earlier steps.
-    owed: Vec<f64>,
+    debts: Vec<Debt>,
+    /// By body: whether it has been left where the step began.
+    left: Vec<bool>,
+}
+
+/// The account of an island.
+#[derive(Clone, Copy, Default)]
+struct Debt {
+    missing: f64,
+    /// Kinetic energy after the step, and without contacts.
+    kinetic: f64,
+    free: f64,
+    driven: bool,
+    /// Whether positions move by themselves.
+    drifts: bool,
 }
 
 impl Energy {
-    /// Forgets what is owed.
-    pub fn reset(&mut self) {
-        self.owed.clear();
-    }
-
     /// Notes what the free motion of a step changes.
     pub fn observe(&mut self, velocities: &Velocities) {
         self.change.clear();
@@ -47,7 +60,8 @@ impl Energy {
         let n = bodies.n_bodies();
         self.lifted.clear();
         self.lifted.resize(n, 0.0);
-        self.owed.resize(n, 0.0);
+        self.left.clear();
+        self.left.resize(n, false);
         self.driven.clear();
         self.driven.resize(n, false);
         self.joined.begin(bodies);
@@ -106,37 +120,62 @@ impl Energy {
 }
 
 impl<F: Free> Stepper<F> {
+    /// Leaves islands where they are in x whose velocities cannot pay for their displacements. Whether there are any:
+    /// others may have come where they were.
+    pub(super) fn leave(&mut self, x: &[f64], y: &mut [f64], velocities: &mut Velocities) -> bool {
+        self.balance(velocities);
+        let (energy, bodies) = (&mut self.energy, &self.bodies);
+        let mut any = false;
+        for (body, of_body) in self.scene.bodies.iter().enumerate() {
+            let debt = energy.debts[energy.joined.of_body(body)];
+            let pays = debt.missing <= debt.kinetic + SMALL * debt.free;
+            if pays || debt.driven || debt.drifts || energy.left[body] {
+                continue;
+            }
+            any = true;
+            energy.left[body] = true;
+            of_body.positions.iter().for_each(|&q| y[q] = x[q]);
+            velocities.after[bodies.velocities_of(body)].fill(0.0);
+            let energy_of = |v: &[f64]| 0.5 * bodies.product(body, v, v);
+            energy.lifted[body] = energy_of(&velocities.free) - energy_of(&velocities.before);
+        }
+        any
+    }
+
     /// Takes from velocities what displacements cost more than impulses have taken.
     pub(super) fn pay(&mut self, velocities: &mut Velocities) {
         let (energy, bodies) = (&mut self.energy, &self.bodies);
-        let n = bodies.n_bodies();
-        // By the first body of an island: what is missing, the kinetic energy, and whether something is driven.
-        energy.debts.clear();
-        energy.debts.resize(n, [0.0; 3]);
-        for body in 0..n {
-            let island = energy.joined.of_body(body);
-            let energy_of = |v: &[f64]| 0.5 * bodies.product(body, v, v);
-            let before = energy_of(&velocities.free);
-            let after = energy_of(&velocities.after);
-            let [missing, kinetic, driven] = &mut energy.debts[island];
-            *missing += energy.lifted[body] + after - before + energy.owed[body];
-            *kinetic += after;
-            *driven += f64::from(u8::from(energy.driven[body]));
-        }
-        energy.owed.fill(0.0);
-        for body in 0..n {
-            let island = energy.joined.of_body(body);
-            let [missing, kinetic, driven] = energy.debts[island];
-            if body == island && driven == 0.0 {
-                energy.owed[body] = (missing - kinetic).max(0.0);
-            }
-            if driven > 0.0 || missing <= ROUNDING * kinetic || kinetic == 0.0 {
+        for body in 0..bodies.n_bodies() {
+            let debt = energy.debts[energy.joined.of_body(body)];
+            let Debt {
+                missing, kinetic, ..
+            } = debt;
+            if debt.driven || missing <= ROUNDING * kinetic || kinetic == 0.0 {
                 continue;
             }
             let factor = (1.0 - missing / kinetic).max(0.0).sqrt();
             for v in bodies.velocities_of(body) {
                 velocities.after[v] *= factor;
             }
+        }
+    }
+
+    /// Adds up the accounts of all islands, by their first body.
+    fn balance(&mut self, velocities: &Velocities) {
+        let (energy, bodies) = (&mut self.energy, &self.bodies);
+        energy.debts.clear();
+        energy.debts.resize(bodies.n_bodies(), Debt::default());
+        for (body, of_body) in self.scene.bodies.iter().enumerate() {
+            let island = energy.joined.of_body(body);
+            let energy_of = |v: &[f64]| 0.5 * bodies.product(body, v, v);
+            let (free, after) = (energy_of(&velocities.free), energy_of(&velocities.after));
+            let debt = &mut energy.debts[island];
+            debt.missing += energy.lifted[body] + after - free;
+            debt.kinetic += after;
+            debt.free += free;
+            let drifts = of_body.positions.iter().any(|&q| bodies.drift[q] != 0.0);
+            debt.driven |= energy.driven[body];
+            debt.drifts |= drifts;
         }
     }
 }

@@ -15,7 +15,8 @@
 //!    Islands without velocity before and after the step begin the projection where they are, at q + h/2 (v + v⁺)
 //!    (`rest.rs`).
 //! 4. Where the projection has lifted an island by more energy than its impacts have taken, its velocities pay for the
-//!    difference (`energy.rs`): energy is never gained by contacts that nothing drives.
+//!    difference; where they cannot, it stays where the step began (`energy.rs`). Energy is never gained by contacts
+//!    that nothing drives.
 //!
 //! The order is one; bounces that accumulate end in a contact that stays closed.
 
@@ -185,7 +186,6 @@ impl<F: Free> Stepper<F> {
         let mut until = self.free.load(t0);
         self.counts = Counts::default();
         self.contacts.begin();
-        self.energy.reset();
         self.search.reset();
         let mut stuck = self.penetrates(t0, &x);
         let status = loop {
@@ -308,8 +308,13 @@ impl<F: Free> Stepper<F> {
             self.let_impulses_move(h, velocities, y);
         }
         self.rest((t, h), x, y, velocities);
-        self.project((t, h), velocities, y)
-            .map_err(|c| unsolved(Some(c)))?;
+        loop {
+            self.project((t, h), velocities, y)
+                .map_err(|c| unsolved(Some(c)))?;
+            if !self.leave(x, y, velocities) {
+                break;
+            }
+        }
         self.pay(velocities);
         for (&state, v) in self.bodies.velocities.iter().zip(&velocities.after) {
             y[state] = *v;
