@@ -193,7 +193,9 @@ pub(super) fn warnings(system: &System, outcome: &Outcome) -> Vec<Warning> {
             ),
             Note::Together { .. } => (
                 "W0710",
-                format!("at t = {time}, {names} are met at once, as far as rounding tells; which one is met first matters"),
+                format!(
+                    "at t = {time}, {names} are met at once, as far as rounding tells; which one is met first matters"
+                ),
             ),
         };
         Warning {

@@ -147,13 +147,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     }
 
     /// Whether a surface is come to so slowly in the mode between that a state moves otherwise until it is met.
-    fn is_slow(
-        &mut self,
-        state: &State,
-        i: usize,
-        [between, all]: [&Between; 2],
-        t1: f64,
-    ) -> bool {
+    fn is_slow(&mut self, state: &State, i: usize, [between, all]: [&Between; 2], t1: f64) -> bool {
         let mode = &mut self.mode;
         mode.enter(self.system, &between.sides);
         mode.eval(state.t, &state.x, &between.alpha);

@@ -22,7 +22,9 @@ fn heat(extent: Extent) -> Family {
         let (times, exact) = rod.solve(horizon);
         let case = Case::new(n, model, horizon).ends("x", &exact, 1.0);
         let case = case.switches_at(&times);
-        case.both()
+        // Elements keep every state to its own size. What rises from zero like t^k with a large k has none at first,
+        // and they say so.
+        [case.clone(), case.by("fesd").accurate_if(false)]
     };
     Family {
         name: "many states",

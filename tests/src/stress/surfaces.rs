@@ -289,9 +289,7 @@ fn nearly_repelling(extent: Extent) -> Family {
         let exact = t * (1.0 + k + b2) + (horizon - t) * (b1 + b2) / d;
         let case = Case::new(format!("2^-{power}"), model, horizon);
         let case = case.ends("z", &[exact], exact).switches_at(&[t]);
-        case.rounds(16.0 * EPSILON / d)
-            .conditioned(1.0 / d)
-            .both()
+        case.rounds(16.0 * EPSILON / d).conditioned(1.0 / d).both()
     };
     Family {
         name: "near loss of attractivity",
