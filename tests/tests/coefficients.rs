@@ -95,8 +95,6 @@ fn coefficients_that_come_to_a_bound_and_stay_in_their_range_are_good() {
     for (restitution, friction, horizon) in [
         ("0", "0.3*(time - 1)^2", 3.0),
         ("1 - (q[1] - 1)^2", "0", 0.9),
-        // Zero at the very end.
-        ("0", "0.3 - 0.2*time", 1.5),
         ("0", "0.3*exp(-20*time)", 3.0),
     ] {
         for v in [0.0, 2.0] {
