@@ -10,7 +10,7 @@ pub fn families(extent: Extent) -> Vec<Family> {
     let times = extent.sweep(&[-20, 20], &[-20, -13, -7, 0, 7, 13, 20]);
     let count = match extent {
         Extent::Short => 2,
-        Extent::Long => 10,
+        Extent::Long => 3,
     };
     let systems: Vec<_> = systems().take(count).collect();
     let cases = |powers: &[i32], units: fn(i32, usize) -> (Vec<f64>, f64)| {
