@@ -187,6 +187,20 @@ impl Project {
         Some(())
     }
 
+    /// An experiment with these settings, without any other lowering.
+    pub fn on_road(
+        &mut self,
+        experiment: &Experiment,
+        option: &str,
+        words: &str,
+    ) -> Option<Experiment> {
+        let mut other = experiment.clone();
+        let lowers = |kind: &SettingKind| matches!(kind, SettingKind::Lower(_));
+        other.settings.retain(|setting| !lowers(&setting.kind));
+        self.replace_setting(&mut other, option, words)?;
+        Some(other)
+    }
+
     /// The settings in the text of an experiment that was made up from an option of the command line.
     fn parse_settings(&mut self, option: &str, text: &str) -> Option<Vec<ExperimentSetting>> {
         let source = self.sources.add(option, text);

@@ -13,7 +13,7 @@ use crate::optimize::{self, Point, Sampled};
 use crate::report::roads::{self, Found, Optima, Resumed};
 use crate::report::{MethodOption, Trajectory};
 use crate::simulate::Request;
-use crate::syntax::{Experiment, SettingKind};
+use crate::syntax::Experiment;
 use crate::system::System;
 use crate::{Compiled, compile};
 
@@ -91,16 +91,9 @@ pub fn verify(
         Ok(written),
     );
     for words in LOWERINGS.into_iter().filter(|words| *words != own) {
-        let mut other = experiment.clone();
-        let lowers = |kind: &SettingKind| matches!(kind, SettingKind::Lower(_));
-        other.settings.retain(|setting| !lowers(&setting.kind));
-        let settings = format!("lower {words}");
-        if project
-            .replace_setting(&mut other, "verify", &settings)
-            .is_none()
-        {
+        let Some(other) = project.on_road(experiment, "verify", &format!("lower {words}")) else {
             continue;
-        }
+        };
         let found = match solve(project, &other, Origin::Start, subject, streams) {
             Ok(found) => Ok(found),
             Err(Refused::Wrong(diags)) => Err(project::error_codes(&diags).join(", ")),

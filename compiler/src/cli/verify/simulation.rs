@@ -13,7 +13,7 @@ use crate::expr::Exprs;
 use crate::report::Trajectory;
 use crate::report::roads::{self, Road, Roads};
 use crate::simulate::Request;
-use crate::syntax::{Experiment, SettingKind};
+use crate::syntax::Experiment;
 
 /// Methods with their lowerings. All choose their own steps.
 const ROADS: [&str; 7] = [
@@ -51,16 +51,9 @@ pub fn verify(
         run: Ok(Box::new(written)),
     }];
     for words in ROADS {
-        let mut other = experiment.clone();
-        let lowers = |kind: &SettingKind| matches!(kind, SettingKind::Lower(_));
-        other.settings.retain(|setting| !lowers(&setting.kind));
-        let settings = format!("method {words}");
-        if project
-            .replace_setting(&mut other, "verify", &settings)
-            .is_none()
-        {
+        let Some(other) = project.on_road(experiment, "verify", &format!("method {words}")) else {
             continue;
-        }
+        };
         let name = words.replace(';', ",");
         let run = match ride(project, &other, subject, streams) {
             Err(diags) => Err(project::error_codes(&diags).join(", ")),
