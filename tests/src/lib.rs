@@ -13,7 +13,7 @@ use nsdc::ensemble::Source;
 use nsdc::expr::Exprs;
 use nsdc::imports::{self, Loaded, Loader, NoFiles, NotLoaded};
 use nsdc::optimize;
-use nsdc::report::{EventKind, Trajectory};
+use nsdc::report::{EventKind, Status, Trajectory};
 use nsdc::simulate::{self, Request};
 use nsdc::source::SourceMap;
 use nsdc::syntax::{self, Item};
@@ -131,6 +131,19 @@ pub fn run(text: &str, experiment: &str) -> Trajectory {
     with_experiment(text, experiment, |compiled| {
         simulate::run(&compiled.system, &compiled.settings, &Request::default())
     })
+}
+
+/// The same for one that must solve.
+///
+/// # Panics
+///
+/// When it does not, or what it gives is no trajectory.
+#[track_caller]
+pub fn solved(text: &str, experiment: &str) -> Trajectory {
+    let found = run(text, experiment);
+    assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
+    found.verify().expect("the invariants of `Trajectory`");
+    found
 }
 
 /// Compiles one problem of optimal control of a text, and solves it.

@@ -105,6 +105,18 @@ fn coefficients_that_come_to_a_bound_and_stay_in_their_range_are_good() {
     }
 }
 
+/// Without friction nothing says what holds a body that sticks: the sliding mode is singular there, and the run says so.
+#[test]
+fn friction_that_comes_to_zero_under_a_body_at_rest_is_told() {
+    for (friction, horizon) in [("max(0.3 - 0.2*time, 0)", 3.0), ("0.3 - 0.2*time", 1.5)] {
+        let found = block(0.0, 2.0, "0", friction, horizon);
+        let Some(Failure::SingularSliding { time, .. }) = found.failure else {
+            panic!("{friction}: {:?}", found.failure);
+        };
+        assert!((time - 1.5).abs() <= 1e-9, "{friction}: {time}");
+    }
+}
+
 #[test]
 fn an_open_contact_has_no_coefficients() {
     // It leaves the floor at t = 1, as the friction turns negative half a second later.

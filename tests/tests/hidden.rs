@@ -2,14 +2,8 @@
 
 use std::f64::consts::PI;
 
-use nsd_tests::{end, run, times};
+use nsd_tests::{end, run, solved, times};
 use nsdc::report::{EventKind, Failure, Status, Trajectory};
-
-fn solved(text: &str, experiment: &str) -> Trajectory {
-    let found = run(text, experiment);
-    assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
-    found
-}
 
 fn close(found: &[f64], expected: &[f64], within: f64) {
     assert_eq!(found.len(), expected.len(), "{found:?} {expected:?}");

@@ -2,14 +2,8 @@
 
 use std::f64::consts::PI;
 
-use nsd_tests::{DataFiles, end, fitted_order, run, run_with_data, times};
+use nsd_tests::{DataFiles, end, fitted_order, run, run_with_data, solved, times};
 use nsdc::report::{EventKind, Status, Trajectory};
-
-fn solved(text: &str, experiment: &str) -> Trajectory {
-    let found = run(text, experiment);
-    assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
-    found
-}
 
 /// The last value of a state when `model` is run with these lines.
 fn last(model: &str, state: &str, lines: &str) -> f64 {

@@ -19,10 +19,7 @@ fn close(value: f64, exact: f64, within: f64) {
 /// Experiment `o` of a text, which must solve.
 #[track_caller]
 fn solved(text: &str) -> Trajectory {
-    let found = run(text, "o");
-    assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
-    found.verify().expect("the invariants of `Trajectory`");
-    found
+    nsd_tests::solved(text, "o")
 }
 
 /// A run by finite elements agrees with one from event to event, in its end and in what happens.

@@ -1,7 +1,7 @@
 //! A rod that falls on its end and then flat, by finite elements with impulses where they meet: the order, and all grids.
 
-use nsd_tests::{end, run, times};
-use nsdc::report::{EventKind, Status, Trajectory};
+use nsd_tests::{end, times};
+use nsdc::report::{EventKind, Trajectory};
 
 #[track_caller]
 fn close(value: f64, exact: f64, within: f64) {
@@ -11,10 +11,7 @@ fn close(value: f64, exact: f64, within: f64) {
 /// Experiment `o` of a text, which must solve.
 #[track_caller]
 fn solved(text: &str) -> Trajectory {
-    let found = run(text, "o");
-    assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
-    found.verify().expect("the invariants of `Trajectory`");
-    found
+    nsd_tests::solved(text, "o")
 }
 
 /// Positions and speeds at the end.

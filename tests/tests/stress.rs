@@ -7,6 +7,7 @@ mod touches;
 
 use std::f64::consts::PI;
 
+use nsd_tests::stress::held_switches;
 use nsd_tests::{end, run};
 use nsdc::report::{Status, Trajectory};
 
@@ -375,21 +376,11 @@ fn passing_by_and_meeting() {
     }
 }
 
-/// s = (I - P/5)⁻¹ (cos(t + i)/2)_i with P the cyclic shift, on up to ten surfaces.
+/// To rounding, where the families of `tests/src/stress/` ask for the tolerance.
 #[test]
 fn ten_surfaces_at_once() {
     for n in [3, 6, 7, 8, 10] {
-        let mut model = format!("state x[{n}] = zeros({n}); state y = 0; y' = sign(x[1]);");
-        for i in 1..=n {
-            let next = i % n + 1;
-            model +=
-                &format!("x[{i}]' = 0.5*cos(time + {i}) - sign(x[{i}]) + 0.2*sign(x[{next}]);");
-        }
-        let share = |k: i32| {
-            let phase = f64::from(k % n + 1);
-            0.5 * 0.2_f64.powi(k) * ((3.0 + phase).sin() - phase.sin())
-        };
-        let exact = (0..60).map(share).sum();
+        let (model, exact) = held_switches(n);
         let trajectory = check(&model, "horizon 3;", "y", exact, 1e-14);
         assert!(trajectory.events.is_empty() && trajectory.warnings.is_empty());
     }

@@ -194,20 +194,24 @@ fn relays(extent: Extent) -> Family {
     }
 }
 
-/// s = (I - P/5)⁻¹ (cos(t + i)/2)_i with P the cyclic shift, from the start.
+/// n switches that slide from the start, s = (I - P/5)⁻¹ (cos(t + i)/2)_i with P the cyclic shift, and the integral y of
+/// the first one up to t = 3.
+pub fn held_switches(n: i32) -> (String, f64) {
+    let mut model = format!("state x[{n}] = zeros({n}); state y = 0; y' = sign(x[1]);");
+    for i in 1..=n {
+        let next = i % n + 1;
+        model += &format!("x[{i}]' = 0.5*cos(time + {i}) - sign(x[{i}]) + 0.2*sign(x[{next}]);");
+    }
+    let share = |k: i32| {
+        let phase = f64::from(k % n + 1);
+        0.5 * 0.2_f64.powi(k) * ((3.0 + phase).sin() - phase.sin())
+    };
+    (model, (0..60).map(share).sum())
+}
+
 fn held(extent: Extent) -> Family {
     let case = |n: i32| {
-        let mut model = format!("state x[{n}] = zeros({n}); state y = 0; y' = sign(x[1]);");
-        for i in 1..=n {
-            let next = i % n + 1;
-            model +=
-                &format!("x[{i}]' = 0.5*cos(time + {i}) - sign(x[{i}]) + 0.2*sign(x[{next}]);");
-        }
-        let share = |k: i32| {
-            let phase = f64::from(k % n + 1);
-            0.5 * 0.2_f64.powi(k) * ((3.0 + phase).sin() - phase.sin())
-        };
-        let exact = (0..60).map(share).sum();
+        let (model, exact) = held_switches(n);
         let case = Case::new(n, model, 3.0).ends("y", &[exact], 1.0);
         case.switches_at(&[]).accurate_if(n <= 8).both()
     };

@@ -22,6 +22,7 @@ use nsdc::simulate::{self, Request};
 
 use crate::{end, with_experiment};
 
+pub use large::held_switches;
 pub use stiff::relay_exactly;
 
 /// How much of every family.

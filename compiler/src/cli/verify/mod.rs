@@ -7,6 +7,7 @@ use super::args::VerifyArgs;
 use super::files::{Sink, is_standard};
 use super::project::Project;
 use super::{Exit, Streams, io};
+use crate::simulate::Request;
 use crate::syntax::{Bind, Experiment, ExperimentKind, SettingKind};
 
 /// What came of an experiment.
@@ -23,6 +24,18 @@ struct Subject<'s> {
     experiment: &'s Experiment,
     overrides: &'s [Bind],
     args: &'s VerifyArgs,
+}
+
+impl Subject<'_> {
+    /// What is asked of every run.
+    fn request(&self) -> Request {
+        Request {
+            dense: false,
+            estimate: true,
+            multipliers: false,
+            time_limit: Some(self.args.time_limit),
+        }
+    }
 }
 
 /// Runs experiments in every way that takes them, and compares what comes out.

@@ -12,7 +12,6 @@ use crate::expr::Exprs;
 use crate::optimize::{self, Point, Sampled};
 use crate::report::roads::{self, Found, Optima, Resumed};
 use crate::report::{MethodOption, Trajectory};
-use crate::simulate::Request;
 use crate::syntax::Experiment;
 use crate::system::System;
 use crate::{Compiled, compile};
@@ -236,12 +235,7 @@ fn solve(
     let (system, settings) = (&compiled.system, &compiled.settings);
     let task = settings.optimize.as_ref();
     let task = task.expect("the experiment is an `optimize`");
-    let request = Request {
-        dense: false,
-        estimate: true,
-        multipliers: false,
-        time_limit: Some(subject.args.time_limit),
-    };
+    let request = subject.request();
     let mut watching = Watching::new(Bar::new(&settings.name, streams.progress));
     let refused = |error| {
         let mut diags = Diagnostics::new();

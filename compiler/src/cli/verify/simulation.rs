@@ -12,7 +12,6 @@ use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
 use crate::report::Trajectory;
 use crate::report::roads::{self, Road, Roads};
-use crate::simulate::Request;
 use crate::syntax::Experiment;
 
 /// Methods with their lowerings. All choose their own steps.
@@ -97,12 +96,7 @@ fn ride(
     let Some(mut compiled) = compiled.filter(|_| !diags.has_errors()) else {
         return Err(diags);
     };
-    let request = Request {
-        dense: false,
-        estimate: true,
-        multipliers: false,
-        time_limit: Some(subject.args.time_limit),
-    };
+    let request = subject.request();
     let bar = Bar::new(&compiled.settings.name, streams.progress);
     launch(project, &mut compiled, &request, &mut Watching::new(bar))
 }
