@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use nsd_tests::{DataFiles, end, fitted_order, run, run_with_data, solved, times};
-use nsdc::report::{EventKind, Status, Trajectory};
+use nsdc::report::{EventKind, Status};
 
 /// The last value of a state when `model` is run with these lines.
 fn last(model: &str, state: &str, lines: &str) -> f64 {
