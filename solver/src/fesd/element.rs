@@ -256,18 +256,19 @@ impl Element {
             if !change.is_finite() {
                 return Err(Unsolved::Diverged);
             }
+            if last.is_finite() {
+                self.contraction = change / last;
+            }
             let rate = self.contraction;
             if change <= CONVERGED || (rate < SLOW && rate / (1.0 - rate) * change <= CONVERGED) {
                 self.finish(scheme);
                 return Ok(());
             }
             if last.is_finite() {
-                let rate = change / last;
                 if rate >= 0.5 && change <= ROUNDING {
                     self.finish(scheme);
                     return Ok(());
                 }
-                self.contraction = rate;
                 chords += 1;
                 if rate > SLOW || chords > MAX_CHORDS {
                     if fresh && rate > 2.0 && chords > MAX_CHORDS {
@@ -364,12 +365,14 @@ impl Element {
         let usable = distance <= REUSE * h;
         if !usable {
             self.factor(scheme, h)?;
-            self.contraction = 1.0;
         }
-        // Of linear equations nothing but h is another.
-        if self.reduced.is_linear {
-            self.contraction = if usable { distance / h } else { 0.0 };
-        }
+        // Of linear equations nothing but h is another. What has been seen of others in an element before says nothing
+        // about this one.
+        self.contraction = match (self.reduced.is_linear, usable) {
+            (true, true) => distance / h,
+            (true, false) => 0.0,
+            (false, _) => 1.0,
+        };
         Ok(!usable)
     }
 
