@@ -256,19 +256,18 @@ impl Element {
             if !change.is_finite() {
                 return Err(Unsolved::Diverged);
             }
-            if last.is_finite() {
-                self.contraction = change / last;
-            }
             let rate = self.contraction;
             if change <= CONVERGED || (rate < SLOW && rate / (1.0 - rate) * change <= CONVERGED) {
                 self.finish(scheme);
                 return Ok(());
             }
             if last.is_finite() {
+                let rate = change / last;
                 if rate >= 0.5 && change <= ROUNDING {
                     self.finish(scheme);
                     return Ok(());
                 }
+                self.contraction = rate;
                 chords += 1;
                 if rate > SLOW || chords > MAX_CHORDS {
                     if fresh && rate > 2.0 && chords > MAX_CHORDS {
