@@ -70,12 +70,12 @@ pub(super) fn impacts<'e>(system: &System<'e>, rename: &Substitution<'e>) -> Vec
     let impact = |contact: &crate::system::Contact<'e>| {
         let label = &labels[contact.switch];
         let friction = contact.friction.as_ref().map(|friction| {
-            let slip = place(friction.switch);
+            let slip = place(friction.slips[0].switch);
             Friction {
                 side: system.exprs.variable(&format!("{side}[{label}]")),
                 multipliers: [slip + 1, slip + 2],
                 coefficient: renamed(friction.coefficient),
-                push: pushes(&friction.tangent),
+                push: pushes(&friction.slips[0].tangent),
             }
         });
         Impact {

@@ -27,8 +27,8 @@ pub(super) fn check(system: &System<'_>) -> Result<(), SystemError> {
     let jumping: Vec<Var> = (system.laws.iter())
         .flat_map(|law| law.resets.iter().map(|reset| reset.0))
         .chain(system.contacts.iter().flat_map(|contact| {
-            let tangent = contact.friction.iter().flat_map(|f| &f.tangent);
-            contact.normal.iter().chain(tangent).map(|d| d.state)
+            let tangents = contact.slips().iter().flat_map(|slip| &slip.tangent);
+            contact.normal.iter().chain(tangents).map(|d| d.state)
         }))
         .filter_map(|state| system.states[state].var.as_variable())
         .collect();

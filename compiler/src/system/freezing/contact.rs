@@ -65,8 +65,12 @@ pub(super) fn contacts<'e>(system: &System<'e>) -> Result<Vec<Contact<'e>>, Syst
         contact.restitution = restitution(system, &contact, given.restitution)?;
         contact.friction = given.friction.as_ref().map(|friction| Friction {
             coefficient: friction.coefficient,
-            tangent: friction.tangent.iter().map(|d| (d.state, d.push)).collect(),
-            switch: friction.switch,
+            tangent: friction.slips[0]
+                .tangent
+                .iter()
+                .map(|d| (d.state, d.push))
+                .collect(),
+            switch: friction.slips[0].switch,
         });
         if !contact.is_inelastic() && friction_pushes(system, &contact) {
             let name = &given.name;
@@ -109,8 +113,8 @@ fn contact<'e>(
     let speed = super::along(system, gap, free);
     // The force of a closed contact is -∂x'/∂α; that of friction has mean zero.
     let slips = (system.contacts.iter())
-        .filter_map(|contact| contact.friction.as_ref())
-        .map(|friction| alpha(system, friction.switch));
+        .flat_map(|contact| contact.slips())
+        .map(|slip| alpha(system, slip.switch));
     let slips: Vec<_> = slips.collect();
     let normal = states.map(|state| {
         let rate = system.states[state].rate;

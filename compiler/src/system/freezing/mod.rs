@@ -123,6 +123,7 @@ pub fn freeze<'e>(system: &System<'e>, pace: f64) -> Result<Frozen<'e>, SystemEr
             frozen.places[k] = Some(switches.len());
             switches.push(Switch {
                 slip_of: None,
+                across: None,
                 ..switch.clone()
             });
         }
