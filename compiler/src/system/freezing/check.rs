@@ -79,18 +79,19 @@ pub(super) fn together<'e>(
         let effects = terms.map(|(state, push)| slope(system, on.speed, state) * push);
         system.exprs.sum(effects).substitute(&numbers)
     };
-    let tangent = |by: &Contact<'e>| {
-        let friction = by.friction.as_ref();
-        friction.map_or_else(Vec::new, |friction| friction.tangent.clone())
+    let tangents = |by: &Contact<'e>| {
+        let tangents = by.slips().iter().map(|slip| slip.tangent.clone());
+        tangents.collect::<Vec<_>>()
+    };
+    let rubs = |by: &Contact<'e>, on: &Contact<'e>| {
+        let mut effects = tangents(by).into_iter().map(|tangent| effect(on, &tangent));
+        effects.any(|effect| !effect.is_zero())
     };
     let acts = |by: &Contact<'e>, on: &Contact<'e>| {
-        !effect(on, &by.normal).is_zero() || !effect(on, &tangent(by)).is_zero()
+        !effect(on, &by.normal).is_zero() || rubs(by, on)
     };
     let mut meeting = Meeting {
-        is_open: contacts.iter().any(|contact| {
-            let pushes = effect(contact, &tangent(contact));
-            !pushes.is_zero()
-        }),
+        is_open: contacts.iter().any(|contact| rubs(contact, contact)),
         rough: Vec::new(),
     };
     for (j, second) in contacts.iter().enumerate() {
