@@ -1,7 +1,7 @@
 //! The algebraic variables at one point.
 //!
 //! Off all surfaces a DCS determines z: the linear programs that it states have one solution there. On a surface this
-//! takes the middle: α = 1/2. It gives guesses, and the tests their reference.
+//! takes the middle: α = 1/2, and the middle of a disc. It gives guesses, and the tests their reference.
 
 use rustc_hash::FxHashMap;
 
@@ -15,7 +15,7 @@ use super::{Dcs, Formulation, heaviside, stewart};
 pub(super) struct Sides {
     /// ψ(t, x, p, α).
     pub psi: Vec<f64>,
-    /// α = step(ψ), 1/2 on the surface.
+    /// α = step(ψ), 1/2 on the surface; of a disc, 2α - 1 = w/|w|.
     pub alpha: Vec<f64>,
     /// The indicators of every partition.
     pub indicators: Vec<Vec<f64>>,
@@ -31,8 +31,20 @@ impl Sides {
             indicators: Vec::new(),
         };
         // ψ contains α of earlier switches only.
-        for switch in &system.switches {
+        for (k, switch) in system.switches.iter().enumerate() {
             let psi = eval(switch.psi, &known, value);
+            if let Some(first) = switch.across.filter(|&other| other < k) {
+                let size = psi.hypot(sides.psi[first]);
+                let inside = |psi: f64| if size > 0.0 { psi / size } else { 0.0 };
+                let [one, two] = [sides.psi[first], psi].map(|psi| 0.5 + 0.5 * inside(psi));
+                let vars = [first, k].map(|k| system.switches[k].alpha.as_variable());
+                let vars = vars.into_iter().zip([one, two]);
+                known.extend(vars.filter_map(|(var, alpha)| Some((var?, alpha))));
+                sides.alpha[first] = one;
+                sides.psi.push(psi);
+                sides.alpha.push(two);
+                continue;
+            }
             let alpha = if psi > 0.0 {
                 1.0
             } else if psi < 0.0 {
