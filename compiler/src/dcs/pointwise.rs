@@ -10,6 +10,9 @@ use crate::system::{Partition, System};
 
 use super::{Dcs, Formulation, heaviside, stewart};
 
+/// A point of the disc may be outside by so much.
+const ROUNDING: f64 = 1e-6;
+
 /// Values of the switching functions and of α at a point.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Sides {
@@ -105,17 +108,24 @@ pub fn solve_pointwise<'e>(
     solve_with(system, dcs, &Sides::at(system, value), value)
 }
 
-/// The same in a mode that is given by α.
+/// The same in a mode that is given by α; that of a slip velocity with two entries is w/|w| where α is no point of the
+/// disc, as a run gives sides alone then.
 pub fn solve_in_mode<'e>(
     system: &System<'e>,
     dcs: &Dcs<'e>,
     alphas: &[f64],
     value: &impl Fn(Var) -> f64,
 ) -> Pointwise {
-    let sides = Sides {
-        alpha: alphas.to_vec(),
-        ..Sides::at(system, value)
-    };
+    let there = Sides::at(system, value);
+    let mut alpha = alphas.to_vec();
+    for (k, switch) in system.switches.iter().enumerate() {
+        let Some(other) = switch.across else { continue };
+        let inside = [k, other].map(|k| 2.0 * alphas[k] - 1.0);
+        if inside[0].hypot(inside[1]) > 1.0 + ROUNDING {
+            alpha[k] = there.alpha[k];
+        }
+    }
+    let sides = Sides { alpha, ..there };
     solve_with(system, dcs, &sides, value)
 }
 
