@@ -118,6 +118,12 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             if mode.is_idle(i, &sides) {
                 continue;
             }
+            if mode.is_in_disc(i) {
+                if !mode.stays_in_disc(i, choice.sides[at], &alpha, rates[at]) {
+                    return Check::Inconsistent;
+                }
+                continue;
+            }
             // Positive inside, negative outside, relative to the natural size.
             let margin = match choice.sides[at] {
                 Side::Slide if mode.roles[i] != Role::Step => continue,
@@ -204,9 +210,12 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             alpha[i] = choice.alpha[at];
         }
         let (order, tolerance) = (self.order, self.settings.local_tolerance());
+        let departures = self.departures(group, choice);
+        let mut x = state.x.clone();
+        self.mode.enter(self.system, &sides);
+        self.depart(state, &mut x, &departures);
         let mode = &mut self.mode;
-        mode.enter(self.system, &sides);
-        mode.expand(state.t, &state.x, &mut alpha).ok()?;
+        mode.expand(state.t, &x, &mut alpha).ok()?;
         mode.measure_terms(state);
         mode.watched.clear();
         for &i in group {
@@ -231,7 +240,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         };
         let stays = |((&i, side), unit): ((&usize, &Side), &f64)| match side {
             _ if mode.is_idle(i, &sides) => true,
-            Side::Slide if mode.roles[i] != Role::Step => true,
+            Side::Slide if mode.roles[i] != Role::Step || mode.is_in_disc(i) => true,
             Side::Slide => {
                 let (series, tie) = (mode.alpha_series(i), TIE * unit);
                 let inward = if series[0] <= tie && !mode.is_unilateral(i) {

@@ -160,12 +160,18 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             if state.sides[contact] == Side::Slide || !on.contains(&contact) {
                 continue;
             }
-            self.measure_bands(state, &[slip], t1 - state.t);
-            let speed = self.mode.psi(slip);
+            let other = self.system.across(slip);
+            let entries: Vec<usize> = std::iter::once(slip).chain(other).collect();
+            self.measure_bands(state, &entries, t1 - state.t);
+            let speeds: Vec<f64> = entries.iter().map(|&i| self.mode.psi(i)).collect();
             let mut sides = state.sides.clone();
-            sides[slip] = Side::of(speed);
+            sides[slip] = match other {
+                Some(_) => Side::Plus,
+                None => Side::of(speeds[0]),
+            };
             state.set_sides(sides);
-            if speed.abs() <= state.band[slip] && !on.contains(&slip) {
+            let mut all = entries.iter().zip(&speeds);
+            if all.all(|(&i, speed)| speed.abs() <= state.band[i]) && !on.contains(&slip) {
                 on.push(slip);
             }
         }
@@ -309,16 +315,16 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     /// with friction in it would be pushed along its slip velocity, and gain energy.
     fn slopes_of_push(&mut self, state: &State, switch: usize) -> Vec<f64> {
         let mode = &mut self.mode;
-        let slip = mode.slip_of.iter().position(|of| *of == Some(switch));
+        let slips = (0..mode.sides.len()).filter(|&i| mode.slip_of[i] == Some(switch));
+        let slips: Vec<usize> = slips.collect();
         let mut sides = mode.sides.clone();
-        let alpha = slip.map(|slip| {
+        let mut alphas = Vec::new();
+        for slip in slips {
             sides[slip] = Side::Slide;
             let place = 1 + mode.n + slip;
-            (
-                place,
-                std::mem::replace(&mut mode.memory.values[place], 0.5),
-            )
-        });
+            let alpha = std::mem::replace(&mut mode.memory.values[place], 0.5);
+            alphas.push((place, alpha));
+        }
         let blocks = mode.field.of_switch(switch).to_vec();
         for &block in &blocks {
             let Mode { field, memory, .. } = mode;
@@ -330,7 +336,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             slopes.map(|(_, slope)| slope).sum()
         };
         let slopes = (0..state.x.len()).map(slope).collect();
-        if let Some((place, alpha)) = alpha {
+        for (place, alpha) in alphas {
             mode.memory.values[place] = alpha;
         }
         for block in blocks {
