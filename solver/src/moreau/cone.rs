@@ -163,6 +163,11 @@ pub(super) fn bounded([x, y]: Pair, most: f64) -> Pair {
     }
 }
 
+/// |x|, without a root where there is one entry.
+pub(super) fn length([x, y]: Pair) -> f64 {
+    if y == 0.0 { x.abs() } else { x.hypot(y) }
+}
+
 fn unit([x, y]: Pair) -> Pair {
     let length = x.hypot(y);
     [x / length, y / length]
@@ -218,7 +223,10 @@ mod tests {
 
     impl Numbers {
         fn next(&mut self) -> f64 {
-            self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            self.0 = self
+                .0
+                .wrapping_mul(6364136223846793005)
+                .wrapping_add(1442695040888963407);
             (self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
         }
     }
@@ -245,9 +253,8 @@ mod tests {
             let (normal, beta) = cone.law((0.0, [0.0; 2]), (b, s), friction);
             let size = 1.0 + normal;
             let rate = b + w(0, 0) * normal - w(0, 1) * beta[0] - w(0, 2) * beta[1];
-            let slip = |k: usize| {
-                s[k - 1] + w(k, 0) * normal - w(k, 1) * beta[0] - w(k, 2) * beta[1]
-            };
+            let slip =
+                |k: usize| s[k - 1] + w(k, 0) * normal - w(k, 1) * beta[0] - w(k, 2) * beta[1];
             let (slip, most) = ([slip(1), slip(2)], friction * normal);
             assert!(normal > 0.0 && rate.abs() <= 1e-12 * size, "{case}: {rate}");
             let (speed, length) = (slip[0].hypot(slip[1]), beta[0].hypot(beta[1]));

@@ -126,9 +126,9 @@ impl Direct {
             self.equations.push(equation(0));
             if contact.is_rough() && tangential > 0.0 {
                 let most = impulses.friction[c] * impulses.normal[c].max(0.0);
-                let [x, y] = impulses.stopping(rows, c, contact, v);
-                if x.hypot(y) < most {
-                    self.equations.extend((1..=contact.slips as u8).map(equation));
+                if cone::length(impulses.stopping(rows, c, contact, v)) < most {
+                    self.equations
+                        .extend((1..=contact.slips as u8).map(equation));
                 }
             }
         }

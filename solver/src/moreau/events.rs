@@ -2,7 +2,7 @@
 
 use super::rows::Pair;
 use super::scene::Free;
-use super::{Stepper, Velocities, rows};
+use super::{Stepper, Velocities, cone, rows};
 use crate::simulate;
 
 /// What a contact does.
@@ -141,13 +141,11 @@ impl<F: Free> Stepper<F> {
             contacts.present.push(contact.contact);
             contacts.impulses[at] = (normal, tangential);
             let bounces = self.impulses.normal_rate[c] < contact.offset;
-            let rubs = || tangential[0].hypot(tangential[1]);
+            let rubs = || cone::length(tangential);
             let mode = match (bounces, contact.is_rough()) {
                 (true, _) => Mode::Struck,
                 (false, false) => Mode::Closed,
-                (false, true) if rubs() < (1.0 - SLIPS) * contact.friction * normal => {
-                    Mode::Stick
-                }
+                (false, true) if rubs() < (1.0 - SLIPS) * contact.friction * normal => Mode::Stick,
                 (false, true) => Mode::Slip,
             };
             let before = std::mem::replace(&mut contacts.modes[at], mode);

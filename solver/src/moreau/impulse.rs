@@ -98,11 +98,7 @@ impl Impulses {
     /// Makes room for the contacts, without impulses.
     pub fn begin(&mut self, linear: &Linear) {
         let n = linear.contacts.len();
-        for values in [
-            &mut self.normal_rate,
-            &mut self.friction,
-            &mut self.normal,
-        ] {
+        for values in [&mut self.normal_rate, &mut self.friction, &mut self.normal] {
             values.clear();
             values.resize(n, 0.0);
         }
@@ -165,7 +161,11 @@ impl Impulses {
         }
         for (c, contact) in island.iter().filter(|(_, contact)| contact.is_rough()) {
             let [x, y] = self.slip(rows, c, contact, v);
-            scale = scale.max(if scale > 0.0 { x.hypot(y) } else { 0.0 });
+            scale = scale.max(if scale > 0.0 {
+                cone::length([x, y])
+            } else {
+                0.0
+            });
         }
         if scale == 0.0 {
             for &c in island.contacts {
@@ -270,7 +270,7 @@ impl Impulses {
                 let most = self.friction[c] * self.normal[c].max(0.0);
                 let beta = self.tangential[c];
                 let wanted = cone::bounded(self.stopping(rows, c, contact, v), most);
-                let missing = (wanted[0] - beta[0]).hypot(wanted[1] - beta[1]);
+                let missing = cone::length([wanted[0] - beta[0], wanted[1] - beta[1]]);
                 residual = residual.max(missing * tangential);
             }
         }
