@@ -38,6 +38,7 @@ pub(super) struct Friction<'e> {
 
 /// One entry of a slip velocity.
 pub(super) struct Slip<'e> {
+    pub velocity: Expr<'e>,
     /// M⁻¹J_t, by state.
     pub tangent: Vec<(usize, Expr<'e>)>,
     /// Its switch.
@@ -93,6 +94,7 @@ pub(super) fn contacts<'e>(system: &System<'e>) -> Result<Vec<Contact<'e>>, Syst
 
 fn slip<'e>(slip: &system::Slip<'e>) -> Slip<'e> {
     Slip {
+        velocity: slip.velocity,
         tangent: slip.tangent.iter().map(|d| (d.state, d.push)).collect(),
         switch: slip.switch,
     }

@@ -83,11 +83,7 @@ pub(super) fn rest<'e>(
 }
 
 /// J_nᵀM⁻¹(J_n - μ J_t u) where it is least: of one direction for both signs, of two for the u against which it falls.
-fn edge<'e>(
-    system: &System<'e>,
-    contact: &Contact<'e>,
-    friction: &Friction<'e>,
-) -> Vec<Expr<'e>> {
+fn edge<'e>(system: &System<'e>, contact: &Contact<'e>, friction: &Friction<'e>) -> Vec<Expr<'e>> {
     let along = |slip: &Slip<'e>| {
         let terms = slip.tangent.iter();
         let terms = terms.map(|&(state, push)| slope(system, contact.speed, state) * push);
