@@ -9,18 +9,17 @@
 //! a value then.
 
 use super::dense::Dense;
-use super::judge::TIE;
 use super::mode::Mode;
 use super::roots::{Root, RootFinder};
 use super::select::{BAND, Choice};
 use super::state::State;
-use super::{Side, Simulator, SwitchedSystem};
+use super::{Side, Simulator, SwitchedSystem, series};
 
 /// Of the way to w = 0, what a step leaves.
 const LEFT: f64 = 1.0 / 64.0;
 
 /// A speed of so many bands is none: how it turns on the way to zero does not matter any more.
-const STOPS: f64 = 100.0;
+pub(super) const STOPS: f64 = 100.0;
 
 /// Speed from rest, as a share of the band below which it is none.
 const DEPARTS: f64 = 0.1;
@@ -159,21 +158,21 @@ impl Mode {
         }
     }
 
-    /// Whether two entries with these α stick in their disc, or slip in their direction.
-    pub(super) fn stays_in_disc(
+    /// How far two entries with these α are inside their disc, or how fast they slip in their direction, relative to a
+    /// rate.
+    pub(super) fn margin_in_disc(
         &self,
         switch: usize,
         side: Side,
         alpha: &[f64],
         rate: f64,
-    ) -> bool {
-        let Some(other) = self.other(switch) else {
-            return true;
-        };
+    ) -> f64 {
+        let other = self.other(switch).unwrap_or(switch);
         let [d, e] = [switch, other].map(|i| 2.0 * alpha[i] - 1.0);
         match side {
-            Side::Slide => d.hypot(e) <= 1.0 + TIE,
-            _ => d * self.phi(switch) + e * self.phi(other) >= -TIE * rate,
+            Side::Slide => 1.0 - d.hypot(e),
+            _ if rate > 0.0 => (d * self.phi(switch) + e * self.phi(other)) / rate,
+            _ => 0.0,
         }
     }
 
@@ -200,16 +199,21 @@ fn margin(dense: Dense, switch: usize, other: usize, series: &mut Vec<f64>) {
     }
 }
 
+/// Whether what is at the rim of its disc goes back inside, or stays, by its series.
+pub(super) fn goes_on(mode: &Mode, switch: usize, h: f64) -> bool {
+    let mut terms = Vec::new();
+    let other = mode.other(switch).unwrap_or(switch);
+    margin(Dense::Taylor(mode), switch, other, &mut terms);
+    terms[0] > RIM || series::leading(&terms, h, RIM).is_none_or(|k| terms[k] > 0.0)
+}
+
 /// 1 - |u|² at a point, and its derivative by time.
 pub(super) fn margin_at(dense: Dense, switch: usize, tau: f64, alpha: &[f64]) -> (f64, f64) {
     let other = dense.mode().other(switch).unwrap_or(switch);
     [switch, other]
         .into_iter()
         .fold((1.0, 0.0), |(value, slope), i| {
-            let (u, rate) = (
-                2.0 * alpha[i] - 1.0,
-                super::series::slope(dense.alpha(i), tau),
-            );
+            let (u, rate) = (2.0 * alpha[i] - 1.0, series::slope(dense.alpha(i), tau));
             (value - u * u, slope - 4.0 * u * rate)
         })
 }
@@ -253,19 +257,25 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     }
 
     /// Gives slip velocities that are none a length that is rounding, by the least change of the states.
-    pub(super) fn depart(&mut self, state: &State, x: &mut [f64], departures: &[Departure]) {
+    pub(super) fn depart(
+        &mut self,
+        state: &State,
+        x: &mut [f64],
+        departures: &[Departure],
+        t1: f64,
+    ) {
         for departure in departures {
-            self.set_off(state, x, departure);
+            self.set_off(state, x, departure, t1);
         }
     }
 
-    fn set_off(&mut self, state: &State, x: &mut [f64], departure: &Departure) {
+    fn set_off(&mut self, state: &State, x: &mut [f64], departure: &Departure, t1: f64) {
         let &Departure {
             switches,
             direction,
         } = departure;
         let mode = &mut self.mode;
-        mode.set(state.t, x, &state.alpha);
+        mode.eval(state.t, x, &state.alpha);
         let gradients = switches.map(|i| {
             mode.surfaces.linearize(i, &mode.memory.values);
             mode.gradient(i).to_vec()
@@ -273,7 +283,15 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let size = |gradient: &[(usize, f64)]| -> f64 {
             gradient.iter().map(|&(j, g)| g.abs() * state.size(j)).sum()
         };
-        let speed = DEPARTS * BAND * gradients.iter().map(|g| size(g)).fold(0.0, f64::max);
+        let sizes = gradients.iter().map(|gradient| size(gradient));
+        // Where nothing has moved yet, what the forces would make of it.
+        let last = if state.longest_step > 0.0 {
+            state.longest_step
+        } else {
+            t1 - state.t
+        };
+        let rates = switches.map(|i| mode.phi(i) * last);
+        let speed = DEPARTS * BAND * sizes.fold(rates[0].hypot(rates[1]), f64::max);
         let w = switches.map(|i| mode.psi(i));
         if w[0].hypot(w[1]) >= speed {
             return;

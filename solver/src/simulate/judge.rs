@@ -7,7 +7,7 @@
 
 use super::select::{BAND, Choice};
 use super::state::State;
-use super::{Role, Side, Simulator, SwitchedSystem, series};
+use super::{Role, Side, Simulator, SwitchedSystem, disc, series};
 
 /// Rates and distances to a bound below this fraction of their scale are ties.
 pub(super) const TIE: f64 = 1e-9;
@@ -118,14 +118,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             if mode.is_idle(i, &sides) {
                 continue;
             }
-            if mode.is_in_disc(i) {
-                if !mode.stays_in_disc(i, choice.sides[at], &alpha, rates[at]) {
-                    return Check::Inconsistent;
-                }
-                continue;
-            }
             // Positive inside, negative outside, relative to the natural size.
             let margin = match choice.sides[at] {
+                _ if mode.is_second(i) => continue,
+                side if mode.is_in_disc(i) => mode.margin_in_disc(i, side, &alpha, rates[at]),
                 Side::Slide if mode.roles[i] != Role::Step => continue,
                 Side::Slide if mode.is_unilateral(i) => {
                     let force = 1.0 - choice.alpha[at];
@@ -213,7 +209,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let departures = self.departures(group, choice);
         let mut x = state.x.clone();
         self.mode.enter(self.system, &sides);
-        self.depart(state, &mut x, &departures);
+        self.depart(state, &mut x, &departures, t1);
         let mode = &mut self.mode;
         mode.expand(state.t, &x, &mut alpha).ok()?;
         mode.measure_terms(state);
@@ -240,7 +236,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         };
         let stays = |((&i, side), unit): ((&usize, &Side), &f64)| match side {
             _ if mode.is_idle(i, &sides) => true,
-            Side::Slide if mode.roles[i] != Role::Step || mode.is_in_disc(i) => true,
+            _ if mode.is_second(i) => true,
+            Side::Slide if mode.roles[i] != Role::Step => true,
+            Side::Slide if mode.is_in_disc(i) => disc::goes_on(mode, i, h),
             Side::Slide => {
                 let (series, tie) = (mode.alpha_series(i), TIE * unit);
                 let inward = if series[0] <= tie && !mode.is_unilateral(i) {

@@ -309,6 +309,9 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 if let Some((from, _)) =
                     limit.take_if(|_| step.reaches_end || !step.triggers.is_empty())
                 {
+                    if step.reaches_end {
+                        self.repay(&mut state);
+                    }
                     observer.event(&Event {
                         time: state.t,
                         x: &state.x,

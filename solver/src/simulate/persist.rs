@@ -316,12 +316,11 @@ fn options(meeting: &Meeting, forces: &Forces, i: usize, near: f64) -> Vec<Sides
     let slips: &[Side] = if entries.is_empty() {
         &[Side::Plus]
     } else if entries.len() > 1 {
-        // What is at the rim of its cone slips, and stops at once where it should have stayed.
-        let sticks = bend <= near && drag <= (1.0 - NEAR) * forces.normal[i];
-        if sticks {
-            &[Side::Slide]
-        } else {
-            &[Side::Plus]
+        match drag <= (1.0 - NEAR) * forces.normal[i] {
+            _ if bend > near => &[Side::Plus],
+            true => &[Side::Slide],
+            // At the rim of its cone.
+            false => &[Side::Slide, Side::Plus],
         }
     } else if meeting.resistance(i) <= 0.0 || bend > near {
         &[turned]

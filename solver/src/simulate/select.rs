@@ -220,7 +220,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             let departures = std::mem::take(&mut state.departures);
             let mut x = std::mem::take(&mut state.x);
             self.mode.enter(self.system, &state.sides);
-            self.depart(state, &mut x, &departures);
+            self.depart(state, &mut x, &departures, t1);
             (state.x, state.departures) = (x, departures);
         }
         Ok(())

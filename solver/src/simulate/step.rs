@@ -320,7 +320,10 @@ pub(super) fn simultaneous(
     let mut triggers: Vec<usize> = mode.sliding.iter().copied().filter(together).collect();
     let reached = |&i: &usize| {
         let c = dense.psi(i);
-        let size = TOGETHER * series::magnitude(c, h, 0);
+        let size = match mode.is_in_disc(i) {
+            true => disc::STOPS * state.band[i],
+            false => TOGETHER * series::magnitude(c, h, 0),
+        };
         !state.armed[i] && series::value(c, tau).abs() <= size
     };
     triggers.extend(mode.watched.iter().copied().filter(reached));
