@@ -490,3 +490,48 @@ fn outputs_look_at_what_sticks() {
     assert_eq!(speed, v);
     assert_eq!(end(&trajectory, "direction"), [1.0]);
 }
+
+/// Bounces with friction that accumulate: strikes with 4, 2, 1, .. at 0.4, 0.8, 1, .. to 1.2, whose impulses 6, 3, 1.5,
+/// .. take a quarter as much of the slip velocity; then it slides.
+#[test]
+fn friction_of_bounces_that_accumulate_is_theirs() {
+    for (restitution, horizon) in [(0.5_f64, 1.5), (0.8, 4.2)] {
+        let found = run(
+            &format!(
+                "model body {{
+                   state q[2] = [0, 0.8];
+                   state v[2] = [20, 0];
+                   q' = v;
+                   mechanics q, v {{
+                     mass = 1;
+                     force = [0, -10];
+                     contact floor {{ gap = q[2]; restitution = {restitution:?}; friction = 0.25; }}
+                   }}
+                 }}
+                 simulate this of body {{ tolerance 1e-12; horizon {horizon:?}; }}"
+            ),
+            "this",
+        );
+        assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
+        let (mut speed, mut way, mut strikes, mut t) = (20.0, 20.0 * 0.4, 4.0, 0.4);
+        for _ in 0..400 {
+            speed -= 0.25 * (1.0 + restitution) * strikes;
+            strikes *= restitution;
+            let flight = 0.2 * strikes;
+            (way, t) = (way + speed * flight, t + flight);
+        }
+        let rest = horizon - t;
+        way += speed * rest - 1.25 * rest * rest;
+        let v = speed - 2.5 * rest;
+        assert!(
+            (end(&found, "v")[0] - v).abs() <= 1e-10,
+            "{} {v}",
+            end(&found, "v")[0]
+        );
+        assert!(
+            (end(&found, "q")[0] - way).abs() <= 1e-9,
+            "{} {way}",
+            end(&found, "q")[0]
+        );
+    }
+}

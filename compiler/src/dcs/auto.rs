@@ -108,7 +108,8 @@ fn is_without_memory(system: &System, takes: Takes) -> Result<(), DcsError> {
     }
 }
 
-/// Stewart's program weighs regions, and a projection has a force without a bound.
+/// Stewart's program weighs regions: a projection has a force without a bound, and friction in two directions no
+/// regions at all.
 fn is_bilateral(system: &System) -> Result<(), DcsError> {
     if let Some(switch) = system.switches.iter().find(|switch| switch.is_nonlinear) {
         return Err(DcsError::Nonlinear {
@@ -121,10 +122,16 @@ fn is_bilateral(system: &System) -> Result<(), DcsError> {
             span: kept.spans[0],
         });
     }
-    match system.switches.iter().find(|switch| switch.unilateral) {
-        Some(constraint) => Err(DcsError::Projection {
+    if let Some(constraint) = system.switches.iter().find(|switch| switch.unilateral) {
+        return Err(DcsError::Projection {
             name: constraint.name.clone(),
             span: constraint.spans[0],
+        });
+    }
+    match system.switches.iter().find(|k| k.across.is_some()) {
+        Some(entry) => Err(DcsError::Disc {
+            name: entry.name.clone(),
+            span: entry.spans[0],
         }),
         None => Ok(()),
     }
@@ -160,7 +167,7 @@ fn lowered<'e>(
     let alphas: Substitution = (system.switches.iter().zip(&dcs.alphas))
         .filter_map(|(switch, &alpha)| Some((switch.alpha.as_variable()?, alpha)))
         .collect();
-    dcs.impacts = impact::impacts(system, &alphas);
+    dcs.impacts = impact::impacts(system, &alphas, &dcs.discs);
     let task = system.task.as_ref();
     dcs.task = task.map(|task| task.map(|e| e.substitute(&alphas)));
     debug_assert_eq!(
@@ -194,6 +201,12 @@ pub fn choose(system: &System) -> Choice {
         .any(|switch| switch.role != Role::Step)
     {
         return choice(Formulation::Step, "algebraic states have no regions");
+    }
+    if system.switches.iter().any(|switch| switch.across.is_some()) {
+        return choice(
+            Formulation::Step,
+            "friction in two directions has no regions",
+        );
     }
     if let Some(switch) = system.switches.iter().find(|switch| switch.is_nonlinear) {
         let reason = format!("`{}` is read nonlinearly", switch.name);

@@ -76,6 +76,20 @@ pub enum DcsError {
         span: Span,
     },
 
+    /// Stewart's reformulation weighs regions, and directions in a plane are a circle.
+    #[error("friction in two directions of `{name}` cannot be lowered to Stewart's form")]
+    #[diagnostic(
+        code(E0905),
+        help("write `lower step;`, which states friction by the direction of its slip")
+    )]
+    Disc {
+        /// Its contact.
+        name: String,
+        /// Its statement.
+        #[label("a slip velocity with two entries")]
+        span: Span,
+    },
+
     /// Stewart's reformulation needs one multiplier per region, and switches that multiply each other have 2^n of
     /// them. The step reformulation needs three variables per switch and one per product.
     #[error("{count} switches multiply each other, too many for `stewart`")]

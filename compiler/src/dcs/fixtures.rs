@@ -50,6 +50,7 @@ impl<'e> Builder<'e> {
             is_nonlinear: false,
             unilateral: false,
             slip_of: None,
+            across: None,
             role: crate::system::Role::Step,
             name: name.to_owned(),
             alpha,

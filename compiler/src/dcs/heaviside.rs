@@ -5,7 +5,8 @@
 //! x' = f(t, x, α),   0 = ψ - λᵖ + λⁿ,   0 <= λⁿ ⟂ α >= 0,   0 <= λᵖ ⟂ 1 - α >= 0
 //!
 //! so that λᵖ = max(ψ, 0) and λⁿ = max(-ψ, 0) are continuous. A constraint ψ ≥ 0 of a projection, whose α has any value up
-//! to 1, is stated by its force λ = 1 - α: 0 = ψ - c, 0 <= c ⟂ λ >= 0 (a gradient complementarity system). Algebraic
+//! to 1, is stated by its force λ = 1 - α: 0 = ψ - c, 0 <= c ⟂ λ >= 0 (a gradient complementarity system). The two
+//! switches of a slip velocity with two entries are a point u = 2α - 1 of the unit disc, see [`super::Disc`]. Algebraic
 //! states stay states with a rate of their own, z' = w: an equation is 0 = ψ, and a pair 0 = a - ψ_a, 0 = b - ψ_b,
 //! 0 <= a ⟂ b >= 0, which determine z in every point and w by that. The weight of a region is a product of α and 1 - α
 //! over the signs that its guard fixes; products become variables β, see `lift`.
@@ -18,13 +19,13 @@
 //! 2011: it is Filippov's for one surface and for switches that only add up, else a subset.
 
 use crate::expr::{Expr, Substitution, variables_of};
-use crate::system::{Role, System};
+use crate::system::{Role, Switch, System};
 
 use super::lift::Lift;
 use super::pointwise::Sides;
-use super::{Algebraic, Branch, Cause, Dcs, Formulation, Origin, labels};
+use super::{Algebraic, Branch, Cause, Dcs, Disc, Formulation, Origin, labels};
 
-/// Declares α, λᵖ and λⁿ per switch, and one β per product of α.
+/// Declares α, λᵖ and λⁿ per switch, |w| and 1 - |u|² per disc, and one β per product of α.
 pub fn lower<'e>(system: &System<'e>) -> Dcs<'e> {
     let mut dcs = Dcs::frame(system, Formulation::Step);
     let labels = labels::of(system);
@@ -34,11 +35,12 @@ pub fn lower<'e>(system: &System<'e>) -> Dcs<'e> {
 
     let [alpha, lambda_p, lambda_n, beta] =
         ["alpha", "lambda_p", "lambda_n", "beta"].map(|word| labels::prefix(system, word));
-    let [gap, force, rate] = ["gap", "force", "rate"].map(|word| labels::prefix(system, word));
+    let [gap, force, rate, slip, stick] =
+        ["gap", "force", "rate", "slip", "stick"].map(|word| labels::prefix(system, word));
     let zero = system.exprs.constant(0.0);
     let mut alphas = Vec::with_capacity(labels.len());
     let mut multipliers = Vec::with_capacity(labels.len());
-    for (label, switch) in labels.iter().zip(&system.switches) {
+    for (k, (label, switch)) in labels.iter().zip(&system.switches).enumerate() {
         match switch.role {
             Role::Step => {}
             Role::Equation => {
@@ -66,6 +68,19 @@ pub fn lower<'e>(system: &System<'e>) -> Dcs<'e> {
             continue;
         }
         alphas.push(dcs.algebraic(&format!("{alpha}[{label}]"), guess()));
+        if let Some(other) = switch.across {
+            // The first of both has what they share.
+            multipliers.push(match k < other {
+                true => {
+                    let label = labels::of_disc(system, &labels, k);
+                    let slip = dcs.multiplier(&format!("{slip}[{label}]"), guess());
+                    let stick = dcs.algebraic(&format!("{stick}[{label}]"), guess());
+                    (slip, stick)
+                }
+                false => multipliers[other],
+            });
+            continue;
+        }
         let lambda_p = dcs.multiplier(&format!("{lambda_p}[{label}]"), guess());
         let lambda_n = dcs.multiplier(&format!("{lambda_n}[{label}]"), guess());
         multipliers.push((lambda_p, lambda_n));
@@ -89,6 +104,7 @@ pub fn lower<'e>(system: &System<'e>) -> Dcs<'e> {
     let psi = rates.split_off(system.states.len());
     dcs.rates = rates;
     dcs.branches = branches(system, &dcs, &psi, &alphas);
+    let places = places(system);
 
     for (k, (psi, &alpha)) in psi.into_iter().zip(&alphas).enumerate() {
         let (lambda_p, lambda_n) = multipliers[k];
@@ -112,6 +128,22 @@ pub fn lower<'e>(system: &System<'e>) -> Dcs<'e> {
             let (gap, force) = (lambda_p, lambda_n);
             dcs.equation(psi - gap, origin);
             dcs.pair(gap, force, origin);
+            continue;
+        }
+        if let Some(other) = system.switches[k].across {
+            let (slip, stick) = (lambda_p, lambda_n);
+            dcs.equation(psi - slip * (2.0 * alpha - 1.0), origin);
+            if other < k {
+                let inside = [alphas[other], alpha].map(|alpha| (2.0 * alpha - 1.0).powi(2));
+                dcs.equation(1.0 - inside[0] - inside[1] - stick, origin);
+                dcs.pair(slip, stick, origin);
+                dcs.discs.push(Disc {
+                    switches: [other, k],
+                    alphas: [places[other], places[k]],
+                    slip: places[other] + 1,
+                    stick: places[other] + 2,
+                });
+            }
             continue;
         }
         dcs.equation(psi - lambda_p + lambda_n, origin);
@@ -185,6 +217,22 @@ fn without_idle<'e>(system: &System<'e>, rate: Expr<'e>) -> Expr<'e> {
     rate.substitute(&idle.map(|alpha| (alpha, zero)).collect())
 }
 
+/// Where the variables of every switch begin, in the order in which [`lower`] declares them.
+pub(super) fn places(system: &System) -> Vec<usize> {
+    let width = |(k, switch): (usize, &Switch)| match (switch.role, switch.across) {
+        (Role::Equation, _) => 1,
+        (Role::Member(other), _) => 1 + usize::from(k < other),
+        (Role::Step, Some(other)) => 1 + 2 * usize::from(k < other),
+        (Role::Step, None) => 3 - usize::from(switch.unilateral),
+    };
+    let widths = system.switches.iter().enumerate().map(width);
+    let starts = widths.scan(0, |next, width| {
+        *next += width;
+        Some(*next - width)
+    });
+    starts.collect()
+}
+
 /// α, λᵖ and λⁿ of every switch, or its force and c, in the order in which [`lower`] declares them.
 pub(super) fn solution(system: &System, sides: &Sides) -> Vec<f64> {
     let mut values = Vec::new();
@@ -202,6 +250,17 @@ pub(super) fn solution(system: &System, sides: &Sides) -> Vec<f64> {
                 values.push((-psi).max(0.0));
                 continue;
             }
+        }
+        if let Some(other) = switch.across {
+            values.push(alpha);
+            if k < other {
+                let inside = [alpha, sides.alpha[other]].map(|alpha| (2.0 * alpha - 1.0).powi(2));
+                let stick = 1.0 - inside[0] - inside[1];
+                let on_edge = stick <= f64::EPSILON * 4.0;
+                values.push(psi.hypot(sides.psi[other]));
+                values.push(if on_edge { 0.0 } else { stick });
+            }
+            continue;
         }
         match switch.unilateral {
             true => values.extend([if psi > 0.0 { 0.0 } else { 1.0 - alpha }, psi.max(0.0)]),

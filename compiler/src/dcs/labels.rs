@@ -19,6 +19,12 @@ pub(super) fn of(system: &System) -> Vec<String> {
     labels.collect()
 }
 
+/// The label of a disc: that of its contact, or else of its first switch.
+pub(super) fn of_disc<'l>(system: &System, labels: &'l [String], first: usize) -> &'l str {
+    let contact = system.switches[first].slip_of;
+    &labels[contact.unwrap_or(first)]
+}
+
 /// `label`, or `label#2`, `label#3`, ... when it is taken.
 pub(super) fn unique(label: String, taken: &mut HashSet<String>) -> String {
     let numbered = (2..).map(|n| format!("{label}#{n}"));

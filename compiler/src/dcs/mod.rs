@@ -42,7 +42,7 @@ pub use auto::{Choice, check, choose, lower, lower_as};
 pub use dot::{Vertex, dot, graph};
 pub use drift::Kept;
 pub use error::DcsError;
-pub use impact::{Friction, Impact};
+pub use impact::{Friction, Impact, SlipLaw, Tangent};
 pub use pointwise::{Pointwise, solve_in_mode, solve_pointwise};
 pub use tex::tex;
 
@@ -85,6 +85,8 @@ pub struct Dcs<'e> {
     pub pairs: Vec<Pair<'e>>,
     /// What tells apart the sliding modes of switches that are read nonlinearly.
     pub branches: Vec<Branch<'e>>,
+    /// The slip velocities with two entries.
+    pub discs: Vec<Disc>,
     /// Contacts whose impulses act where elements meet; empty where no state jumps.
     pub impacts: Vec<Impact<'e>>,
     /// What is optimized, in z; none in a simulation.
@@ -144,6 +146,34 @@ pub struct Branch<'e> {
     pub stability: Expr<'e>,
     /// Its statement.
     pub origin: Origin,
+}
+
+/// Two switches whose u = 2α - 1 are a point of the unit disc: u = w/|w| for the ψ of both as w, and any u where w = 0.
+///
+/// With γ = |w| and β = 1 - |u|²,
+///
+/// 0 = w - γ u,   0 = 1 - |u|² - β,   0 <= γ ⟂ β >= 0
+///
+/// As λᵖ and λⁿ of a single switch, γ is continuous along solutions. Friction -μ λ_n u is in Coulomb's cone then, and
+/// against w; an open contact, λ_n = 0, leaves nothing undetermined.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Disc {
+    /// Both switches, by their numbers in the system.
+    pub switches: [usize; 2],
+    /// The places of their α among the algebraic variables.
+    pub alphas: [usize; 2],
+    /// The place of γ.
+    pub slip: usize,
+    /// The place of β.
+    pub stick: usize,
+}
+
+impl Disc {
+    /// The places of what follows from w: u and β.
+    pub fn inside(&self) -> [usize; 3] {
+        let [first, second] = self.alphas;
+        [first, second, self.stick]
+    }
 }
 
 /// Origins of all rows.
@@ -237,6 +267,7 @@ impl<'e> Dcs<'e> {
             equations: Vec::new(),
             pairs: Vec::new(),
             branches: Vec::new(),
+            discs: Vec::new(),
             impacts: Vec::new(),
             task: None,
             alphas: Vec::new(),

@@ -1,7 +1,7 @@
 //! The algebraic variables at one point.
 //!
 //! Off all surfaces a DCS determines z: the linear programs that it states have one solution there. On a surface this
-//! takes the middle: α = 1/2. It gives guesses, and the tests their reference.
+//! takes the middle: α = 1/2, and the middle of a disc. It gives guesses, and the tests their reference.
 
 use rustc_hash::FxHashMap;
 
@@ -10,12 +10,15 @@ use crate::system::{Partition, System};
 
 use super::{Dcs, Formulation, heaviside, stewart};
 
+/// A point of the disc may be outside by so much.
+const ROUNDING: f64 = 1e-6;
+
 /// Values of the switching functions and of α at a point.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Sides {
     /// ψ(t, x, p, α).
     pub psi: Vec<f64>,
-    /// α = step(ψ), 1/2 on the surface.
+    /// α = step(ψ), 1/2 on the surface; of a disc, 2α - 1 = w/|w|.
     pub alpha: Vec<f64>,
     /// The indicators of every partition.
     pub indicators: Vec<Vec<f64>>,
@@ -31,8 +34,20 @@ impl Sides {
             indicators: Vec::new(),
         };
         // ψ contains α of earlier switches only.
-        for switch in &system.switches {
+        for (k, switch) in system.switches.iter().enumerate() {
             let psi = eval(switch.psi, &known, value);
+            if let Some(first) = switch.across.filter(|&other| other < k) {
+                let size = psi.hypot(sides.psi[first]);
+                let inside = |psi: f64| if size > 0.0 { psi / size } else { 0.0 };
+                let [one, two] = [sides.psi[first], psi].map(|psi| 0.5 + 0.5 * inside(psi));
+                let vars = [first, k].map(|k| system.switches[k].alpha.as_variable());
+                let vars = vars.into_iter().zip([one, two]);
+                known.extend(vars.filter_map(|(var, alpha)| Some((var?, alpha))));
+                sides.alpha[first] = one;
+                sides.psi.push(psi);
+                sides.alpha.push(two);
+                continue;
+            }
             let alpha = if psi > 0.0 {
                 1.0
             } else if psi < 0.0 {
@@ -93,17 +108,24 @@ pub fn solve_pointwise<'e>(
     solve_with(system, dcs, &Sides::at(system, value), value)
 }
 
-/// The same in a mode that is given by α.
+/// The same in a mode that is given by α; that of a slip velocity with two entries is w/|w| where α is no point of the
+/// disc, as a run gives sides alone then.
 pub fn solve_in_mode<'e>(
     system: &System<'e>,
     dcs: &Dcs<'e>,
     alphas: &[f64],
     value: &impl Fn(Var) -> f64,
 ) -> Pointwise {
-    let sides = Sides {
-        alpha: alphas.to_vec(),
-        ..Sides::at(system, value)
-    };
+    let there = Sides::at(system, value);
+    let mut alpha = alphas.to_vec();
+    for (k, switch) in system.switches.iter().enumerate() {
+        let Some(other) = switch.across else { continue };
+        let inside = [k, other].map(|k| 2.0 * alphas[k] - 1.0);
+        if inside[0].hypot(inside[1]) > 1.0 + ROUNDING {
+            alpha[k] = there.alpha[k];
+        }
+    }
+    let sides = Sides { alpha, ..there };
     solve_with(system, dcs, &sides, value)
 }
 

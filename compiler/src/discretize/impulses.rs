@@ -9,7 +9,8 @@
 //! P - N = J_nᵀ(v⁺ + e v⁻), can always be met by Λ = 0, and leaves it to the next element to exclude that. At gap > 0
 //! the price is that elements do not meet within τ (1 + e) before an impact; τ is a small share of their mean length.
 //!
-//! What is continuous along solutions but for jumps, as λᵖ and λⁿ of a slip velocity, starts anew in every element.
+//! What is continuous along solutions but for jumps, as λᵖ and λⁿ of a slip velocity, starts anew in every element. Of
+//! two slip velocities that is γ; α⁺ and β⁺ are in the equations of the disc there.
 //!
 //! Nurkanović, Frey, Pozharskiy & Diehl 2024.
 
@@ -17,7 +18,7 @@ use super::block::{Builder, variable};
 use super::dynamics::sources;
 use super::layout::{End, Layout};
 use super::{Grid, Problem};
-use crate::dcs::{Dcs, Impact};
+use crate::dcs::{Dcs, Friction, Impact, SlipLaw};
 use crate::expr::{Expr, Substitution, variables_of};
 use crate::mpcc::{self, Bounds, Kind, Mpcc, Source, Span, n_places};
 
@@ -35,12 +36,18 @@ pub(super) struct Boundaries {
     pub jumping: Vec<usize>,
 }
 
-/// The continuous z that jump with states, and the equations that say what they are.
+/// The continuous z that jump with states, and the equations that say what they are; those of discs are stated with
+/// α⁺ and β⁺.
 pub(super) fn jumping(dcs: &Dcs) -> (Vec<usize>, Vec<usize>) {
-    let (mut algebraics, mut equations) = (Vec::new(), Vec::new());
+    let mut algebraics: Vec<usize> = dcs.discs.iter().map(|disc| disc.slip).collect();
+    let mut equations = Vec::new();
+    let of_discs: Vec<usize> = dcs.discs.iter().flat_map(|disc| disc.inside()).collect();
     for row in End::new(dcs).equations {
         let occurring = variables_of(&[dcs.equations[row]]);
         let occurs = |e: Expr| occurring.contains(&variable(e));
+        if of_discs.iter().any(|&i| occurs(dcs.algebraics[i].var)) {
+            continue;
+        }
         let jumps = dcs.jumps_in(dcs.equations[row])
             || algebraics
                 .iter()
@@ -73,17 +80,22 @@ pub(super) fn declare(
     let names = |vars: Vec<Expr>| vars.iter().map(Expr::to_string).collect::<Vec<_>>();
     let all = dcs.states.iter().map(|state| state.var);
     let first_state = mpcc.declare("x", names(all.collect()), &left, states.repeat(n));
-    let sides = |impact: &Impact| impact.friction.is_some();
-    let impulses = dcs
-        .impacts
-        .iter()
-        .map(|_| Bounds::between(0.0, f64::INFINITY, 0.0));
-    let all_sides = dcs.impacts.iter().filter(|impact| sides(impact));
-    let bounds: Vec<Bounds> = impulses
-        .chain(all_sides.map(|_| Bounds::between(0.0, 1.0, 0.5)))
+    let impulse = Bounds::between(0.0, f64::INFINITY, 0.0);
+    let frictions = dcs.impacts.iter().flat_map(|impact| &impact.friction);
+    let of_friction = |friction: &Friction| match friction.law {
+        SlipLaw::Interval(_) => vec![Bounds::between(0.0, 1.0, 0.5)],
+        // |u⁺| ≤ 1 says more than bounds of α⁺.
+        SlipLaw::Disc { .. } => vec![
+            Bounds::free(0.5),
+            Bounds::free(0.5),
+            Bounds::between(0.0, f64::INFINITY, 1.0),
+        ],
+    };
+    let bounds: Vec<Bounds> = (dcs.impacts.iter().map(|_| impulse))
+        .chain(frictions.flat_map(of_friction))
         .collect();
     let n_impulses = bounds.len();
-    let impulses = mpcc.declare("y", names(variables(dcs)), &elements, bounds.repeat(n));
+    let impulses = mpcc.declare("y", names(dcs.boundary()), &elements, bounds.repeat(n));
     let (jumping, _) = jumping(dcs);
     let vars = jumping.iter().map(|&i| dcs.algebraics[i].var);
     let bounds: Vec<Bounds> = jumping.iter().map(|&i| algebraics[i]).collect();
@@ -95,15 +107,6 @@ pub(super) fn declare(
         algebraics,
         jumping,
     })
-}
-
-/// Λ of all contacts, then α⁺ of those with friction.
-fn variables<'e>(dcs: &Dcs<'e>) -> Vec<Expr<'e>> {
-    let impulses = dcs.impacts.iter().map(|impact| impact.impulse);
-    let sides = dcs.impacts.iter().flat_map(|impact| &impact.friction);
-    impulses
-        .chain(sides.map(|friction| friction.side))
-        .collect()
 }
 
 impl Layout {
@@ -128,7 +131,7 @@ impl<'e> Problem<'_, 'e> {
             let block = Builder::new(name, [self.steps(), self.elements()])
                 .vector(&states, |[k, j]| layout.x(k, j, 0))
                 .vector(&before, |[k, j]| layout.before(k, j))
-                .vector(&variables(dcs), |[k, j]| layout.impulses(k, j).unwrap_or(0))
+                .vector(&dcs.boundary(), |[k, j]| layout.impulses(k, j).unwrap_or(0))
                 .variable(h, |[k, j]| layout.h(k, j))
                 .number(self.node, |_| 0.0);
             let z = layout.continuous.iter();
@@ -188,16 +191,52 @@ impl<'e> Problem<'_, 'e> {
             gap(impact) / window + impact.speed + impact.restitution * before
         };
         let impulses = dcs.impacts.iter().map(|impact| impact.impulse);
-        let rubs = |impact: &&Impact<'e>| impact.friction.is_some();
-        let frictions = || dcs.impacts.iter().flat_map(|impact| &impact.friction);
-        let multiplier = |which: usize| {
-            frictions().map(move |friction| dcs.algebraics[friction.multipliers[which]].var)
+        let rubbing = |takes: fn(&SlipLaw) -> bool| {
+            let rubbing = dcs.impacts.iter().filter_map(move |impact| {
+                let friction = impact.friction.as_ref()?;
+                takes(&friction.law).then(|| (friction, self.origin(impact)))
+            });
+            rubbing.collect::<Vec<(&Friction<'e>, Source)>>()
         };
-        let others = frictions().map(|friction| 1.0 - friction.side);
+        let intervals = rubbing(|law| matches!(law, SlipLaw::Interval(_)));
+        let discs = rubbing(|law| matches!(law, SlipLaw::Disc { .. }));
+        let multiplier = |which: usize| {
+            let places = intervals
+                .iter()
+                .filter_map(move |(friction, _)| match friction.law {
+                    SlipLaw::Interval(multipliers) => Some(multipliers[which]),
+                    SlipLaw::Disc { .. } => None,
+                });
+            places.map(|place| dcs.algebraics[place].var)
+        };
+        let sides = || {
+            intervals
+                .iter()
+                .map(|(friction, _)| friction.tangents[0].side)
+        };
+        let others = sides().map(|side| 1.0 - side);
         let contacts: Vec<Source> = dcs.impacts.iter().map(|i| self.origin(i)).collect();
-        let rubbing = dcs.impacts.iter().filter(rubs).map(|i| self.origin(i));
-        let rubbing: Vec<Source> = rubbing.collect();
+        let rubbing: Vec<Source> = intervals.iter().map(|(_, origin)| *origin).collect();
 
+        // 0 = w⁺ - γ⁺ u⁺,  0 = 1 - |u⁺|² - β⁺
+        let of_disc = |(friction, _): &(&Friction<'e>, Source)| match friction.law {
+            SlipLaw::Interval(_) => None,
+            SlipLaw::Disc { disc, stick } => Some((dcs.algebraics[disc.slip].var, stick)),
+        };
+        let rows = discs.iter().filter_map(|disc| Some((disc, of_disc(disc)?)));
+        let rows = rows.flat_map(|((friction, origin), (slip, stick))| {
+            let tangents = friction.tangents.iter();
+            let tangents = tangents.map(move |t| t.velocity - slip * (2.0 * t.side - 1.0));
+            let rows = tangents.chain([friction.edge() - stick]);
+            rows.map(|row| (row, *origin))
+        });
+        let (rows, origins): (Vec<Expr>, Vec<Source>) = rows.unzip();
+        if !rows.is_empty() {
+            let rows = self.timed(&rows, h);
+            let text = "0 = after(w) - slip[k,j,0]*u[k,j], 0 = 1 - |u[k,j]|^2 - side_stick[k,j]";
+            let block = at_left("disc").finish(Kind::Equation, rows, origins, text.to_owned());
+            mpcc.blocks.push(block);
+        }
         let mut pair = |name, a: Vec<Expr<'e>>, b: Vec<Expr<'e>>, origins: Vec<Source>, text| {
             if a.is_empty() {
                 return;
@@ -225,10 +264,18 @@ impl<'e> Problem<'_, 'e> {
         pair(
             "impulse_friction",
             multiplier(1).chain(multiplier(0)).collect(),
-            frictions().map(|friction| friction.side).chain(others).collect(),
+            sides().chain(others).collect(),
             rubbing.repeat(2),
             "0 <= lambda_n[k,j,0] perp side[k,j] >= 0, 0 <= lambda_p[k,j,0] perp 1 - side[k,j] >= 0"
                 .to_owned(),
+        );
+        let (slips, sticks) = discs.iter().filter_map(of_disc).unzip();
+        pair(
+            "impulse_disc",
+            slips,
+            sticks,
+            discs.iter().map(|(_, origin)| *origin).collect(),
+            "0 <= slip[k,j,0] perp side_stick[k,j] >= 0".to_owned(),
         );
     }
 

@@ -421,7 +421,8 @@ fn algebraic_bounds(dcs: &Dcs) -> Vec<Bounds> {
 }
 
 /// What holds at a right end that is no node: the continuous z, the equations that contain them, what else these
-/// contain, the equations of that, and so on.
+/// contain, the equations of that, and so on. Of a disc these are its own equations: what contains its α besides is a
+/// force, which acts at nodes alone.
 #[derive(Clone, Debug)]
 pub(super) struct End {
     pub algebraics: Vec<usize>,
@@ -434,11 +435,16 @@ impl End {
         let occurring: Vec<Vec<Var>> = dcs.equations.iter().map(occurring).collect();
         let declared: FxHashSet<Var> = dcs.algebraics.iter().map(|z| variable(z.var)).collect();
         let continuous = dcs.algebraics.iter().filter(|z| z.continuous);
-        let mut known: FxHashSet<Var> = continuous.map(|z| variable(z.var)).collect();
+        let place = |i: usize| variable(dcs.algebraics[i].var);
+        let sticks = dcs.discs.iter().map(|disc| place(disc.stick));
+        let mut known: FxHashSet<Var> = continuous.map(|z| variable(z.var)).chain(sticks).collect();
+        let directions = dcs.discs.iter().flat_map(|disc| disc.alphas);
+        let directions: FxHashSet<Var> = directions.map(place).collect();
+        let spreads = |var: &&Var| !directions.contains(var);
         loop {
             let before = known.len();
             for row in &occurring {
-                if row.iter().any(|var| known.contains(var)) {
+                if row.iter().filter(spreads).any(|var| known.contains(var)) {
                     known.extend(row.iter().filter(|var| declared.contains(var)));
                 }
             }
@@ -446,7 +452,7 @@ impl End {
                 break;
             }
         }
-        let contains = |row: &Vec<Var>| row.iter().any(|var| known.contains(var));
+        let contains = |row: &Vec<Var>| row.iter().filter(spreads).any(|var| known.contains(var));
         End {
             algebraics: (0..dcs.algebraics.len())
                 .filter(|&i| known.contains(&variable(dcs.algebraics[i].var)))

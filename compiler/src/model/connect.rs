@@ -81,9 +81,8 @@ pub(super) fn connect<'e>(
     }
     for contact in &mut model.contacts {
         let friction = contact.friction.as_mut().map(|friction| &mut friction.0);
-        let slip = contact.slip.as_mut().map(|slip| &mut slip.0);
         let exprs = [&mut contact.gap, &mut contact.restitution].into_iter();
-        for e in exprs.chain(friction).chain(slip) {
+        for e in exprs.chain(friction).chain(&mut contact.slip.0) {
             *e = e.substitute(&connected.values);
         }
     }

@@ -78,8 +78,9 @@ impl<'e> fmt::Display for Model<'e> {
             if let Some((friction, _)) = contact.friction {
                 writeln!(f, "  friction {friction}")?;
             }
-            if let Some((slip, _)) = contact.slip {
-                writeln!(f, "  slip {slip}")?;
+            let slips: Vec<String> = contact.slip.0.iter().map(ToString::to_string).collect();
+            if !slips.is_empty() {
+                writeln!(f, "  slip {}", slips.join(", "))?;
             }
         }
         for projection in &self.projections {

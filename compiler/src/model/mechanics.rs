@@ -7,8 +7,7 @@ use super::dynamics::Walk;
 use super::lower::Lowering;
 use super::scope::{Meaning, Reported};
 use super::{
-    Body, Contact, DynamicsError, Rate, Shape, Target, TargetKind, Tensor, Unsupported, algebra,
-    target,
+    Body, Contact, DynamicsError, Rate, Shape, Target, TargetKind, Tensor, algebra, target,
 };
 use crate::expr::Expr;
 use crate::source::Span;
@@ -16,6 +15,9 @@ use crate::syntax::{self, Setting};
 
 /// Symbolic matrices up to this size are inverted by Cramer's rule, larger ones by elimination.
 const MAX_CRAMER: usize = 3;
+
+/// Directions of a surface in space.
+const MAX_SLIPS: usize = 2;
 
 impl<'e> Walk<'e> {
     /// One block: the dynamics of its velocities, and the contacts inside.
@@ -108,16 +110,16 @@ impl<'e> Walk<'e> {
                 return wrong(lowering, what, along.span);
             }
             (Some(slip), None) => {
-                let span = slip.value.span;
                 let value = lowering.numbers(&slip.value)?;
-                let Some(value) = value.as_scalar() else {
-                    return lowering.error(Unsupported::FrictionInSpace { span });
-                };
-                Some((value, span))
+                (value.data, slip.value.span)
             }
-            (None, Some(along)) => Some(self.along(lowering, along, velocities)?),
-            (None, None) => None,
+            (None, Some(along)) => self.along(lowering, along, velocities)?,
+            (None, None) => (Vec::new(), span),
         };
+        if slip.0.len() > MAX_SLIPS {
+            let what = format!("a surface has no {} directions", slip.0.len());
+            return wrong(lowering, what, slip.1);
+        }
         let name = self.indexed(&contact.name.name);
         self.contacts.push(Contact {
             name: format!("{}{name}", lowering.scope.prefix),
@@ -131,27 +133,35 @@ impl<'e> Walk<'e> {
         Ok(())
     }
 
-    /// Dᵀv of `along = D`.
+    /// Dᵀv of `along = D`, a vector, or a matrix with two columns.
     fn along(
         &self,
         lowering: &mut Lowering<'_, 'e>,
         along: &Setting,
         velocities: Option<&[usize]>,
-    ) -> Result<(Expr<'e>, Span), Reported> {
+    ) -> Result<(Vec<Expr<'e>>, Span), Reported> {
         let span = along.value.span;
         let Some(velocities) = velocities else {
             let what = "`along` belongs to a contact inside `mechanics`".to_owned();
             return wrong(lowering, what, along.span);
         };
-        let direction = lowering.numbers(&along.value)?;
-        if direction.data.len() != velocities.len() {
-            let (found, n) = (direction.data.len(), velocities.len());
+        let directions = lowering.numbers(&along.value)?;
+        let columns = match directions.shape {
+            Shape::Matrix(_, columns) => columns,
+            _ => 1,
+        };
+        if directions.data.len() != velocities.len() * columns {
+            let (found, n) = (directions.data.len() / columns, velocities.len());
             let what = format!("`along` has {found} entries, and there are {n} velocities");
             return wrong(lowering, what, span);
         }
-        let terms = velocities.iter().zip(&direction.data);
-        let terms = terms.map(|(&v, &d)| self.vars[v] * d);
-        Ok((lowering.scope.exprs.sum(terms), span))
+        let column = |k: usize| {
+            let entries = directions.data.iter().skip(k).step_by(columns);
+            let terms = velocities.iter().zip(entries);
+            let terms = terms.map(|(&v, &d)| self.vars[v] * d);
+            lowering.scope.exprs.sum(terms)
+        };
+        Ok(((0..columns).map(column).collect(), span))
     }
 
     /// The entries of a state that a path names.

@@ -363,8 +363,9 @@ pub struct Contact<'e> {
     pub restitution: Expr<'e>,
     /// μ of Coulomb's law, and where it stands.
     pub friction: Option<(Expr<'e>, Span)>,
-    /// The velocity along the surface, and where it stands.
-    pub slip: Option<(Expr<'e>, Span)>,
+    /// The velocity along the surface in one direction, or in two at right angles, and where it stands; empty where it
+    /// follows from the gap.
+    pub slip: (Vec<Expr<'e>>, Span),
     /// The statement.
     pub span: Span,
 }
@@ -373,11 +374,10 @@ impl<'e> Contact<'e> {
     /// All its expressions.
     pub fn exprs(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
         let friction = self.friction.map(|friction| friction.0);
-        let slip = self.slip.map(|slip| slip.0);
         [self.gap, self.restitution]
             .into_iter()
             .chain(friction)
-            .chain(slip)
+            .chain(self.slip.0.iter().copied())
     }
 }
 

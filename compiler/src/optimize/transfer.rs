@@ -68,9 +68,7 @@ impl Problem<'_, '_> {
 
     /// Impulses and sides of slip where an element begins.
     fn n_impulses(&self) -> usize {
-        let impacts = &self.dcs.impacts;
-        let sides = impacts.iter().filter(|impact| impact.friction.is_some());
-        impacts.len() + sides.count()
+        self.dcs.boundary().len()
     }
 
     /// A solution of the program.

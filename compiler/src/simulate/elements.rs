@@ -1,8 +1,9 @@
 //! Elements as a trajectory, whatever has solved for their values.
 //!
 //! In an element, states are polynomials through their values at its nodes, and α through its values. A switch has one
-//! side in an element: α is 0 or 1 at all of its nodes, or the state slides. Where states have jumped there are two
-//! values at one time.
+//! side in an element: α is 0 or 1 at all of its nodes, or the state slides. The two switches of a disc slide where
+//! their 2α - 1 is inside of it, and are above where it is on the edge at all nodes. Where states have jumped there are
+//! two values at one time.
 
 use nsd_solver::simulate::Side;
 
@@ -105,6 +106,12 @@ impl<'s, 'e> Elements<'s, 'e> {
                     let is_zero = own < others || own == others && i < other;
                     return if is_zero { Side::Slide } else { Side::Minus };
                 }
+            }
+            if let Some(other) = self.system.switches[i].across {
+                let inside = |alpha: f64| (2.0 * alpha - 1.0).powi(2);
+                let square = |alpha: &Vec<f64>| inside(alpha[i]) + inside(alpha[other]);
+                let on_edge = alphas.iter().all(|alpha| square(alpha) >= 1.0 - ROUNDING);
+                return if on_edge { Side::Plus } else { Side::Slide };
             }
             match (low >= 1.0 - ROUNDING, high <= ROUNDING) {
                 (true, _) => Side::Plus,

@@ -51,7 +51,7 @@ pub(super) fn compile<'e>(
             effect: Effect::Impact(Impact {
                 inputs: inputs_of(&vars),
                 numbers: tape(&vars, &numbers),
-                slip: friction.map(|friction| friction.switch),
+                slips: contact.slips().iter().map(|slip| slip.switch).collect(),
             }),
         }
     };

@@ -75,6 +75,8 @@ impl<'s, 'e> ModeNames<'s, 'e> {
                 _ if switch.role == Role::Equation => continue,
                 // Of a pair, what becomes zero is told.
                 _ if switch.role != Role::Step && to[i] != Side::Slide => continue,
+                // Both entries of a slip velocity stick or slip together.
+                _ if self.is_second(i) => continue,
                 Some(contact) => friction(from, to, i, contact),
                 None => self.kind(i, from[i], to[i]),
             };
@@ -222,9 +224,18 @@ impl<'s, 'e> ModeNames<'s, 'e> {
         }
     }
 
+    /// True for the second entry of a slip velocity, which sticks and slips as the first one does.
+    fn is_second(&self, switch: usize) -> bool {
+        let across = self.system.switches[switch].across;
+        across.is_some_and(|other| other < switch)
+    }
+
     /// True for a slip velocity of an open contact, and for a closed contact with friction, which sticks or slips.
     fn is_told_otherwise(&self, switch: usize, sides: &[Side]) -> bool {
         let is_closed = |contact: usize| sides[contact] == Side::Slide;
+        if self.is_second(switch) {
+            return true;
+        }
         match self.system.switches[switch].role {
             Role::Step => {}
             Role::Equation => return true,
@@ -239,7 +250,7 @@ impl<'s, 'e> ModeNames<'s, 'e> {
     /// One way to go on from a point: `sliding(x), above(y)`.
     pub(super) fn branch(&self, candidate: &[(usize, Side)]) -> String {
         let is_told = |&&(i, side): &&(usize, Side)| match self.system.switches[i].role {
-            Role::Step => true,
+            Role::Step => !self.is_second(i),
             Role::Equation => false,
             Role::Member(_) => side == Side::Slide,
         };

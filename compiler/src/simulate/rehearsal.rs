@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::time::Duration;
 
 use super::{Request, run};
-use crate::dcs::{Dcs, solve_in_mode};
+use crate::dcs::{Dcs, Friction, SlipLaw, solve_in_mode};
 use crate::discretize::Layout;
 use crate::expr::{Expr, Var};
 use crate::mpcc::Bounds;
@@ -170,13 +170,11 @@ impl<'e> Rehearsed<'e> {
                     let pushes = struck.contains(&&impact.name)
                         || before.as_ref().is_some_and(|before| pushes(before));
                     set(first + c, f64::from(u8::from(pushes)));
-                    if let Some(friction) = &impact.friction {
-                        let [above, below] = friction.multipliers.map(|i| z[i]);
-                        let side = match (above > ROUNDING, below > ROUNDING) {
-                            (true, _) => 1.0,
-                            (_, true) => 0.0,
-                            _ => 0.5,
-                        };
+                    for side in impact
+                        .friction
+                        .iter()
+                        .flat_map(|friction| sides_of(friction, &z))
+                    {
                         set(sides, side);
                         sides += 1;
                     }
@@ -228,6 +226,27 @@ impl<'e> Rehearsed<'e> {
             }
         }
         z
+    }
+}
+
+/// α⁺ of friction, and β⁺ of a disc, for these multipliers.
+fn sides_of(friction: &Friction, z: &[f64]) -> Vec<f64> {
+    match friction.law {
+        SlipLaw::Interval(multipliers) => {
+            let [above, below] = multipliers.map(|i| z[i]);
+            vec![match (above > ROUNDING, below > ROUNDING) {
+                (true, _) => 1.0,
+                (_, true) => 0.0,
+                _ => 0.5,
+            }]
+        }
+        SlipLaw::Disc { disc, .. } => {
+            let [first, second] = disc.alphas.map(|i| z[i]);
+            match z[disc.slip] > ROUNDING {
+                true => vec![first, second, 0.0],
+                false => vec![0.5, 0.5, 1.0],
+            }
+        }
     }
 }
 

@@ -1,5 +1,8 @@
 //! A [`System`] as the simulator sees it: blocks of rates and surfaces, compiled for local sides.
 //!
+//! Where a slip velocity w with two entries is not zero, rates have w/|w| in place of their 2α - 1. So α in them is
+//! σ α + (1 - σ) (1 + w/|w|)/2, where σ is 1 for a switch that slides and else 0.
+//!
 //! Parameters are numbers by now, and α of a switch that does not slide is 0 or 1. Both are
 //! substituted before anything is compiled, so that a function holds what its sides need and
 //! nothing else. What was compiled is kept: it serves every simulator of the system, and all blocks
@@ -13,7 +16,7 @@ use std::sync::Arc;
 use nsd_solver::simulate::{
     Block, Input, Law, Partials, Rates, Role, Side, Smooth, Surface, SwitchedSystem,
 };
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::blocks;
 use super::data::Pieces;
@@ -52,6 +55,9 @@ pub struct Switched<'e> {
     continuous: Vec<bool>,
     unilateral: Vec<bool>,
     slip_of: Vec<Option<usize>>,
+    across: Vec<Option<usize>>,
+    /// The variables σ.
+    sticking: FxHashSet<Var>,
     roles: Vec<Role>,
     nonlinear: Vec<bool>,
     algebraics: Vec<usize>,
@@ -102,11 +108,37 @@ pub(super) fn with_numbers<'e>(system: &System<'e>) -> [Vec<Expr<'e>>; 2] {
     [numbers.apply(&rates), numbers.apply(&switching)]
 }
 
+/// Below this the square of a slip velocity has no direction.
+const NO_DIRECTION: f64 = 1e-300;
+
+/// Rates with the directions of slip velocities with two entries, and σ of their switches.
+fn with_directions<'e>(
+    system: &System<'e>,
+    rates: Vec<Expr<'e>>,
+    switching: &[Expr<'e>],
+) -> (Vec<Expr<'e>>, Vec<(usize, Var)>) {
+    let (mut directions, mut sticking) = (Substitution::new(), Vec::new());
+    for (i, switch) in system.switches.iter().enumerate() {
+        let Some(other) = switch.across else { continue };
+        let square = switching[i].powi(2) + switching[other].powi(2);
+        let direction = switching[i] / (square + NO_DIRECTION).sqrt();
+        let sigma = system.exprs.variable(&format!("sticks[{}]", i + 1));
+        let alpha = sigma * switch.alpha + (1.0 - sigma) * (0.5 + 0.5 * direction);
+        directions.insert(variable(switch.alpha), alpha);
+        sticking.push((i, variable(sigma)));
+    }
+    match sticking.is_empty() {
+        true => (rates, sticking),
+        false => (directions.apply(&rates), sticking),
+    }
+}
+
 impl<'e> Switched<'e> {
     /// Substitutes the parameters and the polynomials of data.
     pub fn new(system: &System<'e>) -> Self {
         let exprs = system.exprs;
         let [folded, switching] = with_numbers(system);
+        let (folded, sticking) = with_directions(system, folded, &switching);
         let (data, coefficients, polynomials) = Pieces::new(system);
         let rates = polynomials.apply(&folded);
         let switching = polynomials.apply(&switching);
@@ -120,6 +152,7 @@ impl<'e> Switched<'e> {
         for (i, &alpha) in alphas.iter().enumerate() {
             inputs.insert(alpha, Input::Alpha(i));
         }
+        inputs.extend(sticking.iter().map(|&(i, sigma)| (sigma, Input::Alpha(i))));
         for (i, &coefficient) in coefficients.iter().enumerate() {
             inputs.insert(coefficient, Input::Coefficient(i));
         }
@@ -184,6 +217,10 @@ impl<'e> Switched<'e> {
                 .iter()
                 .map(|switch| switch.slip_of)
                 .collect(),
+            across: (system.switches.iter())
+                .map(|switch| switch.across)
+                .collect(),
+            sticking: sticking.into_iter().map(|(_, sigma)| sigma).collect(),
             roles: (system.switches.iter())
                 .map(|switch| match switch.role {
                     system::Role::Step => Role::Step,
@@ -241,7 +278,13 @@ impl<'e> Switched<'e> {
         for (&alpha, side) in alphas.zip(sides) {
             match side {
                 Side::Minus => fixed.insert(alpha, self.exprs.constant(0.0)),
+                Side::Plus if self.sticking.contains(&alpha) => {
+                    fixed.insert(alpha, self.exprs.constant(0.0));
+                }
                 Side::Plus => fixed.insert(alpha, self.exprs.constant(1.0)),
+                Side::Slide if self.sticking.contains(&alpha) => {
+                    fixed.insert(alpha, self.exprs.constant(1.0));
+                }
                 Side::Slide => {}
             }
         }
@@ -415,6 +458,10 @@ impl SwitchedSystem for Switched<'_> {
 
     fn slip_of(&self, switch: usize) -> Option<usize> {
         self.slip_of[switch]
+    }
+
+    fn across(&self, switch: usize) -> Option<usize> {
+        self.across[switch]
     }
 
     fn role(&self, switch: usize) -> Role {

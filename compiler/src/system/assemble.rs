@@ -75,12 +75,11 @@ impl<'e> Lowering<'_, 'e> {
         }
         for contact in &contacts {
             let place = |k: usize| kept.binary_search(&k).ok();
-            let slip = contact
-                .friction
-                .as_ref()
-                .and_then(|friction| place(friction.switch));
-            if let Some(slip) = slip {
+            let slips = contact.slips().iter().filter_map(|slip| place(slip.switch));
+            let slips: Vec<usize> = slips.collect();
+            for &slip in &slips {
                 switches[slip].slip_of = place(contact.switch);
+                switches[slip].across = slips.iter().copied().find(|&other| other != slip);
             }
         }
         let alphas: Vec<Var> = kept.iter().map(|&k| self.switches.list[k].alpha).collect();
@@ -261,6 +260,7 @@ impl<'e> Lowering<'_, 'e> {
             is_nonlinear: collected.is_nonlinear,
             unilateral: collected.unilateral,
             slip_of: None,
+            across: None,
             role: collected.role,
             named: collected.named.clone(),
             spans: match collected.spans[..] {

@@ -1,12 +1,13 @@
 //! Contacts: forces that push bodies apart, and friction.
 //!
-//! M v' = f + J_n λ_n + J_t λ_t,   gap ≥ 0 ⟂ λ_n ≥ 0,   λ_t ∈ -μ λ_n sign(w),
+//! M v' = f + J_n λ_n + J_t λ_t,   gap ≥ 0 ⟂ λ_n ≥ 0,   -λ_t ∈ μ λ_n ∂|w|,
 //!
 //! J_nᵀ = ∂gap'/∂v, J_tᵀ = ∂w/∂v, becomes with λ_n = 1 - α_n and a switch α_t ∈ step(w)
 //!
 //! v' = M⁻¹f + (1 - α_n) (M⁻¹J_n - μ (2α_t - 1) M⁻¹J_t),
 //!
-//! affine in every α: α_n = 1 is an open contact and α_n < 1 a closed one; 0 < α_t < 1 on w = 0 sticks. So the
+//! affine in every α: α_n = 1 is an open contact and α_n < 1 a closed one; 0 < α_t < 1 on w = 0 sticks. A slip
+//! velocity with two entries has an α_t for each, and |2α_t - 1| ≤ 1 of both together is Coulomb's cone. So the
 //! motion without contacts is that for α_n = 1, and ∂v'/∂α shows the directions of impulses.
 
 use rustc_hash::FxHashMap;
@@ -14,7 +15,7 @@ use rustc_hash::FxHashMap;
 use super::affine::at;
 use super::lower::Lowering;
 use super::reading::check_reading;
-use super::{Body, Contact, Direction, Friction, SystemError};
+use super::{Body, Contact, Direction, Friction, Slip, SystemError};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Var, variables_of};
 use crate::model;
@@ -22,6 +23,9 @@ use crate::source::Span;
 
 /// Beyond this many combinations of sides, coefficients of laws are looked at in runs only.
 const MANY_CORNERS: usize = 1 << 10;
+
+/// An entry of a slip velocity, and what a force along it does.
+pub(super) type Tangent<'e> = (Expr<'e>, Vec<Direction<'e>>);
 
 /// Where states and velocities are.
 pub(super) struct Places<'e> {
@@ -112,8 +116,7 @@ impl<'e> Lowering<'_, 'e> {
             None => None,
             Some(friction) => {
                 let friction = self.friction(contact, friction)?;
-                let (slip, tangent) = self.tangent(contact, &normal, places)?;
-                Some((friction, slip, tangent))
+                Some((friction, self.tangents(contact, &normal, places)?))
             }
         };
         let Some(switch) = self.switches.unilateral(gap, name, contact.span) else {
@@ -125,20 +128,23 @@ impl<'e> Lowering<'_, 'e> {
             let rate = &mut rates[direction.state];
             *rate = *rate + direction.push * force;
         }
-        let friction = friction.map(|(coefficient, slip, tangent)| {
-            let switch = self.switches.keep(slip, name, contact.span);
-            let alpha = self.model.exprs.expr(self.switches.list[switch].alpha);
-            let sign = 2.0 * alpha - 1.0;
-            for direction in &tangent {
-                let rate = &mut rates[direction.state];
-                *rate = *rate - coefficient * direction.push * force * sign;
+        let friction = friction.map(|(coefficient, tangents)| {
+            let mut slips = Vec::new();
+            for (velocity, tangent) in tangents {
+                let switch = self.switches.keep(velocity, name, contact.span);
+                let alpha = self.model.exprs.expr(self.switches.list[switch].alpha);
+                let sign = 2.0 * alpha - 1.0;
+                for direction in &tangent {
+                    let rate = &mut rates[direction.state];
+                    *rate = *rate - coefficient * direction.push * force * sign;
+                }
+                slips.push(Slip {
+                    velocity,
+                    tangent,
+                    switch,
+                });
             }
-            Friction {
-                coefficient,
-                slip,
-                tangent,
-                switch,
-            }
+            Friction { coefficient, slips }
         });
         Ok(Some(Contact {
             name: name.clone(),
@@ -209,35 +215,42 @@ impl<'e> Lowering<'_, 'e> {
         corners.into_iter().filter_map(Expr::as_constant).all(holds)
     }
 
-    /// The slip velocity with M⁻¹J_t: as it is given, or else the normal turned clockwise in the plane.
-    pub(super) fn tangent(
+    /// The entries of the slip velocity with M⁻¹J_t: as they are given, or else the normal turned clockwise in the
+    /// plane.
+    pub(super) fn tangents(
         &mut self,
         contact: &model::Contact<'e>,
         normal: &[Direction<'e>],
         places: &Places<'e>,
-    ) -> Result<(Expr<'e>, Vec<Direction<'e>>), Box<SystemError>> {
-        let name = contact.name.clone();
-        let Some((slip, span)) = contact.slip else {
+    ) -> Result<Vec<Tangent<'e>>, Box<SystemError>> {
+        let name = || contact.name.clone();
+        let (given, span) = &contact.slip;
+        if given.is_empty() {
             let slip = self.turned(normal, places);
-            let slip = slip.ok_or(SystemError::NoTangent {
-                name,
+            let slip = slip.ok_or_else(|| SystemError::NoTangent {
+                name: name(),
                 span: contact.span,
             })?;
-            return Ok((slip, self.directions(slip, places)));
-        };
-        let slip = self.in_alphas(slip, span);
-        let tangent = self.directions(slip, places);
+            return Ok(vec![(slip, self.directions(slip, places))]);
+        }
         let is_velocity = |var: &Var| places.velocities.contains_key(var);
         let is_linear = |direction: &Direction<'e>| {
             let vars = variables_of(&[direction.row]);
             !vars.iter().any(is_velocity)
         };
-        let smooth = self.switches.alphas_of(slip).is_empty();
-        if tangent.is_empty() || !tangent.iter().all(is_linear) || !smooth {
-            let what = "its slip is not linear in velocities of a `mechanics` block".to_owned();
-            return Err(Box::new(SystemError::NoContact { name, what, span }));
+        let mut tangents = Vec::new();
+        for &slip in given {
+            let slip = self.in_alphas(slip, *span);
+            let tangent = self.directions(slip, places);
+            let smooth = self.switches.alphas_of(slip).is_empty();
+            if tangent.is_empty() || !tangent.iter().all(is_linear) || !smooth {
+                let what = "its slip is not linear in velocities of a `mechanics` block".to_owned();
+                let (name, span) = (name(), *span);
+                return Err(Box::new(SystemError::NoContact { name, what, span }));
+            }
+            tangents.push((slip, tangent));
         }
-        Ok((slip, tangent))
+        Ok(tangents)
     }
 
     /// tᵀv for t = (n_y, -n_x)/|n| of every body with two velocities and a mass that is a number: then q' = v are
@@ -383,8 +396,14 @@ impl<'e> Lowering<'_, 'e> {
         let finish = |mut contact: Contact<'e>| {
             contact.switch = place(contact.switch)?;
             contact.friction = contact.friction.and_then(|friction| {
+                let slips = friction.slips.into_iter().map(|slip| {
+                    Some(Slip {
+                        switch: place(slip.switch)?,
+                        ..slip
+                    })
+                });
                 Some(Friction {
-                    switch: place(friction.switch)?,
+                    slips: slips.collect::<Option<_>>()?,
                     ..friction
                 })
             });

@@ -52,6 +52,10 @@ impl System<'_> {
         for (i, switch) in self.switches.iter().enumerate() {
             let kind = match switch.continuity {
                 _ if switch.relay.is_some() => "relay",
+                _ if switch.across.is_some() && switch.slip_of.is_some() => {
+                    "slips in the plane of both where it is closed"
+                }
+                _ if switch.across.is_some() => "one of two in a disc",
                 _ if switch.slip_of.is_some() => "slips where it is closed",
                 Continuity::Discontinuous => "discontinuous",
                 Continuity::Certain => "continuous",
@@ -147,12 +151,10 @@ impl System<'_> {
             writeln!(f, "  normal {}", directions(&contact.normal))?;
             writeln!(f, "  restitution {}", contact.restitution)?;
             if let Some(friction) = &contact.friction {
-                writeln!(
-                    f,
-                    "  slip {}, tangent {}",
-                    friction.slip,
-                    directions(&friction.tangent)
-                )?;
+                for slip in &friction.slips {
+                    let (velocity, tangent) = (slip.velocity, directions(&slip.tangent));
+                    writeln!(f, "  slip {velocity}, tangent {tangent}")?;
+                }
                 writeln!(f, "  friction {}", friction.coefficient)?;
             }
         }
@@ -163,8 +165,10 @@ impl System<'_> {
                 contact.name, contact.gap
             )?;
             writeln!(f, "  restitution {}", contact.restitution)?;
-            if let Some((friction, slip)) = contact.friction {
-                writeln!(f, "  slip {slip}")?;
+            if let Some((friction, slips)) = &contact.friction {
+                for slip in slips {
+                    writeln!(f, "  slip {slip}")?;
+                }
                 writeln!(f, "  friction {friction}")?;
             }
         }

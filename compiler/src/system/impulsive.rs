@@ -80,11 +80,16 @@ impl<'e> Lowering<'_, 'e> {
                 let friction = self.friction(contact, friction)?;
                 let speed = self.along(gap, rates, &known.places);
                 let normal = self.directions(speed, &known.places);
-                let (slip, _) = self.tangent(contact, &normal, &known.places)?;
-                Some((friction, slip))
+                let tangents = self.tangents(contact, &normal, &known.places)?;
+                Some((
+                    friction,
+                    tangents.into_iter().map(|tangent| tangent.0).collect(),
+                ))
             }
         };
-        let numbers = [restitution].into_iter().chain(friction.map(|f| f.0));
+        let numbers = [restitution]
+            .into_iter()
+            .chain(friction.iter().map(|f: &(Expr, Vec<Expr>)| f.0));
         for e in numbers {
             if !self.switches.alphas_of(e).is_empty() {
                 return wrong(

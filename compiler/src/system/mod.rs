@@ -25,6 +25,8 @@
 //!   those of both members -ψ ≥ 0 of a pair. These switches are discontinuous, and ψ is any function, continuous but
 //!   across relays and switches of time.
 //! - A slip switch is discontinuous, and its α occurs in rates only, in products with 1 - α of its contact.
+//! - Of a slip velocity w with two entries both have a switch, which name each other as [`Switch::across`]: u = 2α - 1
+//!   is w/|w|, and any u with |u| ≤ 1 where w = 0. Both are discontinuous.
 //! - No two ψ are multiples of each other but those of slip switches, and none is constant.
 //! - Rates, outputs, limits, ψ and the task contain only time, parameters, data, states, controls that are decided,
 //!   and α.
@@ -202,6 +204,8 @@ pub struct Switch<'e> {
     pub unilateral: bool,
     /// The unilateral switch without which it means nothing: that of the contact whose slip velocity is ψ.
     pub slip_of: Option<usize>,
+    /// The switch of the other entry of a slip velocity with two: their 2α - 1 are a point of the unit disc.
+    pub across: Option<usize>,
     /// What α is.
     pub role: Role,
     /// Names of `switch` statements that read this switch.
@@ -296,22 +300,29 @@ pub struct Impulsive<'e> {
     pub gap: Expr<'e>,
     /// e.
     pub restitution: Expr<'e>,
-    /// μ, and the slip velocity, affine in velocities; none where it is smooth.
-    pub friction: Option<(Expr<'e>, Expr<'e>)>,
+    /// μ, and the one or two entries of the slip velocity, affine in velocities; none where it is smooth.
+    pub friction: Option<(Expr<'e>, Vec<Expr<'e>>)>,
     /// The statement.
     pub span: Span,
 }
 
-/// Coulomb's law λ_t ∈ -μ λ_n sign(w), of impulses, too.
+/// Coulomb's law -λ_t ∈ μ λ_n ∂|w|, of impulses, too.
 #[derive(Clone, Debug)]
 pub struct Friction<'e> {
     /// μ.
     pub coefficient: Expr<'e>,
-    /// The slip velocity w, J_tᵀv and what does not depend on v.
-    pub slip: Expr<'e>,
+    /// The entries of w: one, or two along directions at right angles.
+    pub slips: Vec<Slip<'e>>,
+}
+
+/// One entry of a slip velocity.
+#[derive(Clone, Debug)]
+pub struct Slip<'e> {
+    /// w_k, J_tᵀv and what does not depend on v.
+    pub velocity: Expr<'e>,
     /// J_t.
     pub tangent: Vec<Direction<'e>>,
-    /// The switch of w: λ_t = -μ λ_n (2α - 1).
+    /// Its switch: λ_t = -μ λ_n (2α - 1).
     pub switch: usize,
 }
 
@@ -377,20 +388,32 @@ impl<'e> Impulsive<'e> {
     /// All its expressions.
     pub fn exprs(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
         let friction = self.friction.iter();
-        let friction = friction.flat_map(|&(coefficient, slip)| [coefficient, slip]);
+        let friction =
+            friction.flat_map(|(coefficient, slip)| [coefficient].into_iter().chain(slip));
+        let friction = friction.copied();
         [self.gap, self.restitution].into_iter().chain(friction)
     }
 }
 
 impl<'e> Contact<'e> {
+    /// The entries of its slip velocity, none where it is smooth.
+    pub fn slips(&self) -> &[Slip<'e>] {
+        self.friction
+            .as_ref()
+            .map_or(&[], |friction| &friction.slips)
+    }
+
     /// All its expressions.
     pub fn exprs(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
-        let friction = self.friction.iter();
-        let tangent = friction.clone().flat_map(|friction| &friction.tangent);
-        let directions = self.normal.iter().chain(tangent);
+        let slips = || self.slips().iter();
+        let directions = self
+            .normal
+            .iter()
+            .chain(slips().flat_map(|slip| &slip.tangent));
         [self.gap, self.speed, self.restitution]
             .into_iter()
-            .chain(friction.flat_map(|friction| [friction.coefficient, friction.slip]))
+            .chain(self.friction.iter().map(|friction| friction.coefficient))
+            .chain(slips().map(|slip| slip.velocity))
             .chain(directions.flat_map(|direction| [direction.row, direction.push]))
     }
 }

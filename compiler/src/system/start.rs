@@ -80,8 +80,10 @@ impl<'e> System<'e> {
                 continue;
             };
             let push = start.effect(&contact.normal, &contact.normal);
-            let drag = start.effect(&friction.tangent, &contact.normal);
-            if push <= start.value(friction.coefficient) * drag.abs() {
+            let slips = friction.slips.iter();
+            let drags = slips.map(|slip| start.effect(&slip.tangent, &contact.normal));
+            let drag = drags.fold(0.0, f64::hypot);
+            if push <= start.value(friction.coefficient) * drag {
                 diags.push(SystemError::Pulls {
                     name: contact.name.clone(),
                     span: contact.span,

@@ -174,11 +174,7 @@ impl Mode {
         }
         let mut curved = false;
         for i in 0..self.sides.len() {
-            if self.sides[i] == Side::Slide
-                || self.is_idle(i, &self.sides)
-                || self
-                    .surfaces
-                    .stays_away(i, &self.memory.values, &self.reach, h)
+            if self.sides[i] == Side::Slide || self.is_idle(i, &self.sides) || self.keeps_off(i, h)
             {
                 continue;
             }
@@ -191,7 +187,7 @@ impl Mode {
                 self.surfaces.linearize(i, &self.memory.values);
             }
             self.watched.push(i);
-            curved |= !self.surfaces.is_affine(i);
+            curved |= !self.is_watched_affine(i);
         }
         let shorter = match curved {
             true => self.step_size_of_psi(tolerance, state, h),
@@ -206,10 +202,12 @@ impl Mode {
 
     /// Computes the series of ψ of a switch along the expansion, and the size of its terms.
     pub(crate) fn expand_psi(&mut self, switch: usize, state: &mut State) {
-        self.surfaces
-            .expand(switch, &mut self.memory, self.order + 1);
-        let (values, perturbed) = (&self.memory.values, &self.perturbed);
-        state.terms[switch] = self.surfaces.terms(switch, values, perturbed, PERTURBATION);
+        for i in std::iter::once(switch).chain(self.other(switch)) {
+            self.surfaces.expand(i, &mut self.memory, self.order + 1);
+            let (values, perturbed) = (&self.memory.values, &self.perturbed);
+            state.terms[i] = self.surfaces.terms(i, values, perturbed, PERTURBATION);
+        }
+        self.expand_along(switch);
     }
 
     /// The largest step up to `longest` whose first neglected terms stay below `tolerance` times
@@ -217,7 +215,7 @@ impl Mode {
     pub(crate) fn step_size_of_psi(&self, tolerance: f64, state: &State, longest: f64) -> f64 {
         self.grow(tolerance, longest, |h, last| {
             for &i in &self.watched {
-                if !self.surfaces.is_affine(i) {
+                if !self.is_watched_affine(i) {
                     let rounding = 8.0 * f64::EPSILON * state.terms[i];
                     let c = self.psi_series(i);
                     let scale = series::magnitude(c, h, 0).max(rounding / tolerance);
@@ -291,12 +289,10 @@ impl Mode {
         for (f, (rate, scale)) in self.field.wide.iter().zip(rates) {
             let differences = (*rate - *f).abs() * f64x4::splat(tau / scale);
             for relative in differences.to_array() {
-                // NaN must not be lost to `max`.
-                defect.rate = if defect.rate >= relative {
-                    defect.rate
-                } else {
-                    relative
-                };
+                // NaN must not be lost, as it is to `max`.
+                if !(defect.rate.is_nan() || defect.rate >= relative) {
+                    defect.rate = relative;
+                }
             }
         }
         if !self.sliding.is_empty() || !self.watched.is_empty() {
@@ -358,10 +354,10 @@ impl Mode {
         }
         for k in 0..self.watched.len() {
             let i = self.watched[k];
-            if self.surfaces.is_affine(i) {
+            if self.is_watched_affine(i) {
                 continue;
             }
-            let psi = self.psi(i);
+            let psi = self.watched_psi(i);
             let c = self.psi_series(i);
             let size = series::magnitude(c, tau, 0);
             let difference = (series::value(c, at) - psi).abs();

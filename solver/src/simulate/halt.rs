@@ -60,7 +60,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         for (i, side) in sides.iter_mut().enumerate() {
             let contact = self.system.slip_of(i);
             let slips = contact.is_some_and(|of| state.sides[of] == Side::Slide);
-            if !slips || *side == Side::Slide {
+            if !slips || *side == Side::Slide || self.system.across(i).is_some() {
                 continue;
             }
             let band = self.mode.band(i, state, 0.0);

@@ -1,11 +1,11 @@
 //! Impacts: velocities jump where contacts are struck.
 //!
-//! v⁺ = v⁻ + D Λ - T β,   0 ≤ Λ ⟂ J_nᵀ(v⁺ + e v⁻) ≥ 0,   β ∈ Λ sign(J_tᵀ v⁺),
+//! v⁺ = v⁻ + D Λ - T β,   0 ≤ Λ ⟂ J_nᵀ(v⁺ + e v⁻) ≥ 0,   β ∈ Λ ∂|J_tᵀ v⁺|,
 //!
 //! over all closed contacts that hang together, those at rest too: Newton's law with Coulomb's friction for
 //! impulses (Moreau 1988), the problem of `meeting` with a₀ = (1 + e) J_nᵀv⁻ and b₀ = J_tᵀv⁻.
 
-use super::meeting::{Meeting, NoForces};
+use super::meeting::{Meeting, NoForces, Touch};
 use super::state::State;
 use super::system::{Effect, Guard, Impact, Input};
 use super::{Coefficient, Note, Side, Simulator, Status, SwitchedSystem};
@@ -29,7 +29,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 && !self.jumps.grazed.contains(&normal)
             {
                 touching.push(normal);
-                touching.extend(impact.slip);
+                touching.extend(&impact.slips);
                 impacts.push((normal, impact));
             }
         }
@@ -53,16 +53,17 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
 
     /// One impact of contacts that hang together.
     fn strike(&mut self, state: &mut State, impacts: &[(usize, &Impact)]) -> Result<(), Status> {
-        let contacts: Vec<(usize, Option<usize>)> = impacts
-            .iter()
-            .map(|&(normal, i)| (normal, i.slip))
-            .collect();
+        let touch = |&(normal, impact): &(usize, &Impact)| Touch {
+            normal,
+            slips: impact.slips.clone(),
+        };
+        let contacts: Vec<Touch> = impacts.iter().map(touch).collect();
         let switches = || impacts.iter().map(|&(normal, _)| normal).collect();
         let mut sides = state.sides.clone();
-        for &(normal, slip) in &contacts {
-            sides[normal] = Side::Slide;
-            state.alpha[normal] = 0.0;
-            if let Some(slip) = slip {
+        for touch in &contacts {
+            sides[touch.normal] = Side::Slide;
+            state.alpha[touch.normal] = 0.0;
+            for &slip in &touch.slips {
                 sides[slip] = Side::Slide;
                 state.alpha[slip] = 0.5;
             }
@@ -80,18 +81,12 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             }
         }
         let mode = &mut self.mode;
-        let mut all: Vec<usize> = contacts
-            .iter()
-            .flat_map(|c| [Some(c.0), c.1])
-            .flatten()
-            .collect();
+        let mut all: Vec<usize> = contacts.iter().flat_map(Touch::switches).collect();
         all.sort_unstable();
         mode.linearize_impulses(&all);
-        let speeds: Vec<f64> = contacts.iter().map(|c| mode.psi(c.0)).collect();
-        let slips: Vec<f64> = contacts
-            .iter()
-            .map(|c| c.1.map_or(0.0, |t| mode.psi(t)))
-            .collect();
+        let speeds: Vec<f64> = contacts.iter().map(|c| mode.psi(c.normal)).collect();
+        let slips = contacts.iter().flat_map(|c| &c.slips);
+        let slips: Vec<f64> = slips.map(|&t| mode.psi(t)).collect();
         let meeting = Meeting::of(mode, contacts);
         let rebound = speeds
             .iter()
@@ -111,11 +106,11 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         state.complementarity = state.complementarity.max(impulses.residual);
         for (j, x) in state.x.iter_mut().enumerate() {
             for (switch, slope) in mode.field.slopes(j) {
-                for (i, &(normal, slip)) in meeting.contacts.iter().enumerate() {
-                    if switch == normal {
+                for (i, touch) in meeting.contacts.iter().enumerate() {
+                    if switch == touch.normal {
                         *x -= slope * impulses.normal[i];
-                    } else if Some(switch) == slip {
-                        *x += 0.5 * slope * impulses.friction[i];
+                    } else if let Some(k) = touch.slips.iter().position(|&slip| slip == switch) {
+                        *x += 0.5 * slope * impulses.friction[meeting.entries(i).start + k];
                     }
                 }
             }
@@ -126,14 +121,14 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         // ½ (v⁺ + v⁻)ᵀ M (v⁺ - v⁻), impulse by impulse.
         mode.set(state.t, &state.x, &state.alpha);
         let (mut gain, mut exchanged) = (0.0, 0.0);
-        for (i, &(normal, slip)) in meeting.contacts.iter().enumerate() {
-            let speed = mode.psi(normal) + speeds[i];
+        for (i, touch) in meeting.contacts.iter().enumerate() {
+            let speed = mode.psi(touch.normal) + speeds[i];
             gain += 0.5 * impulses.normal[i] * speed;
             exchanged += impulses.normal[i] * speeds[i].abs();
-            if let Some(slip) = slip {
-                let drag = numbers[i][1] * impulses.friction[i];
-                gain -= 0.5 * drag * (mode.psi(slip) + slips[i]);
-                exchanged += (drag * slips[i]).abs();
+            for (&slip, t) in touch.slips.iter().zip(meeting.entries(i)) {
+                let drag = numbers[i][1] * impulses.friction[t];
+                gain -= 0.5 * drag * (mode.psi(slip) + slips[t]);
+                exchanged += (drag * slips[t]).abs();
             }
         }
         if gain > GAIN * exchanged {

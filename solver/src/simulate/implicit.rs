@@ -379,6 +379,15 @@ impl<S: SwitchedSystem> Stiff<'_, S> {
                 let slope = series::slope(radau.series(row), tau);
                 (radau.end(start, row) - limit, slope)
             }
+            Watch::Disc(i) => {
+                let row = |i: usize| self.mode.unknown(i);
+                let entries = std::iter::once(i).chain(self.mode.other(i)).map(row);
+                entries.fold((1.0, 0.0), |(value, slope), row| {
+                    let u = 2.0 * radau.end(start, row) - 1.0;
+                    let rate = series::slope(radau.series(row), tau);
+                    (value - u * u, slope - 4.0 * u * rate)
+                })
+            }
         }
     }
 

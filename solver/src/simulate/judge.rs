@@ -7,7 +7,7 @@
 
 use super::select::{BAND, Choice};
 use super::state::State;
-use super::{Role, Side, Simulator, SwitchedSystem, series};
+use super::{Role, Side, Simulator, SwitchedSystem, disc, series};
 
 /// Rates and distances to a bound below this fraction of their scale are ties.
 pub(super) const TIE: f64 = 1e-9;
@@ -120,6 +120,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             }
             // Positive inside, negative outside, relative to the natural size.
             let margin = match choice.sides[at] {
+                _ if mode.is_second(i) => continue,
+                side if mode.is_in_disc(i) => mode.margin_in_disc(i, side, &alpha, rates[at]),
                 Side::Slide if mode.roles[i] != Role::Step => continue,
                 Side::Slide if mode.is_unilateral(i) => {
                     let force = 1.0 - choice.alpha[at];
@@ -204,9 +206,12 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             alpha[i] = choice.alpha[at];
         }
         let (order, tolerance) = (self.order, self.settings.local_tolerance());
+        let departures = self.departures(group, choice);
+        let mut x = state.x.clone();
+        self.mode.enter(self.system, &sides);
+        self.depart(state, &mut x, &departures, t1);
         let mode = &mut self.mode;
-        mode.enter(self.system, &sides);
-        mode.expand(state.t, &state.x, &mut alpha).ok()?;
+        mode.expand(state.t, &x, &mut alpha).ok()?;
         mode.measure_terms(state);
         mode.watched.clear();
         for &i in group {
@@ -231,7 +236,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         };
         let stays = |((&i, side), unit): ((&usize, &Side), &f64)| match side {
             _ if mode.is_idle(i, &sides) => true,
+            _ if mode.is_second(i) => true,
             Side::Slide if mode.roles[i] != Role::Step => true,
+            Side::Slide if mode.is_in_disc(i) => disc::goes_on(mode, i, h),
             Side::Slide => {
                 let (series, tie) = (mode.alpha_series(i), TIE * unit);
                 let inward = if series[0] <= tie && !mode.is_unilateral(i) {

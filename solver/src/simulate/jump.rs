@@ -42,6 +42,8 @@ pub(super) struct Jumps {
     pub closed: Vec<f64>,
     /// Where the jumps of contacts that close here accumulate.
     end: Option<f64>,
+    /// What friction takes too much of the states up to there, and of which contacts.
+    owed: (Vec<f64>, Vec<usize>),
     /// Laws of contacts without a gap, and their switches.
     pub near: Vec<(usize, usize)>,
     /// Contacts that were struck here, and how fast.
@@ -109,6 +111,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         self.jumps.closed.clear();
         self.jumps.struck.clear();
         self.jumps.end = None;
+        self.jumps.owed.0.clear();
+        self.jumps.owed.1.clear();
         let mut last: Vec<usize> = Vec::new();
         let (Met::Surfaces(on) | Met::Breakpoint(on)) = &mut met;
         self.wake(state, on, t1);
@@ -160,12 +164,18 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             if state.sides[contact] == Side::Slide || !on.contains(&contact) {
                 continue;
             }
-            self.measure_bands(state, &[slip], t1 - state.t);
-            let speed = self.mode.psi(slip);
+            let other = self.system.across(slip);
+            let entries: Vec<usize> = std::iter::once(slip).chain(other).collect();
+            self.measure_bands(state, &entries, t1 - state.t);
+            let speeds: Vec<f64> = entries.iter().map(|&i| self.mode.psi(i)).collect();
             let mut sides = state.sides.clone();
-            sides[slip] = Side::of(speed);
+            sides[slip] = match other {
+                Some(_) => Side::Plus,
+                None => Side::of(speeds[0]),
+            };
             state.set_sides(sides);
-            if speed.abs() <= state.band[slip] && !on.contains(&slip) {
+            let mut all = entries.iter().zip(&speeds);
+            if all.all(|(&i, speed)| speed.abs() <= state.band[i]) && !on.contains(&slip) {
                 on.push(slip);
             }
         }
@@ -289,13 +299,24 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let terms = mode.gradient(switch).iter();
         let size: f64 = terms.map(|&(j, g)| g.abs() * state.size(j)).sum();
         // Where nothing bounces, what is left of a speed is rounding.
-        if ratio < 1.0 && speed > BAND * size {
+        let bounces = ratio < 1.0 && speed > BAND * size;
+        if bounces {
             let end = state.t + 2.0 * speed / (bend.abs() * (1.0 - ratio));
             self.jumps.end = Some(self.jumps.end.map_or(end, |other| other.max(end)));
         }
-        let slopes = self.slopes_of_push(state, switch);
-        let gradient = self.mode.gradient(switch).iter();
-        let push: f64 = gradient.map(|&(i, g)| g * slopes[i]).sum();
+        let gradient = self.mode.gradient(switch).to_vec();
+        let along = |slopes: &[f64]| -> f64 { gradient.iter().map(|&(i, g)| g * slopes[i]).sum() };
+        let slopes = self.slopes_of_push(state, switch, false);
+        let push = along(&slopes);
+        if bounces && self.mode.slip_of.contains(&Some(switch)) {
+            let rough = self.slopes_of_push(state, switch, true);
+            let rough_push = along(&rough);
+            self.jumps.owed.0.resize(state.x.len(), 0.0);
+            self.jumps.owed.1.push(switch);
+            for (at, owed) in self.jumps.owed.0.iter_mut().enumerate() {
+                *owed += speed * (slopes[at] / push - rough[at] / rough_push);
+            }
+        }
         self.jumps.closed.resize(state.x.len(), 0.0);
         for ((x, closed), slope) in (state.x.iter_mut().zip(&mut self.jumps.closed)).zip(slopes) {
             let change = slope * speed / push;
@@ -305,20 +326,41 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         true
     }
 
-    /// ∂f/∂α of a contact that slides in the present mode, without its friction: where α_t is ½. What is taken away
-    /// with friction in it would be pushed along its slip velocity, and gain energy.
-    fn slopes_of_push(&mut self, state: &State, switch: usize) -> Vec<f64> {
+    /// Gives back what friction has taken too much where bounces accumulate.
+    ///
+    /// A contact that closes with a speed v left pushes with 2v/(1 - e) until bounces would have ended, and these with
+    /// (1 + e) v/(1 - e), all for a mass of one: v is what its friction has had no right to. It is given back at the
+    /// end, when friction has taken more than that of the energy.
+    pub(super) fn repay(&self, state: &mut State) {
+        let (owed, contacts) = &self.jumps.owed;
+        let slips = |contact: &usize| {
+            let of_contact = |i: &usize| self.system.slip_of(*i) == Some(*contact);
+            let mut slips = (0..state.sides.len()).filter(of_contact);
+            state.sides[*contact] == Side::Slide && slips.all(|i| state.sides[i] != Side::Slide)
+        };
+        if !contacts.iter().all(slips) {
+            return;
+        }
+        for (x, owed) in state.x.iter_mut().zip(owed) {
+            *x += owed;
+        }
+    }
+
+    /// ∂f/∂α of a contact that slides in the present mode, without its friction or with it: without, where α_t is ½.
+    /// What is taken away with friction in it would be pushed along its slip velocity, and gain energy.
+    fn slopes_of_push(&mut self, state: &State, switch: usize, is_rough: bool) -> Vec<f64> {
         let mode = &mut self.mode;
-        let slip = mode.slip_of.iter().position(|of| *of == Some(switch));
+        let is_left_out = |i: &usize| !is_rough && mode.slip_of[*i] == Some(switch);
+        let slips = (0..mode.sides.len()).filter(is_left_out);
+        let slips: Vec<usize> = slips.collect();
         let mut sides = mode.sides.clone();
-        let alpha = slip.map(|slip| {
+        let mut alphas = Vec::new();
+        for slip in slips {
             sides[slip] = Side::Slide;
             let place = 1 + mode.n + slip;
-            (
-                place,
-                std::mem::replace(&mut mode.memory.values[place], 0.5),
-            )
-        });
+            let alpha = std::mem::replace(&mut mode.memory.values[place], 0.5);
+            alphas.push((place, alpha));
+        }
         let blocks = mode.field.of_switch(switch).to_vec();
         for &block in &blocks {
             let Mode { field, memory, .. } = mode;
@@ -330,7 +372,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             slopes.map(|(_, slope)| slope).sum()
         };
         let slopes = (0..state.x.len()).map(slope).collect();
-        if let Some((place, alpha)) = alpha {
+        for (place, alpha) in alphas {
             mode.memory.values[place] = alpha;
         }
         for block in blocks {

@@ -11,22 +11,47 @@
 //!
 //! a ⟂ λ,   γ - b ⟂ β⁺,   γ + b ⟂ β⁻,   λ - β⁺ - β⁻ ⟂ γ.
 //!
+//! A slip velocity with two entries has a T, a b and a β for each: β ∈ λ ∂|b|. The linear problem has a β for each
+//! direction of a polygon then, which is where the exact one starts, see `cones`.
+//!
 //! Forces in the rates are those of x' = f + (1 - α_n)(D - (2α_t - 1) T), so that ∂f/∂α_n = -D at α_t = ½ and
 //! ∂f/∂α_t = -2T at α_n = 0. A contact that slips has no β: its force is D - T or D + T.
 
+use std::ops::Range;
+
+use super::cones::Cones;
 use super::mode::Mode;
 use super::select::BAND;
 use crate::lcp;
 
+/// Directions of the polygon inside a cone's base at which its exact solution is looked for.
+const FACETS: usize = 8;
+
+/// A contact.
+pub(super) struct Touch {
+    /// The switch of its gap.
+    pub normal: usize,
+    /// The switches of the entries of its slip velocity, where that is zero or may become so.
+    pub slips: Vec<usize>,
+}
+
+impl Touch {
+    /// All its switches.
+    pub(super) fn switches(&self) -> impl Iterator<Item = usize> + '_ {
+        std::iter::once(self.normal).chain(self.slips.iter().copied())
+    }
+}
+
 /// Contacts with their switches, and the matrices of the problem.
 pub(super) struct Meeting {
-    /// (switch of the gap, switch of the slip velocity where it is zero or may become so).
-    pub contacts: Vec<(usize, Option<usize>)>,
+    pub contacts: Vec<Touch>,
+    /// Where the entries of the slip velocities of each contact are among all, and their end.
+    starts: Vec<usize>,
     /// J_nᵀD, J_nᵀT, J_tᵀD and J_tᵀT, row by row.
     blocks: [Vec<f64>; 4],
 }
 
-/// A solution, by contact.
+/// A solution: by contact, and by entry of all slip velocities.
 pub(super) struct Forces {
     /// λ.
     pub normal: Vec<f64>,
@@ -64,118 +89,137 @@ impl Mode {
 
 impl Meeting {
     /// Reads the directions of forces off a mode that was linearized at α_n = 0 and α_t = ½.
-    pub(super) fn of(mode: &Mode, contacts: Vec<(usize, Option<usize>)>) -> Self {
-        let n = contacts.len();
-        let mut blocks = [const { Vec::new() }; 4];
-        for block in &mut blocks {
-            block.resize(n * n, 0.0);
-        }
-        let effect = |of: Option<usize>, by: Option<usize>, share: f64| match (of, by) {
-            (Some(of), Some(by)) => -share * mode.coupling(of, by),
-            _ => 0.0,
+    pub(super) fn of(mode: &Mode, contacts: Vec<Touch>) -> Self {
+        let mut starts = vec![0];
+        starts.extend(contacts.iter().scan(0, |end, touch| {
+            *end += touch.slips.len();
+            Some(*end)
+        }));
+        let normals: Vec<usize> = contacts.iter().map(|touch| touch.normal).collect();
+        let slips = contacts.iter().flat_map(|touch| &touch.slips).copied();
+        let slips: Vec<usize> = slips.collect();
+        let effects = |of: &[usize], by: &[usize], share: f64| -> Vec<f64> {
+            let rows = of.iter();
+            let effect = |of: usize| by.iter().map(move |&by| -share * mode.coupling(of, by));
+            rows.flat_map(|&of| effect(of)).collect()
         };
-        for (i, &(normal, slip)) in contacts.iter().enumerate() {
-            for (k, &(by_normal, by_slip)) in contacts.iter().enumerate() {
-                let at = i * n + k;
-                blocks[0][at] = effect(Some(normal), Some(by_normal), 1.0);
-                blocks[1][at] = effect(Some(normal), by_slip, 0.5);
-                blocks[2][at] = effect(slip, Some(by_normal), 1.0);
-                blocks[3][at] = effect(slip, by_slip, 0.5);
-            }
+        let blocks = [
+            effects(&normals, &normals, 1.0),
+            effects(&normals, &slips, 0.5),
+            effects(&slips, &normals, 1.0),
+            effects(&slips, &slips, 0.5),
+        ];
+        Meeting {
+            contacts,
+            starts,
+            blocks,
         }
-        Meeting { contacts, blocks }
+    }
+
+    /// Where the entries of the slip velocity of a contact are among all.
+    pub(super) fn entries(&self, contact: usize) -> Range<usize> {
+        self.starts[contact]..self.starts[contact + 1]
+    }
+
+    /// Entries of all slip velocities.
+    pub(super) fn n_slips(&self) -> usize {
+        self.starts[self.contacts.len()]
+    }
+
+    /// How many columns a block has.
+    fn width(&self, block: usize) -> usize {
+        match block {
+            0 | 2 => self.contacts.len(),
+            _ => self.n_slips(),
+        }
+    }
+
+    /// A row of a block.
+    pub(super) fn row(&self, block: usize, row: usize) -> &[f64] {
+        let width = self.width(block);
+        &self.blocks[block][row * width..(row + 1) * width]
     }
 
     /// Σ_k block_ik v_k
-    fn times(&self, block: usize, row: usize, v: &[f64]) -> f64 {
-        let n = self.contacts.len();
-        let row = &self.blocks[block][row * n..(row + 1) * n];
-        row.iter().zip(v).map(|(entry, v)| entry * v).sum()
+    pub(super) fn times(&self, block: usize, row: usize, v: &[f64]) -> f64 {
+        let row = self.row(block, row).iter();
+        row.zip(v).map(|(entry, v)| entry * v).sum()
     }
 
-    /// Whether a force of this contact, with friction against slipping in this direction, pushes it open.
-    fn pushes(&self, contact: usize, direction: f64) -> bool {
-        let at = contact * self.contacts.len() + contact;
-        let (push, drag) = (self.blocks[0][at], direction * self.blocks[1][at]);
+    /// Whether a force of this contact, with friction against slipping in this direction, or in any, pushes it open.
+    fn pushes(&self, contact: usize, slip: &[f64]) -> bool {
+        let drags = &self.row(1, contact)[self.entries(contact)];
+        let speed = norm(slip);
+        let drag = match speed > 0.0 {
+            true => {
+                drags
+                    .iter()
+                    .zip(slip)
+                    .map(|(drag, w)| drag * w)
+                    .sum::<f64>()
+                    / speed
+            }
+            false => norm(drags),
+        };
+        let push = self.push(contact);
         push - drag > BAND * (push.abs() + drag.abs())
     }
 
+    /// The directions that friction of a contact has in the linear problem: both of a line, or so many of a plane.
+    fn facets(&self, contact: usize) -> Vec<Vec<f64>> {
+        match self.entries(contact).len() {
+            0 => Vec::new(),
+            1 => vec![vec![1.0], vec![-1.0]],
+            _ => {
+                let angle = |k: usize| std::f64::consts::TAU * k as f64 / FACETS as f64;
+                let facet = |k: usize| vec![angle(k).cos(), angle(k).sin()];
+                (0..FACETS).map(facet).collect()
+            }
+        }
+    }
+
     /// λ and β for the rates `a` and `b` without forces. `slips` are slip velocities before: friction has their
-    /// directions, and where it stops them or they vanish it may have either.
+    /// directions, and where it stops them or they vanish it may have any.
     pub(super) fn solve(&self, a: &[f64], b: &[f64], slips: &[f64]) -> Result<Forces, NoForces> {
         let n = self.contacts.len();
-        let [nn, nt, tn, tt] = &self.blocks;
-        for (i, &slip) in slips.iter().enumerate() {
-            let either = slip == 0.0;
-            let positive = (slip > 0.0 || either).then_some(1.0);
-            let negative = (slip < 0.0 || either).then_some(-1.0);
-            let mut directions = positive.into_iter().chain(negative);
-            if !directions.all(|direction| self.pushes(i, direction)) {
-                return Err(NoForces::Paradox(i));
-            }
+        if let Some(i) = (0..n).find(|&i| !self.pushes(i, &slips[self.entries(i)])) {
+            return Err(NoForces::Paradox(i));
         }
-        let rough: Vec<usize> = (0..n).filter(|&i| self.contacts[i].1.is_some()).collect();
-        let m = rough.len();
-        let size = n + 3 * m;
-        let (mut matrix, mut q) = (vec![0.0; size * size], vec![0.0; size]);
         // Rates of one size, with γ measured as b is: λ is scaled by its own push.
-        let unit: Vec<f64> = (0..n).map(|i| 1.0 / nn[i * n + i]).collect();
-        let mut set = |row: usize, column: usize, value: f64| matrix[row * size + column] = value;
-        for i in 0..n {
-            q[i] = a[i];
-            for k in 0..n {
-                set(i, k, nn[i * n + k] * unit[k]);
-            }
-            for (r, &k) in rough.iter().enumerate() {
-                set(i, n + r, -nt[i * n + k] * unit[k]);
-                set(i, n + m + r, nt[i * n + k] * unit[k]);
-            }
-        }
-        for (r, &i) in rough.iter().enumerate() {
-            (q[n + r], q[n + m + r]) = (-b[i], b[i]);
-            for k in 0..n {
-                set(n + r, k, -tn[i * n + k] * unit[k]);
-                set(n + m + r, k, tn[i * n + k] * unit[k]);
-            }
-            for (c, &k) in rough.iter().enumerate() {
-                let entry = tt[i * n + k] * unit[k];
-                set(n + r, n + c, entry);
-                set(n + r, n + m + c, -entry);
-                set(n + m + r, n + c, -entry);
-                set(n + m + r, n + m + c, entry);
-            }
-            set(n + r, n + 2 * m + r, 1.0);
-            set(n + m + r, n + 2 * m + r, 1.0);
-            set(n + 2 * m + r, i, 1.0);
-            set(n + 2 * m + r, n + r, -1.0);
-            set(n + 2 * m + r, n + m + r, -1.0);
-        }
+        let unit: Vec<f64> = (0..n).map(|i| 1.0 / self.push(i)).collect();
         let scale = a.iter().chain(b).fold(0.0_f64, |s, v| s.max(v.abs()));
-        if scale > 0.0 {
-            q.iter_mut().for_each(|q| *q /= scale);
+        let size = if scale > 0.0 { scale } else { 1.0 };
+        let scaled = [a, b].map(|rates| rates.iter().map(|rate| rate / size).collect::<Vec<_>>());
+        let (mut normal, mut friction, mut residual) = self.by_polygons(&scaled, &unit)?;
+        if self.starts.windows(2).any(|range| range[1] - range[0] > 1) {
+            let by_cones = Cones {
+                meeting: self,
+                rates: &scaled,
+                unit: &unit,
+            };
+            residual = by_cones
+                .refine(&mut normal, &mut friction)
+                .ok_or(NoForces::NotFound)?;
         }
-        let z = lcp::lemke(&matrix, &q, &vec![1.0; size]).map_err(|_| NoForces::NotFound)?;
-        let mut residual = 0.0_f64;
-        for row in 0..size {
-            let terms = z.iter().zip(&matrix[row * size..]).map(|(z, m)| z * m);
-            let w = q[row] + terms.sum::<f64>();
-            residual = residual.max(w.min(z[row]).abs());
+        for i in 0..n {
+            normal[i] *= scale * unit[i];
+            friction[self.entries(i)]
+                .iter_mut()
+                .for_each(|force| *force *= scale * unit[i]);
         }
-        let normal: Vec<f64> = (0..n).map(|i| scale * unit[i] * z[i]).collect();
-        let mut friction = vec![0.0; n];
-        for (r, &i) in rough.iter().enumerate() {
-            friction[i] = scale * unit[i] * (z[n + r] - z[n + m + r]);
-        }
-        let turns =
-            |i: usize| slips[i] * friction[i] < 0.0 && !self.pushes(i, friction[i].signum());
+        let turns = |i: usize| {
+            let (slip, drag) = (&slips[self.entries(i)], &friction[self.entries(i)]);
+            let along: f64 = slip.iter().zip(drag).map(|(w, drag)| w * drag).sum();
+            along < 0.0 && !self.pushes(i, drag)
+        };
         if let Some(i) = (0..n).find(|&i| turns(i)) {
             return Err(NoForces::Paradox(i));
         }
         let rates = (0..n)
             .map(|i| a[i] + self.times(0, i, &normal) - self.times(1, i, &friction))
             .collect();
-        let slips = (0..n)
-            .map(|i| b[i] + self.times(2, i, &normal) - self.times(3, i, &friction))
+        let slips = (0..self.n_slips())
+            .map(|t| b[t] + self.times(2, t, &normal) - self.times(3, t, &friction))
             .collect();
         Ok(Forces {
             normal,
@@ -186,13 +230,90 @@ impl Meeting {
         })
     }
 
-    /// What the rate of a contact is made of by a force λ of its own.
-    pub(super) fn push(&self, contact: usize) -> f64 {
-        self.blocks[0][contact * self.contacts.len() + contact]
+    /// λ and β in their units, with polygons in place of cones, and the residual of the linear problem.
+    fn by_polygons(
+        &self,
+        [a, b]: &[Vec<f64>; 2],
+        unit: &[f64],
+    ) -> Result<(Vec<f64>, Vec<f64>, f64), NoForces> {
+        let n = self.contacts.len();
+        let all: Vec<Vec<Vec<f64>>> = (0..n).map(|i| self.facets(i)).collect();
+        let most = all.iter().map(Vec::len).max().unwrap_or(0);
+        // First directions of all contacts come first.
+        let in_order = (0..most).flat_map(|k| {
+            let all = &all;
+            (0..n).filter_map(move |i| Some((i, all[i].get(k)?)))
+        });
+        let facets: Vec<(usize, &Vec<f64>)> = in_order.collect();
+        let rough: Vec<usize> = (0..n).filter(|&i| !all[i].is_empty()).collect();
+        let (m, size) = (facets.len(), n + facets.len() + rough.len());
+        let (mut matrix, mut q) = (vec![0.0; size * size], vec![0.0; size]);
+        let mut set = |row: usize, column: usize, value: f64| matrix[row * size + column] = value;
+        // Along a direction of a contact.
+        let along = |(i, d): (usize, &Vec<f64>), row: &[f64]| -> f64 {
+            let of_contact = &row[self.entries(i)];
+            of_contact.iter().zip(d).map(|(entry, d)| entry * d).sum()
+        };
+        for i in 0..n {
+            q[i] = a[i];
+            for k in 0..n {
+                set(i, k, self.row(0, i)[k] * unit[k]);
+            }
+            for (f, &facet) in facets.iter().enumerate() {
+                set(i, n + f, -along(facet, self.row(1, i)) * unit[facet.0]);
+            }
+        }
+        for (f, &(i, d)) in facets.iter().enumerate() {
+            let entries = || self.entries(i).zip(d);
+            q[n + f] = -entries().map(|(t, d)| b[t] * d).sum::<f64>();
+            for k in 0..n {
+                let effect: f64 = entries().map(|(t, d)| self.row(2, t)[k] * d).sum();
+                set(n + f, k, -effect * unit[k]);
+            }
+            for (g, &facet) in facets.iter().enumerate() {
+                let effect = entries().map(|(t, d)| along(facet, self.row(3, t)) * d);
+                set(n + f, n + g, effect.sum::<f64>() * unit[facet.0]);
+            }
+        }
+        for (r, &i) in rough.iter().enumerate() {
+            set(n + m + r, i, 1.0);
+            for (f, _) in facets.iter().enumerate().filter(|(_, facet)| facet.0 == i) {
+                set(n + f, n + m + r, 1.0);
+                set(n + m + r, n + f, -1.0);
+            }
+        }
+        let z = lcp::lemke(&matrix, &q, &vec![1.0; size]).map_err(|_| NoForces::NotFound)?;
+        let mut residual = 0.0_f64;
+        for row in 0..size {
+            let terms = z.iter().zip(&matrix[row * size..]).map(|(z, m)| z * m);
+            let w = q[row] + terms.sum::<f64>();
+            residual = residual.max(w.min(z[row]).abs());
+        }
+        let mut friction = vec![0.0; self.n_slips()];
+        for (&(i, d), force) in facets.iter().zip(&z[n..]) {
+            for (t, d) in self.entries(i).zip(d) {
+                friction[t] += force * d;
+            }
+        }
+        Ok((z[..n].to_vec(), friction, residual))
     }
 
-    /// The same for friction: J_tᵀT.
+    /// What the rate of a contact is made of by a force λ of its own.
+    pub(super) fn push(&self, contact: usize) -> f64 {
+        self.row(0, contact)[contact]
+    }
+
+    /// The same for friction: the largest entry of J_tᵀT on its diagonal.
     pub(super) fn resistance(&self, contact: usize) -> f64 {
-        self.blocks[3][contact * self.contacts.len() + contact]
+        let entries = self.entries(contact);
+        entries.fold(0.0, |most, t| f64::max(most, self.row(3, t)[t]))
+    }
+}
+
+/// |v|
+pub(super) fn norm(v: &[f64]) -> f64 {
+    match v {
+        [one] => one.abs(),
+        _ => v.iter().copied().fold(0.0, f64::hypot),
     }
 }

@@ -29,8 +29,11 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     /// Takes out of `triggers`, which meet here, those whose surfaces are reached later, where that makes
     /// a difference to a state above its tolerance.
     pub(super) fn tell_apart(&mut self, state: &mut State, triggers: &mut Vec<usize>, t1: f64) {
-        let is_relay = |&i: &usize| self.system.relay(i).is_some();
-        if triggers.len() < 2 || triggers.iter().any(is_relay) {
+        let has_no_side = |&i: &usize| {
+            let is_relay = self.system.relay(i).is_some();
+            is_relay || self.system.across(i).is_some()
+        };
+        if triggers.len() < 2 || triggers.iter().any(has_no_side) {
             return;
         }
         let mode = &mut self.mode;

@@ -15,8 +15,10 @@ mod approach;
 mod blind;
 mod candidates;
 mod coefficients;
+mod cones;
 mod control;
 pub(crate) mod dense;
+mod disc;
 mod drift;
 mod dummy;
 mod field;
@@ -307,6 +309,9 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 if let Some((from, _)) =
                     limit.take_if(|_| step.reaches_end || !step.triggers.is_empty())
                 {
+                    if step.reaches_end {
+                        self.repay(&mut state);
+                    }
                     observer.event(&Event {
                         time: state.t,
                         x: &state.x,
@@ -451,7 +456,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
         self.mode.set(state.t, &state.x, &state.alpha);
         for i in 0..state.armed.len() {
             if state.armed[i] && state.sides[i] != Side::Slide {
-                state.armed[i] = self.mode.psi(i).abs() <= state.band[i];
+                state.armed[i] = self.mode.is_near(i, state);
             }
         }
     }

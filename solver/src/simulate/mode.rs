@@ -11,6 +11,7 @@
 
 use super::blind;
 use super::control::Probed;
+use super::disc::{self, Disc};
 use super::field::Field;
 use super::implicit::Workspace;
 use super::layout::Memory;
@@ -44,6 +45,8 @@ pub(crate) struct Mode {
     pub(super) nonlinear: Vec<bool>,
     /// The contacts whose slip velocities ψ are.
     pub(super) slip_of: Vec<Option<usize>>,
+    /// Slip velocities with two entries, by the first of their switches.
+    pub(super) discs: Vec<Option<Disc>>,
     /// Whether the components of `equations` are those of the present mode.
     arranged: bool,
     /// Whether functions of any sides have been taken.
@@ -101,6 +104,7 @@ impl Mode {
             unilateral: (0..m).map(|i| system.is_unilateral(i)).collect(),
             nonlinear: (0..m).map(|i| system.is_nonlinear(i)).collect(),
             slip_of: (0..m).map(|i| system.slip_of(i)).collect(),
+            discs: disc::discs(system),
             arranged: false,
             entered: false,
             terms: vec![0.0; n],
@@ -390,6 +394,9 @@ impl Mode {
             self.raise_states(self.order);
             self.solve_order(self.order);
         }
+        if self.slips_in_a_plane() {
+            self.cut_overflow();
+        }
         Ok(())
     }
 
@@ -483,8 +490,9 @@ impl Mode {
         self.row(self.memory.alpha(switch))
     }
 
-    /// Series of ψ of a switch, after `expand_psi`.
+    /// Series of ψ of a switch, or of what is watched of two entries, after `expand_psi`.
     pub(crate) fn psi_series(&self, switch: usize) -> &[f64] {
-        self.row(self.surfaces.row(switch))
+        let along = self.series_along(switch);
+        along.unwrap_or_else(|| self.row(self.surfaces.row(switch)))
     }
 }

@@ -6,7 +6,7 @@
 
 use super::candidates::{Zeros, product};
 use super::jump::{Bent, ROUNDING};
-use super::meeting::{Forces, Meeting, NoForces};
+use super::meeting::{Forces, Meeting, NoForces, Touch, norm};
 use super::mode::Mode;
 use super::select::{Choice, Choices};
 use super::state::State;
@@ -89,25 +89,34 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 if let Ok(at) = group.binary_search(&switch) {
                     sides[at] = side;
                 }
-                alpha[switch] = match side {
-                    Side::Minus => 0.0,
-                    Side::Slide => value,
-                    Side::Plus => 1.0,
-                };
+                alpha[switch] = value;
+            };
+            let alpha_on = |side: Side, sliding: f64| match side {
+                Side::Minus => 0.0,
+                Side::Slide => sliding,
+                Side::Plus => 1.0,
             };
             for &i in &leaves {
                 set(i, Side::Plus, 1.0);
-                if let Some(slip) = self.slip_among(group, i) {
+                for slip in self.slips_among(group, i) {
                     set(slip, Side::Plus, 1.0);
                 }
             }
             for (i, &(of_normal, of_slip)) in candidate.iter().enumerate() {
-                let (normal, slip) = meeting.contacts[i];
-                let (force, drag) = (forces.normal[i], forces.friction[i]);
-                set(normal, of_normal, 1.0 - force);
-                let share = if force > 0.0 { drag / force } else { 0.0 };
-                if let Some(slip) = slip {
-                    set(slip, of_slip, 0.5 + 0.5 * share);
+                let Touch { normal, slips } = &meeting.contacts[i];
+                let force = forces.normal[i];
+                set(*normal, of_normal, alpha_on(of_normal, 1.0 - force));
+                if slips.len() > 1 && of_slip != Side::Slide {
+                    // The direction in which it slips.
+                    for (&slip, d) in slips.iter().zip(direction(&meeting, &forces, i)) {
+                        set(slip, of_slip, 0.5 + 0.5 * d);
+                    }
+                    continue;
+                }
+                let drags = &forces.friction[meeting.entries(i)];
+                for (&slip, drag) in slips.iter().zip(drags) {
+                    let share = if force > 0.0 { drag / force } else { 0.0 };
+                    set(slip, of_slip, alpha_on(of_slip, 0.5 + 0.5 * share));
                 }
             }
             self.enter_surfaces(state, group, &sides);
@@ -145,10 +154,12 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         mode.focus(state.t, &state.x, &state.alpha, group);
     }
 
-    /// The slip velocity of a contact, among these.
-    fn slip_among(&self, group: &[usize], normal: usize) -> Option<usize> {
-        let mut slips = group.iter().copied();
-        slips.find(|&i| self.system.slip_of(i) == Some(normal))
+    /// The entries of the slip velocity of a contact, among these.
+    fn slips_among(&self, group: &[usize], normal: usize) -> Vec<usize> {
+        let slips = group.iter().copied();
+        slips
+            .filter(|&i| self.system.slip_of(i) == Some(normal))
+            .collect()
     }
 
     /// The forces of the contacts of a group that do not open with a speed of their own.
@@ -157,8 +168,11 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let normals = group.iter().copied().filter(|&i| system.is_unilateral(i));
         let (meets, leaves): (Vec<usize>, Vec<usize>) =
             normals.partition(|&i| self.mode.surfaces.is_deep(i));
-        let slips = meets.iter().map(|&i| (i, self.slip_among(group, i)));
-        let contacts: Vec<_> = slips.collect();
+        let touch = |&normal: &usize| Touch {
+            normal,
+            slips: self.slips_among(group, normal),
+        };
+        let contacts: Vec<Touch> = meets.iter().map(touch).collect();
         let mut alpha = state.alpha.clone();
         for &i in group {
             alpha[i] = if system.is_unilateral(i) { 1.0 } else { 0.5 };
@@ -166,12 +180,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let mode = &mut self.mode;
         mode.vary(&alpha);
         mode.linearize(group);
-        let a: Vec<f64> = contacts.iter().map(|c| mode.phi(c.0)).collect();
-        let b: Vec<f64> = contacts
-            .iter()
-            .map(|c| c.1.map_or(0.0, |t| mode.phi(t)))
-            .collect();
-        let all = contacts.iter().flat_map(|c| [Some(c.0), c.1]).flatten();
+        let a: Vec<f64> = contacts.iter().map(|c| mode.phi(c.normal)).collect();
+        let slips = contacts.iter().flat_map(|c| &c.slips);
+        let b: Vec<f64> = slips.map(|&t| mode.phi(t)).collect();
+        let all = contacts.iter().flat_map(Touch::switches);
         let terms = all.fold(0.0_f64, |size, i| size.max(mode.terms_of_phi(i)));
         let size = a.iter().chain(&b).fold(0.0_f64, |s, v| s.max(v.abs()));
         for &i in &meets {
@@ -184,10 +196,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let push = (0..a.len()).fold(0.0_f64, |push, i| push.max(meeting.push(i).abs()));
         let rounding = f64::max(ROUNDING * terms, 8.0 * f64::EPSILON * push);
         let near = f64::max(NEAR * size, rounding);
-        let at_rest = vec![0.0; a.len()];
+        let at_rest = vec![0.0; b.len()];
         let forces = meeting.solve(&a, &b, &at_rest).map_err(|why| match why {
             NoForces::Paradox(at) => Status::Painleve {
-                switch: meeting.contacts[at].0,
+                switch: meeting.contacts[at].normal,
             },
             NoForces::NotFound => Status::NoSolution {
                 switches: group.to_vec(),
@@ -207,10 +219,14 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     /// is none.
     fn shut_bent(&mut self, state: &mut State, found: &Found) -> bool {
         let mut alpha = found.alpha.clone();
-        let forces = (found.forces.normal.iter()).zip(&found.forces.friction);
-        for (&(normal, slip), (force, drag)) in found.meeting.contacts.iter().zip(forces) {
-            alpha[normal] = 1.0 - force;
-            if let Some(slip) = slip.filter(|_| *force > 0.0) {
+        let Found {
+            meeting, forces, ..
+        } = found;
+        for (i, Touch { normal, slips }) in meeting.contacts.iter().enumerate() {
+            let force = forces.normal[i];
+            alpha[*normal] = 1.0 - force;
+            let drags = &forces.friction[meeting.entries(i)];
+            for (&slip, drag) in slips.iter().zip(drags).filter(|_| force > 0.0) {
                 alpha[slip] = 0.5 + 0.5 * drag / force;
             }
         }
@@ -264,14 +280,17 @@ impl Mode {
         self.unilateral[switch] && self.surfaces.n_derivatives(switch) > 0
     }
 
-    /// True for the slip velocity of a contact that is open, which does not matter.
+    /// True for the slip velocity of a contact that is open, which does not matter, and for the second entry of one that
+    /// slips, which the first one stands for.
     pub(super) fn is_idle(&self, switch: usize, sides: &[Side]) -> bool {
         self.slip_of[switch].is_some_and(|of| sides[of] != Side::Slide)
+            || self.is_second(switch) && sides[switch] != Side::Slide
     }
 
     /// What α of a sliding switch must not pass.
     pub(super) fn limits(&self, switch: usize) -> &'static [f64] {
         match self.roles[switch] {
+            Role::Step if self.is_in_disc(switch) => &[],
             Role::Step if self.unilateral[switch] => &[1.0],
             Role::Step => &[0.0, 1.0],
             Role::Equation | Role::Member(_) => &[],
@@ -287,19 +306,27 @@ fn options(meeting: &Meeting, forces: &Forces, i: usize, near: f64) -> Vec<Sides
     if opens && !pushes {
         return vec![open];
     }
-    let (drag, bend) = (forces.friction[i], forces.slips[i]);
-    let turned = if drag + bend < 0.0 {
-        Side::Minus
-    } else {
-        Side::Plus
+    let entries = meeting.entries(i);
+    let [drags, bends] = [&forces.friction, &forces.slips].map(|v| &v[entries.clone()]);
+    let (drag, bend) = (norm(drags), norm(bends));
+    let turned = match (drags, bends) {
+        (&[drag], &[bend]) if drag + bend < 0.0 => Side::Minus,
+        _ => Side::Plus,
     };
-    let slips: &[Side] = if meeting.contacts[i].1.is_none() {
+    let slips: &[Side] = if entries.is_empty() {
         &[Side::Plus]
-    } else if meeting.resistance(i) <= 0.0 || bend.abs() > near {
+    } else if entries.len() > 1 {
+        match drag <= (1.0 - NEAR) * forces.normal[i] {
+            _ if bend > near => &[Side::Plus],
+            true => &[Side::Slide],
+            // At the rim of its cone.
+            false => &[Side::Slide, Side::Plus],
+        }
+    } else if meeting.resistance(i) <= 0.0 || bend > near {
         &[turned]
     } else if !pushes {
         &[Side::Slide, Side::Plus, Side::Minus]
-    } else if drag.abs() < (1.0 - NEAR) * forces.normal[i] {
+    } else if drag < (1.0 - NEAR) * forces.normal[i] {
         &[Side::Slide]
     } else {
         &[Side::Slide, turned]
@@ -307,6 +334,18 @@ fn options(meeting: &Meeting, forces: &Forces, i: usize, near: f64) -> Vec<Sides
     let closed = slips.iter().map(|&slip| (Side::Slide, slip));
     let open = (!pushes).then_some(open);
     closed.chain(open).collect()
+}
+
+/// The direction in which a contact slips from rest in a plane: against its friction, or as it is accelerated.
+fn direction(meeting: &Meeting, forces: &Forces, i: usize) -> Vec<f64> {
+    let of_contact = |v: &[f64]| v[meeting.entries(i)].to_vec();
+    let (drag, bend) = (of_contact(&forces.friction), of_contact(&forces.slips));
+    let along = if norm(&drag) > 0.0 { drag } else { bend };
+    let length = norm(&along);
+    match length > 0.0 {
+        true => along.iter().map(|v| v / length).collect(),
+        false => vec![1.0, 0.0],
+    }
 }
 
 /// Combinations of options: all, or where that is too many the first or the last ones everywhere or but for one

@@ -89,6 +89,7 @@ pub(super) fn is_at_end(dense: Dense, tau: f64, h: f64, watch: Watch) -> bool {
             series::value(c, h).abs() <= TOGETHER * series::magnitude(c, h, 0)
         }
         Watch::Bound(i, limit) => (series::value(dense.alpha(i), h) - limit).abs() <= TOGETHER,
+        Watch::Disc(_) => false,
     };
     at_end && h - tau <= NEAR * h
 }

@@ -88,7 +88,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 // A relay stays where ψ is zero.
                 Some(_) if psi == 0.0 => state.sides[i],
                 _ if self.system.role(i) != Role::Step => state.sides[i],
-                _ if self.system.is_unilateral(i) => Side::Plus,
+                _ if self.system.is_unilateral(i) || self.system.across(i).is_some() => Side::Plus,
                 _ => Side::of(psi),
             };
             let sides: Box<[Side]> = psi.iter().enumerate().map(side).collect();
@@ -115,6 +115,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 let share = if self.is_contact(i) { TOUCH } else { 1.0 };
                 self.mode.psi(i).abs() <= share * state.band[i]
             })
+            .collect();
+        let near: Vec<bool> = (all.iter())
+            .map(|&i| near[i] && self.system.across(i).is_none_or(|other| near[other]))
             .collect();
         let is_kept = |i: usize| self.system.role(i) != Role::Step && state.sides[i] == Side::Slide;
         let on =
@@ -155,7 +158,13 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
 
     /// Chooses the sides of all switches that meet here and interact with `triggers`.
     fn select(&mut self, state: &mut State, triggers: &[usize], t1: f64) -> Result<(), Status> {
+        state.departures.clear();
         let mut triggers = triggers.to_vec();
+        let others = triggers.iter().filter_map(|&i| self.system.across(i));
+        let others: Vec<usize> = others.collect();
+        triggers.extend(others);
+        triggers.sort_unstable();
+        triggers.dedup();
         triggers.retain(|&i| !self.has_no_rate(state, i));
         let triggers = &triggers[..];
         let meets = |i: &usize| state.sides[*i] == Side::Slide || state.armed[*i];
@@ -207,6 +216,13 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             self.mode.start_equations(state);
             self.mode.project(state);
         }
+        if !state.departures.is_empty() {
+            let departures = std::mem::take(&mut state.departures);
+            let mut x = std::mem::take(&mut state.x);
+            self.mode.enter(self.system, &state.sides);
+            self.depart(state, &mut x, &departures, t1);
+            (state.x, state.departures) = (x, departures);
+        }
         Ok(())
     }
 
@@ -245,7 +261,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 Role::Member(partner) => Some(partner),
                 Role::Step | Role::Equation => None,
             };
-            for &j in linked.chain(&partner) {
+            let across = self.system.across(i);
+            for &j in linked.chain(&partner).chain(&across) {
                 let is_met = meeting.binary_search(&j).is_ok() && !self.only_watches(j);
                 if is_met && !group.contains(&j) {
                     group.push(j);
@@ -336,6 +353,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         for (&i, &alpha) in group.iter().zip(&choice.alpha) {
             state.alpha[i] = alpha;
         }
+        state.departures.extend(self.departures(group, &choice));
         Ok(true)
     }
 

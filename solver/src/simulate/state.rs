@@ -1,6 +1,7 @@
 //! What changes from step to step.
 
 use super::approach::Pending;
+use super::disc::Departure;
 use super::fold::Fold;
 use super::radau::{Radau, Start};
 use super::{Approach, Decision, Note, Side, Stats};
@@ -71,6 +72,10 @@ pub(super) struct State {
     pub fold: Option<Fold>,
     /// What decided about nonlinear switches at the last event.
     pub decisions: Vec<Decision>,
+    /// Slip velocities with two entries that start from rest at the last event.
+    pub departures: Vec<Departure>,
+    /// The series of what bounds the α of two of these.
+    pub margin: Vec<f64>,
     /// The mode at the start is known.
     pub begun: bool,
 }

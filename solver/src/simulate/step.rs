@@ -6,7 +6,7 @@ use super::pieces::is_at_end;
 use super::roots::{Root, RootFinder};
 use super::select::BAND;
 use super::state::State;
-use super::{Simulator, Status, SwitchedSystem, series};
+use super::{Simulator, Status, SwitchedSystem, disc, series};
 
 /// An accepted step. `State::x` holds its end.
 pub(super) struct Step {
@@ -28,12 +28,14 @@ pub(super) enum Watch {
     Surface(usize),
     /// Switch and the bound 0 or 1.
     Bound(usize, f64),
+    /// The first of two entries of a slip velocity that stick: 1 - |2α - 1|².
+    Disc(usize),
 }
 
 impl Watch {
     pub(super) fn switch(self) -> usize {
         match self {
-            Watch::Surface(i) | Watch::Bound(i, ..) => i,
+            Watch::Surface(i) | Watch::Bound(i, ..) | Watch::Disc(i) => i,
         }
     }
 }
@@ -108,6 +110,15 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             let closeness = self.settings.tolerance;
             let event = first_event(&mut self.roots, Dense::Taylor(mode), state, h, closeness);
             let length = event.as_ref().map_or(h, |(root, _)| root.tau);
+            // What slips in two directions stops once it is all but at rest.
+            let short = event.as_ref().and_then(|(root, watch)| match watch {
+                Watch::Surface(i) => mode.stops_short(state, *i, root.tau),
+                _ => None,
+            });
+            let (event, length) = match short {
+                Some(length) => (None, length),
+                None => (event, length),
+            };
             let left = self.coefficients.leave(&mut self.roots, mode, length);
             let (event, length) = match &left {
                 Some((tau, _)) => (None, *tau),
@@ -139,7 +150,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                     // A double root of ψ is no better known from ψ than from its series.
                     let tau = if is_at_end(Dense::Taylor(mode), root.tau, h, watch) {
                         h
-                    } else if root.crosses {
+                    } else if root.crosses && !mode.stops(watch) {
                         mode.polish(state, root.tau, watch, h)?
                     } else {
                         root.tau
@@ -155,9 +166,13 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 self.stiffness.after_explicit(mode, h, motion, left);
             }
             let dense = Dense::Taylor(mode);
-            mode.note_approaches(dense, state, length, met(event), closeness);
+            let met = met(event).filter(|(i, _)| !mode.is_in_disc(*i));
+            mode.note_approaches(dense, state, length, met, closeness);
             dense.states_at(length, &mut state.next);
             std::mem::swap(&mut state.x, &mut state.next);
+            if !state.x.iter().all(|x| x.is_finite()) {
+                return Err(Status::NotFinite);
+            }
             dense.alphas_at(length, &mut state.alpha);
             let reaches_end = length >= remaining;
             let is_cut = reaches_end || ends.is_some() || !triggers.is_empty();
@@ -201,6 +216,12 @@ pub(super) fn first_event(
     state.close.clear();
     for &i in &mode.sliding {
         let alpha = dense.alpha(i);
+        let reach = first.map_or(h, |(root, _)| root.tau);
+        let mut margin = std::mem::take(&mut state.margin);
+        if let Some(root) = disc::leaves(roots, dense, &mut margin, i, reach) {
+            first = Some((root, Watch::Disc(i)));
+        }
+        state.margin = margin;
         for &limit in mode.limits(i) {
             let reach = first.map_or(h, |(root, _)| root.tau);
             let inside = if limit == 0.0 { 1.0 } else { -1.0 };
@@ -219,7 +240,10 @@ pub(super) fn first_event(
             dense.psi(i),
             state.armed[i].then_some(share * state.band[i]),
         );
-        let level = mode.closeness(i, state, tolerance, h);
+        let level = match mode.is_in_disc(i) {
+            true => 0.0,
+            false => mode.closeness(i, state, tolerance, h),
+        };
         let root = first_root(roots, c[0], c, reach, mode.sides[i].sign(), band, level);
         state.close.extend(roots.close.iter().map(|&tau| (i, tau)));
         if let Some(root) = root {
@@ -236,7 +260,7 @@ const SEEN: f64 = 16.0 * f64::EPSILON / BAND;
 /// The least root of a series that should have sign `side`; its constant term is `start` instead of
 /// `c[0]`. One that starts at zero, within `band`, is divided by its leading power first, as is `level`;
 /// one that starts on the wrong side has its root at once.
-fn first_root(
+pub(super) fn first_root(
     roots: &mut RootFinder,
     start: f64,
     c: &[f64],
@@ -296,7 +320,10 @@ pub(super) fn simultaneous(
     let mut triggers: Vec<usize> = mode.sliding.iter().copied().filter(together).collect();
     let reached = |&i: &usize| {
         let c = dense.psi(i);
-        let size = TOGETHER * series::magnitude(c, h, 0);
+        let size = match mode.is_in_disc(i) {
+            true => disc::STOPS * state.band[i],
+            false => TOGETHER * series::magnitude(c, h, 0),
+        };
         !state.armed[i] && series::value(c, tau).abs() <= size
     };
     triggers.extend(mode.watched.iter().copied().filter(reached));
@@ -321,11 +348,16 @@ impl Mode {
     pub(super) fn on_wrong_side(&mut self, state: &State) -> bool {
         for at in 0..self.watched.len() {
             let i = self.watched[at];
-            if !state.armed[i] && self.psi(i) * self.sides[i].sign() < -state.band[i] {
+            if !state.armed[i] && self.watched_psi(i) * self.sides[i].sign() < -state.band[i] {
                 return true;
             }
         }
         false
+    }
+
+    /// Whether a slip velocity with two entries stops: it has no sign behind that.
+    fn stops(&self, watch: Watch) -> bool {
+        matches!(watch, Watch::Surface(i) if self.is_in_disc(i))
     }
 
     /// Moves a root of the series to the root of the function itself, by Newton's method on
@@ -345,17 +377,23 @@ impl Mode {
                     self.set(state.t + tau, &state.next, &state.next_alpha);
                     (self.psi(i), series::slope(self.psi_series(i), tau))
                 }
-                Watch::Bound(i, limit) => {
+                Watch::Bound(..) | Watch::Disc(_) => {
                     let singular = self
                         .solve_alpha(state.t + tau, &state.next, &mut state.next_alpha)
                         .is_err();
                     if singular {
                         return Err(self.stuck());
                     }
-                    (
-                        state.next_alpha[i] - limit,
-                        series::slope(self.alpha_series(i), tau),
-                    )
+                    match watch {
+                        Watch::Bound(i, limit) => (
+                            state.next_alpha[i] - limit,
+                            series::slope(self.alpha_series(i), tau),
+                        ),
+                        _ => {
+                            let dense = Dense::Taylor(self);
+                            disc::margin_at(dense, watch.switch(), tau, &state.next_alpha)
+                        }
+                    }
                 }
             };
             let next = tau - value / slope;

@@ -79,6 +79,11 @@ pub trait SwitchedSystem {
     fn is_unilateral(&self, _switch: usize) -> bool {
         false
     }
+    /// The switch of the other entry of a slip velocity w with two: both slide, where w = 0, with u = 2α - 1 in the unit
+    /// disc, or neither does, and rates have u = w/|w| in place of both α.
+    fn across(&self, _switch: usize) -> Option<usize> {
+        None
+    }
     /// The unilateral switch α_n of which the α of a switch is a factor: it means nothing where that one does
     /// not slide.
     fn slip_of(&self, _switch: usize) -> Option<usize> {
@@ -138,15 +143,16 @@ pub enum Effect {
     Impact(Impact),
 }
 
-/// The impulses of a contact x' = f + (1 - α_n)(D - (2α_t - 1) T).
+/// The impulses of a contact x' = f + (1 - α_n)(D - Σ (2α_t - 1) T).
 #[derive(Clone, Debug)]
 pub struct Impact {
     /// What the inputs of the tape are.
     pub inputs: Vec<Input>,
     /// To the coefficients of restitution and of friction.
     pub numbers: Tape,
-    /// The switch α_t of the slip velocity, where there is friction.
-    pub slip: Option<usize>,
+    /// The switches α_t of the entries of the slip velocity: none without friction, one, or two that are
+    /// [`across`](SwitchedSystem::across).
+    pub slips: Vec<usize>,
 }
 
 /// When a law jumps.

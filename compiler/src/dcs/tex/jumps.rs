@@ -2,7 +2,7 @@
 //!
 //! A formula with a superscript - or + has the values of the states before or behind the jump.
 
-use crate::dcs::Dcs;
+use crate::dcs::{Dcs, Friction, SlipLaw, Tangent};
 use crate::expr::{Expr, Substitution};
 use crate::system::System;
 
@@ -29,14 +29,40 @@ pub(super) fn impulses<'e>(dcs: &Dcs<'e>, writer: &mut Writer<'e>) -> Vec<String
             "0 &\\le {impulse} \\perp {law} \\ge 0 \\quad \\text{{where }} {gap} = 0"
         ));
         if let Some(friction) = &impact.friction {
-            let [above, below] = friction.multipliers.map(|place| dcs.algebraics[place].var);
-            let [above, below] = [above, below].map(|e| at(writer, e, "+"));
-            let [side, other] = [friction.side, 1.0 - friction.side].map(|e| writer.formula(e));
-            lines.push(format!("0 &\\le {below} \\perp {side} \\ge 0"));
-            lines.push(format!("0 &\\le {above} \\perp {other} \\ge 0"));
+            lines.extend(slips(dcs, friction, writer));
         }
     }
     lines
+}
+
+/// The lines of how α⁺ follows from the slip velocity behind an impulse.
+fn slips<'e>(dcs: &Dcs<'e>, friction: &Friction<'e>, writer: &mut Writer<'e>) -> Vec<String> {
+    match friction.law {
+        SlipLaw::Interval(multipliers) => {
+            let side = friction.tangents[0].side;
+            let [above, below] = multipliers.map(|place| dcs.algebraics[place].var);
+            let [above, below] = [above, below].map(|e| at(writer, e, "+"));
+            let [side, other] = [side, 1.0 - side].map(|e| writer.formula(e));
+            vec![
+                format!("0 &\\le {below} \\perp {side} \\ge 0"),
+                format!("0 &\\le {above} \\perp {other} \\ge 0"),
+            ]
+        }
+        SlipLaw::Disc { disc, stick } => {
+            let slip = at(writer, dcs.algebraics[disc.slip].var, "+");
+            let row = |tangent: &Tangent<'e>| {
+                let velocity = at(writer, tangent.velocity, "+");
+                let inside = writer.within(2.0 * tangent.side - 1.0, Binding::Power);
+                format!("0 &= {velocity} - {slip} \\, {inside}")
+            };
+            let mut lines: Vec<String> = friction.tangents.iter().map(row).collect();
+            let edge = writer.formula(friction.edge() - stick);
+            let stick = writer.formula(stick);
+            lines.push(format!("0 &= {edge}"));
+            lines.push(format!("0 &\\le {slip} \\perp {stick} \\ge 0"));
+            lines
+        }
+    }
 }
 
 /// The lines of the laws of a system, with α as the complementarity system has them.

@@ -124,6 +124,14 @@ impl<'e> Complementarity<'e> {
                 };
             }
         }
+        for &(pair, switches) in &self.discs {
+            for switch in switches {
+                sides[switch] = match zeros[pair] {
+                    Zero::Left => Side::Slide,
+                    Zero::Right => Side::Plus,
+                };
+            }
+        }
         let sliding = sliding(&alphas, &sides);
         let slopes = self.partials(&inputs, &functions, &inputs);
         let constant = expr::jacobian(&functions, &inputs[1..]).entries;

@@ -45,6 +45,8 @@ pub struct Complementarity<'e> {
     pub(super) nonlinear: Vec<bool>,
     /// The pairs that members of complementarities are in, by switch.
     pub(super) members: Vec<Option<(usize, Zero)>>,
+    /// The pairs of discs, each with its switches.
+    pub(super) discs: Vec<(usize, [usize; 2])>,
     /// What z at a breakpoint follows from; none without data.
     at_breakpoints: Option<(System<'e>, Dcs<'e>)>,
     known: RefCell<FxHashMap<Vec<Zero>, Option<Arc<Reduced>>>>,
@@ -106,6 +108,12 @@ impl<'e> Complementarity<'e> {
                 is_bounded: !is_force(origin),
             }
         };
+        let of_disc = |disc: &dcs::Disc| {
+            let slip = dcs.algebraics[disc.slip].var;
+            let pair = dcs.pairs.iter().position(|pair| pair.left == slip);
+            (pair.expect("a disc has a pair"), disc.switches)
+        };
+        let discs = dcs.discs.iter().map(of_disc).collect();
         let nonlinear = system.switches.iter().map(|switch| switch.is_nonlinear);
         let nonlinear = nonlinear.collect();
         let continuous: Vec<bool> = dcs.algebraics.iter().map(|z| z.continuous).collect();
@@ -142,6 +150,7 @@ impl<'e> Complementarity<'e> {
             gaps,
             nonlinear,
             members,
+            discs,
             at_breakpoints,
             known: RefCell::default(),
         };
@@ -377,7 +386,10 @@ fn groups(equations: &[Expr], place: &FxHashMap<Var, usize>) -> Vec<usize> {
 /// The switches that a row is about.
 fn switches(system: &System, origin: &Origin) -> Vec<usize> {
     match origin.cause {
-        Cause::Switch(switch) => vec![switch],
+        Cause::Switch(switch) => {
+            let across = system.switches[switch].across;
+            [switch].into_iter().chain(across).collect()
+        }
         Cause::Region { partition, .. } => system.partitions[partition].switches.clone(),
         Cause::Subsystem(subsystem) | Cause::Product(subsystem) => {
             system.subsystems[subsystem].switches.clone()

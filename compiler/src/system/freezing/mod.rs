@@ -127,6 +127,10 @@ pub fn freeze<'e>(system: &System<'e>, pace: f64) -> Result<Frozen<'e>, SystemEr
             });
         }
     }
+    for switch in &mut switches {
+        let other = switch.across.and_then(|other| frozen.places[other]);
+        switch.across = other;
+    }
     let mut added: Vec<State<'e>> = Vec::new();
     let mut partitions = system.partitions.clone();
     partitions.retain(|partition| {

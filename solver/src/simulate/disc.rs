@@ -1,0 +1,318 @@
+//! Slip velocities with two entries: w = 0 is no surface, but a point of a plane.
+//!
+//! While a contact sticks both ψ slide, and u = 2α - 1 stays in the unit disc. While it slips rates have u = w/|w|,
+//! which is smooth but at w = 0, where its derivatives have no bound: a step comes closer to that by a factor, and
+//! ends there once |w| is rounding. So what turns all the faster the slower it becomes stops without a loss of digits.
+//! Neither ψ = 0 alone is an event. What is watched is w·d with the direction d = w/|w| at the start of a step.
+//!
+//! From rest w starts in the direction that the forces of contacts give it, with a length that is rounding: w/|w| has
+//! a value then.
+
+use super::dense::Dense;
+use super::mode::Mode;
+use super::roots::{Root, RootFinder};
+use super::select::{BAND, Choice};
+use super::state::State;
+use super::{Side, Simulator, SwitchedSystem, series};
+
+/// Of the way to w = 0, what a step leaves.
+const LEFT: f64 = 1.0 / 64.0;
+
+/// A speed of so many bands is none: how it turns on the way to zero does not matter any more.
+pub(super) const STOPS: f64 = 100.0;
+
+/// Speed from rest, as a share of the band below which it is none.
+const DEPARTS: f64 = 0.1;
+
+/// Distance of |u|² from 1 at which it is there.
+const RIM: f64 = 1e-9;
+
+/// What is watched of a slip velocity with two entries, by the first of them.
+#[derive(Clone, Default)]
+pub(super) struct Disc {
+    /// The other switch.
+    other: usize,
+    /// d.
+    direction: [f64; 2],
+    /// The series of w·d.
+    series: Vec<f64>,
+}
+
+/// A slip velocity with two entries that starts from rest.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Departure {
+    /// Both switches.
+    pub switches: [usize; 2],
+    /// Of unit length.
+    pub direction: [f64; 2],
+}
+
+/// The discs of a system, by switch.
+pub(super) fn discs(system: &impl SwitchedSystem) -> Vec<Option<Disc>> {
+    let disc = |i: usize| {
+        let other = system.across(i).filter(|other| *other > i)?;
+        Some(Disc {
+            other,
+            ..Disc::default()
+        })
+    };
+    (0..system.n_switches()).map(disc).collect()
+}
+
+impl Mode {
+    /// The switch of the other entry, of the first one of two.
+    pub(super) fn other(&self, switch: usize) -> Option<usize> {
+        self.discs[switch].as_ref().map(|disc| disc.other)
+    }
+
+    /// Whether a switch is that of an entry of two.
+    pub(super) fn is_in_disc(&self, switch: usize) -> bool {
+        self.discs[switch].is_some() || self.is_second(switch)
+    }
+
+    /// Whether a switch is that of the second entry, which the first one stands for.
+    pub(super) fn is_second(&self, switch: usize) -> bool {
+        let mut discs = self.discs.iter().flatten();
+        discs.any(|disc| disc.other == switch)
+    }
+
+    /// Whether |ψ| where the point is is below its band, of two entries both.
+    pub(super) fn is_near(&mut self, switch: usize, state: &State) -> bool {
+        let is_near = |mode: &mut Mode, i: usize| mode.psi(i).abs() <= state.band[i];
+        let other = self.other(switch);
+        is_near(self, switch) && other.is_none_or(|other| is_near(self, other))
+    }
+
+    /// Whether ψ, or one of two, cannot vanish within a step.
+    pub(super) fn keeps_off(&mut self, switch: usize, h: f64) -> bool {
+        let all = [Some(switch), self.other(switch)];
+        all.into_iter().flatten().any(|i| {
+            let (values, reach) = (&self.memory.values, &self.reach);
+            self.surfaces.stays_away(i, values, reach, h)
+        })
+    }
+
+    /// ψ where the point is, or w·d.
+    pub(super) fn watched_psi(&mut self, switch: usize) -> f64 {
+        match self.discs[switch]
+            .as_ref()
+            .map(|disc| (disc.other, disc.direction))
+        {
+            Some((other, [d, e])) => d * self.psi(switch) + e * self.psi(other),
+            None => self.psi(switch),
+        }
+    }
+
+    /// Whether what is watched is affine in time and states.
+    pub(super) fn is_watched_affine(&self, switch: usize) -> bool {
+        let all = [Some(switch), self.other(switch)];
+        all.into_iter()
+            .flatten()
+            .all(|i| self.surfaces.is_affine(i))
+    }
+
+    /// Joins the series of both entries to that of w·d.
+    pub(super) fn expand_along(&mut self, switch: usize) {
+        let Some(mut disc) = self.discs[switch].take() else {
+            return;
+        };
+        let [first, second] = [switch, disc.other].map(|i| {
+            let start = self.surfaces.row(i);
+            &self.memory.rows[start..=start + self.order]
+        });
+        let speed = first[0].hypot(second[0]);
+        disc.direction = match speed > 0.0 {
+            true => [first[0] / speed, second[0] / speed],
+            false => [1.0, 0.0],
+        };
+        let [d, e] = disc.direction;
+        let terms = first.iter().zip(second);
+        disc.series.clear();
+        disc.series.extend(terms.map(|(a, b)| d * a + e * b));
+        self.discs[switch] = Some(disc);
+    }
+
+    /// The series of w·d, of the first entry of two.
+    pub(super) fn series_along(&self, switch: usize) -> Option<&[f64]> {
+        self.discs[switch].as_ref().map(|disc| &disc.series[..])
+    }
+
+    /// Whether some contact slips with two entries.
+    pub(super) fn slips_in_a_plane(&self) -> bool {
+        let mut discs = (0..self.discs.len()).filter(|&i| self.discs[i].is_some());
+        discs.any(|i| self.sides[i] != Side::Slide && !self.is_idle(i, &self.sides))
+    }
+
+    /// Cuts all series before their first term that is no number: close to w = 0 terms grow with their order until they
+    /// overflow. What is cut off too early shows in the defect of a step.
+    pub(super) fn cut_overflow(&mut self) {
+        let starts = (0..self.n)
+            .flat_map(|i| [self.memory.state(i), self.field.rows[i]])
+            .chain(self.sliding.iter().map(|&i| self.memory.alpha(i)));
+        let starts: Vec<usize> = starts.collect();
+        let rows = &mut self.memory.rows;
+        let is_finite = |k: &usize| starts.iter().all(|start| rows[start + k].is_finite());
+        let end = (0..=self.order).find(|k| !is_finite(k));
+        for start in starts.iter().filter(|_| end.is_some()) {
+            rows[start + end.unwrap_or(0)..=start + self.order].fill(0.0);
+        }
+    }
+
+    /// How far two entries with these α are inside their disc, or how fast they slip in their direction, relative to a
+    /// rate.
+    pub(super) fn margin_in_disc(
+        &self,
+        switch: usize,
+        side: Side,
+        alpha: &[f64],
+        rate: f64,
+    ) -> f64 {
+        let other = self.other(switch).unwrap_or(switch);
+        let [d, e] = [switch, other].map(|i| 2.0 * alpha[i] - 1.0);
+        match side {
+            Side::Slide => 1.0 - d.hypot(e),
+            _ if rate > 0.0 => (d * self.phi(switch) + e * self.phi(other)) / rate,
+            _ => 0.0,
+        }
+    }
+
+    /// Where a step towards w = 0 ends before it gets there; nothing where it does, or goes nowhere else.
+    pub(super) fn stops_short(&self, state: &State, switch: usize, tau: f64) -> Option<f64> {
+        let speed = self.series_along(switch)?[0];
+        let length = tau * (1.0 - LEFT);
+        let far = speed > STOPS * state.band[switch] && state.t + (length + state.t_low) > state.t;
+        far.then_some(length)
+    }
+}
+
+/// The series of 1 - |u|² of a contact that sticks.
+fn margin(dense: Dense, switch: usize, other: usize, series: &mut Vec<f64>) {
+    let all = [switch, other].map(|i| dense.alpha(i));
+    series.clear();
+    for m in 0..=dense.order() {
+        let mut sum = if m == 0 { 1.0 } else { 0.0 };
+        for alpha in all {
+            let u = |k: usize| 2.0 * alpha[k] - if k == 0 { 1.0 } else { 0.0 };
+            sum -= (0..=m).map(|k| u(k) * u(m - k)).sum::<f64>();
+        }
+        series.push(sum);
+    }
+}
+
+/// Whether what is at the rim of its disc goes back inside, or stays, by its series.
+pub(super) fn goes_on(mode: &Mode, switch: usize, h: f64) -> bool {
+    let mut terms = Vec::new();
+    let other = mode.other(switch).unwrap_or(switch);
+    margin(Dense::Taylor(mode), switch, other, &mut terms);
+    terms[0] > RIM || series::leading(&terms, h, RIM).is_none_or(|k| terms[k] > 0.0)
+}
+
+/// 1 - |u|² at a point, and its derivative by time.
+pub(super) fn margin_at(dense: Dense, switch: usize, tau: f64, alpha: &[f64]) -> (f64, f64) {
+    let other = dense.mode().other(switch).unwrap_or(switch);
+    [switch, other]
+        .into_iter()
+        .fold((1.0, 0.0), |(value, slope), i| {
+            let (u, rate) = (2.0 * alpha[i] - 1.0, series::slope(dense.alpha(i), tau));
+            (value - u * u, slope - 4.0 * u * rate)
+        })
+}
+
+/// The first instant at which u leaves the disc.
+pub(super) fn leaves(
+    roots: &mut RootFinder,
+    dense: Dense,
+    series: &mut Vec<f64>,
+    switch: usize,
+    h: f64,
+) -> Option<Root> {
+    let other = dense.mode().other(switch)?;
+    margin(dense, switch, other, series);
+    let band = (series[0].abs() <= RIM).then_some(RIM);
+    super::step::first_root(roots, series[0], series, h, 1.0, band, 0.0)
+}
+
+impl<S: SwitchedSystem> Simulator<'_, S> {
+    /// The switches of a group that slip from where they may be at rest, with their directions.
+    pub(super) fn departures(&self, group: &[usize], choice: &Choice) -> Vec<Departure> {
+        let mut found = Vec::new();
+        for (at, &i) in group.iter().enumerate() {
+            let Some(other) = self.mode.other(i) else {
+                continue;
+            };
+            let Ok(of_other) = group.binary_search(&other) else {
+                continue;
+            };
+            let contact = self.system.slip_of(i);
+            let contact = contact.and_then(|of| group.binary_search(&of).ok());
+            let is_closed = contact.is_some_and(|at| choice.sides[at] == Side::Slide);
+            if is_closed && choice.sides[at] != Side::Slide {
+                found.push(Departure {
+                    switches: [i, other],
+                    direction: [at, of_other].map(|at| 2.0 * choice.alpha[at] - 1.0),
+                });
+            }
+        }
+        found
+    }
+
+    /// Gives slip velocities that are none a length that is rounding, by the least change of the states.
+    pub(super) fn depart(
+        &mut self,
+        state: &State,
+        x: &mut [f64],
+        departures: &[Departure],
+        t1: f64,
+    ) {
+        for departure in departures {
+            self.set_off(state, x, departure, t1);
+        }
+    }
+
+    fn set_off(&mut self, state: &State, x: &mut [f64], departure: &Departure, t1: f64) {
+        let &Departure {
+            switches,
+            direction,
+        } = departure;
+        let mode = &mut self.mode;
+        mode.eval(state.t, x, &state.alpha);
+        let gradients = switches.map(|i| {
+            mode.surfaces.linearize(i, &mode.memory.values);
+            mode.gradient(i).to_vec()
+        });
+        let size = |gradient: &[(usize, f64)]| -> f64 {
+            gradient.iter().map(|&(j, g)| g.abs() * state.size(j)).sum()
+        };
+        let sizes = gradients.iter().map(|gradient| size(gradient));
+        // Where nothing has moved yet, what the forces would make of it.
+        let last = if state.longest_step > 0.0 {
+            state.longest_step
+        } else {
+            t1 - state.t
+        };
+        let rates = switches.map(|i| mode.phi(i) * last);
+        let speed = DEPARTS * BAND * sizes.fold(rates[0].hypot(rates[1]), f64::max);
+        let w = switches.map(|i| mode.psi(i));
+        if w[0].hypot(w[1]) >= speed {
+            return;
+        }
+        let missing = [0, 1].map(|k| speed * direction[k] - w[k]);
+        let dot = |a: &[(usize, f64)], b: &[(usize, f64)]| -> f64 {
+            let terms = a.iter().map(|&(j, g)| {
+                let other = b.iter().find(|entry| entry.0 == j);
+                g * other.map_or(0.0, |entry| entry.1)
+            });
+            terms.sum()
+        };
+        let [first, second] = &gradients;
+        let (a, b, c) = (dot(first, first), dot(first, second), dot(second, second));
+        let determinant = a * c - b * b;
+        let shares = [
+            (c * missing[0] - b * missing[1]) / determinant,
+            (a * missing[1] - b * missing[0]) / determinant,
+        ];
+        for (gradient, share) in gradients.iter().zip(shares) {
+            gradient.iter().for_each(|&(j, g)| x[j] += share * g);
+        }
+    }
+}
