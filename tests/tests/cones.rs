@@ -1,277 +1,107 @@
-//! Friction in two directions, Coulomb's cone, from event to event against closed forms.
+//! Programs over second-order cones against closed forms.
 
-use std::f64::consts::PI;
+use nsd_tests::{end, optimum, run, times};
+use nsdc::report::{EventKind, Status, Trajectory};
 
-use nsd_tests::{end, solved, times};
-use nsdc::report::{EventKind, Trajectory};
+/// By events, and by finite elements of an order that leaves rounding.
+const ROADS: [&str; 2] = [
+    "tolerance 1e-12;",
+    "method fesd { steps = 60; scheme = radau_iia(4); }",
+];
 
-/// A body on the floor z = 0 under a force, with `options` of its contact.
-fn body(q: [f64; 3], v: [f64; 3], force: &str, options: &str, run: &str) -> Trajectory {
-    let text = format!(
-        "model body {{
-           state q[3] = {q:?};
-           state v[3] = {v:?};
-           q' = v;
-           mechanics q, v {{
-             mass = 1;
-             force = {force};
-             contact floor {{ gap = q[3]; {options} }}
-           }}
-         }}
-         simulate this of body {{ tolerance 1e-12; {run} }}"
-    );
-    solved(&text, "this")
+fn runs(model: &str, horizon: f64, method: &str) -> Trajectory {
+    let text =
+        format!("model m {{ {model} }} simulate this of m {{ horizon {horizon:?}; {method} }}");
+    let found = run(&text, "this");
+    assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
+    found
 }
 
-fn close(found: &[f64], exact: &[f64], within: f64) {
-    assert_eq!(found.len(), exact.len());
-    for (found, exact) in found.iter().zip(exact) {
-        assert!((found - exact).abs() <= within, "{found}, not {exact}");
+#[track_caller]
+fn assert_near(found: &[f64], exact: &[f64], within: f64) {
+    assert_eq!(found.len(), exact.len(), "{found:?} and {exact:?}");
+    let far = |(a, b): (&f64, &f64)| (a - b).abs() > within;
+    assert!(!found.iter().zip(exact).any(far), "{found:?} and {exact:?}");
+}
+
+#[test]
+fn a_point_is_projected_onto_apex_surface_and_interior() {
+    // (0.3, 0.4) at the height 2t - 1: below -1/2 the apex is nearest, above 1/2 the point itself, and in between the
+    // height of the nearest point is the mean of 1/2 and 2t - 1.
+    let model = "state s = 0; let h = 2*time - 1; s' = z[3];
+      z[3] in argmin (z[1] - 0.3)^2 + (z[2] - 0.4)^2 + (z[3] - h)^2 subject to { norm(z[1..2]) <= z[3]; }";
+    for road in ROADS {
+        let found = runs(model, 1.0, road);
+        assert_near(&end(&found, "z"), &[0.3, 0.4, 1.0], 1e-10);
+        // ∫ (2t - 1/2)/2 from 1/4 to 3/4, and ∫ (2t - 1) to 1.
+        assert_near(&end(&found, "s"), &[0.125 + 0.1875], 1e-10);
+        assert_near(&times(&found, EventKind::Activate), &[0.25, 0.75], 1e-10);
     }
 }
 
 #[test]
-fn a_ball_falls_slides_straight_and_stays() {
-    let found = body(
-        [0.0, 0.0, 1.0],
-        [2.0, 1.0, 0.0],
-        "[0, 0, -10]",
-        "restitution = 0; friction = 0.2; slip = v[1..2];",
-        "horizon 2;",
-    );
-    // Falls for √0.2; the impulse √20 takes 0.2 √20 of √5, and 0.2·10 the rest.
-    let (fall, speed) = (0.2_f64.sqrt(), 5.0_f64.sqrt());
-    let slides = speed - 0.2 * 20.0_f64.sqrt();
-    let way = speed * fall + slides * slides / 4.0;
-    close(
-        &end(&found, "q"),
-        &[way * 2.0 / speed, way / speed, 0.0],
-        1e-12,
-    );
-    close(&end(&found, "v"), &[0.0; 3], 1e-12);
-    close(
-        &times(&found, EventKind::Stick),
-        &[fall + slides / 2.0],
-        1e-12,
-    );
-}
-
-/// A block that slides across a constant pull f = 1: with k = μ g/f and τ from 1 to 0,
-/// v = (½ (τᵏ⁻¹ - τᵏ⁺¹), τᵏ), and it stops at t = k/(k² - 1).
-#[test]
-fn a_pull_from_the_side_turns_what_slides_until_it_stops() {
-    for k in [1.5, 2.0, 3.0, 10.0_f64] {
-        for turned in [0.0_f64, 0.7, 2.5] {
-            let (c, s) = (turned.cos(), turned.sin());
-            let slip = format!("slip = [{c:?}*v[1] + {s:?}*v[2], {c:?}*v[2] - {s:?}*v[1]];");
-            let found = body(
-                [0.0; 3],
-                [0.0, 1.0, 0.0],
-                "[1, 0, -10]",
-                &format!("restitution = 0; friction = {:?}; {slip}", k / 10.0),
-                "horizon 2;",
-            );
-            let square = k * k - 1.0;
-            let stop = [0.25 / square, 2.0 * k / (4.0 * k * k - 1.0), 0.0];
-            close(&end(&found, "q"), &stop, 1e-9);
-            close(&end(&found, "v"), &[0.0; 3], 1e-12);
-            close(&times(&found, EventKind::Stick), &[k / square], 1e-9);
-        }
+fn a_start_on_the_surface_needs_no_guess() {
+    // |x| falls with half of 1 + |x| while the nearest point is on the surface, until |x| = 1, and then with |x|.
+    let model = "state x[2] = [3, 1]; x' = -z[1..2];
+      z[3] in argmin dot(z - [x[1], x[2], 1], z - [x[1], x[2], 1]) subject to { norm(z[1..2]) <= z[3]; }";
+    let start = 10.0_f64.sqrt();
+    let met = 2.0 * (0.5 * (1.0 + start)).ln();
+    let size = (met - 2.0).exp();
+    for road in ROADS {
+        let found = runs(model, 2.0, road);
+        let exact = [3.0 * size / start, size / start];
+        assert_near(&end(&found, "x"), &exact, 1e-9);
+        assert_near(&times(&found, EventKind::Activate), &[met], 1e-9);
     }
 }
 
 #[test]
-fn a_force_inside_the_cone_holds_and_one_outside_moves() {
-    let rest = |friction: f64| {
-        let options = format!("restitution = 0; friction = {friction:?}; slip = v[1..2];");
-        body([0.0; 3], [0.0; 3], "[3, 4, -10]", &options, "horizon 2;")
-    };
-    close(&end(&rest(0.500001), "q"), &[0.0; 3], 0.0);
-    // 5 - 10 μ along the force.
-    let moved = rest(0.3);
-    close(&end(&moved, "q"), &[2.4, 3.2, 0.0], 1e-11);
-    close(&end(&moved, "v"), &[2.4, 3.2, 0.0], 1e-11);
-}
-
-#[test]
-fn a_force_that_grows_sets_off_what_sticks() {
-    let found = body(
-        [0.0; 3],
-        [0.0; 3],
-        "[3*time, -4*time, -10]",
-        "restitution = 0; friction = 0.5; slip = v[1..2];",
-        "horizon 3;",
-    );
-    // 5 t reaches μ g = 5 at t = 1; from there on 5 (t - 1) accelerates.
-    close(&times(&found, EventKind::Slip), &[1.0], 1e-12);
-    let way = 5.0 / 6.0 * 8.0;
-    close(&end(&found, "q"), &[0.6 * way, -0.8 * way, 0.0], 1e-10);
-}
-
-/// A force of constant size that turns with ω drags a body in a circle: with w = W e^{i(ωt - δ)},
-/// F cos δ = μ g and F sin δ = ω W.
-#[test]
-fn a_force_that_turns_drags_in_a_circle() {
-    let (force, omega, mu) = (5.0_f64, 3.0, 0.3);
-    let delta = (10.0 * mu / force).acos();
-    let speed = force * delta.sin() / omega;
-    let found = body(
-        [0.0; 3],
-        [speed * delta.cos(), -speed * delta.sin(), 0.0],
-        "[5*cos(3*time), 5*sin(3*time), -10]",
-        "restitution = 0; friction = 0.3; slip = v[1..2];",
-        "horizon 10;",
-    );
-    let at = |t: f64| [(omega * t - delta).sin(), -(omega * t - delta).cos()];
-    let [start, last] = [at(0.0), at(10.0)];
-    let q = [0, 1].map(|i| speed / omega * (last[i] - start[i]));
-    close(&end(&found, "q"), &[q[0], q[1], 0.0], 1e-9);
-    let events = [EventKind::Stick, EventKind::Slip].map(|kind| times(&found, kind));
-    assert!(events[0].is_empty(), "{events:?}");
-}
-
-#[test]
-fn a_ball_that_bounces_loses_speed_along_one_line() {
-    let found = body(
-        [0.0, 0.0, 0.8],
-        [-3.0, 4.0, 0.0],
-        "[0, 0, -10]",
-        "restitution = 0.5; friction = 0.25; slip = v[1..2];",
-        "horizon 1.5;",
-    );
-    // Strikes with 4, 2, 1, .. after 0.4 and then every 2·2/10, 2·1/10, ..: t = 0.4, 0.8, 1, 1.1, .. to 1.2.
-    // The impulses 6, 3, 1.5, .. take 0.25 times as much of a speed of 5.
-    let (mut speed, mut way, mut flight) = (5.0_f64, 0.4 * 5.0, 0.4);
-    let mut impulse = 6.0;
-    for _ in 0..60 {
-        speed -= 0.25 * impulse;
-        way += speed * flight;
-        (impulse, flight) = (impulse / 2.0, flight / 2.0);
-    }
-    let slides = speed / 2.5;
-    assert!(slides > 0.3);
-    way += speed * 0.3 - 1.25 * 0.09;
-    close(&end(&found, "q"), &[-0.6 * way, 0.8 * way, 0.0], 1e-9);
-    let left = speed - 2.5 * 0.3;
-    close(&end(&found, "v"), &[-0.6 * left, 0.8 * left, 0.0], 1e-9);
-}
-
-/// A billiard ball with spin (Coriolis 1835): its slip velocity keeps its direction, so that it runs along a parabola
-/// until it rolls, straight on.
-#[test]
-fn a_billiard_ball_runs_along_a_parabola_until_it_rolls() {
-    let (v, spin, mu) = ([1.0_f64, 0.5], [6.0, -4.0], 0.2);
-    let text = format!(
-        "model ball {{
-           state q[6] = 0;
-           state v[6] = [{:?}, {:?}, 0, {:?}, {:?}, 3];
-           q' = v;
-           mechanics q, v {{
-             mass = diag([2, 2, 2, 0.8*0.09, 0.8*0.09, 0.8*0.09]);
-             force = [0, 0, -20, 0, 0, 0];
-             contact cloth {{
-               gap = q[3];
-               restitution = 0;
-               friction = {mu:?};
-               slip = [v[1] - 0.3*v[5], v[2] + 0.3*v[4]];
-             }}
-           }}
-         }}
-         simulate this of ball {{ tolerance 1e-12; horizon 1; }}",
-        v[0], v[1], spin[0], spin[1]
-    );
-    let found = solved(&text, "this");
-    let w = [v[0] - 0.3 * spin[1], v[1] + 0.3 * spin[0]];
-    let speed = w[0].hypot(w[1]);
-    // w' = -μ g (1 + 5/2) w/|w|
-    let rolls = speed / (3.5 * 10.0 * mu);
-    close(&times(&found, EventKind::Stick), &[rolls], 1e-12);
-    let along = |i: usize| {
-        let brake = 10.0 * mu * w[i] / speed;
-        let left = v[i] - brake * rolls;
-        (
-            v[i] * rolls - 0.5 * brake * rolls * rolls + left * (1.0 - rolls),
-            left,
-        )
-    };
-    let [(x, vx), (y, vy)] = [0, 1].map(along);
-    close(&end(&found, "q")[..3], &[x, y, 0.0], 1e-11);
-    close(
-        &end(&found, "v"),
-        &[vx, vy, 0.0, -vy / 0.3, vx / 0.3, 3.0],
-        1e-11,
-    );
-}
-
-/// A groove of two planes at 45°: each pushes with g/√2, and both brake along it.
-#[test]
-fn two_cones_hold_what_slides_in_a_groove() {
-    let text = "model groove {
-         state q[3] = 0;
-         state v[3] = [2, 0, 0];
-         const c = sqrt(0.5);
-         q' = v;
-         mechanics q, v {
-           mass = 1;
-           force = [0, 0, -10];
-           contact left { gap = c*(q[2] + q[3]); restitution = 0; friction = 0.2; slip = [v[1], c*(v[3] - v[2])]; }
-           contact right { gap = c*(q[3] - q[2]); restitution = 0; friction = 0.2; slip = [v[1], c*(v[3] + v[2])]; }
-         }
-       }
-       simulate this of groove { tolerance 1e-12; horizon 2; }";
-    let found = solved(text, "this");
-    let brake = 0.2 * 10.0 * 2.0_f64.sqrt();
-    close(&times(&found, EventKind::Stick), &[2.0 / brake; 2], 1e-12);
-    close(&end(&found, "q"), &[2.0 / brake, 0.0, 0.0], 1e-11);
-    close(&end(&found, "v"), &[0.0; 3], 1e-12);
-}
-
-/// Newton's law with the cone for an impulse that no axis has: a plate of three masses that differ.
-#[test]
-fn an_impact_obeys_the_cone_where_masses_differ() {
-    for (friction, sticks) in [(0.3, false), (5.0, true)] {
-        let text = format!(
-            "model plate {{
-               state q[3] = [0, 0, 0.0];
-               state v[3] = [1, 2, -1];
-               q' = v;
-               mechanics q, v {{
-                 mass = [1, 0.3, 0; 0.3, 4, 0; 0, 0, 2];
-                 force = [0, 0, 0];
-                 contact floor {{ gap = q[3]; restitution = 0.5; friction = {friction:?}; slip = v[1..2]; }}
-               }}
-             }}
-             simulate this of plate {{ horizon 0.1; }}"
+fn the_axis_of_a_cone_is_a_point_like_others() {
+    // A force that is wanted grows from zero until friction, half of the load, is all there is.
+    for cone in [
+        "2*norm(z[1..2]) <= z[3];",
+        "norm(k*z[1..2]) <= z[3];",
+        "norm(z[1..2]) <= z[3]/k;",
+    ] {
+        let model = format!(
+            "param k = 2; state y = 0; y' = z[1];
+             z[3] in argmin (z[1] - time)^2 + z[2]^2 + (z[3] - 1)^2 subject to {{ {cone} z[3] = 1; }}"
         );
-        let found = solved(&text, "this");
-        let v = end(&found, "v");
-        assert!((v[2] - 0.5).abs() <= 1e-12);
-        // M (v⁺ - v⁻) is an impulse inside the cone of Λ = 2·1.5, against v⁺.
-        let change = [v[0] - 1.0, v[1] - 2.0];
-        let impulse = [
-            change[0] + 0.3 * change[1],
-            0.3 * change[0] + 4.0 * change[1],
-        ];
-        if sticks {
-            close(&v[..2], &[0.0; 2], 1e-12);
-            continue;
+        for road in ROADS {
+            let found = runs(&model, 1.0, road);
+            assert_near(&end(&found, "y"), &[0.125 + 0.25], 1e-10);
+            assert_near(&times(&found, EventKind::Activate), &[0.5], 1e-10);
         }
-        let size = impulse[0].hypot(impulse[1]);
-        assert!((size - 3.0 * friction).abs() <= 1e-12, "{size}");
-        let speed = v[0].hypot(v[1]);
-        close(&impulse, &[0, 1].map(|i| -size * v[i] / speed), 1e-11);
     }
 }
 
 #[test]
-fn a_body_at_rest_in_all_directions_stays_for_a_turn_of_the_force() {
-    let found = body(
-        [0.0; 3],
-        [0.0; 3],
-        "[2.9*cos(time), 2.9*sin(time), -10]",
-        "restitution = 0; friction = 0.3; slip = v[1..2];",
-        &format!("horizon {:?};", 2.0 * PI),
+fn maps_without_an_objective_are_solved_over_cones() {
+    // The map turns: it is monotone and no gradient. Inside of the cone z = A⁻¹ b.
+    let model = "state s = 0; s' = z[3]; let h = 4 - 4*time;
+      z[3] in variational { norm(z[1..2]) <= z[3]; } solves [z[1] + z[2] - 1, z[2] - z[1], z[3] - h];";
+    for road in ROADS {
+        let found = runs(model, 0.5, road);
+        assert_near(&end(&found, "z"), &[0.5, 0.5, 2.0], 1e-10);
+        assert_near(&end(&found, "s"), &[1.5], 1e-10);
+    }
+}
+
+fn objective(set: &str, dimension: usize, goal: &str) -> f64 {
+    let text = format!(
+        "model c {{ state x[2] = [3, 4]; control u in [-1, 1] = 0; x' = -z[1..2] + [u, 0];
+           z[{dimension}] in variational {{ {set} }} solves z - {goal}; }}
+         optimize this of c {{ horizon 2; intervals 6; elements 2; scheme radau_iia(3);
+           minimize integral(dot(x, x) + u^2); }}"
     );
-    close(&end(&found, "q"), &[0.0; 3], 1e-13);
-    assert!(times(&found, EventKind::Slip).is_empty());
+    let found = optimum(&text, "this");
+    assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
+    found.objective.expect("what was minimized")
+}
+
+#[test]
+fn an_optimum_over_a_cone_is_that_over_its_section() {
+    let ball = objective("norm(z) <= 2;", 2, "x");
+    let cone = objective("norm(z[1..2]) <= z[3]; z[3] = 2;", 3, "[x[1], x[2], 0]");
+    assert!((ball - cone).abs() < 1e-6, "{ball} and {cone}");
 }
