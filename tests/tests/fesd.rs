@@ -5,7 +5,7 @@ mod elements;
 #[path = "fesd/rungs.rs"]
 mod rungs;
 
-use std::f64::consts::PI;
+use std::f64::consts::{PI, SQRT_2};
 
 use nsd_tests::{fitted_order, run, with_experiment};
 use nsdc::report::{Status, Trajectory};
@@ -179,6 +179,28 @@ fn the_error_comes_down_to_rounding_and_stays_there() {
     for steps in [200, 400, 800, 1600] {
         let error = oscillator_error("radau_iia(4)", steps);
         assert!(error <= 1e-13, "{steps} steps: {error:e}");
+    }
+}
+
+/// Parabolas between crossings at √2 (2k - 1): elements are equally long, so that what rounding takes from a sum of
+/// their lengths is the same each time, and in a finer run, too.
+#[test]
+fn time_does_not_drift_over_many_switches() {
+    let (n, tolerance) = (5000, 1e-10);
+    let model = "model m { state x = 1; state v = 0; x' = v; v' = -sign(x); }";
+    let horizon = 2.0 * SQRT_2 * f64::from(n);
+    let settings = format!("horizon {horizon:?}; tolerance {tolerance:e}; method fesd;");
+    let found = simulate(model, &settings);
+    assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
+    let error = distance(&end(&found), &[1.0, 0.0]);
+    assert!(error <= tolerance, "{error:e}");
+    let estimate = found.error_estimate.expect("a run has an estimate");
+    assert!(error <= 10.0 * estimate, "{error:e}, estimate {estimate:e}");
+    let times = found.switch_times();
+    assert_eq!(times.len(), n as usize);
+    for (k, time) in times.iter().enumerate() {
+        let miss = (time - SQRT_2 * (2 * k + 1) as f64).abs();
+        assert!(miss <= tolerance, "switch {k}: {miss:e}");
     }
 }
 

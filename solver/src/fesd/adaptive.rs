@@ -47,7 +47,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         let exponent = (self.scheme.s + 1) as f64;
         let local = (LOCAL * tolerance).max(f64::EPSILON);
         let target = local.powf(exponent / (order + 1.0));
-        let horizon = t1 - run.t;
+        let horizon = run.left(t1);
         let mut h = match run.next {
             0.0 => 0.01 * horizon,
             next => next,
@@ -64,7 +64,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                     continue;
                 }
             }
-            let left = t1 - run.t;
+            let left = run.left(t1);
             // No sliver is left at the end.
             let length = match h {
                 h if h >= left => left,

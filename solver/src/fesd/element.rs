@@ -364,12 +364,14 @@ impl Element {
         let usable = distance <= REUSE * h;
         if !usable {
             self.factor(scheme, h)?;
-            self.contraction = 1.0;
         }
-        // Of linear equations nothing but h is another.
-        if self.reduced.is_linear {
-            self.contraction = if usable { distance / h } else { 0.0 };
-        }
+        // Of linear equations nothing but h is another. What has been seen of others in an element before says nothing
+        // about this one.
+        self.contraction = match (self.reduced.is_linear, usable) {
+            (true, true) => distance / h,
+            (true, false) => 0.0,
+            (false, _) => 1.0,
+        };
         Ok(!usable)
     }
 

@@ -40,12 +40,14 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             solved.end(&mut run.x, &mut run.low);
             let start = solved.t;
             let length = match end.filter(|_| at + 1 == count) {
-                Some(end) => end - start,
-                None => solved.h,
-            };
-            run.t = match end.filter(|_| at + 1 == count) {
-                Some(end) => end,
-                None => start + length,
+                Some(end) => {
+                    run.go_to(end);
+                    (end - start) - solved.t_low
+                }
+                None => {
+                    (run.t, run.t_low) = solved.stop();
+                    solved.h
+                }
             };
             measure(&mut run.scale, &run.x, self.system.algebraic_states());
             run.stats.steps += 1;

@@ -116,7 +116,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         observer: &mut impl Observer,
     ) -> Result<bool, Status> {
         if end - run.t <= 16.0 * f64::EPSILON * end.abs() {
-            run.t = end;
+            run.go_to(end);
             return Ok(true);
         }
         let time_form = self.modes[run.mode].element.reduced.clone();
@@ -142,7 +142,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         self.branches.insert(key, mode);
         let event = event?;
         if event == Some(last) {
-            run.t = end;
+            run.go_to(end);
         } else if let Some(member) = event {
             let is_fold = member + 1 == last;
             if is_fold {
@@ -179,7 +179,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             *x = series::value(&solved.states[i], 1.0);
         }
         run.low.fill(0.0);
-        run.t = series::value(&solved.states[n], 1.0);
+        run.go_to(series::value(&solved.states[n], 1.0));
         let mut after = Vec::new();
         self.values.w_at_end(&mode.element.reduced, &mut after);
         let others = (0..w.len()).filter(|k| *k != ahead.unknown);

@@ -11,7 +11,9 @@ use crate::simulate::{Side, Status};
 /// An element that is solved.
 #[derive(Default)]
 pub(super) struct Solved {
+    /// t₀, and what rounding took from it.
     pub t: f64,
+    pub t_low: f64,
     pub h: f64,
     /// x₀, and what rounding took from it.
     pub x: Vec<f64>,
@@ -25,16 +27,24 @@ pub(super) struct Solved {
 }
 
 impl Solved {
+    /// t₀ + h, and what rounding takes from it.
+    pub fn stop(&self) -> (f64, f64) {
+        sum(self.t, self.h + self.t_low)
+    }
+
     /// x₀ + h Σ b_j V_j, added up with what rounding takes.
     pub fn end(&self, x: &mut [f64], low: &mut [f64]) {
         for i in 0..x.len() {
-            let step = self.h * self.mean[i] + self.low[i];
-            let sum = self.x[i] + step;
-            let taken = sum - self.x[i];
-            low[i] = (self.x[i] - (sum - taken)) + (step - taken);
-            x[i] = sum;
+            (x[i], low[i]) = sum(self.x[i], self.h * self.mean[i] + self.low[i]);
         }
     }
+}
+
+/// a + b rounded, and what rounding took from it (Dekker 1971).
+fn sum(a: f64, b: f64) -> (f64, f64) {
+    let sum = a + b;
+    let taken = sum - a;
+    (sum, (a - (sum - taken)) + (b - taken))
 }
 
 /// Elements from one switch, or end of a step, to the next.
@@ -69,7 +79,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         elements: usize,
         observer: &mut impl Observer,
     ) -> Result<(), Status> {
-        let length = end - run.t;
+        let length = run.left(end);
         let mut left = elements;
         while run.t < end {
             self.limit(run)?;
@@ -106,12 +116,12 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         left: usize,
         length: f64,
     ) -> Result<Piece, Status> {
-        let h = (end - run.t) / left as f64;
+        let h = run.left(end) / left as f64;
         for at in 0..left {
             let Some(member) = self.element(run, at, h)? else {
                 continue;
             };
-            let switch = self.solved[at].t + self.solved[at].h;
+            let (switch, _) = self.solved[at].stop();
             // The last element of the step is kept for what comes after the switch.
             let count = match at + 1 {
                 count if count == left && count > 1 => count - 1,
@@ -265,12 +275,12 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         here.low.resize(n, 0.0);
         match before.last() {
             None => {
-                here.t = run.t;
+                (here.t, here.t_low) = (run.t, run.t_low);
                 here.x.copy_from_slice(&run.x);
                 here.low.copy_from_slice(&run.low);
             }
             Some(last) => {
-                here.t = last.t + last.h;
+                (here.t, here.t_low) = last.stop();
                 last.end(&mut here.x, &mut here.low);
             }
         }
@@ -310,7 +320,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
     fn snap(&mut self, run: &Run, count: usize, end: f64) {
         debug_assert!(run.t < end, "a step has a length");
         let last = &mut self.solved[count - 1];
-        last.h = end - last.t;
+        last.h = (end - last.t) - last.t_low;
     }
 
     /// Chooses the next active set where the last element ended, and reports the change; steps are

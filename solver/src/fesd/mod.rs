@@ -166,6 +166,8 @@ pub struct Simulator<'s, S> {
 /// A run on its way.
 struct Run {
     t: f64,
+    /// What rounding took from t: lost, it would be the same after every switch of a long run, a drift of phase.
+    t_low: f64,
     /// When it ends.
     t1: f64,
     x: Vec<f64>,
@@ -211,6 +213,16 @@ impl Run {
     /// Whether data goes on with other pieces at the present time.
     fn is_at_breakpoint(&self) -> bool {
         self.until <= self.t + NEAR * self.t.abs()
+    }
+
+    /// Moves to an instant that is known.
+    fn go_to(&mut self, t: f64) {
+        (self.t, self.t_low) = (t, 0.0);
+    }
+
+    /// The time to an instant.
+    fn left(&self, end: f64) -> f64 {
+        (end - self.t) - self.t_low
     }
 
     /// The values of some algebraic variables.
@@ -263,6 +275,7 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
         let (before, known) = (self.work(), self.n_functions());
         let mut run = Run {
             t: t0,
+            t_low: 0.0,
             t1,
             x: x0.to_vec(),
             low: vec![0.0; x0.len()],

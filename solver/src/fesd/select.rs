@@ -70,7 +70,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         let from = run.t.max(run.until);
         self.load(run, from);
         if self.guide.is_some() {
-            run.t = from;
+            run.go_to(from);
             self.pass_guided(run, length)?;
         } else {
             run.z = self.system.z_at(from, &run.x);

@@ -136,7 +136,7 @@ fn many_events(extent: Extent) -> Family {
         let case = case.ends("x", &[exact], 1.0).ends("v", &[0.0], SQRT_2);
         // The phase is a sum of as many times.
         let case = case.rounds(EPSILON * f64::from(n));
-        [case.clone(), case.by("fesd").accurate_if(n <= 10_000)]
+        case.both()
     };
     Family {
         name: "many events",
