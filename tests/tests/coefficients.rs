@@ -83,12 +83,20 @@ fn what_leaves_the_range_for_an_instant_ends_a_run() {
                 for (restitution, friction, exact) in [
                     ("0".to_owned(), format!("0.3 - 0.4*{pulse}"), place - s),
                     (format!("0.7 + 0.4*{pulse}"), "0".to_owned(), place - s),
-                    (format!("0.3 - 0.2*(tanh((time - {place})/{width:e}) + 1)"), "0.1".to_owned(), place + width*0.5_f64.atanh()),
+                    (
+                        format!("0.3 - 0.2*(tanh((time - {place})/{width:e}) + 1)"),
+                        "0.1".to_owned(),
+                        place + width * 0.5_f64.atanh(),
+                    ),
                 ] {
                     let text = text(0.0, v, &restitution, &friction, 3.0);
                     let found = run(&text, "this");
-                    if !matches!(found.failure, Some(Failure::Coefficient {time, ..}) if (time - exact).abs() <= 1e-9) {
-                        wrong.push(format!("{width:e} {v} {restitution} {friction}: {:?}, not {exact}", found.failure));
+                    if !matches!(found.failure, Some(Failure::Coefficient {time, ..}) if (time - exact).abs() <= 1e-9)
+                    {
+                        wrong.push(format!(
+                            "{width:e} {v} {restitution} {friction}: {:?}, not {exact}",
+                            found.failure
+                        ));
                     }
                 }
             }
