@@ -225,6 +225,19 @@ fn more_pairs_than_choices_are_solved_one_by_one() {
 }
 
 #[test]
+fn many_pairs_are_exchanged_one_by_one_at_the_start() {
+    // Whoever is first is taken, and put back when the next one is: it leaves him nothing.
+    let model = "state x = 1; algebraic a[10] = 0;
+      for k in 1..9 { 0 <= a[k] perp 2*a[k] + 3*a[k+1] - x >= 0; }
+      0 <= a[10] perp 2*a[10] - x >= 0;
+      x' = -1;";
+    let found = runs(model, 0.5, "");
+    // a_10 = x/2, and every second one before.
+    let exact = [0.0, 0.25].repeat(5);
+    assert_near(&end(&found, "a"), &exact, 1e-12);
+}
+
+#[test]
 fn no_solution_and_several_are_told() {
     let none: fn(&Failure) -> bool = |failure| matches!(failure, Failure::Inconsistent { .. });
     let several: fn(&Failure) -> bool =

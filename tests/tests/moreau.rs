@@ -203,6 +203,30 @@ fn a_long_row_of_discs_is_struck_as_one() {
     }
 }
 
+#[test]
+fn bodies_at_the_edges_of_their_boxes_are_not_overlooked() {
+    // Two rows of carts on one line, far from each other but for the last of the one, which strikes the first of the
+    // other.
+    let trajectory = solved(
+        "model cart {
+           state q;
+           state v = 0;
+           q' = v;
+           mechanics q, v { mass = 1; force = 0; }
+         }
+         model rows {
+           part left[i in 1..4] = cart { q = 100*(i - 4); v = max(0, i - 3); }
+           part right[i in 1..4] = cart { q = 0.5 + 100*(i - 1); }
+           for i in 1..4, j in 1..4 {
+             contact pair { gap = right[j].q - left[i].q; restitution = 1; }
+           }
+         }
+         simulate this of rows { horizon 1; method timestepping { steps = 100; } }",
+    );
+    assert_eq!(end(&trajectory, "left[4].v"), [0.0]);
+    assert_eq!(end(&trajectory, "right[1].v"), [1.0]);
+}
+
 /// Discs in a bin.
 fn pile(n: usize, width: f64, e: f64, friction: &str, horizon: f64, steps: usize) -> Trajectory {
     solved(&format!(

@@ -3,6 +3,10 @@
 //!
 //! A coefficient is a function of time and states, which no switch looks at. While its contact is closed it is expanded
 //! along each step, the step is no longer than its series holds, and the first root of what must not be negative cuts it.
+//!
+//! A series does not know of a dip that is narrow beside its step. Therefore the step is divided, the widest part first,
+//! until an enclosure of the coefficient over each part ([`Ball`]) keeps its range, or the coefficient in the middle of a
+//! part is not what its series says, and the step is shortened.
 
 use super::dense::Dense;
 use super::layout::Memory;
@@ -11,7 +15,7 @@ use super::roots::RootFinder;
 use super::state::State;
 use super::system::{Effect, Guard, Impact, Input};
 use super::{Coefficient, Side, Status, SwitchedSystem, series};
-use crate::tape::{self, Recurrences};
+use crate::tape::{self, Ball, Recurrences};
 
 /// Below zero by less than this is rounding: coefficients have no unit, and one is large.
 const ROUNDING: f64 = 1e-12;
@@ -23,10 +27,25 @@ const LOOKS: [f64; 4] = [0.23, 0.51, 0.77, 1.0];
 const SHORTER: f64 = 0.8;
 const MAX_SHORTER: usize = 200;
 
+/// Parts of a step that are enclosed at most: a coefficient that stays at its bound keeps its range in none.
+const MAX_PARTS: usize = 256;
+
+/// What the rows of a contact's coefficients are.
+const KINDS: [Coefficient; 2] = [Coefficient::Restitution, Coefficient::Friction];
+
 /// The coefficients of all contacts that are no numbers.
 pub(super) struct Coefficients {
     watched: Vec<Watched>,
     registers: Vec<f64>,
+    enclosing: Enclosing,
+}
+
+/// Memory for enclosures.
+#[derive(Default)]
+struct Enclosing {
+    registers: Vec<Ball>,
+    /// From where to where in the step.
+    parts: Vec<(f64, f64)>,
 }
 
 /// The coefficients of one contact.
@@ -59,6 +78,7 @@ impl Coefficients {
         Coefficients {
             watched: watched.collect(),
             registers: Vec::new(),
+            enclosing: Enclosing::default(),
         }
     }
 
@@ -84,7 +104,8 @@ impl Coefficients {
         h
     }
 
-    /// True where the series are the functions in a step of this length, up to `allowed`. The last look is at its end.
+    /// True where the series are the functions in a step of this length, up to `allowed`, or both keep their range. The
+    /// last look is at its end.
     pub(super) fn agree(
         &mut self,
         mode: &mut Mode,
@@ -114,6 +135,9 @@ impl Coefficients {
                     return false;
                 }
             }
+            if !watched.agrees_outside(mode, state.t, length, allowed, &mut self.enclosing) {
+                return false;
+            }
         }
         true
     }
@@ -131,8 +155,7 @@ impl Coefficients {
             if mode.sides[watched.switch] != Side::Slide {
                 continue;
             }
-            let kinds = [Coefficient::Restitution, Coefficient::Friction];
-            let rows = watched.rows(&mode.memory, mode.order).zip(kinds);
+            let rows = watched.rows(&mode.memory, mode.order).zip(KINDS);
             let ranges = rows.flat_map(|(c, kind)| {
                 let above = (kind == Coefficient::Restitution).then_some((c, kind, -1.0, 1.0));
                 [Some((c, kind, 1.0, 0.0)), above].into_iter().flatten()
@@ -195,6 +218,65 @@ impl Watched {
         let series = self.series.iter();
         for steps in series.flat_map(|series| [&series.timed, &series.moving]) {
             tape::fill_all(steps, rows, weights, *order + 1, *stride);
+        }
+    }
+
+    /// Whether the coefficients are their series wherever in a step they are not known to keep their range.
+    fn agrees_outside(
+        &self,
+        mode: &Mode,
+        t: f64,
+        length: f64,
+        allowed: f64,
+        work: &mut Enclosing,
+    ) -> bool {
+        let tape = &self.impact.numbers;
+        work.parts.clear();
+        work.parts.push((0.0, length));
+        let mut at = 0;
+        while at < work.parts.len().min(MAX_PARTS) {
+            let (from, to) = work.parts[at];
+            at += 1;
+            let middle = 0.5 * (from + to);
+            self.enclose(mode, t, middle, to - middle, &mut work.registers);
+            tape.run(&mut work.registers);
+            let rows = self.rows(&mode.memory, mode.order).zip(KINDS);
+            let mut keep_range = true;
+            for (ball, (c, kind)) in tape.results(&work.registers).zip(rows) {
+                let is_series = (series::value(c, middle) - ball.middle).abs() <= allowed;
+                if !is_series {
+                    return false;
+                }
+                let is_below = kind == Coefficient::Friction || ball.high() <= 1.0 + ROUNDING;
+                keep_range &= is_below && ball.low() >= -ROUNDING;
+            }
+            if !keep_range {
+                work.parts.extend([(from, middle), (middle, to)]);
+            }
+        }
+        true
+    }
+
+    /// What the inputs are within a radius of an instant of the step.
+    fn enclose(&self, mode: &Mode, t: f64, tau: f64, radius: f64, inputs: &mut Vec<Ball>) {
+        let along = |c: &[f64]| {
+            let slope = series::steepest(c, tau + radius);
+            Ball::new(series::value(c, tau), slope * radius)
+        };
+        let needed = self.impact.numbers.n_registers().max(self.slots.len());
+        inputs.resize(needed, Ball::new(0.0, 0.0));
+        let slots = self.impact.inputs.iter().zip(&self.slots);
+        for (ball, (&input, &slot)) in inputs.iter_mut().zip(slots) {
+            *ball = match input {
+                Input::Time => Ball::new(t + tau, radius),
+                Input::State(state) => along(mode.x_series(state)),
+                Input::Alpha(switch) if mode.sides[switch] == Side::Slide => {
+                    along(mode.alpha_series(switch))
+                }
+                Input::Alpha(_) | Input::Coefficient(_) | Input::Number(_) => {
+                    Ball::new(mode.memory.values[slot], 0.0)
+                }
+            };
         }
     }
 

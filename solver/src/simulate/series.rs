@@ -34,6 +34,15 @@ pub(crate) fn slope(c: &[f64], tau: f64) -> f64 {
         .fold(0.0, |sum, (k, c)| sum * tau + k as f64 * c)
 }
 
+/// What the derivative of Σ c[k] τᵏ is at most between -τ and τ.
+pub(crate) fn steepest(c: &[f64], tau: f64) -> f64 {
+    c.iter()
+        .enumerate()
+        .skip(1)
+        .rev()
+        .fold(0.0, |sum, (k, c)| sum * tau + k as f64 * c.abs())
+}
+
 /// Second derivative of Σ c[k] τᵏ.
 pub(crate) fn curvature(c: &[f64], tau: f64) -> f64 {
     c.iter()

@@ -101,3 +101,24 @@ fn a_touch_in_an_implicit_step_is_told() {
         assert!(clear.warnings.is_empty(), "{:?}", clear.warnings);
     }
 }
+
+/// An oscillation comes to a surface that is below its peaks by less than a run is accurate, and by less than the more
+/// accurate run beside it is, so that both may go the same wrong way. Both states of ψ have their errors.
+#[test]
+fn a_touch_that_two_runs_do_not_see_is_told() {
+    for tolerance in [3, 4] {
+        for periods in [1, 3] {
+            for k in 0..40 {
+                let depth = 10.0_f64.powf(-1.0 - f64::from(tolerance) - 0.15 * f64::from(k));
+                let surface = 2.0 * (1.0 - depth);
+                let model = format!(
+                    "state x = 0; state w = 0; state v = 1; state y = 1; \
+                     x' = v; w' = -v; v' = -x; y' = step(x - w - {surface:?});"
+                );
+                let experiment = format!("horizon {periods}*2*pi; tolerance 1e-{tolerance};");
+                let above = 2.0 * f64::from(periods) * f64::acos(1.0 - depth);
+                honest(&model, &experiment, "y", 1.0 + above);
+            }
+        }
+    }
+}
