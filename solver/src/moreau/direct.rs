@@ -5,7 +5,9 @@
 //! below μ Λ. Friction of contacts that slip stays what it is. Contacts that depend on each other make the matrix
 //! singular: it gets a small share of its diagonal, and refinement takes the effect of that away again.
 
+use super::cone;
 use super::impulse::{Impulses, Island};
+use super::rows::Pair;
 use crate::linalg::envelope::Envelope;
 
 /// Added to the diagonal, relative to it.
@@ -19,7 +21,8 @@ const NONE: u32 = u32::MAX;
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct Equation {
     contact: u32,
-    is_slip: bool,
+    /// 0 of the normal, k of the k-th entry of the slip velocity.
+    row: u8,
 }
 
 /// Memory for systems of equations.
@@ -37,7 +40,7 @@ pub(super) struct Direct {
     factors: Envelope,
     rhs: Vec<f64>,
     settled: bool,
-    saved: (Vec<f64>, Vec<f64>, Vec<f64>),
+    saved: (Vec<f64>, Vec<Pair>, Vec<f64>),
 }
 
 impl Direct {
@@ -95,13 +98,11 @@ impl Direct {
             for (equation, &z) in self.equations.iter().zip(&self.rhs) {
                 let c = equation.contact as usize;
                 let normal = island.linear.contacts[c].normal;
-                if equation.is_slip {
-                    impulses.tangential[c] -= z;
-                    rows.push_by(normal + 1, z, v);
-                } else {
-                    impulses.normal[c] += z;
-                    rows.push_by(normal, z, v);
+                match equation.row {
+                    0 => impulses.normal[c] += z,
+                    k => impulses.tangential[c][usize::from(k) - 1] -= z,
                 }
+                rows.push_by(normal + usize::from(equation.row), z, v);
             }
         }
         true
@@ -118,42 +119,45 @@ impl Direct {
             if impulses.normal[c] - rate / normal <= 0.0 {
                 continue;
             }
-            let contact_number = c as u32;
-            self.equations.push(Equation {
-                contact: contact_number,
-                is_slip: false,
-            });
-            if contact.is_rough && tangential > 0.0 {
-                let slip = rows.rate(contact.normal + 1, v) + impulses.slip_rate[c];
+            let equation = |row| Equation {
+                contact: c as u32,
+                row,
+            };
+            self.equations.push(equation(0));
+            if contact.is_rough() && tangential > 0.0 {
                 let most = impulses.friction[c] * impulses.normal[c].max(0.0);
-                if (impulses.tangential[c] + slip / tangential).abs() < most {
-                    self.equations.push(Equation {
-                        contact: contact_number,
-                        is_slip: true,
-                    });
+                if cone::length(impulses.stopping(rows, c, contact, v)) < most {
+                    self.equations
+                        .extend((1..=contact.slips as u8).map(equation));
                 }
             }
         }
         let mut chosen = self.equations.iter().peekable();
         for (c, contact) in island.iter() {
-            let is_of = |equation: &&Equation, is_slip| {
-                equation.contact as usize == c && equation.is_slip == is_slip
+            let is_of = |equation: &&Equation, is_slip: bool| {
+                equation.contact as usize == c && (equation.row > 0) == is_slip
             };
             let pushes = chosen.next_if(|equation| is_of(equation, false)).is_some();
-            let sticks = chosen.next_if(|equation| is_of(equation, true)).is_some();
+            let mut sticks = false;
+            while chosen.next_if(|equation| is_of(equation, true)).is_some() {
+                sticks = true;
+            }
             if !pushes && impulses.normal[c] != 0.0 {
                 rows.push_by(contact.normal, -impulses.normal[c], v);
                 impulses.normal[c] = 0.0;
             }
-            if contact.is_rough && !sticks {
+            if contact.is_rough() && !sticks {
                 let most = impulses.friction[c] * impulses.normal[c].max(0.0);
-                let slip = rows.rate(contact.normal + 1, v) + impulses.slip_rate[c];
-                let next = match pushes {
-                    true => most.copysign(slip),
-                    false => 0.0,
+                let is_fixed = contact.is_conic() && impulses.diagonal(c)[1] == 0.0;
+                let next = match (pushes && !is_fixed, contact.is_conic()) {
+                    (false, _) => [0.0; 2],
+                    (true, false) => {
+                        let slip = rows.rate(contact.normal + 1, v) + impulses.slip_rate[c][0];
+                        [most.copysign(slip), 0.0]
+                    }
+                    (true, true) => cone::bounded(impulses.stopping(rows, c, contact, v), most),
                 };
-                rows.push_by(contact.normal + 1, impulses.tangential[c] - next, v);
-                impulses.tangential[c] = next;
+                impulses.rub_to(rows, c, contact, next, v);
             }
         }
     }
@@ -161,7 +165,7 @@ impl Direct {
     /// Row and sign of an equation: friction acts against its row.
     fn row(&self, island: &Island, equation: Equation) -> usize {
         let normal = island.linear.contacts[equation.contact as usize].normal;
-        normal + usize::from(equation.is_slip)
+        normal + usize::from(equation.row)
     }
 
     /// -(J v + c) of all equations; its size.
@@ -172,9 +176,9 @@ impl Direct {
         rhs.clear();
         for &equation in &self.equations {
             let c = equation.contact as usize;
-            let rate = match equation.is_slip {
-                true => impulses.slip_rate[c],
-                false => impulses.normal_rate[c],
+            let rate = match equation.row {
+                0 => impulses.normal_rate[c],
+                k => impulses.slip_rate[c][usize::from(k) - 1],
             };
             let defect = rows.rate(self.row(island, equation), v) + rate;
             size = size.max(defect.abs());

@@ -68,7 +68,7 @@ impl Energy {
         self.joined.join(active, bodies);
         for contact in &active.contacts {
             let body = bodies.body_of(active.rows.columns(contact.normal)[0] as usize);
-            self.driven[body] |= contact.is_driven || contact.slip != 0.0;
+            self.driven[body] |= contact.is_driven || contact.slip != [0.0; 2];
         }
     }
 

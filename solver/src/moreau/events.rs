@@ -1,7 +1,8 @@
 //! What contacts do from step to step: they strike, close, open, stick and slip.
 
+use super::rows::Pair;
 use super::scene::Free;
-use super::{Stepper, Velocities, rows};
+use super::{Stepper, Velocities, cone, rows};
 use crate::simulate;
 
 /// What a contact does.
@@ -47,7 +48,7 @@ impl Mode {
 pub(super) struct Contacts {
     modes: Vec<Mode>,
     /// Λ and β of the last step in which there were any, and P / h².
-    impulses: Vec<[f64; 2]>,
+    impulses: Vec<(f64, Pair)>,
     shifts: Vec<f64>,
     /// Contacts that are not open, and those of the step before.
     present: Vec<u32>,
@@ -60,7 +61,7 @@ impl Contacts {
     pub fn new(n: usize) -> Self {
         Contacts {
             modes: vec![Mode::Open; n],
-            impulses: vec![[0.0; 2]; n],
+            impulses: vec![Default::default(); n],
             shifts: vec![0.0; n],
             present: Vec::new(),
             before: Vec::new(),
@@ -71,7 +72,7 @@ impl Contacts {
 
     pub fn begin(&mut self) {
         self.modes.fill(Mode::Open);
-        self.impulses.fill([0.0; 2]);
+        self.impulses.fill(Default::default());
         self.shifts.fill(0.0);
         self.present.clear();
         self.count = 0;
@@ -87,10 +88,10 @@ impl Contacts {
     }
 
     /// Λ and β of the step before; zero for a contact that was open.
-    pub fn last(&self, contact: usize) -> [f64; 2] {
+    pub fn last(&self, contact: usize) -> (f64, Pair) {
         match self.modes[contact].is_closed() {
             true => self.impulses[contact],
-            false => [0.0; 2],
+            false => Default::default(),
         }
     }
 
@@ -138,14 +139,13 @@ impl<F: Free> Stepper<F> {
                 continue;
             }
             contacts.present.push(contact.contact);
-            contacts.impulses[at] = [normal, tangential];
+            contacts.impulses[at] = (normal, tangential);
             let bounces = self.impulses.normal_rate[c] < contact.offset;
-            let mode = match (bounces, contact.is_rough) {
+            let rubs = || cone::length(tangential);
+            let mode = match (bounces, contact.is_rough()) {
                 (true, _) => Mode::Struck,
                 (false, false) => Mode::Closed,
-                (false, true) if tangential.abs() < (1.0 - SLIPS) * contact.friction * normal => {
-                    Mode::Stick
-                }
+                (false, true) if rubs() < (1.0 - SLIPS) * contact.friction * normal => Mode::Stick,
                 (false, true) => Mode::Slip,
             };
             let before = std::mem::replace(&mut contacts.modes[at], mode);

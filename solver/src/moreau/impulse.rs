@@ -6,12 +6,17 @@
 //! method*), start from the impulses of the step before. In larger islands, and where sweeps take long, the contacts
 //! that push and those that stick are taken for known, and their equations solved at once (`direct.rs`). What resists both
 //! is a convex program where there is no friction (`convex.rs`), and where it is small, is pivoted (`pivoting.rs`).
+//!
+//! With two entries of the slip velocity, β ∈ μ Λ ∂|J_t v⁺ + s|. A sweep has the law of such a contact as a whole
+//! (`cone.rs`), and Newton's method is there for what resists (`newton.rs`), as there is nothing to pivot.
 
+use super::cone::{self, Cone};
 use super::convex;
 use super::direct::Direct;
 use super::islands::Islands;
+use super::newton::Newton;
 use super::pivoting::{self, Pivoting};
-use super::rows::{Bodies, Contact, Linear};
+use super::rows::{Bodies, Contact, Linear, Pair, Rows};
 
 /// Residual that is accepted where sweeps and equations get no further.
 const ACCEPTED: f64 = 1e-6;
@@ -23,6 +28,8 @@ const MANY: usize = 4;
 const GUESSES: usize = 8;
 /// Guesses that bring nothing, before sweeps go on.
 const MOST_WORSE: usize = 2;
+/// Steps of Newton's method.
+const NEWTON: usize = 24;
 /// The attempts after which islands without friction are solved as programs, and small islands by pivoting.
 const CONVEX: usize = 1;
 const PIVOTING: usize = 3;
@@ -36,6 +43,8 @@ enum By<'b> {
     Program(&'b Bodies),
     /// Complementary pivots.
     Pivoting,
+    /// Newton's method for all laws at once.
+    Newton,
 }
 
 /// Impulses of the contacts of a [`Linear`].
@@ -43,12 +52,12 @@ enum By<'b> {
 pub(super) struct Impulses {
     /// c and s.
     pub normal_rate: Vec<f64>,
-    pub slip_rate: Vec<f64>,
+    pub slip_rate: Vec<Pair>,
     /// μ.
     pub friction: Vec<f64>,
     /// Λ and β.
     pub normal: Vec<f64>,
-    pub tangential: Vec<f64>,
+    pub tangential: Vec<Pair>,
     /// Largest residual, relative to the speeds of its island.
     pub residual: f64,
     /// A rate below this is rounding.
@@ -61,8 +70,12 @@ pub(super) struct Impulses {
     pub sweeps: usize,
     pub factorizations: usize,
     diagonals: Vec<[f64; 2]>,
+    /// Of contacts with two entries, and by contact which of these would be the next.
+    cones: Vec<Cone>,
+    cone_of: Vec<u32>,
     direct: Direct,
     pivoting: Pivoting,
+    newton: Newton,
 }
 
 /// An island of the problem.
@@ -85,22 +98,31 @@ impl Impulses {
     /// Makes room for the contacts, without impulses.
     pub fn begin(&mut self, linear: &Linear) {
         let n = linear.contacts.len();
-        for values in [
-            &mut self.normal_rate,
-            &mut self.slip_rate,
-            &mut self.friction,
-            &mut self.normal,
-            &mut self.tangential,
-        ] {
+        for values in [&mut self.normal_rate, &mut self.friction, &mut self.normal] {
             values.clear();
             values.resize(n, 0.0);
         }
+        for pairs in [&mut self.slip_rate, &mut self.tangential] {
+            pairs.clear();
+            pairs.resize(n, [0.0; 2]);
+        }
         self.diagonals.clear();
-        self.diagonals.extend(linear.contacts.iter().map(|contact| {
-            let slip = contact.is_rough.then_some(contact.normal + 1);
+        self.cones.clear();
+        self.cone_of.clear();
+        for contact in &linear.contacts {
             let diagonal = |row: usize| linear.rows.diagonal(row);
-            [diagonal(contact.normal), slip.map_or(0.0, diagonal)]
-        }));
+            self.cone_of.push(self.cones.len() as u32);
+            let tangential = match contact.slips {
+                0 => 0.0,
+                1 => diagonal(contact.normal + 1),
+                _ => {
+                    let cone = Cone::of(&linear.rows, contact);
+                    self.cones.push(cone);
+                    cone.most()
+                }
+            };
+            self.diagonals.push([diagonal(contact.normal), tangential]);
+        }
         self.residual = 0.0;
     }
 
@@ -137,24 +159,27 @@ impl Impulses {
         for (c, contact) in island.iter() {
             scale = scale.max(-(rows.rate(contact.normal, v) + self.normal_rate[c]));
         }
-        for (c, contact) in island.iter().filter(|(_, contact)| contact.is_rough) {
-            let slip = rows.rate(contact.normal + 1, v) + self.slip_rate[c];
-            scale = scale.max(if scale > 0.0 { slip.abs() } else { 0.0 });
+        for (c, contact) in island.iter().filter(|(_, contact)| contact.is_rough()) {
+            let [x, y] = self.slip(rows, c, contact, v);
+            scale = scale.max(if scale > 0.0 {
+                cone::length([x, y])
+            } else {
+                0.0
+            });
         }
         if scale == 0.0 {
             for &c in island.contacts {
-                (self.normal[c as usize], self.tangential[c as usize]) = (0.0, 0.0);
+                (self.normal[c as usize], self.tangential[c as usize]) = (0.0, [0.0; 2]);
             }
             return 0.0;
         }
         for (c, contact) in island.iter() {
             rows.push_by(contact.normal, self.normal[c], v);
-            if contact.is_rough {
-                rows.push_by(contact.normal + 1, -self.tangential[c], v);
-            }
+            rows.rub(contact, self.tangential[c], v);
         }
         let scale = scale.max(self.rounding / self.tolerance);
         let enough = self.tolerance * scale;
+        let has_cones = island.iter().any(|(_, contact)| contact.is_conic());
         // From step to step the contacts that push are mostly the same.
         let mut residual = f64::INFINITY;
         if island.contacts.len() >= MANY {
@@ -179,14 +204,17 @@ impl Impulses {
                 }
             }
             residual = self.improve(island, v, residual, By::Equations);
-            let is_smooth = || island.iter().all(|(_, contact)| !contact.is_rough);
+            let is_smooth = || island.iter().all(|(_, contact)| !contact.is_rough());
             if residual > enough && attempt == CONVEX && is_smooth() {
                 residual = self.improve(island, v, residual, By::Program(bodies));
                 if residual > enough {
                     residual = self.improve(island, v, residual, By::Equations);
                 }
             }
-            if residual > enough && attempt == PIVOTING {
+            if residual > enough && has_cones {
+                residual = self.improve(island, v, residual, By::Newton);
+            }
+            if residual > enough && attempt == PIVOTING && !has_cones {
                 residual = self.improve(island, v, residual, By::Pivoting);
             }
             if residual <= enough {
@@ -203,21 +231,32 @@ impl Impulses {
         for (c, contact) in island.iter() {
             let [normal, tangential] = self.diagonals[c];
             let rate = rows.rate(contact.normal, v) + self.normal_rate[c];
+            if contact.is_conic() {
+                let slip = self.slip(rows, c, contact, v);
+                let cone = self.cones[self.cone_of[c] as usize];
+                let present = (self.normal[c], self.tangential[c]);
+                let (next, beta) = cone.law(present, (rate, slip), self.friction[c]);
+                rows.push_by(contact.normal, next - self.normal[c], v);
+                self.normal[c] = next;
+                self.rub_to(rows, c, contact, beta, v);
+                continue;
+            }
             let next = (self.normal[c] - rate / normal).max(0.0);
             rows.push_by(contact.normal, next - self.normal[c], v);
             self.normal[c] = next;
-            if contact.is_rough && tangential > 0.0 {
-                let slip = rows.rate(contact.normal + 1, v) + self.slip_rate[c];
+            if contact.is_rough() && tangential > 0.0 {
+                let slip = rows.rate(contact.normal + 1, v) + self.slip_rate[c][0];
                 let most = self.friction[c] * next;
-                let next = (self.tangential[c] + slip / tangential).clamp(-most, most);
-                rows.push_by(contact.normal + 1, self.tangential[c] - next, v);
-                self.tangential[c] = next;
+                let beta = self.tangential[c][0];
+                let next = (beta + slip / tangential).clamp(-most, most);
+                rows.push_by(contact.normal + 1, beta - next, v);
+                self.tangential[c][0] = next;
             }
         }
     }
 
     /// Largest |min(Λ J D, J v + c)|, and the same for friction.
-    fn residual_of(&self, island: &Island, v: &[f64]) -> f64 {
+    pub(super) fn residual_of(&self, island: &Island, v: &[f64]) -> f64 {
         let rows = &island.linear.rows;
         let mut residual = 0.0_f64;
         for (c, contact) in island.iter() {
@@ -227,14 +266,12 @@ impl Impulses {
                 return f64::NAN;
             }
             residual = residual.max(rate.min(self.normal[c] * normal).abs());
-            if contact.is_rough && tangential > 0.0 {
-                let slip = rows.rate(contact.normal + 1, v) + self.slip_rate[c];
-                let (beta, most) = (
-                    self.tangential[c],
-                    self.friction[c] * self.normal[c].max(0.0),
-                );
-                let wanted = (beta + slip / tangential).clamp(-most, most);
-                residual = residual.max((wanted - beta).abs() * tangential);
+            if contact.is_rough() && tangential > 0.0 {
+                let most = self.friction[c] * self.normal[c].max(0.0);
+                let beta = self.tangential[c];
+                let wanted = cone::bounded(self.stopping(rows, c, contact, v), most);
+                let missing = cone::length([wanted[0] - beta[0], wanted[1] - beta[1]]);
+                residual = residual.max(missing * tangential);
             }
         }
         residual
@@ -245,16 +282,19 @@ impl Impulses {
     fn improve(&mut self, island: &Island, v: &mut [f64], before: f64, by: By) -> f64 {
         let mut direct = std::mem::take(&mut self.direct);
         let mut pivoting = std::mem::take(&mut self.pivoting);
+        let mut newton = std::mem::take(&mut self.newton);
         direct.save(island, self, v);
         let (mut best, mut worse) = (before, 0);
         let guesses = match by {
             By::Equations => GUESSES,
+            By::Newton => NEWTON,
             By::Program(_) | By::Pivoting => 1,
         };
         for _ in 0..guesses {
             self.factorizations += 1;
             let solved = match by {
                 By::Equations => direct.solve(island, self, v),
+                By::Newton => newton.solve(island, self, v),
                 By::Program(bodies) => convex::solve(island, bodies, self, v),
                 By::Pivoting => pivoting::solve(&mut pivoting, island, self, v),
             };
@@ -268,17 +308,44 @@ impl Impulses {
             } else {
                 worse += 1;
             }
-            if direct.is_settled() || worse == MOST_WORSE {
+            let is_settled = matches!(by, By::Equations) && direct.is_settled();
+            if is_settled || worse == MOST_WORSE {
                 break;
             }
         }
         direct.restore(island, self, v);
-        (self.direct, self.pivoting) = (direct, pivoting);
+        (self.direct, self.pivoting, self.newton) = (direct, pivoting, newton);
         best
     }
 
-    /// The diagonal J D of a normal and of a slip velocity.
+    /// The diagonal J D of a normal and of a slip velocity; of two entries the largest in any direction.
     pub(super) fn diagonal(&self, c: usize) -> [f64; 2] {
         self.diagonals[c]
+    }
+
+    /// J_t v + s
+    pub(super) fn slip(&self, rows: &Rows, c: usize, contact: &Contact, v: &[f64]) -> Pair {
+        let ([x, y], [a, b]) = (rows.slip(contact, v), self.slip_rate[c]);
+        [x + a, y + b]
+    }
+
+    /// The friction that would stop a contact, if its diagonal were all that acts.
+    pub(super) fn stopping(&self, rows: &Rows, c: usize, contact: &Contact, v: &[f64]) -> Pair {
+        let [x, y] = self.slip(rows, c, contact, v);
+        let ([a, b], tangential) = (self.tangential[c], self.diagonals[c][1]);
+        [a + x / tangential, b + y / tangential]
+    }
+
+    /// Changes the friction of a contact.
+    pub(super) fn rub_to(
+        &mut self,
+        rows: &Rows,
+        c: usize,
+        contact: &Contact,
+        next: Pair,
+        v: &mut [f64],
+    ) {
+        let beta = std::mem::replace(&mut self.tangential[c], next);
+        rows.rub(contact, [next[0] - beta[0], next[1] - beta[1]], v);
     }
 }

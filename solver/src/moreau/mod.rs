@@ -6,7 +6,7 @@
 //! 2. Contacts with gap(q̂) ≤ 0 are *active*, and so are those that pushed in the last step and have not opened in it
 //!    by more than the free motion could close: a body between two others rests on both, not on one after the other.
 //!    Their impulses act at the end of the step (Moreau 1988; Jean 1999),
-//!    v⁺ = v̂ + M⁻¹(J_nΛ - J_tβ),   0 ≤ Λ ⟂ J_nᵀv⁺ + e min(J_nᵀv, 0) ≥ 0,   β ∈ μΛ sign(J_tᵀv⁺)   (`impulse.rs`).
+//!    v⁺ = v̂ + M⁻¹(J_nΛ - J_tβ),   0 ≤ Λ ⟂ J_nᵀv⁺ + e min(J_nᵀv, 0) ≥ 0,   β ∈ μΛ ∂|J_tᵀv⁺|   (`impulse.rs`).
 //!    The rebound is that of the speed at which the step began: what v̂ has gained since then was gained below the
 //!    surface.
 //! 3. q̂ + h/2 M⁻¹(J_nΛ - J_tβ), the positions of the θ-method, are projected onto gap ≥ 0 in the metric of M
@@ -20,6 +20,7 @@
 //!
 //! The order is one; bounces that accumulate end in a contact that stays closed.
 
+mod cone;
 mod convex;
 mod direct;
 mod energy;
@@ -27,6 +28,7 @@ mod events;
 mod free;
 mod impulse;
 mod islands;
+mod newton;
 mod pairs;
 mod pivoting;
 mod project;

@@ -77,7 +77,7 @@ impl Pairs {
                     let (low, high) = range.unwrap_or((value, value));
                     *range = Some((low.min(value), high.max(value)));
                 } else if !family.positions.contains(&input)
-                    && !family.slips.contains(&input)
+                    && !family.slips.iter().flatten().any(|slip| *slip == input)
                     && places[input] != first[input]
                 {
                     return None;

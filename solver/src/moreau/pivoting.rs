@@ -23,7 +23,8 @@ pub(super) struct Pivoting {
     rough: Vec<usize>,
 }
 
-/// Sets impulses and velocities to a solution; false where there is none, or too many unknowns.
+/// Sets impulses and velocities to a solution; false where there is none, too many unknowns, or friction in two
+/// directions.
 pub(super) fn solve(
     memory: &mut Pivoting,
     island: &Island,
@@ -46,21 +47,18 @@ pub(super) fn solve(
     rough.clear();
     rough.extend((0..n).filter(|&i| {
         let (c, contact) = contact(i);
-        contact.is_rough && impulses.diagonal(c)[1] > 0.0
+        contact.is_rough() && impulses.diagonal(c)[1] > 0.0
     }));
     let m = rough.len();
     let size = n + 3 * m;
-    if size > MOST {
+    if size > MOST || island.iter().any(|(_, contact)| contact.is_conic()) {
         return false;
     }
     // Without any impulses.
     for (c, contact) in island.iter() {
         rows.push_by(contact.normal, -impulses.normal[c], v);
         impulses.normal[c] = 0.0;
-        if contact.is_rough {
-            rows.push_by(contact.normal + 1, impulses.tangential[c], v);
-            impulses.tangential[c] = 0.0;
-        }
+        impulses.rub_to(rows, c, contact, [0.0; 2], v);
     }
     for (memory, size) in [(&mut *matrix, size * size), (&mut *q, size)] {
         memory.clear();
@@ -83,7 +81,7 @@ pub(super) fn solve(
     }
     for (r, &i) in rough.iter().enumerate() {
         let (c, contact) = contact(i);
-        let slip = rows.rate(contact.normal + 1, v) + impulses.slip_rate[c];
+        let slip = rows.rate(contact.normal + 1, v) + impulses.slip_rate[c][0];
         let (plus, minus, last) = (n + r, n + m + r, n + 2 * m + r);
         (q[plus], q[minus]) = (-slip, slip);
         for (k, (_, other)) in island.iter().enumerate() {
@@ -118,8 +116,8 @@ pub(super) fn solve(
     }
     for (r, &i) in rough.iter().enumerate() {
         let (c, contact) = contact(i);
-        impulses.tangential[c] = scale * unit(impulses, i) * (z[n + r] - z[n + m + r]);
-        rows.push_by(contact.normal + 1, -impulses.tangential[c], v);
+        let beta = scale * unit(impulses, i) * (z[n + r] - z[n + m + r]);
+        impulses.rub_to(rows, c, contact, [beta, 0.0], v);
     }
     true
 }

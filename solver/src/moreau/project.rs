@@ -60,7 +60,7 @@ impl<F: Free> Stepper<F> {
             (shifts.attempts, shifts.tolerance) = (ATTEMPTS, SOLVED);
             shifts.rounding = 0.1 * DEPTH * size;
             for (c, contact) in self.projected.contacts.iter_mut().enumerate() {
-                contact.is_rough = false;
+                contact.slips = 0;
                 shifts.normal_rate[c] = contact.gap;
                 if round == 0 && contact.gap < 0.0 {
                     let last = self.contacts.last_shift(contact.contact as usize);

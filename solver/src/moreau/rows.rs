@@ -270,6 +270,22 @@ impl Rows {
         }
     }
 
+    /// J_t v of a contact.
+    pub fn slip(&self, contact: &Contact, v: &[f64]) -> Pair {
+        let mut slip = [0.0; 2];
+        for (slip, row) in slip.iter_mut().zip(contact.slip_rows()) {
+            *slip = self.rate(row, v);
+        }
+        slip
+    }
+
+    /// v -= D_t β
+    pub fn rub(&self, contact: &Contact, beta: Pair, v: &mut [f64]) {
+        for (row, beta) in contact.slip_rows().zip(beta) {
+            self.push_by(row, -beta, v);
+        }
+    }
+
     /// J_a D_b
     pub fn coupling(&self, a: usize, b: usize) -> f64 {
         let (of_a, of_b) = (self.range(a), self.range(b));
@@ -311,11 +327,32 @@ pub(super) struct Contact {
     pub is_driven: bool,
     pub restitution: f64,
     pub friction: f64,
-    /// Its row of the normal; that of the slip velocity is the next.
+    /// Its row of the normal; those of the slip velocity are next.
     pub normal: usize,
-    pub is_rough: bool,
+    /// Entries of the slip velocity; none without friction.
+    pub slips: usize,
     /// Slip velocity where all velocities are zero.
-    pub slip: f64,
+    pub slip: Pair,
+}
+
+/// Up to two numbers, of the entries of a slip velocity; zero where there are less.
+pub(super) type Pair = [f64; 2];
+
+impl Contact {
+    /// Whether there is friction.
+    pub fn is_rough(&self) -> bool {
+        self.slips > 0
+    }
+
+    /// Whether friction has two directions.
+    pub fn is_conic(&self) -> bool {
+        self.slips > 1
+    }
+
+    /// The rows of the slip velocity.
+    pub fn slip_rows(&self) -> std::ops::Range<usize> {
+        self.normal + 1..self.normal + 1 + self.slips
+    }
 }
 
 /// Contacts with their rows.
@@ -355,12 +392,18 @@ impl Linear {
             let output = |k: usize| self.outputs[k * n + p];
             let places = family.inputs_of(member as usize);
             self.entries.clear();
+            let n_slips = family.slips.len();
+            let first = HEAD + n_slips;
             let mut offset = output(1);
             for (k, &input) in family.positions.iter().enumerate() {
-                let (state, slope) = (places[input] as usize - 1, output(HEAD + k));
+                let (state, slope) = (places[input] as usize - 1, output(first + k));
                 offset += slope * bodies.drift[state];
                 self.entries
                     .extend(bodies.moves(state).map(|(v, k)| (v, k * slope)));
+            }
+            let mut slip = [0.0; 2];
+            for (k, slip) in slip.iter_mut().take(n_slips).enumerate() {
+                *slip = output(HEAD + k);
             }
             let contact = Contact {
                 contact: family.contacts[member as usize],
@@ -370,16 +413,17 @@ impl Linear {
                 restitution: output(2),
                 friction: output(3),
                 normal: self.rows.len(),
-                is_rough: family.is_rough,
-                slip: output(4),
+                slips: n_slips,
+                slip,
             };
             self.rows.push(bodies, &self.entries, &mut self.touched);
-            if family.is_rough {
+            let mut slope = first + family.positions.len();
+            for inputs in &family.slips {
                 self.entries.clear();
-                let first = HEAD + family.positions.len();
-                for (k, &input) in family.slips.iter().enumerate() {
+                for &input in inputs {
                     let velocity = bodies.velocity_of(places[input] as usize - 1);
-                    self.entries.push((velocity, output(first + k)));
+                    self.entries.push((velocity, output(slope)));
+                    slope += 1;
                 }
                 self.rows.push(bodies, &self.entries, &mut self.touched);
             }

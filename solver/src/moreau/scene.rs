@@ -33,23 +33,22 @@ pub struct Body {
 pub struct Family {
     /// To the gap.
     pub gap: Tape,
-    /// To the gap, its slope by time, the restitution, the friction, the slip velocity where all velocities are zero;
-    /// then the slopes of the gap by the inputs `positions`, and those of the slip velocity by the inputs `slips`.
+    /// To the gap, its slope by time, the restitution, the friction, every entry of the slip velocity where all
+    /// velocities are zero; then the slopes of the gap by the inputs `positions`, and those of each entry of the slip
+    /// velocity by its inputs in `slips`.
     pub row: Tape,
     /// Inputs that are states other than velocities.
     pub positions: Vec<usize>,
-    /// Inputs that are velocities; none without friction.
-    pub slips: Vec<usize>,
-    /// Whether there is friction.
-    pub is_rough: bool,
+    /// Inputs that are velocities, by entry of the slip velocity: none without friction, one in the plane, two in space.
+    pub slips: Vec<Vec<usize>>,
     /// The places of the inputs of every contact, one contact after the other.
     pub inputs: Vec<u32>,
     /// The contacts.
     pub contacts: Vec<u32>,
 }
 
-/// Outputs of [`Family::row`] before its slopes.
-pub(super) const HEAD: usize = 5;
+/// Outputs of [`Family::row`] before those of the slip velocity.
+pub(super) const HEAD: usize = 4;
 
 impl Family {
     /// Inputs of one contact.

@@ -100,7 +100,7 @@ impl<F: Free> Stepper<F> {
             impulses.friction[c] = contact.friction;
             impulses.slip_rate[c] = contact.slip;
             let known = self.contacts.last(contact.contact as usize);
-            (impulses.normal[c], impulses.tangential[c]) = (known[0], known[1]);
+            (impulses.normal[c], impulses.tangential[c]) = known;
         }
         any
     }
@@ -114,12 +114,10 @@ impl<F: Free> Stepper<F> {
             let rate = |v: &[f64]| rows.rate(contact.normal, v) + contact.offset;
             let before = rate(&velocities.before);
             let change = (rate(&velocities.free) - before).abs();
-            if contact.is_rough && before.abs() <= STAYS * change {
+            if contact.is_rough() && before.abs() <= STAYS * change {
                 rows.push_by(contact.normal, impulses.normal[c], &mut self.shift);
             }
-            if contact.is_rough {
-                rows.push_by(contact.normal + 1, -impulses.tangential[c], &mut self.shift);
-            }
+            rows.rub(contact, impulses.tangential[c], &mut self.shift);
         }
         self.bodies.displace(0.5 * h, &self.shift, y);
         self.energy

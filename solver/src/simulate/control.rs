@@ -289,12 +289,10 @@ impl Mode {
         for (f, (rate, scale)) in self.field.wide.iter().zip(rates) {
             let differences = (*rate - *f).abs() * f64x4::splat(tau / scale);
             for relative in differences.to_array() {
-                // NaN must not be lost to `max`.
-                defect.rate = if defect.rate >= relative {
-                    defect.rate
-                } else {
-                    relative
-                };
+                // NaN must not be lost, as it is to `max`.
+                if !(defect.rate.is_nan() || defect.rate >= relative) {
+                    defect.rate = relative;
+                }
             }
         }
         if !self.sliding.is_empty() || !self.watched.is_empty() {

@@ -19,6 +19,9 @@ use super::{Side, Simulator, SwitchedSystem};
 /// Of the way to w = 0, what a step leaves.
 const LEFT: f64 = 1.0 / 64.0;
 
+/// A speed of so many bands is none: how it turns on the way to zero does not matter any more.
+const STOPS: f64 = 100.0;
+
 /// Speed from rest, as a share of the band below which it is none.
 const DEPARTS: f64 = 0.1;
 
@@ -135,6 +138,27 @@ impl Mode {
         self.discs[switch].as_ref().map(|disc| &disc.series[..])
     }
 
+    /// Whether some contact slips with two entries.
+    pub(super) fn slips_in_a_plane(&self) -> bool {
+        let mut discs = (0..self.discs.len()).filter(|&i| self.discs[i].is_some());
+        discs.any(|i| self.sides[i] != Side::Slide && !self.is_idle(i, &self.sides))
+    }
+
+    /// Cuts all series before their first term that is no number: close to w = 0 terms grow with their order until they
+    /// overflow. What is cut off too early shows in the defect of a step.
+    pub(super) fn cut_overflow(&mut self) {
+        let starts = (0..self.n)
+            .flat_map(|i| [self.memory.state(i), self.field.rows[i]])
+            .chain(self.sliding.iter().map(|&i| self.memory.alpha(i)));
+        let starts: Vec<usize> = starts.collect();
+        let rows = &mut self.memory.rows;
+        let is_finite = |k: &usize| starts.iter().all(|start| rows[start + k].is_finite());
+        let end = (0..=self.order).find(|k| !is_finite(k));
+        for start in starts.iter().filter(|_| end.is_some()) {
+            rows[start + end.unwrap_or(0)..=start + self.order].fill(0.0);
+        }
+    }
+
     /// Whether two entries with these α stick in their disc, or slip in their direction.
     pub(super) fn stays_in_disc(
         &self,
@@ -157,7 +181,7 @@ impl Mode {
     pub(super) fn stops_short(&self, state: &State, switch: usize, tau: f64) -> Option<f64> {
         let speed = self.series_along(switch)?[0];
         let length = tau * (1.0 - LEFT);
-        let far = speed > state.band[switch] && state.t + (length + state.t_low) > state.t;
+        let far = speed > STOPS * state.band[switch] && state.t + (length + state.t_low) > state.t;
         far.then_some(length)
     }
 }

@@ -394,6 +394,9 @@ impl Mode {
             self.raise_states(self.order);
             self.solve_order(self.order);
         }
+        if self.slips_in_a_plane() {
+            self.cut_overflow();
+        }
         Ok(())
     }
 

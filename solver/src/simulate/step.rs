@@ -170,6 +170,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             mode.note_approaches(dense, state, length, met, closeness);
             dense.states_at(length, &mut state.next);
             std::mem::swap(&mut state.x, &mut state.next);
+            if !state.x.iter().all(|x| x.is_finite()) {
+                return Err(Status::NotFinite);
+            }
             dense.alphas_at(length, &mut state.alpha);
             let reaches_end = length >= remaining;
             let is_cut = reaches_end || ends.is_some() || !triggers.is_empty();

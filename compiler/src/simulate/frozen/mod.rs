@@ -218,7 +218,7 @@ impl<'e> Road<'e> {
             }
             Some(End::Closed) => Some(stops("a contact stays closed".to_owned())),
             Some(End::Unlawful) => {
-                let what = "contacts act at once, which one after the other is another impact";
+                let what = "forces act at once, which one after the other are another impact";
                 Some(stops(what.to_owned()))
             }
             Some(End::Locked(contact)) => Some(Failure::Painleve {

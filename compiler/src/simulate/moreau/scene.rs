@@ -88,14 +88,15 @@ pub(super) fn scene<'e>(system: &System<'e>, inputs: &Inputs<'e>) -> Scene {
     }
 }
 
-/// Gap, restitution, and friction and slip velocity of every contact.
+/// Gap, restitution, and friction and the entries of the slip velocity of every contact.
 fn groups<'e>(system: &System<'e>, inputs: &Inputs<'e>) -> Vec<Vec<Expr<'e>>> {
     let all: Vec<Expr<'e>> = (system.impulsive.iter())
         .flat_map(|contact| contact.exprs())
         .collect();
     let mut all = inputs.numbers.apply(&all).into_iter();
     let group = |contact: &crate::system::Impulsive<'e>| {
-        let n = if contact.friction.is_some() { 4 } else { 2 };
+        let slips = contact.friction.as_ref().map(|(_, slips)| slips.len());
+        let n = 2 + slips.map_or(0, |slips| 1 + slips);
         all.by_ref().take(n).collect()
     };
     system.impulsive.iter().map(group).collect()
@@ -139,8 +140,8 @@ fn places_of(copy: &Copy, places: &Places, numbers: &mut Numbers, found: &mut Ve
 fn family<'e>(form: &Form<'e>, places: &Places, time: Var, zero: Expr<'e>) -> Family {
     let inputs: Vec<Var> = form.vars.iter().chain(&form.holes).copied().collect();
     let (gap, restitution) = (form.functions[0], form.functions[1]);
-    let rough = form.functions.get(2..4);
-    let (friction, slip) = rough.map_or((zero, zero), |f| (f[0], f[1]));
+    let friction = form.functions.get(2).copied().unwrap_or(zero);
+    let slips = form.functions.get(3..).unwrap_or_default();
     let is_state = |var: Var| matches!(places.inputs.get(&var), Some(Input::State(_)));
     let slopes = |of: Expr<'e>, velocities: bool| -> Vec<(usize, Expr<'e>)> {
         let states = inputs.iter().enumerate();
@@ -151,23 +152,21 @@ fn family<'e>(form: &Form<'e>, places: &Places, time: Var, zero: Expr<'e>) -> Fa
             .filter(|(_, slope)| !slope.is_zero())
             .collect()
     };
-    let (by_position, by_velocity) = (slopes(gap, false), slopes(slip, true));
+    let by_position = slopes(gap, false);
+    let by_velocity: Vec<_> = slips.iter().map(|&slip| slopes(slip, true)).collect();
     let velocities = inputs.iter().filter(|var| places.is_velocity(**var));
     let at_rest: Substitution<'e> = velocities.map(|&var| (var, zero)).collect();
-    let mut outputs = vec![
-        gap,
-        gap.diff(time),
-        restitution,
-        friction,
-        slip.substitute(&at_rest),
-    ];
-    outputs.extend(by_position.iter().chain(&by_velocity).map(|slope| slope.1));
+    let mut outputs = vec![gap, gap.diff(time), restitution, friction];
+    outputs.extend(slips.iter().map(|slip| slip.substitute(&at_rest)));
+    let by_all = by_position.iter().chain(by_velocity.iter().flatten());
+    outputs.extend(by_all.map(|slope| slope.1));
     Family {
         gap: tape(&inputs, &[gap]),
         row: tape(&inputs, &outputs),
         positions: by_position.iter().map(|slope| slope.0).collect(),
-        slips: by_velocity.iter().map(|slope| slope.0).collect(),
-        is_rough: rough.is_some(),
+        slips: (by_velocity.iter())
+            .map(|slopes| slopes.iter().map(|slope| slope.0).collect())
+            .collect(),
         inputs: Vec::new(),
         contacts: Vec::new(),
     }

@@ -15,7 +15,8 @@
 //! damper has exponentials.) Only q stands still, so that J_n does, and it holds for any geometry.
 //!
 //! Friction adds v' = -μ a M⁻¹J_t/(J_nᵀM⁻¹J_n) sign(J_tᵀv) as long as ψ < 0, which slides on J_tᵀv = 0 once that is
-//! reached: Coulomb's law for the impulses, where J_nᵀM⁻¹J_t = 0.
+//! reached: Coulomb's law for the impulses, where J_nᵀM⁻¹J_t = 0. In two directions it has w/|w|, w = J_tᵀv, and is so
+//! where J_tᵀM⁻¹J_t is a multiple of the identity, or w has an axis of it: else w turns while the contact acts.
 //!
 //! r has a kink where gap' and p are zero; (r⁴ + δ⁴)^¼ takes its place, with δ below all speeds that matter.
 //!
@@ -61,10 +62,12 @@ pub(super) fn bounce<'e>(
         forces[state] = forces[state] + (1.0 - apart) * (push / contact.gain) * a;
     }
     if let Some(friction) = &contact.friction {
-        let sign = 2.0 * system.switches[friction.switch].alpha - 1.0;
         let strength = friction.coefficient * a / contact.gain;
-        for &(state, push) in &friction.tangent {
-            forces[state] = forces[state] - (1.0 - apart) * strength * push * sign;
+        for slip in &friction.slips {
+            let sign = 2.0 * system.switches[slip.switch].alpha - 1.0;
+            for &(state, push) in &slip.tangent {
+                forces[state] = forces[state] - (1.0 - apart) * strength * push * sign;
+            }
         }
     }
     let square = (1.0 + e).powi(2) * contact.speed.powi(2) - (4.0 * e * (1.0 + e) * a) * p;

@@ -1,10 +1,13 @@
 //! What cannot be frozen.
 
-use super::contact::{Contact, refused};
+use super::contact::{Contact, Slip, refused};
 use super::{Meeting, alpha, numbers, slope};
 use crate::expr::{Expr, Var, variables_of};
 use crate::system::affine::at;
 use crate::system::{Role, System, SystemError};
+
+/// Entries of a mass below this share of others are rounding.
+const ROUNDING: f64 = 1e-12;
 
 /// Refuses what auxiliary dynamics would change.
 pub(super) fn check(system: &System<'_>) -> Result<(), SystemError> {
@@ -66,8 +69,30 @@ pub(super) fn check(system: &System<'_>) -> Result<(), SystemError> {
     Ok(())
 }
 
+/// Whether friction in two directions may turn a slip velocity while it slows it down: J_tᵀM⁻¹J_t is no multiple of the
+/// identity.
+fn turns(system: &System<'_>, contact: &Contact<'_>) -> bool {
+    let [first, second] = contact.slips() else {
+        return false;
+    };
+    let numbers = numbers(system);
+    let entry = |row: &Slip<'_>, column: &Slip<'_>| {
+        let terms = column.tangent.iter();
+        let terms = terms.map(|&(state, push)| slope(system, row.velocity, state) * push);
+        let entry = system.exprs.sum(terms).substitute(&numbers).as_constant();
+        entry.unwrap_or(f64::NAN)
+    };
+    let (x, y, mixed) = (
+        entry(first, first),
+        entry(second, second),
+        entry(first, second),
+    );
+    let is_even = (x - y).hypot(mixed) <= ROUNDING * x;
+    !is_even
+}
+
 /// What a run has to look at: contacts may be closed at once and act on each other, or friction acts on the gap of its
-/// contact. One force after the other is then the law of the impact in some cases, and not in all. In an optimization
+/// contact, or turns its slip. One force after the other is then the law of the impact in some cases, and not in all. In an optimization
 /// contacts that act on each other are refused.
 pub(super) fn together<'e>(
     system: &System<'e>,
@@ -79,18 +104,18 @@ pub(super) fn together<'e>(
         let effects = terms.map(|(state, push)| slope(system, on.speed, state) * push);
         system.exprs.sum(effects).substitute(&numbers)
     };
-    let tangent = |by: &Contact<'e>| {
-        let friction = by.friction.as_ref();
-        friction.map_or_else(Vec::new, |friction| friction.tangent.clone())
+    let tangents = |by: &Contact<'e>| {
+        let tangents = by.slips().iter().map(|slip| slip.tangent.clone());
+        tangents.collect::<Vec<_>>()
     };
-    let acts = |by: &Contact<'e>, on: &Contact<'e>| {
-        !effect(on, &by.normal).is_zero() || !effect(on, &tangent(by)).is_zero()
+    let rubs = |by: &Contact<'e>, on: &Contact<'e>| {
+        let mut effects = tangents(by).into_iter().map(|tangent| effect(on, &tangent));
+        effects.any(|effect| !effect.is_zero())
     };
+    let acts =
+        |by: &Contact<'e>, on: &Contact<'e>| !effect(on, &by.normal).is_zero() || rubs(by, on);
     let mut meeting = Meeting {
-        is_open: contacts.iter().any(|contact| {
-            let pushes = effect(contact, &tangent(contact));
-            !pushes.is_zero()
-        }),
+        is_open: (contacts.iter()).any(|contact| rubs(contact, contact) || turns(system, contact)),
         rough: Vec::new(),
     };
     for (j, second) in contacts.iter().enumerate() {

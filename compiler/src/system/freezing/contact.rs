@@ -4,7 +4,7 @@ use super::{alpha, numbers, slope};
 use crate::expr::Expr;
 use crate::source::Span;
 use crate::system::affine::at;
-use crate::system::{System, SystemError};
+use crate::system::{self, System, SystemError};
 
 /// A restitution below this is none.
 const ROUNDING: f64 = 1e-9;
@@ -32,9 +32,16 @@ pub(super) struct Contact<'e> {
 pub(super) struct Friction<'e> {
     /// μ
     pub coefficient: Expr<'e>,
+    /// The entries of the slip velocity.
+    pub slips: Vec<Slip<'e>>,
+}
+
+/// One entry of a slip velocity.
+pub(super) struct Slip<'e> {
+    pub velocity: Expr<'e>,
     /// M⁻¹J_t, by state.
     pub tangent: Vec<(usize, Expr<'e>)>,
-    /// The switch of the slip velocity.
+    /// Its switch.
     pub switch: usize,
 }
 
@@ -42,6 +49,13 @@ impl<'e> Contact<'e> {
     /// Whether bodies stay where they meet.
     pub fn is_inelastic(&self) -> bool {
         self.restitution <= ROUNDING
+    }
+
+    /// The entries of its slip velocity, none where it is smooth.
+    pub fn slips(&self) -> &[Slip<'e>] {
+        self.friction
+            .as_ref()
+            .map_or(&[], |friction| &friction.slips)
     }
 }
 
@@ -65,12 +79,7 @@ pub(super) fn contacts<'e>(system: &System<'e>) -> Result<Vec<Contact<'e>>, Syst
         contact.restitution = restitution(system, &contact, given.restitution)?;
         contact.friction = given.friction.as_ref().map(|friction| Friction {
             coefficient: friction.coefficient,
-            tangent: friction.slips[0]
-                .tangent
-                .iter()
-                .map(|d| (d.state, d.push))
-                .collect(),
-            switch: friction.slips[0].switch,
+            slips: friction.slips.iter().map(slip).collect(),
         });
         if !contact.is_inelastic() && friction_pushes(system, &contact) {
             let name = &given.name;
@@ -83,16 +92,23 @@ pub(super) fn contacts<'e>(system: &System<'e>) -> Result<Vec<Contact<'e>>, Syst
     Ok(found)
 }
 
+fn slip<'e>(slip: &system::Slip<'e>) -> Slip<'e> {
+    Slip {
+        velocity: slip.velocity,
+        tangent: slip.tangent.iter().map(|d| (d.state, d.push)).collect(),
+        switch: slip.switch,
+    }
+}
+
 /// Whether J_nᵀM⁻¹J_t is not zero: then how fast a gap opens depends on friction, all of which the law of the impact
 /// takes at the end of it.
 fn friction_pushes(system: &System<'_>, contact: &Contact<'_>) -> bool {
-    let tangent = contact
-        .friction
-        .iter()
-        .flat_map(|friction| &friction.tangent);
-    let effects = tangent.map(|&(state, push)| slope(system, contact.speed, state) * push);
-    let effect = system.exprs.sum(effects).substitute(&numbers(system));
-    !effect.is_zero()
+    contact.slips().iter().any(|slip| {
+        let effects = slip.tangent.iter();
+        let effects = effects.map(|&(state, push)| slope(system, contact.speed, state) * push);
+        let effect = system.exprs.sum(effects).substitute(&numbers(system));
+        !effect.is_zero()
+    })
 }
 
 pub(super) fn refused(what: String, span: Span) -> SystemError {

@@ -123,10 +123,13 @@ pub fn freeze<'e>(system: &System<'e>, pace: f64) -> Result<Frozen<'e>, SystemEr
             frozen.places[k] = Some(switches.len());
             switches.push(Switch {
                 slip_of: None,
-                across: None,
                 ..switch.clone()
             });
         }
+    }
+    for switch in &mut switches {
+        let other = switch.across.and_then(|other| frozen.places[other]);
+        switch.across = other;
     }
     let mut added: Vec<State<'e>> = Vec::new();
     let mut partitions = system.partitions.clone();

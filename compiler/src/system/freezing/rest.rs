@@ -10,9 +10,12 @@
 //! physical time; there the clock is slower than numerical time, t' = a G/(a G - φ) for a free acceleration φ < 0.
 //! It needs J_nᵀM⁻¹(J_n ∓ μ J_t) > 0 (Painlevé).
 //!
+//! A slip velocity with two entries has an α_t and a J_t for each, whose 2α_t - 1 are a point of the unit disc: the
+//! impulse is in Coulomb's cone, and J_nᵀM⁻¹J_n > μ |J_nᵀM⁻¹J_t| is needed.
+//!
 //! Nurkanović, Albrecht, Brogliato & Diehl 2023.
 
-use super::contact::Contact;
+use super::contact::{Contact, Friction, Slip};
 use super::slope;
 use super::start::Start;
 use crate::expr::Expr;
@@ -27,7 +30,7 @@ pub(super) struct Rest<'e> {
     pub switches: [Switch<'e>; 2],
     /// a
     pub strength: f64,
-    /// J_nᵀM⁻¹(J_n ∓ μ J_t)
+    /// J_nᵀM⁻¹(J_n ∓ μ J_t), or of two directions J_nᵀM⁻¹J_n - μ |J_nᵀM⁻¹J_t|.
     pub cone: Vec<Expr<'e>>,
 }
 
@@ -52,15 +55,14 @@ pub(super) fn rest<'e>(
     }
     let mut cone = vec![contact.gain];
     if let Some(friction) = &contact.friction {
-        let sign = 2.0 * system.switches[friction.switch].alpha - 1.0;
-        for &(state, push) in &friction.tangent {
-            let drag = strength * friction.coefficient * push * sign;
-            forces[state] = forces[state] - (1.0 - free) * drag;
+        for slip in &friction.slips {
+            let sign = 2.0 * system.switches[slip.switch].alpha - 1.0;
+            for &(state, push) in &slip.tangent {
+                let drag = strength * friction.coefficient * push * sign;
+                forces[state] = forces[state] - (1.0 - free) * drag;
+            }
         }
-        let terms = friction.tangent.iter();
-        let across = terms.map(|&(state, push)| slope(system, contact.speed, state) * push);
-        let across = friction.coefficient * exprs.sum(across);
-        cone = vec![contact.gain - across, contact.gain + across];
+        cone = edge(system, contact, friction);
     }
     let switch = |name: String, alpha: Expr<'e>, psi: Expr<'e>| Switch {
         name,
@@ -77,6 +79,26 @@ pub(super) fn rest<'e>(
         ],
         strength,
         cone,
+    }
+}
+
+/// J_nᵀM⁻¹(J_n - μ J_t u) where it is least: of one direction for both signs, of two for the u against which it falls.
+fn edge<'e>(system: &System<'e>, contact: &Contact<'e>, friction: &Friction<'e>) -> Vec<Expr<'e>> {
+    let along = |slip: &Slip<'e>| {
+        let terms = slip.tangent.iter();
+        let terms = terms.map(|&(state, push)| slope(system, contact.speed, state) * push);
+        system.exprs.sum(terms)
+    };
+    let mu = friction.coefficient;
+    match &friction.slips[..] {
+        [slip] => {
+            let across = mu * along(slip);
+            vec![contact.gain - across, contact.gain + across]
+        }
+        slips => {
+            let squares = slips.iter().map(|slip| along(slip).powi(2));
+            vec![contact.gain - mu * system.exprs.sum(squares).sqrt()]
+        }
     }
 }
 
