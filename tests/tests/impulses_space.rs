@@ -79,11 +79,11 @@ fn a_ball_strikes_slides_and_stops() {
         };
         let found = ball.run(2.0, GRID);
         close(
-            end(&found, "q"),
+            &end(&found, "q"),
             &[path * 2.0 / speed, path / speed, 0.0],
             1e-12,
         );
-        close(end(&found, "v"), &[0.0; 3], 1e-12);
+        close(&end(&found, "v"), &[0.0; 3], 1e-12);
         close(&times(&found, EventKind::Jump), &[fall], 1e-12);
         close(
             &times(&found, EventKind::Stick),
@@ -110,8 +110,8 @@ fn bends(k: f64, method: &str, [of_place, of_time]: [f64; 2]) {
             turned,
         };
         let found = block.run(1.5, method);
-        close(end(&found, "q"), &[x, y, 0.0], of_place);
-        close(end(&found, "v"), &[0.0; 3], 1e-12);
+        close(&end(&found, "q"), &[x, y, 0.0], of_place);
+        close(&end(&found, "v"), &[0.0; 3], 1e-12);
         let stops = c * k / (f * (k * k - 1.0));
         close(&times(&found, EventKind::Stick), &[stops], of_time);
     }
@@ -148,10 +148,10 @@ fn tilted(friction: f64, turned: f64) -> Body {
 fn a_block_sticks_below_the_angle_of_friction() {
     for turned in TURNS {
         let found = tilted(0.4, turned).run(1.5, GRID);
-        close(end(&found, "q"), &[0.0; 3], 1e-12);
-        close(end(&found, "v"), &[0.0; 3], 1e-12);
+        close(&end(&found, "q"), &[0.0; 3], 1e-12);
+        close(&end(&found, "v"), &[0.0; 3], 1e-12);
         assert_eq!(found.modes.len(), 1);
-        assert_eq!(found.modes[0].label, "stick(floor)");
+        assert_eq!(found.modes[0].mode, "stick(floor)");
     }
 }
 
@@ -165,11 +165,11 @@ fn a_block_slides_down_from_rest_above_it() {
         let found = tilted(mu, turned).run(t, GRID);
         let [x, y] = [3.0, 1.0].map(|share| rate * share);
         close(
-            end(&found, "q"),
+            &end(&found, "q"),
             &[x * t * t / 2.0, y * t * t / 2.0, 0.0],
             1e-12,
         );
-        close(end(&found, "v"), &[x * t, y * t, 0.0], 1e-12);
+        close(&end(&found, "v"), &[x * t, y * t, 0.0], 1e-12);
     }
 }
 
