@@ -108,25 +108,39 @@ pub fn solve_pointwise<'e>(
     solve_with(system, dcs, &Sides::at(system, value), value)
 }
 
-/// The same in a mode that is given by α; that of a slip velocity with two entries is w/|w| where α is no point of the
-/// disc, as a run gives sides alone then.
+/// The same in a mode that is given by α.
 pub fn solve_in_mode<'e>(
     system: &System<'e>,
     dcs: &Dcs<'e>,
     alphas: &[f64],
     value: &impl Fn(Var) -> f64,
 ) -> Pointwise {
-    let there = Sides::at(system, value);
-    let mut alpha = alphas.to_vec();
-    for (k, switch) in system.switches.iter().enumerate() {
-        let Some(other) = switch.across else { continue };
-        let inside = [k, other].map(|k| 2.0 * alphas[k] - 1.0);
-        if inside[0].hypot(inside[1]) > 1.0 + ROUNDING {
-            alpha[k] = there.alpha[k];
-        }
-    }
-    let sides = Sides { alpha, ..there };
+    let sides = Sides {
+        alpha: alphas.to_vec(),
+        ..Sides::at(system, value)
+    };
     solve_with(system, dcs, &sides, value)
+}
+
+/// α of a run, which has the sides of what slips in a plane, with the direction of slip at a point near by: where w
+/// comes to zero, its direction is that before.
+pub fn directed(system: &System, alphas: &mut [f64], near: &impl Fn(Var) -> f64) {
+    let given = alphas.to_vec();
+    let slips = |k: usize, other: usize| {
+        let inside = [k, other].map(|k| 2.0 * given[k] - 1.0);
+        inside[0].hypot(inside[1]) > 1.0 + ROUNDING
+    };
+    let across = |k: usize| system.switches[k].across;
+    let slipping: Vec<usize> = (0..given.len())
+        .filter(|&k| across(k).is_some_and(|other| slips(k, other)))
+        .collect();
+    if slipping.is_empty() {
+        return;
+    }
+    let there = Sides::at(system, near);
+    for k in slipping {
+        alphas[k] = there.alpha[k];
+    }
 }
 
 /// The same for given α, which need not be those of the point.

@@ -12,17 +12,6 @@ use crate::source::Span;
     reason = "fields are the words of the message; labels say the rest"
 )]
 pub enum Unsupported {
-    /// Friction along a surface in space.
-    #[error("friction with several slip velocities is not supported yet")]
-    #[diagnostic(
-        code(E0903),
-        help("`slip` is one velocity: in the plane a surface has one direction")
-    )]
-    FrictionInSpace {
-        #[label("several velocities")]
-        span: Span,
-    },
-
     /// Large symbolic inverses.
     #[error("the inverse of a {size} by {size} matrix is not supported yet")]
     #[diagnostic(code(E0912), help("symbolic matrices can be inverted up to 4 by 4"))]

@@ -8,7 +8,7 @@ use std::collections::HashMap;
 use std::time::Duration;
 
 use super::{Problem, Sampled, solved};
-use crate::dcs::solve_in_mode;
+use crate::dcs::{directed, solve_in_mode};
 use crate::expr::Var;
 use crate::report::{Dense, Status, Trajectory};
 use crate::simulate::{self, Rehearsed, Request, cut};
@@ -225,15 +225,19 @@ fn fill(
                 set(layout.x(k, j, m) + i, value);
             }
         }
-        let states = system.states.iter().map(|state| state.var).zip(&row);
-        let params = system.params.iter().map(|param| (param.var, &param.value));
-        let known = states.chain(params);
-        let known: HashMap<Var, f64> = known
-            .filter_map(|(var, &value)| Some((var.as_variable()?, value)))
-            .collect();
+        let known = |row: &[f64]| {
+            let states = system.states.iter().map(|state| state.var).zip(row);
+            let params = system.params.iter().map(|param| (param.var, &param.value));
+            let known = states.chain(params);
+            let known: HashMap<Var, f64> = known
+                .filter_map(|(var, &value)| Some((var.as_variable()?, value)))
+                .collect();
+            move |var: Var| known.get(&var).copied().unwrap_or(f64::NAN)
+        };
         let mut alphas = within[n..n + system.switches.len()].to_vec();
         settle(problem, &mut alphas);
-        let value = |var: Var| known.get(&var).copied().unwrap_or(f64::NAN);
+        directed(system, &mut alphas, &known(&within));
+        let value = known(&row);
         let found = solve_in_mode(system, &problem.dcs, &alphas, &value);
         if m == 0 && (k, j) != (1, 1) {
             continue;

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::time::Duration;
 
 use super::{Request, run};
-use crate::dcs::{Dcs, Friction, SlipLaw, solve_in_mode};
+use crate::dcs::{Dcs, Friction, SlipLaw, directed, solve_in_mode};
 use crate::discretize::Layout;
 use crate::expr::{Expr, Var};
 use crate::mpcc::Bounds;
@@ -215,9 +215,10 @@ impl<'e> Rehearsed<'e> {
     fn multipliers(&self, dcs: &Dcs<'e>, time: f64, row: &[f64], within: &[f64]) -> Vec<f64> {
         let system = &self.system;
         let n = system.states.len();
-        let alphas = &within[n..n + system.switches.len()];
+        let mut alphas = within[n..n + system.switches.len()].to_vec();
+        directed(system, &mut alphas, &self.known(time, within));
         let value = self.known(time, row);
-        let mut z = solve_in_mode(system, dcs, alphas, &value).algebraics;
+        let mut z = solve_in_mode(system, dcs, &alphas, &value).algebraics;
         // On the surface of a contact the sign of rounding says nothing.
         for (impact, contact) in dcs.impacts.iter().zip(&system.contacts) {
             let force = 1.0 - alphas[contact.switch];

@@ -345,7 +345,11 @@ impl<'s, 'e> Run<'s, 'e> {
         let violation = residuals.violation.max(residuals.complementarity);
         let is_feasible = found.is_feasible();
         let step = Step { layout, w: found.w };
-        let holds = || self.stays_above(&step) && self.comes_to_rest(&step, start);
+        let holds = || {
+            self.stays_above(&step)
+                && self.comes_to_rest(&step, start)
+                && self.keeps_directions(&step)
+        };
         if !is_feasible || violation > FEASIBLE * size || !holds() {
             return None;
         }
@@ -442,7 +446,11 @@ impl<'s, 'e> Run<'s, 'e> {
 
     /// How far the end of a finer run and its jumps are away, where it comes to the end.
     fn compare(&self, finer: &Self, ends: bool) -> Estimate {
-        let size = self.size.max(f64::MIN_POSITIVE);
+        // Whatever rests at zero differs by rounding alone.
+        let size = match self.size > f64::EPSILON {
+            true => self.size,
+            false => 1.0,
+        };
         let states = self
             .x
             .iter()

@@ -1,0 +1,195 @@
+//! Friction in two directions by finite elements with jumps between them (`lower impact`), against closed forms.
+
+use nsd_tests::{end, solved, times, with_experiment};
+use nsdc::dcs;
+use nsdc::report::{EventKind, Trajectory};
+
+/// A body of mass 1 on a rough floor, with slip in directions turned by an angle.
+struct Body {
+    q: [f64; 3],
+    v: [f64; 3],
+    force: [f64; 3],
+    friction: f64,
+    turned: f64,
+}
+
+impl Body {
+    fn text(&self, horizon: f64, method: &str) -> String {
+        let Body {
+            q,
+            v,
+            force,
+            friction,
+            turned,
+        } = self;
+        let (s, c) = turned.sin_cos();
+        format!(
+            "model m {{
+               state q[3] = {q:?};
+               state v[3] = {v:?};
+               q' = v;
+               mechanics q, v {{
+                 mass = eye(3);
+                 force = {force:?};
+                 contact floor {{
+                   gap = q[3];
+                   slip = [{c:?}*v[1] + {s:?}*v[2], {c:?}*v[2] - {s:?}*v[1]];
+                   restitution = 0; friction = {friction:?};
+                 }}
+               }}
+             }}
+             simulate o of m {{ horizon {horizon:?}; lower impact; method fesd {{ {method} }} }}"
+        )
+    }
+
+    fn run(&self, horizon: f64, method: &str) -> Trajectory {
+        solved(&self.text(horizon, method), "o")
+    }
+}
+
+/// The directions of slip of a scene: along the axes, and turned.
+const TURNS: [f64; 3] = [0.0, 0.9, -2.3];
+
+/// Three Gauss-Radau points, four elements in each of eight steps.
+const GRID: &str = "scheme = radau_iia(3); steps = 8; elements = 4;";
+
+#[track_caller]
+fn close(found: &[f64], exact: &[f64], within: f64) {
+    assert_eq!(found.len(), exact.len());
+    for (value, exact) in found.iter().zip(exact) {
+        assert!((value - exact).abs() <= within, "{found:?} is not {exact}");
+    }
+}
+
+/// It falls √0.2; the impact takes μ √20 of the tangential speed, and friction the rest at the rate μ g, along one line.
+#[test]
+fn a_ball_strikes_slides_and_stops() {
+    let (g, mu): (f64, f64) = (10.0, 0.2);
+    let fall = (2.0 / g).sqrt();
+    let speed = 5_f64.sqrt();
+    let after = speed - mu * g * fall;
+    let path = speed * fall + after * after / (2.0 * mu * g);
+    for turned in TURNS {
+        let ball = Body {
+            q: [0.0, 0.0, 1.0],
+            v: [2.0, 1.0, 0.0],
+            force: [0.0, 0.0, -g],
+            friction: mu,
+            turned,
+        };
+        let found = ball.run(2.0, GRID);
+        close(
+            &end(&found, "q"),
+            &[path * 2.0 / speed, path / speed, 0.0],
+            1e-12,
+        );
+        close(&end(&found, "v"), &[0.0; 3], 1e-12);
+        close(&times(&found, EventKind::Jump), &[fall], 1e-12);
+        close(
+            &times(&found, EventKind::Stick),
+            &[fall + after / (mu * g)],
+            1e-12,
+        );
+    }
+}
+
+/// A constant pull along x bends the path of a block that slides along y, until it stops and sticks: with
+/// k = μ g/f and τ from 1 down to 0, v_y = C τ^k, v_x = (C/2)(τ^(k-1) - τ^(k+1)), which is x* = C²/(4f (k² - 1)) and
+/// y* = (C²/2f) 4k/(4k² - 1) at t* = C k/(f (k² - 1)).
+#[track_caller]
+fn bends(k: f64, method: &str, [of_place, of_time]: [f64; 2]) {
+    let (f, c): (f64, f64) = (2.0, 3.0);
+    let x = c * c / (4.0 * f * (k * k - 1.0));
+    let y = c * c / (2.0 * f) * 4.0 * k / (4.0 * k * k - 1.0);
+    for turned in TURNS {
+        let block = Body {
+            q: [0.0; 3],
+            v: [0.0, c, 0.0],
+            force: [f, 0.0, -10.0],
+            friction: k * f / 10.0,
+            turned,
+        };
+        let found = block.run(1.5, method);
+        close(&end(&found, "q"), &[x, y, 0.0], of_place);
+        close(&end(&found, "v"), &[0.0; 3], 1e-12);
+        let stops = c * k / (f * (k * k - 1.0));
+        close(&times(&found, EventKind::Stick), &[stops], of_time);
+    }
+}
+
+#[test]
+fn a_path_that_bends_ends_smoothly() {
+    bends(2.0, GRID, [1e-8, 1e-9]);
+    bends(
+        2.0,
+        "scheme = radau_iia(5); steps = 8; elements = 3;",
+        [1e-12, 1e-12],
+    );
+}
+
+/// Near its end v_y is a power 3/2 of the time that is left.
+#[test]
+fn a_path_that_bends_ends_with_a_root() {
+    bends(3.0, "", [2e-8, 1e-6]);
+}
+
+/// On a tilted plane, which pulls by 3 and 1 along no axis.
+fn tilted(friction: f64, turned: f64) -> Body {
+    Body {
+        q: [0.0; 3],
+        v: [0.0; 3],
+        force: [3.0, 1.0, -10.0],
+        friction,
+        turned,
+    }
+}
+
+#[test]
+fn a_block_sticks_below_the_angle_of_friction() {
+    for turned in TURNS {
+        let found = tilted(0.4, turned).run(1.5, GRID);
+        close(&end(&found, "q"), &[0.0; 3], 1e-12);
+        close(&end(&found, "v"), &[0.0; 3], 1e-12);
+        assert_eq!(found.modes.len(), 1);
+        assert_eq!(found.modes[0].mode, "stick(floor)");
+    }
+}
+
+/// It slides straight down, at the rate √10 - μ g.
+#[test]
+fn a_block_slides_down_from_rest_above_it() {
+    let (mu, t): (f64, f64) = (0.2, 1.5);
+    let pull = 10_f64.sqrt();
+    let rate = (pull - mu * 10.0) / pull;
+    for turned in TURNS {
+        let found = tilted(mu, turned).run(t, GRID);
+        let [x, y] = [3.0, 1.0].map(|share| rate * share);
+        close(
+            &end(&found, "q"),
+            &[x * t * t / 2.0, y * t * t / 2.0, 0.0],
+            1e-12,
+        );
+        close(&end(&found, "v"), &[x * t, y * t, 0.0], 1e-12);
+    }
+}
+
+#[test]
+fn printed_form() {
+    let text = "model m {
+           state q[3] = [0, 0, 1];
+           state v[3] = [2, 1, 0];
+           q' = v;
+           mechanics q, v {
+             mass = eye(3);
+             force = [0, 0, -10];
+             contact floor { gap = q[3]; slip = [v[1], v[2]]; restitution = 0; friction = 0.2; }
+           }
+         }
+         simulate o of m { horizon 2; lower impact; method fesd; }";
+    with_experiment(text, "o", |compiled| {
+        let (system, settings) = (&compiled.system, &compiled.settings);
+        let dcs = dcs::lower(system, &settings.lowerings).expect("contacts give impulses");
+        dcs.verify().expect("the invariants of `Dcs`");
+        insta::assert_snapshot!("impulses_space_dcs", dcs);
+    });
+}
