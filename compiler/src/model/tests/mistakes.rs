@@ -159,12 +159,10 @@ fn refuses_what_is_not_supported() {
           state x = 1;
           state T : K = 17;
           jump hit when x <= 0 { x := 1; }
-          mechanics x, T { mass = 1; force = 0; contact wall { gap = x; restitution = 0; slip = [T, T]; } }
+          mechanics x, T { mass = 1; force = 0; contact wall { gap = x; restitution = 0; slip = [T, T, T]; } }
           x' = 1;
         }";
-    assert_snapshot!(model(text), @r#"
-    E0903: friction with several slip velocities is not supported yet | [T, T]: several velocities | `slip` is one velocity: in the plane a surface has one direction
-    "#);
+    assert_snapshot!(model(text), @"E0319: a surface has no 3 directions | [T, T, T]: here | write `mechanics q, v { mass = M; force = f; }`, and `contact C { gap = c; restitution = e; }` with `friction = mu; slip = w;` where it is rough");
 }
 
 #[test]
