@@ -151,7 +151,7 @@ impl<'t> Sweep<'t> {
             let partials = self.partials(value);
             let operands: Vec<_> = self.operands(&partials).collect();
             for (i, operand) in operands {
-                let term = partials.first[i].mul(adjoint, &mut self.builder);
+                let term = product(partials.first[i], adjoint, &mut self.builder);
                 accumulate(&mut adjoints, operand, term, &mut self.builder);
             }
         }
@@ -177,7 +177,7 @@ impl<'t> Sweep<'t> {
             for &(i, p) in &operands {
                 let slope = partials.first[i];
                 for (&u, &w) in &of_value {
-                    let term = slope.mul(w, b);
+                    let term = product(slope, w, b);
                     let twice = if u == p { 2.0 } else { 1.0 };
                     accumulate_pair(&mut pairs, p, u, term.times(twice), b);
                 }
@@ -185,14 +185,19 @@ impl<'t> Sweep<'t> {
             for (at, &(i, p)) in operands.iter().enumerate() {
                 for &(j, q) in &operands[at..] {
                     let product = partials.first[i].mul(partials.first[j], b);
-                    let pushed = product.mul(own, b);
+                    // Where there is no curvature no slope makes any, be it infinite.
+                    let pushed = if own.is_zero() {
+                        own
+                    } else {
+                        product.mul(own, b)
+                    };
                     let made = partials.second[i + j].mul(adjoint, b);
                     let term = pushed.add(made, b);
                     accumulate_pair(&mut pairs, p, q, term, b);
                 }
             }
             for (i, operand) in operands {
-                let term = partials.first[i].mul(adjoint, b);
+                let term = product(partials.first[i], adjoint, b);
                 accumulate(&mut adjoints, operand, term, b);
             }
         }
@@ -287,6 +292,14 @@ fn depth_first(tape: &Tape) -> (Vec<Instruction>, Vec<Slot>) {
     }
     let outputs = tape.outputs.iter().map(|&value| number[value as usize]);
     (ordered, outputs.collect())
+}
+
+/// What is zero by structure stays zero, whatever it is multiplied with: a coefficient may be infinite.
+fn product(x: Term, y: Term, b: &mut TapeBuilder) -> Term {
+    if x.is_zero() || y.is_zero() {
+        return Term::ZERO;
+    }
+    x.mul(y, b)
 }
 
 /// Adds a term; a value is in the map from then on, even where the sum is zero.
