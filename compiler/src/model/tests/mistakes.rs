@@ -153,21 +153,6 @@ fn every_state_is_set_once() {
 }
 
 #[test]
-fn refuses_what_is_not_supported() {
-    let text = "
-        model m {
-          state x = 1;
-          state T : K = 17;
-          jump hit when x <= 0 { x := 1; }
-          mechanics x, T { mass = 1; force = 0; contact wall { gap = x; restitution = 0; slip = [T, T]; } }
-          x' = 1;
-        }";
-    assert_snapshot!(model(text), @r#"
-    E0903: friction with several slip velocities is not supported yet | [T, T]: several velocities | `slip` is one velocity: in the plane a surface has one direction
-    "#);
-}
-
-#[test]
 fn forgives_what_cannot_be_read() {
     assert_snapshot!(model("model m { state = 1; param k = 2; let a = x + k*[1, 2] + [1, 2, 3]; y' = f(x); }"), @"E0016: `state =` sets nothing in a model | state =: neither a declaration nor dynamics | write `state' = ...;` for dynamics, or `let state = ...;` for a name");
     assert_snapshot!(model("use std.friction.{coulomb, stribeck as curve}; model m { state v = 1; v' = -curve(v); }"), @"E0119: cannot import `..` | use std.friction.{coulomb, stribeck as curve};: files are not read here");
