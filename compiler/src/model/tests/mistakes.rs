@@ -153,7 +153,7 @@ fn every_state_is_set_once() {
 }
 
 #[test]
-fn refuses_what_is_not_supported() {
+fn a_surface_has_two_directions_at_most() {
     let text = "
         model m {
           state x = 1;
