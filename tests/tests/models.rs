@@ -12,7 +12,6 @@ const EXAMPLES: &[&str] = &[
     "ball_pile.nsd: by_events",
     "ball_pile.nsd: settles",
     "billiard.nsd: dropped",
-    "billiard.nsd: masse",
     "billiard.nsd: thrown",
     "bouncing_ball.nsd: at_rest",
     "bouncing_ball.nsd: bounces",
