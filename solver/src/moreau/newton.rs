@@ -132,9 +132,9 @@ impl Newton {
             let stopping = impulses.stopping(rows, c, contact, v);
             let length = stopping[0].hypot(stopping[1]);
             if length <= most {
-                for k in 0..contact.slips {
+                for (k, slip) in slip.iter().enumerate().take(contact.slips) {
                     let row = first + 1 + k;
-                    self.rhs[row] = -slip[k];
+                    self.rhs[row] = -slip;
                     self.add(rows, row, row, 1.0);
                     self.matrix[row * n + row] -= SHARE * tangential;
                 }

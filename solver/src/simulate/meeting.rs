@@ -256,8 +256,8 @@ impl Meeting {
         };
         for i in 0..n {
             q[i] = a[i];
-            for k in 0..n {
-                set(i, k, self.row(0, i)[k] * unit[k]);
+            for (k, (push, unit)) in self.row(0, i).iter().zip(unit).enumerate() {
+                set(i, k, push * unit);
             }
             for (f, &facet) in facets.iter().enumerate() {
                 set(i, n + f, -along(facet, self.row(1, i)) * unit[facet.0]);
@@ -266,9 +266,9 @@ impl Meeting {
         for (f, &(i, d)) in facets.iter().enumerate() {
             let entries = || self.entries(i).zip(d);
             q[n + f] = -entries().map(|(t, d)| b[t] * d).sum::<f64>();
-            for k in 0..n {
+            for (k, unit) in unit.iter().enumerate() {
                 let effect: f64 = entries().map(|(t, d)| self.row(2, t)[k] * d).sum();
-                set(n + f, k, -effect * unit[k]);
+                set(n + f, k, -effect * unit);
             }
             for (g, &facet) in facets.iter().enumerate() {
                 let effect = entries().map(|(t, d)| along(facet, self.row(3, t)) * d);
