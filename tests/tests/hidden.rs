@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use nsd_tests::{end, run, solved, times};
-use nsdc::report::{EventKind, Failure, Status, Trajectory};
+use nsdc::report::{EventKind, Failure, Status};
 
 fn close(found: &[f64], expected: &[f64], within: f64) {
     assert_eq!(found.len(), expected.len(), "{found:?} {expected:?}");
