@@ -54,6 +54,21 @@ fn patterns_have_what_is_not_zero_and_nothing_else() {
 }
 
 #[test]
+fn an_infinite_coefficient_has_no_curvature() {
+    // f = x0 x1 + c x2.
+    for c in [2.0, f64::INFINITY, f64::NEG_INFINITY] {
+        let mut b = Tape::builder(3);
+        let [x0, x1, x2] = [0, 1, 2].map(|i| b.input(i));
+        let product = b.mul(x0, x1);
+        let f = b.add_scaled(product, c, x2);
+        let hessian = b.finish(&[f]).hessian(3);
+        let with_weight = [1.0, 2.0, 3.0, 10.0];
+        assert_eq!(values(&hessian, &with_weight), [((1, 0), 10.0)], "{c}");
+        assert_eq!(hessian.constant.n_outputs(), 0, "{c}");
+    }
+}
+
+#[test]
 fn what_cancels_is_not_an_entry() {
     // (x + y)² - (x - y)² = 4 x y.
     let mut b = Tape::builder(2);

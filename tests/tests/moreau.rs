@@ -208,12 +208,7 @@ fn bodies_at_the_edges_of_their_boxes_are_not_overlooked() {
     // Two rows of carts on one line, far from each other but for the last of the one, which strikes the first of the
     // other.
     let trajectory = solved(
-        "model cart {
-           state q;
-           state v = 0;
-           q' = v;
-           mechanics q, v { mass = 1; force = 0; }
-         }
+        "model cart { state q; state v = 0; q' = v; mechanics q, v { mass = 1; force = 0; } }
          model rows {
            part left[i in 1..4] = cart { q = 100*(i - 4); v = max(0, i - 3); }
            part right[i in 1..4] = cart { q = 0.5 + 100*(i - 1); }

@@ -184,14 +184,9 @@ impl<'t> Sweep<'t> {
             }
             for (at, &(i, p)) in operands.iter().enumerate() {
                 for &(j, q) in &operands[at..] {
-                    let product = partials.first[i].mul(partials.first[j], b);
-                    // Where there is no curvature no slope makes any, be it infinite.
-                    let pushed = if own.is_zero() {
-                        own
-                    } else {
-                        product.mul(own, b)
-                    };
-                    let made = partials.second[i + j].mul(adjoint, b);
+                    let slopes = product(partials.first[i], partials.first[j], b);
+                    let pushed = product(slopes, own, b);
+                    let made = product(partials.second[i + j], adjoint, b);
                     let term = pushed.add(made, b);
                     accumulate_pair(&mut pairs, p, q, term, b);
                 }
