@@ -1,7 +1,7 @@
-//! Coefficients of contacts that leave their range while a contact lasts, from event to event.
+//! Coefficients of contacts that vary, and leave their range while a contact lasts, from event to event.
 
-use nsd_tests::{end, run};
-use nsdc::report::{Failure, Status, Trajectory};
+use nsd_tests::{end, run, times};
+use nsdc::report::{EventKind, Failure, Status, Trajectory};
 
 /// A block on a floor, pushed along by `push` from a speed of `v`.
 fn block(push: f64, v: f64, restitution: &str, friction: &str, horizon: f64) -> Trajectory {
@@ -172,4 +172,49 @@ fn an_open_contact_has_no_coefficients() {
     assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
     // 10/3 (t - 1)³ from t = 1 on.
     assert!((end(&found, "q")[1] - 80.0 / 3.0).abs() <= 1e-7);
+}
+
+#[test]
+fn coefficients_switch_with_time() {
+    let source = |restitution: &str, friction: &str, start: &str| {
+        format!(
+            "model ball {{
+               state q[2] = [0, {start}];
+               state v[2] = [2, 0];
+               q' = v;
+               mechanics q, v {{
+                 mass = eye(2);
+                 force = [0, -10];
+                 contact floor {{ gap = q[2]; restitution = {restitution}; friction = {friction}; }}
+               }}
+             }}
+             simulate this of ball {{ horizon 2; }}"
+        )
+    };
+    // One bounce after another with the restitution of its time.
+    let trajectory = run(&source("0.75 + 0.15*sign(time - 1)", "0", "0.45"), "this");
+    assert_eq!(trajectory.status, Status::Solved);
+    let (mut t, mut speed) = (0.3, 3.0);
+    let mut bounces = Vec::new();
+    // They would accumulate at 2.17.
+    while t < 2.0 {
+        bounces.push(t);
+        speed *= if t < 1.0 { 0.6 } else { 0.9 };
+        t += 2.0 * speed / 10.0;
+    }
+    let found = times(&trajectory, EventKind::Jump);
+    assert_eq!(found.len(), bounces.len());
+    for (found, exact) in found.iter().zip(&bounces) {
+        assert!((found - exact).abs() <= 1e-12, "{found}, not {exact}");
+    }
+    let since = 2.0 - bounces[bounces.len() - 1];
+    let height = speed * since - 5.0 * since * since;
+    assert!((end(&trajectory, "q")[1] - height).abs() <= 1e-11);
+
+    // From 2 to 1 at 0.2 g until 0.5, and to rest at 0.4 g.
+    let trajectory = run(&source("0", "0.3 + 0.1*sign(time - 0.5)", "0"), "this");
+    assert_eq!(trajectory.status, Status::Solved);
+    let sticks = times(&trajectory, EventKind::Stick);
+    assert!(sticks.len() == 1 && (sticks[0] - 0.75).abs() <= 1e-12);
+    assert!((end(&trajectory, "q")[0] - 0.875).abs() <= 1e-12);
 }

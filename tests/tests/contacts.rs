@@ -393,51 +393,6 @@ fn bodies_and_contacts_are_printed_with_the_system() {
 }
 
 #[test]
-fn coefficients_switch_with_time() {
-    let source = |restitution: &str, friction: &str, start: &str| {
-        format!(
-            "model ball {{
-               state q[2] = [0, {start}];
-               state v[2] = [2, 0];
-               q' = v;
-               mechanics q, v {{
-                 mass = eye(2);
-                 force = [0, -10];
-                 contact floor {{ gap = q[2]; restitution = {restitution}; friction = {friction}; }}
-               }}
-             }}
-             simulate this of ball {{ horizon 2; }}"
-        )
-    };
-    // One bounce after another with the restitution of its time.
-    let trajectory = run(&source("0.75 + 0.15*sign(time - 1)", "0", "0.45"), "this");
-    assert_eq!(trajectory.status, Status::Solved);
-    let (mut t, mut speed) = (0.3, 3.0);
-    let mut bounces = Vec::new();
-    // They would accumulate at 2.17.
-    while t < 2.0 {
-        bounces.push(t);
-        speed *= if t < 1.0 { 0.6 } else { 0.9 };
-        t += 2.0 * speed / 10.0;
-    }
-    let found = times(&trajectory, EventKind::Jump);
-    assert_eq!(found.len(), bounces.len());
-    for (found, exact) in found.iter().zip(&bounces) {
-        assert!((found - exact).abs() <= 1e-12, "{found}, not {exact}");
-    }
-    let since = 2.0 - bounces[bounces.len() - 1];
-    let height = speed * since - 5.0 * since * since;
-    assert!((end(&trajectory, "q")[1] - height).abs() <= 1e-11);
-
-    // From 2 to 1 at 0.2 g until 0.5, and to rest at 0.4 g.
-    let trajectory = run(&source("0", "0.3 + 0.1*sign(time - 0.5)", "0"), "this");
-    assert_eq!(trajectory.status, Status::Solved);
-    let sticks = times(&trajectory, EventKind::Stick);
-    assert!(sticks.len() == 1 && (sticks[0] - 0.75).abs() <= 1e-12);
-    assert!((end(&trajectory, "q")[0] - 0.875).abs() <= 1e-12);
-}
-
-#[test]
 fn a_mass_that_no_force_meets_may_switch() {
     let trajectory = run(
         "model ball {

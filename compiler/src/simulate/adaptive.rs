@@ -13,7 +13,7 @@ use super::data::Pieces;
 use super::fesd::estimate;
 use super::functions::tape;
 use super::instants::Pulses;
-use super::switched::variable;
+use super::substituted::variable;
 use super::watch::{Progress, Watched};
 use super::{Comparison, REFINEMENT, Recorder, Request, assemble, judge};
 use crate::expr::{Expr, Substitution, Var, variables_of};

@@ -14,7 +14,7 @@ mod search;
 
 use search::Search;
 
-use super::switched::{variable, with_numbers};
+use super::substituted::{variable, with_numbers};
 use crate::expr::{Expr, Var};
 use crate::report::Warning;
 use crate::system::System;

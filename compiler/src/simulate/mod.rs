@@ -26,6 +26,7 @@ mod request;
 mod settle;
 mod smoothed;
 mod structure;
+mod substituted;
 mod switched;
 #[cfg(test)]
 mod switched_tests;

@@ -3,7 +3,7 @@
 use nsd_solver::simulate::Input;
 use rustc_hash::FxHashMap;
 
-use super::switched::variable;
+use super::substituted::variable;
 use crate::expr::{self, Expr, Var};
 use crate::system::{Role, System};
 

@@ -1,8 +1,5 @@
 //! A [`System`] as the simulator sees it: blocks of rates and surfaces, compiled for local sides.
 //!
-//! Where a slip velocity w with two entries is not zero, rates have w/|w| in place of their 2α - 1. So α in them is
-//! σ α + (1 - σ) (1 + w/|w|)/2, where σ is 1 for a switch that slides and else 0.
-//!
 //! Parameters are numbers by now, and α of a switch that does not slide is 0 or 1. Both are
 //! substituted before anything is compiled, so that a function holds what its sides need and
 //! nothing else. What was compiled is kept: it serves every simulator of the system, and all blocks
@@ -25,6 +22,7 @@ use super::functions::{CompiledRates, CompiledSurface, Place, affine, partials, 
 use super::instants::Pulses;
 use super::laws;
 use super::structure::Structure;
+use super::substituted::{numbers, variable, with_directions, with_numbers};
 use crate::expr::{self, Expr, Exprs, Node, Substitution, Var};
 use crate::system::{self, System};
 
@@ -90,47 +88,6 @@ pub struct Switched<'e> {
 struct Shared<'e> {
     forms: Vec<Form<'e>>,
     copies: Vec<Copy>,
-}
-
-/// The values of the parameters.
-fn numbers<'e>(system: &System<'e>) -> Substitution<'e> {
-    let params = system.params.iter();
-    params
-        .map(|param| (variable(param.var), system.exprs.constant(param.value)))
-        .collect()
-}
-
-/// All rates, and all ψ, with the values of the parameters.
-pub(super) fn with_numbers<'e>(system: &System<'e>) -> [Vec<Expr<'e>>; 2] {
-    let numbers = numbers(system);
-    let rates: Vec<_> = system.states.iter().map(|state| state.rate).collect();
-    let switching: Vec<_> = system.switches.iter().map(|switch| switch.psi).collect();
-    [numbers.apply(&rates), numbers.apply(&switching)]
-}
-
-/// Below this the square of a slip velocity has no direction.
-const NO_DIRECTION: f64 = 1e-300;
-
-/// Rates with the directions of slip velocities with two entries, and σ of their switches.
-fn with_directions<'e>(
-    system: &System<'e>,
-    rates: Vec<Expr<'e>>,
-    switching: &[Expr<'e>],
-) -> (Vec<Expr<'e>>, Vec<(usize, Var)>) {
-    let (mut directions, mut sticking) = (Substitution::new(), Vec::new());
-    for (i, switch) in system.switches.iter().enumerate() {
-        let Some(other) = switch.across else { continue };
-        let square = switching[i].powi(2) + switching[other].powi(2);
-        let direction = switching[i] / (square + NO_DIRECTION).sqrt();
-        let sigma = system.exprs.variable(&format!("sticks[{}]", i + 1));
-        let alpha = sigma * switch.alpha + (1.0 - sigma) * (0.5 + 0.5 * direction);
-        directions.insert(variable(switch.alpha), alpha);
-        sticking.push((i, variable(sigma)));
-    }
-    match sticking.is_empty() {
-        true => (rates, sticking),
-        false => (directions.apply(&rates), sticking),
-    }
 }
 
 impl<'e> Switched<'e> {
@@ -420,11 +377,6 @@ impl<'e> Switched<'e> {
         }
         Some(found)
     }
-}
-
-pub(super) fn variable(expr: Expr) -> Var {
-    expr.as_variable()
-        .expect("a declared quantity is a variable")
 }
 
 impl SwitchedSystem for Switched<'_> {

@@ -8,7 +8,7 @@ use crate::expr::{Expr, Substitution, Var};
 use crate::simulate::adaptive::Inputs;
 use crate::simulate::forms::{self, Copy, Form};
 use crate::simulate::functions::tape;
-use crate::simulate::switched::variable;
+use crate::simulate::substituted::variable;
 use crate::system::System;
 
 /// Where everything is that contacts depend on.

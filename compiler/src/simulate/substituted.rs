@@ -1,0 +1,53 @@
+//! Numbers in place of parameters, and directions of slip in place of their switches.
+//!
+//! Where a slip velocity w with two entries is not zero, rates have w/|w| in place of their 2α - 1. So α in them is
+//! σ α + (1 - σ) (1 + w/|w|)/2, where σ is 1 for a switch that slides and else 0.
+
+use crate::expr::{Expr, Substitution, Var};
+use crate::system::System;
+
+/// The values of the parameters.
+pub(super) fn numbers<'e>(system: &System<'e>) -> Substitution<'e> {
+    let params = system.params.iter();
+    params
+        .map(|param| (variable(param.var), system.exprs.constant(param.value)))
+        .collect()
+}
+
+/// All rates, and all ψ, with the values of the parameters.
+pub(super) fn with_numbers<'e>(system: &System<'e>) -> [Vec<Expr<'e>>; 2] {
+    let numbers = numbers(system);
+    let rates: Vec<_> = system.states.iter().map(|state| state.rate).collect();
+    let switching: Vec<_> = system.switches.iter().map(|switch| switch.psi).collect();
+    [numbers.apply(&rates), numbers.apply(&switching)]
+}
+
+/// Below this the square of a slip velocity has no direction.
+const NO_DIRECTION: f64 = 1e-300;
+
+/// Rates with the directions of slip velocities with two entries, and σ of their switches.
+pub(super) fn with_directions<'e>(
+    system: &System<'e>,
+    rates: Vec<Expr<'e>>,
+    switching: &[Expr<'e>],
+) -> (Vec<Expr<'e>>, Vec<(usize, Var)>) {
+    let (mut directions, mut sticking) = (Substitution::new(), Vec::new());
+    for (i, switch) in system.switches.iter().enumerate() {
+        let Some(other) = switch.across else { continue };
+        let square = switching[i].powi(2) + switching[other].powi(2);
+        let direction = switching[i] / (square + NO_DIRECTION).sqrt();
+        let sigma = system.exprs.variable(&format!("sticks[{}]", i + 1));
+        let alpha = sigma * switch.alpha + (1.0 - sigma) * (0.5 + 0.5 * direction);
+        directions.insert(variable(switch.alpha), alpha);
+        sticking.push((i, variable(sigma)));
+    }
+    match sticking.is_empty() {
+        true => (rates, sticking),
+        false => (directions.apply(&rates), sticking),
+    }
+}
+
+pub(super) fn variable(expr: Expr) -> Var {
+    expr.as_variable()
+        .expect("a declared quantity is a variable")
+}
