@@ -100,7 +100,7 @@ fn scatter(seed: u32) -> f64 {
 /// Three falls long, where bounces do not accumulate yet.
 #[test]
 fn balls_follow_the_closed_form() {
-    for k in 0..6 {
+    for k in 0..100 {
         let g = 1.0 + 19.0 * scatter(3 * k);
         let e = 0.5 + 0.5 * scatter(3 * k + 1);
         let h = 0.1 + 2.0 * scatter(3 * k + 2);
