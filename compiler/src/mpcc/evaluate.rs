@@ -55,14 +55,30 @@ impl Mpcc<'_> {
             .filter_map(|param| Some((param.var.as_variable()?, param.value)))
             .filter(|(var, _)| occurring.binary_search(var).is_ok());
         let (params, parameters): (Vec<Var>, Vec<f64>) = params.unzip();
-        let formals = kernel.variables.iter().chain(&kernel.numbers);
-        let formals: Vec<Var> = formals.copied().chain(params).collect();
+        let n = block.n_places();
+        let (variables, arguments) = among(&occurring, &kernel.variables, &block.arguments, n);
+        let (numbers, values) = among(&occurring, &kernel.numbers, &block.numbers, n);
+        let formals: Vec<Var> = [variables, numbers, params].concat();
         Ok(kernels::Block {
             values: compile(&formals, outputs)?,
-            n_places: block.n_places(),
-            variables: block.arguments.clone(),
-            numbers: block.numbers.clone(),
+            n_places: n,
+            variables: arguments,
+            numbers: values,
             parameters,
         })
     }
+}
+
+/// The formal arguments that occur, and the actual ones of each at n places.
+fn among<T: Copy>(
+    occurring: &[Var],
+    formals: &[Var],
+    actual: &[T],
+    n: usize,
+) -> (Vec<Var>, Vec<T>) {
+    let places = actual.chunks(n.max(1));
+    let occurring =
+        (formals.iter().zip(places)).filter(|(formal, _)| occurring.binary_search(formal).is_ok());
+    let (formals, actual): (Vec<Var>, Vec<&[T]>) = occurring.unzip();
+    (formals, actual.concat())
 }

@@ -210,22 +210,12 @@ impl Pairs<'_> {
         };
         // One row for all places with the same arguments.
         let whole = mpcc.kernel(block, &[member])?;
-        let formals = whole.values.n_inputs() - whole.parameters.len();
-        let n_variables = block.kernel.variables.len();
-        let occurs = |formal: usize| {
-            let var = match formal.checked_sub(n_variables) {
-                None => block.kernel.variables[formal],
-                Some(number) => block.kernel.numbers[number],
-            };
-            member.depends_on(var)
-        };
-        let used: Vec<usize> = (0..formals).filter(|&formal| occurs(formal)).collect();
         let key = |place: usize| -> Vec<u64> {
-            let argument = |&formal: &usize| match formal.checked_sub(n_variables) {
-                None => u64::from(block.arguments[formal * n + place]),
-                Some(number) => block.numbers[number * n + place].to_bits(),
-            };
-            used.iter().map(argument).collect()
+            let variables = whole.variables.iter().skip(place).step_by(n);
+            let numbers = whole.numbers.iter().skip(place).step_by(n);
+            (variables.map(|&variable| u64::from(variable)))
+                .chain(numbers.map(|number| number.to_bits()))
+                .collect()
         };
         let mut known: FxHashMap<Vec<u64>, usize> = FxHashMap::default();
         let mut places: Vec<usize> = Vec::new();
@@ -243,7 +233,7 @@ impl Pairs<'_> {
                 .flat_map(|formal| places.iter().map(|&place| formal[place]))
                 .collect()
         };
-        let numbers_at = block.numbers.chunks(n.max(1));
+        let numbers_at = whole.numbers.chunks(n.max(1));
         let numbers_at: Vec<f64> = numbers_at
             .flat_map(|formal| places.iter().map(|&place| formal[place]))
             .collect();
