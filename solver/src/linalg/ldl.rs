@@ -25,7 +25,9 @@ pub struct SparseLdl {
     starts: Vec<u32>,
     rows: Vec<u32>,
     entries: Vec<f64>,
-    /// Where the products of entries p > q of a column go, column by column and q by q, and where those of a column start.
+    /// Where the products of entries p > q of a column go, column by column and q by q, and where those of a column
+    /// start. Of columns that are long they are runs, length and first target of each: there L is nearly full, and one
+    /// target for each product would take more memory than L itself.
     targets: Vec<u32>,
     target_starts: Vec<usize>,
     pivots: Vec<f64>,
@@ -39,6 +41,9 @@ pub struct SparseLdl {
 }
 
 pub(super) const NONE: u32 = u32::MAX;
+
+/// Columns up to this length are eliminated by unrolled loops.
+const SHORT: usize = 16;
 
 impl SparseLdl {
     /// Orders the unknowns and finds where L has entries.
@@ -99,10 +104,14 @@ impl SparseLdl {
                 let range = starts[column as usize] as usize..starts[column as usize + 1] as usize;
                 let mut of_column = range.clone().zip(&rows[range]);
                 // Both lists ascend, and the rows below are among those of the column.
-                targets.extend(below[q + 1..].iter().map(|row| {
+                let found = below[q + 1..].iter().map(|row| {
                     let found = of_column.find(|(_, other)| *other == row);
                     found.expect("L has what it fills in").0 as u32
-                }));
+                });
+                match below.len() <= SHORT {
+                    true => targets.extend(found),
+                    false => extend_with_runs(&mut targets, found),
+                }
             }
             target_starts.push(targets.len());
         }
@@ -196,6 +205,17 @@ pub(super) fn columns_of_factor(
     (starts, rows, places)
 }
 
+/// Appends length and first number of each run of consecutive numbers.
+fn extend_with_runs(runs: &mut Vec<u32>, numbers: impl Iterator<Item = u32>) {
+    let first_run = runs.len();
+    for number in numbers {
+        match runs[first_run..].last_chunk_mut() {
+            Some([length, first]) if *first + *length == number => *length += 1,
+            _ => runs.extend([1, number]),
+        }
+    }
+}
+
 /// Subtracts the products of a column with itself from where they go.
 fn eliminate(entries: &mut [f64], targets: &[u32], column: &[f64], scaled: &[f64]) {
     macro_rules! unrolled {
@@ -232,11 +252,18 @@ fn eliminate_short<const C: usize>(
     }
 }
 
-fn eliminate_long(entries: &mut [f64], targets: &[u32], column: &[f64], scaled: &[f64]) {
-    let mut targets = targets.iter();
+fn eliminate_long(entries: &mut [f64], runs: &[u32], column: &[f64], scaled: &[f64]) {
+    let mut runs = runs.chunks_exact(2);
     for (q, &y) in column.iter().enumerate() {
-        for (&l, &target) in scaled[q + 1..].iter().zip(targets.by_ref()) {
-            entries[target as usize] -= l * y;
+        let mut below = &scaled[q + 1..];
+        while !below.is_empty() {
+            let run = runs.next().expect("runs cover the column");
+            let (length, first) = (run[0] as usize, run[1] as usize);
+            let (now, later) = below.split_at(length);
+            for (entry, &l) in entries[first..first + length].iter_mut().zip(now) {
+                *entry -= l * y;
+            }
+            below = later;
         }
     }
 }

@@ -109,6 +109,24 @@ proptest! {
     }
 }
 
+/// Columns that are eliminated in runs, where some of L is full and some is not.
+#[test]
+fn long_columns_agree_with_eigenvalues() {
+    for (modulus, count) in [(7, 4), (11, 8), (13, 40)] {
+        let entry = |k: usize| {
+            let (i, j) = (k * k % 83 + 3 * k, 5 * k + k * k * k % 71);
+            (i, j, ((k % modulus) as f64 - 2.0) / modulus as f64)
+        };
+        let entries: Vec<_> = (0..70 * count).map(entry).collect();
+        let (pattern, values) = kkt(50, 30, &entries, 30.0, 30.0);
+        let mut sparse = SparseLdl::new(&pattern);
+        let longest = sparse.starts.windows(2).map(|pair| pair[1] - pair[0]).max();
+        assert!(longest > Some(16), "{longest:?}");
+        let x: Vec<f64> = (0..80).map(|i| (i as f64).sin()).collect();
+        check(&mut sparse, &pattern, &values, &x, 1e-12);
+    }
+}
+
 #[test]
 fn a_chain_has_as_many_entries_as_links() {
     let n = 1000_u32;

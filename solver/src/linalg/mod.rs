@@ -218,8 +218,13 @@ fn factor<T: Number>(
 ) -> Result<(), Singular> {
     let n = pivots.len();
     column_scale.fill(0.0);
+    // Until a column has its pivot: the last row that begins in it.
+    pivots.fill(0);
     for row in 0..n {
         let entries = &a[row * n..(row + 1) * n];
+        if let Some(begins) = entries.iter().position(|v| *v != T::zero()) {
+            pivots[begins] = row;
+        }
         let size = entries.iter().fold(0.0_f64, |m, v| m.max(v.norm1()));
         row_scale[row] = size;
         for (scale, entry) in column_scale.iter_mut().zip(entries) {
@@ -230,9 +235,12 @@ fn factor<T: Number>(
             });
         }
     }
+    let mut end = 0;
     for col in 0..n {
+        // Rows from here on begin behind the column. Exchanges of rows before do not change that.
+        end = end.max(pivots[col] + 1);
         let relative = |row: usize| a[row * n + col].norm1() / row_scale[row];
-        let pivot = (col..n)
+        let pivot = (col..end)
             .max_by(|&i, &j| relative(i).total_cmp(&relative(j)))
             .unwrap_or(col);
         let value = a[pivot * n + col];
@@ -255,7 +263,7 @@ fn factor<T: Number>(
         let eliminated = &above[col * n + col + 1..];
         let width = eliminated.iter().rposition(|v| *v != T::zero());
         let eliminated = &eliminated[..width.map_or(0, |last| last + 1)];
-        for row in below.chunks_exact_mut(n) {
+        for row in below.chunks_exact_mut(n).take(end - col - 1) {
             let factor = row[col] * inverse;
             row[col] = factor;
             if factor != T::zero() {

@@ -175,10 +175,7 @@ impl<'s, 'e> Run<'s, 'e> {
             options: discretize::Options {
                 detection: Some(Detection {
                     cross: discretize::Cross::SumBoth,
-                    equilibration: Equilibration::Tanh {
-                        weight: 1.0,
-                        scale: 1.0,
-                    },
+                    equilibration: Equilibration::Mean { weight: 1.0 },
                     ..detection
                 }),
                 ..fesd
