@@ -392,3 +392,34 @@ fn a_pyramid_of_balls_stands_or_falls() {
     }
     assert!(falls.certificate.max_violation <= 1e-10);
 }
+
+/// A block that slides at 1 drags the plank below it, which no gap knows of: 1 - 2t and 2t until both have ½.
+#[test]
+fn friction_moves_a_body_that_is_in_no_gap() {
+    for slip in ["v[1] - u[1]", "[v[1] - u[1], v[2] - u[2]]"] {
+        let found = solved(&format!(
+            "model pile {{
+               state x[2] = zeros(2);
+               state y[3] = zeros(3);
+               state u[2] = zeros(2);
+               state v[3] = [1, 0, 0];
+               x' = u;
+               y' = v;
+               mechanics x, u {{ mass = eye(2); force = zeros(2); }}
+               mechanics y, v {{ mass = eye(3); force = [0, 0, -10]; }}
+               contact c {{ gap = y[3]; slip = {slip}; restitution = 0; friction = 0.2; }}
+             }}
+             simulate this of pile {{ horizon 1; method timestepping {{ steps = 400; }} }}"
+        ));
+        let speeds = [end(&found, "u")[0], end(&found, "v")[0]];
+        assert!(off(&speeds, &[0.5, 0.5]) <= 1e-12, "{slip} {speeds:?}");
+        let ways = [end(&found, "x")[0], end(&found, "y")[0]];
+        assert!(off(&ways, &[0.4375, 0.5625]) <= 2e-3, "{slip} {ways:?}");
+        let sticks = times(&found, EventKind::Stick);
+        assert!(off(&sticks, &[0.25]) <= 2.5e-3, "{slip} {sticks:?}");
+        // Nothing leaves the floor: what rounds to there says nothing of the error.
+        assert!(found.error_estimate.is_some_and(|error| error < 0.1));
+        // It lies there from the start.
+        assert!(times(&found, EventKind::ContactClose).is_empty());
+    }
+}

@@ -194,7 +194,7 @@ impl RunArgs {
 const VERIFY_HELP: &str = "\
 A simulation as it is written, by `event`, and by `fesd` with every lowering: all estimate their \
 errors, so their last states and the instants of their events have to agree up to the tolerance and \
-ten times these estimates. An optimum is solved with every lowering, and again from the best one of \
+ten times these estimates, a tenth at most. An optimum is solved with every lowering, and again from the best one of \
 all, where each lowering has to have the same objective. The exit status is 2 where two of them do \
 not agree, or where the experiment as it is written has no end.
 

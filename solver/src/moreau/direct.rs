@@ -60,7 +60,7 @@ impl Direct {
         }
         velocities.clear();
         for (_, contact) in island.iter() {
-            let columns = island.linear.rows.columns(contact.normal).iter();
+            let columns = island.linear.rows.columns_of(contact).iter();
             velocities.extend(columns.map(|&column| v[column as usize]));
         }
     }
@@ -73,7 +73,7 @@ impl Direct {
         }
         let mut velocities = velocities.iter();
         for (_, contact) in island.iter() {
-            let columns = island.linear.rows.columns(contact.normal).iter();
+            let columns = island.linear.rows.columns_of(contact).iter();
             for (&column, value) in columns.zip(&mut velocities) {
                 v[column as usize] = *value;
             }

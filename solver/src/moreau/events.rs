@@ -108,6 +108,8 @@ impl Contacts {
     }
 }
 
+const NONE: u32 = u32::MAX;
+
 /// Friction that is nearer to its bound than this share of it slips.
 const SLIPS: f64 = 1e-9;
 /// A closed contact that gives no impulse opens where its rate is above this share of what a step changes.
@@ -192,8 +194,14 @@ impl<F: Free> Stepper<F> {
     fn date(&mut self, (t, h): (f64, f64), x: &[f64]) {
         let mut changes = std::mem::take(&mut self.contacts.changes);
         self.set_memory(t, x);
+        let mut struck = (NONE, t);
         for (time, contact, change) in &mut changes {
             if !time.is_nan() {
+                continue;
+            }
+            // It sticks or slips from where it has closed.
+            if struck.0 == *contact && matches!(change, Change::Stick | Change::Slip) {
+                *time = struck.1;
                 continue;
             }
             let is_it = |c: &&rows::Contact| c.contact == *contact;
@@ -213,6 +221,9 @@ impl<F: Free> Stepper<F> {
                 false => 0.0,
             };
             *time = t + share * h;
+            if is_new {
+                struck = (*contact, *time);
+            }
         }
         self.contacts.changes = changes;
     }

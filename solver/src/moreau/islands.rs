@@ -24,7 +24,8 @@ impl Islands {
     /// Joins the bodies of all contacts.
     pub fn join(&mut self, linear: &Linear, bodies: &Bodies) {
         for contact in &linear.contacts {
-            let columns = linear.rows.columns(contact.normal);
+            // Friction also acts on bodies that the gap does not see.
+            let columns = linear.rows.columns_of(contact);
             let first = columns[0] as usize;
             for &column in columns {
                 let (a, b) = (bodies.body_of(first), bodies.body_of(column as usize));

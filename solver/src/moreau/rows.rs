@@ -279,6 +279,12 @@ impl Rows {
         slip
     }
 
+    /// Velocities that occur in the rows of a contact, those of each row one after the other.
+    pub fn columns_of(&self, contact: &Contact) -> &[u32] {
+        let (first, end) = (contact.normal, contact.slip_rows().end);
+        &self.columns[self.range(first).start..self.range(end - 1).end]
+    }
+
     /// v -= D_t β
     pub fn rub(&self, contact: &Contact, beta: Pair, v: &mut [f64]) {
         for (row, beta) in contact.slip_rows().zip(beta) {

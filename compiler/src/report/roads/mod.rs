@@ -19,6 +19,8 @@ use super::{Event, EventKind, Series, Status, Trajectory};
 
 /// Estimates of errors are right to about this factor (chosen by trial).
 const SAFETY: f64 = 10.0;
+/// What they explain at most: ends that differ by more of a state are two ends, whatever the runs say of themselves.
+const MOST: f64 = 0.1;
 /// Series are measured by their largest value, and those that stay below this one by this.
 const LEAST_SIZE: f64 = 1e-12;
 
@@ -87,7 +89,7 @@ impl Roads {
             end: end(a, b),
             times: times(a, b),
             locates: ![a, b].into_iter().any(is_blind),
-            allowed: self.tolerance + SAFETY * estimates.iter().sum::<f64>(),
+            allowed: self.tolerance + (SAFETY * estimates.iter().sum::<f64>()).min(MOST),
         })
     }
 

@@ -239,20 +239,32 @@ fn nodes_of_finer(options: &FesdOptions) -> usize {
     nodes + usize::from(options.steps.is_none() && more)
 }
 
-/// What a finer run says, where differences are large compared with rounding.
+/// What a finer run says, where differences are large compared with rounding. Algebraic states are measured by the
+/// largest of them at least.
 pub(super) fn estimate(
     system: &System,
     comparison: &Comparison,
     run: &Recorder,
-    [found, fine]: [&Outcome; 2],
+    outcomes: [&Outcome; 2],
 ) -> Estimate {
-    let scale = |i: usize| comparison.scale[i].max(found.x[i].abs());
+    let scale = |i: usize| comparison.scale[i].max(outcomes[0].x[i].abs());
     let algebraic = system.algebraic_states();
     let largest = algebraic.iter().map(|&i| scale(i)).fold(0.0, f64::max);
     let least = |i: usize| match algebraic.binary_search(&i) {
         Ok(_) => fesd::NEGLIGIBLE * largest,
         Err(_) => 0.0,
     };
+    estimate_with(least, comparison, run, outcomes)
+}
+
+/// The same with what each state is measured by at least.
+pub(super) fn estimate_with(
+    least: impl Fn(usize) -> f64,
+    comparison: &Comparison,
+    run: &Recorder,
+    [found, fine]: [&Outcome; 2],
+) -> Estimate {
+    let scale = |i: usize| comparison.scale[i].max(found.x[i].abs());
     let relative = |(i, difference): (usize, &f64)| {
         let scale = scale(i).max(least(i));
         if scale > 0.0 { difference / scale } else { 0.0 }

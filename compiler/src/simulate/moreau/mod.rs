@@ -14,7 +14,7 @@ use nsd_solver::simulate::Status as End;
 use self::free::Free;
 use self::record::Told;
 use super::adaptive::Inputs;
-use super::fesd::estimate;
+use super::fesd::estimate_with;
 use super::instants::Pulses;
 use super::outcome::outside;
 use super::watch::{Progress, Watched};
@@ -22,6 +22,10 @@ use super::{Comparison, Recorder, Request, assemble};
 use crate::report::{Failure, Method, MethodOption, Trajectory, Warning};
 use crate::system::System;
 use crate::system::experiment::{Settings, SteppingOptions};
+
+/// An entry of a vector has this share of the largest one as its size at least: that of a place on a floor which
+/// nothing leaves is rounding.
+const SMALL: f64 = 1e-9;
 
 /// Integrates bodies and their contacts step by step over the horizon of the experiment.
 pub(super) fn run(
@@ -54,14 +58,18 @@ pub(super) fn run(
             changes: Vec::new(),
         };
         let fine = stepper(2 * options.steps).run(0.0, settings.horizon, &x0, &mut told);
+        let scale = |i: usize| comparison.scale[i].max(solution.outcome.x[i].abs());
+        let mut least = vec![0.0; x0.len()];
+        for group in &system.groups {
+            let entries = group.entries.iter();
+            let largest = entries.map(|&i| scale(i)).fold(0.0, f64::max);
+            for &i in &group.entries {
+                least[i] = SMALL * largest;
+            }
+        }
+        let outcomes = [&solution.outcome, &fine.outcome];
         // The order is one: halving the steps removes half of the error.
-        2.0 * estimate(
-            system,
-            &comparison,
-            &recorder,
-            [&solution.outcome, &fine.outcome],
-        )
-        .error
+        2.0 * estimate_with(|i| least[i], &comparison, &recorder, outcomes).error
     });
     let failure = failure(system, &solution);
     let mut outcome = solution.outcome.clone();

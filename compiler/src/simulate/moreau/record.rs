@@ -64,6 +64,13 @@ pub(super) fn write(
             contacts: closed.iter().map(|(&k, &side)| (k, side)).collect(),
         }
     };
+    // What is closed at the start, and not struck there, begins so.
+    let strikes = |contact: usize| {
+        let at_start = changes.iter().take_while(|change| change.0 == 0.0);
+        at_start
+            .into_iter()
+            .any(|&(_, other, change)| other == contact && change == Change::Strike)
+    };
     for &(time, contact, change) in changes {
         let before = closed.get(&contact).copied().unwrap_or(Side::Open);
         let (kind, after) = match change {
@@ -81,6 +88,9 @@ pub(super) fn write(
             Side::Open => closed.remove(&contact),
             side => closed.insert(contact, side),
         };
+        if time == 0.0 && !strikes(contact) {
+            continue;
+        }
         let word = |side: Side| format!("{}({})", side.as_str(), name(contact));
         trajectory.events.push(report::Event {
             time,
