@@ -188,9 +188,11 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                     return Ok(None);
                 }
                 Verdict::Leaves { sigma, member } if sigma <= AT_ONCE => {
-                    // The switch is where the element starts.
+                    // The switch is where the element starts: no member is negative in what is left of it.
+                    let least = run.least_member;
                     self.keep(run, at);
                     self.solved[at].h = 0.0;
+                    run.least_member = least;
                     run.last = 0.0;
                     return Ok(Some(member));
                 }
