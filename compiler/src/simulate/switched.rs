@@ -24,7 +24,7 @@ use super::forms::{self, Copy, Form};
 use super::functions::{CompiledRates, CompiledSurface, Place, affine, partials, tape};
 use super::instants::Pulses;
 use super::laws;
-use super::structure::Structure;
+use super::structure::{self, Structure};
 use crate::expr::{self, Expr, Exprs, Node, Substitution, Var};
 use crate::system::{self, System};
 
@@ -56,6 +56,8 @@ pub struct Switched<'e> {
     unilateral: Vec<bool>,
     slip_of: Vec<Option<usize>>,
     across: Vec<Option<usize>>,
+    /// Switches on whose upper side slip velocities with two entries are in no rate.
+    idle_above: Vec<Vec<usize>>,
     /// The variables σ.
     sticking: FxHashSet<Var>,
     roles: Vec<Role>,
@@ -138,6 +140,7 @@ impl<'e> Switched<'e> {
     pub fn new(system: &System<'e>) -> Self {
         let exprs = system.exprs;
         let [folded, switching] = with_numbers(system);
+        let idle_above = structure::idle_above(system, &folded);
         let (folded, sticking) = with_directions(system, folded, &switching);
         let (data, coefficients, polynomials) = Pieces::new(system);
         let rates = polynomials.apply(&folded);
@@ -220,6 +223,7 @@ impl<'e> Switched<'e> {
             across: (system.switches.iter())
                 .map(|switch| switch.across)
                 .collect(),
+            idle_above,
             sticking: sticking.into_iter().map(|(_, sigma)| sigma).collect(),
             roles: (system.switches.iter())
                 .map(|switch| match switch.role {
@@ -462,6 +466,10 @@ impl SwitchedSystem for Switched<'_> {
 
     fn across(&self, switch: usize) -> Option<usize> {
         self.across[switch]
+    }
+
+    fn idle_above(&self, switch: usize) -> &[usize] {
+        &self.idle_above[switch]
     }
 
     fn role(&self, switch: usize) -> Role {

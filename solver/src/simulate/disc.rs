@@ -234,8 +234,17 @@ pub(super) fn leaves(
 
 impl<S: SwitchedSystem> Simulator<'_, S> {
     /// The switches of a group that slip from where they may be at rest, with their directions.
-    pub(super) fn departures(&self, group: &[usize], choice: &Choice) -> Vec<Departure> {
+    pub(super) fn departures(
+        &self,
+        state: &State,
+        group: &[usize],
+        choice: &Choice,
+    ) -> Vec<Departure> {
         let mut found = Vec::new();
+        let mut sides = state.sides.clone();
+        for (&i, &side) in group.iter().zip(&choice.sides) {
+            sides[i] = side;
+        }
         for (at, &i) in group.iter().enumerate() {
             let Some(other) = self.mode.other(i) else {
                 continue;
@@ -243,9 +252,13 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             let Ok(of_other) = group.binary_search(&other) else {
                 continue;
             };
-            let contact = self.system.slip_of(i);
-            let contact = contact.and_then(|of| group.binary_search(&of).ok());
-            let is_closed = contact.is_some_and(|at| choice.sides[at] == Side::Slide);
+            let is_closed = match self.system.slip_of(i) {
+                Some(of) => {
+                    let contact = group.binary_search(&of);
+                    contact.is_ok_and(|at| choice.sides[at] == Side::Slide)
+                }
+                None => !self.mode.is_free(i, &sides),
+            };
             if is_closed && choice.sides[at] != Side::Slide {
                 found.push(Departure {
                     switches: [i, other],
