@@ -29,6 +29,9 @@ const ROUNDED: f64 = 1e-10;
 /// Solutions closer than this are one.
 const SAME: f64 = 1e-8;
 
+/// A rate against its own direction by less than this, relative to friction, is none.
+const NEAR: f64 = 1e-7;
+
 /// No α of this size is looked for.
 const FAR: f64 = 1e6;
 
@@ -125,12 +128,12 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         }
         let mode = &mut self.mode;
         let pairs = leaving.iter().map(|&i| [i, mode.other(i).unwrap_or(i)]);
-        let leaving: Vec<[usize; 2]> = pairs.collect();
+        let pairs: Vec<[usize; 2]> = pairs.collect();
         let mut start = SetOff {
             mode,
             alpha,
             sliding,
-            leaving,
+            leaving: pairs.clone(),
         };
         let mut known: Vec<Vec<f64>> = Vec::new();
         let mut outcome = Search::Complete;
@@ -154,6 +157,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             outcome = Search::Complete;
         }
         for alpha in known {
+            if !start_along(&mut self.mode, &pairs, &alpha) {
+                continue;
+            }
             let mode = &mut self.mode;
             mode.vary(&alpha);
             let states = mode.states_in_focus().iter();
@@ -165,6 +171,19 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         }
         outcome
     }
+}
+
+/// Whether all that set off do so along their u, or as fast as next to nothing.
+fn start_along(mode: &mut Mode, pairs: &[[usize; 2]], alpha: &[f64]) -> bool {
+    mode.vary(alpha);
+    pairs.iter().all(|pair| {
+        mode.linearize(pair);
+        let along = |i: &usize| (2.0 * alpha[*i] - 1.0) * mode.phi(*i);
+        let speed: f64 = pair.iter().map(along).sum();
+        // ∂φ/∂u is what friction takes at most.
+        let size: f64 = pair.iter().map(|&i| mode.phi(i).abs() + 0.5 * mode.coupling(i, i).abs()).sum();
+        speed >= -NEAR * size
+    })
 }
 
 /// The equations of what sets off, and of what slides with it.

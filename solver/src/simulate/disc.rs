@@ -103,6 +103,15 @@ impl Mode {
         }
     }
 
+    /// Watches w along the direction that it has where the point is.
+    pub(super) fn aim(&mut self, switch: usize) {
+        let Some(mut disc) = self.discs[switch].take() else {
+            return;
+        };
+        disc.direction = direction([switch, disc.other].map(|i| self.psi(i)));
+        self.discs[switch] = Some(disc);
+    }
+
     /// Whether what is watched is affine in time and states.
     pub(super) fn is_watched_affine(&self, switch: usize) -> bool {
         let all = [Some(switch), self.other(switch)];
@@ -120,11 +129,7 @@ impl Mode {
             let start = self.surfaces.row(i);
             &self.memory.rows[start..=start + self.order]
         });
-        let speed = first[0].hypot(second[0]);
-        disc.direction = match speed > 0.0 {
-            true => [first[0] / speed, second[0] / speed],
-            false => [1.0, 0.0],
-        };
+        disc.direction = direction([first[0], second[0]]);
         let [d, e] = disc.direction;
         let terms = first.iter().zip(second);
         disc.series.clear();
@@ -182,6 +187,15 @@ impl Mode {
         let length = tau * (1.0 - LEFT);
         let far = speed > STOPS * state.band[switch] && state.t + (length + state.t_low) > state.t;
         far.then_some(length)
+    }
+}
+
+/// w/|w|, or any direction where w is zero.
+fn direction(w: [f64; 2]) -> [f64; 2] {
+    let speed = w[0].hypot(w[1]);
+    match speed > 0.0 {
+        true => w.map(|w| w / speed),
+        false => [1.0, 0.0],
     }
 }
 
