@@ -77,7 +77,8 @@ pub fn check(system: &System, lowerings: &[Lowering], needs: bool) -> Result<(),
     is_without_memory(system, takes(lowerings))?;
     // Frozen time has no contacts, and its discs belong to none.
     let frozen = |switch: &&Switch| switch.across.is_some() && switch.slip_of.is_none();
-    if let Some(disc) = system.switches.iter().find(frozen).filter(|_| needs) {
+    let decides = system.task.is_some();
+    if let Some(disc) = system.switches.iter().find(frozen).filter(|_| decides) {
         return Err(DcsError::FrozenDisc {
             span: disc.spans[0],
         });

@@ -9,10 +9,15 @@
 //! All choices of the pairs that meet are tried, which finds every solution; of more than a few pairs
 //! those of each independent group (`independent.rs`).
 
+use std::f64::consts::TAU;
+
 use super::independent::{MAX_OPEN, rate_scale};
 use super::system::{ComplementaritySystem, Full, Member, Zero};
 use super::watch::Start;
 use crate::linalg::DenseLu;
+
+/// Directions from which one to set off in is looked for: there are at most four.
+const DIRECTIONS: usize = 8;
 
 /// Newton iterations for one active set.
 const MAX_NEWTON: usize = 40;
@@ -178,8 +183,10 @@ impl Directional {
                     Zero::Right
                 };
             }
-            for guess in guesses(system.full()) {
-                let mut u = self.start(system, z, open, guess);
+            let guesses = guesses(system.full());
+            let starts = guesses.map(|guess| self.start(system, z, open, guess));
+            let starts: Vec<Vec<f64>> = starts.collect();
+            for mut u in from_directions(system, &tried, open, starts) {
                 let solved = match is_affine && mask > 0 {
                     // Only the rows of the pairs differ from those of the first choice.
                     true => self.choose(system, &tried, &mut u).map(|_| u),
@@ -370,6 +377,41 @@ fn guesses(full: &Full) -> impl Iterator<Item = [f64; 2]> {
     const GUESSES: [[f64; 2]; 3] = [[0.5, 0.5], [0.2, 0.8], [0.8, 0.2]];
     let wanted = if full.is_affine { 1 } else { GUESSES.len() };
     GUESSES.into_iter().take(wanted)
+}
+
+/// The same starts in directions all around for each slip velocity with two entries that sets off, and in the middle of
+/// its disc where it rests.
+fn from_directions(
+    system: &impl ComplementaritySystem,
+    zeros: &[Zero],
+    open: &[usize],
+    starts: Vec<Vec<f64>>,
+) -> Vec<Vec<f64>> {
+    let discs = system.discs().iter();
+    let discs = discs.filter(|disc| open.contains(&disc.pair));
+    discs.enumerate().fold(starts, |starts, (k, disc)| {
+        let turned = |at: usize| TAU * at as f64 / DIRECTIONS as f64;
+        let points: Vec<[f64; 2]> = match zeros[disc.pair] {
+            Zero::Left => vec![[0.5, 0.5]],
+            // All combinations of two, and one direction for all others.
+            Zero::Right if k >= 2 => vec![[1.0, 0.5]],
+            Zero::Right => (0..DIRECTIONS)
+                .map(|at| [turned(at).cos(), turned(at).sin()].map(|u| 0.5 + 0.5 * u))
+                .collect(),
+        };
+        let moved = |start: &Vec<f64>| {
+            let start = start.clone();
+            let point = move |point: &[f64; 2]| {
+                let mut start = start.clone();
+                for (&alpha, value) in disc.alphas.iter().zip(point) {
+                    start[alpha] = *value;
+                }
+                start
+            };
+            points.iter().map(point).collect::<Vec<_>>()
+        };
+        starts.iter().flat_map(moved).collect()
+    })
 }
 
 fn is_near(a: &[f64], b: &[f64]) -> bool {

@@ -167,6 +167,10 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             } else {
                 mode.element
                     .guess(&run.rates, &run.z_of(&mode.element.reduced.unknowns));
+                if at == 0 && run.slips.at == run.t {
+                    let departures = &run.slips.departures;
+                    mode.element.set_off(&self.scheme, departures, tried);
+                }
             }
             let solved = mode.element.solve(&self.scheme, t, tried, x, &run.scale);
             solved.map_err(|_| Status::Unsolved)?;
