@@ -442,7 +442,9 @@ fn open_pairs(system: &impl ComplementaritySystem, z: &[f64], bands: &[f64]) -> 
     let undecided = |at: &usize| {
         let members = [pairs[*at].left, pairs[*at].right].into_iter();
         let mut jumping = members.filter(|member| !system.is_continuous(member.variable));
-        !pairs[*at].is_bounded || jumping.any(|member| member.value(z) < 1.0 - TIE)
+        // In the middle of its disc u may still leave it at once.
+        let of_disc = system.discs().iter().any(|disc| disc.pair == *at);
+        !pairs[*at].is_bounded || of_disc || jumping.any(|member| member.value(z) < 1.0 - TIE)
     };
     let vanishing: Vec<usize> = (0..pairs.len()).filter(vanishes).collect();
     let mut groups: Vec<usize> = (vanishing.iter().copied())

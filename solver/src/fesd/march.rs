@@ -311,6 +311,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             .evaluate(&self.scheme, &mode.element, &mut mode.hidden);
         evaluated.map_err(|_| Status::Unsolved)?;
         let reduced = &mode.element.reduced;
+        self.values.lower_stops(&self.scheme, reduced, &run.sizes);
         let unknowns = reduced.unknowns.iter().enumerate();
         let before = unknowns.map(|(k, &z)| match at {
             0 => run.z[z],

@@ -29,6 +29,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         if self.guide.is_some() {
             return self.begin_guided(run, horizon);
         }
+        run.slips.step = horizon;
         let bands = self.bands(run);
         // Off its surface the continuous member is positive, and the other one zero.
         let zero = |(pair, band): (&Pair, &f64)| {
@@ -94,6 +95,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         for (z, value) in run.z.iter_mut().zip(mode.hidden.eval(&reduced.algebraics)) {
             *z = value;
         }
+        run.slips.step = length;
         let bands = self.bands(run);
         if self.guide.is_some() {
             return self.select_guided(run, &bands, length);
@@ -104,7 +106,6 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
 
     fn select_from(&mut self, run: &mut Run, bands: &[f64], length: f64) -> Result<(), Status> {
         self.rest(run, bands);
-        run.slips.step = length;
         let point = (run.t, &run.x[..], &run.z[..]);
         // Where a force balances the rates, no choice has a rate that shows the size of their terms: what
         // moves a gap by no more than rounding within a step is none.
@@ -148,6 +149,8 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 }
                 self.take(run, accepted.swap_remove(0), bands)
             }
+            // The problem of a whole element has no place for what sets off.
+            0 if self.rests_or_sets_off(&found.open) => Err(self.nothing(run, &found)),
             0 => match self.whole(run, bands, length) {
                 Some(choice) => {
                     run.rungs.whole += 1;
@@ -265,6 +268,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         if evaluated.is_err() {
             return Trial::Fails;
         }
+        self.values.lower_stops(&self.scheme, &reduced, &sizes);
         let watched = &mode.element.reduced.watched;
         let starts: Vec<Start> = watched.iter().map(|w| choice.starts[w.pair]).collect();
         let determinant = reduced.has_branches.then_some(1.0);

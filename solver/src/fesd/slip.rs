@@ -14,6 +14,9 @@ use super::{Run, Simulator};
 /// |w| of this share of its size is none (chosen by trial: its square is rounding).
 const STOPS: f64 = 1e-9;
 
+/// What a rate makes of w within this share of a step is none, too.
+const AT_ONCE: f64 = 1e-12;
+
 /// |w| that is set off with, in those that stop.
 const DEPARTS: f64 = 4.0;
 
@@ -45,8 +48,16 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         for (k, disc) in self.system.discs().iter().enumerate() {
             let size = bands[disc.pair] / BAND;
             let known = run.slips.stops.get(k).copied().unwrap_or(0.0);
-            bands[disc.pair] = 2.0 * f64::max(STOPS * size, known);
+            let at_once = AT_ONCE * disc.friction * run.slips.step;
+            let stop = (STOPS * size).max(known).max(at_once);
+            bands[disc.pair] = 2.0 * stop.max(f64::MIN_POSITIVE.sqrt());
         }
+    }
+
+    /// Whether a slip velocity is at rest, of the pairs that meet.
+    pub(super) fn rests_or_sets_off(&self, open: &[usize]) -> bool {
+        let mut discs = self.system.discs().iter();
+        discs.any(|disc| open.contains(&disc.pair))
     }
 
     /// What a watched slip velocity is where it stops, over the band of members.
@@ -93,7 +104,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             }
             let u = disc.alphas.map(|z| 2.0 * choice.u[z] - 1.0);
             let rate = choice.u[disc.slip];
-            let least = f64::max(0.5 * bands[disc.pair], STOPS * run.slips.step * rate.abs());
+            let least = f64::max(0.5 * bands[disc.pair], AT_ONCE * run.slips.step * rate.abs());
             let speed = DEPARTS * least;
             self.set_slip(run.t, &mut x, &run.z, disc, u.map(|u| speed * u));
             departures.push(Departure {

@@ -156,7 +156,7 @@ impl Pair {
 /// A slip velocity w with two entries: 0 = w_k - s u_k, 0 = 1 - |u|² - r and 0 ≤ s ⟂ r ≥ 0 for u = 2α - 1.
 ///
 /// In the directional form u stays w/|w| where s is not zero, and s' is the rate of |w|.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Disc {
     /// The pair, s on its left.
     pub pair: usize,
@@ -166,6 +166,8 @@ pub struct Disc {
     pub alphas: [usize; 2],
     /// That of s.
     pub slip: usize,
+    /// How fast friction moves w at most, about.
+    pub friction: f64,
 }
 
 /// Functions of (t, x, z), and of the numbers that change at breakpoints.

@@ -123,6 +123,7 @@ impl<'e> Complementarity<'e> {
                 rows: disc.alphas.map(row),
                 alphas: disc.alphas,
                 slip: disc.slip,
+                friction: 0.0,
             }
         };
         let discs = dcs.discs.iter().map(of_disc).collect();
@@ -168,6 +169,9 @@ impl<'e> Complementarity<'e> {
             at_breakpoints,
             known: RefCell::default(),
         };
+        for at in 0..system.discs.len() {
+            system.discs[at].friction = system.friction(&system.discs[at]);
+        }
         system.full = system.compile_full();
         system
     }

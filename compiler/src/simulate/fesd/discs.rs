@@ -28,8 +28,8 @@ impl<'e> Complementarity<'e> {
             let alpha = jumps.get(self.algebraics[z]).expect("α of a disc jumps");
             2.0 * alpha - 1.0
         });
-        let open = disc.rows.map(|row| self.open(self.equations[row], disc));
-        let rates = [0, 1].map(|k| rows[disc.rows[k]] - OPEN * open[k] * u[k]);
+        let open = OPEN * disc.friction;
+        let rates = [0, 1].map(|k| rows[disc.rows[k]] - open * u[k]);
         let along = u[0] * rates[0] + u[1] * rates[1];
         for k in 0..2 {
             let row = self.equations[disc.rows[k]].substitute(jumps);
@@ -39,18 +39,20 @@ impl<'e> Complementarity<'e> {
         }
     }
 
-    /// How fast friction moves an entry of w, while contacts act.
-    fn open(&self, row: Expr<'e>, disc: &Disc) -> f64 {
-        let vars = variables_of(&[row]);
-        let rate = self.along(row, &vars, &self.rates);
+    /// How fast friction moves w, while contacts act.
+    pub(super) fn friction(&self, disc: &Disc) -> f64 {
         let zero = |var: Var| match self.algebraics.contains(&var) {
             true => 0.0,
             false => 1.0,
         };
-        let alphas = disc.alphas.iter();
-        let sizes = alphas.map(|&z| rate.diff(self.algebraics[z]).eval(&zero).abs());
-        let size = sizes.filter(|size| size.is_finite()).fold(0.0, f64::max);
-        if size > 0.0 { size } else { 1.0 }
+        let speed = |(row, z): (usize, usize)| {
+            let row = self.equations[row];
+            let rate = self.along(row, &variables_of(&[row]), &self.rates);
+            0.5 * rate.diff(self.algebraics[z]).eval(&zero).abs()
+        };
+        let speeds = disc.rows.into_iter().zip(disc.alphas).map(speed);
+        let speed = speeds.filter(|speed| speed.is_finite()).fold(0.0, f64::max);
+        if speed > 0.0 { speed } else { 1.0 }
     }
 
     /// The discs whose u no rate reads while these members are zero.
