@@ -1,6 +1,6 @@
 //! Friction in two directions in frozen time, against closed forms.
 
-use nsd_tests::{end, run, times, with_experiment};
+use nsd_tests::{end, optimum, run, times, with_experiment};
 use nsdc::dcs::{Formulation, lower_as};
 use nsdc::report::{EventKind, Failure, Status, Trajectory};
 
@@ -198,6 +198,89 @@ fn a_block_on_a_tilted_plane_sticks_or_slides_straight_down() {
             close(&end(found, "v"), &[0.6, 0.8, 0.0]);
         });
     }
+}
+
+/// A pull k t along (3, 4) moves a block once it is as large as friction, and from there its speed is k/2 times the square
+/// of the time.
+#[test]
+fn a_block_that_is_pulled_harder_and_harder_breaks_loose() {
+    let model = "model m {
+        state q[3] = [0, 0, 0];
+        state v[3] = [0, 0, 0];
+        q' = v;
+        mechanics q, v {
+          mass = eye(3);
+          force = [1.2*time, 1.6*time, -10];
+          contact floor { gap = q[3]; slip = [v[1], v[2]]; restitution = 0; friction = 0.1; }
+        }
+      }";
+    for road in ROADS {
+        let found = by(model, 1.5, road);
+        assert_eq!(found.status, Status::Solved, "{road} {:?}", found.failure);
+        close(&times(&found, EventKind::Slip), &[0.5]);
+        let way = 2.0 / 6.0;
+        close(&end(&found, "q"), &[0.6 * way, 0.8 * way, 0.0]);
+        close(&end(&found, "v"), &[0.6, 0.8, 0.0]);
+    }
+}
+
+/// Without slip there is nothing for friction to do, in flight and on the floor.
+#[test]
+fn a_ball_that_falls_straight_down_stays_on_its_line() {
+    let fall = 0.2_f64.sqrt();
+    let ball = Body {
+        v: [0.0; 3],
+        ..BALL
+    };
+    ball.roads(1.0, |found| {
+        close(&end(found, "q"), &[0.0; 3]);
+        close(&times(found, EventKind::Stick), &[fall]);
+    });
+    let bouncing = Body {
+        restitution: 0.5,
+        ..ball
+    };
+    let left = 1.0 - fall * 2.0;
+    bouncing.roads(1.0, |found| {
+        close(&times(found, EventKind::Jump), &[fall, 2.0 * fall]);
+        let speed = 20.0_f64.sqrt() / 4.0;
+        close(
+            &end(found, "q"),
+            &[0.0, 0.0, speed * left - 5.0 * left * left],
+        );
+    });
+}
+
+/// A block that slides along (3, 4) is pushed along its line, by symmetry: with controls that are constant on intervals
+/// with the middles t_k, u_k = λ (T - t_k) for the least Σ h u_k² + 10 (s - s_T)².
+#[test]
+fn the_least_push_along_the_line_of_slip() {
+    let model = "model m {
+        state q[3] = [0, 0, 0];
+        state v[3] = [1.2, 1.6, 0];
+        control u[2] in [-5, 5] = [0, 0];
+        q' = v;
+        mechanics q, v {
+          mass = eye(3);
+          force = [u[1], u[2], -10];
+          contact floor { gap = q[3]; slip = [v[1], v[2]]; restitution = 0; friction = 0.2; }
+        }
+      }
+      optimize push of m {
+        horizon 0.5; intervals 4; elements 2; scheme radau_iia(3); lower timefreezing;
+        minimize integral(dot(u, u)) + final(10*((q[1] - 0.6)^2 + (q[2] - 0.8)^2));
+      }";
+    let found = optimum(model, "push");
+    assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
+    let (h, horizon) = (0.125, 0.5);
+    let shares: Vec<f64> = (0..4).map(|k| horizon - h * (f64::from(k) + 0.5)).collect();
+    let gain: f64 = shares.iter().map(|share| h * share * share).sum();
+    let free = 2.0 * horizon - 0.5 * 2.0 * horizon * horizon;
+    let lambda = 10.0 * (1.0 - free) / (1.0 + 10.0 * gain);
+    let reached = free + lambda * gain;
+    close(&end(&found, "q"), &[0.6 * reached, 0.8 * reached, 0.0]);
+    let speed = 2.0 - 2.0 * horizon + lambda * h * shares.iter().sum::<f64>();
+    close(&end(&found, "v"), &[0.6 * speed, 0.8 * speed, 0.0]);
 }
 
 /// Where the mass is not the same in all directions, friction that acts little by little turns the slip on the way: not

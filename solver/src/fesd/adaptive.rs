@@ -7,8 +7,8 @@
 
 use super::emit::Observer;
 use super::fold::Length;
-use super::watch::BAND;
 use super::system::ComplementaritySystem;
+use super::watch::BAND;
 use super::{Run, Simulator};
 use crate::simulate::Status;
 

@@ -183,10 +183,12 @@ impl Directional {
                     Zero::Right
                 };
             }
+            if !is_affine && contradicts(system, &tried, open) {
+                continue;
+            }
             let guesses = guesses(system.full());
             let starts = guesses.map(|guess| self.start(system, z, open, guess));
-            let starts: Vec<Vec<f64>> = starts.collect();
-            for mut u in from_directions(system, &tried, open, starts) {
+            for mut u in from_directions(system, &tried, open, starts.collect()) {
                 let solved = match is_affine && mask > 0 {
                     // Only the rows of the pairs differ from those of the first choice.
                     true => self.choose(system, &tried, &mut u).map(|_| u),
@@ -377,6 +379,16 @@ fn guesses(full: &Full) -> impl Iterator<Item = [f64; 2]> {
     const GUESSES: [[f64; 2]; 3] = [[0.5, 0.5], [0.2, 0.8], [0.8, 0.2]];
     let wanted = if full.is_affine { 1 } else { GUESSES.len() };
     GUESSES.into_iter().take(wanted)
+}
+
+/// Whether a variable would have two values.
+fn contradicts(system: &impl ComplementaritySystem, zeros: &[Zero], open: &[usize]) -> bool {
+    let zero = |pair: &usize| system.pairs()[*pair].split(zeros[*pair]).0;
+    let mut members = open.iter().map(zero).enumerate();
+    members.any(|(at, member)| {
+        let mut before = open[..at].iter().map(zero);
+        before.any(|other| other.variable == member.variable && other != member)
+    })
 }
 
 /// The same starts in directions all around for each slip velocity with two entries that sets off, and in the middle of

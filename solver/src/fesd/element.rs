@@ -328,7 +328,9 @@ impl Element {
             hidden.solve(&self.reduced)?;
             let (value, rate) = hidden.member(&self.reduced, member, &mut self.by_x)?;
             let watched = self.reduced.watched.get(member);
-            let end = watched.filter(|watched| watched.stops).map_or(0.0, |_| zero);
+            let end = watched
+                .filter(|watched| watched.stops)
+                .map_or(0.0, |_| zero);
             let value = value - end;
             // dx = mean dh + h Σ b_j dV_j at the end.
             let by_mean = self.by_x.iter().zip(&self.mean).map(|(g, mean)| g * mean);

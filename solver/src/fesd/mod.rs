@@ -49,7 +49,9 @@ use hidden::Hidden;
 use nodes::Nodes;
 use scheme::Scheme;
 pub use stepping::{Stepper, SteppingSettings};
-pub use system::{ComplementaritySystem, Disc, Full, Member, NEGLIGIBLE, Pair, Reduced, Watched, Zero};
+pub use system::{
+    ComplementaritySystem, Disc, Full, Member, NEGLIGIBLE, Pair, Reduced, Watched, Zero,
+};
 use watch::{Start, Values};
 
 /// What the user may choose.

@@ -104,7 +104,10 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             }
             let u = disc.alphas.map(|z| 2.0 * choice.u[z] - 1.0);
             let rate = choice.u[disc.slip];
-            let least = f64::max(0.5 * bands[disc.pair], AT_ONCE * run.slips.step * rate.abs());
+            let least = f64::max(
+                0.5 * bands[disc.pair],
+                AT_ONCE * run.slips.step * rate.abs(),
+            );
             let speed = DEPARTS * least;
             self.set_slip(run.t, &mut x, &run.z, disc, u.map(|u| speed * u));
             departures.push(Departure {

@@ -181,7 +181,10 @@ fn start_along(mode: &mut Mode, pairs: &[[usize; 2]], alpha: &[f64]) -> bool {
         let along = |i: &usize| (2.0 * alpha[*i] - 1.0) * mode.phi(*i);
         let speed: f64 = pair.iter().map(along).sum();
         // ∂φ/∂u is what friction takes at most.
-        let size: f64 = pair.iter().map(|&i| mode.phi(i).abs() + 0.5 * mode.coupling(i, i).abs()).sum();
+        let size: f64 = pair
+            .iter()
+            .map(|&i| mode.phi(i).abs() + 0.5 * mode.coupling(i, i).abs())
+            .sum();
         speed >= -NEAR * size
     })
 }

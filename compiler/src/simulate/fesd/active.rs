@@ -108,7 +108,9 @@ impl<'e> Complementarity<'e> {
     pub(super) fn compile(&self, zeros: &[Zero]) -> Option<Reduced> {
         let fixed = self.fixed(zeros)?;
         let idle = self.idle(&fixed);
-        let (equations, fixed) = self.without(&idle, fixed);
+        let equations = self.without(&idle);
+        let shown = self.at_rest(&idle, fixed.clone(), true);
+        let fixed = self.at_rest(&idle, fixed, false);
         let Remainder {
             unknowns,
             residuals,
@@ -122,9 +124,13 @@ impl<'e> Complementarity<'e> {
             is_direct,
         } = self.differentiate(residuals, &unknowns, &rates);
         let functions: Vec<Expr> = rates.iter().chain(&at_nodes).copied().collect();
-        let algebraics = self.values(&given);
+        let shown = match idle.is_empty() {
+            true => given,
+            false => eliminate(&equations, &self.algebraics, &shown)?.given,
+        };
+        let algebraics = self.values(&shown);
         let (watched, members) = self.members_of(zeros, &algebraics, &idle)?;
-        let alphas = given.apply(&self.alphas);
+        let alphas = shown.apply(&self.alphas);
         let mut sides = sides(&alphas);
         for (side, member) in sides.iter_mut().zip(&self.members) {
             if let Some((pair, zero)) = *member {

@@ -13,6 +13,9 @@ const NO_DIRECTION: f64 = 1e-300;
 /// Where no rate reads u, w' = 0 leaves it open: w' = ε u, with ε relative to the rate of friction, makes it zero.
 const OPEN: f64 = 1e-11;
 
+/// A rate that changes with u by less than this share of friction does not.
+const ROUNDING: f64 = 1e-12;
+
 impl<'e> Complementarity<'e> {
     /// The directional rows of a disc: with D = w' - s' u,
     ///
@@ -72,39 +75,53 @@ impl<'e> Complementarity<'e> {
         };
         let mut read = remainder.given.apply(&self.rates);
         read.extend(remainder.residuals);
-        let read = variables_of(&read);
+        // Products of what cancels leave rounding.
+        let is_read = |disc: &Disc, alpha: Var| {
+            let rounding = ROUNDING * disc.friction;
+            read.iter().any(|row| {
+                let slope = row.depends_on(alpha).then(|| row.diff(alpha));
+                slope.is_some_and(|slope| {
+                    slope
+                        .as_constant()
+                        .is_none_or(|slope| slope.abs() > rounding)
+                })
+            })
+        };
         let is_idle = |disc: &&Disc| {
             let mut alphas = disc.alphas.iter();
-            alphas.all(|&z| read.binary_search(&self.algebraics[z]).is_err())
+            !alphas.any(|&z| is_read(disc, self.algebraics[z]))
         };
         self.discs.iter().filter(is_idle).copied().collect()
     }
 
-    /// The equations without those of idle discs, and what is fixed with u = w/|w| of these.
-    pub(super) fn without(
+    /// The equations without those of idle discs.
+    pub(super) fn without(&self, idle: &[Disc]) -> Vec<Expr<'e>> {
+        let left_out: Vec<usize> = idle.iter().flat_map(|disc| self.rows(disc)).collect();
+        let equations = self.equations.iter().enumerate();
+        let equations = equations.filter(|(at, _)| !left_out.contains(at));
+        equations.map(|(_, &row)| row).collect()
+    }
+
+    /// What is fixed where discs are idle, with u = 0, which nothing reads, or as it is shown, with u = w/|w|.
+    pub(super) fn at_rest(
         &self,
         idle: &[Disc],
         mut fixed: Substitution<'e>,
-    ) -> (Vec<Expr<'e>>, Substitution<'e>) {
-        if idle.is_empty() {
-            return (self.equations.clone(), fixed);
-        }
+        is_shown: bool,
+    ) -> Substitution<'e> {
         let zero = self.exprs.constant(0.0);
-        let mut left_out = Vec::new();
         for disc in idle {
             let slip = Substitution::one(self.algebraics[disc.slip], zero);
             let w = disc.rows.map(|row| self.equations[row].substitute(&slip));
             let speed = (w[0].powi(2) + w[1].powi(2) + NO_DIRECTION).sqrt();
             fixed.insert(self.algebraics[disc.slip], speed);
             for (&alpha, w) in disc.alphas.iter().zip(w) {
-                fixed.insert(self.algebraics[alpha], 0.5 + 0.5 * (w / speed));
+                let u = if is_shown { w / speed } else { zero };
+                fixed.insert(self.algebraics[alpha], 0.5 + 0.5 * u);
             }
             fixed.insert(self.stick(disc), zero);
-            left_out.extend(self.rows(disc));
         }
-        let equations = self.equations.iter().enumerate();
-        let equations = equations.filter(|(at, _)| !left_out.contains(at));
-        (equations.map(|(_, &row)| row).collect(), fixed)
+        fixed
     }
 
     /// The variable r of a disc.
@@ -126,7 +143,10 @@ fn own_variables(system: &Complementarity, discs: &[Disc]) -> Vec<Var> {
     let of_disc = |disc: &Disc| {
         let [first, second] = disc.alphas;
         let places = [first, second, disc.slip].map(|z| system.algebraics[z]);
-        places.into_iter().chain([system.stick(disc)]).collect::<Vec<_>>()
+        places
+            .into_iter()
+            .chain([system.stick(disc)])
+            .collect::<Vec<_>>()
     };
     discs.iter().flat_map(of_disc).collect()
 }
