@@ -5,7 +5,7 @@
 
 use crate::expr::Substitution;
 use crate::system::experiment::Lowering;
-use crate::system::{Role, Switch, System};
+use crate::system::{Role, System};
 
 use super::{Dcs, DcsError, Formulation, heaviside, impact, signs, stewart};
 
@@ -75,13 +75,6 @@ pub fn check(system: &System, lowerings: &[Lowering], needs: bool) -> Result<(),
         Some(formulation) => formulation,
     };
     is_without_memory(system, takes(lowerings))?;
-    // Frozen time has no contacts, and its discs belong to none.
-    let frozen = |switch: &&Switch| switch.across.is_some() && switch.slip_of.is_none();
-    if let Some(disc) = system.switches.iter().find(frozen).filter(|_| needs) {
-        return Err(DcsError::FrozenDisc {
-            span: disc.spans[0],
-        });
-    }
     match formulation {
         Formulation::Stewart => signs::check(system).and_then(|()| is_bilateral(system)),
         Formulation::Step => Ok(()),

@@ -90,21 +90,6 @@ pub enum DcsError {
         span: Span,
     },
 
-    /// In frozen time finite elements do not find the modes of a disc.
-    #[error("friction in two directions is not supported by finite elements in frozen time yet")]
-    #[diagnostic(
-        code(E0903),
-        help(
-            "`lower impact;` has it with `method fesd`, `method event` in frozen time too, and `method timestepping` \
-             without a lowering"
-        )
-    )]
-    FrozenDisc {
-        /// Its statement.
-        #[label("a slip velocity with two entries")]
-        span: Span,
-    },
-
     /// Stewart's reformulation needs one multiplier per region, and switches that multiply each other have 2^n of
     /// them. The step reformulation needs three variables per switch and one per product.
     #[error("{count} switches multiply each other, too many for `stewart`")]

@@ -129,3 +129,31 @@ fn switches_of(inputs: &[Input]) -> Vec<usize> {
     found.sort_unstable();
     found
 }
+
+/// For every slip velocity with two entries that belongs to no contact, as in frozen time, the switches of which one on
+/// its upper side takes its α out of all rates.
+pub(super) fn idle_above<'e>(system: &System<'e>, rates: &[Expr<'e>]) -> Vec<Vec<usize>> {
+    let one = system.exprs.constant(1.0);
+    let frees = |switch: usize, other: usize| {
+        let (alpha, above) = (
+            variable(system.switches[switch].alpha),
+            variable(system.switches[other].alpha),
+        );
+        let above = expr::Substitution::one(above, one);
+        let rates = rates.iter().filter(|rate| rate.depends_on(alpha));
+        rates
+            .map(|rate| rate.substitute(&above))
+            .all(|rate| !rate.depends_on(alpha))
+    };
+    let all = system.switches.iter().enumerate();
+    let of_switch = |(i, switch): (usize, &crate::system::Switch)| {
+        let pair = switch.across.filter(|_| switch.slip_of.is_none())?;
+        let others = system.switches.iter().enumerate();
+        let others = others.filter(|(_, other)| other.across.is_none());
+        let others = others.map(|(other, _)| other);
+        let both = |other: &usize| frees(i, *other) && frees(pair, *other);
+        Some(others.filter(both).collect())
+    };
+    all.map(|entry| of_switch(entry).unwrap_or_default())
+        .collect()
+}

@@ -21,7 +21,7 @@ use super::forms::{self, Copy, Form};
 use super::functions::{CompiledRates, CompiledSurface, Place, affine, partials, tape};
 use super::instants::Pulses;
 use super::laws;
-use super::structure::Structure;
+use super::structure::{self, Structure};
 use super::substituted::{numbers, variable, with_directions, with_numbers};
 use crate::expr::{self, Expr, Exprs, Node, Substitution, Var};
 use crate::system::{self, System};
@@ -54,6 +54,8 @@ pub struct Switched<'e> {
     unilateral: Vec<bool>,
     slip_of: Vec<Option<usize>>,
     across: Vec<Option<usize>>,
+    /// Switches on whose upper side slip velocities with two entries are in no rate.
+    idle_above: Vec<Vec<usize>>,
     /// The variables σ.
     sticking: FxHashSet<Var>,
     roles: Vec<Role>,
@@ -95,6 +97,7 @@ impl<'e> Switched<'e> {
     pub fn new(system: &System<'e>) -> Self {
         let exprs = system.exprs;
         let [folded, switching] = with_numbers(system);
+        let idle_above = structure::idle_above(system, &folded);
         let (folded, sticking) = with_directions(system, folded, &switching);
         let (data, coefficients, polynomials) = Pieces::new(system);
         let rates = polynomials.apply(&folded);
@@ -177,6 +180,7 @@ impl<'e> Switched<'e> {
             across: (system.switches.iter())
                 .map(|switch| switch.across)
                 .collect(),
+            idle_above,
             sticking: sticking.into_iter().map(|(_, sigma)| sigma).collect(),
             roles: (system.switches.iter())
                 .map(|switch| match switch.role {
@@ -414,6 +418,10 @@ impl SwitchedSystem for Switched<'_> {
 
     fn across(&self, switch: usize) -> Option<usize> {
         self.across[switch]
+    }
+
+    fn idle_above(&self, switch: usize) -> &[usize] {
+        &self.idle_above[switch]
     }
 
     fn role(&self, switch: usize) -> Role {

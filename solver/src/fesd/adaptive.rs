@@ -8,6 +8,7 @@
 use super::emit::Observer;
 use super::fold::Length;
 use super::system::ComplementaritySystem;
+use super::watch::BAND;
 use super::{Run, Simulator};
 use crate::simulate::Status;
 
@@ -137,6 +138,9 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             }
             // Roots of members were looked for in polynomials, which have to be the members.
             for (member, value) in mode.hidden.eval(&reduced.members).enumerate() {
+                let stops = reduced.watched.get(member).is_some_and(|w| w.stops);
+                let end = if stops { BAND * run.sizes[member] } else { 0.0 };
+                let value = value - end;
                 let size = run.sizes[member].max(run.rate_scale * h);
                 let floor = NEGLIGIBLE_MEMBER * size;
                 if self.values.misses(scheme, member, (sigma, value), floor) > FOLLOWS {

@@ -9,10 +9,15 @@
 //! All choices of the pairs that meet are tried, which finds every solution; of more than a few pairs
 //! those of each independent group (`independent.rs`).
 
+use std::f64::consts::TAU;
+
 use super::independent::{MAX_OPEN, rate_scale};
 use super::system::{ComplementaritySystem, Full, Member, Zero};
 use super::watch::Start;
 use crate::linalg::DenseLu;
+
+/// Directions from which one to set off in is looked for: there are at most four.
+const DIRECTIONS: usize = 8;
 
 /// Newton iterations for one active set.
 const MAX_NEWTON: usize = 40;
@@ -178,8 +183,12 @@ impl Directional {
                     Zero::Right
                 };
             }
-            for guess in guesses(system.full()) {
-                let mut u = self.start(system, z, open, guess);
+            if !is_affine && contradicts(system, &tried, open) {
+                continue;
+            }
+            let guesses = guesses(system.full());
+            let starts = guesses.map(|guess| self.start(system, z, open, guess));
+            for mut u in from_directions(system, &tried, open, starts.collect()) {
                 let solved = match is_affine && mask > 0 {
                     // Only the rows of the pairs differ from those of the first choice.
                     true => self.choose(system, &tried, &mut u).map(|_| u),
@@ -372,6 +381,51 @@ fn guesses(full: &Full) -> impl Iterator<Item = [f64; 2]> {
     GUESSES.into_iter().take(wanted)
 }
 
+/// Whether a variable would have two values.
+fn contradicts(system: &impl ComplementaritySystem, zeros: &[Zero], open: &[usize]) -> bool {
+    let zero = |pair: &usize| system.pairs()[*pair].split(zeros[*pair]).0;
+    let mut members = open.iter().map(zero).enumerate();
+    members.any(|(at, member)| {
+        let mut before = open[..at].iter().map(zero);
+        before.any(|other| other.variable == member.variable && other != member)
+    })
+}
+
+/// The same starts in directions all around for each slip velocity with two entries that sets off, and in the middle of
+/// its disc where it rests.
+fn from_directions(
+    system: &impl ComplementaritySystem,
+    zeros: &[Zero],
+    open: &[usize],
+    starts: Vec<Vec<f64>>,
+) -> Vec<Vec<f64>> {
+    let discs = system.discs().iter();
+    let discs = discs.filter(|disc| open.contains(&disc.pair));
+    discs.enumerate().fold(starts, |starts, (k, disc)| {
+        let turned = |at: usize| TAU * at as f64 / DIRECTIONS as f64;
+        let points: Vec<[f64; 2]> = match zeros[disc.pair] {
+            Zero::Left => vec![[0.5, 0.5]],
+            // All combinations of two, and one direction for all others.
+            Zero::Right if k >= 2 => vec![[1.0, 0.5]],
+            Zero::Right => (0..DIRECTIONS)
+                .map(|at| [turned(at).cos(), turned(at).sin()].map(|u| 0.5 + 0.5 * u))
+                .collect(),
+        };
+        let moved = |start: &Vec<f64>| {
+            let start = start.clone();
+            let point = move |point: &[f64; 2]| {
+                let mut start = start.clone();
+                for (&alpha, value) in disc.alphas.iter().zip(point) {
+                    start[alpha] = *value;
+                }
+                start
+            };
+            points.iter().map(point).collect::<Vec<_>>()
+        };
+        starts.iter().flat_map(moved).collect()
+    })
+}
+
 fn is_near(a: &[f64], b: &[f64]) -> bool {
     let difference = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-8 * (1.0 + a.abs());
     a.iter().zip(b).all(difference)
@@ -400,7 +454,9 @@ fn open_pairs(system: &impl ComplementaritySystem, z: &[f64], bands: &[f64]) -> 
     let undecided = |at: &usize| {
         let members = [pairs[*at].left, pairs[*at].right].into_iter();
         let mut jumping = members.filter(|member| !system.is_continuous(member.variable));
-        !pairs[*at].is_bounded || jumping.any(|member| member.value(z) < 1.0 - TIE)
+        // In the middle of its disc u may still leave it at once.
+        let of_disc = system.discs().iter().any(|disc| disc.pair == *at);
+        !pairs[*at].is_bounded || of_disc || jumping.any(|member| member.value(z) < 1.0 - TIE)
     };
     let vanishing: Vec<usize> = (0..pairs.len()).filter(vanishes).collect();
     let mut groups: Vec<usize> = (vanishing.iter().copied())

@@ -15,6 +15,7 @@ use super::banded;
 use super::hidden::Hidden;
 use super::projection::Projection;
 use super::scheme::{Scheme, WIDTH};
+use super::slip::Departure;
 use super::system::Reduced;
 use crate::linalg::DenseLu;
 
@@ -199,6 +200,23 @@ impl Element {
         }
     }
 
+    /// The same for slip velocities that have set off, which grow, in an element of the length h.
+    pub fn set_off(&mut self, scheme: &Scheme, departures: &[Departure], h: f64) {
+        let per_node = self.per_node();
+        for departure in departures {
+            let mut unknowns = self.reduced.unknowns.iter();
+            let Some(k) = unknowns.position(|&z| z == departure.slip) else {
+                continue;
+            };
+            for (m, c) in scheme.tableau.nodes.iter().enumerate() {
+                let speed = departure.speed + c * h * departure.rate;
+                self.unknowns[m * per_node + self.n + k] = speed;
+            }
+            // What is factored is that of another direction.
+            self.factored = 0.0;
+        }
+    }
+
     /// Takes the polynomials of an element of the same active set as the guess of one that starts
     /// `shift` behind its start and is `ratio` times as long, both in units of its length.
     pub fn extrapolate(&mut self, scheme: &Scheme, shift: f64, ratio: f64) {
@@ -309,6 +327,11 @@ impl Element {
             hidden.set(self.t + self.h, x, &self.unknowns[w..]);
             hidden.solve(&self.reduced)?;
             let (value, rate) = hidden.member(&self.reduced, member, &mut self.by_x)?;
+            let watched = self.reduced.watched.get(member);
+            let end = watched
+                .filter(|watched| watched.stops)
+                .map_or(0.0, |_| zero);
+            let value = value - end;
             // dx = mean dh + h Σ b_j dV_j at the end.
             let by_mean = self.by_x.iter().zip(&self.mean).map(|(g, mean)| g * mean);
             let rate = rate + by_mean.sum::<f64>();

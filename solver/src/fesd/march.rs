@@ -167,6 +167,10 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             } else {
                 mode.element
                     .guess(&run.rates, &run.z_of(&mode.element.reduced.unknowns));
+                if at == 0 && run.slips.at == run.t {
+                    let departures = &run.slips.departures;
+                    mode.element.set_off(&self.scheme, departures, tried);
+                }
             }
             let solved = mode.element.solve(&self.scheme, t, tried, x, &run.scale);
             solved.map_err(|_| Status::Unsolved)?;
@@ -309,6 +313,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             .evaluate(&self.scheme, &mode.element, &mut mode.hidden);
         evaluated.map_err(|_| Status::Unsolved)?;
         let reduced = &mode.element.reduced;
+        self.values.lower_stops(&self.scheme, reduced, &run.sizes);
         let unknowns = reduced.unknowns.iter().enumerate();
         let before = unknowns.map(|(k, &z)| match at {
             0 => run.z[z],

@@ -24,6 +24,7 @@ mod nodes;
 mod projection;
 mod scheme;
 mod select;
+mod slip;
 mod smooth;
 mod stepping;
 mod system;
@@ -48,7 +49,9 @@ use hidden::Hidden;
 use nodes::Nodes;
 use scheme::Scheme;
 pub use stepping::{Stepper, SteppingSettings};
-pub use system::{ComplementaritySystem, Full, Member, NEGLIGIBLE, Pair, Reduced, Watched, Zero};
+pub use system::{
+    ComplementaritySystem, Disc, Full, Member, NEGLIGIBLE, Pair, Reduced, Watched, Zero,
+};
 use watch::{Start, Values};
 
 /// What the user may choose.
@@ -202,6 +205,8 @@ struct Run {
     /// Events in a row that took no time.
     stalled: usize,
     events: Events,
+    /// Its slip velocities with two entries.
+    slips: slip::Slips,
     /// What has decided about nonlinear switches where the run is.
     decisions: Vec<Decision>,
     /// The switch whose sliding mode has ended in a fold where the run is.
@@ -299,6 +304,7 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
             defect: 0.0,
             stalled: 0,
             events: Events::default(),
+            slips: slip::Slips::default(),
             decisions: Vec::new(),
             fold: None,
             notes: Vec::new(),

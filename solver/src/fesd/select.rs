@@ -29,6 +29,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         if self.guide.is_some() {
             return self.begin_guided(run, horizon);
         }
+        run.slips.step = horizon;
         let bands = self.bands(run);
         // Off its surface the continuous member is positive, and the other one zero.
         let zero = |(pair, band): (&Pair, &f64)| {
@@ -94,6 +95,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         for (z, value) in run.z.iter_mut().zip(mode.hidden.eval(&reduced.algebraics)) {
             *z = value;
         }
+        run.slips.step = length;
         let bands = self.bands(run);
         if self.guide.is_some() {
             return self.select_guided(run, &bands, length);
@@ -103,6 +105,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
     }
 
     fn select_from(&mut self, run: &mut Run, bands: &[f64], length: f64) -> Result<(), Status> {
+        self.rest(run, bands);
         let point = (run.t, &run.x[..], &run.z[..]);
         // Where a force balances the rates, no choice has a rate that shows the size of their terms: what
         // moves a gap by no more than rounding within a step is none.
@@ -146,6 +149,8 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 }
                 self.take(run, accepted.swap_remove(0), bands)
             }
+            // The problem of a whole element has no place for what sets off.
+            0 if self.rests_or_sets_off(&found.open) => Err(self.nothing(run, &found)),
             0 => match self.whole(run, bands, length) {
                 Some(choice) => {
                     run.rungs.whole += 1;
@@ -233,18 +238,26 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         let Some(place) = self.mode(&choice.zeros) else {
             return Trial::Fails;
         };
+        let mode = &self.modes[place];
+        let reduced = mode.element.reduced.clone();
+        // s of what slips is no rate.
+        let slips = self.system.discs().iter().map(|disc| disc.slip);
+        let slips: Vec<usize> = slips.collect();
+        let w = reduced.unknowns.iter().map(|i| match slips.contains(i) {
+            true => run.z[*i],
+            false => choice.u[*i],
+        });
+        let w: Vec<f64> = w.collect();
+        let (x, departures) = self.set_off(run, choice, &reduced, bands);
+        let sizes = reduced.watched.iter();
+        let sizes = sizes.map(|w| self.size(&choice.zeros, bands, w.pair));
+        let sizes: Vec<f64> = sizes.collect();
         let mode = &mut self.modes[place];
-        let w: Vec<f64> = mode
-            .element
-            .reduced
-            .unknowns
-            .iter()
-            .map(|&i| choice.u[i])
-            .collect();
         mode.element.guess(&choice.rates, &w);
+        mode.element.set_off(&self.scheme, &departures, h);
         if mode
             .element
-            .solve(&self.scheme, run.t, h, &run.x, &run.scale)
+            .solve(&self.scheme, run.t, h, &x, &run.scale)
             .is_err()
         {
             return Trial::Fails;
@@ -255,12 +268,11 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         if evaluated.is_err() {
             return Trial::Fails;
         }
+        self.values.lower_stops(&self.scheme, &reduced, &sizes);
         let watched = &mode.element.reduced.watched;
         let starts: Vec<Start> = watched.iter().map(|w| choice.starts[w.pair]).collect();
-        let sizes = watched.iter();
-        let sizes = sizes.map(|w| size(self.system, &choice.zeros, bands, w.pair));
-        let determinant = mode.element.reduced.has_branches.then_some(1.0);
-        let sizes: Vec<f64> = sizes.chain(determinant).collect();
+        let determinant = reduced.has_branches.then_some(1.0);
+        let sizes: Vec<f64> = sizes.into_iter().chain(determinant).collect();
         let scales = (&sizes[..], choice.rate_scale * h);
         let verdict = self
             .values
@@ -310,7 +322,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         run.sizes.clear();
         let sizes = reduced.watched.iter();
         run.sizes
-            .extend(sizes.map(|w| size(self.system, &choice.zeros, bands, w.pair)));
+            .extend(sizes.map(|w| self.size(&choice.zeros, bands, w.pair)));
         if reduced.has_branches {
             run.sizes.push(1.0);
         }
@@ -320,6 +332,10 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 *z = *u;
             }
         }
+        let reduced = self.modes[mode].element.reduced.clone();
+        let (x, departures) = self.set_off(run, &choice, &reduced, bands);
+        run.x = x;
+        self.keep_departures(run, departures);
         run.mode = mode;
         run.zeros = choice.zeros;
         run.rates = choice.rates;
@@ -362,7 +378,18 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             let continuous = members.filter(|m| self.system.is_continuous(m.variable));
             BAND * continuous.fold(0.0, |size: f64, m| size.max(of_variable[m.variable]))
         };
-        self.system.pairs().iter().map(band).collect()
+        let mut bands: Vec<f64> = self.system.pairs().iter().map(band).collect();
+        self.raise_bands(run, &mut bands);
+        bands
+    }
+
+    /// What the member of a pair that is not zero is compared with: what jumps, like θ and α, is up to 1.
+    fn size(&self, zeros: &[Zero], bands: &[f64], pair: usize) -> f64 {
+        let (_, member) = self.system.pairs()[pair].split(zeros[pair]);
+        match self.system.is_continuous(member.variable) {
+            true => (self.size_of_stop(pair, bands)).unwrap_or(bands[pair] / BAND),
+            false => 1.0,
+        }
     }
 
     fn nothing(&mut self, run: &Run, found: &Found) -> Status {
@@ -385,14 +412,5 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         switches.sort_unstable();
         switches.dedup();
         switches
-    }
-}
-
-/// What the member of a pair that is not zero is compared with: what jumps, like θ and α, is up to 1.
-fn size(system: &impl ComplementaritySystem, zeros: &[Zero], bands: &[f64], pair: usize) -> f64 {
-    let (_, member) = system.pairs()[pair].split(zeros[pair]);
-    match system.is_continuous(member.variable) {
-        true => bands[pair] / BAND,
-        false => 1.0,
     }
 }

@@ -26,6 +26,10 @@ pub trait ComplementaritySystem {
     fn n_switches(&self) -> usize;
     /// The pairs.
     fn pairs(&self) -> &[Pair];
+    /// Slip velocities with two entries.
+    fn discs(&self) -> &[Disc] {
+        &[]
+    }
     /// The switches that a pair is about.
     fn switches_of(&self, pair: usize) -> &[usize];
     /// All functions, with every z an input.
@@ -149,6 +153,23 @@ impl Pair {
     }
 }
 
+/// A slip velocity w with two entries: 0 = w_k - s u_k, 0 = 1 - |u|² - r and 0 ≤ s ⟂ r ≥ 0 for u = 2α - 1.
+///
+/// In the directional form u stays w/|w| where s is not zero, and s' is the rate of |w|.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Disc {
+    /// The pair, s on its left.
+    pub pair: usize,
+    /// The equations of w among g.
+    pub rows: [usize; 2],
+    /// The places of α in z.
+    pub alphas: [usize; 2],
+    /// That of s.
+    pub slip: usize,
+    /// How fast friction moves w at most, about.
+    pub friction: f64,
+}
+
 /// Functions of (t, x, z), and of the numbers that change at breakpoints.
 #[derive(Clone, Debug)]
 pub struct Full {
@@ -217,4 +238,6 @@ impl Reduced {
 pub struct Watched {
     /// Its pair.
     pub pair: usize,
+    /// Whether it is |w| of two entries, where elements end before it vanishes.
+    pub stops: bool,
 }

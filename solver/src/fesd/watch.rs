@@ -152,6 +152,17 @@ impl Values {
         Ok(())
     }
 
+    /// Lets slip velocities vanish where they stop: `sizes` of members are those over [`BAND`].
+    pub fn lower_stops(&mut self, scheme: &Scheme, reduced: &Reduced, sizes: &[f64]) {
+        let n_points = scheme.points.len();
+        let rows = self.at_points.chunks_exact_mut(n_points);
+        for ((values, watched), size) in rows.zip(&reduced.watched).zip(sizes) {
+            if watched.stops {
+                values.iter_mut().for_each(|value| *value -= BAND * size);
+            }
+        }
+    }
+
     /// Whether w where the element starts is what it was before, after [`Values::evaluate`].
     pub fn starts_at(&self, reduced: &Reduced, w: impl Iterator<Item = f64>) -> bool {
         !reduced.has_branches || is_same(w, &self.w)

@@ -14,7 +14,7 @@ use super::{Role, Side, Simulator, Status, SwitchedSystem};
 use crate::linalg::DenseLu;
 
 /// Beyond this many interacting surfaces, Lemke's method replaces enumeration.
-const MAX_ENUMERATED: usize = 6;
+pub(super) const MAX_ENUMERATED: usize = 6;
 
 /// Boxes looked at for the zeros of rates that contain products of α.
 const MAX_BOXES: usize = 4000;
@@ -39,6 +39,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     ) -> Result<Choices, Status> {
         if self.is_of_contacts(group) {
             return self.contact_choices(state, group);
+        }
+        if self.holds_disc(group) {
+            return Ok(self.disc_choices(state, group));
         }
         let options = group.iter().map(|&i| self.options(state, group, i));
         let options: Vec<Vec<Side>> = options.collect();
@@ -74,7 +77,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     }
 
     /// The sides of a switch on its surface, the present one first.
-    fn options(&self, state: &State, group: &[usize], switch: usize) -> Vec<Side> {
+    pub(super) fn options(&self, state: &State, group: &[usize], switch: usize) -> Vec<Side> {
         if let Some(options) = self.options_of_role(state, group, switch) {
             return options;
         }
@@ -123,7 +126,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     }
 
     /// Adds every solution of φ_S = 0 for the sliding switches S of a candidate.
-    fn solve(
+    pub(super) fn solve(
         &mut self,
         state: &State,
         group: &[usize],
@@ -168,7 +171,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
 
 /// What a search for zeros has seen.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Search {
+pub(super) enum Search {
     /// Everything.
     Complete,
     /// Equations that leave α undetermined.

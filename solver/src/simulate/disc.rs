@@ -103,6 +103,15 @@ impl Mode {
         }
     }
 
+    /// Watches w along the direction that it has where the point is.
+    pub(super) fn aim(&mut self, switch: usize) {
+        let Some(mut disc) = self.discs[switch].take() else {
+            return;
+        };
+        disc.direction = direction([switch, disc.other].map(|i| self.psi(i)));
+        self.discs[switch] = Some(disc);
+    }
+
     /// Whether what is watched is affine in time and states.
     pub(super) fn is_watched_affine(&self, switch: usize) -> bool {
         let all = [Some(switch), self.other(switch)];
@@ -120,11 +129,7 @@ impl Mode {
             let start = self.surfaces.row(i);
             &self.memory.rows[start..=start + self.order]
         });
-        let speed = first[0].hypot(second[0]);
-        disc.direction = match speed > 0.0 {
-            true => [first[0] / speed, second[0] / speed],
-            false => [1.0, 0.0],
-        };
+        disc.direction = direction([first[0], second[0]]);
         let [d, e] = disc.direction;
         let terms = first.iter().zip(second);
         disc.series.clear();
@@ -185,6 +190,15 @@ impl Mode {
     }
 }
 
+/// w/|w|, or any direction where w is zero.
+fn direction(w: [f64; 2]) -> [f64; 2] {
+    let speed = w[0].hypot(w[1]);
+    match speed > 0.0 {
+        true => w.map(|w| w / speed),
+        false => [1.0, 0.0],
+    }
+}
+
 /// The series of 1 - |u|² of a contact that sticks.
 fn margin(dense: Dense, switch: usize, other: usize, series: &mut Vec<f64>) {
     let all = [switch, other].map(|i| dense.alpha(i));
@@ -234,8 +248,17 @@ pub(super) fn leaves(
 
 impl<S: SwitchedSystem> Simulator<'_, S> {
     /// The switches of a group that slip from where they may be at rest, with their directions.
-    pub(super) fn departures(&self, group: &[usize], choice: &Choice) -> Vec<Departure> {
+    pub(super) fn departures(
+        &self,
+        state: &State,
+        group: &[usize],
+        choice: &Choice,
+    ) -> Vec<Departure> {
         let mut found = Vec::new();
+        let mut sides = state.sides.clone();
+        for (&i, &side) in group.iter().zip(&choice.sides) {
+            sides[i] = side;
+        }
         for (at, &i) in group.iter().enumerate() {
             let Some(other) = self.mode.other(i) else {
                 continue;
@@ -243,9 +266,13 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             let Ok(of_other) = group.binary_search(&other) else {
                 continue;
             };
-            let contact = self.system.slip_of(i);
-            let contact = contact.and_then(|of| group.binary_search(&of).ok());
-            let is_closed = contact.is_some_and(|at| choice.sides[at] == Side::Slide);
+            let is_closed = match self.system.slip_of(i) {
+                Some(of) => {
+                    let contact = group.binary_search(&of);
+                    contact.is_ok_and(|at| choice.sides[at] == Side::Slide)
+                }
+                None => !self.mode.is_free(i, &sides),
+            };
             if is_closed && choice.sides[at] != Side::Slide {
                 found.push(Departure {
                     switches: [i, other],

@@ -110,6 +110,12 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             let closeness = self.settings.tolerance;
             let event = first_event(&mut self.roots, dense, state, h, closeness);
             let (mut length, mut triggers) = (h, Vec::new());
+            // What slips in two directions turns too fast where it stops.
+            if let Some((_, Watch::Surface(i))) = event
+                && stiff.mode.is_in_disc(i)
+            {
+                return Ok(None);
+            }
             if let Some((root, watch)) = event {
                 verify_start(dense, state, root.tau, watch, h)?;
                 let at_end = is_at_end(dense, root.tau, h, watch);
@@ -228,18 +234,22 @@ impl Mode {
             self.reach[i] = series::reach(radau.series(i), h);
         }
         self.place(start.t, &start.y);
-        let values = &self.memory.values;
-        let may_reach = |&i: &usize| {
-            self.sides[i] != Side::Slide && !self.surfaces.stays_away(i, values, &self.reach, h)
-        };
-        self.watched.extend((0..self.sides.len()).filter(may_reach));
-        for &i in &self.watched {
-            if !self.continuous[i] {
-                self.surfaces.linearize(i, values);
+        for watched in 0..self.sides.len() {
+            let is_off = self.sides[watched] != Side::Slide && !self.is_idle(watched, &self.sides);
+            if !is_off || self.keeps_off(watched, h) {
+                continue;
             }
-            state.terms[i] = self
-                .surfaces
-                .terms(i, values, &self.perturbed, PERTURBATION);
+            self.watched.push(watched);
+            self.aim(watched);
+            let values = &self.memory.values;
+            for i in std::iter::once(watched).chain(self.other(watched)) {
+                if !self.continuous[i] {
+                    self.surfaces.linearize(i, values);
+                }
+                state.terms[i] = self
+                    .surfaces
+                    .terms(i, values, &self.perturbed, PERTURBATION);
+            }
         }
         let n_watched = self.watched.len();
         self.implicit.values.resize(n_watched * (s + 1), 0.0);
@@ -255,7 +265,7 @@ impl Mode {
                 self.place(start.t + radau.tableau().nodes[node - 1] * h, &y);
             }
             for at in 0..n_watched {
-                self.implicit.values[at * (s + 1) + node] = self.psi(self.watched[at]);
+                self.implicit.values[at * (s + 1) + node] = self.watched_psi(self.watched[at]);
             }
         }
         self.implicit.y = y;
@@ -282,7 +292,7 @@ impl Mode {
             self.implicit.y = y;
             for at in 0..self.watched.len() {
                 let i = self.watched[at];
-                let psi = self.psi(i);
+                let psi = self.watched_psi(i);
                 let polynomial = self.interpolant(i, s);
                 let size = state.terms[i] + series::magnitude(polynomial, h, 0);
                 let difference = (series::value(polynomial, tau) - psi).abs();

@@ -206,7 +206,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             alpha[i] = choice.alpha[at];
         }
         let (order, tolerance) = (self.order, self.settings.local_tolerance());
-        let departures = self.departures(group, choice);
+        let departures = self.departures(state, group, choice);
         let mut x = state.x.clone();
         self.mode.enter(self.system, &sides);
         self.depart(state, &mut x, &departures, t1);

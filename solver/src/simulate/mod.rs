@@ -18,6 +18,7 @@ mod coefficients;
 mod cones;
 mod control;
 pub(crate) mod dense;
+mod depart;
 mod disc;
 mod drift;
 mod dummy;

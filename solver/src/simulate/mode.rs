@@ -45,6 +45,8 @@ pub(crate) struct Mode {
     pub(super) nonlinear: Vec<bool>,
     /// The contacts whose slip velocities ψ are.
     pub(super) slip_of: Vec<Option<usize>>,
+    /// Switches on whose upper side a switch means nothing.
+    pub(super) idle_above: Vec<Vec<usize>>,
     /// Slip velocities with two entries, by the first of their switches.
     pub(super) discs: Vec<Option<Disc>>,
     /// Whether the components of `equations` are those of the present mode.
@@ -104,6 +106,7 @@ impl Mode {
             unilateral: (0..m).map(|i| system.is_unilateral(i)).collect(),
             nonlinear: (0..m).map(|i| system.is_nonlinear(i)).collect(),
             slip_of: (0..m).map(|i| system.slip_of(i)).collect(),
+            idle_above: (0..m).map(|i| system.idle_above(i).to_vec()).collect(),
             discs: disc::discs(system),
             arranged: false,
             entered: false,

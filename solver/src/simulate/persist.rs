@@ -284,7 +284,14 @@ impl Mode {
     /// slips, which the first one stands for.
     pub(super) fn is_idle(&self, switch: usize, sides: &[Side]) -> bool {
         self.slip_of[switch].is_some_and(|of| sides[of] != Side::Slide)
+            || self.is_free(switch, sides)
             || self.is_second(switch) && sides[switch] != Side::Slide
+    }
+
+    /// True for a slip velocity that no rate on these sides reads the α of.
+    pub(super) fn is_free(&self, switch: usize, sides: &[Side]) -> bool {
+        let mut others = self.idle_above[switch].iter();
+        others.any(|&other| sides[other] == Side::Plus)
     }
 
     /// What α of a sliding switch must not pass.

@@ -160,6 +160,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     fn select(&mut self, state: &mut State, triggers: &[usize], t1: f64) -> Result<(), Status> {
         state.departures.clear();
         let mut triggers = triggers.to_vec();
+        self.wake_free(state, &mut triggers, t1);
         let others = triggers.iter().filter_map(|&i| self.system.across(i));
         let others: Vec<usize> = others.collect();
         triggers.extend(others);
@@ -353,7 +354,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         for (&i, &alpha) in group.iter().zip(&choice.alpha) {
             state.alpha[i] = alpha;
         }
-        state.departures.extend(self.departures(group, &choice));
+        let departures = self.departures(state, group, &choice);
+        state.departures.extend(departures);
         Ok(true)
     }
 

@@ -84,6 +84,11 @@ pub trait SwitchedSystem {
     fn across(&self, _switch: usize) -> Option<usize> {
         None
     }
+    /// Switches, in order, of which one on its upper side takes the α of a slip velocity with two entries out of all
+    /// rates: these entries mean nothing there.
+    fn idle_above(&self, _switch: usize) -> &[usize] {
+        &[]
+    }
     /// The unilateral switch α_n of which the α of a switch is a factor: it means nothing where that one does
     /// not slide.
     fn slip_of(&self, _switch: usize) -> Option<usize> {

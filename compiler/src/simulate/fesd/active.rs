@@ -1,6 +1,6 @@
 //! The functions of a complementarity system in one active set.
 
-use nsd_solver::fesd::{Reduced, Watched, Zero};
+use nsd_solver::fesd::{Disc, Reduced, Watched, Zero};
 use nsd_solver::simulate::Side;
 
 use super::complementarity::Complementarity;
@@ -67,22 +67,30 @@ impl<'e> Complementarity<'e> {
         }
     }
 
-    /// What must not be negative, with every z given; none where a member is.
+    /// What must not be negative, with every z given; none where a member is. Discs that are idle bound nothing.
     pub(super) fn members_of(
         &self,
         zeros: &[Zero],
         algebraics: &[Expr<'e>],
+        idle: &[Disc],
     ) -> Option<(Vec<Watched>, Vec<Expr<'e>>)> {
         let (mut watched, mut members) = (Vec::new(), Vec::new());
         for (at, (pair, &zero)) in self.pairs.iter().zip(zeros).enumerate() {
             let (_, member) = pair.split(zero);
+            let disc = self.discs.iter().find(|disc| disc.pair == at);
+            if disc.is_some_and(|disc| idle.contains(disc)) {
+                continue;
+            }
             let z = algebraics[member.variable];
             let value = if member.complement { 1.0 - z } else { z };
             match value.as_constant() {
                 Some(constant) if constant < 0.0 => return None,
                 Some(_) => {}
                 None => {
-                    watched.push(Watched { pair: at });
+                    watched.push(Watched {
+                        pair: at,
+                        stops: disc.is_some_and(|disc| disc.slip == member.variable),
+                    });
                     members.push(value);
                 }
             }
@@ -99,11 +107,15 @@ impl<'e> Complementarity<'e> {
     /// The functions while these members are zero.
     pub(super) fn compile(&self, zeros: &[Zero]) -> Option<Reduced> {
         let fixed = self.fixed(zeros)?;
+        let idle = self.idle(&fixed);
+        let equations = self.without(&idle);
+        let shown = self.at_rest(&idle, fixed.clone(), true);
+        let fixed = self.at_rest(&idle, fixed, false);
         let Remainder {
             unknowns,
             residuals,
             given,
-        } = eliminate(&self.equations, &self.algebraics, &fixed)?;
+        } = eliminate(&equations, &self.algebraics, &fixed)?;
         let inputs = self.inputs(&unknowns);
         let rates = given.apply(&self.rates);
         let Differentiated {
@@ -112,9 +124,13 @@ impl<'e> Complementarity<'e> {
             is_direct,
         } = self.differentiate(residuals, &unknowns, &rates);
         let functions: Vec<Expr> = rates.iter().chain(&at_nodes).copied().collect();
-        let algebraics = self.values(&given);
-        let (watched, members) = self.members_of(zeros, &algebraics)?;
-        let alphas = given.apply(&self.alphas);
+        let shown = match idle.is_empty() {
+            true => given,
+            false => eliminate(&equations, &self.algebraics, &shown)?.given,
+        };
+        let algebraics = self.values(&shown);
+        let (watched, members) = self.members_of(zeros, &algebraics, &idle)?;
+        let alphas = shown.apply(&self.alphas);
         let mut sides = sides(&alphas);
         for (side, member) in sides.iter_mut().zip(&self.members) {
             if let Some((pair, zero)) = *member {
@@ -124,11 +140,11 @@ impl<'e> Complementarity<'e> {
                 };
             }
         }
-        for &(pair, switches) in &self.discs {
-            for switch in switches {
-                sides[switch] = match zeros[pair] {
-                    Zero::Left => Side::Slide,
-                    Zero::Right => Side::Plus,
+        for (disc, switches) in self.discs.iter().zip(&self.switches_of_discs) {
+            for &switch in switches {
+                sides[switch] = match zeros[disc.pair] {
+                    Zero::Left if !idle.contains(disc) => Side::Slide,
+                    _ => Side::Plus,
                 };
             }
         }

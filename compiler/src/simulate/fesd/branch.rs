@@ -51,10 +51,11 @@ impl<'e> Complementarity<'e> {
         functions.extend(&phi);
         let functions = by_sigma.apply(&functions);
         let algebraics = self.values(&given);
-        let (mut watched, mut members) = self.members_of(zeros, &algebraics)?;
+        let (mut watched, mut members) = self.members_of(zeros, &algebraics, &[])?;
         watched.extend(
             [Watched {
                 pair: self.pairs.len(),
+                stops: false,
             }; 2],
         );
         members.extend([speed, left]);

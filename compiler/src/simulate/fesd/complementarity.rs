@@ -6,7 +6,7 @@
 use std::cell::RefCell;
 use std::sync::Arc;
 
-use nsd_solver::fesd::{ComplementaritySystem, Full, Member, Pair, Reduced, Zero};
+use nsd_solver::fesd::{ComplementaritySystem, Disc, Full, Member, Pair, Reduced, Zero};
 use nsd_solver::simulate::Partials;
 use nsd_solver::tape::Tape;
 use rustc_hash::FxHashMap;
@@ -45,8 +45,9 @@ pub struct Complementarity<'e> {
     pub(super) nonlinear: Vec<bool>,
     /// The pairs that members of complementarities are in, by switch.
     pub(super) members: Vec<Option<(usize, Zero)>>,
-    /// The pairs of discs, each with its switches.
-    pub(super) discs: Vec<(usize, [usize; 2])>,
+    /// The discs, and the switches of each.
+    pub(super) discs: Vec<Disc>,
+    pub(super) switches_of_discs: Vec<[usize; 2]>,
     /// What z at a breakpoint follows from; none without data.
     at_breakpoints: Option<(System<'e>, Dcs<'e>)>,
     known: RefCell<FxHashMap<Vec<Zero>, Option<Arc<Reduced>>>>,
@@ -111,9 +112,22 @@ impl<'e> Complementarity<'e> {
         let of_disc = |disc: &dcs::Disc| {
             let slip = dcs.algebraics[disc.slip].var;
             let pair = dcs.pairs.iter().position(|pair| pair.left == slip);
-            (pair.expect("a disc has a pair"), disc.switches)
+            let row = |alpha: usize| {
+                let both = [disc.slip, alpha].map(|z| variable(dcs.algebraics[z].var));
+                let holds = |row: &Expr<'e>| both.iter().all(|var| row.depends_on(*var));
+                let place = dcs.equations.iter().position(holds);
+                place.expect("a disc states its slip velocity")
+            };
+            Disc {
+                pair: pair.expect("a disc has a pair"),
+                rows: disc.alphas.map(row),
+                alphas: disc.alphas,
+                slip: disc.slip,
+                friction: 0.0,
+            }
         };
         let discs = dcs.discs.iter().map(of_disc).collect();
+        let switches_of_discs = dcs.discs.iter().map(|disc| disc.switches).collect();
         let nonlinear = system.switches.iter().map(|switch| switch.is_nonlinear);
         let nonlinear = nonlinear.collect();
         let continuous: Vec<bool> = dcs.algebraics.iter().map(|z| z.continuous).collect();
@@ -151,9 +165,13 @@ impl<'e> Complementarity<'e> {
             nonlinear,
             members,
             discs,
+            switches_of_discs,
             at_breakpoints,
             known: RefCell::default(),
         };
+        for at in 0..system.discs.len() {
+            system.discs[at].friction = system.friction(&system.discs[at]);
+        }
         system.full = system.compile_full();
         system
     }
@@ -237,7 +255,10 @@ impl<'e> Complementarity<'e> {
             let along = exprs.sum(along.into_iter().chain([self.drift(row, &vars)]));
             along.substitute(&jumps)
         });
-        let directional: Vec<Expr> = directional.collect();
+        let mut directional: Vec<Expr> = directional.collect();
+        for disc in &self.discs {
+            self.direct(disc, &jumps, &mut directional);
+        }
         let u: Vec<Var> = u.into_iter().map(variable).collect();
         let mut with_u = inputs.clone();
         with_u.extend_from_slice(&u);
@@ -283,6 +304,10 @@ impl ComplementaritySystem for Complementarity<'_> {
 
     fn pairs(&self) -> &[Pair] {
         &self.pairs
+    }
+
+    fn discs(&self) -> &[Disc] {
+        &self.discs
     }
 
     fn switches_of(&self, pair: usize) -> &[usize] {

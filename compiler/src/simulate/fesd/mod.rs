@@ -6,6 +6,7 @@
 mod active;
 mod branch;
 mod complementarity;
+mod discs;
 pub(super) mod impulses;
 mod reduce;
 pub(super) mod stepping;
