@@ -39,6 +39,7 @@ mod meeting;
 mod merge;
 mod mode;
 mod observer;
+mod order;
 mod persist;
 mod pieces;
 mod pivot;
