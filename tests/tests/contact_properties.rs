@@ -359,7 +359,10 @@ fn contacts_at_rest_without_forces_stay_closed() {
             }
         }
         for (found, expected) in end(&found, "v").iter().zip(v.iter()) {
-            assert!((found - expected).abs() <= 1e-9, "{found} is not {expected}");
+            assert!(
+                (found - expected).abs() <= 1e-9,
+                "{found} is not {expected}"
+            );
         }
     }
 }

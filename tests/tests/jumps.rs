@@ -292,7 +292,10 @@ fn impacts_in_an_unknown_order_are_told() {
     let warns = |text: &str| {
         let found = run(text, "this");
         assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
-        let codes = found.warnings.iter().map(|warning| warning.code.to_string());
+        let codes = found
+            .warnings
+            .iter()
+            .map(|warning| warning.code.to_string());
         codes.collect::<Vec<_>>()
     };
     for (apart, expected) in [

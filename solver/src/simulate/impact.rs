@@ -44,8 +44,11 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let system = self.system;
         let laws = 0..system.laws().len();
         let impacts = laws.filter_map(|law| impact_of(system, law));
-        let impacts: Vec<_> = impacts.filter(|(normal, _)| near.contains(normal)).collect();
-        let entries = |&(normal, impact): &(usize, &Impact)| [&[normal], &impact.slips[..]].concat();
+        let impacts: Vec<_> = impacts
+            .filter(|(normal, _)| near.contains(normal))
+            .collect();
+        let entries =
+            |&(normal, impact): &(usize, &Impact)| [&[normal], &impact.slips[..]].concat();
         let mut touching: Vec<usize> = impacts.iter().flat_map(entries).collect();
         touching.sort_unstable();
         let mut done: Vec<usize> = Vec::new();

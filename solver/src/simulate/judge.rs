@@ -170,7 +170,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             let moved: Vec<usize> = (0..spread.len()).filter(acts).collect();
             let slopes = moved.iter().flat_map(|&state| of_contact(state));
             let most = slopes.fold(0.0_f64, |most, (_, slope)| most.max(slope.abs()));
-            moved.into_iter().for_each(|state| spread[state] += TIE * unit * most / ROUNDINGS);
+            moved
+                .into_iter()
+                .for_each(|state| spread[state] += TIE * unit * most / ROUNDINGS);
         }
         let mut last = spread.clone();
         for k in 1..=self.order {

@@ -37,7 +37,11 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             self.mode.enter(self.system, &state.sides);
             return;
         }
-        let mut all: Vec<usize> = near.iter().chain(gaps.iter().map(|(i, _)| i)).copied().collect();
+        let mut all: Vec<usize> = near
+            .iter()
+            .chain(gaps.iter().map(|(i, _)| i))
+            .copied()
+            .collect();
         all.sort_unstable();
         all.dedup();
         let mut known: Vec<usize> = Vec::new();
@@ -49,9 +53,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 continue;
             }
             known.extend(&members);
-            let (least, most) = of_group().fold((f64::INFINITY, 0.0_f64), |(low, high), (_, gap)| {
-                (low.min(*gap), high.max(*gap))
-            });
+            let (least, most) = of_group()
+                .fold((f64::INFINITY, 0.0_f64), |(low, high), (_, gap)| {
+                    (low.min(*gap), high.max(*gap))
+                });
             let are_one = most - least <= ROUNDINGS * f64::EPSILON;
             if are_one || members.len() > MOST || !self.order_matters(state, &members, near) {
                 continue;
