@@ -290,6 +290,83 @@ fn impulses_move_what_gaps_do_not_depend_on() {
     }
 }
 
+/// Without forces, contacts that an impact leaves closed push with nothing but rounding, and their gaps move by no more.
+/// The velocity behind an impact without friction and with e = 0 is the point nearest to v⁻, by the metric of M, at
+/// which no gap closes: projected Gauss-Seidel iterations on its impulses find it. The normals of the second scene
+/// depend on each other: n₄ = 2 n₁ + 3 n₂ and n₅ = 2 n₄ + n₂.
+#[test]
+fn contacts_at_rest_without_forces_stay_closed() {
+    let still = |d: usize, mass: &[f64], speed: &[f64], normals: &[f64]| Scene {
+        mass: DMatrix::from_row_slice(d, d, mass),
+        normals: DMatrix::from_row_slice(normals.len() / d, d, normals),
+        slips: Vec::new(),
+        gaps: vec![0.0; normals.len() / d],
+        speed: DVector::from_row_slice(speed),
+        force: DVector::zeros(d),
+        restitution: 0.0,
+        friction: 0.0,
+    };
+    #[rustfmt::skip]
+    let scenes = [
+        still(
+            4,
+            &[
+                2.748779296875, -0.555908203125, 0.608154296875, -0.481689453125,
+                -0.555908203125, 1.93212890625, -0.66748046875, -0.189697265625,
+                0.608154296875, -0.66748046875, 2.24853515625, -0.224853515625,
+                -0.481689453125, -0.189697265625, -0.224853515625, 1.747314453125,
+            ],
+            &[-0.921875, 0.453125, 0.265625, -0.515625],
+            &[
+                2.15625, 0.0, -0.578125, -0.3125,
+                0.984375, -2.4375, -0.375, 0.96875,
+                0.390625, -1.0, -2.53125, 0.0,
+            ],
+        ),
+        still(
+            4,
+            &[
+                1.0712890625, 0.03271484375, -0.07080078125, 0.0,
+                0.03271484375, 2.493408203125, -0.531982421875, -0.5478515625,
+                -0.07080078125, -0.531982421875, 1.660888671875, 0.062255859375,
+                0.0, -0.5478515625, 0.062255859375, 1.635009765625,
+            ],
+            &[-0.265625, 0.734375, -0.46875, -0.84375],
+            &[
+                2.3125, -0.3125, -0.859375, 0.0,
+                -0.703125, -2.421875, -0.59375, 0.578125,
+                0.0, -0.875, 2.15625, -0.46875,
+                2.515625, -7.890625, -3.5, 1.734375,
+                4.328125, -18.203125, -7.59375, 4.046875,
+            ],
+        ),
+    ];
+    for scene in scenes {
+        let text = scene.text(&scene.gaps, &scene.force, "horizon 0.5; method event;");
+        let found = run(&text, "this");
+        assert_eq!(found.status, Status::Solved, "{text}\n{:?}", found.failure);
+        let inverse = scene.mass.clone().try_inverse().expect("it is definite");
+        let push = inverse * scene.normals.transpose();
+        let mut v = scene.speed.clone();
+        let mut impulses = vec![0.0; scene.gaps.len()];
+        for _ in 0..20_000 {
+            for (i, impulse) in impulses.iter_mut().enumerate() {
+                let normal = scene.normals.row(i);
+                let change = -(normal * &v)[0] / (normal * push.column(i))[0];
+                let next = f64::max(*impulse + change, 0.0);
+                v += push.column(i) * (next - *impulse);
+                *impulse = next;
+            }
+        }
+        for (found, expected) in end(&found, "v").iter().zip(v.iter()) {
+            assert!(
+                (found - expected).abs() <= 1e-9,
+                "{found} is not {expected}"
+            );
+        }
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 

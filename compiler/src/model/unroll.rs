@@ -2,6 +2,7 @@
 
 use super::check::plural;
 use super::lower::{Local, Lowering};
+use super::order::free_names;
 use super::scope::Reported;
 use super::{ModelError, Shape, Tensor};
 use crate::source::Span;
@@ -9,8 +10,44 @@ use crate::syntax::{self, Binder, Matrix};
 
 impl<'e> Lowering<'_, 'e> {
     /// Runs `body` with the indices set to each of their values, the last one fastest.
-    #[inline(never)]
     pub fn for_each(
+        &mut self,
+        binders: &[Binder],
+        span: Span,
+        body: &mut dyn FnMut(&mut Self) -> Result<(), Reported>,
+    ) -> Result<(), Reported> {
+        if binders.len() > 1 {
+            self.foresee(binders)?;
+        }
+        self.unroll(binders, span, body)
+    }
+
+    /// Refuses ranges that have more combinations than the model may cost, before any of them is made: those up to the
+    /// first one that depends on an index.
+    fn foresee(&mut self, binders: &[Binder]) -> Result<(), Reported> {
+        let mut rounds = 1_usize;
+        for (at, binder) in binders.iter().enumerate() {
+            let names = [&binder.first, &binder.last].map(free_names).concat();
+            let before = &binders[..at];
+            if before.iter().any(|outer| names.contains(&outer.name.name)) {
+                break;
+            }
+            let first = self.integer(&binder.first, "a loop bound")?;
+            let last = self.integer(&binder.last, "a loop bound")?;
+            // Behind an empty range no other is looked at.
+            let Some(count) = usize::try_from(last - first + 1).ok().filter(|n| *n > 0) else {
+                break;
+            };
+            rounds = rounds.saturating_mul(count);
+            if self.scope.budget.get().is_some_and(|left| rounds > left) {
+                return self.spend(rounds, binders[0].name.span.to(binder.last.span));
+            }
+        }
+        Ok(())
+    }
+
+    #[inline(never)]
+    fn unroll(
         &mut self,
         binders: &[Binder],
         span: Span,
@@ -38,7 +75,7 @@ impl<'e> Lowering<'_, 'e> {
                 value,
                 text: index.to_string(),
             });
-            let once = self.for_each(inner, span, body);
+            let once = self.unroll(inner, span, body);
             self.locals.truncate(base);
             if once.is_err() {
                 // A mistake shows in the first round; the others would repeat it.

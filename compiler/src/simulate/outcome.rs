@@ -194,7 +194,7 @@ pub(super) fn warnings(system: &System, outcome: &Outcome) -> Vec<Warning> {
             Note::Together { .. } => (
                 "W0710",
                 format!(
-                    "at t = {time}, {names} are met at once, as far as rounding tells; which one is met first matters"
+                    "at t = {time}, {names} are met at once, as far as can be told; which one is met first matters"
                 ),
             ),
         };

@@ -438,10 +438,20 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
         if run.stats.events >= self.settings.max_events {
             return Err(Status::EventLimit);
         }
-        match self.settings.time_limit {
-            Some(limit) if run.started.elapsed() > limit => Err(Status::TimeLimit),
+        self.time_left(run)
+    }
+
+    /// Whether a run has to stop for the time that it has taken.
+    fn time_left(&self, run: &Run) -> Result<(), Status> {
+        match self.deadline(run) {
+            Some(deadline) if Instant::now() >= deadline => Err(Status::TimeLimit),
             _ => Ok(()),
         }
+    }
+
+    /// When a run has to stop.
+    fn deadline(&self, run: &Run) -> Option<Instant> {
+        run.started.checked_add(self.settings.time_limit?)
     }
 
     /// The place of the functions of an active set.

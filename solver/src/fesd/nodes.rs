@@ -6,6 +6,8 @@
 //! member of every pair zero, and where that goes in circles along smoothed pairs: the solutions of the
 //! Fischer-Burmeister equation a + b - √(a² + b² + 2σ) = 0 satisfy ab = σ, a, b > 0 (Kanzow 1996).
 
+use std::time::Instant;
+
 use super::scheme::Scheme;
 use super::system::ComplementaritySystem;
 use super::uniform::SLACK;
@@ -20,6 +22,9 @@ const MAX_LEAST: usize = 15;
 /// Where σ starts and ends, and what it is multiplied with, one attempt after the other.
 const SIGMA: [f64; 2] = [1.0, 1e-16];
 const SHRINK: [f64; 3] = [0.1, 0.1, 0.5];
+
+/// Of so many σ in a row without a solution, the next ones have none either.
+const MAX_LOST: usize = 3;
 
 /// From this σ on the smaller members are tried.
 const EARLY: f64 = 1e-2;
@@ -156,14 +161,17 @@ impl Nodes {
     }
 
     /// Solves for V and z at once: by the smaller members first, else along smoothed pairs, ever more
-    /// slowly and from the middle of what jumps. Whether no member of the solution is negative.
+    /// slowly and from the middle of what jumps, as long as `deadline` allows. Whether no member of the solution is
+    /// negative.
     pub fn solve(
         &mut self,
         system: &impl ComplementaritySystem,
         scheme: &Scheme,
         step: Step,
+        deadline: Option<Instant>,
         stats: &mut Stats,
     ) -> bool {
+        let is_late = || deadline.is_some_and(|deadline| Instant::now() >= deadline);
         let start = self.unknowns.clone();
         if self.newton(system, scheme, step, Rule::Least, stats) {
             return true;
@@ -174,8 +182,10 @@ impl Nodes {
                 self.centre(system);
             }
             let [mut sigma, last] = SIGMA;
-            while sigma > last {
-                self.newton(system, scheme, step, Rule::Smooth(sigma), stats);
+            let mut lost = 0;
+            while sigma > last && lost < MAX_LOST && !is_late() {
+                let found = self.newton(system, scheme, step, Rule::Smooth(sigma), stats);
+                lost = if found { 0 } else { lost + 1 };
                 // The smaller members may be the right ones long before σ is zero.
                 if sigma <= EARLY {
                     let smooth = self.unknowns.clone();

@@ -157,7 +157,11 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                     self.note_unsearched(run, &found);
                     self.take(run, choice, bands)
                 }
-                None => Err(self.nothing(run, &found)),
+                // What the clock has stopped has found nothing out.
+                None => Err(self
+                    .time_left(run)
+                    .err()
+                    .unwrap_or_else(|| self.nothing(run, &found))),
             },
             _ => {
                 accepted.retain(|choice| self.mode(&choice.zeros).is_some());

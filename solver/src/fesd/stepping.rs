@@ -69,7 +69,8 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
 
     /// Integrates from `x0` at `t0` to `t1`.
     pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut impl Observer) -> Outcome {
-        let started = Instant::now();
+        let limit = self.settings.time_limit;
+        let deadline = limit.and_then(|limit| Instant::now().checked_add(limit));
         let (n, steps) = (x0.len(), self.settings.steps);
         let mut x = x0.to_vec();
         let mut end = x.clone();
@@ -86,11 +87,8 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
             if ends == steps {
                 break Status::Solved;
             }
-            if self
-                .settings
-                .time_limit
-                .is_some_and(|limit| started.elapsed() > limit)
-            {
+            let is_late = || deadline.is_some_and(|deadline| Instant::now() >= deadline);
+            if is_late() {
                 break Status::TimeLimit;
             }
             // A breakpoint in a step is the end of a part of it.
@@ -102,8 +100,11 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
                 end_of_step
             };
             let h = next - t;
-            if !self.solve(t, h, &x, &mut stats) {
-                break Status::Unsolved;
+            if !self.solve((t, h), &x, deadline, &mut stats) {
+                break match is_late() {
+                    true => Status::TimeLimit,
+                    false => Status::Unsolved,
+                };
             }
             stats.steps += 1;
             stats.rhs_evaluations += self.tableau().n_nodes();
@@ -178,13 +179,19 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
     }
 
     /// Solves the step, in the active set of the last one if it can be.
-    fn solve(&mut self, t: f64, h: f64, x: &[f64], stats: &mut Stats) -> bool {
+    fn solve(
+        &mut self,
+        (t, h): (f64, f64),
+        x: &[f64],
+        deadline: Option<Instant>,
+        stats: &mut Stats,
+    ) -> bool {
         let nodes = &mut self.nodes;
         if self.uniform.solve((t, h), x, &mut nodes.unknowns, stats) {
             return true;
         }
         let scheme = &self.uniform.scheme;
-        let solved = nodes.solve(self.system, scheme, Step { t, h, x }, stats);
+        let solved = nodes.solve(self.system, scheme, Step { t, h, x }, deadline, stats);
         let last = scheme.s - 1;
         self.uniform.enter(self.system, nodes.z(last));
         solved

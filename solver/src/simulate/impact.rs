@@ -22,20 +22,37 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         if struck.is_empty() {
             return Ok(());
         }
-        let mut touching = Vec::new();
-        let mut impacts = Vec::new();
-        for &(law, _) in &self.jumps.near {
-            if let Some((normal, impact)) = impact_of(system, law)
-                && !self.jumps.grazed.contains(&normal)
-            {
-                touching.push(normal);
-                touching.extend(&impact.slips);
-                impacts.push((normal, impact));
-            }
+        let near = self.jumps.near.iter().map(|(_, normal)| *normal);
+        let near: Vec<usize> = near
+            .filter(|normal| !self.jumps.grazed.contains(normal))
+            .collect();
+        self.note_order(state, &struck, &near);
+        self.strike_together(state, &struck, &near)?;
+        for (scale, x) in state.scale.iter_mut().zip(&state.x) {
+            *scale = scale.max(x.abs());
         }
+        Ok(())
+    }
+
+    /// One impact of each of the contacts `struck`, with all that hang together with it among those that are `near`.
+    pub(super) fn strike_together(
+        &mut self,
+        state: &mut State,
+        struck: &[usize],
+        near: &[usize],
+    ) -> Result<(), Status> {
+        let system = self.system;
+        let laws = 0..system.laws().len();
+        let impacts = laws.filter_map(|law| impact_of(system, law));
+        let impacts: Vec<_> = impacts
+            .filter(|(normal, _)| near.contains(normal))
+            .collect();
+        let entries =
+            |&(normal, impact): &(usize, &Impact)| [&[normal], &impact.slips[..]].concat();
+        let mut touching: Vec<usize> = impacts.iter().flat_map(entries).collect();
         touching.sort_unstable();
         let mut done: Vec<usize> = Vec::new();
-        for normal in struck {
+        for &normal in struck {
             if done.contains(&normal) {
                 continue;
             }
@@ -44,9 +61,6 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             let impacts: Vec<_> = impacts.iter().filter(of_group).copied().collect();
             self.strike(state, &impacts)?;
             done.extend(impacts.iter().map(|(normal, _)| normal));
-        }
-        for (scale, x) in state.scale.iter_mut().zip(&state.x) {
-            *scale = scale.max(x.abs());
         }
         Ok(())
     }
@@ -160,7 +174,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
 }
 
 /// The switch and the impact of a law that is one.
-fn impact_of(system: &impl SwitchedSystem, law: usize) -> Option<(usize, &Impact)> {
+pub(super) fn impact_of(system: &impl SwitchedSystem, law: usize) -> Option<(usize, &Impact)> {
     match &system.laws()[law] {
         super::Law {
             guard: Guard::Strikes(normal),

@@ -18,6 +18,9 @@ const SAME: f64 = 1e-9;
 /// Rounding of the terms of a rate.
 const ROUNDINGS: f64 = 64.0 * f64::EPSILON;
 
+/// Rounding of α = 1, which is no force.
+const NO_FORCE: f64 = 8.0 * f64::EPSILON;
+
 /// What an error grows by at most before motions are told apart.
 const GROWTH: f64 = 1e6;
 
@@ -62,7 +65,8 @@ impl Verdict {
 
 impl<S: SwitchedSystem> Simulator<'_, S> {
     /// Size of each rate of the group: |∇ψ|·|f| + |∂ψ/∂t| over all choices, with the terms of f that
-    /// cancel, and what would move ψ by its own size within a step.
+    /// cancel, and what would move ψ by its own size within a step. Where nothing acts, what rounding of forces that are
+    /// zero does is a tie.
     pub(super) fn rates(&mut self, state: &State, group: &[usize], choices: &[Choice]) -> Vec<f64> {
         let mode = &mut self.mode;
         mode.vary(&state.alpha);
@@ -88,7 +92,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             } else {
                 0.0
             };
-            terms + mode.time_gradient(*i).abs() + within_a_step
+            let contacts = group.iter().filter(|j| mode.is_contact(**j));
+            let push: f64 = contacts.map(|&j| mode.coupling(*i, j).abs()).sum();
+            terms + mode.time_gradient(*i).abs() + within_a_step + NO_FORCE / TIE * push
         };
         group.iter().map(rate).collect()
     }
@@ -156,12 +162,17 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let mut spread = state.activity.clone();
         let forces = group.iter().zip(units);
         let forces: Vec<_> = forces.filter(|(i, _)| self.mode.is_contact(**i)).collect();
-        for (state, spread) in spread.iter_mut().enumerate() {
-            for (switch, slope) in self.mode.field.slopes(state) {
-                let unit = forces.iter().find(|(i, _)| **i == switch);
-                let force = unit.map_or(0.0, |(_, unit)| TIE * **unit * slope.abs());
-                *spread += force / ROUNDINGS;
-            }
+        // Masses couple states: what is left of a force in one is rounded as it is where it acts most.
+        let slopes = |state: usize| self.mode.field.slopes(state);
+        for &(&i, unit) in &forces {
+            let of_contact = |state| slopes(state).filter(|(switch, _)| *switch == i);
+            let acts = |state: &usize| of_contact(*state).next().is_some();
+            let moved: Vec<usize> = (0..spread.len()).filter(acts).collect();
+            let slopes = moved.iter().flat_map(|&state| of_contact(state));
+            let most = slopes.fold(0.0_f64, |most, (_, slope)| most.max(slope.abs()));
+            moved
+                .into_iter()
+                .for_each(|state| spread[state] += TIE * unit * most / ROUNDINGS);
         }
         let mut last = spread.clone();
         for k in 1..=self.order {
@@ -253,7 +264,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             _ if comes(i) => true,
             side => {
                 let series = mode.psi_series(i);
-                let leading = series::leading(series, h, state.band[i]);
+                let leading = series::leading(series, h, state.level(i, h));
                 leading.is_none_or(|k| series[k] * side.sign() > 0.0)
             }
         };

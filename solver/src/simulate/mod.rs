@@ -40,6 +40,7 @@ mod meeting;
 mod merge;
 mod mode;
 mod observer;
+mod order;
 mod persist;
 mod pieces;
 mod pivot;

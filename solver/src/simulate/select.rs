@@ -361,18 +361,22 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
 
     /// Lets a switch of higher relative degree that is free be decided by its highest derivative where
     /// the lower ones vanish, else by its rate.
-    fn take_order(&mut self, state: &State, switch: usize) {
+    fn take_order(&mut self, state: &mut State, switch: usize) {
         let mode = &mut self.mode;
         let highest = mode.surfaces.n_derivatives(switch);
+        let is_contact = mode.is_contact(switch);
         mode.set(state.t, &state.x, &state.alpha);
-        let vanishes = |order: usize| {
+        let mut vanishes = |order: usize| {
             mode.surfaces.stand_for(switch, order);
             mode.surfaces.linearize(switch, &mode.memory.values);
             let terms = mode.surfaces.gradient(switch).iter();
             let size: f64 = terms.map(|&(j, g)| g.abs() * state.size(j)).sum();
+            if order == 1 && is_contact {
+                state.still[switch] = BAND * size;
+            }
             mode.surfaces.value(switch, &mode.memory.values).abs() <= BAND * size
         };
-        let order = if (1..=highest).all(vanishes) {
+        let order = if (1..=highest).all(&mut vanishes) {
             highest
         } else {
             0

@@ -39,6 +39,8 @@ pub(super) struct State {
     pub armed: Vec<bool>,
     /// Below this |ψ| is rounding.
     pub band: Vec<f64>,
+    /// Below this the speed of a contact without a gap is rounding.
+    pub still: Vec<f64>,
     /// Length of the last step that no event cut; 0 before the first step.
     pub last_step: f64,
     pub longest_step: f64,
@@ -97,7 +99,13 @@ impl State {
         for zeros in of_states {
             refill(zeros, x.len(), 0.0);
         }
-        for zeros in [&mut self.terms, &mut self.band, &mut self.next_alpha] {
+        let of_switches = [
+            &mut self.terms,
+            &mut self.band,
+            &mut self.still,
+            &mut self.next_alpha,
+        ];
+        for zeros in of_switches {
             refill(zeros, n_switches, 0.0);
         }
         refill(&mut self.alpha, n_switches, 1.0);
@@ -127,6 +135,12 @@ impl State {
         let step = length + self.t_low;
         self.t = start + step;
         self.t_low = step - (self.t - start);
+    }
+
+    /// Within what a ψ that starts at zero stays for `h` if it does not move: its band, or how far rounding of a speed
+    /// takes a contact.
+    pub(super) fn level(&self, switch: usize, h: f64) -> f64 {
+        self.band[switch].max(self.still[switch] * h)
     }
 
     /// How large state i is, or would be after a step at the rate its terms have.

@@ -238,7 +238,7 @@ pub(super) fn first_event(
         let share = if mode.is_contact(i) { 1.0 } else { SEEN };
         let (c, band) = (
             dense.psi(i),
-            state.armed[i].then_some(share * state.band[i]),
+            state.armed[i].then_some(share * state.level(i, h)),
         );
         let level = match mode.is_in_disc(i) {
             true => 0.0,

@@ -82,6 +82,8 @@ pub struct Case {
     /// What the arithmetic of the model loses whatever the method: condition times rounding.
     rounding: f64,
     promise: Promise,
+    /// Wall time after which it is a report.
+    limit: Duration,
     known: Vec<Known>,
     times: Option<Vec<f64>>,
     switches: Option<usize>,
@@ -106,6 +108,7 @@ impl Case {
             tolerance: 1e-8,
             rounding: 0.0,
             promise: Promise::Accuracy,
+            limit: Duration::from_secs(300),
             known: Vec::new(),
             times: None,
             switches: None,
@@ -157,6 +160,12 @@ impl Case {
         self
     }
 
+    /// With fewer seconds of wall time.
+    fn within(mut self, seconds: u64) -> Self {
+        self.limit = Duration::from_secs(seconds);
+        self
+    }
+
     /// In so many steps of time.
     fn in_steps(self, steps: usize) -> Self {
         let method = format!("timestepping {{ steps = {steps}; }}");
@@ -197,7 +206,7 @@ impl Case {
     pub fn run(&self) -> Outcome {
         let request = Request {
             dense: false,
-            time_limit: Some(Duration::from_secs(300)),
+            time_limit: Some(self.limit),
             ..Request::default()
         };
         let trajectory = with_experiment(&self.text(), "run", |compiled| {

@@ -10,7 +10,7 @@ pub fn families(extent: Extent) -> Vec<Family> {
     let times = extent.sweep(&[-20, 20], &[-20, -13, -7, 0, 7, 13, 20]);
     let count = match extent {
         Extent::Short => 2,
-        Extent::Long => 3,
+        Extent::Long => 14,
     };
     let systems: Vec<_> = systems().take(count).collect();
     let cases = |powers: &[i32], units: fn(i32, usize) -> (Vec<f64>, f64)| {
@@ -78,8 +78,9 @@ fn case(system: &Affine, solution: &Solution, power: i32, states: &[f64], time: 
         pairs.map(|(unit, value)| unit * value).collect()
     };
     let case = case.ends_each("x", &scaled(exact.as_slice()), &scaled(&magnitudes));
-    // Elements fail at some of these events in all units, and then say so.
-    [case.clone(), case.by("fesd").accurate_if(false)]
+    // Elements fail at some of these events in all units, and then say so, or search on until they are stopped.
+    let elements = case.clone().by("fesd").accurate_if(false);
+    [case, elements.within(20)]
 }
 
 /// The largest magnitude of every state, over a grid.

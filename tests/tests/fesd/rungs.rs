@@ -1,6 +1,10 @@
 //! What the report says about elements that were added, and about how active sets were found.
 
+use std::time::Duration;
+
+use nsd_tests::with_experiment;
 use nsdc::report::{MethodOption, Status, Trajectory};
+use nsdc::simulate::Request;
 
 use super::{BELT, OSCILLATOR, distance, end, simulate};
 
@@ -97,6 +101,30 @@ fn a_whole_element_shows_the_set_where_no_rate_does() {
     let (belts, sets) = five_belts("-sign(u) - x - c*(u - e) + 0.1*u[1]*P*sign(u)");
     assert_eq!(sets, [0.0, 2.0, 1.0]);
     assert!(belts.warnings.iter().any(|warning| warning.code == "W0706"));
+}
+
+/// The same where the blocks leave at the start. Whole elements take long: a run without time left does not begin them.
+#[test]
+fn whole_elements_are_not_begun_without_time() {
+    let start = BELTS
+        .replace("2.4*e", "-0.7*e")
+        .replace("u[5] = e", "u[5] = zeros(5)");
+    let text = format!(
+        "model belts {{ {start} u' = -sign(u) - x - c*(u - e) + 0.1*u[1]*P*sign(u); }}
+         simulate this of belts {{ horizon 1; method fesd {{ scheme = radau_iia(4); steps = 20; }} }}"
+    );
+    let within = |time_limit| {
+        let request = Request {
+            time_limit,
+            ..Request::default()
+        };
+        let found = with_experiment(&text, "this", |compiled| {
+            nsdc::simulate::run(&compiled.system, &compiled.settings, &request)
+        });
+        (found.status, shown(&found, "element_sets"))
+    };
+    assert_eq!(within(None), (Status::Solved, 1.0));
+    assert_eq!(within(Some(Duration::ZERO)), (Status::TimeLimit, 0.0));
 }
 
 /// Without that the ten pairs that meet are five groups of two, and all choices of each are tried.
