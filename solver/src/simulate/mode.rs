@@ -11,7 +11,7 @@
 
 use super::blind;
 use super::control::Probed;
-use super::disc::{self, Disc};
+use super::disc::Discs;
 use super::field::Field;
 use super::implicit::Workspace;
 use super::layout::Memory;
@@ -46,7 +46,7 @@ pub(crate) struct Mode {
     /// The contacts whose slip velocities ψ are.
     pub(super) slip_of: Vec<Option<usize>>,
     /// Slip velocities with two entries, by the first of their switches.
-    pub(super) discs: Vec<Option<Disc>>,
+    pub(super) discs: Discs,
     /// Whether the components of `equations` are those of the present mode.
     arranged: bool,
     /// Whether functions of any sides have been taken.
@@ -60,8 +60,8 @@ pub(crate) struct Mode {
     /// Switches that nothing but outputs looks at, and those of them without a series within the step.
     pub(super) observers: Vec<bool>,
     pub blind: Vec<usize>,
-    /// The states that a projection has placed.
-    pub placed: Vec<bool>,
+    /// What projections of contacts take.
+    pub(super) mend: super::mend::Mend,
     /// How far each state may move within the step.
     pub reach: Vec<f64>,
     focus: Focus,
@@ -104,7 +104,7 @@ impl Mode {
             unilateral: (0..m).map(|i| system.is_unilateral(i)).collect(),
             nonlinear: (0..m).map(|i| system.is_nonlinear(i)).collect(),
             slip_of: (0..m).map(|i| system.slip_of(i)).collect(),
-            discs: disc::discs(system),
+            discs: Discs::new(system),
             arranged: false,
             entered: false,
             terms: vec![0.0; n],
@@ -112,7 +112,7 @@ impl Mode {
             watched: Vec::new(),
             observers: blind::observers(system),
             blind: Vec::new(),
-            placed: Vec::new(),
+            mend: super::mend::Mend::default(),
             reach: vec![0.0; n],
             focus: Focus::default(),
             probed: Probed::new(n),
@@ -293,6 +293,7 @@ impl Mode {
             self.equations
                 .arrange(&self.sliding, &self.field, &self.surfaces);
             self.hold_still();
+            self.find_mended();
             self.arranged = true;
         }
     }
