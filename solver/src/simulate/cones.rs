@@ -36,7 +36,8 @@ impl Cones<'_> {
         let n = normal.len();
         let mut z: Vec<f64> = normal.iter().chain(friction.iter()).copied().collect();
         let mut lu = DenseLu::new(z.len());
-        let (mut residual, mut matrix) = self.evaluate(&z);
+        let slopes = self.slopes();
+        let (mut residual, mut matrix) = self.evaluate(&slopes, &z);
         let mut error = norm(&residual);
         for _ in 0..MAX_NEWTON {
             if error <= SOLVED {
@@ -49,7 +50,7 @@ impl Cones<'_> {
             let mut best: Option<(f64, Vec<f64>)> = None;
             for _ in 0..MAX_HALVINGS {
                 let next: Vec<f64> = z.iter().zip(&step).map(|(z, s)| z - share * s).collect();
-                let found = norm(&self.evaluate(&next).0);
+                let found = norm(&self.evaluate(&slopes, &next).0);
                 let improves = found < (1.0 - 1e-4 * share) * error;
                 if best.as_ref().is_none_or(|best| found < best.0) {
                     best = Some((found, next));
@@ -65,7 +66,7 @@ impl Cones<'_> {
                 break;
             }
             z = next;
-            (residual, matrix) = self.evaluate(&z);
+            (residual, matrix) = self.evaluate(&slopes, &z);
             error = norm(&residual);
             if !error.is_finite() {
                 return None;
@@ -76,45 +77,63 @@ impl Cones<'_> {
         (error <= ROUNDED).then_some(error)
     }
 
+    /// The derivatives of all a, and behind them of all b, by λ and β, row by row.
+    fn slopes(&self) -> Vec<f64> {
+        let meeting = self.meeting;
+        let n = meeting.contacts.len();
+        let size = n + meeting.n_slips();
+        let mut slopes = vec![0.0; size * size];
+        for (at, row) in slopes.chunks_exact_mut(size).enumerate() {
+            let [normal, friction] = match at.checked_sub(n) {
+                None => [0, 1].map(|block| meeting.row(block, at)),
+                Some(slip) => [2, 3].map(|block| meeting.row(block, slip)),
+            };
+            for i in 0..n {
+                row[i] = normal[i] * self.unit[i];
+                for t in meeting.entries(i) {
+                    row[n + t] = -friction[t] * self.unit[i];
+                }
+            }
+        }
+        slopes
+    }
+
     /// The residual at λ and β with its derivative, row by row.
-    fn evaluate(&self, z: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    fn evaluate(&self, slopes: &[f64], z: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let meeting = self.meeting;
         let (n, size) = (meeting.contacts.len(), z.len());
         let (mut residual, mut matrix) = (vec![0.0; size], vec![0.0; size * size]);
-        // A rate, and its derivative by λ and β.
-        let rate = |of_slip: bool, at: usize| -> (f64, Vec<f64>) {
-            let blocks = if of_slip { [2, 3] } else { [0, 1] };
-            let mut slopes = vec![0.0; size];
-            for i in 0..n {
-                slopes[i] = meeting.row(blocks[0], at)[i] * self.unit[i];
-                for t in meeting.entries(i) {
-                    slopes[n + t] = -meeting.row(blocks[1], at)[t] * self.unit[i];
-                }
-            }
-            let by_forces: f64 = slopes.iter().zip(z).map(|(slope, z)| slope * z).sum();
-            (self.rates[usize::from(of_slip)][at] + by_forces, slopes)
+        let slopes_of = |at: usize| &slopes[at * size..(at + 1) * size];
+        let rate = |at: usize| -> f64 {
+            let by_forces = slopes_of(at).iter().zip(z).map(|(slope, z)| slope * z);
+            let free = match at.checked_sub(n) {
+                None => self.rates[0][at],
+                Some(slip) => self.rates[1][slip],
+            };
+            free + by_forces.sum::<f64>()
         };
         for i in 0..n {
-            let (a, slopes) = rate(false, i);
+            let a = rate(i);
             if a < z[i] {
                 residual[i] = a;
-                matrix[i * size..(i + 1) * size].copy_from_slice(&slopes);
+                matrix[i * size..(i + 1) * size].copy_from_slice(slopes_of(i));
             } else {
                 residual[i] = z[i];
                 matrix[i * size + i] = 1.0;
             }
             let entries = meeting.entries(i);
             let resistance = meeting.resistance(i) * self.unit[i];
-            // Without resistance there is no friction, and no force of it matters.
-            let weight = if resistance > 0.0 {
-                1.0 / resistance
-            } else {
-                0.0
-            };
+            if resistance <= 0.0 {
+                // There is no friction, and no force of it matters.
+                for row in entries.map(|t| n + t) {
+                    residual[row] = z[row];
+                    matrix[row * size + row] = 1.0;
+                }
+                continue;
+            }
             let radius = z[i].max(0.0);
-            let slips: Vec<(f64, Vec<f64>)> = entries.clone().map(|t| rate(true, t)).collect();
-            let beyond = |(t, (b, _)): (usize, &(f64, Vec<f64>))| z[n + t] + weight * b;
-            let target: Vec<f64> = entries.clone().zip(&slips).map(beyond).collect();
+            let beyond = |t: usize| z[n + t] + rate(n + t) / resistance;
+            let target: Vec<f64> = entries.clone().map(beyond).collect();
             let length = norm(&target);
             for (k, t) in entries.clone().enumerate() {
                 let row = n + t;
@@ -137,8 +156,8 @@ impl Cones<'_> {
                         }
                     };
                     matrix[row * size + n + other] -= slope;
-                    for (column, by) in slips[l].1.iter().enumerate() {
-                        matrix[row * size + column] -= slope * weight * by;
+                    for (column, by) in slopes_of(n + other).iter().enumerate() {
+                        matrix[row * size + column] -= slope / resistance * by;
                     }
                 }
             }

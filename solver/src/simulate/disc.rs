@@ -29,7 +29,7 @@ const RIM: f64 = 1e-9;
 
 /// What is watched of a slip velocity with two entries, by the first of them.
 #[derive(Clone, Default)]
-pub(super) struct Disc {
+struct Disc {
     /// The other switch.
     other: usize,
     /// d.
@@ -48,32 +48,44 @@ pub(super) struct Departure {
 }
 
 /// The discs of a system, by switch.
-pub(super) fn discs(system: &impl SwitchedSystem) -> Vec<Option<Disc>> {
-    let disc = |i: usize| {
-        let other = system.across(i).filter(|other| *other > i)?;
-        Some(Disc {
-            other,
-            ..Disc::default()
-        })
-    };
-    (0..system.n_switches()).map(disc).collect()
+pub(super) struct Discs {
+    of: Vec<Option<Disc>>,
+    /// Switches of second entries.
+    is_second: Vec<bool>,
+}
+
+impl Discs {
+    pub(super) fn new(system: &impl SwitchedSystem) -> Self {
+        let disc = |i: usize| {
+            let other = system.across(i).filter(|other| *other > i)?;
+            Some(Disc {
+                other,
+                ..Disc::default()
+            })
+        };
+        let of: Vec<Option<Disc>> = (0..system.n_switches()).map(disc).collect();
+        let mut is_second = vec![false; of.len()];
+        of.iter()
+            .flatten()
+            .for_each(|disc| is_second[disc.other] = true);
+        Discs { of, is_second }
+    }
 }
 
 impl Mode {
     /// The switch of the other entry, of the first one of two.
     pub(super) fn other(&self, switch: usize) -> Option<usize> {
-        self.discs[switch].as_ref().map(|disc| disc.other)
+        self.discs.of[switch].as_ref().map(|disc| disc.other)
     }
 
     /// Whether a switch is that of an entry of two.
     pub(super) fn is_in_disc(&self, switch: usize) -> bool {
-        self.discs[switch].is_some() || self.is_second(switch)
+        self.discs.of[switch].is_some() || self.is_second(switch)
     }
 
     /// Whether a switch is that of the second entry, which the first one stands for.
     pub(super) fn is_second(&self, switch: usize) -> bool {
-        let mut discs = self.discs.iter().flatten();
-        discs.any(|disc| disc.other == switch)
+        self.discs.is_second[switch]
     }
 
     /// Whether |ψ| where the point is is below its band, of two entries both.
@@ -94,7 +106,7 @@ impl Mode {
 
     /// ψ where the point is, or w·d.
     pub(super) fn watched_psi(&mut self, switch: usize) -> f64 {
-        match self.discs[switch]
+        match self.discs.of[switch]
             .as_ref()
             .map(|disc| (disc.other, disc.direction))
         {
@@ -122,7 +134,7 @@ impl Mode {
 
     /// Joins the series of both entries to that of w·d.
     pub(super) fn expand_along(&mut self, switch: usize) {
-        let Some(mut disc) = self.discs[switch].take() else {
+        let Some(mut disc) = self.discs.of[switch].take() else {
             return;
         };
         let [first, second] = [switch, disc.other].map(|i| {
@@ -134,17 +146,17 @@ impl Mode {
         let terms = first.iter().zip(second);
         disc.series.clear();
         disc.series.extend(terms.map(|(a, b)| d * a + e * b));
-        self.discs[switch] = Some(disc);
+        self.discs.of[switch] = Some(disc);
     }
 
     /// The series of w·d, of the first entry of two.
     pub(super) fn series_along(&self, switch: usize) -> Option<&[f64]> {
-        self.discs[switch].as_ref().map(|disc| &disc.series[..])
+        self.discs.of[switch].as_ref().map(|disc| &disc.series[..])
     }
 
     /// Whether some contact slips with two entries.
     pub(super) fn slips_in_a_plane(&self) -> bool {
-        let mut discs = (0..self.discs.len()).filter(|&i| self.discs[i].is_some());
+        let mut discs = (0..self.discs.of.len()).filter(|&i| self.discs.of[i].is_some());
         discs.any(|i| self.sides[i] != Side::Slide && !self.is_idle(i, &self.sides))
     }
 

@@ -1,5 +1,6 @@
 //! The drift off the surfaces that a mode slides on, projected away after each step.
 
+use super::SwitchedSystem;
 use super::mode::Mode;
 use super::state::State;
 use crate::linalg::Singular;
@@ -7,31 +8,39 @@ use crate::linalg::Singular;
 /// Rounds of Newton's method.
 const ROUNDS: usize = 3;
 
+/// Where ψ is a larger share of its terms, these are rounding themselves, and no measure of how far their states may be
+/// moved. Then none of them counts as smaller than a share of the largest one.
+const ASTRAY: f64 = 1e-9;
+const SMALLEST: f64 = 1e-6;
+
 impl Mode {
-    /// Projects x onto the sliding surfaces, those of higher relative degree from ψ to its highest derivative, in the
-    /// norm of the states' sizes, and returns the largest |ψ| found, relative to the size of its terms.
-    pub(crate) fn project(&mut self, state: &mut State) -> f64 {
+    /// Projects x onto the sliding surfaces, those of higher relative degree from ψ to its highest derivative, and returns
+    /// the largest |ψ| found, relative to the size of its terms: contacts in the metric of the mass, others in the norm of
+    /// the states' sizes.
+    pub(crate) fn project(&mut self, system: &impl SwitchedSystem, state: &mut State) -> f64 {
         let mut drift = 0.0_f64;
         if self.sliding.is_empty() {
             return drift;
         }
-        let orders = self.sliding.iter();
-        let deepest = orders.map(|&i| self.surfaces.n_derivatives(i)).max();
+        let others = self.sliding.iter().filter(|&&i| !self.is_contact(i));
+        let deepest = others.map(|&i| self.surfaces.n_derivatives(i)).max();
         let deepest = deepest.unwrap_or(0);
-        let mut placed = std::mem::take(&mut self.placed);
+        let mut placed = std::mem::take(&mut self.mend.placed);
         for round in 0..ROUNDS {
             placed.clear();
             placed.resize(state.x.len(), false);
-            let mut below = 0.0_f64;
+            let mut below = self.mend_gaps(system, state, &mut placed);
             for order in 0..deepest {
                 let (worst, stepped) = self.step_onto(state, Some(order), &mut placed);
                 below = below.max(worst);
-                // Contacts that depend on each other make the matrix singular.
+                // Surfaces that depend on each other make the matrix singular.
                 if stepped.is_err() {
                     self.step_onto_each(state, order);
                 }
             }
+            let rates = self.mend_rates(system, state, &mut placed);
             let (worst, stepped) = self.step_onto(state, None, &mut placed);
+            let worst = worst.max(rates);
             if round == 0 {
                 drift = worst;
             }
@@ -39,7 +48,7 @@ impl Mode {
                 break;
             }
         }
-        self.placed = placed;
+        self.mend.placed = placed;
         drift
     }
 
@@ -57,6 +66,10 @@ impl Mode {
         let mut worst = 0.0_f64;
         for at in 0..self.sliding.len() {
             let i = self.equations.switches[at];
+            if self.is_mended(i, order) {
+                self.equations.rhs[at] = 0.0;
+                continue;
+            }
             let psi = self.psi(i);
             let terms = self.gradient(i).iter();
             let size: f64 = terms.map(|&(j, g)| g.abs() * state.size(j)).sum();
@@ -68,10 +81,11 @@ impl Mode {
         }
         let mut factored = Ok(());
         if worst > f64::EPSILON {
+            self.find_least(state, order, worst);
             // What lower derivatives have placed stays there, as far as the others can be met without it.
-            factored = self.correct(state, |j| placed[j]);
+            factored = self.correct(state, order, |j| placed[j]);
             if factored.is_err() && placed.contains(&true) {
-                factored = self.correct(state, |_| false);
+                factored = self.correct(state, order, |_| false);
             }
         }
         if order.is_some() {
@@ -85,18 +99,42 @@ impl Mode {
         (worst, factored)
     }
 
+    /// The least mobility of states that have any.
+    fn find_least(&mut self, state: &State, order: Option<usize>, worst: f64) {
+        let mut least = std::mem::take(&mut self.mend.least);
+        least.clear();
+        least.resize(state.x.len(), 0.0);
+        let left = self.sliding.iter().filter(|_| worst > ASTRAY);
+        for &i in left.filter(|&&i| !self.is_mended(i, order)) {
+            let terms = self.gradient(i).iter();
+            let sizes = terms.map(|&(j, _)| self.mobility(state, j));
+            let share = SMALLEST * sizes.fold(0.0_f64, f64::max);
+            for &(j, _) in self.gradient(i) {
+                least[j] = share.max(least[j]);
+            }
+        }
+        self.mend.least = least;
+    }
+
     /// Moves x by what the right sides of the equations ask for, but for states that stay.
     fn correct(
         &mut self,
         state: &mut State,
+        order: Option<usize>,
         stays: impl Fn(usize) -> bool,
     ) -> Result<(), Singular> {
-        let mobility = |mode: &Mode, state: &State, j: usize| match stays(j) {
-            true => 0.0,
-            false => mode.mobility(state, j),
+        let mobility = |mode: &Mode, state: &State, j: usize| match mode.mobility(state, j) {
+            _ if stays(j) => 0.0,
+            // What has never moved does not begin to.
+            0.0 => 0.0,
+            size => size.max(mode.mend.least[j]),
         };
         let mut equations = std::mem::take(&mut self.equations);
-        let factored = equations.factor_gram(&self.surfaces, |j| mobility(self, state, j));
+        let factored = equations.factor_gram(
+            &self.surfaces,
+            |j| mobility(self, state, j),
+            |i| self.is_mended(i, order),
+        );
         if factored.is_ok() {
             equations.solve();
             for (&i, multiplier) in equations.switches.iter().zip(&equations.rhs) {
@@ -114,7 +152,7 @@ impl Mode {
         for at in 0..self.sliding.len() {
             let i = self.sliding[at];
             let highest = self.surfaces.n_derivatives(i);
-            if order >= highest {
+            if order >= highest || self.is_mended(i, Some(order)) {
                 continue;
             }
             self.set(state.t, &state.x, &state.alpha);

@@ -121,6 +121,11 @@ impl Field {
         &self.of_switch[switch]
     }
 
+    /// The states of a block.
+    pub(super) fn states_of(&self, block: usize) -> &[usize] {
+        &self.blocks[block].block.states
+    }
+
     /// The block of a state.
     pub(super) fn block_of(&self, state: usize) -> usize {
         self.place[state].0
@@ -310,27 +315,39 @@ impl Field {
         values: &[f64],
         mut entry: impl FnMut(usize, usize, f64),
     ) {
-        for (b, local) in self.blocks.iter_mut().enumerate() {
-            let compiled = &mut local.known[local.now];
-            let sides = &compiled.sides;
-            let registers = &mut self.registers;
-            let (partials, numbers) = compiled.jacobian.get_or_insert_with(|| {
-                let partials = system.jacobian(b, sides);
-                if registers.len() < partials.tape.n_registers() {
-                    registers.resize(partials.tape.n_registers(), 0.0);
-                }
-                let numbers = vec![0.0; partials.entries.len()];
-                (partials, numbers)
-            });
-            gather(&compiled.gather, values, registers);
-            partials.tape.run(registers);
-            for (number, result) in numbers.iter_mut().zip(partials.tape.results(registers)) {
-                *number = result;
+        for block in 0..self.blocks.len() {
+            self.jacobian_of(system, block, values, &mut entry);
+        }
+    }
+
+    /// The same for the rates of one block.
+    pub(super) fn jacobian_of(
+        &mut self,
+        system: &impl SwitchedSystem,
+        block: usize,
+        values: &[f64],
+        mut entry: impl FnMut(usize, usize, f64),
+    ) {
+        let local = &mut self.blocks[block];
+        let compiled = &mut local.known[local.now];
+        let sides = &compiled.sides;
+        let registers = &mut self.registers;
+        let (partials, numbers) = compiled.jacobian.get_or_insert_with(|| {
+            let partials = system.jacobian(block, sides);
+            if registers.len() < partials.tape.n_registers() {
+                registers.resize(partials.tape.n_registers(), 0.0);
             }
-            for (&(function, input), &number) in partials.entries.iter().zip(&*numbers) {
-                if let Input::State(state) = compiled.inputs[input] {
-                    entry(local.block.states[function], state, number);
-                }
+            let numbers = vec![0.0; partials.entries.len()];
+            (partials, numbers)
+        });
+        gather(&compiled.gather, values, registers);
+        partials.tape.run(registers);
+        for (number, result) in numbers.iter_mut().zip(partials.tape.results(registers)) {
+            *number = result;
+        }
+        for (&(function, input), &number) in partials.entries.iter().zip(&*numbers) {
+            if let Input::State(state) = compiled.inputs[input] {
+                entry(local.block.states[function], state, number);
             }
         }
     }

@@ -46,6 +46,8 @@ pub(super) struct Jumps {
     owed: (Vec<f64>, Vec<usize>),
     /// Laws of contacts without a gap, and their switches.
     pub near: Vec<(usize, usize)>,
+    /// Those of them that are closed.
+    pub kept: Vec<usize>,
     /// Contacts that were struck here, and how fast.
     struck: Vec<(usize, f64)>,
     /// Contacts without a gap that are passed by closer than their ψ is known.
@@ -143,9 +145,15 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             }
             self.apply(state, &fired)?;
             self.impact(state, &fired)?;
-            let on = self.place(state, t1 - state.t)?;
             let moves = |law: &usize| matches!(self.system.laws()[*law].effect, Effect::Reset(_));
-            if fired.iter().any(moves) {
+            let moves = fired.iter().any(moves);
+            if moves {
+                self.jumps.kept.clear();
+            }
+            let kept = std::mem::take(&mut self.jumps.kept);
+            let on = self.place(state, t1 - state.t, &kept)?;
+            self.jumps.kept = kept;
+            if moves {
                 self.find_near(state, &on, t1);
             }
             met = Met::Surfaces(on);
@@ -198,10 +206,13 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                     Some((l, switch))
                 }),
         );
+        let kept = &mut self.jumps.kept;
+        kept.clear();
         let mode = &mut self.mode;
         mode.set(state.t, &state.x, &state.alpha);
         near.retain(|&(_, switch)| {
             let closed = state.sides[switch] == Side::Slide;
+            kept.extend(closed.then_some(switch));
             state.band[switch] = mode.band(switch, state, t1 - state.t);
             // What is met has no gap, even where projection has moved the state since.
             let is_near =

@@ -66,7 +66,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             kicks.apply(number as u64, &mut state.x);
         }
         self.stiffness.after_event();
-        let on = self.place(state, t1 - state.t)?;
+        let on = self.place(state, t1 - state.t, &[])?;
         self.enter(state, on, t1)
     }
 }

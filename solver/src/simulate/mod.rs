@@ -37,6 +37,7 @@ mod lead;
 #[cfg(test)]
 mod lead_tests;
 mod meeting;
+mod mend;
 mod merge;
 mod mode;
 mod observer;
@@ -289,7 +290,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 } else {
                     state.advance(step.length);
                 }
-                drift = f64::max(drift, self.mode.project(&mut state));
+                drift = f64::max(drift, self.mode.project(self.system, &mut state));
                 state.record(step.length);
                 state.stats.steps += 1;
                 let segment = Segment {

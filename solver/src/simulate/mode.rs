@@ -11,7 +11,7 @@
 
 use super::blind;
 use super::control::Probed;
-use super::disc::{self, Disc};
+use super::disc::Discs;
 use super::field::Field;
 use super::implicit::Workspace;
 use super::layout::Memory;
@@ -48,7 +48,7 @@ pub(crate) struct Mode {
     /// Switches on whose upper side a switch means nothing.
     pub(super) idle_above: Vec<Vec<usize>>,
     /// Slip velocities with two entries, by the first of their switches.
-    pub(super) discs: Vec<Option<Disc>>,
+    pub(super) discs: Discs,
     /// Whether the components of `equations` are those of the present mode.
     arranged: bool,
     /// Whether functions of any sides have been taken.
@@ -62,8 +62,8 @@ pub(crate) struct Mode {
     /// Switches that nothing but outputs looks at, and those of them without a series within the step.
     pub(super) observers: Vec<bool>,
     pub blind: Vec<usize>,
-    /// The states that a projection has placed.
-    pub placed: Vec<bool>,
+    /// What projections of contacts take.
+    pub(super) mend: super::mend::Mend,
     /// How far each state may move within the step.
     pub reach: Vec<f64>,
     focus: Focus,
@@ -107,7 +107,7 @@ impl Mode {
             nonlinear: (0..m).map(|i| system.is_nonlinear(i)).collect(),
             slip_of: (0..m).map(|i| system.slip_of(i)).collect(),
             idle_above: (0..m).map(|i| system.idle_above(i).to_vec()).collect(),
-            discs: disc::discs(system),
+            discs: Discs::new(system),
             arranged: false,
             entered: false,
             terms: vec![0.0; n],
@@ -115,7 +115,7 @@ impl Mode {
             watched: Vec::new(),
             observers: blind::observers(system),
             blind: Vec::new(),
-            placed: Vec::new(),
+            mend: super::mend::Mend::default(),
             reach: vec![0.0; n],
             focus: Focus::default(),
             probed: Probed::new(n),
@@ -296,6 +296,7 @@ impl Mode {
             self.equations
                 .arrange(&self.sliding, &self.field, &self.surfaces);
             self.hold_still();
+            self.find_mended();
             self.arranged = true;
         }
     }

@@ -324,7 +324,7 @@ fn options(meeting: &Meeting, forces: &Forces, i: usize, near: f64) -> Vec<Sides
         &[Side::Plus]
     } else if entries.len() > 1 {
         match drag <= (1.0 - NEAR) * forces.normal[i] {
-            _ if bend > near => &[Side::Plus],
+            _ if meeting.resistance(i) <= 0.0 || bend > near => &[Side::Plus],
             true => &[Side::Slide],
             // At the rim of its cone.
             false => &[Side::Slide, Side::Plus],

@@ -55,7 +55,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         self.load(state);
         let relay = |i: usize| self.system.relay(i).unwrap_or(Side::Plus);
         state.set_sides((0..state.sides.len()).map(relay).collect());
-        let on = self.place(state, horizon)?;
+        let on = self.place(state, horizon, &[])?;
         let t1 = state.t + horizon;
         self.enter(state, on, t1)
     }
@@ -76,8 +76,14 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         }
     }
 
-    /// Takes the sides that ψ have where the state is, and returns the switches on their surface.
-    pub(super) fn place(&mut self, state: &mut State, horizon: f64) -> Result<Vec<usize>, Status> {
+    /// Takes the sides that ψ have where the state is, and returns the switches on their surface: closed contacts that
+    /// are `kept` where they are, too, whose gaps are rounding.
+    pub(super) fn place(
+        &mut self,
+        state: &mut State,
+        horizon: f64,
+        kept: &[usize],
+    ) -> Result<Vec<usize>, Status> {
         let all: Vec<usize> = (0..state.sides.len()).collect();
         let before = state.alpha.clone();
         self.settle(state, horizon)?;
@@ -105,15 +111,17 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             self.mode.set(state.t, &state.x, &state.alpha);
         }
         self.measure_bands(state, &all, horizon);
-        let below =
-            |&&i: &&usize| self.system.is_unilateral(i) && self.mode.psi(i) < -state.band[i];
+        let below = |&&i: &&usize| {
+            let is_kept = kept.contains(&i) || !self.system.is_unilateral(i);
+            !is_kept && self.mode.psi(i) < -state.band[i]
+        };
         if let Some(&switch) = all.iter().find(below) {
             return Err(Status::Penetrates { switch });
         }
         let near: Vec<bool> = (all.iter())
             .map(|&i| {
                 let share = if self.is_contact(i) { TOUCH } else { 1.0 };
-                self.mode.psi(i).abs() <= share * state.band[i]
+                kept.contains(&i) || self.mode.psi(i).abs() <= share * state.band[i]
             })
             .collect();
         let near: Vec<bool> = (all.iter())
@@ -142,7 +150,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     ) -> Result<(), Status> {
         let open = self.lead(state, triggers, t1)?;
         if self.is_unsettled(state, t1) {
-            let on = self.place(state, t1 - state.t)?;
+            let kept = std::mem::take(&mut self.jumps.kept);
+            let on = self.place(state, t1 - state.t, &kept);
+            self.jumps.kept = kept;
+            let on = on?;
             return self.select(state, &on, t1);
         }
         self.select(state, &open, t1)
@@ -215,7 +226,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             }
             self.mode.enter(self.system, &state.sides);
             self.mode.start_equations(state);
-            self.mode.project(state);
+            self.mode.project(self.system, state);
         }
         if !state.departures.is_empty() {
             let departures = std::mem::take(&mut state.departures);

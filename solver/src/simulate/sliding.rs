@@ -245,17 +245,20 @@ impl Sliding {
         self.lu.solve(&mut self.rhs);
     }
 
-    /// Factors the Gram matrix of the gradients, weighted with the squares of the sizes of states.
+    /// Factors the Gram matrix of the gradients, weighted with the squares of the sizes of states, without switches that
+    /// are left out.
     pub(super) fn factor_gram(
         &mut self,
         surfaces: &Surfaces,
         size: impl Fn(usize) -> f64,
+        is_left_out: impl Fn(usize) -> bool,
     ) -> Result<(), Singular> {
         for component in 0..self.starts.len() - 1 {
             let (start, end) = (self.starts[component], self.starts[component + 1]);
             let matrix = self.lu.matrix(component);
             for row in start..end {
-                if self.ties[row].is_some() || self.held[row] {
+                let follows = self.ties[row].is_some() || self.held[row];
+                if follows || is_left_out(self.switches[row]) {
                     matrix[(row - start) * (end - start) + row - start] = 1.0;
                     continue;
                 }
