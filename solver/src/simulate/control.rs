@@ -346,6 +346,12 @@ impl Mode {
         let rounding = 64.0 * f64::EPSILON;
         for k in 0..self.sliding.len() {
             let i = self.sliding[k];
+            if self.departing.contains(&i) {
+                if !self.goes_along(i, state, allowed) {
+                    return false;
+                }
+                continue;
+            }
             self.surfaces.linearize(i, &self.memory.values);
             let size = allowed * self.gain(i) + rounding * self.terms_of_rate(i);
             if self.phi(i).abs() > size {

@@ -148,6 +148,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 defect: radau.error(),
                 implicit: true,
                 ends: None,
+                departs: false,
             }));
         }
         Ok(None)

@@ -18,9 +18,11 @@ mod coefficients;
 mod cones;
 mod control;
 pub(crate) mod dense;
+mod depart;
 mod disc;
 mod drift;
 mod dummy;
+mod expansion;
 mod field;
 mod fold;
 mod guide;
@@ -287,13 +289,15 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 } else {
                     state.advance(step.length);
                 }
-                drift = f64::max(drift, self.mode.project(&mut state));
+                if !step.departs {
+                    drift = f64::max(drift, self.mode.project(&mut state));
+                }
                 state.record(step.length);
                 state.stats.steps += 1;
                 let segment = Segment {
                     start,
                     length: step.length,
-                    sides: &state.sides,
+                    sides: &self.mode.sides,
                     end: &state.x,
                     dense: &self.dense(step.implicit),
                 };

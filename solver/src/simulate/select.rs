@@ -158,7 +158,6 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
 
     /// Chooses the sides of all switches that meet here and interact with `triggers`.
     fn select(&mut self, state: &mut State, triggers: &[usize], t1: f64) -> Result<(), Status> {
-        state.departures.clear();
         let mut triggers = triggers.to_vec();
         let others = triggers.iter().filter_map(|&i| self.system.across(i));
         let others: Vec<usize> = others.collect();
@@ -215,13 +214,6 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             self.mode.enter(self.system, &state.sides);
             self.mode.start_equations(state);
             self.mode.project(state);
-        }
-        if !state.departures.is_empty() {
-            let departures = std::mem::take(&mut state.departures);
-            let mut x = std::mem::take(&mut state.x);
-            self.mode.enter(self.system, &state.sides);
-            self.depart(state, &mut x, &departures, t1);
-            (state.x, state.departures) = (x, departures);
         }
         Ok(())
     }
@@ -353,6 +345,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         for (&i, &alpha) in group.iter().zip(&choice.alpha) {
             state.alpha[i] = alpha;
         }
+        state
+            .departures
+            .retain(|one| !group.contains(&one.switches[0]));
         state.departures.extend(self.departures(group, &choice));
         Ok(true)
     }
