@@ -229,6 +229,10 @@ impl Mode {
     /// step has larger magnitudes, which their size is relative to. Every length on the way is allowed.
     fn grow(&self, tolerance: f64, longest: f64, see: impl Fn(f64, &mut LastTerms)) -> f64 {
         let margin = tolerance.ln() / (self.order + 1) as f64;
+        let longest = match self.cut {
+            Some(k) => longest.min(((tolerance.ln() - f64::MAX.ln()) / k as f64).exp()),
+            None => longest,
+        };
         let mut h = 0.0;
         for _ in 0..MAX_GROWTHS {
             let mut last = LastTerms {
@@ -346,6 +350,12 @@ impl Mode {
         let rounding = 64.0 * f64::EPSILON;
         for k in 0..self.sliding.len() {
             let i = self.sliding[k];
+            if self.departing.contains(&i) {
+                if !self.goes_along(i, state, allowed) {
+                    return false;
+                }
+                continue;
+            }
             self.surfaces.linearize(i, &self.memory.values);
             let size = allowed * self.gain(i) + rounding * self.terms_of_rate(i);
             if self.phi(i).abs() > size {

@@ -1,275 +1,440 @@
-//! Slip velocities with two entries that are at rest where switches of other kinds meet them, as in frozen time.
+//! Slip velocities with two entries that set off from rest.
 //!
-//! Each either stays at rest, with u = 2α - 1 so that its rate φ(u) vanishes, or sets off: u is the point of the rim
-//! that φ goes along,
+//! Where a contact breaks loose w = 0, and w/|w| is a direction u of its own. With w = τᵐ ρ(τ) u(τ), |u| = 1, both have
+//! series: α = ½ + ½ u is what it is while a contact sticks, but
 //!
-//! |u|² = 1,   u₁ φ₂ - u₂ φ₁ = 0,   u·φ > 0,
+//! φ = w' = m τᵐ⁻¹ ρ u + τᵐ (ρ u)'   instead of   φ = 0.
 //!
-//! which is -φ in the normal cone of the disc at -u. Newton's method solves for it together with the α of what slides,
-//! from directions all around: φ is affine in u, and there are at most four on a circle.
+//! A force that leaves its cone has m = 1, one that grows until it does has m = 2, or more where it touches the cone
+//! first: 1 - |u|² of the contact as if it stuck starts with τᵐ⁻¹. Order k of φ has u_k, of which |u| = 1 leaves what
+//! is across u₀, and ρ_{k+1-m}: both follow from one linear system. So a first step is as long as these series allow,
+//! where one from a tiny w would follow the direction of the forces in steps as tiny, as it does so within |w| over the
+//! force. The series need not converge, but their first terms are those of the solution, which the length of the step
+//! and its defect take care of.
 
-use super::candidates::{MAX_ENUMERATED, Search, alternatives};
+use super::dense::Dense;
+use super::disc::{self, RIM, STOPS};
 use super::mode::Mode;
-use super::select::{Choice, Choices};
+use super::select::Choice;
 use super::state::State;
-use super::{Role, Side, Simulator, SwitchedSystem};
+use super::step::{Step, first_event};
+use super::{Side, Simulator, SwitchedSystem, series};
 use crate::linalg::DenseLu;
 
-/// Directions from which one to set off in is looked for.
-const DIRECTIONS: usize = 8;
+/// Rounds of Newton's method for the direction of a force that leaves its cone.
+const ROUNDS: usize = 5;
 
-/// Slip velocities that set off at once for which all combinations of directions are tried.
-const MAX_COMBINED: usize = 2;
+/// Halvings of the first step.
+const MAX_HALVINGS: usize = 40;
 
-/// Newton iterations, the change that is none, and one that rounding may leave.
-const MAX_NEWTON: usize = 40;
-const SOLVED: f64 = 1e-14;
-const ROUNDED: f64 = 1e-10;
+/// A slip velocity with two entries that starts from rest.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Departure {
+    /// Both switches.
+    pub switches: [usize; 2],
+    /// Of unit length.
+    pub direction: [f64; 2],
+}
 
-/// Solutions closer than this are one.
-const SAME: f64 = 1e-8;
+/// The series of one of them.
+struct Leaving {
+    switches: [usize; 2],
+    /// m.
+    power: usize,
+    u: Vec<[f64; 2]>,
+    rho: Vec<f64>,
+}
 
-/// A rate against its own direction by less than this, relative to friction, is none.
-const NEAR: f64 = 1e-7;
-
-/// No α of this size is looked for.
-const FAR: f64 = 1e6;
-
-impl<S: SwitchedSystem> Simulator<'_, S> {
-    /// True for steps that meet with a slip velocity with two entries.
-    pub(super) fn holds_disc(&self, group: &[usize]) -> bool {
-        let is_step = |&i: &usize| self.mode.roles[i] == Role::Step;
-        group.iter().all(is_step) && group.iter().any(|&i| self.mode.is_in_disc(i))
+impl Leaving {
+    /// Whether order k has a term of ρ.
+    fn moves(&self, k: usize) -> bool {
+        k + 1 >= self.power
     }
 
-    /// All choices of sides with their α, where slip velocities with two entries rest or set off.
-    pub(super) fn disc_choices(&mut self, state: &State, group: &[usize]) -> Choices {
-        let items = group.iter().copied().filter(|&i| !self.mode.is_second(i));
-        let items: Vec<usize> = items.collect();
-        let options = items.iter().map(|&i| match self.mode.is_in_disc(i) {
-            true => vec![Side::Slide, Side::Plus],
-            false => self.options(state, group, i),
-        });
-        let options: Vec<Vec<Side>> = options.collect();
-        let open = options.iter().filter(|sides| sides.len() > 1).count();
-        let mut choices = Choices {
-            found: Vec::new(),
-            singular: false,
-            all: open <= MAX_ENUMERATED,
+    /// What is known of the order k + 1 of w.
+    fn known(&self, k: usize) -> [f64; 2] {
+        let last = (k + 1).saturating_sub(self.power);
+        let first = usize::from(self.power == 1);
+        let mut sum = [0.0; 2];
+        if self.moves(k) {
+            for j in first..last {
+                let u = self.u[last - j];
+                (0..2).for_each(|e| sum[e] += self.rho[j] * u[e]);
+            }
+        }
+        sum
+    }
+
+    /// u₀ᵀ u_k
+    fn along(&self, k: usize) -> f64 {
+        let terms = (1..k).map(|j| dot(self.u[j], self.u[k - j]));
+        -0.5 * terms.sum::<f64>()
+    }
+}
+
+fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
+    a[0] * b[0] + a[1] * b[1]
+}
+
+impl Mode {
+    /// Expands x and α where slip velocities set off, in the mode in which they stick; false where they do not, or where
+    /// that is not known.
+    pub(super) fn expand_departures(
+        &mut self,
+        state: &State,
+        alpha: &[f64],
+        departures: &[Departure],
+        tolerance: f64,
+        longest: f64,
+    ) -> bool {
+        let mut alpha = alpha.to_vec();
+        for departure in departures {
+            for (&i, d) in departure.switches.iter().zip(departure.direction) {
+                alpha[i] = 0.5 + 0.5 * d;
+            }
+        }
+        let Some(mut leaving) = self.powers(state, &alpha, departures, tolerance, longest) else {
+            return false;
         };
-        for candidate in alternatives(&options) {
-            let mut all = state.sides.clone();
-            for (&i, &side) in items.iter().zip(&candidate) {
-                all[i] = side;
-                if let Some(other) = self.mode.other(i) {
-                    all[other] = side;
+        self.expand_leaving(state, &mut alpha, &mut leaving)
+            .is_some_and(|()| {
+                let starts = leaving.iter().map(|one| one.rho.first());
+                starts
+                    .into_iter()
+                    .all(|rho| rho.is_some_and(|rho| *rho > 0.0))
+            })
+    }
+
+    /// The powers of time that they set off with, from what would hold them.
+    fn powers(
+        &mut self,
+        state: &State,
+        alpha: &[f64],
+        departures: &[Departure],
+        tolerance: f64,
+        longest: f64,
+    ) -> Option<Vec<Leaving>> {
+        let mut held = alpha.to_vec();
+        self.expand(state.t, &state.x, &mut held).ok()?;
+        let places = 0..self.sliding.len();
+        let is_shared = |at: usize| self.equations.tie(at).is_some() || self.equations.is_held(at);
+        if places.into_iter().any(is_shared) {
+            return None;
+        }
+        let h = self.step_size(tolerance, state, longest);
+        let mut margin = Vec::new();
+        let mut leaving = Vec::new();
+        for &Departure { switches, .. } in departures {
+            let [first, second] = switches;
+            disc::margin(Dense::Taylor(self), first, second, &mut margin);
+            let (power, start) = if margin[0] < -RIM {
+                (1, alpha)
+            } else {
+                let leading = series::leading(&margin, h, RIM)?;
+                if margin[leading] >= 0.0 {
+                    return None;
+                }
+                (leading + 1, &held[..])
+            };
+            leaving.push(Leaving {
+                switches,
+                power,
+                u: vec![switches.map(|i| 2.0 * start[i] - 1.0)],
+                rho: Vec::new(),
+            });
+        }
+        Some(leaving)
+    }
+
+    fn expand_leaving(
+        &mut self,
+        state: &State,
+        alpha: &mut [f64],
+        leaving: &mut [Leaving],
+    ) -> Option<()> {
+        for one in &*leaving {
+            for (&i, u) in one.switches.iter().zip(one.u[0]) {
+                alpha[i] = 0.5 + 0.5 * u;
+            }
+        }
+        self.direct(state, alpha, leaving)?;
+        self.start_series(state.t, &state.x, alpha);
+        for k in 1..=self.order {
+            self.advance_field(k);
+            self.raise_states(k);
+            self.equate(k);
+            for one in &*leaving {
+                let known = one.known(k);
+                for (&i, known) in one.switches.iter().zip(known) {
+                    let at = self.place_of(i)?;
+                    self.equations.rhs[at] += (k + 1) as f64 * known;
                 }
             }
-            let discs = items.iter().copied().filter(|&i| self.mode.is_in_disc(i));
-            let (free, bound): (Vec<usize>, Vec<usize>) =
-                discs.partition(|&i| self.mode.is_idle(i, &all));
-            // What matters to no rate has no α to rest with.
-            if free.iter().any(|&i| all[i] == Side::Slide) {
-                continue;
+            let ends: Vec<f64> = leaving.iter().map(|one| one.along(k)).collect();
+            let steps = self.solve_leaving(leaving, k, &ends)?;
+            for (one, step) in leaving.iter_mut().zip(steps) {
+                let u = one.switches.map(|i| self.place_of(i));
+                let [Some(first), Some(second)] = u else {
+                    return None;
+                };
+                one.u
+                    .push([first, second].map(|at| 2.0 * self.equations.rhs[at]));
+                if one.moves(k) {
+                    one.rho.push(step);
+                }
             }
-            let leaving = bound.into_iter().filter(|&i| all[i] != Side::Slide);
-            let leaving: Vec<usize> = leaving.collect();
-            let sides: Vec<Side> = group.iter().map(|&i| all[i]).collect();
-            self.enter_surfaces(state, group, &sides);
-            let outcome = match leaving.is_empty() {
-                true => self.solve(state, group, &sides, &mut choices.found),
-                false => self.set_out(state, group, &sides, &leaving, &mut choices),
-            };
-            choices.singular |= outcome == Search::Singular;
-            choices.all &= outcome != Search::Bounded;
+            self.take_alpha(k);
         }
-        choices
+        if self.slips_in_a_plane() {
+            self.cut_overflow();
+        }
+        Some(())
     }
 
-    /// Looks again at slip velocities that no rate has read so far, where a switch changes that made them so: at rest
-    /// they are decided together.
-    pub(super) fn wake_free(&mut self, state: &mut State, triggers: &mut Vec<usize>, t1: f64) {
-        for i in 0..state.sides.len() {
+    /// α where they set off: φ = 0 of what goes on to slide, and φ = ρ u of a force that leaves its cone. The matrix of
+    /// the equations is that of this place afterwards.
+    fn direct(&mut self, state: &State, alpha: &mut [f64], leaving: &mut [Leaving]) -> Option<()> {
+        for one in leaving.iter_mut().filter(|one| one.power == 1) {
+            one.rho.push(f64::NAN);
+        }
+        for _ in 0..ROUNDS {
+            self.eval(state.t, &state.x, alpha);
+            self.linearize_surfaces();
+            self.factor().ok()?;
+            for at in 0..self.sliding.len() {
+                self.equations.rhs[at] = -self.phi(self.equations.switches[at]);
+            }
+            let mut ends = Vec::new();
+            for one in leaving.iter_mut() {
+                if one.power > 1 {
+                    ends.push(0.0);
+                    continue;
+                }
+                let rate = one.switches.map(|i| self.phi(i));
+                if one.rho[0].is_nan() {
+                    one.rho[0] = dot(rate, one.u[0]);
+                }
+                for (&i, u) in one.switches.iter().zip(one.u[0]) {
+                    let at = self.place_of(i)?;
+                    self.equations.rhs[at] += one.rho[0] * u;
+                }
+                ends.push(0.5 * (1.0 - dot(one.u[0], one.u[0])));
+            }
+            let steps = self.solve_leaving(leaving, 0, &ends)?;
+            for (&i, step) in self.equations.switches.iter().zip(&self.equations.rhs) {
+                alpha[i] += step;
+            }
+            for (one, step) in leaving.iter_mut().zip(steps) {
+                one.u[0] = one.switches.map(|i| 2.0 * alpha[i] - 1.0);
+                if one.power == 1 {
+                    one.rho[0] += step;
+                }
+            }
+        }
+        self.eval(state.t, &state.x, alpha);
+        self.linearize_surfaces();
+        self.factor().ok()?;
+        self.equations.expand_here();
+        Some(())
+    }
+
+    /// Solves A α_k - (k + 1) (ρ u₀ + ρ₀ u_k) = rhs with u₀ᵀ u_k given, where u_k belongs to the same order of w as ρ
+    /// does for m = 1 alone. Leaves α_k in the right-hand sides, and returns ρ.
+    fn solve_leaving(&mut self, leaving: &[Leaving], k: usize, ends: &[f64]) -> Option<Vec<f64>> {
+        let n = self.equations.switches.len();
+        let size = n + leaving.len();
+        let mut matrix = vec![0.0; size * size];
+        for (row, &i) in self.equations.switches.iter().enumerate() {
+            for (column, &j) in self.equations.switches.iter().enumerate() {
+                matrix[row * size + column] = self.coupling(i, j);
+            }
+        }
+        let order = (k + 1) as f64;
+        let mut z = self.equations.rhs.clone();
+        for (at, one) in leaving.iter().enumerate() {
+            let row = n + at;
+            z.push(if one.moves(k) { ends[at] } else { 0.0 });
+            if !one.moves(k) {
+                matrix[row * size + row] = 1.0;
+                continue;
+            }
+            for (&i, u) in one.switches.iter().zip(one.u[0]) {
+                let place = self.place_of(i)?;
+                matrix[row * size + place] = 2.0 * u;
+                matrix[place * size + row] = -order * u;
+                if one.power == 1 {
+                    matrix[place * size + place] -= 2.0 * order * one.rho[0];
+                }
+            }
+        }
+        let mut lu = DenseLu::new(size);
+        lu.factor(&matrix).ok()?;
+        lu.solve(&mut z);
+        self.equations.rhs.copy_from_slice(&z[..n]);
+        Some(z[n..].to_vec())
+    }
+
+    fn place_of(&self, switch: usize) -> Option<usize> {
+        let mut switches = self.equations.switches.iter();
+        switches.position(|&i| i == switch)
+    }
+
+    /// Whether a slip velocity that sets off has the direction that its α say, where the point is.
+    pub(super) fn goes_along(&mut self, switch: usize, state: &State, allowed: f64) -> bool {
+        let Some(other) = self.other(switch) else {
+            return true;
+        };
+        let [first, second] = [switch, other].map(|i| {
+            self.surfaces.linearize(i, &self.memory.values);
+            let terms = self.gradient(i).iter();
+            let size: f64 = terms.map(|&(j, g)| g.abs() * state.size(j)).sum();
+            (
+                self.psi(i),
+                2.0 * self.memory.values[1 + self.n + i] - 1.0,
+                size,
+            )
+        });
+        let speed = first.0.hypot(second.0);
+        let rounding = 64.0 * f64::EPSILON * (first.2 + second.2);
+        let off = (first.0 - speed * first.1).hypot(second.0 - speed * second.1);
+        off <= allowed * speed + rounding
+    }
+}
+
+impl<S: SwitchedSystem> Simulator<'_, S> {
+    /// The switches of a group that slip from where they may be at rest, with their directions.
+    pub(super) fn departures(
+        &self,
+        state: &State,
+        group: &[usize],
+        choice: &Choice,
+    ) -> Vec<Departure> {
+        let mut found = Vec::new();
+        let mut sides = state.sides.clone();
+        for (&i, &side) in group.iter().zip(&choice.sides) {
+            sides[i] = side;
+        }
+        for (at, &i) in group.iter().enumerate() {
             let Some(other) = self.mode.other(i) else {
                 continue;
             };
-            let frees = &self.mode.idle_above[i];
-            let changes = triggers.iter().any(|trigger| frees.contains(trigger));
-            if !changes || !self.mode.is_free(i, &state.sides) {
+            let Ok(of_other) = group.binary_search(&other) else {
                 continue;
+            };
+            let meets = self.system.slip_of(i).is_none_or(|of| group.contains(&of));
+            if meets && self.rubs(i, &sides) && choice.sides[at] != Side::Slide {
+                found.push(Departure {
+                    switches: [i, other],
+                    direction: [at, of_other].map(|at| 2.0 * choice.alpha[at] - 1.0),
+                });
             }
-            self.measure_bands(state, &[i, other], t1 - state.t);
-            if self.mode.is_near(i, state) {
-                triggers.push(i);
-            }
+        }
+        found
+    }
+
+    /// Whether a slip velocity has friction on these sides: of a contact that is closed, or one that rates read.
+    fn rubs(&self, switch: usize, sides: &[Side]) -> bool {
+        match self.system.slip_of(switch) {
+            Some(of) => sides[of] == Side::Slide,
+            None => !self.mode.is_free(switch, sides),
         }
     }
 
-    /// Adds the solutions in which `leaving` set off, the first switch of each.
-    fn set_out(
+    /// Takes the functions in which these slip velocities stick.
+    pub(super) fn hold(&mut self, sides: &[Side], departures: &[Departure]) {
+        let mut held: Box<[Side]> = sides.into();
+        for i in departures.iter().flat_map(|one| one.switches) {
+            held[i] = Side::Slide;
+        }
+        self.mode.enter(self.system, &held);
+    }
+
+    /// The first step of what sets off from rest; nothing where there is none, or where it has to be taken from a speed
+    /// that is rounding.
+    pub(super) fn departure_step(&mut self, state: &mut State, goal: f64, t1: f64) -> Option<Step> {
+        let mut departures = std::mem::take(&mut state.departures);
+        self.mode.set(state.t, &state.x, &state.alpha);
+        let (sides, band) = (&state.sides, &state.band);
+        departures.retain(|one| {
+            let rubs = self.rubs(one.switches[0], sides);
+            let mut slips =
+                |i: usize| sides[i] != Side::Slide && self.mode.psi(i).abs() <= STOPS * band[i];
+            rubs && one.switches.into_iter().all(&mut slips)
+        });
+        if departures.is_empty() {
+            return None;
+        }
+        self.hold(&state.sides, &departures);
+        let step = self.set_off(state, &departures, goal, t1);
+        self.mode.departing.clear();
+        if step.is_none() {
+            let mut x = state.x.clone();
+            self.depart(state, &mut x, &departures, t1);
+            state.x = x;
+            self.mode.enter(self.system, &state.sides);
+        }
+        step
+    }
+
+    fn set_off(
         &mut self,
-        state: &State,
-        group: &[usize],
-        sides: &[Side],
-        leaving: &[usize],
-        choices: &mut Choices,
-    ) -> Search {
-        let mut alpha = state.alpha.clone();
-        let mut sliding = Vec::new();
-        for (&i, &side) in group.iter().zip(sides) {
-            alpha[i] = match side {
-                Side::Minus => 0.0,
-                Side::Plus => 1.0,
-                Side::Slide => {
-                    sliding.push(i);
-                    0.5
-                }
-            };
-        }
+        state: &mut State,
+        departures: &[Departure],
+        goal: f64,
+        t1: f64,
+    ) -> Option<Step> {
+        let (order, tolerance) = (self.order, self.settings.local_tolerance());
+        let remaining = (goal - state.t) - state.t_low;
         let mode = &mut self.mode;
-        let pairs = leaving.iter().map(|&i| [i, mode.other(i).unwrap_or(i)]);
-        let pairs: Vec<[usize; 2]> = pairs.collect();
-        let mut start = SetOff {
-            mode,
-            alpha,
-            sliding,
-            leaving: pairs.clone(),
-        };
-        let mut known: Vec<Vec<f64>> = Vec::new();
-        let mut outcome = Search::Complete;
-        for at in 0..DIRECTIONS.pow(start.leaving.len().min(MAX_COMBINED) as u32) {
-            start.point(at);
-            match start.newton() {
-                None => outcome = Search::Singular,
-                Some(None) => {}
-                Some(Some(alpha)) => {
-                    let is_near = |other: &Vec<f64>| {
-                        let mut pairs = alpha.iter().zip(other);
-                        pairs.all(|(a, b)| (a - b).abs() <= SAME)
-                    };
-                    if !known.iter().any(is_near) {
-                        known.push(alpha);
-                    }
+        mode.blind.clear();
+        let longest = t1 - state.t;
+        if !mode.expand_departures(state, &state.alpha, departures, tolerance, longest) {
+            return None;
+        }
+        mode.measure_terms(state);
+        state.stats.rhs_evaluations += 2 * order;
+        mode.departing = departures.iter().flat_map(|one| one.switches).collect();
+        let allowed = 10.0 * (order as f64) * tolerance.max(4.0 * f64::EPSILON);
+        let h = mode.step_size(tolerance, state, remaining);
+        let h = mode.watch(tolerance, state, h);
+        let mut h = self.coefficients.expand(mode, tolerance, h);
+        for _ in 0..MAX_HALVINGS {
+            if h < remaining && state.t + h <= state.t {
+                return None;
+            }
+            // What happens on the way is left to the steps behind this one.
+            let dense = Dense::Taylor(mode);
+            let event = first_event(&mut self.roots, dense, state, h, self.settings.tolerance);
+            let left = self.coefficients.leave(&mut self.roots, mode, h);
+            let defect = mode.defect(state, h, tolerance, allowed);
+            let is_accurate = defect.rate <= allowed && defect.switches_agree;
+            let is_seen = !mode.on_wrong_side(state);
+            let looked = self.coefficients.agree(mode, state, h, allowed);
+            if event.is_none() && left.is_none() && is_accurate && is_seen && looked {
+                let dense = Dense::Taylor(mode);
+                dense.states_at(h, &mut state.next);
+                if !state.next.iter().all(|x| x.is_finite()) {
+                    return None;
                 }
+                std::mem::swap(&mut state.x, &mut state.next);
+                dense.alphas_at(h, &mut state.alpha);
+                for &i in &mode.departing {
+                    state.alpha[i] = 1.0;
+                }
+                state.last_step = h;
+                return Some(Step {
+                    length: h,
+                    reaches_end: h >= remaining,
+                    triggers: Vec::new(),
+                    defect: defect.rate,
+                    implicit: false,
+                    ends: None,
+                    departs: true,
+                });
             }
+            state.stats.rejected += 1;
+            h *= 0.5;
         }
-        if !known.is_empty() {
-            outcome = Search::Complete;
-        }
-        for alpha in known {
-            if !start_along(&mut self.mode, &pairs, &alpha) {
-                continue;
-            }
-            let mode = &mut self.mode;
-            mode.vary(&alpha);
-            let states = mode.states_in_focus().iter();
-            choices.found.push(Choice {
-                sides: sides.to_vec(),
-                alpha: group.iter().map(|&i| alpha[i]).collect(),
-                f: states.map(|&state| mode.f()[state]).collect(),
-            });
-        }
-        outcome
-    }
-}
-
-/// Whether all that set off do so along their u, or as fast as next to nothing.
-fn start_along(mode: &mut Mode, pairs: &[[usize; 2]], alpha: &[f64]) -> bool {
-    mode.vary(alpha);
-    pairs.iter().all(|pair| {
-        mode.linearize(pair);
-        let along = |i: &usize| (2.0 * alpha[*i] - 1.0) * mode.phi(*i);
-        let speed: f64 = pair.iter().map(along).sum();
-        // ∂φ/∂u is what friction takes at most.
-        let size: f64 = pair
-            .iter()
-            .map(|&i| mode.phi(i).abs() + 0.5 * mode.coupling(i, i).abs())
-            .sum();
-        speed >= -NEAR * size
-    })
-}
-
-/// The equations of what sets off, and of what slides with it.
-struct SetOff<'m> {
-    mode: &'m mut Mode,
-    /// Where Newton's method starts.
-    alpha: Vec<f64>,
-    /// Switches whose rates vanish.
-    sliding: Vec<usize>,
-    /// Both switches of each that sets off.
-    leaving: Vec<[usize; 2]>,
-}
-
-impl SetOff<'_> {
-    /// Starts in the direction with this number.
-    fn point(&mut self, mut number: usize) {
-        for (k, pair) in self.leaving.iter().enumerate() {
-            let angle = std::f64::consts::TAU * (number % DIRECTIONS) as f64 / DIRECTIONS as f64;
-            if k + 1 < MAX_COMBINED {
-                number /= DIRECTIONS;
-            }
-            let (sin, cos) = angle.sin_cos();
-            self.alpha[pair[0]] = 0.5 + 0.5 * cos;
-            self.alpha[pair[1]] = 0.5 + 0.5 * sin;
-        }
-        for &i in &self.sliding {
-            self.alpha[i] = 0.5;
-        }
-    }
-
-    /// All α; none where the search goes astray, nothing at all where the matrix is singular.
-    fn newton(&mut self) -> Option<Option<Vec<f64>>> {
-        let unknowns = (self.sliding.iter().copied()).chain(self.leaving.iter().flatten().copied());
-        let unknowns: Vec<usize> = unknowns.collect();
-        let mut alpha = self.alpha.clone();
-        let mut lu = DenseLu::new(unknowns.len());
-        let mut last = f64::INFINITY;
-        for _ in 0..MAX_NEWTON {
-            let (matrix, mut rhs) = self.linearize(&unknowns, &alpha);
-            lu.factor(&matrix).ok()?;
-            lu.solve(&mut rhs);
-            let mut change = 0.0_f64;
-            for (&i, step) in unknowns.iter().zip(&rhs) {
-                alpha[i] -= step;
-                change = change.max(step.abs() / (1.0 + alpha[i].abs()));
-            }
-            if change.is_nan() || unknowns.iter().any(|&i| alpha[i].abs() > FAR) {
-                return Some(None);
-            }
-            if change <= SOLVED || change <= ROUNDED && change > 0.5 * last {
-                return Some(Some(alpha));
-            }
-            last = change;
-        }
-        Some(None)
-    }
-
-    /// The derivatives of all equations, and their values.
-    fn linearize(&mut self, unknowns: &[usize], alpha: &[f64]) -> (Vec<f64>, Vec<f64>) {
-        let mode = &mut *self.mode;
-        mode.vary(alpha);
-        mode.linearize(unknowns);
-        let (mut matrix, mut values) = (Vec::new(), Vec::new());
-        for &i in &self.sliding {
-            values.push(mode.phi(i));
-            matrix.extend(unknowns.iter().map(|&j| mode.coupling(i, j)));
-        }
-        for &[first, second] in &self.leaving {
-            let u = [first, second].map(|i| 2.0 * alpha[i] - 1.0);
-            let phi = [first, second].map(|i| mode.phi(i));
-            let own = |j: usize, of: [f64; 2]| match j {
-                _ if j == first => 2.0 * of[0],
-                _ if j == second => 2.0 * of[1],
-                _ => 0.0,
-            };
-            values.push(u[0] * u[0] + u[1] * u[1] - 1.0);
-            matrix.extend(unknowns.iter().map(|&j| own(j, [2.0 * u[0], 2.0 * u[1]])));
-            values.push(u[0] * phi[1] - u[1] * phi[0]);
-            matrix.extend(unknowns.iter().map(|&j| {
-                let [by_first, by_second] = [first, second].map(|i| mode.coupling(i, j));
-                u[0] * by_second - u[1] * by_first + own(j, [phi[1], -phi[0]])
-            }));
-        }
-        (matrix, values)
+        None
     }
 }

@@ -9,10 +9,12 @@
 //! a value then.
 
 use super::dense::Dense;
+use super::depart::Departure;
 use super::mode::Mode;
 use super::roots::{Root, RootFinder};
-use super::select::{BAND, Choice};
+use super::select::BAND;
 use super::state::State;
+use super::step::Step;
 use super::{Side, Simulator, SwitchedSystem, series};
 
 /// Of the way to w = 0, what a step leaves.
@@ -25,7 +27,7 @@ pub(super) const STOPS: f64 = 100.0;
 const DEPARTS: f64 = 0.1;
 
 /// Distance of |u|² from 1 at which it is there.
-const RIM: f64 = 1e-9;
+pub(super) const RIM: f64 = 1e-9;
 
 /// What is watched of a slip velocity with two entries, by the first of them.
 #[derive(Clone, Default)]
@@ -36,15 +38,6 @@ struct Disc {
     direction: [f64; 2],
     /// The series of w·d.
     series: Vec<f64>,
-}
-
-/// A slip velocity with two entries that starts from rest.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Departure {
-    /// Both switches.
-    pub switches: [usize; 2],
-    /// Of unit length.
-    pub direction: [f64; 2],
 }
 
 /// The discs of a system, by switch.
@@ -117,11 +110,11 @@ impl Mode {
 
     /// Watches w along the direction that it has where the point is.
     pub(super) fn aim(&mut self, switch: usize) {
-        let Some(mut disc) = self.discs[switch].take() else {
+        let Some(mut disc) = self.discs.of[switch].take() else {
             return;
         };
         disc.direction = direction([switch, disc.other].map(|i| self.psi(i)));
-        self.discs[switch] = Some(disc);
+        self.discs.of[switch] = Some(disc);
     }
 
     /// Whether what is watched is affine in time and states.
@@ -161,7 +154,7 @@ impl Mode {
     }
 
     /// Cuts all series before their first term that is no number: close to w = 0 terms grow with their order until they
-    /// overflow. What is cut off too early shows in the defect of a step.
+    /// overflow. A step is no longer than that term allows.
     pub(super) fn cut_overflow(&mut self) {
         let starts = (0..self.n)
             .flat_map(|i| [self.memory.state(i), self.field.rows[i]])
@@ -169,10 +162,14 @@ impl Mode {
         let starts: Vec<usize> = starts.collect();
         let rows = &mut self.memory.rows;
         let is_finite = |k: &usize| starts.iter().all(|start| rows[start + k].is_finite());
-        let end = (0..=self.order).find(|k| !is_finite(k));
-        for start in starts.iter().filter(|_| end.is_some()) {
-            rows[start + end.unwrap_or(0)..=start + self.order].fill(0.0);
+        // Values that are no numbers end the run.
+        let Some(end) = (0..=self.order).find(|k| !is_finite(k)).filter(|k| *k > 0) else {
+            return;
+        };
+        for start in starts {
+            rows[start + end..=start + self.order].fill(0.0);
         }
+        self.cut = Some(end);
     }
 
     /// How far two entries with these α are inside their disc, or how fast they slip in their direction, relative to a
@@ -191,6 +188,24 @@ impl Mode {
             _ if rate > 0.0 => (d * self.phi(switch) + e * self.phi(other)) / rate,
             _ => 0.0,
         }
+    }
+
+    /// The end of what slips in two directions and is all but at rest, where it still turns: no step gets there.
+    pub(super) fn comes_to_rest(&self, state: &State) -> Option<Step> {
+        let mut watched = self.watched.iter().copied();
+        let switch = watched.find(|&i| {
+            let slows = |w: &[f64]| w[0] <= STOPS * state.band[i] && w[1] < 0.0;
+            !state.armed[i] && self.series_along(i).is_some_and(slows)
+        })?;
+        Some(Step {
+            length: 0.0,
+            reaches_end: false,
+            triggers: vec![switch],
+            defect: 0.0,
+            implicit: false,
+            ends: None,
+            departs: false,
+        })
     }
 
     /// Where a step towards w = 0 ends before it gets there; nothing where it does, or goes nowhere else.
@@ -212,7 +227,7 @@ fn direction(w: [f64; 2]) -> [f64; 2] {
 }
 
 /// The series of 1 - |u|² of a contact that sticks.
-fn margin(dense: Dense, switch: usize, other: usize, series: &mut Vec<f64>) {
+pub(super) fn margin(dense: Dense, switch: usize, other: usize, series: &mut Vec<f64>) {
     let all = [switch, other].map(|i| dense.alpha(i));
     series.clear();
     for m in 0..=dense.order() {
@@ -259,43 +274,8 @@ pub(super) fn leaves(
 }
 
 impl<S: SwitchedSystem> Simulator<'_, S> {
-    /// The switches of a group that slip from where they may be at rest, with their directions.
-    pub(super) fn departures(
-        &self,
-        state: &State,
-        group: &[usize],
-        choice: &Choice,
-    ) -> Vec<Departure> {
-        let mut found = Vec::new();
-        let mut sides = state.sides.clone();
-        for (&i, &side) in group.iter().zip(&choice.sides) {
-            sides[i] = side;
-        }
-        for (at, &i) in group.iter().enumerate() {
-            let Some(other) = self.mode.other(i) else {
-                continue;
-            };
-            let Ok(of_other) = group.binary_search(&other) else {
-                continue;
-            };
-            let is_closed = match self.system.slip_of(i) {
-                Some(of) => {
-                    let contact = group.binary_search(&of);
-                    contact.is_ok_and(|at| choice.sides[at] == Side::Slide)
-                }
-                None => !self.mode.is_free(i, &sides),
-            };
-            if is_closed && choice.sides[at] != Side::Slide {
-                found.push(Departure {
-                    switches: [i, other],
-                    direction: [at, of_other].map(|at| 2.0 * choice.alpha[at] - 1.0),
-                });
-            }
-        }
-        found
-    }
-
-    /// Gives slip velocities that are none a length that is rounding, by the least change of the states.
+    /// Gives slip velocities that are none a length that is rounding, in the mode in which they stick: by friction, which
+    /// acts on velocities, and not on places where these occur in w.
     pub(super) fn depart(
         &mut self,
         state: &State,
@@ -304,25 +284,25 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         t1: f64,
     ) {
         for departure in departures {
-            self.set_off(state, x, departure, t1);
+            self.nudge(state, x, departure, t1);
         }
     }
 
-    fn set_off(&mut self, state: &State, x: &mut [f64], departure: &Departure, t1: f64) {
+    fn nudge(&mut self, state: &State, x: &mut [f64], departure: &Departure, t1: f64) {
         let &Departure {
             switches,
             direction,
         } = departure;
         let mode = &mut self.mode;
-        mode.eval(state.t, x, &state.alpha);
-        let gradients = switches.map(|i| {
-            mode.surfaces.linearize(i, &mode.memory.values);
-            mode.gradient(i).to_vec()
-        });
-        let size = |gradient: &[(usize, f64)]| -> f64 {
-            gradient.iter().map(|&(j, g)| g.abs() * state.size(j)).sum()
+        let mut alpha = state.alpha.clone();
+        switches.iter().for_each(|&i| alpha[i] = 0.5);
+        mode.eval(state.t, x, &alpha);
+        mode.linearize_impulses(&switches);
+        let size = |mode: &Mode, i: usize| -> f64 {
+            let terms = mode.gradient(i).iter();
+            terms.map(|&(j, g)| g.abs() * state.size(j)).sum()
         };
-        let sizes = gradients.iter().map(|gradient| size(gradient));
+        let sizes = switches.map(|i| size(mode, i));
         // Where nothing has moved yet, what the forces would make of it.
         let last = if state.longest_step > 0.0 {
             state.longest_step
@@ -330,28 +310,29 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             t1 - state.t
         };
         let rates = switches.map(|i| mode.phi(i) * last);
-        let speed = DEPARTS * BAND * sizes.fold(rates[0].hypot(rates[1]), f64::max);
+        let speed = DEPARTS * BAND * sizes.into_iter().fold(rates[0].hypot(rates[1]), f64::max);
         let w = switches.map(|i| mode.psi(i));
         if w[0].hypot(w[1]) >= speed {
             return;
         }
         let missing = [0, 1].map(|k| speed * direction[k] - w[k]);
-        let dot = |a: &[(usize, f64)], b: &[(usize, f64)]| -> f64 {
-            let terms = a.iter().map(|&(j, g)| {
-                let other = b.iter().find(|entry| entry.0 == j);
-                g * other.map_or(0.0, |entry| entry.1)
-            });
-            terms.sum()
-        };
-        let [first, second] = &gradients;
-        let (a, b, c) = (dot(first, first), dot(first, second), dot(second, second));
-        let determinant = a * c - b * b;
+        let [first, second] = switches;
+        let [a, b] = [first, second].map(|by| mode.coupling(first, by));
+        let [c, d] = [first, second].map(|by| mode.coupling(second, by));
+        let determinant = a * d - b * c;
         let shares = [
-            (c * missing[0] - b * missing[1]) / determinant,
-            (a * missing[1] - b * missing[0]) / determinant,
+            (d * missing[0] - b * missing[1]) / determinant,
+            (a * missing[1] - c * missing[0]) / determinant,
         ];
-        for (gradient, share) in gradients.iter().zip(shares) {
-            gradient.iter().for_each(|&(j, g)| x[j] += share * g);
+        if !shares.iter().all(|share| share.is_finite()) {
+            return;
+        }
+        for (j, x) in x.iter_mut().enumerate() {
+            for (switch, slope) in mode.field.slopes(j) {
+                if let Some(at) = switches.iter().position(|&i| i == switch) {
+                    *x += slope * shares[at];
+                }
+            }
         }
     }
 }

@@ -154,6 +154,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 defect: radau.error(),
                 implicit: true,
                 ends: None,
+                departs: false,
             }));
         }
         Ok(None)

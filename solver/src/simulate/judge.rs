@@ -218,15 +218,23 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         }
         let (order, tolerance) = (self.order, self.settings.local_tolerance());
         let departures = self.departures(state, group, choice);
-        let mut x = state.x.clone();
-        self.mode.enter(self.system, &sides);
-        self.depart(state, &mut x, &departures, t1);
+        self.hold(&sides, &departures);
+        let departs = !departures.is_empty() && {
+            let mode = &mut self.mode;
+            mode.expand_departures(state, &alpha, &departures, tolerance, t1 - state.t)
+        };
+        if !departs {
+            let mut x = state.x.clone();
+            self.depart(state, &mut x, &departures, t1);
+            self.mode.enter(self.system, &sides);
+            self.mode.expand(state.t, &x, &mut alpha).ok()?;
+        }
+        let sets_off = |i: usize| departs && departures.iter().any(|d| d.switches.contains(&i));
         let mode = &mut self.mode;
-        mode.expand(state.t, &x, &mut alpha).ok()?;
         mode.measure_terms(state);
         mode.watched.clear();
         for &i in group {
-            if sides[i] == Side::Slide || mode.is_idle(i, &sides) {
+            if sides[i] == Side::Slide || mode.is_idle(i, &sides) || sets_off(i) {
                 continue;
             }
             mode.expand_psi(i, state);
@@ -247,7 +255,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         };
         let stays = |((&i, side), unit): ((&usize, &Side), &f64)| match side {
             _ if mode.is_idle(i, &sides) => true,
-            _ if mode.is_second(i) => true,
+            _ if mode.is_second(i) || sets_off(i) => true,
             Side::Slide if mode.roles[i] != Role::Step => true,
             Side::Slide if mode.is_in_disc(i) => disc::goes_on(mode, i, h),
             Side::Slide => {

@@ -22,6 +22,7 @@ mod depart;
 mod disc;
 mod drift;
 mod dummy;
+mod expansion;
 mod field;
 mod fold;
 mod guide;
@@ -51,6 +52,7 @@ mod rank;
 pub(crate) mod roots;
 mod select;
 pub(crate) mod series;
+mod set_out;
 mod settings;
 mod several;
 mod sight;
@@ -290,13 +292,15 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 } else {
                     state.advance(step.length);
                 }
-                drift = f64::max(drift, self.mode.project(self.system, &mut state));
+                if !step.departs {
+                    drift = f64::max(drift, self.mode.project(self.system, &mut state));
+                }
                 state.record(step.length);
                 state.stats.steps += 1;
                 let segment = Segment {
                     start,
                     length: step.length,
-                    sides: &state.sides,
+                    sides: &self.mode.sides,
                     end: &state.x,
                     dense: &self.dense(step.implicit),
                 };

@@ -20,7 +20,6 @@ use super::state::State;
 use super::surfaces::Surfaces;
 use super::{Role, Side, SwitchedSystem};
 use crate::linalg::Singular;
-use crate::tape;
 
 pub(crate) struct Mode {
     pub sides: Box<[Side]>,
@@ -66,6 +65,10 @@ pub(crate) struct Mode {
     pub(super) mend: super::mend::Mend,
     /// How far each state may move within the step.
     pub reach: Vec<f64>,
+    /// Switches of slip velocities that set off from rest within the step.
+    pub(super) departing: Vec<usize>,
+    /// The order from which on series are cut, as it overflows.
+    pub(super) cut: Option<usize>,
     focus: Focus,
     pub probed: Probed,
     pub(super) implicit: Workspace,
@@ -117,6 +120,8 @@ impl Mode {
             blind: Vec::new(),
             mend: super::mend::Mend::default(),
             reach: vec![0.0; n],
+            departing: Vec::new(),
+            cut: None,
             focus: Focus::default(),
             probed: Probed::new(n),
             implicit: Workspace::default(),
@@ -309,7 +314,7 @@ impl Mode {
     }
 
     /// Factors A where the point is.
-    fn factor(&mut self) -> Result<(), Singular> {
+    pub(super) fn factor(&mut self) -> Result<(), Singular> {
         self.field.linearize_sliding(&self.memory.values);
         self.equations.factor(&self.field, &self.surfaces)
     }
@@ -366,103 +371,6 @@ impl Mode {
         self.solve_alpha(t, x, alpha)?;
         self.equations.expand_here();
         Ok(())
-    }
-
-    /// Expands x and α around (t, x).
-    pub(crate) fn expand(&mut self, t: f64, x: &[f64], alpha: &mut [f64]) -> Result<(), Singular> {
-        self.start(t, x, alpha)?;
-        self.field.list();
-        let Memory {
-            rows,
-            weights,
-            stride,
-            ..
-        } = &mut self.memory;
-        (rows[0], rows[1]) = (t, 1.0);
-        for (i, &x) in x.iter().enumerate() {
-            rows[(1 + i) * *stride] = x;
-        }
-        for &i in &self.sliding {
-            rows[(1 + self.n + i) * *stride] = alpha[i];
-        }
-        tape::fill_all(self.field.timed(), rows, weights, self.order + 1, *stride);
-        tape::start_all(self.field.steps(), rows, *stride);
-        self.raise_states(0);
-        for k in 1..self.order {
-            self.advance_field(k);
-            self.raise_states(k);
-            self.solve_order(k);
-        }
-        if !self.sliding.is_empty() {
-            self.advance_field(self.order);
-            self.raise_states(self.order);
-            self.solve_order(self.order);
-        }
-        if self.slips_in_a_plane() {
-            self.cut_overflow();
-        }
-        Ok(())
-    }
-
-    /// f of order k.
-    fn advance_field(&mut self, k: usize) {
-        let Memory {
-            rows,
-            weights,
-            stride,
-            ..
-        } = &mut self.memory;
-        for &i in &self.sliding {
-            rows[(1 + self.n + i) * *stride + k] = 0.0;
-        }
-        tape::advance_all(self.field.steps(), rows, weights, k, *stride);
-    }
-
-    /// (k + 1) x_{k+1} = f_k
-    fn raise_states(&mut self, k: usize) {
-        let Memory { rows, stride, .. } = &mut self.memory;
-        let over = 1.0 / (k + 1) as f64;
-        for (i, &rate) in self.field.rows.iter().enumerate() {
-            rows[(1 + i) * *stride + k + 1] = rows[rate + k] * over;
-        }
-    }
-
-    /// A α_K,k = -(k + 1) ψ_K,k+1, where α_K,k is 0 so far.
-    fn solve_order(&mut self, k: usize) {
-        if self.sliding.is_empty() {
-            return;
-        }
-        for (at, &i) in self.equations.switches.iter().enumerate() {
-            if self.equations.tie(at).is_some() || self.equations.is_held(at) {
-                self.equations.rhs[at] = 0.0;
-                continue;
-            }
-            // What is kept of lower orders must be that of the states as they are by now.
-            match k {
-                1 if !self.surfaces.is_affine(i) => {
-                    self.surfaces.advance(i, &mut self.memory, 0);
-                    self.surfaces.advance(i, &mut self.memory, 1);
-                }
-                _ => self.surfaces.correct(i, &mut self.memory, k),
-            }
-            self.surfaces.advance(i, &mut self.memory, k + 1);
-            let psi = self.memory.rows[self.surfaces.row(i) + k + 1];
-            self.equations.rhs[at] = -((k + 1) as f64) * psi;
-        }
-        self.equations.solve();
-        let Memory {
-            rows,
-            weights,
-            stride,
-            ..
-        } = &mut self.memory;
-        for (&i, alpha) in self.equations.switches.iter().zip(&self.equations.rhs) {
-            rows[(1 + self.n + i) * *stride + k] = *alpha;
-        }
-        tape::advance_all(self.field.by_alpha(), rows, weights, k, *stride);
-        for &i in self.field.sliding_states() {
-            rows[(1 + i) * *stride + k + 1] = rows[self.field.rows[i] + k] / (k + 1) as f64;
-        }
     }
 
     /// True when a determinant of ∂φ_K/∂α_K has another sign where `eval` was last called than at the

@@ -169,7 +169,6 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
 
     /// Chooses the sides of all switches that meet here and interact with `triggers`.
     fn select(&mut self, state: &mut State, triggers: &[usize], t1: f64) -> Result<(), Status> {
-        state.departures.clear();
         let mut triggers = triggers.to_vec();
         self.wake_free(state, &mut triggers, t1);
         let others = triggers.iter().filter_map(|&i| self.system.across(i));
@@ -227,13 +226,6 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             self.mode.enter(self.system, &state.sides);
             self.mode.start_equations(state);
             self.mode.project(self.system, state);
-        }
-        if !state.departures.is_empty() {
-            let departures = std::mem::take(&mut state.departures);
-            let mut x = std::mem::take(&mut state.x);
-            self.mode.enter(self.system, &state.sides);
-            self.depart(state, &mut x, &departures, t1);
-            (state.x, state.departures) = (x, departures);
         }
         Ok(())
     }
@@ -365,6 +357,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         for (&i, &alpha) in group.iter().zip(&choice.alpha) {
             state.alpha[i] = alpha;
         }
+        state
+            .departures
+            .retain(|one| !group.contains(&one.switches[0]));
         let departures = self.departures(state, group, &choice);
         state.departures.extend(departures);
         Ok(true)

@@ -1,7 +1,7 @@
 //! What changes from step to step.
 
 use super::approach::Pending;
-use super::disc::Departure;
+use super::depart::Departure;
 use super::fold::Fold;
 use super::radau::{Radau, Start};
 use super::{Approach, Decision, Note, Side, Stats};
@@ -113,6 +113,7 @@ impl State {
         refill(&mut self.entry, n_switches, Entry::Present);
         (self.fold, self.begun) = (None, false);
         self.decisions.clear();
+        self.departures.clear();
         if self.sides.len() == n_switches {
             self.sides.fill(Side::Plus);
         } else {

@@ -20,6 +20,8 @@ pub(super) struct Step {
     pub implicit: bool,
     /// What ends the run where it ends.
     pub ends: Option<Status>,
+    /// Whether it is the first one of what sets off from rest, in the mode in which that sticks.
+    pub departs: bool,
 }
 
 /// What is watched for a root: ψ off the surface, α and 1 - α on it.
@@ -53,6 +55,11 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     /// Takes the longest step up to `goal` that the tolerance and the next event allow; the run goes
     /// on to `t1`.
     pub(super) fn step(&mut self, state: &mut State, goal: f64, t1: f64) -> Result<Step, Status> {
+        if !state.departures.is_empty()
+            && let Some(step) = self.departure_step(state, goal, t1)
+        {
+            return Ok(step);
+        }
         // The implicit method solves φ_K = 0 as it stands, which lower derivatives have no part in, and sees no folds.
         if self.stiffness.implicit
             && !self.mode.slides_deeply()
@@ -90,6 +97,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 defect: 0.0,
                 implicit: false,
                 ends: None,
+                departs: false,
             });
         }
         let longest = if state.last_step > 0.0 {
@@ -142,7 +150,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             let reaches_end = length >= remaining;
             let is_free = event.is_none() && ends.is_none();
             if is_free && !reaches_end && state.t + (length + state.t_low) <= state.t {
-                return Err(mode.stuck());
+                return mode.comes_to_rest(state).ok_or_else(|| mode.stuck());
             }
             let (length, triggers) = match event {
                 Some((root, watch)) => {
@@ -188,9 +196,11 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 defect: defect.rate,
                 implicit: false,
                 ends,
+                departs: false,
             });
         }
-        Err(self.mode.stuck())
+        let mode = &self.mode;
+        mode.comes_to_rest(state).ok_or_else(|| mode.stuck())
     }
 }
 
@@ -215,6 +225,9 @@ pub(super) fn first_event(
     let mode = dense.mode();
     state.close.clear();
     for &i in &mode.sliding {
+        if mode.departing.contains(&i) {
+            continue;
+        }
         let alpha = dense.alpha(i);
         let reach = first.map_or(h, |(root, _)| root.tau);
         let mut margin = std::mem::take(&mut state.margin);
