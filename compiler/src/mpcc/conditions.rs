@@ -9,7 +9,8 @@
 //! What closes for a nonlinear switch is its a times the stability of its sliding mode; where controls are continuous
 //! between steps it closes there, too.
 //!
-//! An impact is a switch, too: a contact that was not closed before has a gap that is zero at the boundary.
+//! An impact is a switch, too: a contact that was not closed before has a gap that is zero at the boundary. So is a slip
+//! velocity with two entries that turns round: it is zero at the boundary, and not in the elements on both sides.
 //!
 //! Where a pair opens, b is continuous and zero at the boundary, which is row enough. Of several pairs that close at
 //! one boundary, the first fixes it.
@@ -35,6 +36,8 @@ pub struct Conditions {
     pub branches: Branches,
     /// The pairs of impulses, where contacts give them.
     pub impulses: Option<Impulses>,
+    /// The pairs of slip velocities with two entries where elements begin.
+    pub rests: Option<Rests>,
 }
 
 /// Ends of sliding modes where steps end.
@@ -53,6 +56,15 @@ pub struct Impulses {
     pub first_pair: usize,
     /// The algebraic variable that the gap of every contact is.
     pub gaps: Vec<usize>,
+}
+
+/// Pairs of |w| and 1 - |u|² where elements begin.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rests {
+    /// The number of the first of them among all pairs.
+    pub first_pair: usize,
+    /// The algebraic variable that every |w| is.
+    pub slips: Vec<usize>,
 }
 
 /// Pairs of elements, and their conditional rows.
@@ -161,6 +173,26 @@ impl Conditions {
         })
     }
 
+    /// Whether a slip velocity with two entries is at rest where an element begins, and slips in it and before.
+    fn turns_round(&self, element: usize, zeros: &[Member]) -> bool {
+        let n = self.steps * self.elements;
+        let Some(rests) = &self.rests else {
+            return false;
+        };
+        let slips_around = |slip: usize| {
+            self.groups.iter().any(|group| {
+                let member = group.continuous.iter().position(|&b| b == slip);
+                let is_open = |member, element| group.is_open(member, element, n, zeros);
+                member.is_some_and(|at| !is_open(at, element - 1) && !is_open(at, element))
+            })
+        };
+        let mut slips = rests.slips.iter().enumerate();
+        slips.any(|(c, &slip)| {
+            let pair = rests.first_pair + c * n + element;
+            zeros[pair] == Member::A && slips_around(slip)
+        })
+    }
+
     /// The rows that hold.
     pub(super) fn holding(&self, zeros: &[Member]) -> Holding {
         let mut rows = Vec::new();
@@ -169,8 +201,8 @@ impl Conditions {
             let (step, element) = (boundary / inner, boundary % inner);
             let element = step * self.elements + element;
             let mut closing = None;
-            let struck = self.is_struck(element + 1, zeros);
-            let (mut opens, mut changes) = (struck, struck);
+            let met = self.is_struck(element + 1, zeros) || self.turns_round(element + 1, zeros);
+            let (mut opens, mut changes) = (met, met);
             for group in &self.groups {
                 for member in 0..group.members {
                     let n_elements = self.steps * self.elements;

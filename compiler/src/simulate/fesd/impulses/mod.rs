@@ -345,11 +345,7 @@ impl<'s, 'e> Run<'s, 'e> {
         let violation = residuals.violation.max(residuals.complementarity);
         let is_feasible = found.is_feasible();
         let step = Step { layout, w: found.w };
-        let holds = || {
-            self.stays_above(&step)
-                && self.comes_to_rest(&step, start)
-                && self.keeps_directions(&step)
-        };
+        let holds = || self.stays_above(&step) && self.comes_to_rest(&step, start);
         if !is_feasible || violation > FEASIBLE * size || !holds() {
             return None;
         }
