@@ -14,6 +14,7 @@ mod checks;
 use std::time::Instant;
 
 use nsd_solver::mpcc::{self, Options};
+use nsd_solver::simulate::Side;
 use rustc_hash::FxHashMap;
 
 use super::super::watch::Progress;
@@ -72,6 +73,9 @@ struct Run<'s, 'e> {
     violation: f64,
 }
 
+/// When sides change, and to which.
+type Change = (f64, Box<[Side]>);
+
 /// A step that is solved.
 struct Step {
     layout: Layout,
@@ -100,8 +104,9 @@ pub(in crate::simulate) fn run(
         let (elements, failure) = coarse.integrate(settings, watch, false);
         let estimate = (failure.is_none() && request.estimate).then(|| {
             let mut fine = Run::new(system, settings, &finer, 2 * steps, deadline);
-            let (_, ended) = fine.integrate(settings, watch, true);
-            coarse.compare(&fine, ended.is_none())
+            let (others, ended) = fine.integrate(settings, watch, true);
+            let changes = [elements.changes(), others.changes()];
+            coarse.compare(&fine, changes, ended.is_none())
         });
         let error = estimate.as_ref().map_or(0.0, |estimate| estimate.error);
         let is_unsolved = matches!(failure, Some(Failure::Unsolved { .. }));
@@ -440,8 +445,8 @@ impl<'s, 'e> Run<'s, 'e> {
             .collect()
     }
 
-    /// How far the end of a finer run and its jumps are away, where it comes to the end.
-    fn compare(&self, finer: &Self, ends: bool) -> Estimate {
+    /// How far the end of a finer run, its jumps and its changes of sides are away, where it comes to the end.
+    fn compare(&self, finer: &Self, changes: [Vec<&Change>; 2], ends: bool) -> Estimate {
         // Whatever rests at zero differs by rounding alone.
         let size = match self.size > f64::EPSILON {
             true => self.size,
@@ -456,10 +461,17 @@ impl<'s, 'e> Run<'s, 'e> {
         let same = self.jumps.len() == finer.jumps.len() && jumps.all(|(a, b)| a.1 == b.1);
         let instants = self.jumps.iter().zip(&finer.jumps);
         let instants = instants.map(|(a, b)| (a.0 - b.0).abs() / self.horizon);
+        // Where states hardly depend on when a body stops, its instant is all that shows how well that is known.
+        let [own, others] = changes;
+        let sides = |changes: &[&Change]| changes.iter().map(|c| c.1.clone()).collect::<Vec<_>>();
+        let alike = sides(&own) == sides(&others);
+        let stops = own.iter().zip(&others).filter(|_| alike);
+        let stops = stops.map(|(a, b)| (a.0 - b.0).abs() / self.horizon);
         let rounding = f64::EPSILON * (self.steps as f64).sqrt();
+        let all = states.chain(instants).chain(stops);
         Estimate {
             touches: Touches::default(),
-            error: states.chain(instants).fold(rounding, f64::max),
+            error: all.fold(rounding, f64::max),
             same_modes: same && ends,
         }
     }
