@@ -115,9 +115,11 @@ fn a_puck_that_is_pushed_back_turns_round_at_rest() {
         let task = format!(
             "horizon {t:?}; intervals 1; elements {elements};
              final {{ q[1] = {:?}; q[2] = {:?}; }}
-             guess {{ u = [-2, -1]; }}",
+             guess {{ u = [{:?}, {:?}]; }}",
             c * place,
-            s * place
+            s * place,
+            -2.0 * c,
+            -2.0 * s
         );
         let found = solved(&text([c, s], turned, &task), 1e-8);
         close(found.objective.expect("an optimum"), push * push * t, 1e-8);

@@ -24,6 +24,12 @@ pub(super) const STOPS: f64 = 100.0;
 /// Speed from rest, as a share of the band below which it is none.
 const DEPARTS: f64 = 0.1;
 
+/// Errors of so many tolerances in a speed turn its direction.
+const TURNS: f64 = 100.0;
+
+/// Of the distance in time to the instant of rest, what a step away from it is long.
+const AWAY: f64 = 0.5;
+
 /// Distance of |u|² from 1 at which it is there.
 const RIM: f64 = 1e-9;
 
@@ -174,6 +180,20 @@ impl Mode {
             _ if rate > 0.0 => (d * self.phi(switch) + e * self.phi(other)) / rate,
             _ => 0.0,
         }
+    }
+
+    /// A step of h, or a shorter one away from rest. The series of w/|w| converges for |w|/|w'|, and beyond that what is
+    /// small next to the states may turn w.
+    pub(super) fn leaves_rest(&self, tolerance: f64, state: &State, h: f64) -> f64 {
+        self.watched.iter().fold(h, |h, &i| {
+            let lost = TURNS * tolerance * state.band[i] / BAND;
+            match self.series_along(i) {
+                Some([speed, rate, ..]) if *rate > 0.0 && *speed <= lost => {
+                    h.min(AWAY * speed / rate)
+                }
+                _ => h,
+            }
+        })
     }
 
     /// Where a step towards w = 0 ends before it gets there; nothing where it does, or goes nowhere else.
