@@ -30,6 +30,9 @@ const TURNS: f64 = 100.0;
 /// Of the distance in time to the instant of rest, what a step away from it is long.
 const AWAY: f64 = 0.5;
 
+/// An entry of a direction that is so small is rounding.
+const STRAIGHT: f64 = 4.0 * f64::EPSILON;
+
 /// Distance of |u|² from 1 at which it is there.
 const RIM: f64 = 1e-9;
 
@@ -42,6 +45,8 @@ pub(super) struct Disc {
     direction: [f64; 2],
     /// The series of w·d.
     series: Vec<f64>,
+    /// The states whose rates have u in them.
+    pub(super) states: Vec<usize>,
 }
 
 /// A slip velocity with two entries that starts from rest.
@@ -57,8 +62,12 @@ pub(super) struct Departure {
 pub(super) fn discs(system: &impl SwitchedSystem) -> Vec<Option<Disc>> {
     let disc = |i: usize| {
         let other = system.across(i).filter(|other| *other > i)?;
+        let rubs = |switch: &usize| [i, other].contains(switch);
+        let blocks = system.blocks().iter();
+        let blocks = blocks.filter(|block| block.switches.iter().any(rubs));
         Some(Disc {
             other,
+            states: blocks.flat_map(|block| block.states.clone()).collect(),
             ..Disc::default()
         })
     };
@@ -186,7 +195,7 @@ impl Mode {
     /// small next to the states may turn w.
     pub(super) fn leaves_rest(&self, tolerance: f64, state: &State, h: f64) -> f64 {
         self.watched.iter().fold(h, |h, &i| {
-            let lost = TURNS * tolerance * state.band[i] / BAND;
+            let lost = state.band[i] * STOPS.max(TURNS * tolerance / BAND);
             match self.series_along(i) {
                 Some([speed, rate, ..]) if *rate > 0.0 && *speed <= lost => {
                     h.min(AWAY * speed / rate)
@@ -267,9 +276,11 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             let contact = contact.and_then(|of| group.binary_search(&of).ok());
             let is_closed = contact.is_some_and(|at| choice.sides[at] == Side::Slide);
             if is_closed && choice.sides[at] != Side::Slide {
+                let entry = |at: usize| 2.0 * choice.alpha[at] - 1.0;
+                let straight = |u: f64| if u.abs() <= STRAIGHT { 0.0 } else { u };
                 found.push(Departure {
                     switches: [i, other],
-                    direction: [at, of_other].map(|at| 2.0 * choice.alpha[at] - 1.0),
+                    direction: [at, of_other].map(|at| straight(entry(at))),
                 });
             }
         }
