@@ -253,7 +253,7 @@ impl Group {
 
 #[cfg(test)]
 mod tests {
-    use super::{Conditions, Group};
+    use super::{Conditions, Group, Rests};
     use nsd_solver::problem::Member;
 
     #[test]
@@ -280,5 +280,39 @@ mod tests {
         let leaves: Vec<usize> = (0..8).filter(|&row| holding.contains(5, row)).collect();
         let equal: Vec<usize> = (0..4).filter(|&row| holding.contains(4, row)).collect();
         assert_eq!((leaves, equal), (vec![4], vec![1, 2, 3]));
+    }
+
+    #[test]
+    fn lengths_are_free_where_slip_in_a_plane_turns_round() {
+        // A step of three elements; γ is the variable 1, and not zero in any of them.
+        let conditions = Conditions {
+            steps: 1,
+            elements: 3,
+            groups: vec![Group {
+                first_pair: 0,
+                per_element: 1,
+                members: 1,
+                continuous: vec![1],
+                jumps: vec![(2, 1.0)],
+                leave: 5,
+            }],
+            equal: Some(4),
+            rests: Some(Rests {
+                first_pair: 3,
+                slips: vec![1],
+            }),
+            ..Conditions::default()
+        };
+        // γ⁺ is zero where the third element begins, and not where the second one does.
+        let mut zeros = [Member::A, Member::A, Member::A].to_vec();
+        zeros.extend([Member::B, Member::B, Member::A]);
+        let holding = conditions.holding(&zeros);
+        let equal: Vec<usize> = (0..2).filter(|&row| holding.contains(4, row)).collect();
+        assert_eq!(equal, vec![0]);
+        // Where the contact sticks on both sides, γ⁺ is zero, and nothing switches.
+        zeros[1] = Member::B;
+        zeros[2] = Member::B;
+        let holding = conditions.holding(&zeros);
+        assert!(holding.contains(4, 1));
     }
 }
