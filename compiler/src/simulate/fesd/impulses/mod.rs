@@ -10,15 +10,15 @@
 //! What is found satisfies all equations and signs; gaps are looked at between the nodes, too.
 
 mod checks;
+mod compare;
 
 use std::time::Instant;
 
 use nsd_solver::mpcc::{self, Options};
-use nsd_solver::simulate::Side;
 use rustc_hash::FxHashMap;
 
 use super::super::watch::Progress;
-use super::super::{Elements, Estimate, Rehearsed, Request, Touches, judge};
+use super::super::{Elements, Rehearsed, Request, judge};
 use super::judge_grid;
 use crate::dcs::{self, Dcs, solve_pointwise};
 use crate::discretize::{self, Detection, Equilibration, Grid, Layout, discretize};
@@ -72,9 +72,6 @@ struct Run<'s, 'e> {
     relaxed: u64,
     violation: f64,
 }
-
-/// When sides change, and to which.
-type Change = (f64, Box<[Side]>);
 
 /// A step that is solved.
 struct Step {
@@ -443,37 +440,6 @@ impl<'s, 'e> Run<'s, 'e> {
             .iter()
             .map(|alpha| alpha.eval(&value))
             .collect()
-    }
-
-    /// How far the end of a finer run, its jumps and its changes of sides are away, where it comes to the end.
-    fn compare(&self, finer: &Self, changes: [Vec<&Change>; 2], ends: bool) -> Estimate {
-        // Whatever rests at zero differs by rounding alone.
-        let size = match self.size > f64::EPSILON {
-            true => self.size,
-            false => 1.0,
-        };
-        let states = self
-            .x
-            .iter()
-            .zip(&finer.x)
-            .map(|(a, b)| (a - b).abs() / size);
-        let mut jumps = self.jumps.iter().zip(&finer.jumps);
-        let same = self.jumps.len() == finer.jumps.len() && jumps.all(|(a, b)| a.1 == b.1);
-        let instants = self.jumps.iter().zip(&finer.jumps);
-        let instants = instants.map(|(a, b)| (a.0 - b.0).abs() / self.horizon);
-        // Where states hardly depend on when a body stops, its instant is all that shows how well that is known.
-        let [own, others] = changes;
-        let sides = |changes: &[&Change]| changes.iter().map(|c| c.1.clone()).collect::<Vec<_>>();
-        let alike = sides(&own) == sides(&others);
-        let stops = own.iter().zip(&others).filter(|_| alike);
-        let stops = stops.map(|(a, b)| (a.0 - b.0).abs() / self.horizon);
-        let rounding = f64::EPSILON * (self.steps as f64).sqrt();
-        let all = states.chain(instants).chain(stops);
-        Estimate {
-            touches: Touches::default(),
-            error: all.fold(rounding, f64::max),
-            same_modes: same && ends,
-        }
     }
 }
 
