@@ -80,6 +80,25 @@ fn a_pull_from_the_side_turns_what_slides_until_it_stops() {
     }
 }
 
+/// It slides against a pull of 3 with friction 1, rests for no time at all and comes back, along lines in many directions.
+#[test]
+fn what_is_pulled_back_turns_round_at_rest() {
+    for direction in 0..16 {
+        let (s, c) = (0.4 * f64::from(direction)).sin_cos();
+        let found = body(
+            [0.0; 3],
+            [c, s, 0.0],
+            &format!("[{:?}, {:?}, -10]", -3.0 * c, -3.0 * s),
+            "restitution = 0; friction = 0.1; slip = v[1..2];",
+            "horizon 1;",
+        );
+        // It stops at 1/4, 1/8 away.
+        let place = 0.125 - 0.75 * 0.75;
+        close(&end(&found, "q"), &[c * place, s * place, 0.0], 1e-9);
+        close(&end(&found, "v"), &[-1.5 * c, -1.5 * s, 0.0], 1e-9);
+    }
+}
+
 #[test]
 fn a_force_inside_the_cone_holds_and_one_outside_moves() {
     let rest = |friction: f64| {
@@ -201,6 +220,9 @@ fn a_billiard_ball_runs_along_a_parabola_until_it_rolls() {
         &[vx, vy, 0.0, -vy / 0.3, vx / 0.3, 3.0],
         1e-11,
     );
+    // Rounding turns what all but rests, and does so no longer than that lasts.
+    let estimate = found.error_estimate.expect("there are two runs");
+    assert!(estimate <= 1e-12, "{estimate:e}");
 }
 
 /// A groove of two planes at 45°: each pushes with g/√2, and both brake along it.

@@ -122,16 +122,17 @@ fn is_bilateral(system: &System) -> Result<(), DcsError> {
             span: kept.spans[0],
         });
     }
-    if let Some(constraint) = system.switches.iter().find(|switch| switch.unilateral) {
-        return Err(DcsError::Projection {
-            name: constraint.name.clone(),
-            span: constraint.spans[0],
-        });
-    }
-    match system.switches.iter().find(|k| k.across.is_some()) {
-        Some(entry) => Err(DcsError::Disc {
+    // A contact with such friction has a force without a bound, too.
+    if let Some(entry) = system.switches.iter().find(|k| k.across.is_some()) {
+        return Err(DcsError::Disc {
             name: entry.name.clone(),
             span: entry.spans[0],
+        });
+    }
+    match system.switches.iter().find(|switch| switch.unilateral) {
+        Some(constraint) => Err(DcsError::Projection {
+            name: constraint.name.clone(),
+            span: constraint.spans[0],
         }),
         None => Ok(()),
     }

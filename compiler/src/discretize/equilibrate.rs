@@ -6,7 +6,8 @@
 //! equal: η Δh = 0. For the step formulation these are both pairs of a switch: with λ alone η would vanish while
 //! sliding, and leave the lengths free there (Nurkanović et al. 2024).
 //! Of a contact the gap where the elements meet takes the place of Σ_l b_il Σ_l b⁺_il: it is open before and behind an
-//! impact, at which lengths are free.
+//! impact, at which lengths are free. So does γ = |w| where the elements meet of a slip velocity with two entries: it
+//! slips before and behind an instant at which it turns round, and where it is at rest.
 
 use super::block::Builder;
 use super::{Equilibration, Problem};
@@ -86,18 +87,19 @@ impl<'e> Problem<'_, 'e> {
             }
             for (i, pair) in group.members.iter().enumerate() {
                 let mut products = sides.iter().map(|(before, behind)| before[i] * behind[i]);
-                let impact = self.impact_of(pair.continuous);
-                factors.push(match impact {
-                    None => exprs.sum(products),
+                let meets = self.impact_of(pair.continuous).is_some();
+                factors.push(match meets || self.is_slip(pair.continuous) {
+                    false => exprs.sum(products),
                     // Open on both sides of an impact, where the gap is zero.
-                    Some(impact) => {
-                        let gap = exprs.variable("gap");
-                        let index = |[k, j]: [usize; 2]| layout.z(k, j + 1, 0, impact.gap);
-                        block = block.variable(gap, |place| {
-                            index(place).expect("a gap is continuous, and there at left ends")
+                    true => {
+                        let there = exprs.variable("there");
+                        let i = self.algebraic(pair.continuous);
+                        let index = |[k, j]: [usize; 2]| layout.z(k, j + 1, 0, i);
+                        block = block.variable(there, |place| {
+                            index(place).expect("what is continuous is there at left ends")
                         });
                         let forces = products.next();
-                        gap + forces.expect("what jumps comes first")
+                        there + forces.expect("what jumps comes first")
                     }
                 });
             }

@@ -280,7 +280,7 @@ impl<'e> Problem<'_, 'e> {
     }
 
     /// Where the pair of a contact comes from.
-    fn origin(&self, impact: &Impact<'e>) -> Source {
+    pub(super) fn origin(&self, impact: &Impact<'e>) -> Source {
         let gap = self.dcs.algebraics[impact.gap].var;
         let pairs = &self.dcs.pairs;
         let place = pairs

@@ -17,7 +17,8 @@
 //! The state and the continuous z at the start of the first element are fixed variables: there, as everywhere off the
 //! surfaces, λ is what the switching functions say.
 //!
-//! Where contacts give impulses, every element has a left end of its own, and states jump to it, see `impulses`.
+//! Where contacts give impulses, every element has a left end of its own, and states jump to it, see `impulses`; slip
+//! velocities with two entries do not turn round within one, see `directions`.
 //!
 //! Where something is optimized, repelling sliding modes of nonlinear switches are left out, see `branch`; steps are
 //! control intervals; `task` adds controls, free parameters, a free T and constraints, `quadrature` the integrals of
@@ -30,6 +31,7 @@ mod branch;
 mod cross;
 mod data;
 mod definitions;
+mod directions;
 mod dynamics;
 mod equilibrate;
 mod error;
@@ -230,6 +232,7 @@ pub fn discretize<'e>(
     problem.complementarity(&mut mpcc);
     problem.branches(&mut mpcc);
     problem.impulses(&mut mpcc);
+    problem.directions(&mut mpcc);
     problem.equilibrate(&mut mpcc);
     problem.task(&mut mpcc, &integrals)?;
     debug_assert_eq!(mpcc.verify(), Ok(()), "discretization keeps the invariants");

@@ -368,6 +368,7 @@ impl<'e> Problem<'_, 'e> {
                 || layout.boundaries.is_some()
                 || mpcc.blocks.iter().any(|block| block.name == "sliding"),
             impulses: self.impact_pairs(mpcc),
+            rests: self.rests(mpcc),
             ..Conditions::default()
         };
         let groups = self.groups();

@@ -9,7 +9,8 @@
 //! What closes for a nonlinear switch is its a times the stability of its sliding mode; where controls are continuous
 //! between steps it closes there, too.
 //!
-//! An impact is a switch, too: a contact that was not closed before has a gap that is zero at the boundary.
+//! An impact is a switch, too: a contact that was not closed before has a gap that is zero at the boundary. So is a slip
+//! velocity with two entries that turns round: it is zero at the boundary, and not in the elements on both sides.
 //!
 //! Where a pair opens, b is continuous and zero at the boundary, which is row enough. Of several pairs that close at
 //! one boundary, the first fixes it.
@@ -35,6 +36,8 @@ pub struct Conditions {
     pub branches: Branches,
     /// The pairs of impulses, where contacts give them.
     pub impulses: Option<Impulses>,
+    /// The pairs of slip velocities with two entries where elements begin.
+    pub rests: Option<Rests>,
 }
 
 /// Ends of sliding modes where steps end.
@@ -53,6 +56,15 @@ pub struct Impulses {
     pub first_pair: usize,
     /// The algebraic variable that the gap of every contact is.
     pub gaps: Vec<usize>,
+}
+
+/// Pairs of |w| and 1 - |u|² where elements begin.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rests {
+    /// The number of the first of them among all pairs.
+    pub first_pair: usize,
+    /// The algebraic variable that every |w| is.
+    pub slips: Vec<usize>,
 }
 
 /// Pairs of elements, and their conditional rows.
@@ -161,6 +173,26 @@ impl Conditions {
         })
     }
 
+    /// Whether a slip velocity with two entries is at rest where an element begins, and slips in it and before.
+    fn turns_round(&self, element: usize, zeros: &[Member]) -> bool {
+        let n = self.steps * self.elements;
+        let Some(rests) = &self.rests else {
+            return false;
+        };
+        let slips_around = |slip: usize| {
+            self.groups.iter().any(|group| {
+                let member = group.continuous.iter().position(|&b| b == slip);
+                let is_open = |member, element| group.is_open(member, element, n, zeros);
+                member.is_some_and(|at| !is_open(at, element - 1) && !is_open(at, element))
+            })
+        };
+        let mut slips = rests.slips.iter().enumerate();
+        slips.any(|(c, &slip)| {
+            let pair = rests.first_pair + c * n + element;
+            zeros[pair] == Member::A && slips_around(slip)
+        })
+    }
+
     /// The rows that hold.
     pub(super) fn holding(&self, zeros: &[Member]) -> Holding {
         let mut rows = Vec::new();
@@ -169,8 +201,8 @@ impl Conditions {
             let (step, element) = (boundary / inner, boundary % inner);
             let element = step * self.elements + element;
             let mut closing = None;
-            let struck = self.is_struck(element + 1, zeros);
-            let (mut opens, mut changes) = (struck, struck);
+            let met = self.is_struck(element + 1, zeros) || self.turns_round(element + 1, zeros);
+            let (mut opens, mut changes) = (met, met);
             for group in &self.groups {
                 for member in 0..group.members {
                     let n_elements = self.steps * self.elements;
@@ -221,7 +253,7 @@ impl Group {
 
 #[cfg(test)]
 mod tests {
-    use super::{Conditions, Group};
+    use super::{Conditions, Group, Rests};
     use nsd_solver::problem::Member;
 
     #[test]
@@ -248,5 +280,39 @@ mod tests {
         let leaves: Vec<usize> = (0..8).filter(|&row| holding.contains(5, row)).collect();
         let equal: Vec<usize> = (0..4).filter(|&row| holding.contains(4, row)).collect();
         assert_eq!((leaves, equal), (vec![4], vec![1, 2, 3]));
+    }
+
+    #[test]
+    fn lengths_are_free_where_slip_in_a_plane_turns_round() {
+        // A step of three elements; γ is the variable 1, and not zero in any of them.
+        let conditions = Conditions {
+            steps: 1,
+            elements: 3,
+            groups: vec![Group {
+                first_pair: 0,
+                per_element: 1,
+                members: 1,
+                continuous: vec![1],
+                jumps: vec![(2, 1.0)],
+                leave: 5,
+            }],
+            equal: Some(4),
+            rests: Some(Rests {
+                first_pair: 3,
+                slips: vec![1],
+            }),
+            ..Conditions::default()
+        };
+        // γ⁺ is zero where the third element begins, and not where the second one does.
+        let mut zeros = [Member::A, Member::A, Member::A].to_vec();
+        zeros.extend([Member::B, Member::B, Member::A]);
+        let holding = conditions.holding(&zeros);
+        let equal: Vec<usize> = (0..2).filter(|&row| holding.contains(4, row)).collect();
+        assert_eq!(equal, vec![0]);
+        // Where the contact sticks on both sides, γ⁺ is zero, and nothing switches.
+        zeros[1] = Member::B;
+        zeros[2] = Member::B;
+        let holding = conditions.holding(&zeros);
+        assert!(holding.contains(4, 1));
     }
 }

@@ -31,7 +31,7 @@ mod verify;
 
 use std::ops::Range;
 
-pub use conditions::{Branches, Conditions, Group, Impulses};
+pub use conditions::{Branches, Conditions, Group, Impulses, Rests};
 pub use evaluate::Evaluator;
 pub use flat::{Flat, Row, Value};
 pub use nl::Ampl;

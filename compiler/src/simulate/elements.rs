@@ -124,6 +124,13 @@ impl<'s, 'e> Elements<'s, 'e> {
         self.sides.push((from, sides));
     }
 
+    /// When the sides change from element to element, and to which.
+    pub fn changes(&self) -> Vec<&(f64, Box<[Side]>)> {
+        let pairs = self.sides.windows(2);
+        let changes = pairs.filter(|pair| pair[0].1 != pair[1].1);
+        changes.map(|pair| &pair[1]).collect()
+    }
+
     /// The trajectory to the horizon.
     pub fn finish(mut self, settings: &Settings, horizon: f64) -> Trajectory {
         if let Some(piece) = self.pieces.last_mut() {

@@ -8,7 +8,7 @@ use crate::dcs::{Dcs, Friction, SlipLaw, directed, solve_in_mode};
 use crate::discretize::Layout;
 use crate::expr::{Expr, Var};
 use crate::mpcc::Bounds;
-use crate::report::{Dense, EventKind, Failure};
+use crate::report::{Dense, EventKind, Failure, Piece};
 use crate::system::System;
 use crate::system::experiment::{EventOptions, Method, Sampling, Settings};
 
@@ -16,6 +16,8 @@ use crate::system::experiment::{EventOptions, Method, Sampling, Settings};
 const CLOSEST: f64 = 1e-9;
 /// α that is so close to 0 or 1 is, and a slip velocity that is so small is none.
 const ROUNDING: f64 = 1e-9;
+/// Slip with such a share of its largest velocity in two directions is none.
+const AT_REST: f64 = 1e-9;
 /// How far inside of its element α is read, as a share of it: at its ends it belongs to others.
 const INSIDE: f64 = 1e-6;
 /// How accurate the run is.
@@ -25,7 +27,7 @@ const TOLERANCE: f64 = 1e-11;
 pub(crate) struct Rehearsed<'e> {
     system: System<'e>,
     dense: Dense,
-    /// Changes of mode and jumps.
+    /// Changes of mode, jumps, and slip that turns round.
     switches: Vec<f64>,
     /// When contacts strike, by name.
     strikes: Vec<(f64, String)>,
@@ -58,15 +60,42 @@ impl<'e> Rehearsed<'e> {
         let strikes = jumps.map(|event| (event.time, event.surface.clone()));
         let strikes: Vec<(f64, String)> = strikes.collect();
         let modes = run.modes.iter().skip(1).map(|mode| mode.from);
-        let mut switches: Vec<f64> = modes.chain(strikes.iter().map(|strike| strike.0)).collect();
-        switches.sort_by(f64::total_cmp);
-        Rehearsed {
+        let mut rehearsed = Rehearsed {
+            switches: modes.chain(strikes.iter().map(|strike| strike.0)).collect(),
             system,
             dense: run.dense,
-            switches,
             strikes,
             failure: run.failure,
+        };
+        rehearsed.switches.extend(rehearsed.turns());
+        rehearsed.switches.sort_by(f64::total_cmp);
+        rehearsed
+    }
+
+    /// When slip velocities with two entries pass through rest, which is no change of the mode.
+    fn turns(&self) -> Vec<f64> {
+        let contacts = self.system.contacts.iter();
+        let slips = contacts.filter_map(|contact| Some(&contact.friction.as_ref()?.slips));
+        let mut found = Vec::new();
+        for slips in slips.filter(|slips| slips.len() == 2) {
+            let velocity = |piece: &Piece, time: f64| {
+                let row = piece.at(time);
+                let known = self.known(time, &row);
+                [0, 1].map(|k| slips[k].velocity.eval(&known))
+            };
+            let pieces = self.dense.pieces.iter();
+            let ends = pieces.map(|piece| [piece.from, piece.to].map(|t| velocity(piece, t)));
+            let ends: Vec<[[f64; 2]; 2]> = ends.collect();
+            let speed = |w: [f64; 2]| w[0].hypot(w[1]);
+            let largest = ends.iter().flatten().map(|&w| speed(w)).fold(0.0, f64::max);
+            let meet = ends.windows(2).zip(self.dense.pieces.windows(2));
+            found.extend(meet.filter_map(|(ends, pieces)| {
+                let ([before, end], [_, behind]) = (ends[0], ends[1]);
+                let turns = before[0] * behind[0] + before[1] * behind[1] < 0.0;
+                (turns && speed(end) <= AT_REST * largest).then_some(pieces[1].from)
+            }));
         }
+        found
     }
 
     /// Whether it has got beyond its start.

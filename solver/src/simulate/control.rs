@@ -115,6 +115,10 @@ impl Mode {
             let size = (perturbed - *term).abs() / PERTURBATION;
             *term = if size.is_finite() { size } else { 0.0 };
         }
+        // Next to rest, what rounding does to a direction is large for as long as it is next to rest.
+        for i in self.discs.states() {
+            state.activity[i] = 0.0;
+        }
         for (activity, &now) in state.activity.iter_mut().zip(&self.terms) {
             *activity = activity.max(now);
         }

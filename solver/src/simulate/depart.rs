@@ -13,7 +13,7 @@
 //! and its defect take care of.
 
 use super::dense::Dense;
-use super::disc::{self, RIM, STOPS};
+use super::disc::{self, RIM, STOPS, STRAIGHT};
 use super::mode::Mode;
 use super::select::Choice;
 use super::state::State;
@@ -323,9 +323,11 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             };
             let meets = self.system.slip_of(i).is_none_or(|of| group.contains(&of));
             if meets && self.rubs(i, &sides) && choice.sides[at] != Side::Slide {
+                let entry = |at: usize| 2.0 * choice.alpha[at] - 1.0;
+                let straight = |u: f64| if u.abs() <= STRAIGHT { 0.0 } else { u };
                 found.push(Departure {
                     switches: [i, other],
-                    direction: [at, of_other].map(|at| 2.0 * choice.alpha[at] - 1.0),
+                    direction: [at, of_other].map(|at| straight(entry(at))),
                 });
             }
         }

@@ -26,6 +26,15 @@ pub(super) const STOPS: f64 = 100.0;
 /// Speed from rest, as a share of the band below which it is none.
 const DEPARTS: f64 = 0.1;
 
+/// Errors of so many tolerances in a speed turn its direction.
+const TURNS: f64 = 100.0;
+
+/// Of the distance in time to the instant of rest, what a step away from it is long.
+const AWAY: f64 = 0.5;
+
+/// An entry of a direction that is so small is rounding.
+pub(super) const STRAIGHT: f64 = 4.0 * f64::EPSILON;
+
 /// Distance of |u|² from 1 at which it is there.
 pub(super) const RIM: f64 = 1e-9;
 
@@ -38,6 +47,8 @@ struct Disc {
     direction: [f64; 2],
     /// The series of w·d.
     series: Vec<f64>,
+    /// The states whose rates have u in them.
+    states: Vec<usize>,
 }
 
 /// The discs of a system, by switch.
@@ -51,8 +62,12 @@ impl Discs {
     pub(super) fn new(system: &impl SwitchedSystem) -> Self {
         let disc = |i: usize| {
             let other = system.across(i).filter(|other| *other > i)?;
+            let rubs = |switch: &usize| [i, other].contains(switch);
+            let blocks = system.blocks().iter();
+            let blocks = blocks.filter(|block| block.switches.iter().any(rubs));
             Some(Disc {
                 other,
+                states: blocks.flat_map(|block| block.states.clone()).collect(),
                 ..Disc::default()
             })
         };
@@ -62,6 +77,12 @@ impl Discs {
             .flatten()
             .for_each(|disc| is_second[disc.other] = true);
         Discs { of, is_second }
+    }
+
+    /// The states whose rates have a direction in them.
+    pub(super) fn states(&self) -> impl Iterator<Item = usize> {
+        let all = self.of.iter().flatten();
+        all.flat_map(|disc| disc.states.iter().copied())
     }
 }
 
@@ -205,6 +226,20 @@ impl Mode {
             implicit: false,
             ends: None,
             departs: false,
+        })
+    }
+
+    /// A step of h, or a shorter one away from rest. The series of w/|w| converges for |w|/|w'|, and beyond that what is
+    /// small next to the states may turn w.
+    pub(super) fn leaves_rest(&self, tolerance: f64, state: &State, h: f64) -> f64 {
+        self.watched.iter().fold(h, |h, &i| {
+            let lost = state.band[i] * STOPS.max(TURNS * tolerance / BAND);
+            match self.series_along(i) {
+                Some([speed, rate, ..]) if *rate > 0.0 && *speed <= lost => {
+                    h.min(AWAY * speed / rate)
+                }
+                _ => h,
+            }
         })
     }
 

@@ -246,6 +246,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         }
         let h = mode.step_size(tolerance, state, longest);
         let h = mode.step_size_of_psi(tolerance, state, h);
+        let h = match departs {
+            true => h,
+            false => mode.leaves_rest(tolerance, state, h),
+        };
         // A gap that is still open is struck behind this instant.
         let near = &self.jumps.near;
         let comes = |i: usize| {

@@ -5,7 +5,6 @@ use nsd_solver::simulate::Coefficient;
 
 use super::super::super::outcome::outside;
 use super::{CLOSED, IMPULSE, Run, SHORTEST, Step};
-use crate::dcs::{Disc, SlipLaw};
 use crate::discretize::WINDOW;
 use crate::expr::{Expr, Var};
 use crate::report::Failure;
@@ -14,8 +13,6 @@ use crate::report::Failure;
 const BELOW: f64 = 1e-8;
 /// A closed contact may begin an element with such a speed, relative to the largest value.
 const OPENING: f64 = 1e-8;
-/// 1 - |u|² that is so small is zero.
-const ON_EDGE: f64 = 1e-7;
 /// Points of an element at which gaps are looked at.
 const LOOKS: usize = 8;
 
@@ -34,35 +31,6 @@ impl Run<'_, '_> {
                     let value: f64 = weights.iter().zip(&values).map(|(l, v)| l * v).sum();
                     value >= -BELOW * size
                 })
-            })
-        })
-    }
-
-    /// Whether the direction of slip of no contact that pushes turns back from one node of an element to the next.
-    ///
-    /// Where a contact comes to rest, γ = 0 at the last node leaves the sign of u to the elements; one that turns has
-    /// passed through rest.
-    pub(super) fn keeps_directions(&self, Step { layout, w }: &Step) -> bool {
-        let discs = self.dcs.impacts.iter().filter_map(|impact| {
-            let law = impact.friction.as_ref()?.law;
-            match law {
-                SlipLaw::Disc { disc, .. } => Some((impact.force, disc)),
-                SlipLaw::Interval(_) => None,
-            }
-        });
-        let discs: Vec<(usize, Disc)> = discs.collect();
-        layout.all_elements().all(|(k, j)| {
-            let at = |m: usize, i: usize| layout.z(k, j, m, i).map_or(0.0, |index| w[index]);
-            discs.iter().all(|&(force, disc)| {
-                let slips = (1..=layout.nodes).all(|m| at(m, disc.stick) <= ON_EDGE);
-                let inside = |m: usize| disc.alphas.map(|i| 2.0 * at(m, i) - 1.0);
-                let pushes = |m: &usize| at(*m, force) > IMPULSE;
-                let turns = |m: usize| {
-                    let [a, b] = [inside(m), inside(m + 1)];
-                    a[0] * b[0] + a[1] * b[1] <= 0.0
-                };
-                let mut nodes = (1..layout.nodes).filter(|m| pushes(m) && pushes(&(m + 1)));
-                !slips || !nodes.any(turns)
             })
         })
     }

@@ -10,6 +10,7 @@
 //! What is found satisfies all equations and signs; gaps are looked at between the nodes, too.
 
 mod checks;
+mod compare;
 
 use std::time::Instant;
 
@@ -17,7 +18,7 @@ use nsd_solver::mpcc::{self, Options};
 use rustc_hash::FxHashMap;
 
 use super::super::watch::Progress;
-use super::super::{Elements, Estimate, Rehearsed, Request, Touches, judge};
+use super::super::{Elements, Rehearsed, Request, judge};
 use super::judge_grid;
 use crate::dcs::{self, Dcs, solve_pointwise};
 use crate::discretize::{self, Detection, Equilibration, Grid, Layout, discretize};
@@ -100,8 +101,9 @@ pub(in crate::simulate) fn run(
         let (elements, failure) = coarse.integrate(settings, watch, false);
         let estimate = (failure.is_none() && request.estimate).then(|| {
             let mut fine = Run::new(system, settings, &finer, 2 * steps, deadline);
-            let (_, ended) = fine.integrate(settings, watch, true);
-            coarse.compare(&fine, ended.is_none())
+            let (others, ended) = fine.integrate(settings, watch, true);
+            let changes = [elements.changes(), others.changes()];
+            coarse.compare(&fine, changes, ended.is_none())
         });
         let error = estimate.as_ref().map_or(0.0, |estimate| estimate.error);
         let is_unsolved = matches!(failure, Some(Failure::Unsolved { .. }));
@@ -342,11 +344,7 @@ impl<'s, 'e> Run<'s, 'e> {
         let violation = residuals.violation.max(residuals.complementarity);
         let is_feasible = found.is_feasible();
         let step = Step { layout, w: found.w };
-        let holds = || {
-            self.stays_above(&step)
-                && self.comes_to_rest(&step, start)
-                && self.keeps_directions(&step)
-        };
+        let holds = || self.stays_above(&step) && self.comes_to_rest(&step, start);
         if !is_feasible || violation > FEASIBLE * size || !holds() {
             return None;
         }
@@ -439,30 +437,6 @@ impl<'s, 'e> Run<'s, 'e> {
             .iter()
             .map(|alpha| alpha.eval(&value))
             .collect()
-    }
-
-    /// How far the end of a finer run and its jumps are away, where it comes to the end.
-    fn compare(&self, finer: &Self, ends: bool) -> Estimate {
-        // Whatever rests at zero differs by rounding alone.
-        let size = match self.size > f64::EPSILON {
-            true => self.size,
-            false => 1.0,
-        };
-        let states = self
-            .x
-            .iter()
-            .zip(&finer.x)
-            .map(|(a, b)| (a - b).abs() / size);
-        let mut jumps = self.jumps.iter().zip(&finer.jumps);
-        let same = self.jumps.len() == finer.jumps.len() && jumps.all(|(a, b)| a.1 == b.1);
-        let instants = self.jumps.iter().zip(&finer.jumps);
-        let instants = instants.map(|(a, b)| (a.0 - b.0).abs() / self.horizon);
-        let rounding = f64::EPSILON * (self.steps as f64).sqrt();
-        Estimate {
-            touches: Touches::default(),
-            error: states.chain(instants).fold(rounding, f64::max),
-            same_modes: same && ends,
-        }
     }
 }
 
