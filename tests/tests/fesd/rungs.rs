@@ -119,7 +119,7 @@ fn whole_elements_are_not_begun_without_time() {
             ..Request::default()
         };
         let found = with_experiment(&text, "this", |compiled| {
-            run(&compiled.system, &compiled.settings, &request)
+            simulate::run(&compiled.system, &compiled.settings, &request)
         });
         (found.status, shown(&found, "element_sets"))
     };
