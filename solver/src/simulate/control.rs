@@ -233,10 +233,6 @@ impl Mode {
     /// step has larger magnitudes, which their size is relative to. Every length on the way is allowed.
     fn grow(&self, tolerance: f64, longest: f64, see: impl Fn(f64, &mut LastTerms)) -> f64 {
         let margin = tolerance.ln() / (self.order + 1) as f64;
-        let longest = match self.cut {
-            Some(k) => longest.min(((tolerance.ln() - f64::MAX.ln()) / k as f64).exp()),
-            None => longest,
-        };
         let mut h = 0.0;
         for _ in 0..MAX_GROWTHS {
             let mut last = LastTerms {

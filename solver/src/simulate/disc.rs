@@ -175,7 +175,7 @@ impl Mode {
     }
 
     /// Cuts all series before their first term that is no number: close to w = 0 terms grow with their order until they
-    /// overflow. A step is no longer than that term allows.
+    /// overflow. What is cut off too early shows in the defect of a step.
     pub(super) fn cut_overflow(&mut self) {
         let starts = (0..self.n)
             .flat_map(|i| [self.memory.state(i), self.field.rows[i]])
@@ -190,7 +190,6 @@ impl Mode {
         for start in starts {
             rows[start + end..=start + self.order].fill(0.0);
         }
-        self.cut = Some(end);
     }
 
     /// How far two entries with these α are inside their disc, or how fast they slip in their direction, relative to a

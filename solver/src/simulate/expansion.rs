@@ -29,7 +29,6 @@ impl Mode {
     /// The terms of order 0, and those of x of order 1.
     pub(super) fn start_series(&mut self, t: f64, x: &[f64], alpha: &[f64]) {
         self.field.list();
-        self.cut = None;
         let Memory {
             rows,
             weights,

@@ -67,8 +67,6 @@ pub(crate) struct Mode {
     pub reach: Vec<f64>,
     /// Switches of slip velocities that set off from rest within the step.
     pub(super) departing: Vec<usize>,
-    /// The order from which on series are cut, as it overflows.
-    pub(super) cut: Option<usize>,
     focus: Focus,
     pub probed: Probed,
     pub(super) implicit: Workspace,
@@ -121,7 +119,6 @@ impl Mode {
             mend: super::mend::Mend::default(),
             reach: vec![0.0; n],
             departing: Vec::new(),
-            cut: None,
             focus: Focus::default(),
             probed: Probed::new(n),
             implicit: Workspace::default(),
