@@ -7,6 +7,7 @@ use std::fs;
 use terminal::{folder, nsdc};
 
 const OSCILLATOR: &str = include_str!("../../examples/oscillator.nsd");
+const BILLIARD: &str = include_str!("../../examples/billiard.nsd");
 const CONTACT_FREE: &str = "
 model relay {
   state x = 1;
@@ -38,6 +39,18 @@ fn all_roads_agree_on_the_oscillator() {
         "fesd, lower timefreezing",
     ] {
         assert!(ran.out.contains(road), "{road} in\n{}", ran.out);
+    }
+}
+
+#[test]
+fn all_roads_agree_on_balls_that_slip_in_a_plane() {
+    let folder = folder("verify_billiard");
+    fs::write(folder.join("billiard.nsd"), BILLIARD).expect("the folder is writable");
+    let ran = nsdc(&folder, &["verify", "billiard.nsd"]);
+    assert_eq!(ran.status, 0, "{}{}", ran.out, ran.err);
+    assert_eq!(ran.out.matches("4 roads agree").count(), 2, "{}", ran.out);
+    for road in ["event, lower timefreezing", "fesd, lower timefreezing"] {
+        assert_eq!(ran.out.matches(road).count(), 2, "{road} in\n{}", ran.out);
     }
 }
 

@@ -2,12 +2,12 @@
 //!
 //! x' = f(t, x, z),   0 = g(t, x, z),   0 ≤ a ⟂ b ≥ 0
 //!
-//! Every step of the grid is cut into finite elements with a Runge-Kutta method each, whose lengths
-//! are unknowns: a switch is the end of an element (Nurkanović et al. 2024). The complementarity
-//! problem that this is needs no mathematical program. In each element one member of every pair is
-//! zero throughout, so the active set of the element before predicts the next one: Newton's method
-//! solves what is left, the signs of the other members say whether the set was right, and where one
-//! of them vanishes the element ends. There the derivatives of the members say which set is next.
+//! Every step of the grid is cut into finite elements with a Runge-Kutta method each, whose lengths are unknowns: a
+//! switch is the end of an element (Nurkanović et al. 2024). The complementarity problem that this is needs no
+//! mathematical program. In each element one member of every pair is zero throughout, so the active set of the element
+//! before predicts the next one: Newton's method solves what is left, the signs of the other members say whether the
+//! set was right, and where one of them vanishes the element ends. There the derivatives of the members say which set
+//! is next.
 
 mod adaptive;
 mod banded;
@@ -205,7 +205,6 @@ struct Run {
     /// Events in a row that took no time.
     stalled: usize,
     events: Events,
-    /// Its slip velocities with two entries.
     slips: slip::Slips,
     /// What has decided about nonlinear switches where the run is.
     decisions: Vec<Decision>,

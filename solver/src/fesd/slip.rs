@@ -30,7 +30,7 @@ pub(super) struct Departure {
     pub rate: f64,
 }
 
-/// What run keeps of its slip velocities.
+/// What a run keeps of its slip velocities with two entries.
 #[derive(Clone, Default, Debug)]
 pub(super) struct Slips {
     /// |w| that is none, by disc: the largest so far.

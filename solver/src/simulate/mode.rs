@@ -230,9 +230,8 @@ impl Mode {
         }
     }
 
-    /// Calls `entry(row, column, value)` for every ∂f/∂x that is not structurally zero where the point
-    /// is; compiles what is missing. ∂f/∂α comes from `linearize` as slopes of the field, ∂ψ/∂x as
-    /// gradients of the surfaces.
+    /// Calls `entry(row, column, value)` for every ∂f/∂x that is not structurally zero where the point is; compiles
+    /// what is missing. ∂f/∂α comes from `linearize` as slopes of the field, ∂ψ/∂x as gradients of the surfaces.
     pub(crate) fn jacobian(
         &mut self,
         system: &impl SwitchedSystem,
