@@ -73,6 +73,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             return Err(mode.stuck());
         }
         mode.measure_terms(state);
+        mode.measure_held(state);
         state.stats.rhs_evaluations += order;
         if mode.slides_nonlinearly()
             && let Some(fold) = mode.fold_ahead(state, remaining)
@@ -131,10 +132,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             let looked = self.coefficients.agree(mode, state, length, allowed);
             // Without friction nothing determines a force that sticks.
             let turned = ends.is_none() && mode.turned_over();
-            let is_off = inaccurate || !defect.switches_agree || unseen || !looked || turned;
-            // At the end of what stops in two directions, any direction of its friction is rounding.
-            let stops = event.is_some_and(|(_, watch)| mode.stops(watch));
-            if is_off && !stops {
+            if inaccurate || !defect.switches_agree || unseen || !looked || turned {
                 state.stats.rejected += 1;
                 if attempt == PATIENCE {
                     mode.look_away();
