@@ -81,3 +81,50 @@ fn a_table_on_rough_feet_comes_to_rest() {
             .all(|t| (t - 0.4).abs() <= 1e-12)
     );
 }
+
+/// A block slides on the floor along y and strikes a wall. Its mass joins all directions, so that what the floor bears is
+/// 9.3 + c a_x + d a_y, but neither that nor the wall moves it off the floor.
+#[test]
+fn what_slides_on_the_floor_strikes_a_wall() {
+    let (m, n, d, mu) = (1.1, 1.7, 0.2, 0.1);
+    for k in 1..=20 {
+        let (c, x) = (0.2 + 0.01 * f64::from(k), 0.3 + 0.01 * f64::from(k));
+        let text = format!(
+            "model block {{
+               state q[3] = [{x:?}, 0.3, 0];
+               state v[3] = [-1.36, 3.7, 0];
+               q' = v;
+               mechanics q, v {{
+                 mass = [{m:?}, 0, {c:?}; 0, {n:?}, {d:?}; {c:?}, {d:?}, 1.3];
+                 force = [0.3, 0.1, -9.3];
+                 contact floor {{ gap = q[3]; restitution = 0.3; friction = {mu:?}; slip = v[2]; }}
+                 contact wall {{ gap = q[1]; restitution = 0.5; }}
+               }}
+             }}
+             simulate this of block {{ tolerance 1e-10; horizon 1; }}"
+        );
+        let found = solved(&text, "this");
+        let ax: f64 = 0.3 / m;
+        let strikes = (1.36 - (1.36 * 1.36 - 2.0 * ax * x).sqrt()) / ax;
+        let vx = -1.36 + ax * strikes;
+        // n a_y = 0.1 - mu (9.3 + c a_x + d a_y), and the same for impulses.
+        let ay = (0.1 - mu * (9.3 + c * ax)) / (n + mu * d);
+        let kick = -mu * c * 1.5 * -vx / (n + mu * d);
+        let left = 1.0 - strikes;
+        assert_eq!(times(&found, EventKind::Jump).len(), 1);
+        close(
+            &end(&found, "v"),
+            &[-0.5 * vx + ax * left, 3.7 + ay + kick, 0.0],
+            1e-11,
+        );
+        close(
+            &end(&found, "q"),
+            &[
+                -0.5 * vx * left + 0.5 * ax * left * left,
+                0.3 + 3.7 + 0.5 * ay + kick * left,
+                0.0,
+            ],
+            1e-11,
+        );
+    }
+}

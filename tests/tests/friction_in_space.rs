@@ -297,3 +297,106 @@ fn a_body_at_rest_in_all_directions_stays_for_a_turn_of_the_force() {
     close(&end(&found, "q"), &[0.0; 3], 1e-13);
     assert!(times(&found, EventKind::Slip).is_empty());
 }
+
+/// One block falls onto another one on a smooth floor: both slip until their friction has joined them, and what they
+/// have together stays.
+#[test]
+fn a_block_on_another_one_that_has_no_friction_itself() {
+    let text = "model stack {
+         state a[3] = 0;
+         state b[3] = [0, 0, 2];
+         state u[3] = [1, 4, 0];
+         state v[3] = [7, 3, 0];
+         a' = u;
+         b' = v;
+         mechanics a, u { mass = 2; force = [0, 0, -20]; }
+         mechanics b, v { mass = 1; force = [0, 0, -10]; }
+         contact floor { gap = a[3]; restitution = 0; friction = 0; slip = u[1..2]; }
+         contact top { gap = b[3] - a[3] - 1; restitution = 0; friction = 0.1; slip = v[1..2] - u[1..2]; }
+       }
+       simulate this of stack { tolerance 1e-12; horizon 5; }";
+    let found = solved(text, "this");
+    // The impulse √20 and the force 10 of the upper one, for the reduced mass 2/3.
+    let (fall, brake) = (0.2_f64.sqrt(), 1.5);
+    let speed = 37.0_f64.sqrt() - brake * 0.1 * 20.0_f64.sqrt();
+    close(
+        &times(&found, EventKind::Stick),
+        &[fall + speed / brake],
+        1e-11,
+    );
+    let together = [(2.0 + 7.0) / 3.0, (8.0 + 3.0) / 3.0, 0.0];
+    close(&end(&found, "u"), &together, 1e-11);
+    close(&end(&found, "v"), &together, 1e-11);
+    close(
+        &[end(&found, "a")[2], end(&found, "b")[2]],
+        &[0.0, 1.0],
+        1e-12,
+    );
+}
+
+/// A mass that joins x and z: the floor bears λ = g + c a_x, so that its friction along u is μg/(1 + cμu_x), and a body
+/// that slides straight on takes that as much longer.
+#[test]
+fn what_a_mass_joins_to_the_floor_stops() {
+    for c in [0.2, -0.4] {
+        for [x, y] in [[2.0_f64, 1.0_f64], [-2.0, 0.5], [0.0, 2.0]] {
+            let speed = x.hypot(y);
+            let brake = 3.0 / (1.0 + 0.3 * c * x / speed);
+            let found = joined(c, [x, y], 0.0);
+            close(&times(&found, EventKind::Stick), &[speed / brake], 1e-11);
+            close(&end(&found, "v"), &[0.0; 3], 1e-12);
+            let way = speed / brake / 2.0;
+            close(&end(&found, "q"), &[x * way, y * way, 0.0], 1e-11);
+        }
+    }
+}
+
+/// The same on a belt that starts with an acceleration of U along x. With w = r (cos θ, sin θ) relative to it and
+/// a = cμ, r' = -μg/(1 + a cos θ) - U cos θ and r θ' = U sin θ, hence
+///
+/// ln(r sin θ) = const - μg/U ∫ dθ/(sin θ (1 + a cos θ)),   t = ∫ r/(U sin θ) dθ up to θ = π.
+#[test]
+fn what_a_mass_joins_to_the_floor_stops_on_a_belt() {
+    let (c, pull): (f64, f64) = (0.2, 0.3);
+    let (brake, a) = (3.0, 0.3 * c);
+    let inner = |angle: f64| {
+        let s = angle.cos();
+        0.5 * (1.0 - s).ln() / (1.0 + a) - 0.5 * (1.0 + s).ln() / (1.0 - a)
+            + a / (1.0 - a * a) * (1.0 + a * s).ln()
+    };
+    let start = 1.0_f64.atan2(2.0);
+    let constant = (5.0_f64.sqrt() * start.sin()).ln() + brake / pull * inner(start);
+    let rate = |angle: f64| {
+        let speed = (constant - brake / pull * inner(angle)).exp() / angle.sin();
+        speed / (pull * angle.sin())
+    };
+    // Gauss's rule with three nodes.
+    let n = 4000;
+    let h = (PI - start) / f64::from(n);
+    let nodes = [(-0.6_f64.sqrt(), 5.0), (0.0, 8.0), (0.6_f64.sqrt(), 5.0)];
+    let stops: f64 = (0..n)
+        .flat_map(|k| nodes.map(|(at, weight)| (f64::from(k) + 0.5 + 0.5 * at, weight)))
+        .map(|(k, weight)| h * weight / 18.0 * rate(start + h * k))
+        .sum();
+    let found = joined(c, [2.0, 1.0], pull);
+    close(&times(&found, EventKind::Stick), &[stops], 1e-9);
+    close(&end(&found, "v"), &[2.0 * pull, 0.0, 0.0], 1e-12);
+}
+
+/// A body of mass one whose mass joins x and z, on a belt.
+fn joined(c: f64, [x, y]: [f64; 2], pull: f64) -> Trajectory {
+    let text = format!(
+        "model body {{
+           state q[3] = 0;
+           state v[3] = [{x:?}, {y:?}, 0];
+           q' = v;
+           mechanics q, v {{
+             mass = [1, 0, {c:?}; 0, 1, 0; {c:?}, 0, 1];
+             force = [0, 0, -10];
+             contact floor {{ gap = q[3]; restitution = 0; friction = 0.3; slip = [v[1] - {pull:?}*time, v[2]]; }}
+           }}
+         }}
+         simulate this of body {{ tolerance 1e-12; horizon 2; }}"
+    );
+    solved(&text, "this")
+}

@@ -15,6 +15,9 @@ const CLOSE: f64 = 1.05;
 /// Relative change of the inputs that shows the size of the terms of a function.
 pub(super) const PERTURBATION: f64 = 1e-7;
 
+/// Roundings of what would move a state in a step, below which it does not move.
+const HELD: f64 = 8.0;
+
 /// Magnitudes below this are zero: products of such numbers lose their digits to underflow.
 const SMALLEST: f64 = 1e-250;
 
@@ -121,6 +124,32 @@ impl Mode {
         }
         for (activity, &now) in state.activity.iter_mut().zip(&self.terms) {
             *activity = activity.max(now);
+        }
+    }
+
+    /// Measures the same of what sliding holds at zero, whose present value says nothing of how well it is known.
+    pub(crate) fn measure_held(&mut self, state: &mut State) {
+        state.held.clear();
+        state.held.resize(self.n, 0.0);
+        let motion = |state: &State, i: usize| match self.sliding.is_empty() {
+            true => 0.0,
+            false => state.activity[i] * state.last_step,
+        };
+        let is_held =
+            |state: &State, i: usize| state.x[i].abs() < HELD * f64::EPSILON * motion(state, i);
+        if !(0..self.n).any(|i| is_held(state, i)) {
+            return;
+        }
+        self.field.eval(&self.memory.values);
+        state.held.copy_from_slice(&self.field.f);
+        for i in (0..self.n).filter(|&i| is_held(state, i)) {
+            self.memory.values[1 + i] += PERTURBATION * motion(state, i);
+        }
+        self.field.eval(&self.memory.values);
+        self.memory.values[1..=self.n].copy_from_slice(&state.x);
+        for (held, f) in state.held.iter_mut().zip(&self.field.f) {
+            let size = (f - *held).abs() / PERTURBATION;
+            *held = if size.is_finite() { size } else { 0.0 };
         }
     }
 
@@ -348,6 +377,10 @@ impl Mode {
     /// series, `at` after the start of a step `tau`, up to `allowed`. An affine ψ has it anyway.
     fn switches_agree(&mut self, state: &State, at: f64, tau: f64, allowed: f64) -> bool {
         let rounding = 64.0 * f64::EPSILON;
+        let turned = match self.sliding.is_empty() {
+            true => 0.0,
+            false => rounding * self.roundings_of_direction(state),
+        };
         for k in 0..self.sliding.len() {
             let i = self.sliding[k];
             if self.departing.contains(&i) {
@@ -357,7 +390,7 @@ impl Mode {
                 continue;
             }
             self.surfaces.linearize(i, &self.memory.values);
-            let size = allowed * self.gain(i) + rounding * self.terms_of_rate(i);
+            let size = allowed * self.gain(i) + (rounding + turned) * self.terms_of_rate(i);
             if self.phi(i).abs() > size {
                 return false;
             }

@@ -174,6 +174,20 @@ impl Mode {
         discs.any(|i| self.sides[i] != Side::Slide && !self.is_idle(i, &self.sides))
     }
 
+    /// What rounding does to w is so many times as large in w/|w| where the point is, of all that slips in a plane: close
+    /// to w = 0 forces are not known better.
+    pub(super) fn roundings_of_direction(&mut self, state: &State) -> f64 {
+        let mut most = 0.0_f64;
+        for i in 0..self.discs.of.len() {
+            let slips = self.sides[i] != Side::Slide && !self.is_idle(i, &self.sides);
+            if let Some(other) = self.other(i).filter(|_| slips) {
+                let terms = state.terms[i].max(state.terms[other]);
+                most = most.max(terms / self.psi(i).hypot(self.psi(other)));
+            }
+        }
+        most
+    }
+
     /// Cuts all series before their first term that is no number: close to w = 0 terms grow with their order until they
     /// overflow. What is cut off too early shows in the defect of a step.
     pub(super) fn cut_overflow(&mut self) {

@@ -103,9 +103,9 @@ impl Mode {
             let i = self.sliding[at];
             // Forces have no friction in them where α_t is ½, and those of friction do not vanish where α_n is 0.
             let alpha = match self.slip_of[i] {
-                _ if !is_left(self, i) => continue,
                 Some(_) => 0.5,
-                None => 0.0,
+                None if self.is_contact(i) => 0.0,
+                None => continue,
             };
             self.memory.values[1 + self.n + i] = alpha;
         }

@@ -31,7 +31,9 @@ pub(super) struct State {
     pub scale: Vec<f64>,
     /// Size of the terms of each f_i, which may cancel: now, or lately where it was larger.
     pub activity: Vec<f64>,
-    /// ∫ activity dt.
+    /// The same of what each f_i has of states that are held at zero, as if they moved.
+    pub held: Vec<f64>,
+    /// ∫ activity dt, or of `held` where that is larger.
     pub work: Vec<f64>,
     /// Size of the terms of each ψ_i, which may cancel.
     pub terms: Vec<f64>,
@@ -93,6 +95,7 @@ impl State {
         let of_states = [
             &mut self.activity,
             &mut self.work,
+            &mut self.held,
             &mut self.before,
             &mut self.moved,
         ];
@@ -161,8 +164,9 @@ impl State {
             share if share > 0.0 => 1.0 - 0.5 * share,
             _ => 1.0,
         };
-        for (work, activity) in self.work.iter_mut().zip(&mut self.activity) {
-            *work += *activity * length;
+        let rates = self.activity.iter_mut().zip(&self.held);
+        for (work, (activity, held)) in self.work.iter_mut().zip(rates) {
+            *work += activity.max(*held) * length;
             *activity *= kept;
         }
     }
