@@ -82,7 +82,7 @@ fn refuses_wrong_shapes() {
 #[test]
 fn bounds_the_work() {
     assert_snapshot!(value("eye(100000)[1, 1]"), @"E0213: the model is too large | eye(100000): grows too large here | a model may have about a million entries");
-    assert_snapshot!(value("sum(1 for i in 1..1000000, j in 1..1000000)"), @"E0213: the model is too large | sum(1 for i in 1..1000000, j in 1..1000000): grows too large here | a model may have about a million entries");
+    assert_snapshot!(value("sum(1 for i in 1..1000000, j in 1..1000000)"), @"E0213: the model is too large | i in 1..1000000, j in 1..1000000: grows too large here | a model may have about a million entries");
     assert_snapshot!(model("model m { state x[1e12]; x' = 0; }"), @"E0213: the model is too large | state x[1e12];: grows too large here | a model may have about a million entries");
     assert_snapshot!(model("model m { for i in 1..1000000000 { let a = i; } }"), @"E0213: the model is too large | 1..1000000000: grows too large here | a model may have about a million entries");
     let doubling: String = (1..60)
