@@ -297,10 +297,15 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 }
                 state.record(step.length);
                 state.stats.steps += 1;
+                // What sets off is expanded in the mode in which it sticks, and slips.
+                let sides = match step.departs {
+                    true => &state.sides,
+                    false => &self.mode.sides,
+                };
                 let segment = Segment {
                     start,
                     length: step.length,
-                    sides: &self.mode.sides,
+                    sides,
                     end: &state.x,
                     dense: &self.dense(step.implicit),
                 };
