@@ -20,6 +20,9 @@ use super::{Side, Simulator, SwitchedSystem, series};
 /// Of the way to w = 0, what a step leaves.
 const LEFT: f64 = 1.0 / 64.0;
 
+/// Of the last step to w = 0, the part in which w has a direction.
+pub(super) const DIRECTED: f64 = 1.0 - LEFT;
+
 /// A speed of so many bands is none: how it turns on the way to zero does not matter any more.
 pub(super) const STOPS: f64 = 100.0;
 

@@ -135,7 +135,14 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 None => (event, length),
             };
             let ends = left.map(|(_, status)| status);
-            let defect = mode.defect(state, length, tolerance, allowed);
+            // Where it is, the direction of its friction is rounding.
+            let stops = event.as_ref().is_some_and(|(_, watch)| mode.stops(*watch));
+            let seen = if stops {
+                disc::DIRECTED * length
+            } else {
+                length
+            };
+            let defect = mode.defect(state, seen, tolerance, allowed);
             let unseen = event.is_none() && ends.is_none() && mode.on_wrong_side(state);
             let inaccurate = defect.rate.is_nan() || defect.rate > allowed;
             let looked = self.coefficients.agree(mode, state, length, allowed);
