@@ -243,9 +243,11 @@ pub(crate) fn clip(sources: &SourceMap, span: SourceSpan) -> SourceSpan {
     let span = match sources.file(global) {
         Some(file) => {
             let [first, last] = [file.written.start, file.written.end].map(|at| file.start + at);
+            // Made-up text follows the line break behind the words, which is no place to point at.
+            let is_part = file.written.end < file.text.len();
             let words = &file.text[file.written.clone()];
-            let behind = last - usize::from(words.ends_with('\n'));
-            let within = |at: usize| if at > last { behind } else { at.max(first) };
+            let behind = last - usize::from(is_part && words.ends_with('\n'));
+            let within = |at: usize| at.clamp(first, behind);
             let (start, end) = (within(span.offset()), within(span.offset() + span.len()));
             (start, end - start).into()
         }

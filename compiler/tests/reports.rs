@@ -7,7 +7,8 @@ use std::fs;
 use insta::assert_snapshot;
 use terminal::{folder, nsdc};
 
-const DECAY: &str = "model m { param k = 1; state x = 1; x' = -k*x; }\nsimulate s of m { horizon 1; }\n";
+const DECAY: &str =
+    "model m { param k = 1; state x = 1; x' = -k*x; }\nsimulate s of m { horizon 1; }\n";
 
 #[test]
 fn words_of_the_command_line_are_shown_alone() {

@@ -414,7 +414,10 @@ fn warnings_are_told_and_fail_nothing() {
                 simulate expected of m { horizon 2; expect warning W0703; }\n\
                 simulate missed of m { horizon 2; expect x at end ~ 1 within 1e-9; }\n";
     write(&folder, "m.nsd", &format!("{model}{runs}"));
-    let ran = nsdc(&folder, &["test", "m.nsd", "--json", "r.json", "--junit", "r.xml"]);
+    let ran = nsdc(
+        &folder,
+        &["test", "m.nsd", "--json", "r.json", "--junit", "r.xml"],
+    );
     assert_eq!((ran.status, ran.err.as_str()), (2, ""));
     assert_snapshot!(shown(&ran), @r"
     ok      m.nsd: told, 1 warning: W0703
@@ -434,7 +437,11 @@ fn warnings_are_told_and_fail_nothing() {
         .map(|mut object| object["warnings"].take())
         .collect();
     assert_eq!(warnings[0][0]["code"], "W0703");
-    assert!(warnings[0][0]["message"].as_str().is_some_and(|text| text.contains("`x`")));
+    assert!(
+        warnings[0][0]["message"]
+            .as_str()
+            .is_some_and(|text| text.contains("`x`"))
+    );
     assert_eq!(warnings[1], json!([]));
     assert_eq!(warnings[2], warnings[0]);
     let xml = read(&folder, "r.xml");

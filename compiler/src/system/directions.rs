@@ -127,9 +127,12 @@ impl<'e> System<'e> {
 fn wrong(name: &str, rows: &[Vec<f64>]) -> Option<(String, &'static str)> {
     let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
     let length = |row: &[f64]| dot(row, row).sqrt();
-    let are_oblique =
-        |a: &[f64], b: &[f64]| dot(a, b).abs() > WRITTEN * length(a) * length(b);
+    let are_oblique = |a: &[f64], b: &[f64]| dot(a, b).abs() > WRITTEN * length(a) * length(b);
     let (normal, slips) = rows.split_first()?;
+    // Such a gap never acts.
+    if length(normal) == 0.0 {
+        return None;
+    }
     if let [first, second] = slips
         && are_oblique(first, second)
     {

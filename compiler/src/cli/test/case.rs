@@ -92,7 +92,9 @@ impl Case {
     /// The line of the report.
     pub fn line(&self) -> String {
         let name = self.name();
-        let warned = self.warned().map_or(String::new(), |text| format!(", {text}"));
+        let warned = self
+            .warned()
+            .map_or(String::new(), |text| format!(", {text}"));
         match &self.outcome {
             Outcome::Passed(_) => format!("ok      {name}{warned}"),
             Outcome::Failed { .. } => format!("FAILED  {name}{warned}"),

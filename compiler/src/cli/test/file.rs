@@ -264,7 +264,8 @@ impl File<'_> {
         self.warnings = told(&diags);
         self.warnings.extend(trajectory.warnings.iter().cloned());
         let is_expected = |code: &String| {
-            let own = |expect: &Expect| matches!(expect, Expect::Warning(name) if name.name == *code);
+            let own =
+                |expect: &Expect| matches!(expect, Expect::Warning(name) if name.name == *code);
             self.expected.contains(code) || expects.iter().any(|(expect, _)| own(expect))
         };
         self.warnings.retain(|warning| !is_expected(&warning.code));

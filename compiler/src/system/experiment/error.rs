@@ -441,7 +441,9 @@ pub enum ExperimentError {
     #[error("`lower impact` needs `method fesd`")]
     #[diagnostic(
         code(E0924),
-        help("add `method fesd {{ steps = 100; }}`, or leave out `lower impact`, which `method event` does not need")
+        help(
+            "add `method fesd {{ steps = 100; }}`, or leave out `lower impact`, which `method event` does not need"
+        )
     )]
     NoElements {
         method: &'static str,
