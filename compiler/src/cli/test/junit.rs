@@ -202,7 +202,7 @@ mod tests {
             <testcase name="fine" classname="a.nsd" time="0.250"/>
             <testcase name="warned" classname="a.nsd" time="0.250">
               <system-out>W0703: `x` is above its bound
-          W0703: `x` is above its bound</system-out>
+        W0703: `x` is above its bound</system-out>
             </testcase>
             <testcase name="off" classname="a.nsd" time="0.250">
               <failure message="expect x at end &lt; 1">expect x at end &lt; 1
