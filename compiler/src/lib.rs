@@ -116,13 +116,8 @@ fn compile_to<'e>(
         let contact = model.contacts.first();
         let takes_contacts = settings.method.takes_jumps() || settings.steps_through_contacts();
         let (freezes, strikes) = (settings.freezes(), settings.takes_impulses());
-        if let Some(with) = without_impulses(&settings) {
-            diags.push(ExperimentError::Lowering {
-                name: "impact".to_owned(),
-                with,
-                help: "write `method fesd { steps = 100; }`, and leave out `timefreezing`",
-                span: settings.span,
-            });
+        if let Some(error) = without_impulses(&settings) {
+            diags.push(error);
             return None;
         }
         if freezes && !settings.method.takes_frozen_time() {
@@ -135,8 +130,9 @@ fn compile_to<'e>(
             return None;
         }
         if let Some(contact) = contact.filter(|_| !takes_contacts && !freezes && !strikes) {
-            diags.push(ExperimentError::Jump {
+            diags.push(ExperimentError::Contact {
                 method: settings.method.word(),
+                help: settings.method.way_with_contacts(),
                 name: contact.name.clone(),
                 span: contact.span,
             });
@@ -175,6 +171,7 @@ fn compile_to<'e>(
         if let Some((name, span)) = jump {
             diags.push(ExperimentError::Jump {
                 method: method.word(),
+                help: method.way_with_jumps(),
                 name: name.to_owned(),
                 span,
             });
@@ -270,12 +267,24 @@ fn open_algebraics(system: &System, settings: &Settings) -> Option<ExperimentErr
 }
 
 /// What an experiment asks for besides `lower impact` that has no impulses.
-fn without_impulses(settings: &Settings) -> Option<&'static str> {
+fn without_impulses(settings: &Settings) -> Option<ExperimentError> {
     let is_run = settings.optimize.is_none();
     let by_elements = matches!(settings.method, Method::Fesd(_));
+    let span = settings.span;
     match settings.takes_impulses() {
-        true if settings.freezes() => Some("together with `timefreezing` "),
-        true if is_run && !by_elements => Some("by this method "),
+        true if settings.freezes() => Some(ExperimentError::Lowering {
+            name: "impact".to_owned(),
+            with: "together with `timefreezing` ",
+            help: "both are ways to take contacts: leave out one of them",
+            span,
+        }),
+        true if is_run && !by_elements => {
+            let method = match settings.method {
+                Method::Auto => "event",
+                ref other => other.word(),
+            };
+            Some(ExperimentError::NoElements { method, span })
+        }
         _ => None,
     }
 }

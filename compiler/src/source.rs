@@ -61,6 +61,8 @@ pub struct SourceFile {
     pub start: usize,
     /// First byte that was not UTF-8, counted from the start of the file.
     pub invalid: Option<usize>,
+    /// What a user wrote of the text, which alone is shown: all of a file.
+    written: Range<usize>,
 }
 
 impl SourceFile {
@@ -109,6 +111,17 @@ impl SourceMap {
         self.push(name.into(), text.into(), None)
     }
 
+    /// Adds words of a user in a text that was made up around them.
+    pub fn add_within(
+        &mut self,
+        name: impl Into<String>,
+        [before, words, after]: [&str; 3],
+    ) -> Arc<SourceFile> {
+        let written = before.len()..before.len() + words.len();
+        let text = [before, words, after].concat();
+        self.push_part(name.into(), text, None, written)
+    }
+
     /// Adds a file as it was read; bytes that are not UTF-8 are kept as
     /// replacement characters and refused by the parser.
     pub fn add_bytes(&mut self, name: impl Into<String>, bytes: Vec<u8>) -> Arc<SourceFile> {
@@ -143,6 +156,17 @@ impl SourceMap {
     }
 
     fn push(&mut self, name: String, text: String, invalid: Option<usize>) -> Arc<SourceFile> {
+        let all = 0..text.len();
+        self.push_part(name, text, invalid, all)
+    }
+
+    fn push_part(
+        &mut self,
+        name: String,
+        text: String,
+        invalid: Option<usize>,
+        written: Range<usize>,
+    ) -> Arc<SourceFile> {
         // One byte between files keeps the end of one apart from the start of the next.
         let start = self.files.last().map_or(0, |file| file.end() + 1);
         let file = Arc::new(SourceFile {
@@ -150,6 +174,7 @@ impl SourceMap {
             text,
             start,
             invalid,
+            written,
         });
         self.files.push(Arc::clone(&file));
         file
@@ -165,8 +190,10 @@ impl SourceCode for SourceMap {
     ) -> Result<Box<dyn SpanContents<'a> + 'a>, MietteError> {
         let global = Span::new(span.offset()..span.offset() + span.len());
         let file = self.file(global).ok_or(MietteError::OutOfBounds)?;
-        let text = file.text.as_str();
-        let start = span.offset() - file.start;
+        // What was made up around the words of a user is not there.
+        let first = file.start + file.written.start;
+        let text = &file.text[file.written.clone()];
+        let start = (span.offset().checked_sub(first)).ok_or(MietteError::OutOfBounds)?;
         let end = start + span.len();
         if !text.is_char_boundary(start) || !text.is_char_boundary(end) {
             return Err(MietteError::OutOfBounds);
@@ -196,7 +223,7 @@ impl SourceCode for SourceMap {
         Ok(Box::new(MietteSpanContents::new_named(
             file.name.clone(),
             &text.as_bytes()[shown.clone()],
-            (shown.start + file.start, shown.len()).into(),
+            (shown.start + first, shown.len()).into(),
             before.bytes().filter(|&byte| byte == b'\n').count(),
             text[line_start..shown.start].chars().count(),
             text[shown].lines().count(),
@@ -210,8 +237,22 @@ const LONG_LINE: usize = 400;
 /// Bytes shown on both sides of what is wrong in a longer line.
 const AROUND: usize = 60;
 
-/// A label that can be drawn: one on or over long lines ends early.
+/// A label that can be drawn: one on or over long lines ends early, and one beyond the words of a user where these end.
 pub(crate) fn clip(sources: &SourceMap, span: SourceSpan) -> SourceSpan {
+    let global = Span::new(span.offset()..span.offset() + span.len());
+    let span = match sources.file(global) {
+        Some(file) => {
+            let [first, last] = [file.written.start, file.written.end].map(|at| file.start + at);
+            // Made-up text follows the line break behind the words, which is no place to point at.
+            let is_part = file.written.end < file.text.len();
+            let words = &file.text[file.written.clone()];
+            let behind = last - usize::from(is_part && words.ends_with('\n'));
+            let within = |at: usize| at.clamp(first, behind);
+            let (start, end) = (within(span.offset()), within(span.offset() + span.len()));
+            (start, end - start).into()
+        }
+        None => span,
+    };
     let global = Span::new(span.offset()..span.offset() + span.len());
     let text = sources.text(global);
     if text.len() <= AROUND || !text.lines().any(|line| line.len() > LONG_LINE / 2) {
@@ -317,6 +358,25 @@ mod tests {
         let expected = format!("1:840:{}here{}", "<".repeat(60), ">".repeat(60));
         assert_eq!(shown(&text, 906..910, 1), expected);
         assert_eq!(shown(&text, 0..5, 1), "0:0:first\n");
+    }
+
+    #[test]
+    fn what_is_made_up_around_words_is_not_shown() {
+        let mut map = SourceMap::new();
+        map.add("first.nsd", "nothing");
+        let file = map.add_within("--set", ["with {\n", "k = (2\n", "; }"]);
+        let at = |start: usize, len: usize| clip(&map, (file.start + start, len).into());
+        let shown = |span: SourceSpan| {
+            let contents = map.read_span(&span, 1, 1).unwrap();
+            let text = String::from_utf8_lossy(contents.data()).into_owned();
+            (contents.line(), contents.column(), text)
+        };
+        assert_eq!(shown(at(7, 1)), (0, 0, "k = (2\n".to_owned()));
+        let behind = at(15, 1);
+        let end = SourceSpan::from((file.start + 13, 0));
+        assert_eq!(behind, end, "where the words end");
+        assert_eq!(shown(behind).2, "k = (2\n");
+        assert!(map.read_span(&(file.start + 15, 1).into(), 1, 1).is_err());
     }
 
     #[test]

@@ -370,7 +370,7 @@ fn emit_prints_every_form() {
         "step",
     ];
     assert_snapshot!(nsdc(&folder, &args).out, @r"
-    // step: asked for by the experiment
+    // step: asked for by `lower`
     der(x) = -k*(2*alpha[x] - 1)
     0 = x - lambda_p[x] + lambda_n[x]
     0 <= lambda_n[x] perp alpha[x] >= 0

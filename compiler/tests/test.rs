@@ -395,15 +395,57 @@ fn results_as_json_have_stable_fields() {
         lines,
         [
             json!({ "file": "a.nsd", "test": "slide", "outcome": "passed", "exit": 0, "code": null,
-                    "seconds": 0, "failures": [], "notes": [] }),
+                    "seconds": 0, "failures": [], "notes": [], "warnings": [] }),
             json!({ "file": "a.nsd", "test": "off", "outcome": "failed", "exit": 2, "code": null,
-                    "seconds": 0, "failures": [missed], "notes": [] }),
+                    "seconds": 0, "failures": [missed], "notes": [], "warnings": [] }),
             json!({ "file": "b.nsd", "test": "later", "outcome": "unsupported", "exit": 0, "code": "E0923",
-                    "seconds": 0, "failures": [], "notes": [] }),
+                    "seconds": 0, "failures": [], "notes": [], "warnings": [] }),
             json!({ "file": "c.nsd", "test": "s", "outcome": "failed", "exit": 1, "code": null,
-                    "seconds": 0, "failures": [wrong], "notes": [] }),
+                    "seconds": 0, "failures": [wrong], "notes": [], "warnings": [] }),
         ]
     );
+}
+
+#[test]
+fn warnings_are_told_and_fail_nothing() {
+    let folder = folder("warnings");
+    let model = "model m { state x in [-1, 1] = 0; x' = 1; }\n";
+    let runs = "simulate told of m { horizon 2; }\n\
+                simulate expected of m { horizon 2; expect warning W0703; }\n\
+                simulate missed of m { horizon 2; expect x at end ~ 1 within 1e-9; }\n";
+    write(&folder, "m.nsd", &format!("{model}{runs}"));
+    let ran = nsdc(
+        &folder,
+        &["test", "m.nsd", "--json", "r.json", "--junit", "r.xml"],
+    );
+    assert_eq!((ran.status, ran.err.as_str()), (2, ""));
+    assert_snapshot!(shown(&ran), @r"
+    ok      m.nsd: told, 1 warning: W0703
+    ok      m.nsd: expected
+    FAILED  m.nsd: missed, 1 warning: W0703
+              expect x at end ~ 1 within 1e-9
+                expected 1 within 1e-9
+                got      2, off by 1
+
+    2 passed, 1 failed, 0 not yet supported
+    ");
+    let ran = nsdc(&folder, &["test", "m.nsd", "--filter", "told"]);
+    assert_eq!(ran.status, 0);
+    let results = read(&folder, "r.json");
+    let warnings: Vec<Value> = (results.lines())
+        .map(|line| serde_json::from_str::<Value>(line).expect("every line is an object"))
+        .map(|mut object| object["warnings"].take())
+        .collect();
+    assert_eq!(warnings[0][0]["code"], "W0703");
+    assert!(
+        warnings[0][0]["message"]
+            .as_str()
+            .is_some_and(|text| text.contains("`x`"))
+    );
+    assert_eq!(warnings[1], json!([]));
+    assert_eq!(warnings[2], warnings[0]);
+    let xml = read(&folder, "r.xml");
+    assert_eq!(xml.matches("<system-out>W0703: ").count(), 2, "{xml}");
 }
 
 #[test]

@@ -444,7 +444,7 @@ fn a_triple_root_ends_a_run_and_is_named() {
              simulate run of m {{ horizon 1; tolerance 1e-10; }}"
         );
         let found = run(&text, "run");
-        let Some(Failure::SingularSliding { time, surfaces }) = &found.failure else {
+        let Some(Failure::SingularSliding { time, surfaces, .. }) = &found.failure else {
             panic!("{:?} {:?}", found.status, found.failure)
         };
         assert!((time - 0.5).abs() < 1e-6 && surfaces.len() == 1, "{time}");

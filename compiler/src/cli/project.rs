@@ -156,8 +156,7 @@ impl Project {
     fn overrides(&mut self, sets: &[String]) -> Option<Vec<Bind>> {
         let mut overrides = Vec::new();
         for set in sets {
-            let text = made_up(&format!("with {{\n\n{set}\n\n; }}"));
-            let settings = self.parse_settings("--set", &text)?;
+            let settings = self.parse_settings("--set", ["with { ", set, "; }"])?;
             for setting in settings {
                 match setting.kind {
                     SettingKind::With(binds) => overrides.extend(binds),
@@ -175,8 +174,7 @@ impl Project {
         option: &str,
         words: &str,
     ) -> Option<()> {
-        let text = made_up(&format!("\n\n{words}\n\n;"));
-        let new = self.parse_settings(option, &text)?;
+        let new = self.parse_settings(option, ["", words, ";"])?;
         let same = |old: &ExperimentSetting| {
             let kind = std::mem::discriminant(&old.kind);
             new.iter()
@@ -201,9 +199,16 @@ impl Project {
         Some(other)
     }
 
-    /// The settings in the text of an experiment that was made up from an option of the command line.
-    fn parse_settings(&mut self, option: &str, text: &str) -> Option<Vec<ExperimentSetting>> {
-        let source = self.sources.add(option, text);
+    /// The settings of an experiment that is made up around words of the command line; diagnostics show nothing else.
+    fn parse_settings(
+        &mut self,
+        option: &str,
+        [before, words, after]: [&str; 3],
+    ) -> Option<Vec<ExperimentSetting>> {
+        let before = format!("simulate x of x {{ {before}");
+        let words = format!("{words}\n");
+        let after = format!("{after} }}\n");
+        let source = self.sources.add_within(option, [&before, &words, &after]);
         let mut diags = Diagnostics::new();
         let file = syntax::parse(&source, &mut diags);
         let has_errors = diags.has_errors();
@@ -214,12 +219,6 @@ impl Project {
         });
         (!has_errors).then(|| experiments.flatten().collect())
     }
-}
-
-/// Settings as the text of a file. What the user wrote stands on lines of its own, so that
-/// diagnostics show nothing else.
-fn made_up(settings: &str) -> String {
-    format!("simulate x of x {{ {settings} }}\n")
 }
 
 /// Prints diagnostics.

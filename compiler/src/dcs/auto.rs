@@ -55,7 +55,7 @@ fn lower_taking<'e>(
 ) -> Result<Dcs<'e>, DcsError> {
     let asked = asked(lowerings).map(|formulation| Choice {
         formulation,
-        reason: "asked for by the experiment".to_owned(),
+        reason: "asked for by `lower`".to_owned(),
     });
     let Choice {
         formulation,
@@ -84,17 +84,15 @@ pub fn check(system: &System, lowerings: &[Lowering], needs: bool) -> Result<(),
 /// A relay depends on the past, which complementarity knows nothing of, and a jump has no rate; one of a contact is
 /// an impulse, where these are taken.
 fn is_without_memory(system: &System, takes: Takes) -> Result<(), DcsError> {
-    let law = || {
-        let laws = system.laws.iter();
-        laws.map(|law| (law.name.as_str(), law.span)).next()
-    };
-    let jump = match takes {
-        Takes::Rates => system.first_jump(),
-        Takes::Impulses => law(),
-        Takes::Jumps => None,
-    };
-    if let Some((name, span)) = jump {
+    if let Some(law) = system.laws.first().filter(|_| takes != Takes::Jumps) {
         return Err(DcsError::Jump {
+            name: law.name.clone(),
+            span: law.span,
+        });
+    }
+    // Laws come first: what is left are contacts.
+    if let Some((name, span)) = system.first_jump().filter(|_| takes == Takes::Rates) {
+        return Err(DcsError::Contact {
             name: name.to_owned(),
             span,
         });

@@ -36,6 +36,23 @@ pub enum DcsError {
         span: Span,
     },
 
+    /// A contact is struck, which pairs within elements do not say.
+    #[error("the contact `{name}` gives impulses, which complementarity alone does not have")]
+    #[diagnostic(
+        code(E0904),
+        help(
+            "with `method fesd` and in `optimize`, `lower impact;` has them where elements meet, and `lower timefreezing;` \
+             makes motion of them; `method event` needs no lowering"
+        )
+    )]
+    Contact {
+        /// Its name.
+        name: String,
+        /// Its statement.
+        #[label("velocities jump where it is struck")]
+        span: Span,
+    },
+
     /// A jump has no complementarity form.
     #[error("jump `{name}` cannot be lowered to complementarity yet")]
     #[diagnostic(

@@ -230,7 +230,7 @@ fn as_latex() {
         tex(&make(&exprs).system, &[formulation]).expect("the system is small")
     };
     assert_snapshot!(latex(fixtures::open_sign, Lowering::Stewart), @r"
-    % stewart: asked for by the experiment
+    % stewart: asked for by `lower`
     \begin{align*}
     \dot{x} &= -x \, \theta_{\mathrm{below}} + y \, \left(\theta_{\mathrm{right}, \text{(y - x\textasciicircum{}2)-}} + \theta_{\mathrm{right}, \text{(y - x\textasciicircum{}2)+}}\right) + 2 \, \theta_{\mathrm{above}} \\
     \dot{y} &= 1 \\
@@ -246,7 +246,7 @@ fn as_latex() {
     \end{align*}
     ");
     assert_snapshot!(latex(fixtures::product_of_signs, Lowering::Step), @r"
-    % step: asked for by the experiment
+    % step: asked for by `lower`
     \begin{align*}
     \dot{x}_{1} &= 1.5 - 2 \, \alpha_{x_{1}} \\
     \dot{x}_{2} &= 1 - 2 \, \alpha_{x_{2}} \\

@@ -253,14 +253,10 @@ pub enum DynamicsError {
 
     /// A block of mechanics, or a contact, that is not described as it must be.
     #[error("{what}")]
-    #[diagnostic(
-        code(E0319),
-        help(
-            "write `mechanics q, v {{ mass = M; force = f; }}`, and `contact C {{ gap = c; restitution = e; }}` with `friction = mu; slip = w;` where it is rough"
-        )
-    )]
+    #[diagnostic(code(E0319), help("{help}"))]
     MechanicsForm {
         what: String,
+        help: String,
         #[label("here")]
         span: Span,
     },

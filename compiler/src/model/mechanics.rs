@@ -19,6 +19,13 @@ const MAX_CRAMER: usize = 3;
 /// Directions of a surface in space.
 const MAX_SLIPS: usize = 2;
 
+/// Rows of a matrix in a help.
+const MAX_SHOWN: usize = 6;
+
+/// What a block and a contact consist of.
+const FORM: &str = "write `mechanics q, v { mass = M; force = f; }`, and `contact C { gap = c; restitution = e; }` with \
+     `friction = mu; slip = w;` where it is rough, in space `slip = [w1, w2];`";
+
 impl<'e> Walk<'e> {
     /// One block: the dynamics of its velocities, and the contacts inside.
     pub(super) fn mechanics(
@@ -59,7 +66,8 @@ impl<'e> Walk<'e> {
             None if matrix.shape == Shape::Matrix(n, n) => matrix,
             None => {
                 let what = format!("`mass` is {}, not a matrix of {n} by {n}", matrix.shape);
-                return wrong(lowering, what, mass.value.span);
+                let help = "write a row and a column for each velocity, or a number where all have the same mass";
+                return wrong(lowering, (what, help), mass.value.span);
             }
         };
         let inverse = inverse(lowering, &matrix, mass.value.span)?;
@@ -107,7 +115,7 @@ impl<'e> Walk<'e> {
         let slip = match (slip, along) {
             (Some(_), Some(along)) => {
                 let what = "`slip` and `along` say the same".to_owned();
-                return wrong(lowering, what, along.span);
+                return wrong(lowering, (what, "leave out one of them"), along.span);
             }
             (Some(slip), None) => {
                 let value = lowering.numbers(&slip.value)?;
@@ -118,7 +126,8 @@ impl<'e> Walk<'e> {
         };
         if slip.0.len() > MAX_SLIPS {
             let what = format!("a surface has no {} directions", slip.0.len());
-            return wrong(lowering, what, slip.1);
+            let help = "write `slip = [w1, w2];`, the velocities along two directions at right angles, or `slip = w;` where a body moves in a plane";
+            return wrong(lowering, (what, help), slip.1);
         }
         let name = self.indexed(&contact.name.name);
         self.contacts.push(Contact {
@@ -143,17 +152,22 @@ impl<'e> Walk<'e> {
         let span = along.value.span;
         let Some(velocities) = velocities else {
             let what = "`along` belongs to a contact inside `mechanics`".to_owned();
-            return wrong(lowering, what, along.span);
+            let help = "write the velocity itself, `slip = w;`, or `slip = [w1, w2];` in space";
+            return wrong(lowering, (what, help), along.span);
         };
         let directions = lowering.numbers(&along.value)?;
-        let columns = match directions.shape {
-            Shape::Matrix(_, columns) => columns,
-            _ => 1,
+        let n = velocities.len();
+        let (rows, columns, word) = match directions.shape {
+            Shape::Matrix(rows, columns) => (rows, columns, "row"),
+            _ => (directions.data.len(), 1, "entry"),
         };
-        if directions.data.len() != velocities.len() * columns {
-            let (found, n) = (directions.data.len() / columns, velocities.len());
-            let what = format!("`along` has {found} entries, and there are {n} velocities");
-            return wrong(lowering, what, span);
+        if rows != n {
+            let found = counted(rows, word);
+            let what = format!("`along` has {found}, and there are {n} velocities");
+            // What has a column for each velocity lies on its side.
+            let directions = if columns == n { rows } else { columns };
+            let help = form_of_along(n, directions.min(MAX_SLIPS));
+            return wrong(lowering, (what, &help), span);
         }
         let column = |k: usize| {
             let entries = directions.data.iter().skip(k).step_by(columns);
@@ -201,11 +215,13 @@ fn options<'s, const N: usize>(
         let name = &setting.name.name;
         let Some(place) = names.iter().position(|known| known == name) else {
             let what = format!("there is no option `{name}`");
-            return wrong(lowering, what, setting.name.span);
+            let known: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
+            let help = format!("there are {}", known.join(", "));
+            return wrong(lowering, (what, &help), setting.name.span);
         };
         if found[place].replace(setting).is_some() {
             let what = format!("`{name}` is given twice");
-            return wrong(lowering, what, setting.name.span);
+            return wrong(lowering, (what, "leave out one of them"), setting.name.span);
         }
     }
     Ok(found)
@@ -219,12 +235,42 @@ fn required<'s>(
 ) -> Result<&'s Setting, Reported> {
     match option {
         Some(option) => Ok(option),
-        None => wrong(lowering, format!("`{name}` is missing"), span),
+        None => wrong(lowering, (format!("`{name}` is missing"), FORM), span),
     }
 }
 
-fn wrong<T>(lowering: &mut Lowering<'_, '_>, what: String, span: Span) -> Result<T, Reported> {
-    lowering.error(DynamicsError::MechanicsForm { what, span })
+/// Says what is wrong, and what to do about it.
+fn wrong<T>(
+    lowering: &mut Lowering<'_, '_>,
+    (what, help): (String, &str),
+    span: Span,
+) -> Result<T, Reported> {
+    let help = help.to_owned();
+    lowering.error(DynamicsError::MechanicsForm { what, help, span })
+}
+
+/// `1 row`, `2 rows`
+fn counted(count: usize, word: &str) -> String {
+    match (count, word) {
+        (1, _) => format!("1 {word}"),
+        (_, "entry") => format!("{count} entries"),
+        _ => format!("{count} {word}s"),
+    }
+}
+
+/// How `along` is written for so many velocities and directions.
+fn form_of_along(velocities: usize, directions: usize) -> String {
+    let rule = "write a row for each velocity and a column for each direction";
+    if velocities > MAX_SHOWN {
+        return rule.to_owned();
+    }
+    let row = |i: usize| {
+        let entries = (0..directions).map(|k| if i == k { "1" } else { "0" });
+        entries.collect::<Vec<_>>().join(", ")
+    };
+    let separator = if directions == 1 { ", " } else { "; " };
+    let rows = (0..velocities).map(row).collect::<Vec<_>>();
+    format!("{rule}, as in `along = [{}];`", rows.join(separator))
 }
 
 /// m I
@@ -250,7 +296,8 @@ fn inverse<'e>(
     }
     if (0..n).any(|i| mass.at(i, i).is_zero()) {
         let what = "`mass` is singular".to_owned();
-        return wrong(lowering, what, span);
+        let help = "give every velocity a mass: the matrix is positive definite";
+        return wrong(lowering, (what, help), span);
     }
     lowering.spend(n.pow(3), span)?;
     // Elimination without exchanges, which a positive definite matrix does not need.

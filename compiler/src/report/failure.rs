@@ -32,10 +32,16 @@ pub enum Failure {
     #[error("at t = {time}, no solution goes on")]
     #[diagnostic(
         code(E0702),
-        help("the fields on the two sides contradict each other here; check their signs")
+        help("{}", if *contacts {
+            "no forces or impulses of these contacts fit together: take less friction, or leave out contacts that others make up; `method timestepping` may go on"
+        } else {
+            "the fields on the two sides contradict each other here; check their signs"
+        })
     )]
     NoSolution {
         time: f64,
+        /// Whether contacts are among the surfaces.
+        contacts: bool,
         #[label(collection)]
         surfaces: Vec<LabeledSpan>,
     },
@@ -59,12 +65,16 @@ pub enum Failure {
     #[error("at t = {time}, the sliding mode became singular")]
     #[diagnostic(
         code(E0704),
-        help(
+        help("{}", if *contacts {
+            "motion does not determine the force of a contact here: friction comes to zero while a body sticks, or directions of contacts become parallel; keep friction above zero, as `max(mu, 1e-6)` does, or end the horizon before"
+        } else {
             "rates do not determine the switch on its surface here: both sides are tangent to it, or sliding modes of a nonlinear switch meet without a fold"
-        )
+        })
     )]
     SingularSliding {
         time: f64,
+        /// Whether contacts are among the surfaces.
+        contacts: bool,
         #[label(collection)]
         surfaces: Vec<LabeledSpan>,
     },

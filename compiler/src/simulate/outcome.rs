@@ -69,6 +69,7 @@ pub(super) fn failure(
         Status::NonUnique(candidates) => non_unique(system, names, candidates, time),
         Status::NoSolution { switches } => Failure::NoSolution {
             time,
+            contacts: are_contacts(system, switches),
             surfaces: at(switches),
         },
         Status::Undetermined { switches } => Failure::Undetermined {
@@ -85,6 +86,7 @@ pub(super) fn failure(
         },
         Status::SingularSliding { switches } => Failure::SingularSliding {
             time,
+            contacts: are_contacts(system, switches),
             surfaces: at(switches),
         },
         Status::MissedSwitch { switch } => Failure::MissedSwitch {
@@ -276,5 +278,19 @@ pub(super) fn labels(system: &System, switches: &[usize]) -> Vec<LabeledSpan> {
         };
         Some(LabeledSpan::new_with_span(Some(text), *span))
     };
-    switches.iter().filter_map(label).collect()
+    // A contact with friction has several surfaces at one place.
+    let mut found: Vec<LabeledSpan> = Vec::new();
+    for label in switches.iter().filter_map(label) {
+        if !found.contains(&label) {
+            found.push(label);
+        }
+    }
+    found
+}
+
+/// Whether one of these is the gap or a slip velocity of a contact.
+fn are_contacts(system: &System, switches: &[usize]) -> bool {
+    let is_gap = |i: usize| system.contacts.iter().any(|contact| contact.switch == i);
+    let mut switches = switches.iter();
+    switches.any(|&i| is_gap(i) || system.switches[i].slip_of.is_some())
 }

@@ -167,6 +167,16 @@ pub enum SystemError {
         span: Span,
     },
 
+    /// Friction of a point along directions that are none of its surface.
+    #[error("{what}")]
+    #[diagnostic(code(W0403), severity(Warning), help("{help}"))]
+    Directions {
+        what: String,
+        help: &'static str,
+        #[label("a point: its mass is a number")]
+        span: Span,
+    },
+
     /// A constraint that a projection cannot keep.
     #[error("`{name}` is no constraint of a projection: {what}")]
     #[diagnostic(

@@ -47,6 +47,7 @@ mod contacts;
 mod continuity;
 mod corners;
 mod coverage;
+mod directions;
 mod display;
 mod effort;
 mod error;

@@ -2,7 +2,8 @@
 //!
 //! Bodies must not overlap. Closed contacts whose normals depend on each other, Σ c_i J_i = 0, leave their forces
 //! open and nothing else, which is a warning, found by orthogonalization in the norm of M⁻¹; so is friction that may
-//! pull a body into its contact, J_nᵀM⁻¹(J_n ± μ J_t) <= 0 (Painlevé's paradox; Génot & Brogliato 1999).
+//! pull a body into its contact, J_nᵀM⁻¹(J_n ± μ J_t) <= 0 (Painlevé's paradox; Génot & Brogliato 1999), and directions
+//! of friction that are none, see `directions`.
 
 use rustc_hash::FxHashMap;
 
@@ -20,16 +21,16 @@ const ROUNDING: f64 = 1e-12;
 const DEPENDENT: f64 = 1e-12;
 
 /// Values of time, parameters and states at the start.
-struct Start(FxHashMap<Var, f64>);
+pub(super) struct Start(FxHashMap<Var, f64>);
 
 impl Start {
     /// NaN where it is not known before the run.
-    fn value(&self, e: Expr<'_>) -> f64 {
+    pub(super) fn value(&self, e: Expr<'_>) -> f64 {
         e.eval(&|var| self.0.get(&var).copied().unwrap_or(f64::NAN))
     }
 
     /// How far a gap is from zero: 0 where it is within rounding, NaN where it is not known.
-    fn gap(&self, gap: Expr<'_>) -> f64 {
+    pub(super) fn gap(&self, gap: Expr<'_>) -> f64 {
         let value = self.value(gap);
         if value >= ROUNDING.sqrt() {
             return value;
@@ -75,6 +76,7 @@ impl<'e> System<'e> {
         if let Some(error) = self.dependent(&start, &closed) {
             diags.push(error);
         }
+        self.check_directions(&start, diags);
         for contact in &self.contacts {
             let Some(friction) = &contact.friction else {
                 continue;

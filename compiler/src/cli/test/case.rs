@@ -2,6 +2,7 @@
 
 use super::goldens::Change;
 use crate::cli::Exit;
+use crate::report::Warning;
 use crate::report::expect::{Check, Verdict};
 
 /// A test: an experiment, an `expect error` of a file, or a file that only has to compile.
@@ -14,6 +15,8 @@ pub struct Case {
     pub outcome: Outcome,
     /// How long it took.
     pub seconds: f64,
+    /// Those of its compilation and its run that nothing expects.
+    pub warnings: Vec<Warning>,
     /// Golden files that are to be written.
     pub changes: Vec<Change>,
 }
@@ -73,12 +76,28 @@ impl Case {
         }
     }
 
+    /// `1 warning: W0702`, `3 warnings: W0703, W0712`
+    pub fn warned(&self) -> Option<String> {
+        let mut codes: Vec<&str> = self.warnings.iter().map(|w| w.code.as_str()).collect();
+        codes.sort_unstable();
+        codes.dedup();
+        let count = match self.warnings.len() {
+            0 => return None,
+            1 => "1 warning".to_owned(),
+            n => format!("{n} warnings"),
+        };
+        Some(format!("{count}: {}", codes.join(", ")))
+    }
+
     /// The line of the report.
     pub fn line(&self) -> String {
         let name = self.name();
+        let warned = self
+            .warned()
+            .map_or(String::new(), |text| format!(", {text}"));
         match &self.outcome {
-            Outcome::Passed(_) => format!("ok      {name}"),
-            Outcome::Failed { .. } => format!("FAILED  {name}"),
+            Outcome::Passed(_) => format!("ok      {name}{warned}"),
+            Outcome::Failed { .. } => format!("FAILED  {name}{warned}"),
             Outcome::Unsupported(code) => format!("--      {name}: not yet supported ({code})"),
         }
     }

@@ -13,6 +13,7 @@ use crate::cli::{Exit, files};
 use crate::clock::Clock;
 use crate::diagnostics::{self, Diagnostics};
 use crate::expr::Exprs;
+use crate::report::Warning;
 use crate::report::expect::{self, Findings};
 use crate::simulate::Request;
 use crate::syntax::{Expect, ExpectDiagnostic, Experiment, Item};
@@ -49,6 +50,8 @@ pub fn test(path: &Path, options: &Options<'_>) -> Tested {
         name: files::display_name(path),
         options,
         tested: Tested::default(),
+        expected: Vec::new(),
+        warnings: Vec::new(),
         goldens: Some(Vec::new()),
     };
     file.run(path);
@@ -59,6 +62,10 @@ struct File<'o> {
     name: String,
     options: &'o Options<'o>,
     tested: Tested,
+    /// Codes of warnings that the file expects.
+    expected: Vec<String>,
+    /// Those of the test that runs.
+    warnings: Vec<Warning>,
     /// Golden files that are asked for; nothing where it is not known of all experiments.
     goldens: Option<Vec<PathBuf>>,
 }
@@ -81,6 +88,7 @@ impl File<'_> {
             _ => None,
         });
         let expected: Vec<ExpectDiagnostic> = expected.collect();
+        self.expected = (expected.iter().map(|expect| expect.code.name.clone())).collect();
         let experiments: Vec<Experiment> = project.experiments().cloned().collect();
         if !expected.is_empty() {
             let diags = project.check();
@@ -183,6 +191,7 @@ impl File<'_> {
             test,
             outcome,
             seconds: started.elapsed().as_secs_f64(),
+            warnings: std::mem::take(&mut self.warnings),
             changes: Vec::new(),
         });
     }
@@ -191,6 +200,7 @@ impl File<'_> {
     fn compilation(&mut self, diags: &Diagnostics, project: &Project) -> Outcome {
         let codes = project::error_codes(diags);
         if codes.is_empty() {
+            self.warnings = told(diags);
             return Outcome::Passed(Vec::new());
         }
         // Where everything that stops it is still to come, it is not wrong.
@@ -251,6 +261,14 @@ impl File<'_> {
             order::of_method(&compiled, &project.sources, limit, &mut watch)
         });
         let mut warnings = project::warning_codes(&diags);
+        self.warnings = told(&diags);
+        self.warnings.extend(trajectory.warnings.iter().cloned());
+        let is_expected = |code: &String| {
+            let own =
+                |expect: &Expect| matches!(expect, Expect::Warning(name) if name.name == *code);
+            self.expected.contains(code) || expects.iter().any(|(expect, _)| own(expect))
+        };
+        self.warnings.retain(|warning| !is_expected(&warning.code));
         let all = ensemble::Source {
             file: &project.file,
             experiment,
@@ -299,6 +317,12 @@ impl File<'_> {
         }
         (outcome, compared)
     }
+}
+
+/// What warns of a compilation.
+fn told(diags: &Diagnostics) -> Vec<Warning> {
+    let found = diags.warnings();
+    found.map(|warning| Warning::of(warning.as_ref())).collect()
 }
 
 /// `expect error E0203;`

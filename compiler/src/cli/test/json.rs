@@ -1,6 +1,7 @@
 //! Results of tests as JSON, one object per line.
 
 use super::case::{Case, Missed, Outcome};
+use crate::report::Warning;
 
 /// The fields, in their order.
 #[derive(serde::Serialize)]
@@ -13,6 +14,14 @@ struct Object<'c> {
     seconds: f64,
     failures: &'c [Missed],
     notes: &'c [String],
+    warnings: Vec<Told<'c>>,
+}
+
+/// As `nsdc run` tells a warning.
+#[derive(serde::Serialize)]
+struct Told<'c> {
+    code: &'c str,
+    message: &'c str,
 }
 
 /// One line per test.
@@ -36,6 +45,7 @@ impl<'c> From<&'c Case> for Object<'c> {
             seconds: case.seconds,
             failures: &[],
             notes: &[],
+            warnings: case.warnings.iter().map(Told::from).collect(),
         };
         match &case.outcome {
             Outcome::Passed(notes) => object.notes = notes,
@@ -47,5 +57,14 @@ impl<'c> From<&'c Case> for Object<'c> {
             }
         }
         object
+    }
+}
+
+impl<'c> From<&'c Warning> for Told<'c> {
+    fn from(warning: &'c Warning) -> Self {
+        Told {
+            code: &warning.code,
+            message: &warning.message,
+        }
     }
 }

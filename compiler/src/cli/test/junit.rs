@@ -1,7 +1,7 @@
 //! Results of tests as JUnit XML, which services for continuous integration read.
 //!
 //! A file is a suite, and a test of it a case. What is missed is a `failure`, what does not compile an `error`, and what
-//! is not supported yet is `skipped`.
+//! is not supported yet is `skipped`. Warnings are the output of a test.
 
 use std::fmt::{self, Write};
 
@@ -29,24 +29,34 @@ fn document(cases: &[Case], text: &mut String) -> fmt::Result {
                 r#"    <testcase name="{name}" classname="{file}" time="{:.3}""#,
                 case.seconds
             );
+            if matches!(case.outcome, Outcome::Passed(_)) && case.warnings.is_empty() {
+                writeln!(text, "{head}/>")?;
+                continue;
+            }
+            writeln!(text, "{head}>")?;
             match &case.outcome {
-                Outcome::Passed(_) => writeln!(text, "{head}/>")?,
+                Outcome::Passed(_) => {}
                 Outcome::Unsupported(code) => {
-                    writeln!(text, "{head}>")?;
                     let message = escaped(&format!("not yet supported ({code})"));
                     writeln!(text, r#"      <skipped message="{message}"/>"#)?;
-                    writeln!(text, "    </testcase>")?;
                 }
                 Outcome::Failed { missed, exit } => {
-                    writeln!(text, "{head}>")?;
                     let tag = tag(*exit);
                     let message = missed.first().map_or("", |missed| &missed.what);
                     let (message, lines) = (escaped(message), case.outcome.lines().join("\n"));
                     let lines = escaped(&lines).replace("&#10;", "\n");
                     writeln!(text, r#"      <{tag} message="{message}">{lines}</{tag}>"#)?;
-                    writeln!(text, "    </testcase>")?;
                 }
             }
+            if !case.warnings.is_empty() {
+                let told = case.warnings.iter();
+                let told: Vec<String> = told
+                    .map(|warning| escaped(&format!("{}: {}", warning.code, warning.message)))
+                    .collect();
+                let told = told.join("\n");
+                writeln!(text, "      <system-out>{told}</system-out>")?;
+            }
+            writeln!(text, "    </testcase>")?;
         }
         writeln!(text, "  </testsuite>")?;
     }
@@ -131,6 +141,7 @@ mod tests {
     use super::{escaped, write};
     use crate::cli::Exit;
     use crate::cli::test::case::{Case, Missed, Outcome};
+    use crate::report::Warning;
 
     #[test]
     fn what_xml_cannot_write_is_replaced() {
@@ -147,8 +158,19 @@ mod tests {
             test: test.map(str::to_owned),
             outcome,
             seconds: 0.25,
+            warnings: Vec::new(),
             changes: Vec::new(),
         };
+        let warning = Warning {
+            code: "W0703".to_owned(),
+            message: "`x` is above its bound".to_owned(),
+            span: None,
+        };
+        let warned = Case {
+            warnings: vec![warning.clone(), warning],
+            ..case("a.nsd", Some("warned"), Outcome::Passed(Vec::new()))
+        };
+        assert_eq!(warned.line(), "ok      a.nsd: warned, 2 warnings: W0703");
         let missed = Missed {
             what: "expect x at end < 1".to_owned(),
             expected: Some("less than 1".to_owned()),
@@ -157,6 +179,7 @@ mod tests {
         };
         let cases = [
             case("a.nsd", Some("fine"), Outcome::Passed(Vec::new())),
+            warned,
             case("a.nsd", Some("off"), Outcome::failed(missed, Exit::Failed)),
             case(
                 "a.nsd",
@@ -174,9 +197,13 @@ mod tests {
         ];
         assert_snapshot!(write(&cases), @r#"
         <?xml version="1.0" encoding="UTF-8"?>
-        <testsuites name="nsdc" tests="4" failures="1" errors="1" skipped="1" time="1.000">
-          <testsuite name="a.nsd" tests="3" failures="1" errors="0" skipped="1" time="0.750">
+        <testsuites name="nsdc" tests="5" failures="1" errors="1" skipped="1" time="1.250">
+          <testsuite name="a.nsd" tests="4" failures="1" errors="0" skipped="1" time="1.000">
             <testcase name="fine" classname="a.nsd" time="0.250"/>
+            <testcase name="warned" classname="a.nsd" time="0.250">
+              <system-out>W0703: `x` is above its bound
+        W0703: `x` is above its bound</system-out>
+            </testcase>
             <testcase name="off" classname="a.nsd" time="0.250">
               <failure message="expect x at end &lt; 1">expect x at end &lt; 1
           expected less than 1

@@ -162,7 +162,7 @@ fn a_surface_has_two_directions_at_most() {
           mechanics x, T { mass = 1; force = 0; contact wall { gap = x; restitution = 0; slip = [T, T, T]; } }
           x' = 1;
         }";
-    assert_snapshot!(model(text), @"E0319: a surface has no 3 directions | [T, T, T]: here | write `mechanics q, v { mass = M; force = f; }`, and `contact C { gap = c; restitution = e; }` with `friction = mu; slip = w;` where it is rough");
+    assert_snapshot!(model(text), @"E0319: a surface has no 3 directions | [T, T, T]: here | write `slip = [w1, w2];`, the velocities along two directions at right angles, or `slip = w;` where a body moves in a plane");
 }
 
 #[test]

@@ -265,11 +265,23 @@ pub enum ExperimentError {
 
     /// A jump in a method that integrates rates alone.
     #[error("`method {method}` does not take state jumps yet")]
-    #[diagnostic(code(E0904), help("use `method event`, which is the default"))]
+    #[diagnostic(code(E0904), help("{help}"))]
     Jump {
         method: &'static str,
+        help: &'static str,
         name: String,
         #[label("`{name}` sets states")]
+        span: Span,
+    },
+
+    /// A contact in a method that integrates rates alone.
+    #[error("`method {method}` does not take the contact `{name}` as it is")]
+    #[diagnostic(code(E0904), help("{help}"))]
+    Contact {
+        method: &'static str,
+        help: &'static str,
+        name: String,
+        #[label("velocities jump where it is struck")]
         span: Span,
     },
 
@@ -422,6 +434,20 @@ pub enum ExperimentError {
     Repetition {
         setting: String,
         #[label("not supported yet")]
+        span: Span,
+    },
+
+    /// Impulses where elements meet, in a method without elements.
+    #[error("`lower impact` needs `method fesd`")]
+    #[diagnostic(
+        code(E0924),
+        help(
+            "add `method fesd {{ steps = 100; }}`, or leave out `lower impact`, which `method event` does not need"
+        )
+    )]
+    NoElements {
+        method: &'static str,
+        #[label("runs by `method {method}`")]
         span: Span,
     },
 

@@ -54,6 +54,26 @@ impl Method<'_> {
         matches!(self, Method::Auto | Method::Event(_))
     }
 
+    /// What takes jumps in its place.
+    pub fn way_with_jumps(&self) -> &'static str {
+        match self {
+            Method::Fesd(_) => {
+                "use `method event`, which is the default; `lower timefreezing;` makes motion of a jump that is a contact"
+            }
+            _ => "use `method event`, which is the default",
+        }
+    }
+
+    /// What takes contacts, where it does not take them itself.
+    pub fn way_with_contacts(&self) -> &'static str {
+        match self {
+            Method::Fesd(_) => {
+                "add `lower impact;` for impulses where elements meet, or `lower timefreezing;`; or use `method event`, which is the default"
+            }
+            _ => "use `method event`, which is the default, or `method timestepping`",
+        }
+    }
+
     /// Whether it runs a system in numerical time.
     pub fn takes_frozen_time(&self) -> bool {
         matches!(self, Method::Auto | Method::Event(_) | Method::Fesd(_))
