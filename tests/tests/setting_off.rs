@@ -256,3 +256,34 @@ fn a_body_whose_mass_joins_all_directions_comes_to_rest() {
     close(&end(&found, "q"), &[y[0], y[1], 0.0], 1e-9);
     close(&end(&found, "v"), &[0.0; 3], 1e-12);
 }
+
+/// Two blocks at once, pulled by forces of one size: each goes as one alone does.
+#[test]
+fn two_blocks_set_off_together() {
+    let text = "model blocks {
+         state q[6] = 0;
+         state v[6] = 0;
+         q' = v;
+         mechanics q, v {
+           mass = diag([1, 1, 1, 1, 1, 1]);
+           force = [time, 0.5*time^2, -10 - (v[4] - v[1]), time, 0.5*time^2, -10 - (v[4] - v[1])];
+           contact first { gap = q[3]; slip = v[1..2]; restitution = 0; friction = 0.2; }
+           contact second { gap = q[6]; slip = v[4..5]; restitution = 0; friction = 0.2; }
+         }
+       }
+       simulate this of blocks { tolerance 1e-12; horizon 4; }";
+    let found = solved(text, "this");
+    let b = |t: f64| [t, 0.5 * t * t];
+    let leaves = root(|t| b(t)[0].hypot(b(t)[1]) - 2.0, 1.0, 2.0);
+    close(&times(&found, EventKind::Slip), &[leaves; 2], 1e-10);
+    let after = 1e-4;
+    let [u1, u2] = sets_off(after, b, leaves);
+    let third = after / 3.0;
+    let start = [third * u1, third * u2, u1, u2];
+    let (_, y) = slides(leaves + after, 4.0, start, |t, y| {
+        let speed = y[2].hypot(y[3]);
+        [0, 1].map(|i| b(t)[i] - 2.0 * y[2 + i] / speed)
+    });
+    close(&end(&found, "q"), &[y[0], y[1], 0.0, y[0], y[1], 0.0], 1e-9);
+    close(&end(&found, "v"), &[y[2], y[3], 0.0, y[2], y[3], 0.0], 1e-9);
+}

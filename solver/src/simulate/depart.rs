@@ -17,12 +17,15 @@ use super::disc::{self, RIM, STOPS, STRAIGHT};
 use super::mode::Mode;
 use super::select::Choice;
 use super::state::State;
-use super::step::{Step, first_event};
+use super::step::{Step, Watch, first_event};
 use super::{Side, Simulator, SwitchedSystem, series};
 use crate::linalg::DenseLu;
 
 /// Rounds of Newton's method for the direction of a force that leaves its cone.
 const ROUNDS: usize = 5;
+
+/// Steps as short as this share of the time that is left may be rounding.
+const LEAST: f64 = 1e-6;
 
 /// Halvings of the first step.
 const MAX_HALVINGS: usize = 40;
@@ -398,6 +401,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         mode.departing = departures.iter().flat_map(|one| one.switches).collect();
         let allowed = 10.0 * (order as f64) * tolerance.max(4.0 * f64::EPSILON);
         let h = mode.step_size(tolerance, state, remaining);
+        // Rounding in the last terms of what does not move at all shows no length: then the defect does, which allows
+        // more than those terms.
+        let mut is_shown = h > LEAST * remaining;
+        let h = if is_shown { h } else { remaining };
         let h = mode.watch(tolerance, state, h);
         let mut h = self.coefficients.expand(mode, tolerance, h);
         for _ in 0..MAX_HALVINGS {
@@ -407,12 +414,28 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             // What happens on the way is left to the steps behind this one.
             let dense = Dense::Taylor(mode);
             let event = first_event(&mut self.roots, dense, state, h, self.settings.tolerance);
+            // What leaves its rim at the same instant sets off together with this.
+            if let Some((root, watch @ Watch::Disc(_))) = event
+                && state.t + root.tau <= state.t
+            {
+                state.departures = departures.to_vec();
+                return Some(Step {
+                    length: 0.0,
+                    reaches_end: false,
+                    triggers: vec![watch.switch()],
+                    defect: 0.0,
+                    implicit: false,
+                    ends: None,
+                    departs: true,
+                });
+            }
             let left = self.coefficients.leave(&mut self.roots, mode, h);
             let defect = mode.defect(state, h, tolerance, allowed);
             let is_accurate = defect.rate <= allowed && defect.switches_agree;
             let is_seen = !mode.on_wrong_side(state);
             let looked = self.coefficients.agree(mode, state, h, allowed);
-            if event.is_none() && left.is_none() && is_accurate && is_seen && looked {
+            let passes = event.is_none() && left.is_none() && is_accurate && is_seen && looked;
+            if passes && is_shown {
                 let dense = Dense::Taylor(mode);
                 dense.states_at(h, &mut state.next);
                 if !state.next.iter().all(|x| x.is_finite()) {
@@ -434,6 +457,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                     departs: true,
                 });
             }
+            is_shown |= passes;
             state.stats.rejected += 1;
             h *= 0.5;
         }

@@ -5,8 +5,8 @@
 //! ends there once |w| is rounding. So what turns all the faster the slower it becomes stops without a loss of digits.
 //! Neither ψ = 0 alone is an event. What is watched is w·d with the direction d = w/|w| at the start of a step.
 //!
-//! From rest w starts in the direction that the forces of contacts give it, with a length that is rounding: w/|w| has
-//! a value then.
+//! From rest w starts as `depart` says; where that is not known, in the direction that the forces of contacts give it,
+//! with a length that is rounding: w/|w| has a value then.
 
 use super::dense::Dense;
 use super::depart::Departure;
@@ -308,6 +308,15 @@ pub(super) fn margin_at(dense: Dense, switch: usize, tau: f64, alpha: &[f64]) ->
             let (u, rate) = (2.0 * alpha[i] - 1.0, series::slope(dense.alpha(i), tau));
             (value - u * u, slope - 4.0 * u * rate)
         })
+}
+
+/// Whether u of the first entry of two that stick is at the rim after some time.
+pub(super) fn is_at_rim(dense: Dense, switch: usize, tau: f64) -> bool {
+    let Some(other) = dense.mode().other(switch) else {
+        return false;
+    };
+    let u = [switch, other].map(|i| 2.0 * series::value(dense.alpha(i), tau) - 1.0);
+    (1.0 - u[0] * u[0] - u[1] * u[1]).abs() <= RIM
 }
 
 /// The first instant at which u leaves the disc.

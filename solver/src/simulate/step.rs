@@ -337,7 +337,8 @@ pub(super) fn simultaneous(
     let mode = dense.mode();
     let together = |&i: &usize| {
         let alpha = series::value(dense.alpha(i), tau);
-        (mode.limits(i).iter()).any(|limit| (alpha - limit).abs() <= TOGETHER)
+        disc::is_at_rim(dense, i, tau)
+            || (mode.limits(i).iter()).any(|limit| (alpha - limit).abs() <= TOGETHER)
     };
     let mut triggers: Vec<usize> = mode.sliding.iter().copied().filter(together).collect();
     let reached = |&i: &usize| {
