@@ -88,6 +88,10 @@ pub(super) const TOUCH: f64 = 1.0 / 64.0;
 /// What a series does below this fraction of its terms is rounding.
 pub(super) const ROUNDING: f64 = 1e-13;
 
+/// A share of the largest speed of a contact, and the roundings that it is then told from.
+const FAST: f64 = 0.1;
+const ROUNDINGS: f64 = 64.0;
+
 /// What a new mode is found for.
 pub(super) enum Met {
     /// Switches on their surface, or at the end of their sliding.
@@ -235,8 +239,16 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             mode.surfaces.linearize(switch, &mode.memory.values);
             let terms = mode.gradient(switch).iter();
             let size: f64 = terms.map(|&(j, g)| g.abs() * state.size(j)).sum();
+            let terms = mode.gradient(switch).iter();
+            let fastest: f64 = terms.map(|&(j, g)| g.abs() * state.scale[j]).sum();
             let speed = mode.psi(switch);
-            if speed < -BAND * size {
+            // What is as fast as its bodies have ever been is an impact, even where forces that may act on a light one
+            // within a step make others seem small.
+            let share = match -speed > FAST * fastest {
+                true => ROUNDINGS * f64::EPSILON,
+                false => BAND,
+            };
+            if speed < -share * size {
                 struck.push(l);
                 speeds.push((switch, -speed));
             }
