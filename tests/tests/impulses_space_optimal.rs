@@ -49,7 +49,7 @@ fn close(found: f64, exact: f64, within: f64) {
 fn solved(text: &str, within: f64) -> Trajectory {
     let found = optimum(text, "o");
     assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
-    let check = found.optimum.as_ref().and_then(|o| o.check.clone());
+    let check = found.optimum.as_ref().and_then(|o| o.check);
     let check = check.expect("the run reaches its end");
     close(check.terminal_error, 0.0, within);
     close(check.objective_error, 0.0, within);

@@ -213,7 +213,11 @@ struct Outcome {
 
 fn test(folder: &Path) -> Outcome {
     let (exit, text, err) = test_folder(folder);
-    let below = |line: &str| line.rsplit('/').next().unwrap_or(line).to_owned();
+    let below = |line: &str| {
+        let name = line.rsplit('/').next().unwrap_or(line);
+        // Warnings of the run are behind it.
+        name.split(", ").next().unwrap_or(name).to_owned()
+    };
     let lines = |prefix: &str| {
         text.lines()
             .filter_map(|line| line.strip_prefix(prefix).map(below))

@@ -127,14 +127,19 @@ impl Mode {
         }
     }
 
-    /// Measures the same of what sliding holds at zero, whose present value says nothing of how well it is known.
-    pub(crate) fn measure_held(&mut self, state: &mut State) {
+    /// Measures the same of what contacts hold at zero in the run up to here, or in a first step of length h: its
+    /// present value says nothing of how well it is known.
+    pub(crate) fn measure_held(&mut self, state: &mut State, h: f64) {
         state.held.clear();
         state.held.resize(self.n, 0.0);
-        let motion = |state: &State, i: usize| match self.sliding.is_empty() {
-            true => 0.0,
-            false => state.activity[i] * state.last_step,
+        if !self.sliding.iter().any(|&i| self.is_contact(i)) {
+            return;
+        }
+        let step = match state.last_step {
+            last if last > 0.0 => last,
+            _ => h,
         };
+        let motion = |state: &State, i: usize| state.activity[i] * step;
         let is_held =
             |state: &State, i: usize| state.x[i].abs() < HELD * f64::EPSILON * motion(state, i);
         if !(0..self.n).any(|i| is_held(state, i)) {

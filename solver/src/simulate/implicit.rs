@@ -62,7 +62,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             mode.start(state.t, &state.x, &mut alpha)
         };
         mode.measure_terms(state);
-        mode.measure_held(state);
+        mode.measure_held(state, t1 - state.t);
         state.alpha = alpha;
         if solved.is_err() {
             return Err(mode.stuck());

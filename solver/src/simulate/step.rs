@@ -80,7 +80,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             return Err(mode.stuck());
         }
         mode.measure_terms(state);
-        mode.measure_held(state);
+        mode.measure_held(state, remaining);
         state.stats.rhs_evaluations += order;
         if mode.slides_nonlinearly()
             && let Some(fold) = mode.fold_ahead(state, remaining)
