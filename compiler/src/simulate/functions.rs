@@ -1,11 +1,33 @@
 //! What is compiled of a form: tapes, and where their inputs are among its variables.
 
+use std::cell::RefCell;
+use std::collections::hash_map::Entry;
 use std::sync::Arc;
 
-use nsd_solver::simulate::{Affine, Input, Partials};
+use nsd_solver::simulate::{Affine, Input, Partials, Side};
 use nsd_solver::tape::Tape;
+use rustc_hash::FxHashMap;
 
 use crate::expr::{self, Expr, Var};
+
+/// Functions by form and the sides of the α in it, in order.
+pub(super) type Known<T> = RefCell<ByForm<T>>;
+pub(super) type ByForm<T> = FxHashMap<(usize, Box<[Side]>), T>;
+
+/// What is known of a form on certain sides, compiled when it is asked for first.
+pub(super) fn kept<T>(
+    known: &mut ByForm<T>,
+    key: (usize, Box<[Side]>),
+    compile: impl FnOnce(&[Side]) -> T,
+) -> &T {
+    match known.entry(key) {
+        Entry::Occupied(known) => known.into_mut(),
+        Entry::Vacant(new) => {
+            let compiled = compile(&new.key().1);
+            new.insert(compiled)
+        }
+    }
+}
 
 /// An input of a form.
 #[derive(Clone, std::marker::Copy)]

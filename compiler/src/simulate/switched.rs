@@ -6,7 +6,6 @@
 //! and surfaces of one form.
 
 use std::cell::RefCell;
-use std::collections::hash_map::Entry;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -18,32 +17,15 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use super::blocks;
 use super::data::Pieces;
 use super::forms::{self, Copy, Form};
-use super::functions::{CompiledRates, CompiledSurface, Place, affine, partials, tape};
+use super::functions::{
+    CompiledRates, CompiledSurface, Known, Place, affine, kept, partials, tape,
+};
 use super::instants::Pulses;
 use super::laws;
 use super::structure::{self, Structure};
 use super::substituted::{numbers, variable, with_directions, with_numbers};
 use crate::expr::{self, Expr, Exprs, Node, Substitution, Var};
 use crate::system::{self, System};
-
-/// Functions by form and the sides of the α in it, in order.
-type Known<T> = RefCell<ByForm<T>>;
-type ByForm<T> = FxHashMap<(usize, Box<[Side]>), T>;
-
-/// What is known of a form on certain sides, compiled when it is asked for first.
-fn kept<T>(
-    known: &mut ByForm<T>,
-    key: (usize, Box<[Side]>),
-    compile: impl FnOnce(&[Side]) -> T,
-) -> &T {
-    match known.entry(key) {
-        Entry::Occupied(known) => known.into_mut(),
-        Entry::Vacant(new) => {
-            let compiled = compile(&new.key().1);
-            new.insert(compiled)
-        }
-    }
-}
 
 /// x' = f(t, x, α) with the parameters of one experiment.
 pub struct Switched<'e> {

@@ -40,7 +40,7 @@ use rustc_hash::FxHashMap;
 use crate::simulate::dense::ElementSeries;
 use crate::simulate::roots::RootFinder;
 use crate::simulate::zeno::Events;
-use crate::simulate::{Candidate, Decision, Guide, Note, Outcome, Side, Stats, Status};
+use crate::simulate::{Decision, Guide, Note, Outcome, Side, Stats, Status};
 use crate::tableau::{Family, Tableau, TableauError};
 use directional::Directional;
 use element::Element;
@@ -473,38 +473,5 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
         });
         self.known.insert(zeros.to_vec(), place);
         place
-    }
-
-    /// The only one of several modes in which the switches that are to be below their surfaces are.
-    fn preferred(&self, modes: &[usize]) -> Option<usize> {
-        let below = &self.settings.below;
-        let is_it = |mode: &usize| {
-            let sides = &self.modes[*mode].element.reduced.sides;
-            below.iter().all(|&switch| {
-                let of = |mode: &usize| self.modes[*mode].element.reduced.sides[switch];
-                sides[switch] == Side::Minus || modes.iter().all(|mode| of(mode) == sides[switch])
-            })
-        };
-        let mut found = (0..modes.len()).filter(|&at| is_it(&modes[at]));
-        let first = found.next().filter(|_| !below.is_empty())?;
-        found.next().is_none().then_some(first)
-    }
-
-    /// The switches that slide in some of several modes, or are on different sides, with their sides
-    /// in each.
-    fn candidates(&self, modes: &[usize]) -> Vec<Candidate> {
-        let sides = |mode: &usize| &self.modes[*mode].element.reduced.sides;
-        let differs = |switch: &usize| {
-            let mut all = modes.iter().map(|mode| sides(mode)[*switch]);
-            let first = all.next();
-            all.any(|side| Some(side) != first)
-        };
-        let open: Vec<usize> = (0..self.system.n_switches()).filter(differs).collect();
-        let candidate = |mode: &usize| {
-            open.iter()
-                .map(|&switch| (switch, sides(mode)[switch]))
-                .collect()
-        };
-        modes.iter().map(candidate).collect()
     }
 }

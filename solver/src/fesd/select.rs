@@ -5,7 +5,7 @@ use super::emit::Observer;
 use super::system::{ComplementaritySystem, Pair, Zero};
 use super::watch::{BAND, Start, Verdict};
 use super::{Run, Simulator};
-use crate::simulate::{Note, Status};
+use crate::simulate::{Candidate, Note, Side, Status};
 
 /// Length of the first trial element, relative to that of a step, and of every other to the one before.
 const TRIAL: f64 = 1e-3;
@@ -24,6 +24,39 @@ enum Trial {
 }
 
 impl<S: ComplementaritySystem> Simulator<'_, S> {
+    /// The only one of several modes in which the switches that are to be below their surfaces are.
+    pub(super) fn preferred(&self, modes: &[usize]) -> Option<usize> {
+        let below = &self.settings.below;
+        let is_it = |mode: &usize| {
+            let sides = &self.modes[*mode].element.reduced.sides;
+            below.iter().all(|&switch| {
+                let of = |mode: &usize| self.modes[*mode].element.reduced.sides[switch];
+                sides[switch] == Side::Minus || modes.iter().all(|mode| of(mode) == sides[switch])
+            })
+        };
+        let mut found = (0..modes.len()).filter(|&at| is_it(&modes[at]));
+        let first = found.next().filter(|_| !below.is_empty())?;
+        found.next().is_none().then_some(first)
+    }
+
+    /// The switches that slide in some of several modes, or are on different sides, with their sides
+    /// in each.
+    pub(super) fn candidates(&self, modes: &[usize]) -> Vec<Candidate> {
+        let sides = |mode: &usize| &self.modes[*mode].element.reduced.sides;
+        let differs = |switch: &usize| {
+            let mut all = modes.iter().map(|mode| sides(mode)[*switch]);
+            let first = all.next();
+            all.any(|side| Some(side) != first)
+        };
+        let open: Vec<usize> = (0..self.system.n_switches()).filter(differs).collect();
+        let candidate = |mode: &usize| {
+            open.iter()
+                .map(|&switch| (switch, sides(mode)[switch]))
+                .collect()
+        };
+        modes.iter().map(candidate).collect()
+    }
+
     /// Finds the set that a run starts with.
     pub(super) fn begin(&mut self, run: &mut Run, horizon: f64) -> Result<(), Status> {
         if self.guide.is_some() {
@@ -316,7 +349,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         };
         let reduced = &self.modes[mode].element.reduced;
         if reduced.slides() && !self.scheme.tableau.is_invertible() {
-            let slides = |i: &usize| reduced.sides[*i] == crate::simulate::Side::Slide;
+            let slides = |i: &usize| reduced.sides[*i] == Side::Slide;
             let switches = (0..reduced.sides.len()).filter(slides).collect();
             return Err(Status::CannotSlide { switches });
         }
