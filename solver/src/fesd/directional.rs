@@ -11,10 +11,10 @@
 
 use std::f64::consts::TAU;
 
+use super::blocks::Blocks;
 use super::independent::{MAX_OPEN, rate_scale};
 use super::system::{ComplementaritySystem, Full, Member, Zero};
 use super::watch::Start;
-use crate::linalg::DenseLu;
 
 /// Directions from which one to set off in is looked for: there are at most four.
 const DIRECTIONS: usize = 8;
@@ -55,10 +55,10 @@ pub(super) struct Found {
 pub(super) struct Directional {
     inputs: Vec<f64>,
     registers: Vec<f64>,
-    pub(super) matrix: Vec<f64>,
+    /// Rows of g, then of the pairs.
+    pub(super) matrix: Blocks,
     pub(super) rhs: Vec<f64>,
     residual: Vec<f64>,
-    lu: DenseLu,
     n: usize,
 }
 
@@ -71,13 +71,18 @@ impl Directional {
             &full.rates,
         ];
         let registers = tapes.map(|tape| tape.n_registers().max(tape.n_inputs()));
+        let n_equations = full.directional.n_outputs();
+        let entries = full.directional_slopes.entries.iter();
+        let entries = entries.map(|&(row, input)| (row, input - (1 + n + n_z)));
+        let members = system.pairs().iter().enumerate().flat_map(|(k, pair)| {
+            [pair.left, pair.right].map(|member| (n_equations + k, member.variable))
+        });
         Directional {
             inputs: vec![0.0; 1 + n + 2 * n_z + system.n_numbers()],
             registers: vec![0.0; registers.into_iter().max().unwrap_or(0)],
-            matrix: vec![0.0; n_z * n_z],
+            matrix: Blocks::new(n_z, entries.chain(members)),
             rhs: vec![0.0; n_z],
-            residual: vec![0.0; full.directional.n_outputs()],
-            lu: DenseLu::new(n_z),
+            residual: vec![0.0; n_equations],
             n,
         }
     }
@@ -328,12 +333,13 @@ impl Directional {
     ) -> Option<f64> {
         let n_equations = self.residual.len();
         self.rhs[..n_equations].copy_from_slice(&self.residual);
-        self.matrix[n_equations * u.len()..].fill(0.0);
         for (row, &zero) in zeros.iter().enumerate() {
             let (member, _) = system.pairs()[row].split(zero);
             let (left, right) = self.members(system, row, u);
-            self.rhs[n_equations + row] = -if zero == Zero::Left { left } else { right };
-            self.matrix[(n_equations + row) * u.len() + member.variable] = member.slope();
+            let at = n_equations + row;
+            self.rhs[at] = -if zero == Zero::Left { left } else { right };
+            self.matrix.clear_row(at);
+            *self.matrix.entry(at, member.variable) = member.slope();
         }
         self.step(u, 1.0)
     }
@@ -353,17 +359,16 @@ impl Directional {
         self.rhs[..self.residual.len()].copy_from_slice(&self.residual);
         self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
         full.directional_slopes.tape.run(&mut self.registers);
-        self.matrix.fill(0.0);
+        self.matrix.clear();
         let slopes = full.directional_slopes.tape.results(&self.registers);
         for (&(row, input), slope) in full.directional_slopes.entries.iter().zip(slopes) {
-            self.matrix[row * n_z + input - first] = slope;
+            *self.matrix.entry(row, input - first) = slope;
         }
     }
 
     /// Solves the linear equations and moves u by that share of the step. Returns its size.
     pub(super) fn step(&mut self, u: &mut [f64], share: f64) -> Option<f64> {
-        self.lu.factor(&self.matrix).ok()?;
-        self.lu.solve(&mut self.rhs);
+        self.matrix.solve(&mut self.rhs).ok()?;
         let mut largest = 0.0_f64;
         for (u, step) in u.iter_mut().zip(&self.rhs) {
             *u += share * step;

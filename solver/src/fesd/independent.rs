@@ -113,7 +113,7 @@ fn groups(system: &impl ComplementaritySystem, open: &[usize]) -> Vec<Vec<usize>
             is_settled[i] = !is_open[i];
         }
     }
-    let mut sets = Sets((0..n_z).collect());
+    let mut sets = Sets::new(n_z);
     for row in rows {
         let gives = |&i: &usize| is_settled[i] && system.is_continuous(i) && occurs[i] == 1;
         if row.iter().any(gives) {
@@ -142,10 +142,16 @@ fn groups(system: &impl ComplementaritySystem, open: &[usize]) -> Vec<Vec<usize>
 }
 
 /// Disjoint sets of variables, each named by one of its members.
-struct Sets(Vec<usize>);
+pub(super) struct Sets(Vec<usize>);
 
 impl Sets {
-    fn of(&mut self, mut i: usize) -> usize {
+    /// Each of n alone.
+    pub fn new(n: usize) -> Self {
+        Sets((0..n).collect())
+    }
+
+    /// The one that names the set of a variable.
+    pub fn of(&mut self, mut i: usize) -> usize {
         while self.0[i] != i {
             self.0[i] = self.0[self.0[i]];
             i = self.0[i];
@@ -153,7 +159,8 @@ impl Sets {
         i
     }
 
-    fn join(&mut self, i: usize, j: usize) {
+    /// Makes one set of those of two variables.
+    pub fn join(&mut self, i: usize, j: usize) {
         let (i, j) = (self.of(i), self.of(j));
         self.0[i] = j;
     }

@@ -11,6 +11,7 @@
 
 mod adaptive;
 mod banded;
+mod blocks;
 mod collocation;
 mod directional;
 mod element;

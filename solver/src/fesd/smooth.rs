@@ -70,15 +70,15 @@ impl Directional {
         sigma: f64,
     ) -> f64 {
         self.linearize(system, u);
-        let (n_z, n_equations) = (u.len(), system.full().directional.n_outputs());
+        let n_equations = system.full().directional.n_outputs();
         for (row, &zero) in zeros.iter().enumerate() {
             let pair = &system.pairs()[row];
             let (left, right) = self.members(system, row, u);
-            let at = (n_equations + row) * n_z;
+            let at = n_equations + row;
             if !open.contains(&row) {
                 let (member, _) = pair.split(zero);
-                self.rhs[n_equations + row] = -if zero == Zero::Left { left } else { right };
-                self.matrix[at + member.variable] = member.slope();
+                self.rhs[at] = -if zero == Zero::Left { left } else { right };
+                *self.matrix.entry(at, member.variable) = member.slope();
                 continue;
             }
             let scale = |variable: usize| {
@@ -91,10 +91,10 @@ impl Directional {
             let scales = [scale(pair.left.variable), scale(pair.right.variable)];
             let (a, b) = (left / scales[0], right / scales[1]);
             let root = (a * a + b * b + 2.0 * sigma).sqrt();
-            self.rhs[n_equations + row] = root - a - b;
-            self.matrix[at + pair.left.variable] +=
+            self.rhs[at] = root - a - b;
+            *self.matrix.entry(at, pair.left.variable) +=
                 (1.0 - a / root) * pair.left.slope() / scales[0];
-            self.matrix[at + pair.right.variable] +=
+            *self.matrix.entry(at, pair.right.variable) +=
                 (1.0 - b / root) * pair.right.slope() / scales[1];
         }
         self.rhs.iter().map(|r| r * r).sum::<f64>().sqrt()

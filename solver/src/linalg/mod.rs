@@ -153,6 +153,11 @@ impl BlockLu {
         matrix
     }
 
+    /// Takes the entries of all blocks, one block after the other, each row by row.
+    pub fn load(&mut self, entries: &[f64]) {
+        self.factors.copy_from_slice(entries);
+    }
+
     /// Factors all blocks in their place.
     pub fn factor(&mut self) -> Result<(), Singular> {
         for (pair, &place) in self.starts.windows(2).zip(&self.places) {
