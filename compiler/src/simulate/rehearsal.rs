@@ -16,6 +16,8 @@ use crate::system::experiment::{EventOptions, Method, Sampling, Settings};
 const CLOSEST: f64 = 1e-9;
 /// α that is so close to 0 or 1 is, and a slip velocity that is so small is none.
 const ROUNDING: f64 = 1e-9;
+/// A gap that is so small, relative to the largest state, is closed.
+const CLOSED: f64 = 1e-11;
 /// Slip with such a share of its largest velocity in two directions is none.
 const AT_REST: f64 = 1e-9;
 /// How far inside of its element α is read, as a share of it: at its ends it belongs to others.
@@ -31,6 +33,8 @@ pub(crate) struct Rehearsed<'e> {
     switches: Vec<f64>,
     /// When contacts strike, by name.
     strikes: Vec<(f64, String)>,
+    /// Instants at which infinitely many of these accumulate.
+    accumulations: Vec<f64>,
     /// Why it ended before its horizon.
     pub failure: Option<Failure>,
 }
@@ -59,12 +63,15 @@ impl<'e> Rehearsed<'e> {
             .filter(|event| event.kind == EventKind::Jump);
         let strikes = jumps.map(|event| (event.time, event.surface.clone()));
         let strikes: Vec<(f64, String)> = strikes.collect();
+        let limits = run.events.iter();
+        let limits = limits.filter(|event| event.kind == EventKind::Zeno);
         let modes = run.modes.iter().skip(1).map(|mode| mode.from);
         let mut rehearsed = Rehearsed {
             switches: modes.chain(strikes.iter().map(|strike| strike.0)).collect(),
             system,
             dense: run.dense,
             strikes,
+            accumulations: limits.map(|event| event.time).collect(),
             failure: run.failure,
         };
         rehearsed.switches.extend(rehearsed.turns());
@@ -139,6 +146,17 @@ impl<'e> Rehearsed<'e> {
             _ => false,
         };
         self.failure.as_ref().filter(in_it)
+    }
+
+    /// Where infinitely many impacts accumulate in an interval.
+    pub fn accumulates(&self, from: f64, to: f64) -> Option<f64> {
+        let mut limits = self.accumulations.iter().copied();
+        limits.find(|&time| from < time && time <= to)
+    }
+
+    /// How many parts the switches and impacts inside of an interval make of it.
+    pub fn parts(&self, start: f64, end: f64) -> usize {
+        cuts(start, end, &self.switches).len() - 1
     }
 
     /// Gives the lengths, states, impulses and multipliers of step k the values of the run in an interval.
@@ -248,11 +266,14 @@ impl<'e> Rehearsed<'e> {
         directed(system, &mut alphas, &self.known(time, within));
         let value = self.known(time, row);
         let mut z = solve_in_mode(system, dcs, &alphas, &value).algebraics;
-        // On the surface of a contact the sign of rounding says nothing.
+        // On the surface of a contact the sign of rounding says nothing, also where nothing presses.
+        let largest = row[..n].iter().fold(0.0, |m: f64, x| m.max(x.abs()));
         for (impact, contact) in dcs.impacts.iter().zip(&system.contacts) {
             let force = 1.0 - alphas[contact.switch];
             if force > ROUNDING {
                 (z[impact.gap], z[impact.force]) = (0.0, force);
+            } else if z[impact.gap].abs() <= CLOSED * largest {
+                z[impact.gap] = 0.0;
             }
         }
         z
@@ -282,12 +303,7 @@ fn sides_of(friction: &Friction, z: &[f64]) -> Vec<f64> {
 
 /// The lengths of the elements of an interval: cuts are switches, as far as there are elements for them.
 pub(crate) fn cut(start: f64, end: f64, switches: &[f64], elements: usize) -> Vec<f64> {
-    let near = CLOSEST * (end - start);
-    let inside = |t: &f64| *t > start + near && *t < end - near;
-    let mut cuts = vec![start];
-    cuts.extend(switches.iter().copied().filter(inside));
-    cuts.push(end);
-    cuts.dedup_by(|a, b| *a - *b <= near);
+    let mut cuts = cuts(start, end, switches);
     while cuts.len() - 1 > elements {
         // The shortest part joins a neighbour.
         let lengths = cuts.windows(2).map(|pair| pair[1] - pair[0]);
@@ -308,4 +324,15 @@ pub(crate) fn cut(start: f64, end: f64, switches: &[f64], elements: usize) -> Ve
     parts
         .flat_map(|(length, &count)| vec![length / count as f64; count])
         .collect()
+}
+
+/// The ends of an interval, and the switches inside of it that are not one.
+fn cuts(start: f64, end: f64, switches: &[f64]) -> Vec<f64> {
+    let near = CLOSEST * (end - start);
+    let inside = |t: &f64| *t > start + near && *t < end - near;
+    let mut cuts = vec![start];
+    cuts.extend(switches.iter().copied().filter(inside));
+    cuts.push(end);
+    cuts.dedup_by(|a, b| *a - *b <= near);
+    cuts
 }

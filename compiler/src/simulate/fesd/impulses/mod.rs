@@ -34,6 +34,8 @@ use crate::system::task::{Shape, Task};
 const STEPS: usize = 50;
 /// Elements that are added to a step at most.
 const MOST_ADDED: usize = 2;
+/// Parts of a step that are foreseen at most.
+const MOST_PARTS: usize = 12;
 /// Other ways that are tried, and iterations of each, where the predicted branch is none.
 const MOST_WAYS: usize = 1;
 const MOST_ITERATIONS: usize = 500;
@@ -221,13 +223,16 @@ impl<'s, 'e> Run<'s, 'e> {
             let start = self.horizon * k as f64 / self.steps as f64;
             let end = self.horizon * (k + 1) as f64 / self.steps as f64;
             // Impulses without a motion, as those of Painlevé's paradox, may be solutions of a step.
-            let ended = self
-                .rehearsed
-                .as_ref()
-                .and_then(|run| run.ended(start, end));
-            let step = match ended.cloned() {
-                Some(failure) => Err(failure),
-                None => match self.step(start, end - start) {
+            let rehearsed = self.rehearsed.as_ref();
+            let ended = rehearsed.and_then(|run| run.ended(start, end)).cloned();
+            let limit = rehearsed.and_then(|run| run.accumulates(start, end));
+            let step = match (ended, limit) {
+                (Some(failure), _) => Err(failure),
+                (None, Some(time)) => Err(Failure::Accumulation {
+                    time,
+                    span: settings.span,
+                }),
+                (None, None) => match self.step(start, end - start) {
                     Some(step) => self.outside(&step, start).map_or(Ok(step), Err),
                     None => Err(self.without_step(start, settings)),
                 },
@@ -274,7 +279,11 @@ impl<'s, 'e> Run<'s, 'e> {
             .options
             .detection
             .map_or(1, |detection| detection.elements);
-        for added in 0..=MOST_ADDED {
+        // With fewer elements than the step has parts there is no solution.
+        let parts = |run: &Rehearsed| run.parts(start, start + length).min(MOST_PARTS);
+        let parts = self.rehearsed.as_ref().map_or(1, parts);
+        let least = parts.saturating_sub(elements);
+        for added in least..=least + MOST_ADDED {
             // Making the program of many contacts may take longer than solving it.
             if self.is_late() {
                 return None;
