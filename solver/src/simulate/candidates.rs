@@ -4,6 +4,8 @@
 //! sliding ones in place, which finds every solution. Beyond, Lemke's method finds one, and where
 //! -∂φ/∂α is no P-matrix, a search looks for more (`pivot`).
 
+use std::time::Instant;
+
 use super::judge::TIE;
 use super::mode::Mode;
 use super::pivot::Problem;
@@ -58,6 +60,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             all,
         };
         for candidate in candidates {
+            // There may be hundreds, each with many boxes.
+            if state.is_late() {
+                return Err(Status::TimeLimit);
+            }
             self.enter_surfaces(state, group, &candidate);
             let outcome = self.solve(state, group, &candidate, &mut choices.found);
             choices.singular |= outcome == Search::Singular;
@@ -151,6 +157,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             };
         }
         let mut zeros = Zeros::new(mode, alpha, unknowns);
+        zeros.deadline = state.deadline;
         let outcome = zeros.find();
         let (solutions, mut alpha, unknowns) = (zeros.found, zeros.alpha, zeros.unknowns);
         for solution in solutions {
@@ -224,6 +231,8 @@ pub(super) struct Zeros<'m> {
     /// Unknowns that stay what they are: slip velocities that others keep at zero.
     held: Vec<usize>,
     found: Vec<Vec<f64>>,
+    /// When the search has to stop.
+    deadline: Option<Instant>,
 }
 
 impl<'m> Zeros<'m> {
@@ -235,6 +244,7 @@ impl<'m> Zeros<'m> {
             unknowns,
             held: Vec::new(),
             found: Vec::new(),
+            deadline: None,
         }
     }
 
@@ -423,7 +433,8 @@ impl<'m> Zeros<'m> {
         let mut looked_at = 0;
         while let Some((corner, width, depth)) = boxes.pop() {
             looked_at += 1;
-            if looked_at > MAX_BOXES {
+            let is_late = || self.deadline.is_some_and(|end| Instant::now() > end);
+            if looked_at > MAX_BOXES || is_late() {
                 return false;
             }
             if self.has_no_zero(&corner, width) {

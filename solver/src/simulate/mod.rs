@@ -69,7 +69,7 @@ mod turn;
 mod window;
 pub(crate) mod zeno;
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 pub use approach::{Approach, Visit};
 use coefficients::Coefficients;
@@ -229,13 +229,12 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
 
     /// Integrates from `x0` at `t0` to `t1`.
     pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut impl Observer) -> Outcome {
-        let started = self
-            .settings
-            .time_limit
-            .map(|limit| (Instant::now(), limit));
+        let limit = self.settings.time_limit;
+        let deadline = limit.and_then(|limit| Instant::now().checked_add(limit));
         let known = self.mode.n_functions();
         let mut state = std::mem::take(&mut self.state);
         state.begin(t0, x0, self.system.n_switches());
+        state.deadline = deadline;
         self.stiffness.reset();
         let (mut drift, mut defect) = (0.0, 0.0);
         let mut events = zeno::Events::default();
@@ -265,7 +264,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 if state.t >= t1 {
                     break Status::Solved;
                 }
-                if let Some(status) = self.limit(&mut state, started) {
+                if let Some(status) = self.limit(&mut state) {
                     break status;
                 }
 
@@ -436,7 +435,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
         outcome
     }
 
-    fn limit(&self, state: &mut State, started: Option<(Instant, Duration)>) -> Option<Status> {
+    fn limit(&self, state: &mut State) -> Option<Status> {
         if state.stats.steps >= self.settings.max_steps {
             return Some(Status::StepLimit);
         }
@@ -447,8 +446,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
         let known = self.mode.n_functions();
         let compiled = std::mem::replace(&mut state.functions, known) < known;
         let due = compiled || state.stats.steps.is_multiple_of(16);
-        let late = started.is_some_and(|(start, limit)| due && start.elapsed() > limit);
-        late.then_some(Status::TimeLimit)
+        (due && state.is_late()).then_some(Status::TimeLimit)
     }
 
     /// The polynomials of the last step.

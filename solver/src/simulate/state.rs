@@ -1,5 +1,7 @@
 //! What changes from step to step.
 
+use std::time::Instant;
+
 use super::approach::Pending;
 use super::depart::Departure;
 use super::fold::Fold;
@@ -49,6 +51,8 @@ pub(super) struct State {
     /// Largest residual of complementarity problems so far.
     pub complementarity: f64,
     pub stats: Stats,
+    /// When the run has to stop.
+    pub deadline: Option<Instant>,
     /// Functions taken up when the clock was looked at.
     pub functions: usize,
     /// What the caller should know, up to a number of them.
@@ -85,6 +89,11 @@ pub(super) struct State {
 }
 
 impl State {
+    /// Whether the run has to stop.
+    pub(super) fn is_late(&self) -> bool {
+        self.deadline.is_some_and(|end| Instant::now() > end)
+    }
+
     /// Starts a run, in the memory of the one before.
     pub(super) fn begin(&mut self, t: f64, x: &[f64], n_switches: usize) {
         for copy in [&mut self.x, &mut self.next, &mut self.scale] {
