@@ -424,7 +424,7 @@ impl<'m> Zeros<'m> {
 
     /// All zeros of rates with products of α: a multi-affine function has its extremes over a box at
     /// the corners, so that corners of one sign prove that the box holds none. False where boxes were
-    /// left that are too large for Newton's method alone.
+    /// left that are too large for Newton's method alone, or that there was no time for.
     fn subdivide(&mut self) -> bool {
         let mut all = true;
         let k = self.unknowns.len();
