@@ -10,6 +10,7 @@ const EXAMPLES: &[&str] = &[
     "around_ellipse.nsd: across",
     "around_ellipse.nsd: published",
     "ball_pile.nsd: by_events",
+    "ball_pile.nsd: clay",
     "ball_pile.nsd: settles",
     "billiard.nsd: dropped",
     "billiard.nsd: thrown",
@@ -159,6 +160,7 @@ const LIBRARY: &[&str] = &[
 /// Experiments of the design models that pass.
 const MODELS: &[&str] = &[
     "ball_pile.nsd: by_events",
+    "ball_pile.nsd: clay",
     "ball_pile.nsd: settle",
     "bouncing_ball.nsd: at_rest",
     "bouncing_ball.nsd: bounces",
