@@ -173,8 +173,13 @@ impl Mode {
 
     /// Whether some contact slips with two entries.
     pub(super) fn slips_in_a_plane(&self) -> bool {
-        let mut discs = (0..self.discs.of.len()).filter(|&i| self.discs.of[i].is_some());
-        discs.any(|i| self.sides[i] != Side::Slide && !self.is_idle(i, &self.sides))
+        (0..self.discs.of.len()).any(|i| self.slips_by(i))
+    }
+
+    /// Whether a contact slips with two entries, of which this is the first one.
+    fn slips_by(&self, switch: usize) -> bool {
+        let is_off = self.sides[switch] != Side::Slide && !self.is_idle(switch, &self.sides);
+        self.discs.of[switch].is_some() && is_off
     }
 
     /// What rounding does to w is so many times as large in w/|w| where the point is, of all that slips in a plane: close
@@ -182,13 +187,43 @@ impl Mode {
     pub(super) fn roundings_of_direction(&mut self, state: &State) -> f64 {
         let mut most = 0.0_f64;
         for i in 0..self.discs.of.len() {
-            let slips = self.sides[i] != Side::Slide && !self.is_idle(i, &self.sides);
-            if let Some(other) = self.other(i).filter(|_| slips) {
+            if let Some(other) = self.other(i).filter(|_| self.slips_by(i)) {
                 let terms = state.terms[i].max(state.terms[other]);
                 most = most.max(terms / self.psi(i).hypot(self.psi(other)));
             }
         }
         most
+    }
+
+    /// The same, once the terms of all such w have been measured.
+    pub(super) fn measure_directions(&mut self, state: &mut State) -> f64 {
+        for i in 0..self.discs.of.len() {
+            if let Some(other) = self.other(i).filter(|_| self.slips_by(i)) {
+                self.measure_terms_of_psi(i, state);
+                self.measure_terms_of_psi(other, state);
+            }
+        }
+        self.roundings_of_direction(state)
+    }
+
+    /// Changes what each w is made of by a share of itself, in the way that turns w/|w| most.
+    pub(super) fn perturb_directions(&mut self, by: f64) {
+        self.perturbed.clone_from(&self.memory.values);
+        for i in 0..self.discs.of.len() {
+            let Some(other) = self.other(i).filter(|_| self.slips_by(i)) else {
+                continue;
+            };
+            let [d, e] = direction([i, other].map(|k| self.psi(k)));
+            for (k, across) in [(i, -e), (other, d)] {
+                self.surfaces.linearize(k, &self.memory.values);
+                let time = std::iter::once((0, self.surfaces.time_gradient(k)));
+                let states = self.surfaces.gradient(k).iter();
+                for (at, g) in time.chain(states.map(|&(j, g)| (1 + j, g))) {
+                    let input = self.memory.values[at];
+                    self.perturbed[at] += by * input.abs() * (across * g).signum();
+                }
+            }
+        }
     }
 
     /// Cuts all series before their first term that is no number: close to w = 0 terms grow with their order until they
@@ -228,12 +263,16 @@ impl Mode {
     }
 
     /// The end of what slips in two directions and is all but at rest, where it still turns: no step gets there.
-    pub(super) fn comes_to_rest(&self, state: &State) -> Option<Step> {
-        let mut watched = self.watched.iter().copied();
-        let switch = watched.find(|&i| {
+    pub(super) fn comes_to_rest(&mut self, state: &mut State) -> Option<Step> {
+        let slowing = |mode: &mut Mode, state: &mut State, i: usize| {
+            if state.armed[i] || !mode.slips_by(i) {
+                return false;
+            }
+            mode.expand_psi(i, state);
             let slows = |w: &[f64]| w[0] <= STOPS * state.band[i] && w[1] < 0.0;
-            !state.armed[i] && self.series_along(i).is_some_and(slows)
-        })?;
+            mode.series_along(i).is_some_and(slows)
+        };
+        let switch = (0..self.sides.len()).find(|&i| slowing(self, state, i))?;
         Some(Step {
             length: 0.0,
             reaches_end: false,

@@ -159,7 +159,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             let reaches_end = length >= remaining;
             let is_free = event.is_none() && ends.is_none();
             if is_free && !reaches_end && state.t + (length + state.t_low) <= state.t {
-                return mode.comes_to_rest(state).ok_or_else(|| mode.stuck());
+                let rests = mode.comes_to_rest(state);
+                return rests.ok_or_else(|| mode.stuck());
             }
             let (length, triggers) = match event {
                 Some((root, watch)) => {
@@ -208,8 +209,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 departs: false,
             });
         }
-        let mode = &self.mode;
-        mode.comes_to_rest(state).ok_or_else(|| mode.stuck())
+        let rests = self.mode.comes_to_rest(state);
+        rests.ok_or_else(|| self.mode.stuck())
     }
 }
 
