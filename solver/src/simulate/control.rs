@@ -15,6 +15,10 @@ const CLOSE: f64 = 1.05;
 /// Relative change of the inputs that shows the size of the terms of a function.
 const PERTURBATION: f64 = 1e-7;
 
+/// The golden and the silver ratio: their multiples disturb no two terms alike.
+const GOLDEN: f64 = 0.618_033_988_749_895;
+const SILVER: f64 = 0.414_213_562_373_095;
+
 /// No change turns a direction by more than about this: beyond, its terms would look smaller than they are.
 const TURN: f64 = 0.01;
 
@@ -99,18 +103,19 @@ impl Mode {
     /// error.
     pub(crate) fn measure_terms(&mut self, state: &mut State) {
         self.terms.copy_from_slice(&self.field.f);
-        self.perturb(PERTURBATION);
-        if self.slips_in_a_plane() {
+        self.perturb(PERTURBATION, GOLDEN);
+        if self.has_discs() {
             let turns = self.measure_directions(state);
             let by = match turns * PERTURBATION > TURN {
                 true => (TURN / turns).max(LEAST_PERTURBATION),
                 false => PERTURBATION,
             };
-            // What happens to leave a direction as it is shows nothing of it.
+            // Terms that happen to cancel once do not do so twice.
+            self.perturb(by, SILVER);
             self.perturb_directions(by);
             self.field.eval(&self.perturbed);
             self.turned.copy_from_slice(&self.field.f);
-            self.perturb(by);
+            self.perturb(by, GOLDEN);
         } else {
             self.turned.copy_from_slice(&self.terms);
         }
@@ -121,23 +126,19 @@ impl Mode {
             let size = change / self.perturbation;
             *term = if size.is_finite() { size } else { 0.0 };
         }
-        // Next to rest, what rounding does to a direction is large for as long as it is next to rest.
-        for i in self.discs.states() {
-            state.activity[i] = 0.0;
-        }
+        self.forget_directions(state);
         for (activity, &now) in state.activity.iter_mut().zip(&self.terms) {
             *activity = activity.max(now);
         }
     }
 
-    /// Changes all inputs by about a share of themselves, no two alike.
-    fn perturb(&mut self, by: f64) {
+    /// Changes all inputs by about a share of themselves, no two alike: by multiples of an irrational number.
+    fn perturb(&mut self, by: f64, number: f64) {
         self.perturbation = by;
         self.perturbed.clone_from(&self.memory.values);
         let mut share = 0.0_f64;
         let mut perturb = |input: &mut f64| {
-            // Multiples of the golden ratio, so that no two terms are disturbed alike.
-            share = (share + 0.618_033_988_749_895).fract();
+            share = (share + number).fract();
             *input *= 1.0 + by * (2.0 * share - 1.0).signum() * (0.5 + share);
         };
         self.perturbed[..=self.n].iter_mut().for_each(&mut perturb);
@@ -205,9 +206,10 @@ impl Mode {
     /// The magnitude an error of state i within a step h is relative to: the largest of the run or
     /// within the step, and no less than what keeps `tolerance` above the rounding errors of f. What
     /// is truncated there has the same sign in every step and in a finer run too, which would not
-    /// see it: it must not be larger than rounding itself.
+    /// see it: it must not be larger than rounding itself. What follows from states that are held at zero is no better
+    /// known than these.
     fn error_scale(&self, i: usize, h: f64, tolerance: f64, state: &State) -> f64 {
-        let rounding = f64::EPSILON * state.activity[i] * h;
+        let rounding = f64::EPSILON * state.activity[i].max(state.held[i]) * h;
         let magnitude = series::magnitude(self.x_series(i), h, 0);
         let scale = state.scale[i].max(magnitude).max(rounding / tolerance);
         scale.max(SMALLEST)
@@ -296,6 +298,19 @@ impl Mode {
                     last.see(c, scale.max(SMALLEST));
                 }
             }
+        })
+    }
+
+    /// The largest step up to `longest` whose first neglected terms stay below a `share` of |w| of a slip velocity with
+    /// two entries, once both have been expanded.
+    pub(super) fn step_size_of_slip(&self, of: [usize; 2], share: f64, longest: f64) -> f64 {
+        let series = of.map(|i| {
+            let start = self.surfaces.row(i);
+            &self.memory.rows[start..=start + self.order]
+        });
+        let speed = series[0][0].hypot(series[1][0]).max(SMALLEST);
+        self.grow(share, longest, |_, last| {
+            series.into_iter().for_each(|c| last.see(c, speed));
         })
     }
 

@@ -32,6 +32,9 @@ const DEPARTS: f64 = 0.1;
 /// Errors of so many tolerances in a speed turn its direction.
 const TURNS: f64 = 100.0;
 
+/// Of a speed that errors may turn, what a step does not know.
+const KNOWN: f64 = 1e-4;
+
 /// Of the distance in time to the instant of rest, what a step away from it is long.
 const AWAY: f64 = 0.5;
 
@@ -52,6 +55,8 @@ struct Disc {
     series: Vec<f64>,
     /// The states whose rates have u in them.
     states: Vec<usize>,
+    /// Whether it slipped when sizes of terms were measured last.
+    slipped: bool,
 }
 
 /// The discs of a system, by switch.
@@ -80,12 +85,6 @@ impl Discs {
             .flatten()
             .for_each(|disc| is_second[disc.other] = true);
         Discs { of, is_second }
-    }
-
-    /// The states whose rates have a direction in them.
-    pub(super) fn states(&self) -> impl Iterator<Item = usize> {
-        let all = self.of.iter().flatten();
-        all.flat_map(|disc| disc.states.iter().copied())
     }
 }
 
@@ -206,9 +205,26 @@ impl Mode {
         self.roundings_of_direction(state)
     }
 
+    /// Whether the system has slip velocities with two entries.
+    pub(super) fn has_discs(&self) -> bool {
+        self.discs.of.iter().any(Option::is_some)
+    }
+
+    /// Forgets how large the terms of what slips in a plane were: next to rest, what rounding does to a direction is large
+    /// for as long as it is next to rest.
+    pub(super) fn forget_directions(&mut self, state: &mut State) {
+        for i in 0..self.discs.of.len() {
+            let slips = self.slips_by(i);
+            if let Some(disc) = &mut self.discs.of[i] {
+                if std::mem::replace(&mut disc.slipped, slips) || slips {
+                    disc.states.iter().for_each(|&j| state.activity[j] = 0.0);
+                }
+            }
+        }
+    }
+
     /// Changes what each w is made of by a share of itself, in the way that turns w/|w| most.
     pub(super) fn perturb_directions(&mut self, by: f64) {
-        self.perturbed.clone_from(&self.memory.values);
         for i in 0..self.discs.of.len() {
             let Some(other) = self.other(i).filter(|_| self.slips_by(i)) else {
                 continue;
@@ -220,7 +236,7 @@ impl Mode {
                 let states = self.surfaces.gradient(k).iter();
                 for (at, g) in time.chain(states.map(|&(j, g)| (1 + j, g))) {
                     let input = self.memory.values[at];
-                    self.perturbed[at] += by * input.abs() * (across * g).signum();
+                    self.perturbed[at] = input + by * input.abs() * (across * g).signum();
                 }
             }
         }
@@ -296,6 +312,23 @@ impl Mode {
                 _ => h,
             }
         })
+    }
+
+    /// A step of h, or a shorter one close to rest: what is small next to the states may turn a w as small as that, and
+    /// a step that takes it for anything comes no closer to rest.
+    pub(super) fn keeps_directions(&mut self, tolerance: f64, state: &mut State, h: f64) -> f64 {
+        let mut shorter = h;
+        for i in 0..self.discs.of.len() {
+            let Some(other) = self.other(i).filter(|_| self.slips_by(i)) else {
+                continue;
+            };
+            let lost = state.band[i] * STOPS.max(TURNS * tolerance / BAND);
+            if self.psi(i).hypot(self.psi(other)) <= lost {
+                self.expand_psi(i, state);
+                shorter = self.step_size_of_slip([i, other], KNOWN, shorter);
+            }
+        }
+        shorter
     }
 
     /// Where a step towards w = 0 ends before it gets there; nothing where it does, or goes nowhere else.

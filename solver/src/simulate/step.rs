@@ -113,6 +113,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         // The last term of the series, differentiated, is what the defect shows of the error.
         let allowed = 10.0 * (order as f64) * tolerance.max(4.0 * f64::EPSILON);
         let h = mode.step_size(self.stiffness.explicit_tolerance(), state, longest);
+        let h = mode.keeps_directions(tolerance, state, h);
         let h = mode.watch(tolerance, state, h);
         let h = mode.leaves_rest(tolerance, state, h);
         let mut h = self.coefficients.expand(mode, tolerance, h);
