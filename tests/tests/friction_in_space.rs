@@ -2,8 +2,8 @@
 
 use std::f64::consts::PI;
 
-use nsd_tests::{end, solved, times};
-use nsdc::report::{EventKind, Trajectory};
+use nsd_tests::{end, run, solved, times};
+use nsdc::report::{EventKind, Failure, Trajectory};
 
 /// A body on the floor z = 0 under a force, with `options` of its contact.
 fn body(q: [f64; 3], v: [f64; 3], force: &str, options: &str, run: &str) -> Trajectory {
@@ -246,6 +246,49 @@ fn two_cones_hold_what_slides_in_a_groove() {
     close(&times(&found, EventKind::Stick), &[2.0 / brake; 2], 1e-12);
     close(&end(&found, "q"), &[2.0 / brake, 0.0, 0.0], 1e-11);
     close(&end(&found, "v"), &[0.0; 3], 1e-12);
+}
+
+/// In the same groove under forces along it, c up from the start: rest is the only motion below 2√2, and what slides
+/// stops. Beyond, the planes may hold it between them as a wedge, up to 2√2/√(1 - μ²), or not.
+#[test]
+fn a_groove_holds_what_rests_in_it() {
+    let groove = |speed: f64, force: &str, horizon: f64| {
+        format!(
+            "model groove {{
+               state q[3] = 0;
+               state v[3] = [{speed:?}, 0, 0];
+               const c = sqrt(0.5);
+               q' = v;
+               mechanics q, v {{
+                 mass = 1;
+                 force = [{force}, -10];
+                 contact left {{ gap = c*(q[2] + q[3]); restitution = 0; friction = 0.2; slip = [v[1], c*(v[3] - v[2])]; }}
+                 contact right {{ gap = c*(q[3] - q[2]); restitution = 0; friction = 0.2; slip = [v[1], c*(v[3] + v[2])]; }}
+               }}
+             }}
+             simulate this of groove {{ tolerance 1e-12; horizon {horizon:?}; }}"
+        )
+    };
+    for force in ["time, 0.1*sin(time)", "0, time", "0.5, 0", "1, 0.5"] {
+        let found = solved(&groove(0.0, force, 2.7), "this");
+        close(&end(&found, "q"), &[0.0; 3], 1e-13);
+        close(&end(&found, "v"), &[0.0; 3], 1e-13);
+        assert!(times(&found, EventKind::Slip).is_empty());
+    }
+    // Both planes together push with 10 √2, whatever acts across.
+    let hold = 2.0 * 2.0_f64.sqrt();
+    for (force, pull) in [("0.5, 0", 0.5), ("1, 0.5", 1.0), ("-2, 0.3*time", -2.0)] {
+        let found = solved(&groove(2.0, force, 2.5), "this");
+        let stops = 2.0 / (hold - pull);
+        close(&times(&found, EventKind::Stick), &[stops; 2], 1e-11);
+        close(&end(&found, "q"), &[stops, 0.0, 0.0], 1e-11);
+        close(&end(&found, "v"), &[0.0; 3], 1e-12);
+    }
+    let found = run(&groove(0.0, "time, 0", 5.0), "this");
+    let Some(Failure::Undetermined { time, contacts, .. }) = found.failure else {
+        panic!("{:?}", found.failure);
+    };
+    assert!(contacts && (time - hold).abs() <= 1e-6, "{time}");
 }
 
 /// Newton's law with the cone for an impulse that no axis has: a plate of three masses that differ.
