@@ -215,10 +215,10 @@ impl Mode {
     pub(super) fn forget_directions(&mut self, state: &mut State) {
         for i in 0..self.discs.of.len() {
             let slips = self.slips_by(i);
-            if let Some(disc) = &mut self.discs.of[i] {
-                if std::mem::replace(&mut disc.slipped, slips) || slips {
-                    disc.states.iter().for_each(|&j| state.activity[j] = 0.0);
-                }
+            if let Some(disc) = &mut self.discs.of[i]
+                && (std::mem::replace(&mut disc.slipped, slips) || slips)
+            {
+                disc.states.iter().for_each(|&j| state.activity[j] = 0.0);
             }
         }
     }
