@@ -2,8 +2,8 @@
 
 use std::f64::consts::PI;
 
-use nsd_tests::{end, solved, times};
-use nsdc::report::{EventKind, Trajectory};
+use nsd_tests::{end, run, solved, times};
+use nsdc::report::{EventKind, Failure, Trajectory};
 
 /// A body on the floor z = 0 under a force, with `options` of its contact.
 fn body(q: [f64; 3], v: [f64; 3], force: &str, options: &str, run: &str) -> Trajectory {
@@ -248,6 +248,49 @@ fn two_cones_hold_what_slides_in_a_groove() {
     close(&end(&found, "v"), &[0.0; 3], 1e-12);
 }
 
+/// In the same groove under forces along it, c up from the start: rest is the only motion below 2√2, and what slides
+/// stops. Beyond, the planes may hold it between them as a wedge, up to 2√2/√(1 - μ²), or not.
+#[test]
+fn a_groove_holds_what_rests_in_it() {
+    let groove = |speed: f64, force: &str, horizon: f64| {
+        format!(
+            "model groove {{
+               state q[3] = 0;
+               state v[3] = [{speed:?}, 0, 0];
+               const c = sqrt(0.5);
+               q' = v;
+               mechanics q, v {{
+                 mass = 1;
+                 force = [{force}, -10];
+                 contact left {{ gap = c*(q[2] + q[3]); restitution = 0; friction = 0.2; slip = [v[1], c*(v[3] - v[2])]; }}
+                 contact right {{ gap = c*(q[3] - q[2]); restitution = 0; friction = 0.2; slip = [v[1], c*(v[3] + v[2])]; }}
+               }}
+             }}
+             simulate this of groove {{ tolerance 1e-12; horizon {horizon:?}; }}"
+        )
+    };
+    for force in ["time, 0.1*sin(time)", "0, time", "0.5, 0", "1, 0.5"] {
+        let found = solved(&groove(0.0, force, 2.7), "this");
+        close(&end(&found, "q"), &[0.0; 3], 1e-13);
+        close(&end(&found, "v"), &[0.0; 3], 1e-13);
+        assert!(times(&found, EventKind::Slip).is_empty());
+    }
+    // Both planes together push with 10 √2, whatever acts across.
+    let hold = 2.0 * 2.0_f64.sqrt();
+    for (force, pull) in [("0.5, 0", 0.5), ("1, 0.5", 1.0), ("-2, 0.3*time", -2.0)] {
+        let found = solved(&groove(2.0, force, 2.5), "this");
+        let stops = 2.0 / (hold - pull);
+        close(&times(&found, EventKind::Stick), &[stops; 2], 1e-11);
+        close(&end(&found, "q"), &[stops, 0.0, 0.0], 1e-11);
+        close(&end(&found, "v"), &[0.0; 3], 1e-12);
+    }
+    let found = run(&groove(0.0, "time, 0", 5.0), "this");
+    let Some(Failure::Undetermined { time, contacts, .. }) = found.failure else {
+        panic!("{:?}", found.failure);
+    };
+    assert!(contacts && (time - hold).abs() <= 1e-6, "{time}");
+}
+
 /// Newton's law with the cone for an impulse that no axis has: a plate of three masses that differ.
 #[test]
 fn an_impact_obeys_the_cone_where_masses_differ() {
@@ -342,7 +385,7 @@ fn what_a_mass_joins_to_the_floor_stops() {
         for [x, y] in [[2.0_f64, 1.0_f64], [-2.0, 0.5], [0.0, 2.0]] {
             let speed = x.hypot(y);
             let brake = 3.0 / (1.0 + 0.3 * c * x / speed);
-            let found = joined(c, [x, y]);
+            let found = joined(c, [x, y], 0.0, 1e-12);
             close(&times(&found, EventKind::Stick), &[speed / brake], 1e-11);
             close(&end(&found, "v"), &[0.0; 3], 1e-12);
             let way = speed / brake / 2.0;
@@ -351,8 +394,50 @@ fn what_a_mass_joins_to_the_floor_stops() {
     }
 }
 
-/// A body of mass one whose mass joins x and z.
-fn joined(c: f64, [x, y]: [f64; 2]) -> Trajectory {
+/// The same on a belt that starts from rest with an acceleration of U along x. With w = r (cos θ, sin θ) relative to it
+/// and a = cμ, r' = -μg/(1 + a cos θ) - U cos θ and r θ' = U sin θ, hence
+///
+/// ln(r sin θ) = const - μg/U ∫ dθ/(sin θ (1 + a cos θ)),   t = ∫ r/(U sin θ) dθ up to θ = π.
+///
+/// What the floor bears turns with the slip velocity until that is rounding, and the height has always been zero.
+#[test]
+fn what_a_mass_joins_to_the_floor_stops_on_a_belt() {
+    for (c, pull) in [(0.2_f64, 0.3_f64), (-0.4, 0.3), (0.4, 1.5)] {
+        stops_on_a_belt(c, pull);
+    }
+}
+
+fn stops_on_a_belt(c: f64, pull: f64) {
+    let (brake, a) = (3.0, 0.3 * c);
+    // By π - θ, in which 1 + cos θ does not cancel.
+    let inner = |left: f64| {
+        let (near, far) = ((0.5 * left).sin(), (0.5 * left).cos());
+        (2.0 * far * far).ln() / (2.0 * (1.0 + a)) - (2.0 * near * near).ln() / (2.0 * (1.0 - a))
+            + a / (1.0 - a * a) * (-a * left.cos()).ln_1p()
+    };
+    let start = PI - 1.0_f64.atan2(2.0);
+    let constant = (5.0_f64.sqrt() * start.sin()).ln() + brake / pull * inner(start);
+    let rate = |left: f64| {
+        let speed = (constant - brake / pull * inner(left)).exp() / left.sin();
+        speed / (pull * left.sin())
+    };
+    // Gauss's rule with three nodes, for y⁴ = (π - θ)/(π - θ₀): the integrand is a power of π - θ at its end.
+    let n = 2000;
+    let h = 1.0 / f64::from(n);
+    let nodes = [(-0.6_f64.sqrt(), 5.0), (0.0, 8.0), (0.6_f64.sqrt(), 5.0)];
+    let stops: f64 = (0..n)
+        .flat_map(|k| nodes.map(|(at, weight)| (h * (f64::from(k) + 0.5 + 0.5 * at), weight)))
+        .map(|(y, weight)| h * weight / 18.0 * 4.0 * start * y.powi(3) * rate(start * y.powi(4)))
+        .sum();
+    for (tolerance, within) in [(1e-6, 1e-7), (1e-8, 1e-9), (1e-10, 1e-11), (1e-12, 1e-11)] {
+        let found = joined(c, [2.0, 1.0], pull, tolerance);
+        close(&times(&found, EventKind::Stick), &[stops], within);
+        close(&end(&found, "v"), &[2.0 * pull, 0.0, 0.0], 1e-12);
+    }
+}
+
+/// A body of mass one whose mass joins x and z, on a belt.
+fn joined(c: f64, [x, y]: [f64; 2], pull: f64, tolerance: f64) -> Trajectory {
     let text = format!(
         "model body {{
            state q[3] = 0;
@@ -361,10 +446,10 @@ fn joined(c: f64, [x, y]: [f64; 2]) -> Trajectory {
            mechanics q, v {{
              mass = [1, 0, {c:?}; 0, 1, 0; {c:?}, 0, 1];
              force = [0, 0, -10];
-             contact floor {{ gap = q[3]; restitution = 0; friction = 0.3; slip = v[1..2]; }}
+             contact floor {{ gap = q[3]; restitution = 0; friction = 0.3; slip = [v[1] - {pull:?}*time, v[2]]; }}
            }}
          }}
-         simulate this of body {{ tolerance 1e-12; horizon 2; }}"
+         simulate this of body {{ tolerance {tolerance:?}; horizon 2; }}"
     );
     solved(&text, "this")
 }

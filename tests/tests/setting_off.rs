@@ -287,3 +287,80 @@ fn two_blocks_set_off_together() {
     close(&end(&found, "q"), &[y[0], y[1], 0.0, y[0], y[1], 0.0], 1e-9);
     close(&end(&found, "v"), &[y[2], y[3], 0.0, y[2], y[3], 0.0], 1e-9);
 }
+
+/// A block that is exactly at rest at the end of a spring, while one at the other end sets off, as on a spring that is
+/// fixed: in a direction that turns, or so slowly that it rests again after a few micrometres.
+#[test]
+fn a_block_stays_while_another_one_sets_off() {
+    let grows = |t: f64| [0.95 * t * t, -0.39 * t];
+    let force = ("0.95*time^2", "-0.39*time");
+    one_stays(3.79, 0.5, 0.1, force, grows, &[0.6], 1.9);
+    let turns = |t: f64| [1.93 * (1.98 * t).sin(), -0.66 * t];
+    let force = ("1.93*sin(1.98*time)", "-0.66*time");
+    one_stays(1.35, 2.0, 0.1, force, turns, &[0.7, 1.9], 3.0);
+}
+
+/// `before` are instants shortly before those at which it sets off.
+fn one_stays(
+    spring: f64,
+    mass: f64,
+    friction: f64,
+    force: (&str, &str),
+    push: impl Fn(f64) -> [f64; 2],
+    before: &[f64],
+    horizon: f64,
+) {
+    let brake = 10.0 * friction;
+    let after = 1e-4;
+    let (mut setting_off, mut resting) = (Vec::new(), Vec::new());
+    let mut y = [0.0; 4];
+    let last = before.len() - 1;
+    for (at, &before) in before.iter().enumerate() {
+        let place = [y[0], y[1]];
+        let pull = |t: f64| [0, 1].map(|i| (push(t)[i] - spring * place[i]) / mass);
+        let leaves = root(
+            |t| pull(t)[0].hypot(pull(t)[1]) - brake,
+            before,
+            before + 0.2,
+        );
+        setting_off.push(leaves);
+        let [u1, u2] = sets_off(after, pull, leaves);
+        let third = after / 3.0;
+        let start = [place[0] + third * u1, place[1] + third * u2, u1, u2];
+        let (stops, end) = slides(leaves + after, horizon, start, |t, y| {
+            let speed = y[2].hypot(y[3]);
+            [0, 1].map(|i| (push(t)[i] - spring * y[i]) / mass - brake * y[2 + i] / speed)
+        });
+        y = end;
+        if at < last {
+            resting.push(stops);
+        }
+    }
+    for tolerance in [1e-6, 1e-8, 1e-9, 1e-10, 1e-12] {
+        let text = format!(
+            "model blocks {{
+               state q[6] = [0, 0, 0, 1, 0, 0];
+               state v[6] = 0;
+               q' = v;
+               const k = {spring:?};
+               mechanics q, v {{
+                 mass = diag([1, 1, 1, {mass:?}, {mass:?}, {mass:?}]);
+                 force = [k*(q[4] - q[1] - 1), k*(q[5] - q[2]), -10,
+                   {} - k*(q[4] - q[1] - 1), {} - k*(q[5] - q[2]), -10*{mass:?}];
+                 contact stays {{ gap = q[3]; slip = v[1..2]; restitution = 0; friction = 0.3; }}
+                 contact goes {{ gap = q[6]; slip = v[4..5]; restitution = 0; friction = {friction:?}; }}
+               }}
+             }}
+             simulate this of blocks {{ tolerance {tolerance:?}; horizon {horizon:?}; }}",
+            force.0, force.1
+        );
+        let found = solved(&text, "this");
+        let within = f64::max(1e-9, tolerance);
+        close(&times(&found, EventKind::Slip), &setting_off, within);
+        close(&times(&found, EventKind::Stick), &resting, within);
+        let q = [0.0, 0.0, 0.0, 1.0 + y[0], y[1], 0.0];
+        close(&end(&found, "q"), &q, within);
+        close(&end(&found, "v"), &[0.0, 0.0, 0.0, y[2], y[3], 0.0], within);
+        assert!(found.stats.steps < 2000, "{}", found.stats.steps);
+    }
+}

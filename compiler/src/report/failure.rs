@@ -50,13 +50,16 @@ pub enum Failure {
     #[error("at t = {time}, no solution goes on for sure: sliding is not determined here")]
     #[diagnostic(
         code(E0703),
-        help(
-            "the rates of these switching functions do not depend on their own switches independently; \
-             look for two surfaces that coincide, or for both sides being tangent"
-        )
+        help("{}", if *contacts {
+            "how much these contacts push depends on how they share friction while they stick, which motion does not tell, and when they set off depends on it; take less friction, give one of them a spring, or end the horizon before"
+        } else {
+            "the rates of these switching functions do not depend on their own switches independently; look for two surfaces that coincide, or for both sides being tangent"
+        })
     )]
     Undetermined {
         time: f64,
+        /// Whether all of them are contacts with their friction.
+        contacts: bool,
         #[label(collection)]
         surfaces: Vec<LabeledSpan>,
     },

@@ -74,6 +74,7 @@ pub(super) fn failure(
         },
         Status::Undetermined { switches } => Failure::Undetermined {
             time,
+            contacts: are_contacts(system, switches),
             surfaces: at(switches),
         },
         Status::Inconsistent { switches } => Failure::Inconsistent {

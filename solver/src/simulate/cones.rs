@@ -21,6 +21,10 @@ const MAX_HALVINGS: usize = 8;
 const SOLVED: f64 = 4.0 * f64::EPSILON;
 const ROUNDED: f64 = 1e-11;
 
+/// A step so many times as long as the residual comes of a singular matrix, which is damped by so much.
+const FAR: f64 = 1e8;
+const DAMPING: f64 = 1e-10;
+
 /// The problem in units of forces and of rates.
 pub(super) struct Cones<'m> {
     pub meeting: &'m Meeting,
@@ -43,9 +47,7 @@ impl Cones<'_> {
             if error <= SOLVED {
                 break;
             }
-            lu.factor(&matrix).ok()?;
-            let mut step = residual.clone();
-            lu.solve(&mut step);
+            let step = step(&mut lu, &mut matrix, &residual)?;
             let mut share = 1.0;
             let mut best: Option<(f64, Vec<f64>)> = None;
             for _ in 0..MAX_HALVINGS {
@@ -74,6 +76,10 @@ impl Cones<'_> {
         }
         normal.copy_from_slice(&z[..n]);
         friction.copy_from_slice(&z[n..]);
+        let slips: Vec<f64> = (n..z.len())
+            .map(|row| self.rate(&slopes, &z, row))
+            .collect();
+        self.share(&slopes, normal, friction, &slips);
         (error <= ROUNDED).then_some(error)
     }
 
@@ -98,20 +104,24 @@ impl Cones<'_> {
         slopes
     }
 
+    /// a of a contact, or b of an entry behind them, at λ and β.
+    fn rate(&self, slopes: &[f64], z: &[f64], at: usize) -> f64 {
+        let of_row = &slopes[at * z.len()..(at + 1) * z.len()];
+        let by_forces = of_row.iter().zip(z).map(|(slope, z)| slope * z);
+        let free = match at.checked_sub(self.meeting.contacts.len()) {
+            None => self.rates[0][at],
+            Some(slip) => self.rates[1][slip],
+        };
+        free + by_forces.sum::<f64>()
+    }
+
     /// The residual at λ and β with its derivative, row by row.
     fn evaluate(&self, slopes: &[f64], z: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let meeting = self.meeting;
         let (n, size) = (meeting.contacts.len(), z.len());
         let (mut residual, mut matrix) = (vec![0.0; size], vec![0.0; size * size]);
         let slopes_of = |at: usize| &slopes[at * size..(at + 1) * size];
-        let rate = |at: usize| -> f64 {
-            let by_forces = slopes_of(at).iter().zip(z).map(|(slope, z)| slope * z);
-            let free = match at.checked_sub(n) {
-                None => self.rates[0][at],
-                Some(slip) => self.rates[1][slip],
-            };
-            free + by_forces.sum::<f64>()
-        };
+        let rate = |at: usize| self.rate(slopes, z, at);
         for i in 0..n {
             let a = rate(i);
             if a < z[i] {
@@ -164,4 +174,22 @@ impl Cones<'_> {
         }
         (residual, matrix)
     }
+}
+
+/// Newton's step; one of about the least length where contacts that stick make the matrix singular, as their forces are
+/// not determined then.
+fn step(lu: &mut DenseLu, matrix: &mut [f64], residual: &[f64]) -> Option<Vec<f64>> {
+    let size = residual.len();
+    let mut step = residual.to_vec();
+    if lu.factor(matrix).is_ok() {
+        lu.solve(&mut step);
+        if norm(&step) <= FAR * norm(residual) {
+            return Some(step);
+        }
+        step.copy_from_slice(residual);
+    }
+    (0..size).for_each(|i| matrix[i * size + i] += DAMPING);
+    lu.factor(matrix).ok()?;
+    lu.solve(&mut step);
+    Some(step)
 }

@@ -13,7 +13,17 @@ const MAX_GROWTHS: usize = 200;
 const CLOSE: f64 = 1.05;
 
 /// Relative change of the inputs that shows the size of the terms of a function.
-pub(super) const PERTURBATION: f64 = 1e-7;
+const PERTURBATION: f64 = 1e-7;
+
+/// The golden and the silver ratio: their multiples disturb no two terms alike.
+const GOLDEN: f64 = 0.618_033_988_749_895;
+const SILVER: f64 = 0.414_213_562_373_095;
+
+/// No change turns a direction by more than about this: beyond, its terms would look smaller than they are.
+const TURN: f64 = 0.01;
+
+/// The least change that is none of rounding.
+const LEAST_PERTURBATION: f64 = 64.0 * f64::EPSILON;
 
 /// Roundings of what would move a state in a step, below which it does not move.
 const HELD: f64 = 8.0;
@@ -93,12 +103,43 @@ impl Mode {
     /// error.
     pub(crate) fn measure_terms(&mut self, state: &mut State) {
         self.terms.copy_from_slice(&self.field.f);
+        self.perturb(PERTURBATION, GOLDEN);
+        if self.has_discs() {
+            let turns = self.measure_directions(state);
+            let by = match turns * PERTURBATION > TURN {
+                true => (TURN / turns).max(LEAST_PERTURBATION),
+                false => PERTURBATION,
+            };
+            // Terms that happen to cancel once do not do so twice.
+            self.perturb(by, SILVER);
+            self.perturb_directions(by);
+            self.field.eval(&self.perturbed);
+            self.turned.copy_from_slice(&self.field.f);
+            self.perturb(by, GOLDEN);
+        } else {
+            self.turned.copy_from_slice(&self.terms);
+        }
+        self.field.eval(&self.perturbed);
+        let changed = self.field.f.iter().zip(&self.turned);
+        for (term, (perturbed, turned)) in self.terms.iter_mut().zip(changed) {
+            let change = (perturbed - *term).abs().max((turned - *term).abs());
+            let size = change / self.perturbation;
+            *term = if size.is_finite() { size } else { 0.0 };
+        }
+        self.forget_directions(state);
+        for (activity, &now) in state.activity.iter_mut().zip(&self.terms) {
+            *activity = activity.max(now);
+        }
+    }
+
+    /// Changes all inputs by about a share of themselves, no two alike: by multiples of an irrational number.
+    fn perturb(&mut self, by: f64, number: f64) {
+        self.perturbation = by;
         self.perturbed.clone_from(&self.memory.values);
         let mut share = 0.0_f64;
         let mut perturb = |input: &mut f64| {
-            // Multiples of the golden ratio, so that no two terms are disturbed alike.
-            share = (share + 0.618_033_988_749_895).fract();
-            *input *= 1.0 + PERTURBATION * (2.0 * share - 1.0).signum() * (0.5 + share);
+            share = (share + number).fract();
+            *input *= 1.0 + by * (2.0 * share - 1.0).signum() * (0.5 + share);
         };
         self.perturbed[..=self.n].iter_mut().for_each(&mut perturb);
         for &i in &self.sliding {
@@ -113,18 +154,15 @@ impl Mode {
                 false => perturb(alpha),
             }
         }
-        self.field.eval(&self.perturbed);
-        for (term, perturbed) in self.terms.iter_mut().zip(&self.field.f) {
-            let size = (perturbed - *term).abs() / PERTURBATION;
-            *term = if size.is_finite() { size } else { 0.0 };
-        }
-        // Next to rest, what rounding does to a direction is large for as long as it is next to rest.
-        for i in self.discs.states() {
-            state.activity[i] = 0.0;
-        }
-        for (activity, &now) in state.activity.iter_mut().zip(&self.terms) {
-            *activity = activity.max(now);
-        }
+    }
+
+    /// Size of the terms of ψ of a switch where the point is.
+    pub(super) fn measure_terms_of_psi(&mut self, switch: usize, state: &mut State) {
+        let (values, perturbed) = (&self.memory.values, &self.perturbed);
+        let size = self
+            .surfaces
+            .terms(switch, values, perturbed, self.perturbation);
+        state.terms[switch] = size;
     }
 
     /// Measures the same of what contacts hold at zero in the run up to here, or in a first step of length h: its
@@ -168,9 +206,10 @@ impl Mode {
     /// The magnitude an error of state i within a step h is relative to: the largest of the run or
     /// within the step, and no less than what keeps `tolerance` above the rounding errors of f. What
     /// is truncated there has the same sign in every step and in a finer run too, which would not
-    /// see it: it must not be larger than rounding itself.
+    /// see it: it must not be larger than rounding itself. What follows from states that are held at zero is no better
+    /// known than these.
     fn error_scale(&self, i: usize, h: f64, tolerance: f64, state: &State) -> f64 {
-        let rounding = f64::EPSILON * state.activity[i] * h;
+        let rounding = f64::EPSILON * state.activity[i].max(state.held[i]) * h;
         let magnitude = series::magnitude(self.x_series(i), h, 0);
         let scale = state.scale[i].max(magnitude).max(rounding / tolerance);
         scale.max(SMALLEST)
@@ -242,8 +281,7 @@ impl Mode {
     pub(crate) fn expand_psi(&mut self, switch: usize, state: &mut State) {
         for i in std::iter::once(switch).chain(self.other(switch)) {
             self.surfaces.expand(i, &mut self.memory, self.order + 1);
-            let (values, perturbed) = (&self.memory.values, &self.perturbed);
-            state.terms[i] = self.surfaces.terms(i, values, perturbed, PERTURBATION);
+            self.measure_terms_of_psi(i, state);
         }
         self.expand_along(switch);
     }
@@ -260,6 +298,19 @@ impl Mode {
                     last.see(c, scale.max(SMALLEST));
                 }
             }
+        })
+    }
+
+    /// The largest step up to `longest` whose first neglected terms stay below a `share` of |w| of a slip velocity with
+    /// two entries, once both have been expanded.
+    pub(super) fn step_size_of_slip(&self, of: [usize; 2], share: f64, longest: f64) -> f64 {
+        let series = of.map(|i| {
+            let start = self.surfaces.row(i);
+            &self.memory.rows[start..=start + self.order]
+        });
+        let speed = series[0][0].hypot(series[1][0]).max(SMALLEST);
+        self.grow(share, longest, |_, last| {
+            series.into_iter().for_each(|c| last.see(c, speed));
         })
     }
 

@@ -32,6 +32,9 @@ const DEPARTS: f64 = 0.1;
 /// Errors of so many tolerances in a speed turn its direction.
 const TURNS: f64 = 100.0;
 
+/// Of a speed that errors may turn, what a step does not know.
+const KNOWN: f64 = 1e-4;
+
 /// Of the distance in time to the instant of rest, what a step away from it is long.
 const AWAY: f64 = 0.5;
 
@@ -52,6 +55,8 @@ struct Disc {
     series: Vec<f64>,
     /// The states whose rates have u in them.
     states: Vec<usize>,
+    /// Whether it slipped when sizes of terms were measured last.
+    slipped: bool,
 }
 
 /// The discs of a system, by switch.
@@ -80,12 +85,6 @@ impl Discs {
             .flatten()
             .for_each(|disc| is_second[disc.other] = true);
         Discs { of, is_second }
-    }
-
-    /// The states whose rates have a direction in them.
-    pub(super) fn states(&self) -> impl Iterator<Item = usize> {
-        let all = self.of.iter().flatten();
-        all.flat_map(|disc| disc.states.iter().copied())
     }
 }
 
@@ -173,8 +172,13 @@ impl Mode {
 
     /// Whether some contact slips with two entries.
     pub(super) fn slips_in_a_plane(&self) -> bool {
-        let mut discs = (0..self.discs.of.len()).filter(|&i| self.discs.of[i].is_some());
-        discs.any(|i| self.sides[i] != Side::Slide && !self.is_idle(i, &self.sides))
+        (0..self.discs.of.len()).any(|i| self.slips_by(i))
+    }
+
+    /// Whether a contact slips with two entries, of which this is the first one.
+    fn slips_by(&self, switch: usize) -> bool {
+        let is_off = self.sides[switch] != Side::Slide && !self.is_idle(switch, &self.sides);
+        self.discs.of[switch].is_some() && is_off
     }
 
     /// What rounding does to w is so many times as large in w/|w| where the point is, of all that slips in a plane: close
@@ -182,13 +186,60 @@ impl Mode {
     pub(super) fn roundings_of_direction(&mut self, state: &State) -> f64 {
         let mut most = 0.0_f64;
         for i in 0..self.discs.of.len() {
-            let slips = self.sides[i] != Side::Slide && !self.is_idle(i, &self.sides);
-            if let Some(other) = self.other(i).filter(|_| slips) {
+            if let Some(other) = self.other(i).filter(|_| self.slips_by(i)) {
                 let terms = state.terms[i].max(state.terms[other]);
                 most = most.max(terms / self.psi(i).hypot(self.psi(other)));
             }
         }
         most
+    }
+
+    /// The same, once the terms of all such w have been measured.
+    pub(super) fn measure_directions(&mut self, state: &mut State) -> f64 {
+        for i in 0..self.discs.of.len() {
+            if let Some(other) = self.other(i).filter(|_| self.slips_by(i)) {
+                self.measure_terms_of_psi(i, state);
+                self.measure_terms_of_psi(other, state);
+            }
+        }
+        self.roundings_of_direction(state)
+    }
+
+    /// Whether the system has slip velocities with two entries.
+    pub(super) fn has_discs(&self) -> bool {
+        self.discs.of.iter().any(Option::is_some)
+    }
+
+    /// Forgets how large the terms of what slips in a plane were: next to rest, what rounding does to a direction is large
+    /// for as long as it is next to rest.
+    pub(super) fn forget_directions(&mut self, state: &mut State) {
+        for i in 0..self.discs.of.len() {
+            let slips = self.slips_by(i);
+            if let Some(disc) = &mut self.discs.of[i]
+                && (std::mem::replace(&mut disc.slipped, slips) || slips)
+            {
+                disc.states.iter().for_each(|&j| state.activity[j] = 0.0);
+            }
+        }
+    }
+
+    /// Changes what each w is made of by a share of itself, in the way that turns w/|w| most.
+    pub(super) fn perturb_directions(&mut self, by: f64) {
+        for i in 0..self.discs.of.len() {
+            let Some(other) = self.other(i).filter(|_| self.slips_by(i)) else {
+                continue;
+            };
+            let [d, e] = direction([i, other].map(|k| self.psi(k)));
+            for (k, across) in [(i, -e), (other, d)] {
+                self.surfaces.linearize(k, &self.memory.values);
+                let time = std::iter::once((0, self.surfaces.time_gradient(k)));
+                let states = self.surfaces.gradient(k).iter();
+                for (at, g) in time.chain(states.map(|&(j, g)| (1 + j, g))) {
+                    let input = self.memory.values[at];
+                    self.perturbed[at] = input + by * input.abs() * (across * g).signum();
+                }
+            }
+        }
     }
 
     /// Cuts all series before their first term that is no number: close to w = 0 terms grow with their order until they
@@ -228,12 +279,16 @@ impl Mode {
     }
 
     /// The end of what slips in two directions and is all but at rest, where it still turns: no step gets there.
-    pub(super) fn comes_to_rest(&self, state: &State) -> Option<Step> {
-        let mut watched = self.watched.iter().copied();
-        let switch = watched.find(|&i| {
+    pub(super) fn comes_to_rest(&mut self, state: &mut State) -> Option<Step> {
+        let slowing = |mode: &mut Mode, state: &mut State, i: usize| {
+            if state.armed[i] || !mode.slips_by(i) {
+                return false;
+            }
+            mode.expand_psi(i, state);
             let slows = |w: &[f64]| w[0] <= STOPS * state.band[i] && w[1] < 0.0;
-            !state.armed[i] && self.series_along(i).is_some_and(slows)
-        })?;
+            mode.series_along(i).is_some_and(slows)
+        };
+        let switch = (0..self.sides.len()).find(|&i| slowing(self, state, i))?;
         Some(Step {
             length: 0.0,
             reaches_end: false,
@@ -257,6 +312,23 @@ impl Mode {
                 _ => h,
             }
         })
+    }
+
+    /// A step of h, or a shorter one close to rest: what is small next to the states may turn a w as small as that, and
+    /// a step that takes it for anything comes no closer to rest.
+    pub(super) fn keeps_directions(&mut self, tolerance: f64, state: &mut State, h: f64) -> f64 {
+        let mut shorter = h;
+        for i in 0..self.discs.of.len() {
+            let Some(other) = self.other(i).filter(|_| self.slips_by(i)) else {
+                continue;
+            };
+            let lost = state.band[i] * STOPS.max(TURNS * tolerance / BAND);
+            if self.psi(i).hypot(self.psi(other)) <= lost {
+                self.expand_psi(i, state);
+                shorter = self.step_size_of_slip([i, other], KNOWN, shorter);
+            }
+        }
+        shorter
     }
 
     /// Where a step towards w = 0 ends before it gets there; nothing where it does, or goes nowhere else.

@@ -3,7 +3,6 @@
 //! An event is found as a root of the step's polynomials, and then located by the length of the step
 //! that ends on it, so that it is as accurate as a step's end.
 
-use super::control::PERTURBATION;
 use super::dense::Dense;
 use super::mode::Mode;
 use super::pieces::is_at_end;
@@ -250,7 +249,7 @@ impl Mode {
                 }
                 state.terms[i] = self
                     .surfaces
-                    .terms(i, values, &self.perturbed, PERTURBATION);
+                    .terms(i, values, &self.perturbed, self.perturbation);
             }
         }
         let n_watched = self.watched.len();

@@ -55,6 +55,7 @@ pub(crate) mod series;
 mod set_out;
 mod settings;
 mod several;
+mod share;
 mod sight;
 mod sliding;
 mod state;

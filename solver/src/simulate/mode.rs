@@ -54,8 +54,11 @@ pub(crate) struct Mode {
     entered: bool,
     /// Size of the terms of f at the expansion point, which may cancel.
     pub terms: Vec<f64>,
-    /// Inputs next to those of the expansion point.
+    /// Inputs next to those of the expansion point, and by what share they differ.
     pub perturbed: Vec<f64>,
+    pub(super) perturbation: f64,
+    /// f where these turn what slips in a plane.
+    pub(super) turned: Vec<f64>,
     /// Switches off their surface whose ψ might vanish within the step.
     pub watched: Vec<usize>,
     /// Switches that nothing but outputs looks at, and those of them without a series within the step.
@@ -113,6 +116,8 @@ impl Mode {
             entered: false,
             terms: vec![0.0; n],
             perturbed: Vec::new(),
+            perturbation: 0.0,
+            turned: vec![0.0; n],
             watched: Vec::new(),
             observers: blind::observers(system),
             blind: Vec::new(),

@@ -84,6 +84,12 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             all: true,
         };
         for candidate in tried(&options) {
+            let held = candidate
+                .iter()
+                .map(|(of_normal, of_slip)| (*of_normal == Side::Slide, *of_slip == Side::Slide));
+            if meeting.keeps_slipping_one(&held.collect::<Vec<_>>()) {
+                continue;
+            }
             let mut sides = vec![Side::Plus; group.len()];
             let mut set = |switch: usize, side: Side, value: f64| {
                 if let Ok(at) = group.binary_search(&switch) {
@@ -122,6 +128,16 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             self.enter_surfaces(state, group, &sides);
             let found = self.refine(group, &sides, &alpha);
             choices.singular |= found.is_none();
+            let sets_off = |i: usize| {
+                let (of_normal, of_slip) = candidate[i];
+                let rubs = meeting.entries(i).len() > 1 && meeting.resistance(i) > 0.0;
+                of_normal == Side::Slide && of_slip != Side::Slide && rubs
+            };
+            // When it does depends on what each of them has taken, which nothing determines.
+            if found.is_some() && (0..candidate.len()).any(sets_off) && meeting.wedges(&forces) {
+                let switches = group.to_vec();
+                return Err(Status::Undetermined { switches });
+            }
             choices.found.extend(found);
         }
         Ok(choices)

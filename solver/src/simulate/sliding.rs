@@ -7,6 +7,7 @@
 use super::field::Field;
 use super::mode::Mode;
 use super::rank::eliminate;
+use super::share::least_changes;
 use super::surfaces::Surfaces;
 use crate::linalg::{BlockLu, Singular};
 
@@ -33,7 +34,7 @@ pub(super) struct Sliding {
     parent: Vec<usize>,
     /// By place: what takes the place of the equation of a switch whose surface another one has.
     ties: Vec<Option<Tie>>,
-    /// By place: slip velocities that other surfaces keep at zero. Their α stay what they are.
+    /// By place: slip velocities that other surfaces keep at zero. α changes as little as it may.
     held: Vec<bool>,
     /// Whether it is known which are.
     weighed: bool,
@@ -204,10 +205,20 @@ impl Sliding {
             if !self.weighed && (0..end - start).any(is_slip) {
                 self.held[start..end].copy_from_slice(&held(matrix, end - start, is_slip));
             }
-            for row in (start..end).filter(|&row| self.held[row]) {
-                let row_of = &mut matrix[(row - start) * (end - start)..][..end - start];
-                row_of.fill(0.0);
-                row_of[row - start] = 1.0;
+            let held = &self.held[start..end];
+            if held.contains(&true) {
+                let n = end - start;
+                let mut least = least_changes(matrix, n, held, is_slip)
+                    .unwrap_or_default()
+                    .into_iter();
+                for row in (0..n).filter(|&row| held[row]) {
+                    let row_of = &mut matrix[row * n..][..n];
+                    row_of.fill(0.0);
+                    match least.next() {
+                        Some(least) => row_of.copy_from_slice(&least),
+                        None => row_of[row] = 1.0,
+                    }
+                }
             }
         }
         self.weighed = true;
@@ -235,7 +246,7 @@ impl Sliding {
         self.ties[place]
     }
 
-    /// True where α stays what it is.
+    /// True where others say that the rate is zero.
     pub(super) fn is_held(&self, place: usize) -> bool {
         self.held[place]
     }

@@ -113,6 +113,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         // The last term of the series, differentiated, is what the defect shows of the error.
         let allowed = 10.0 * (order as f64) * tolerance.max(4.0 * f64::EPSILON);
         let h = mode.step_size(self.stiffness.explicit_tolerance(), state, longest);
+        let h = mode.keeps_directions(tolerance, state, h);
         let h = mode.watch(tolerance, state, h);
         let h = mode.leaves_rest(tolerance, state, h);
         let mut h = self.coefficients.expand(mode, tolerance, h);
@@ -159,7 +160,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             let reaches_end = length >= remaining;
             let is_free = event.is_none() && ends.is_none();
             if is_free && !reaches_end && state.t + (length + state.t_low) <= state.t {
-                return mode.comes_to_rest(state).ok_or_else(|| mode.stuck());
+                let rests = mode.comes_to_rest(state);
+                return rests.ok_or_else(|| mode.stuck());
             }
             let (length, triggers) = match event {
                 Some((root, watch)) => {
@@ -208,8 +210,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 departs: false,
             });
         }
-        let mode = &self.mode;
-        mode.comes_to_rest(state).ok_or_else(|| mode.stuck())
+        let rests = self.mode.comes_to_rest(state);
+        rests.ok_or_else(|| self.mode.stuck())
     }
 }
 
