@@ -138,10 +138,19 @@ impl<'s, 'e> Recorder<'s, 'e> {
         outcome: &Outcome,
         trajectory: &mut Trajectory,
     ) {
-        if self.times.last() != Some(&outcome.time) || self.times.is_empty() {
+        // What jumps in the last instant has both values there, and the run ends with the second.
+        let jumps_last = (self.jumps.last()).is_some_and(|jump| jump.time >= outcome.time);
+        let is_known = self.times.last() == Some(&outcome.time)
+            && (!jumps_last || self.states.ends_with(&outcome.x));
+        if !is_known {
             self.x.copy_from_slice(&outcome.x);
             self.alpha.copy_from_slice(&outcome.alpha);
             self.push(outcome.time);
+        }
+        if let Some(pieces) = self.pieces.as_mut().filter(|_| jumps_last)
+            && let Some(last) = pieces.last().map(|piece| piece.to)
+        {
+            pieces.push(instant(last, outcome, self.data));
         }
         for group in &system.groups {
             let rows = self.states.chunks(self.n.max(1));
@@ -456,6 +465,18 @@ impl Observer for Recorder<'_, '_> {
             event.to.into(),
             event.decisions.to_vec(),
         ));
+    }
+}
+
+/// The last instant of a run, behind what jumps in it.
+fn instant(time: f64, outcome: &Outcome, data: &[Data]) -> Piece {
+    let data = data.iter().map(|data| data.table.value(time));
+    let rows = outcome.x.iter().chain(&outcome.alpha).copied();
+    Piece {
+        from: time,
+        to: time,
+        n_coefficients: 1,
+        coefficients: rows.chain(data).collect(),
     }
 }
 
