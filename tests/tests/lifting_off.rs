@@ -108,7 +108,10 @@ fn a_block_on_a_rough_floor_is_lifted_straight_up() {
         );
         let run = solved(&text, "this");
         let opens = times(&run, EventKind::ContactOpen);
-        assert!(opens.len() == 1 && (opens[0] - 2.0).abs() <= 1e-9, "{opens:?}");
+        assert!(
+            opens.len() == 1 && (opens[0] - 2.0).abs() <= 1e-9,
+            "{opens:?}"
+        );
         let (q, v) = (end(&run, "q"), end(&run, "v"));
         assert!((q[1] - rate / 6.0).abs() <= 1e-8 && q[0] == 0.0, "{q:?}");
         assert!((v[1] - rate / 2.0).abs() <= 1e-8 && v[0] == 0.0, "{v:?}");

@@ -148,8 +148,16 @@ fn a_converter_switches_faster_and_faster_in_frozen_time() {
             .collect();
         assert_eq!(switched.len(), exact.len(), "{method}");
         for (found, exact) in switched.iter().zip(&exact) {
-            assert!((found - exact).abs() <= 1e-9, "{method}: {found}, not {exact}");
+            assert!(
+                (found - exact).abs() <= 1e-9,
+                "{method}: {found}, not {exact}"
+            );
         }
-        assert!(frozen.events.iter().all(|event| event.kind != EventKind::Zeno));
+        assert!(
+            frozen
+                .events
+                .iter()
+                .all(|event| event.kind != EventKind::Zeno)
+        );
     }
 }

@@ -259,10 +259,8 @@ pub(super) fn first_event(
         let reach = first.map_or(h, |(root, _)| root.tau);
         // Contacts close where they open by less than their band.
         let share = if mode.is_contact(i) { 1.0 } else { SEEN };
-        let (c, band) = (
-            dense.psi(i),
-            state.armed[i].then_some(share * state.level(i, h)),
-        );
+        let c = dense.psi(i);
+        let band = state.armed[i].then_some(share * state.level(i, c, h));
         let level = match mode.is_in_disc(i) {
             true => 0.0,
             false => mode.closeness(i, state, tolerance, h),
