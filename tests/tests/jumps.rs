@@ -329,3 +329,25 @@ fn impacts_in_an_unknown_order_are_told() {
         assert_eq!(warns(&corner), Vec::<String>::new(), "{apart}");
     }
 }
+
+/// A ball that strikes the floor in the last instant ends with the speed behind the impact, whatever is recorded.
+#[test]
+fn a_run_ends_behind_a_jump_at_its_end() {
+    for output in ["", "output q, v every 0.1;", "output v at [0, 0.1, 0.2];"] {
+        let text = format!(
+            "model ball {{
+               state q = 0;
+               state v = -2;
+               q' = v;
+               v' = -10;
+               jump floor when q <= 0 and v < 0 {{ v := -0.5*v; }}
+             }}
+             simulate this of ball {{ horizon 0.2; {output} }}"
+        );
+        let trajectory = run(&text, "this");
+        assert_eq!(times(&trajectory, EventKind::Jump), [0.0, 0.2]);
+        assert_eq!(end(&trajectory, "v"), [0.5]);
+        let expected = trajectory.row_at(0.2).expect("the end is known");
+        assert_eq!(expected[..2], [0.0, 0.5], "what is expected at the end");
+    }
+}

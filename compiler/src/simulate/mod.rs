@@ -20,6 +20,7 @@ mod mode_count;
 mod modes;
 pub mod moreau;
 mod outcome;
+mod pieces;
 mod record;
 mod rehearsal;
 mod request;

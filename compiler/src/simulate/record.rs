@@ -7,6 +7,7 @@ use nsd_solver::simulate::{Decision, Event, Observer, Outcome, Segment, Side};
 use super::limits::Limits;
 use super::mode_count::ModeCount;
 use super::modes::{self, ModeNames};
+use super::pieces;
 use crate::expr;
 use crate::model::Data;
 use crate::report::{self, EventKind, ModeInterval, Piece, Series, Trajectory};
@@ -138,10 +139,19 @@ impl<'s, 'e> Recorder<'s, 'e> {
         outcome: &Outcome,
         trajectory: &mut Trajectory,
     ) {
-        if self.times.last() != Some(&outcome.time) || self.times.is_empty() {
+        // What jumps in the last instant has both values there, and the run ends with the second.
+        let jumps_last = (self.jumps.last()).is_some_and(|jump| jump.time >= outcome.time);
+        let is_known = self.times.last() == Some(&outcome.time)
+            && (!jumps_last || self.states.ends_with(&outcome.x));
+        if !is_known {
             self.x.copy_from_slice(&outcome.x);
             self.alpha.copy_from_slice(&outcome.alpha);
             self.push(outcome.time);
+        }
+        if let Some(known) = self.pieces.as_mut().filter(|_| jumps_last)
+            && let Some(last) = known.last().map(|piece| piece.to)
+        {
+            known.push(pieces::of_instant(last, outcome, self.data));
         }
         for group in &system.groups {
             let rows = self.states.chunks(self.n.max(1));
@@ -395,13 +405,13 @@ impl Observer for Recorder<'_, '_> {
     fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
         let end = segment.start + segment.length;
         self.limits.segment(segment);
-        if let Some(pieces) = &mut self.pieces {
-            let mut piece = piece(segment, end, self.data);
+        if let Some(known) = &mut self.pieces {
+            let mut piece = pieces::of_segment(segment, end, self.data);
             // An event is where a step ends, but for rounding.
-            piece.from = pieces
+            piece.from = known
                 .last()
                 .map_or(piece.from, |last| piece.from.max(last.to));
-            pieces.push(piece);
+            known.push(piece);
         }
         if self.sampling == Sampling::Method {
             if self.times.is_empty() {
@@ -456,40 +466,5 @@ impl Observer for Recorder<'_, '_> {
             event.to.into(),
             event.decisions.to_vec(),
         ));
-    }
-}
-
-/// The segment's polynomials: states, then α of every switch, then data.
-fn piece(segment: &Segment, end: f64, data: &[Data]) -> Piece {
-    let n_coefficients = segment.order() + 1;
-    let n_series = segment.end.len() + segment.sides.len() + data.len();
-    let mut coefficients = Vec::with_capacity(n_series * n_coefficients);
-    for i in 0..segment.end.len() {
-        coefficients.extend_from_slice(segment.state_series(i));
-    }
-    for i in 0..segment.sides.len() {
-        let is_known = !segment.blind().contains(&i);
-        match segment.alpha_series(i) {
-            None if !is_known => {
-                coefficients.resize(coefficients.len() + n_coefficients, f64::NAN);
-            }
-            Some(series) => coefficients.extend_from_slice(series),
-            None => {
-                coefficients.push(0.5 + 0.5 * segment.sides[i].sign());
-                coefficients.resize(coefficients.len() + n_coefficients - 1, 0.0);
-            }
-        }
-    }
-    for data in data {
-        let known = data.table.piece(segment.start).around(segment.start);
-        let rest = n_coefficients - known.len();
-        coefficients.extend(known);
-        coefficients.resize(coefficients.len() + rest, 0.0);
-    }
-    Piece {
-        from: segment.start,
-        to: end,
-        n_coefficients,
-        coefficients,
     }
 }

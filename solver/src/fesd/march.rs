@@ -365,7 +365,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             run.events.record(run.t, &before);
             let slides = |sides: &[Side]| sides.iter().filter(|s| **s == Side::Slide).count();
             // Elements as short as rounding do not show what infinitely many would do.
-            if slides(after) > slides(&before) && run.events.limit().is_some() {
+            if slides(after) > slides(&before) && run.events.limit(after).is_some() {
                 return Err(Status::Accumulation);
             }
             observer.event(&crate::simulate::Event {

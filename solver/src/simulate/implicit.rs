@@ -142,8 +142,11 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 radau.limit_next(0.5 * h);
                 continue;
             }
+            // What is not watched any more since the step ends earlier does not come close.
+            state.close.retain(|(i, _)| mode.watched.contains(i));
+            let met = met(event).filter(|(i, _)| mode.watched.contains(i));
             let dense = Dense::Collocation(mode, radau);
-            mode.note_approaches(dense, state, length, met(event), closeness);
+            mode.note_approaches(dense, state, length, met, closeness);
             state.accept(radau, h);
             let worth = mode.worth(radau.degree());
             self.stiffness.after_implicit(h, worth);

@@ -276,7 +276,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             _ if comes(i) => true,
             side => {
                 let series = mode.psi_series(i);
-                let leading = series::leading(series, h, state.level(i, h));
+                let leading = series::leading(series, h, state.level(i, series, h));
                 leading.is_none_or(|k| series[k] * side.sign() > 0.0)
             }
         };

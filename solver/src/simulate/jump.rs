@@ -126,8 +126,15 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         for _ in 0..MAX_ROUNDS {
             let mut fired = self.struck(state);
             if fired.is_empty() {
-                if !self.jumps.fired.is_empty() {
-                    self.close(state);
+                // What stops at a contact may no longer stick there.
+                if !self.jumps.fired.is_empty()
+                    && self.close(state)
+                    && let Met::Surfaces(on) = &mut met
+                {
+                    let kept = std::mem::take(&mut self.jumps.kept);
+                    let placed = self.place(state, t1 - state.t, &kept);
+                    self.jumps.kept = kept;
+                    *on = placed?;
                 }
                 match met {
                     Met::Surfaces(on) if on.is_empty() => {}
@@ -296,14 +303,16 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         }
     }
 
-    /// Takes away the speeds at which contacts open by less than their ψ is known.
-    fn close(&mut self, state: &mut State) {
+    /// Takes away the speeds at which contacts open by less than their ψ is known; false where there are none.
+    fn close(&mut self, state: &mut State) -> bool {
+        let mut any = false;
         for at in 0..self.jumps.near.len() {
             let (_, switch) = self.jumps.near[at];
             state.alpha[switch] = 1.0;
             let bent = self.bent(state, switch);
-            self.shut(state, switch, bent);
+            any |= self.shut(state, switch, bent);
         }
+        any
     }
 
     /// Closes a contact that opens by less than its ψ is known until it is bent back: takes its speed away, in the

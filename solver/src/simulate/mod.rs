@@ -394,7 +394,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 }
                 let end = match jumped {
                     true => self.jumps.limit(&mut state),
-                    false => events.limit(),
+                    false => events.limit(&state.sides),
                 };
                 let end = end.filter(|end| more && *end < t1);
                 let waits = end.filter(|end| *end > state.t);

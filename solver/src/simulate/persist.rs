@@ -5,6 +5,7 @@
 //! rest nor clearly slipping, is tried both ways, and the series of every choice decide.
 
 use super::candidates::{Zeros, product};
+use super::judge::TIE;
 use super::jump::{Bent, ROUNDING};
 use super::meeting::{Forces, Meeting, NoForces, Touch, norm};
 use super::mode::Mode;
@@ -200,7 +201,11 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let slips = contacts.iter().flat_map(|c| &c.slips);
         let b: Vec<f64> = slips.map(|&t| mode.phi(t)).collect();
         let all = contacts.iter().flat_map(Touch::switches);
-        let terms = all.fold(0.0_f64, |size, i| size.max(mode.terms_of_phi(i)));
+        let (mut terms, mut tie) = (0.0_f64, 0.0_f64);
+        for i in all {
+            terms = terms.max(mode.terms_of_phi(i));
+            tie = tie.max(TIE * mode.activity_of_phi(state, i));
+        }
         let size = a.iter().chain(&b).fold(0.0_f64, |s, v| s.max(v.abs()));
         for &i in &meets {
             alpha[i] = 0.0;
@@ -208,10 +213,11 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         mode.vary(&alpha);
         mode.linearize(group);
         let meeting = Meeting::of(mode, contacts);
-        // Where accelerations cancel, what is left is rounding: of their terms, and of α = 1, which is no force.
+        // Where accelerations cancel, what is left is rounding: of their terms, and of α = 1, which is no force. What
+        // series will take for a tie is tried both ways.
         let push = (0..a.len()).fold(0.0_f64, |push, i| push.max(meeting.push(i).abs()));
         let rounding = f64::max(ROUNDING * terms, 8.0 * f64::EPSILON * push);
-        let near = f64::max(NEAR * size, rounding);
+        let near = f64::max(NEAR * size, rounding).max(tie);
         let at_rest = vec![0.0; b.len()];
         let forces = meeting.solve(&a, &b, &at_rest).map_err(|why| match why {
             NoForces::Paradox(at) => Status::Painleve {
@@ -286,6 +292,12 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
 }
 
 impl Mode {
+    /// Σ |∇ψ_j| times the terms of f_j, which may cancel.
+    fn activity_of_phi(&self, state: &State, switch: usize) -> f64 {
+        let terms = self.gradient(switch).iter();
+        terms.map(|&(j, g)| g.abs() * state.activity[j]).sum()
+    }
+
     /// True for a switch that is never below its surface.
     pub(super) fn is_unilateral(&self, switch: usize) -> bool {
         self.unilateral[switch]

@@ -151,8 +151,12 @@ impl State {
     }
 
     /// Within what a ψ that starts at zero stays for `h` if it does not move: its band, or how far rounding of a speed
-    /// takes a contact.
-    pub(super) fn level(&self, switch: usize, h: f64) -> f64 {
+    /// takes a contact, which is no farther than to where its series `c` says that it turns back.
+    pub(super) fn level(&self, switch: usize, c: &[f64], h: f64) -> f64 {
+        let h = match *c {
+            [_, speed, bend, ..] if speed > 0.0 && bend < 0.0 => h.min(-speed / bend),
+            _ => h,
+        };
         self.band[switch].max(self.still[switch] * h)
     }
 

@@ -136,8 +136,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 None => (event, length),
             };
             let ends = left.map(|(_, status)| status);
-            // Where it is, the direction of its friction is rounding.
-            let stops = event.as_ref().is_some_and(|(_, watch)| mode.stops(*watch));
+            // Where it is, the direction of its friction is rounding, or its share of a force that is zero.
+            let is_blurred = |watch| mode.stops(watch) || mode.lets_go(watch);
+            let stops = event.as_ref().is_some_and(|(_, watch)| is_blurred(*watch));
             let seen = if stops {
                 disc::DIRECTED * length
             } else {
@@ -260,10 +261,8 @@ pub(super) fn first_event(
         let reach = first.map_or(h, |(root, _)| root.tau);
         // Contacts close where they open by less than their band.
         let share = if mode.is_contact(i) { 1.0 } else { SEEN };
-        let (c, band) = (
-            dense.psi(i),
-            state.armed[i].then_some(share * state.level(i, h)),
-        );
+        let c = dense.psi(i);
+        let band = state.armed[i].then_some(share * state.level(i, c, h));
         let level = match mode.is_in_disc(i) {
             true => 0.0,
             false => mode.closeness(i, state, tolerance, h),
@@ -385,6 +384,15 @@ impl Mode {
         matches!(watch, Watch::Surface(i) if self.is_in_disc(i))
     }
 
+    /// Whether a contact opens that sticks to the end: a force that is zero has no friction to be determined.
+    fn lets_go(&self, watch: Watch) -> bool {
+        let Watch::Bound(normal, _) = watch else {
+            return false;
+        };
+        let mut sliding = self.sliding.iter();
+        sliding.any(|&i| self.slip_of[i] == Some(normal))
+    }
+
     /// Moves a root of the series to the root of the function itself, by Newton's method on
     /// the length of the step.
     fn polish(
@@ -406,6 +414,9 @@ impl Mode {
                     let singular = self
                         .solve_alpha(state.t + tau, &state.next, &mut state.next_alpha)
                         .is_err();
+                    if singular && self.lets_go(watch) {
+                        break;
+                    }
                     if singular {
                         return Err(self.stuck());
                     }

@@ -36,15 +36,20 @@ impl Events {
         if self.last.len() > CYCLES * MAX_CYCLE {
             self.last.remove(0);
         }
-        let mut hasher = FxHasher::default();
-        from.hash(&mut hasher);
-        self.last.push((time, hasher.finish()));
+        self.last.push((time, key(from)));
     }
 
-    /// Where the events accumulate, if the last one ends a cycle that has repeated and shrunk.
-    pub(crate) fn limit(&self) -> Option<f64> {
+    /// Where the events accumulate, if the last one ends a cycle that has repeated and shrunk, and leads out of it. What
+    /// goes on in a mode of the cycle, as sticking and slipping do under a force of growing frequency, has not come to
+    /// an end.
+    pub(crate) fn limit(&self, to: &[Side]) -> Option<f64> {
         let latest = self.last.len().checked_sub(1)?;
+        let goes_on = key(to);
         (1..=MAX_CYCLE).find_map(|length| {
+            let cycle = self.last.get((latest + 1).checked_sub(length)?..)?;
+            if cycle.iter().any(|(_, mode)| *mode == goes_on) {
+                return None;
+            }
             let at = |cycle: usize| self.last.get(latest.checked_sub(cycle * length)?).copied();
             let (time, mode) = at(0)?;
             let mut durations = [0.0; CYCLES];
@@ -65,17 +70,27 @@ impl Events {
     }
 }
 
+fn key(sides: &[Side]) -> u64 {
+    let mut hasher = FxHasher::default();
+    sides.hash(&mut hasher);
+    hasher.finish()
+}
+
 #[cfg(test)]
 mod tests {
     use super::{Events, Side};
 
-    fn limit(times: &[f64]) -> Option<f64> {
+    fn recorded(times: &[f64]) -> Events {
         let mut events = Events::default();
         let modes = [[Side::Plus], [Side::Minus]];
         for (k, &time) in times.iter().enumerate() {
             events.record(time, &modes[k % 2]);
         }
-        events.limit()
+        events
+    }
+
+    fn limit(times: &[f64]) -> Option<f64> {
+        recorded(times).limit(&[Side::Slide])
     }
 
     #[test]
@@ -89,6 +104,7 @@ mod tests {
         }
         let found = limit(&times).unwrap();
         assert!((found - 2.6).abs() <= 1e-14, "{found}");
+        assert_eq!(recorded(&times).limit(&[Side::Minus]), None);
     }
 
     #[test]
