@@ -190,7 +190,7 @@ pub enum Failure {
     #[diagnostic(
         code(E0725),
         help(
-            "no force of the contact keeps its gap from closing here (Painlevé's paradox): take less friction, or a model of the contact that gives way"
+            "while it slips, no force of the contact keeps its gap from closing (Painlevé's paradox), and the run ends even where it might stick: take less friction, mu |Jn M^-1 Jt| < Jn M^-1 Jn, or a model of the contact that gives way"
         )
     )]
     Painleve {

@@ -15,6 +15,7 @@ use rustc_hash::FxHashMap;
 use super::affine::at;
 use super::lower::Lowering;
 use super::reading::check_reading;
+use super::surface::Form;
 use super::{Body, Contact, Direction, Friction, Slip, SystemError};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Var, variables_of};
@@ -119,10 +120,17 @@ impl<'e> Lowering<'_, 'e> {
                 Some((friction, self.tangents(contact, &normal, places)?))
             }
         };
-        let Some(switch) = self.switches.unilateral(gap, name, contact.span) else {
-            let what = "its gap is compared elsewhere too, or is that of another contact";
-            return Err(wrong(what, contact.gap_span));
-        };
+        let switch = (self.switches.unilateral(gap, name, contact.span)).map_err(|form| {
+            let what = match form {
+                Form::Definite(sign) if sign > 0.0 => {
+                    "its gap is never negative: no side of its zeros is inside the body"
+                }
+                Form::Definite(_) => "its gap is never positive: the contact could not be open",
+                Form::OddPower(_) => "its gap is a power, with a slope of zero where it is zero",
+                _ => "its gap is compared elsewhere too, or is that of another contact",
+            };
+            wrong(what, contact.gap_span)
+        })?;
         let force = 1.0 - self.model.exprs.expr(self.switches.list[switch].alpha);
         for direction in &normal {
             let rate = &mut rates[direction.state];

@@ -67,7 +67,7 @@ impl<'e> Lowering<'_, 'e> {
             let what = "`metric` is not positive semidefinite";
             return Err(wrong(what, projection.span));
         }
-        let Some(switch) = self.switches.unilateral(c, &name, row.span) else {
+        let Ok(switch) = self.switches.unilateral(c, &name, row.span) else {
             let what = match self.switches.find(c) {
                 Some(_) => "it is compared elsewhere too, or is a constraint twice",
                 None => "its surface is none, as that of a power",

@@ -240,19 +240,19 @@ impl<'e> Switches<'e> {
         switch.scale = surface::canonical(psi, &self.params).0;
     }
 
-    /// Makes the switch of a gap, or of a constraint of a projection; nothing where ψ is none, or that of another switch.
-    pub fn unilateral(&mut self, gap: Expr<'e>, name: &str, span: Span) -> Option<usize> {
+    /// Makes the switch of a gap, or of a constraint of a projection; gives the form of ψ where it is none, or another has it.
+    pub fn unilateral(&mut self, gap: Expr<'e>, name: &str, span: Span) -> Result<usize, Form<'e>> {
         self.here = span;
-        let is_surface = surface::form(gap, &self.params) == Form::Regular;
-        if !is_surface || self.find(gap).is_some() {
-            return None;
+        let form = surface::form(gap, &self.params);
+        if form != Form::Regular || self.find(gap).is_some() {
+            return Err(form);
         }
         let (k, _) = self.switch(gap);
         let switch = &mut self.list[k];
         switch.unilateral = true;
         switch.name = Some(name.to_owned());
         switch.spans.push(span);
-        Some(k)
+        Ok(k)
     }
 
     /// Makes the switch of a slip velocity, an equation or a member of a pair, which no other term shares.

@@ -103,6 +103,8 @@ impl Mode {
     /// error.
     pub(crate) fn measure_terms(&mut self, state: &mut State) {
         self.terms.copy_from_slice(&self.field.f);
+        self.perturb(PERTURBATION, SILVER);
+        self.perturbed_again.clone_from(&self.perturbed);
         self.perturb(PERTURBATION, GOLDEN);
         if self.has_discs() {
             let turns = self.measure_directions(state);
@@ -112,6 +114,7 @@ impl Mode {
             };
             // Terms that happen to cancel once do not do so twice.
             self.perturb(by, SILVER);
+            self.perturbed_again.clone_from(&self.perturbed);
             self.perturb_directions(by);
             self.field.eval(&self.perturbed);
             self.turned.copy_from_slice(&self.field.f);
@@ -158,11 +161,9 @@ impl Mode {
 
     /// Size of the terms of ψ of a switch where the point is.
     pub(super) fn measure_terms_of_psi(&mut self, switch: usize, state: &mut State) {
-        let (values, perturbed) = (&self.memory.values, &self.perturbed);
-        let size = self
-            .surfaces
-            .terms(switch, values, perturbed, self.perturbation);
-        state.terms[switch] = size;
+        let perturbed = [&self.perturbed[..], &self.perturbed_again];
+        let (values, share) = (&self.memory.values, self.perturbation);
+        state.terms[switch] = self.surfaces.terms(switch, values, perturbed, share);
     }
 
     /// Measures the same of what contacts hold at zero in the run up to here, or in a first step of length h: its

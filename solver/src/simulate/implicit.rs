@@ -245,14 +245,11 @@ impl Mode {
             }
             self.watched.push(watched);
             self.aim(watched);
-            let values = &self.memory.values;
             for i in std::iter::once(watched).chain(self.other(watched)) {
                 if !self.continuous[i] {
-                    self.surfaces.linearize(i, values);
+                    self.surfaces.linearize(i, &self.memory.values);
                 }
-                state.terms[i] = self
-                    .surfaces
-                    .terms(i, values, &self.perturbed, self.perturbation);
+                self.measure_terms_of_psi(i, state);
             }
         }
         let n_watched = self.watched.len();

@@ -56,6 +56,8 @@ pub(crate) struct Mode {
     pub terms: Vec<f64>,
     /// Inputs next to those of the expansion point, and by what share they differ.
     pub perturbed: Vec<f64>,
+    /// Others: terms that happen to cancel once do not do so twice.
+    pub(super) perturbed_again: Vec<f64>,
     pub(super) perturbation: f64,
     /// f where these turn what slips in a plane.
     pub(super) turned: Vec<f64>,
@@ -116,6 +118,7 @@ impl Mode {
             entered: false,
             terms: vec![0.0; n],
             perturbed: Vec::new(),
+            perturbed_again: Vec::new(),
             perturbation: 0.0,
             turned: vec![0.0; n],
             watched: Vec::new(),

@@ -321,13 +321,13 @@ impl Surfaces {
         matches!(self.now(switch).form, Form::Affine(_))
     }
 
-    /// Size of the terms of ψ, which may cancel, from a perturbation of all inputs by a small
-    /// `share` of themselves.
+    /// Size of the terms of ψ, which may cancel, from two perturbations of all inputs by a small
+    /// `share` of themselves: one alone may change two terms by the same amount.
     pub(super) fn terms(
         &mut self,
         switch: usize,
         values: &[f64],
-        perturbed: &[f64],
+        perturbed: [&[f64]; 2],
         share: f64,
     ) -> f64 {
         let local = &self.surfaces[self.slot[switch]];
@@ -336,8 +336,9 @@ impl Surfaces {
             let sizes = terms.map(|&(state, c)| (c * values[1 + state]).abs());
             return sizes.sum::<f64>() + (affine.time * values[0]).abs();
         }
-        let difference = self.value(switch, values) - self.value(switch, perturbed);
-        let size = difference.abs() / share;
+        let psi = self.value(switch, values);
+        let differences = perturbed.map(|values| (self.value(switch, values) - psi).abs());
+        let size = differences[0].max(differences[1]) / share;
         if size.is_finite() { size } else { 0.0 }
     }
 
