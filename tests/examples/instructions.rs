@@ -87,11 +87,10 @@ fn toolchain() -> String {
         |output| String::from_utf8_lossy(&output.stdout).trim().to_owned(),
     );
     let version: Vec<&str> = version.split(' ').take(2).collect();
-    let profile = if cfg!(debug_assertions) {
-        "dev"
-    } else {
-        "release"
-    };
+    // The folder of examples is in that of the profile.
+    let program = std::env::current_exe().unwrap_or_default();
+    let profile = program.ancestors().nth(2).and_then(Path::file_name);
+    let profile = profile.unwrap_or_default().to_string_lossy();
     format!("{} {profile}", version.join(" "))
 }
 
