@@ -1,6 +1,7 @@
 //! Harness shared by the test files of this crate: from text to a trajectory.
 
 pub mod affine;
+pub mod bodies;
 pub mod faults;
 pub mod stress;
 
@@ -144,6 +145,32 @@ pub fn solved(text: &str, experiment: &str) -> Trajectory {
     assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
     found.verify().expect("the invariants of `Trajectory`");
     found
+}
+
+/// An optimum of a text that is one.
+///
+/// # Panics
+///
+/// When it is none, or not a trajectory.
+#[track_caller]
+pub fn solved_optimum(text: &str, experiment: &str) -> Trajectory {
+    let found = optimum(text, experiment);
+    assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
+    found
+}
+
+/// That the end of an optimum, and its objective, are those of a run from event to event with the same controls.
+///
+/// # Panics
+///
+/// When they differ by more, or the run does not reach its end.
+#[track_caller]
+pub fn agrees(optimum: &Trajectory, within: f64) {
+    let check = optimum.optimum.as_ref().and_then(|optimum| optimum.check);
+    let check = check.expect("the run reaches its end");
+    for error in [check.terminal_error, check.objective_error] {
+        assert!(error.abs() <= within, "{error} is above {within}");
+    }
 }
 
 /// Compiles one problem of optimal control of a text, and solves it.

@@ -1,12 +1,12 @@
 //! Optimal control of switches that are read nonlinearly: closed forms, and runs from event to event with the controls.
 
-use nsd_tests::optimum;
+use nsd_tests::{agrees, optimum, solved_optimum};
 use nsdc::report::{Failure, Status, Trajectory};
 
+/// The optimum of experiment `o` of a text.
+#[track_caller]
 fn solved(text: &str) -> Trajectory {
-    let found = optimum(text, "o");
-    assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
-    found
+    solved_optimum(text, "o")
 }
 
 #[track_caller]
@@ -16,15 +16,6 @@ fn close(value: f64, exact: f64, within: f64) {
 
 fn objective(found: &Trajectory) -> f64 {
     found.objective.expect("an optimum has an objective")
-}
-
-/// By how much the end, and the objective, differ from those of a run from event to event with the same controls.
-#[track_caller]
-fn agrees(found: &Trajectory, within: f64) {
-    let check = found.optimum.as_ref().and_then(|optimum| optimum.check);
-    let check = check.expect("the run reaches its end");
-    close(check.terminal_error, 0.0, within);
-    close(check.objective_error, 0.0, within);
 }
 
 /// The least value of a function with one minimum in an interval.

@@ -1,7 +1,7 @@
 //! Contacts by finite elements with jumps between them (`lower impact`): closed forms, agreement with runs from event to
 //! event, orders, printed forms, and what is refused.
 
-use nsd_tests::{run, times, with_experiment};
+use nsd_tests::{agrees, run, solved_optimum, times, with_experiment};
 use nsdc::dcs;
 use nsdc::discretize::{self, Grid, discretize};
 use nsdc::report::{EventKind, Failure, Series, Status, Trajectory};
@@ -323,12 +323,8 @@ const BALL: &str = "
 /// The optimum of experiment `o` of a text, which agrees with a run from event to event.
 #[track_caller]
 fn optimum(text: &str, within: f64) -> Trajectory {
-    let found = nsd_tests::optimum(text, "o");
-    assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
-    let check = found.optimum.as_ref().and_then(|optimum| optimum.check);
-    let check = check.expect("the run reaches its end");
-    close(check.terminal_error, 0.0, within);
-    close(check.objective_error, 0.0, within);
+    let found = solved_optimum(text, "o");
+    agrees(&found, within);
     found
 }
 

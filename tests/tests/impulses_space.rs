@@ -1,50 +1,20 @@
 //! Friction in two directions by finite elements with jumps between them (`lower impact`), against closed forms.
 
+use nsd_tests::bodies::Body;
 use nsd_tests::{end, solved, times, with_experiment};
 use nsdc::dcs;
 use nsdc::report::{EventKind, Trajectory};
 
-/// A body of mass 1 on a rough floor, with slip in directions turned by an angle.
-struct Body {
-    q: [f64; 3],
-    v: [f64; 3],
-    force: [f64; 3],
-    friction: f64,
-    turned: f64,
+fn text(body: &Body, horizon: f64, method: &str) -> String {
+    let model = body.model();
+    format!(
+        "{model}
+         simulate o of m {{ horizon {horizon:?}; lower impact; method fesd {{ {method} }} }}"
+    )
 }
 
-impl Body {
-    fn text(&self, horizon: f64, method: &str) -> String {
-        let Body {
-            q,
-            v,
-            force,
-            friction,
-            turned,
-        } = self;
-        let (s, c) = turned.sin_cos();
-        format!(
-            "model m {{
-               state q[3] = {q:?};
-               state v[3] = {v:?};
-               q' = v;
-               mechanics q, v {{
-                 mass = eye(3);
-                 force = {force:?};
-                 contact floor {{
-                   gap = q[3];
-                   slip = [{c:?}*v[1] + {s:?}*v[2], {c:?}*v[2] - {s:?}*v[1]];
-                   restitution = 0; friction = {friction:?};
-                 }}
-               }}
-             }}
-             simulate o of m {{ horizon {horizon:?}; lower impact; method fesd {{ {method} }} }}"
-        )
-    }
-
-    fn run(&self, horizon: f64, method: &str) -> Trajectory {
-        solved(&self.text(horizon, method), "o")
-    }
+fn run(body: &Body, horizon: f64, method: &str) -> Trajectory {
+    solved(&text(body, horizon, method), "o")
 }
 
 /// The directions of slip of a scene: along the axes, and turned.
@@ -75,9 +45,10 @@ fn a_ball_strikes_slides_and_stops() {
             v: [2.0, 1.0, 0.0],
             force: [0.0, 0.0, -g],
             friction: mu,
+            restitution: 0.0,
             turned,
         };
-        let found = ball.run(2.0, GRID);
+        let found = run(&ball, 2.0, GRID);
         close(
             &end(&found, "q"),
             &[path * 2.0 / speed, path / speed, 0.0],
@@ -107,9 +78,10 @@ fn bends(k: f64, method: &str, [of_place, of_time]: [f64; 2]) {
             v: [0.0, c, 0.0],
             force: [f, 0.0, -10.0],
             friction: k * f / 10.0,
+            restitution: 0.0,
             turned,
         };
-        let found = block.run(1.5, method);
+        let found = run(&block, 1.5, method);
         close(&end(&found, "q"), &[x, y, 0.0], of_place);
         close(&end(&found, "v"), &[0.0; 3], 1e-12);
         let stops = c * k / (f * (k * k - 1.0));
@@ -140,6 +112,7 @@ fn tilted(friction: f64, turned: f64) -> Body {
         v: [0.0; 3],
         force: [3.0, 1.0, -10.0],
         friction,
+        restitution: 0.0,
         turned,
     }
 }
@@ -147,7 +120,7 @@ fn tilted(friction: f64, turned: f64) -> Body {
 #[test]
 fn a_block_sticks_below_the_angle_of_friction() {
     for turned in TURNS {
-        let found = tilted(0.4, turned).run(1.5, GRID);
+        let found = run(&tilted(0.4, turned), 1.5, GRID);
         close(&end(&found, "q"), &[0.0; 3], 1e-12);
         close(&end(&found, "v"), &[0.0; 3], 1e-12);
         assert_eq!(found.modes.len(), 1);
@@ -162,7 +135,7 @@ fn a_block_slides_down_from_rest_above_it() {
     let pull = 10_f64.sqrt();
     let rate = (pull - mu * 10.0) / pull;
     for turned in TURNS {
-        let found = tilted(mu, turned).run(t, GRID);
+        let found = run(&tilted(mu, turned), t, GRID);
         let [x, y] = [3.0, 1.0].map(|share| rate * share);
         close(
             &end(&found, "q"),
@@ -190,10 +163,11 @@ fn a_block_that_is_pulled_back_turns_round_at_rest() {
                 v: along(speed),
                 force: [-c * pull, -s * pull, -10.0],
                 friction: friction / 10.0,
+                restitution: 0.0,
                 turned,
             };
             let grid = format!("scheme = radau_iia(3); steps = {steps}; elements = {elements};");
-            let found = block.run(t, &grid);
+            let found = run(&block, t, &grid);
             close(&end(&found, "q"), &along(place), 1e-12);
             close(&end(&found, "v"), &along(-back * (t - rest)), 1e-12);
             assert!(found.error_estimate.is_some_and(|error| error <= 1e-12));
@@ -222,12 +196,13 @@ fn a_block_that_all_but_stops_turns_round() {
             v: [a, b, 0.0],
             force: [f, 0.0, -10.0],
             friction: 0.5 * f / 10.0,
+            restitution: 0.0,
             turned,
         };
         let chosen = ("", 1e-8);
         let own = (turned == TURNS[1]).then_some(chosen);
         for (grid, within) in [(GRID, 1e-3)].into_iter().chain(own) {
-            let found = block.run(t, grid);
+            let found = run(&block, t, grid);
             close(&end(&found, "q"), &[x, y, 0.0], within);
             close(&end(&found, "v"), &[v, w, 0.0], within);
         }
@@ -245,10 +220,11 @@ fn the_estimate_is_one_of_the_end_of_slip_too() {
         v: [0.0, c, 0.0],
         force: [f, 0.0, -10.0],
         friction: k * f / 10.0,
+        restitution: 0.0,
         turned: 0.0,
     };
     for steps in [10, 50, 100] {
-        let found = block.run(1.0, &format!("steps = {steps};"));
+        let found = run(&block, 1.0, &format!("steps = {steps};"));
         let estimate = found.error_estimate.expect("there are two runs");
         let error = (times(&found, EventKind::Stick)[0] - stops).abs();
         assert!(error <= 2.0 * estimate, "{error:e} is above {estimate:e}");

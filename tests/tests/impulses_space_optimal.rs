@@ -7,10 +7,10 @@
 //! as b·w/|w| is the rate of |w|: where it never rests, the motion with the least effort is the one without friction, a
 //! cubic in time.
 
-use nsd_tests::{end, optimum, with_experiment};
+use nsd_tests::{agrees, end, solved_optimum, with_experiment};
 use nsdc::dcs;
 use nsdc::discretize::{self, Grid, discretize};
-use nsdc::report::{Stationarity, Status, Trajectory};
+use nsdc::report::{Stationarity, Trajectory};
 
 /// The directions of slip of a scene: along the axes, and turned.
 const TURNS: [f64; 3] = [0.0, 0.9, -2.3];
@@ -47,12 +47,8 @@ fn close(found: f64, exact: f64, within: f64) {
 /// An optimum whose controls, run from event to event, end as close by.
 #[track_caller]
 fn solved(text: &str, within: f64) -> Trajectory {
-    let found = optimum(text, "o");
-    assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
-    let check = found.optimum.as_ref().and_then(|o| o.check);
-    let check = check.expect("the run reaches its end");
-    close(check.terminal_error, 0.0, within);
-    close(check.objective_error, 0.0, within);
+    let found = solved_optimum(text, "o");
+    agrees(&found, within);
     found
 }
 

@@ -1,5 +1,6 @@
 //! Friction in two directions in steps of time, against closed forms.
 
+use nsd_tests::bodies::Body;
 use nsd_tests::{end, run, times};
 use nsdc::report::{EventKind, Status, Trajectory};
 
@@ -15,43 +16,12 @@ fn solved(text: &str) -> Trajectory {
     trajectory
 }
 
-/// A body of mass 1 on a rough floor, with slip in directions turned by an angle.
-struct Body {
-    q: [f64; 3],
-    v: [f64; 3],
-    force: [f64; 3],
-    friction: f64,
-    turned: f64,
-}
-
-impl Body {
-    fn run(&self, horizon: f64, steps: usize) -> Trajectory {
-        let Body {
-            q,
-            v,
-            force,
-            friction,
-            turned,
-        } = self;
-        let (s, c) = turned.sin_cos();
-        solved(&format!(
-            "model m {{
-               state q[3] = {q:?};
-               state v[3] = {v:?};
-               q' = v;
-               mechanics q, v {{
-                 mass = eye(3);
-                 force = {force:?};
-                 contact floor {{
-                   gap = q[3];
-                   slip = [{c:?}*v[1] + {s:?}*v[2], {c:?}*v[2] - {s:?}*v[1]];
-                   restitution = 0; friction = {friction:?};
-                 }}
-               }}
-             }}
-             simulate this of m {{ horizon {horizon:?}; method timestepping {{ steps = {steps}; }} }}"
-        ))
-    }
+fn moved(body: &Body, horizon: f64, steps: usize) -> Trajectory {
+    let model = body.model();
+    solved(&format!(
+        "{model}
+         simulate this of m {{ horizon {horizon:?}; method timestepping {{ steps = {steps}; }} }}"
+    ))
 }
 
 /// Largest difference of numbers.
@@ -69,6 +39,7 @@ fn a_thrown_ball_slides_along_its_line_and_rests() {
         v: [2.0, 1.0, 0.0],
         force: [0.0, 0.0, -10.0],
         friction: 0.2,
+        restitution: 0.0,
         turned: 0.3,
     };
     let left = 5.0_f64.sqrt() - 0.2 * 20.0_f64.sqrt();
@@ -78,7 +49,7 @@ fn a_thrown_ball_slides_along_its_line_and_rests() {
     // Whether a step ends just before or just behind the impact is chance, so that errors of many grids are compared.
     let error = |coarse: usize| {
         let grids = (0..9).map(|k| coarse + coarse * k / 9);
-        let errors = grids.map(|steps| off(&end(&ball.run(2.0, steps), "q"), &exact));
+        let errors = grids.map(|steps| off(&end(&moved(&ball, 2.0, steps), "q"), &exact));
         errors.fold(0.0, f64::max)
     };
     let (coarse, fine) = (error(100), error(1600));
@@ -87,7 +58,7 @@ fn a_thrown_ball_slides_along_its_line_and_rests() {
         (0.8..1.2).contains(&order),
         "order {order}: {coarse}, {fine}"
     );
-    let found = ball.run(2.0, 4000);
+    let found = moved(&ball, 2.0, 4000);
     assert!(off(&end(&found, "v"), &[0.0; 3]) <= 1e-12);
     let (closes, sticks) = (0.2_f64.sqrt(), 0.2_f64.sqrt() + left / 2.0);
     for (kind, exact) in [
@@ -134,9 +105,10 @@ impl Curve {
             v: [0.0, self.c, 0.0],
             force: [self.f, 0.0, -10.0],
             friction: self.k * self.f / 10.0,
+            restitution: 0.0,
             turned,
         };
-        let found = block.run(horizon, steps);
+        let found = moved(&block, horizon, steps);
         let (q, v) = (end(&found, "q"), end(&found, "v"));
         assert!(q[2].abs() <= 1e-12 && v[2].abs() <= 1e-12);
         [q[0], q[1], v[0], v[1]]
@@ -174,10 +146,11 @@ fn a_block_on_a_tilted_plane_sticks_or_slides_straight_down() {
             v: [0.0; 3],
             force: [a, b, -n],
             friction,
+            restitution: 0.0,
             turned,
         };
         // It holds 2 of 9.6.
-        let stays = block(2.02 / n).run(1.0, 50);
+        let stays = moved(&block(2.02 / n), 1.0, 50);
         assert_eq!(end(&stays, "q"), [0.3, -0.2, 0.0]);
         assert_eq!(end(&stays, "v"), [0.0; 3]);
         assert_eq!(
@@ -185,7 +158,7 @@ fn a_block_on_a_tilted_plane_sticks_or_slides_straight_down() {
             Some("stick(floor)")
         );
         // The midpoint rule has a constant acceleration exactly.
-        let slides = block(1.0 / n).run(1.0, 50);
+        let slides = moved(&block(1.0 / n), 1.0, 50);
         let exact = [0.3 + 0.3, -0.2 + 0.4, 0.0, 0.6, 0.8, 0.0];
         let found = [end(&slides, "q"), end(&slides, "v")].concat();
         assert!(off(&found, &exact) <= 1e-12, "{found:?}");

@@ -1,29 +1,19 @@
 //! Optimal control of what jumps, in frozen time: closed forms, agreement with runs from event to event, printed forms.
 
-use nsd_tests::{optimum, times, with_experiment};
+use nsd_tests::{agrees, solved_optimum, times, with_experiment};
 use nsdc::dcs;
 use nsdc::discretize::{self, Grid, discretize};
-use nsdc::report::{EventKind, Status, Trajectory};
+use nsdc::report::{EventKind, Trajectory};
 
-/// The result of experiment `o` of a text.
+/// The optimum of experiment `o` of a text.
+#[track_caller]
 fn solved(text: &str) -> Trajectory {
-    let found = optimum(text, "o");
-    assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
-    found
+    solved_optimum(text, "o")
 }
 
 #[track_caller]
 fn close(value: f64, exact: f64, within: f64) {
     assert!((value - exact).abs() <= within, "{value} is not {exact}");
-}
-
-/// By how much the end, and the objective, differ from those of a run from event to event with the same controls.
-#[track_caller]
-fn agrees(found: &Trajectory, within: f64) {
-    let check = found.optimum.as_ref().and_then(|optimum| optimum.check);
-    let check = check.expect("the run reaches its end");
-    close(check.terminal_error, 0.0, within);
-    close(check.objective_error, 0.0, within);
 }
 
 const BALL: &str = "

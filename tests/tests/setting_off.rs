@@ -65,6 +65,19 @@ fn sets_off(after: f64, b: impl Fn(f64) -> [f64; 2], at: f64) -> [f64; 2] {
     b(at).map(|b| 0.5 * k * after * after * b / size(at))
 }
 
+/// Where a body of mass 1 is at an instant, and how fast, that a force b has pulled off a floor which takes 2 of it.
+fn slides_off(leaves: f64, to: f64, b: impl Fn(f64) -> [f64; 2]) -> [f64; 4] {
+    let after = 1e-4;
+    let [u1, u2] = sets_off(after, &b, leaves);
+    let third = after / 3.0;
+    let start = [third * u1, third * u2, u1, u2];
+    let (_, y) = slides(leaves + after, to, start, |t, y| {
+        let speed = y[2].hypot(y[3]);
+        [0, 1].map(|i| b(t)[i] - 2.0 * y[2 + i] / speed)
+    });
+    y
+}
+
 /// On a turntable that speeds up, ω = a t, a puck at r is held as long as r |(a, ω²)| ≤ μ g. In the frame of the table
 /// it sets off with u' = ω² p - a J p - 2 ω J u - μ g u/|u|.
 #[test]
@@ -210,14 +223,7 @@ fn what_sets_off_slowly_does_so_in_few_steps() {
         let found = block([0.0; 2], force, 0.2, 4.0);
         let leaves = root(|t| b(t)[0].hypot(b(t)[1]) - 2.0, low, high);
         close(&times(&found, EventKind::Slip), &[leaves], 1e-10);
-        let after = 1e-4;
-        let [u1, u2] = sets_off(after, b, leaves);
-        let third = after / 3.0;
-        let start = [third * u1, third * u2, u1, u2];
-        let (_, y) = slides(leaves + after, 4.0, start, |t, y| {
-            let speed = y[2].hypot(y[3]);
-            [0, 1].map(|i| b(t)[i] - 2.0 * y[2 + i] / speed)
-        });
+        let y = slides_off(leaves, 4.0, b);
         close(&end(&found, "q")[..2], &y[..2], 1e-9);
         close(&end(&found, "v")[..2], &y[2..], 1e-9);
         assert!(found.stats.steps < 300, "{}", found.stats.steps);
@@ -276,14 +282,7 @@ fn two_blocks_set_off_together() {
     let b = |t: f64| [t, 0.5 * t * t];
     let leaves = root(|t| b(t)[0].hypot(b(t)[1]) - 2.0, 1.0, 2.0);
     close(&times(&found, EventKind::Slip), &[leaves; 2], 1e-10);
-    let after = 1e-4;
-    let [u1, u2] = sets_off(after, b, leaves);
-    let third = after / 3.0;
-    let start = [third * u1, third * u2, u1, u2];
-    let (_, y) = slides(leaves + after, 4.0, start, |t, y| {
-        let speed = y[2].hypot(y[3]);
-        [0, 1].map(|i| b(t)[i] - 2.0 * y[2 + i] / speed)
-    });
+    let y = slides_off(leaves, 4.0, b);
     close(&end(&found, "q"), &[y[0], y[1], 0.0, y[0], y[1], 0.0], 1e-9);
     close(&end(&found, "v"), &[y[2], y[3], 0.0, y[2], y[3], 0.0], 1e-9);
 }

@@ -1,5 +1,6 @@
 //! Friction in two directions in frozen time, against closed forms.
 
+use nsd_tests::bodies::Body;
 use nsd_tests::{end, optimum, run, times, with_experiment};
 use nsdc::dcs::{Formulation, lower_as};
 use nsdc::report::{EventKind, Failure, Status, Trajectory};
@@ -11,53 +12,13 @@ const ROADS: [&str; 2] = [
 /// By elements and by events, whose tolerance is 1e-8.
 const WITHIN: f64 = 1e-7;
 
-/// A body of mass 1 over a rough floor, with slip in directions turned by an angle.
-#[derive(Clone, Copy)]
-struct Body {
-    q: [f64; 3],
-    v: [f64; 3],
-    force: [f64; 3],
-    friction: f64,
-    restitution: f64,
-    turned: f64,
-}
-
-impl Body {
-    fn model(&self) -> String {
-        let (s, c) = self.turned.sin_cos();
-        let Body {
-            q,
-            v,
-            force,
-            friction,
-            restitution,
-            ..
-        } = self;
-        format!(
-            "model m {{
-               state q[3] = {q:?};
-               state v[3] = {v:?};
-               q' = v;
-               mechanics q, v {{
-                 mass = eye(3);
-                 force = {force:?};
-                 contact floor {{
-                   gap = q[3];
-                   slip = [{c:?}*v[1] + {s:?}*v[2], {c:?}*v[2] - {s:?}*v[1]];
-                   restitution = {restitution:?}; friction = {friction:?};
-                 }}
-               }}
-             }}"
-        )
-    }
-
-    fn roads(&self, horizon: f64, mut check: impl FnMut(&Trajectory)) {
-        for road in ROADS {
-            let found = by(&self.model(), horizon, road);
-            assert_eq!(found.status, Status::Solved, "{road} {:?}", found.failure);
-            found.verify().expect("the invariants of `Trajectory`");
-            check(&found);
-        }
+/// Moves a body by all roads.
+fn roads(body: &Body, horizon: f64, mut check: impl FnMut(&Trajectory)) {
+    for road in ROADS {
+        let found = by(&body.model(), horizon, road);
+        assert_eq!(found.status, Status::Solved, "{road} {:?}", found.failure);
+        found.verify().expect("the invariants of `Trajectory`");
+        check(&found);
     }
 }
 
@@ -92,7 +53,7 @@ fn a_thrown_ball_slides_along_its_line_and_rests() {
     let way = (1.0 + left * left / 4.0) / 5.0_f64.sqrt();
     for turned in [0.0, 0.3, 2.0] {
         let ball = Body { turned, ..BALL };
-        ball.roads(2.0, |found| {
+        roads(&ball, 2.0, |found| {
             close(&end(found, "q"), &[2.0 * way, way, 0.0]);
             close(&end(found, "v"), &[0.0; 3]);
             close(&times(found, EventKind::Jump), &[fall]);
@@ -130,7 +91,7 @@ fn a_ball_that_bounces_slips_along_its_line() {
     let s = 0.1;
     way += slip * s;
     let direction = [2.0 / 5.0_f64.sqrt(), 1.0 / 5.0_f64.sqrt()];
-    ball.roads(t + s, |found| {
+    roads(&ball, t + s, |found| {
         close(&times(found, EventKind::Jump), &bounces);
         let height = e * speed * s - 5.0 * s * s;
         close(
@@ -168,9 +129,9 @@ fn a_pulled_block_slides_along_a_curve_and_stops() {
         };
         let state = |found: &Trajectory| [end(found, "q"), end(found, "v")].concat();
         let (t, half) = at(0.5);
-        block.roads(t, |found| close(&state(found), &half));
+        roads(&block, t, |found| close(&state(found), &half));
         let (stop, whole) = at(0.0);
-        block.roads(1.3 * stop, |found| {
+        roads(&block, 1.3 * stop, |found| {
             close(&state(found), &whole);
             assert_eq!(times(found, EventKind::Stick).len(), 1);
         });
@@ -189,11 +150,11 @@ fn a_block_on_a_tilted_plane_sticks_or_slides_straight_down() {
             turned,
             ..BALL
         };
-        block(2.2 / 9.6).roads(1.0, |found| {
+        roads(&block(2.2 / 9.6), 1.0, |found| {
             close(&end(found, "q"), &[0.3, -0.2, 0.0]);
             close(&end(found, "v"), &[0.0; 3]);
         });
-        block(1.0 / 9.6).roads(1.0, |found| {
+        roads(&block(1.0 / 9.6), 1.0, |found| {
             close(&end(found, "q"), &[0.6, 0.2, 0.0]);
             close(&end(found, "v"), &[0.6, 0.8, 0.0]);
         });
@@ -232,7 +193,7 @@ fn a_ball_that_falls_straight_down_stays_on_its_line() {
         v: [0.0; 3],
         ..BALL
     };
-    ball.roads(1.0, |found| {
+    roads(&ball, 1.0, |found| {
         close(&end(found, "q"), &[0.0; 3]);
         close(&times(found, EventKind::Stick), &[fall]);
     });
@@ -241,7 +202,7 @@ fn a_ball_that_falls_straight_down_stays_on_its_line() {
         ..ball
     };
     let left = 1.0 - fall * 2.0;
-    bouncing.roads(1.0, |found| {
+    roads(&bouncing, 1.0, |found| {
         close(&times(found, EventKind::Jump), &[fall, 2.0 * fall]);
         let speed = 20.0_f64.sqrt() / 4.0;
         close(

@@ -1,6 +1,7 @@
 //! Linear equations that fall into blocks which share no variable, as those of switches do that act on nothing in
 //! common: a chain of n relays costs n small factorizations, not one of size n.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::independent::Sets;
@@ -26,30 +27,27 @@ impl Blocks {
         for (row, column) in entries {
             sets.join(n + row, column);
         }
-        let mut named: Vec<usize> = (0..2 * n).map(|i| sets.of(i)).collect();
-        let count = |named: &[usize], of: usize| named.iter().filter(|&&set| set == of).count();
-        let is_square = |&set: &usize| count(&named[..n], set) == count(&named[n..], set);
-        if !named.iter().all(is_square) {
-            // No numbers make it regular, which its factorization will say.
-            named.fill(0);
+        // The columns and rows of each.
+        let mut blocks: BTreeMap<usize, [Vec<usize>; 2]> = BTreeMap::new();
+        for i in 0..2 * n {
+            blocks.entry(sets.of(i)).or_default()[i / n].push(i % n);
         }
-        let (of_columns, of_rows) = named.split_at(n);
-        let mut blocks: Vec<usize> = of_columns.to_vec();
-        blocks.sort_unstable();
-        blocks.dedup();
+        if blocks
+            .values()
+            .any(|[columns, rows]| columns.len() != rows.len())
+        {
+            // No numbers make it regular, which its factorization will say.
+            blocks = BTreeMap::from([(0, [(0..n).collect(), (0..n).collect()])]);
+        }
         let (mut rows, mut columns) = (vec![0..0; n], vec![0; n]);
         let mut order = [vec![0; n], vec![0; n]];
         let (mut starts, mut first) = (vec![0], 0);
-        for block in blocks {
-            let start = starts[starts.len() - 1];
-            let members =
-                |of: &[usize]| -> Vec<usize> { (0..n).filter(|&i| of[i] == block).collect() };
-            let inside = members(of_columns);
-            let width = inside.len();
-            for (at, column) in inside.into_iter().enumerate() {
+        for [of_columns, of_rows] in blocks.into_values() {
+            let (start, width) = (starts[starts.len() - 1], of_columns.len());
+            for (at, column) in of_columns.into_iter().enumerate() {
                 (columns[column], order[1][column]) = (at, start + at);
             }
-            for (at, row) in members(of_rows).into_iter().enumerate() {
+            for (at, row) in of_rows.into_iter().enumerate() {
                 rows[row] = first + at * width..first + (at + 1) * width;
                 order[0][row] = start + at;
             }

@@ -111,11 +111,10 @@ impl Mode {
         if self.continuous[switch] {
             return 0.0;
         }
-        let past = self.gradient(switch).iter();
         // Before the first step, a state that starts at zero has no size but that of its motion.
         let motion = if state.last_step > 0.0 { 0.0 } else { h };
         let size = |j: usize| state.scale[j].max(state.activity[j] * motion);
-        let past: f64 = past.map(|&(j, g)| g.abs() * size(j)).sum();
+        let past = self.weigh(switch, size);
         let terms = state.terms[switch];
         // The series of what is no affine function has an error of its own.
         let cut = if self.surfaces.is_affine(switch) {
@@ -181,8 +180,7 @@ impl Mode {
             side * series::value(c, tau)
         };
         let sizes = c.iter().rev().fold(0.0, |sum, c| sum * tau + c.abs());
-        let past = self.gradient(switch).iter();
-        let past: f64 = past.map(|&(j, g)| g.abs() * state.scale[j]).sum();
+        let past = self.weigh(switch, |j| state.scale[j]);
         let (mut x, mut alpha) = (vec![0.0; self.n], vec![0.0; self.sides.len()]);
         dense.states_at(tau, &mut x);
         dense.alphas_at(tau, &mut alpha);

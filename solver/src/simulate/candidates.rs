@@ -28,7 +28,7 @@ const MAX_DEPTH: usize = 4;
 const ROUNDED: f64 = 1e-9;
 
 /// No α of this size is looked for: those of solutions are in [0, 1].
-const FAR: f64 = 1e6;
+pub(super) const FAR: f64 = 1e6;
 /// The same for forces, 1 - α, which have no bound and the unit of the model.
 const FAR_FORCE: f64 = 1e12;
 
@@ -43,7 +43,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             return self.contact_choices(state, group);
         }
         if self.holds_disc(group) {
-            return Ok(self.disc_choices(state, group));
+            return self.disc_choices(state, group);
         }
         let options = group.iter().map(|&i| self.options(state, group, i));
         let options: Vec<Vec<Side>> = options.collect();

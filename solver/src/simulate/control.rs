@@ -103,22 +103,17 @@ impl Mode {
     /// error.
     pub(crate) fn measure_terms(&mut self, state: &mut State) {
         self.terms.copy_from_slice(&self.field.f);
-        self.perturb(PERTURBATION, SILVER);
-        self.perturbed_again.clone_from(&self.perturbed);
-        self.perturb(PERTURBATION, GOLDEN);
+        self.perturb_twice(PERTURBATION);
         if self.has_discs() {
             let turns = self.measure_directions(state);
-            let by = match turns * PERTURBATION > TURN {
-                true => (TURN / turns).max(LEAST_PERTURBATION),
-                false => PERTURBATION,
-            };
-            // Terms that happen to cancel once do not do so twice.
-            self.perturb(by, SILVER);
-            self.perturbed_again.clone_from(&self.perturbed);
-            self.perturb_directions(by);
+            if turns * PERTURBATION > TURN {
+                self.perturb_twice((TURN / turns).max(LEAST_PERTURBATION));
+            }
+            self.perturbed.clone_from(&self.perturbed_again);
+            self.perturb_directions();
             self.field.eval(&self.perturbed);
             self.turned.copy_from_slice(&self.field.f);
-            self.perturb(by, GOLDEN);
+            self.perturb(GOLDEN);
         } else {
             self.turned.copy_from_slice(&self.terms);
         }
@@ -135,9 +130,17 @@ impl Mode {
         }
     }
 
-    /// Changes all inputs by about a share of themselves, no two alike: by multiples of an irrational number.
-    fn perturb(&mut self, by: f64, number: f64) {
+    /// Changes all inputs by about a share of themselves in two ways: terms that happen to cancel once do not do so twice.
+    fn perturb_twice(&mut self, by: f64) {
         self.perturbation = by;
+        self.perturb(SILVER);
+        self.perturbed_again.clone_from(&self.perturbed);
+        self.perturb(GOLDEN);
+    }
+
+    /// Changes no two inputs alike: by multiples of an irrational number.
+    fn perturb(&mut self, number: f64) {
+        let by = self.perturbation;
         self.perturbed.clone_from(&self.memory.values);
         let mut share = 0.0_f64;
         let mut perturb = |input: &mut f64| {
@@ -199,9 +202,9 @@ impl Mode {
 
     /// Size of the terms of φ of a sliding switch at the expansion point.
     fn terms_of_rate(&self, switch: usize) -> f64 {
-        let size = |state: usize| self.terms[state].max(self.rate_series(state)[0].abs());
-        let gradient = self.gradient(switch).iter();
-        gradient.map(|&(state, g)| g.abs() * size(state)).sum()
+        self.weigh(switch, |state| {
+            self.terms[state].max(self.rate_series(state)[0].abs())
+        })
     }
 
     /// The magnitude an error of state i within a step h is relative to: the largest of the run or
@@ -350,11 +353,7 @@ impl Mode {
             .iter()
             .map(|&i| curved(self.alpha_series(i), 1.0));
         // A ψ that starts at its surface is no larger than its states make it.
-        let size = |i: usize| {
-            let gradient = self.gradient(i).iter();
-            let of_states = gradient.map(|&(j, g)| g.abs() * state.scale[j]);
-            of_states.sum::<f64>().max(state.terms[i])
-        };
+        let size = |i: usize| self.weigh(i, |j| state.scale[j]).max(state.terms[i]);
         let watched = self.watched.iter();
         let psis = watched.map(|&i| curved(self.psi_series(i), size(i)));
         states.chain(alphas).chain(psis).fold(0.0, f64::max).sqrt()

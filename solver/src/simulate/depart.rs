@@ -289,8 +289,7 @@ impl Mode {
         };
         let [first, second] = [switch, other].map(|i| {
             self.surfaces.linearize(i, &self.memory.values);
-            let terms = self.gradient(i).iter();
-            let size: f64 = terms.map(|&(j, g)| g.abs() * state.size(j)).sum();
+            let size = self.weigh(i, |j| state.size(j));
             (
                 self.psi(i),
                 2.0 * self.memory.values[1 + self.n + i] - 1.0,
@@ -420,13 +419,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             {
                 state.departures = departures.to_vec();
                 return Some(Step {
-                    length: 0.0,
-                    reaches_end: false,
-                    triggers: vec![watch.switch()],
-                    defect: 0.0,
-                    implicit: false,
-                    ends: None,
                     departs: true,
+                    ..Step::at_once(watch.switch())
                 });
             }
             let left = self.coefficients.leave(&mut self.roots, mode, h);

@@ -224,7 +224,8 @@ impl Mode {
     }
 
     /// Changes what each w is made of by a share of itself, in the way that turns w/|w| most.
-    pub(super) fn perturb_directions(&mut self, by: f64) {
+    pub(super) fn perturb_directions(&mut self) {
+        let by = self.perturbation;
         for i in 0..self.discs.of.len() {
             let Some(other) = self.other(i).filter(|_| self.slips_by(i)) else {
                 continue;
@@ -289,15 +290,7 @@ impl Mode {
             mode.series_along(i).is_some_and(slows)
         };
         let switch = (0..self.sides.len()).find(|&i| slowing(self, state, i))?;
-        Some(Step {
-            length: 0.0,
-            reaches_end: false,
-            triggers: vec![switch],
-            defect: 0.0,
-            implicit: false,
-            ends: None,
-            departs: false,
-        })
+        Some(Step::at_once(switch))
     }
 
     /// A step of h, or a shorter one away from rest. The series of w/|w| converges for |w|/|w'|, and beyond that what is
@@ -430,11 +423,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         switches.iter().for_each(|&i| alpha[i] = 0.5);
         mode.eval(state.t, x, &alpha);
         mode.linearize_impulses(&switches);
-        let size = |mode: &Mode, i: usize| -> f64 {
-            let terms = mode.gradient(i).iter();
-            terms.map(|&(j, g)| g.abs() * state.size(j)).sum()
-        };
-        let sizes = switches.map(|i| size(mode, i));
+        let sizes = switches.map(|i| mode.weigh(i, |j| state.size(j)));
         // Where nothing has moved yet, what the forces would make of it.
         let last = if state.longest_step > 0.0 {
             state.longest_step

@@ -71,8 +71,7 @@ impl Mode {
                 continue;
             }
             let psi = self.psi(i);
-            let terms = self.gradient(i).iter();
-            let size: f64 = terms.map(|&(j, g)| g.abs() * state.size(j)).sum();
+            let size = self.weigh(i, |j| state.size(j));
             let follows = self.equations.tie(at).is_some() || self.equations.is_held(at);
             self.equations.rhs[at] = if follows { 0.0 } else { psi };
             if size > 0.0 {

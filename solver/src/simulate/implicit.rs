@@ -204,12 +204,8 @@ impl Mode {
         start.terms.clear();
         start.terms.extend_from_slice(&self.terms);
         let size = |state: usize| self.terms[state].max(self.field.f[state].abs());
-        start.terms.extend(self.sliding.iter().map(|&i| {
-            let gradient = self.gradient(i).iter();
-            gradient
-                .map(|&(state, g)| g.abs() * size(state))
-                .sum::<f64>()
-        }));
+        let rates = self.sliding.iter().map(|&i| self.weigh(i, size));
+        start.terms.extend(rates);
         self.implicit.alphas.clone_from(&state.alpha);
     }
 

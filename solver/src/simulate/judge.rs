@@ -79,11 +79,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             values.fold(state.activity[component], f64::max)
         };
         let rate = |i: &usize| {
-            let terms = mode.gradient(*i).iter();
-            let terms: f64 = terms.map(|&(j, g)| g.abs() * largest(j)).sum();
+            let terms = mode.weigh(*i, largest);
             let size = if mode.surfaces.is_deep(*i) {
-                let terms = mode.gradient(*i).iter();
-                terms.map(|&(j, g)| g.abs() * state.size(j)).sum()
+                mode.weigh(*i, |j| state.size(j))
             } else {
                 state.band[*i] / BAND
             };

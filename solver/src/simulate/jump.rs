@@ -100,6 +100,23 @@ pub(super) enum Met {
     Breakpoint(Vec<usize>),
 }
 
+impl Mode {
+    /// How fast a contact without a gap closes where the point is, if that is more than rounding. Its switch stands for
+    /// this speed afterwards.
+    pub(super) fn closing_speed(&mut self, state: &State, switch: usize) -> Option<f64> {
+        self.surfaces.stand_for(switch, 1);
+        self.surfaces.linearize(switch, &self.memory.values);
+        let speed = -self.psi(switch);
+        // What is as fast as its bodies have ever been is an impact, even where forces that may act on a light one
+        // within a step make others seem small.
+        let share = match speed > FAST * self.weigh(switch, |j| state.scale[j]) {
+            true => ROUNDINGS * f64::EPSILON,
+            false => BAND,
+        };
+        (speed > share * self.weigh(switch, |j| state.size(j))).then_some(speed)
+    }
+}
+
 impl<S: SwitchedSystem> Simulator<'_, S> {
     /// True for a system with laws by which it jumps.
     pub(super) fn has_jumps(&self) -> bool {
@@ -131,10 +148,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                     && self.close(state)
                     && let Met::Surfaces(on) = &mut met
                 {
-                    let kept = std::mem::take(&mut self.jumps.kept);
-                    let placed = self.place(state, t1 - state.t, &kept);
-                    self.jumps.kept = kept;
-                    *on = placed?;
+                    *on = self.place_kept(state, t1 - state.t)?;
                 }
                 match met {
                     Met::Surfaces(on) if on.is_empty() => {}
@@ -161,9 +175,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             if moves {
                 self.jumps.kept.clear();
             }
-            let kept = std::mem::take(&mut self.jumps.kept);
-            let on = self.place(state, t1 - state.t, &kept)?;
-            self.jumps.kept = kept;
+            let on = self.place_kept(state, t1 - state.t)?;
             if moves {
                 self.find_near(state, &on, t1);
             }
@@ -242,22 +254,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         mode.set(state.t, &state.x, &state.alpha);
         for &(l, switch) in &self.jumps.near {
             let closed = state.sides[switch] == Side::Slide;
-            mode.surfaces.stand_for(switch, 1);
-            mode.surfaces.linearize(switch, &mode.memory.values);
-            let terms = mode.gradient(switch).iter();
-            let size: f64 = terms.map(|&(j, g)| g.abs() * state.size(j)).sum();
-            let terms = mode.gradient(switch).iter();
-            let fastest: f64 = terms.map(|&(j, g)| g.abs() * state.scale[j]).sum();
-            let speed = mode.psi(switch);
-            // What is as fast as its bodies have ever been is an impact, even where forces that may act on a light one
-            // within a step make others seem small.
-            let share = match -speed > FAST * fastest {
-                true => ROUNDINGS * f64::EPSILON,
-                false => BAND,
-            };
-            if speed < -share * size {
+            if let Some(speed) = mode.closing_speed(state, switch) {
                 struck.push(l);
-                speeds.push((switch, -speed));
+                speeds.push((switch, speed));
             }
             let order = if closed { 1 } else { 0 };
             mode.surfaces.stand_for(switch, order);
@@ -328,8 +327,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let mode = &mut self.mode;
         let known = self.jumps.struck.iter().find(|struck| struck.0 == switch);
         let ratio = known.map_or(1.0, |(_, before)| speed / before);
-        let terms = mode.gradient(switch).iter();
-        let size: f64 = terms.map(|&(j, g)| g.abs() * state.size(j)).sum();
+        let size = mode.weigh(switch, |j| state.size(j));
         // Where nothing bounces, what is left of a speed is rounding.
         let bounces = ratio < 1.0 && speed > BAND * size;
         if bounces {

@@ -157,8 +157,7 @@ impl Mode {
                 .stand_for(i, if left == Left::Gaps { 0 } else { highest });
             self.surfaces.linearize(i, &self.memory.values);
             let psi = self.psi(i);
-            let terms = self.surfaces.gradient(i).iter();
-            let size: f64 = terms.map(|&(j, g)| g.abs() * state.size(j)).sum();
+            let size = self.weigh(i, |j| state.size(j));
             is_off |= psi.abs() > f64::EPSILON * size;
             if size > 0.0 {
                 worst = worst.max(psi.abs() / size);

@@ -289,6 +289,12 @@ impl Mode {
         self.surfaces.gradient(switch)
     }
 
+    /// Σ |∂ψ/∂x_j| size(j), where it was last linearized.
+    pub(super) fn weigh(&self, switch: usize, size: impl Fn(usize) -> f64) -> f64 {
+        let terms = self.gradient(switch).iter();
+        terms.map(|&(j, g)| g.abs() * size(j)).sum()
+    }
+
     /// ∂ψ/∂t, where it was last linearized.
     pub(crate) fn time_gradient(&self, switch: usize) -> f64 {
         self.surfaces.time_gradient(switch)

@@ -27,6 +27,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let normals = laws.filter_map(|law| impact_of(self.system, law));
         let normals: Vec<usize> = normals.map(|(normal, _)| normal).collect();
         let mut gaps: Vec<(usize, f64)> = Vec::new();
+        self.mode.set(state.t, &state.x, &state.alpha);
         for i in normals {
             let is_open = state.sides[i] != Side::Slide && !self.jumps.grazed.contains(&i);
             if is_open && let Some(gap) = self.gap(state, i) {
@@ -70,23 +71,14 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         self.mode.set(state.t, &state.x, &state.alpha);
     }
 
-    /// The gap of a contact that is approached, relative to the size of its terms, if that is within the tolerance.
+    /// The gap of a contact that is approached where the point is, relative to the size of its terms, if that is within
+    /// the tolerance.
     fn gap(&mut self, state: &State, switch: usize) -> Option<f64> {
-        self.mode.set(state.t, &state.x, &state.alpha);
-        self.mode.surfaces.stand_for(switch, 0);
-        let gap = self.mode.psi(switch).abs() * BAND / state.band[switch];
-        (gap <= self.settings.tolerance && self.closes(state, switch)).then_some(gap)
-    }
-
-    /// Whether a contact is approached.
-    fn closes(&mut self, state: &State, switch: usize) -> bool {
         let mode = &mut self.mode;
-        mode.set(state.t, &state.x, &state.alpha);
-        mode.surfaces.stand_for(switch, 1);
-        mode.surfaces.linearize(switch, &mode.memory.values);
-        let terms = mode.gradient(switch).iter();
-        let size: f64 = terms.map(|&(j, g)| g.abs() * state.size(j)).sum();
-        mode.psi(switch) < -BAND * size
+        mode.surfaces.stand_for(switch, 0);
+        let gap = mode.psi(switch).abs() * BAND / state.band[switch];
+        let is_near = gap <= self.settings.tolerance;
+        (is_near && mode.closing_speed(state, switch).is_some()).then_some(gap)
     }
 
     /// Whether velocities are others where one of these contacts is struck before the rest.
@@ -126,8 +118,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         self.strike_together(state, &[first], &met)?;
         met.extend(members);
         for _ in 0..MAX_ROUNDS {
-            let next = members.iter().copied();
-            let next: Vec<usize> = next.filter(|&i| self.closes(state, i)).collect();
+            let mode = &mut self.mode;
+            mode.set(state.t, &state.x, &state.alpha);
+            let mut next = members.to_vec();
+            next.retain(|&i| mode.closing_speed(state, i).is_some());
             if next.is_empty() {
                 break;
             }

@@ -294,8 +294,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
 impl Mode {
     /// Σ |∇ψ_j| times the terms of f_j, which may cancel.
     fn activity_of_phi(&self, state: &State, switch: usize) -> f64 {
-        let terms = self.gradient(switch).iter();
-        terms.map(|&(j, g)| g.abs() * state.activity[j]).sum()
+        self.weigh(switch, |j| state.activity[j])
     }
 
     /// True for a switch that is never below its surface.

@@ -43,8 +43,7 @@ impl Mode {
     pub(super) fn band(&mut self, switch: usize, state: &State, horizon: f64) -> f64 {
         self.surfaces.stand_for(switch, 0);
         self.surfaces.linearize(switch, &self.memory.values);
-        let terms = self.gradient(switch).iter();
-        let size: f64 = terms.map(|&(j, g)| g.abs() * state.size(j)).sum();
+        let size = self.weigh(switch, |j| state.size(j));
         BAND * (size + self.time_gradient(switch).abs() * horizon)
     }
 }
@@ -141,6 +140,18 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         Ok(on)
     }
 
+    /// The same where contacts that were closed before jumps stay where they are.
+    pub(super) fn place_kept(
+        &mut self,
+        state: &mut State,
+        horizon: f64,
+    ) -> Result<Vec<usize>, Status> {
+        let kept = std::mem::take(&mut self.jumps.kept);
+        let on = self.place(state, horizon, &kept);
+        self.jumps.kept = kept;
+        on
+    }
+
     /// Finds the next mode where `triggers` have reached their surface or stop to slide.
     pub(super) fn change(
         &mut self,
@@ -150,10 +161,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     ) -> Result<(), Status> {
         let open = self.lead(state, triggers, t1)?;
         if self.is_unsettled(state, t1) {
-            let kept = std::mem::take(&mut self.jumps.kept);
-            let on = self.place(state, t1 - state.t, &kept);
-            self.jumps.kept = kept;
-            let on = on?;
+            let on = self.place_kept(state, t1 - state.t)?;
             return self.select(state, &on, t1);
         }
         self.select(state, &open, t1)
@@ -375,8 +383,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let mut vanishes = |order: usize| {
             mode.surfaces.stand_for(switch, order);
             mode.surfaces.linearize(switch, &mode.memory.values);
-            let terms = mode.surfaces.gradient(switch).iter();
-            let size: f64 = terms.map(|&(j, g)| g.abs() * state.size(j)).sum();
+            let size = mode.weigh(switch, |j| state.size(j));
             if order == 1 && is_contact {
                 state.still[switch] = BAND * size;
             }

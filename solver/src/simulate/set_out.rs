@@ -8,11 +8,11 @@
 //! which is -φ in the normal cone of the disc at -u. Newton's method solves for it together with the α of what slides,
 //! from directions all around: φ is affine in u, and there are at most four on a circle.
 
-use super::candidates::{MAX_ENUMERATED, Search, alternatives};
+use super::candidates::{FAR, MAX_ENUMERATED, Search, alternatives};
 use super::mode::Mode;
 use super::select::{Choice, Choices};
 use super::state::State;
-use super::{Role, Side, Simulator, SwitchedSystem};
+use super::{Role, Side, Simulator, Status, SwitchedSystem};
 use crate::linalg::DenseLu;
 
 /// Directions from which one to set off in is looked for.
@@ -32,9 +32,6 @@ const SAME: f64 = 1e-8;
 /// A rate against its own direction by less than this, relative to friction, is none.
 const NEAR: f64 = 1e-7;
 
-/// No α of this size is looked for.
-const FAR: f64 = 1e6;
-
 impl<S: SwitchedSystem> Simulator<'_, S> {
     /// True for steps that meet with a slip velocity with two entries.
     pub(super) fn holds_disc(&self, group: &[usize]) -> bool {
@@ -43,7 +40,11 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     }
 
     /// All choices of sides with their α, where slip velocities with two entries rest or set off.
-    pub(super) fn disc_choices(&mut self, state: &State, group: &[usize]) -> Choices {
+    pub(super) fn disc_choices(
+        &mut self,
+        state: &State,
+        group: &[usize],
+    ) -> Result<Choices, Status> {
         let items = group.iter().copied().filter(|&i| !self.mode.is_second(i));
         let items: Vec<usize> = items.collect();
         let options = items.iter().map(|&i| match self.mode.is_in_disc(i) {
@@ -58,6 +59,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             all: open <= MAX_ENUMERATED,
         };
         for candidate in alternatives(&options) {
+            if state.is_late() {
+                return Err(Status::TimeLimit);
+            }
             let mut all = state.sides.clone();
             for (&i, &side) in items.iter().zip(&candidate) {
                 all[i] = side;
@@ -83,7 +87,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             choices.singular |= outcome == Search::Singular;
             choices.all &= outcome != Search::Bounded;
         }
-        choices
+        Ok(choices)
     }
 
     /// Looks again at slip velocities that no rate has read so far, where a switch changes that made them so: at rest

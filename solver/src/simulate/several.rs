@@ -213,9 +213,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                     .iter()
                     .fold(0.0, |m: f64, corner| m.max(corner.f[at].abs()))
             };
-            let terms = self.mode.gradient(i).iter();
-            let by_states: f64 = terms.map(|&(state, g)| g.abs() * largest(state)).sum();
-            let size = by_states + self.mode.time_gradient(i).abs();
+            let size = self.mode.weigh(i, largest) + self.mode.time_gradient(i).abs();
             if size > 0.0 { size } else { *scale }
         };
         let sizes: Vec<f64> = group.iter().zip(&scales).map(size).collect();

@@ -24,6 +24,21 @@ pub(super) struct Step {
     pub departs: bool,
 }
 
+impl Step {
+    /// One without a length, at the end of which a switch changes.
+    pub(super) fn at_once(switch: usize) -> Self {
+        Step {
+            length: 0.0,
+            reaches_end: false,
+            triggers: vec![switch],
+            defect: 0.0,
+            implicit: false,
+            ends: None,
+            departs: false,
+        }
+    }
+}
+
 /// What is watched for a root: ψ off the surface, α and 1 - α on it.
 #[derive(Clone, Copy)]
 pub(super) enum Watch {

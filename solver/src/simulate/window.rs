@@ -23,8 +23,7 @@ impl Mode {
             let c = self.psi_series(i);
             // A few roundings of every term, and of the states as large as they have been.
             let sizes = c.iter().rev().fold(0.0, |sum, c| sum * tau + c.abs());
-            let past = self.gradient(i).iter();
-            let past: f64 = past.map(|&(j, g)| g.abs() * state.scale[j]).sum();
+            let past = self.weigh(i, |j| state.scale[j]);
             let rounding = ROUNDINGS * f64::EPSILON * state.terms[i].max(sizes).max(past);
             let reaches =
                 |k: usize| (rounding / series::term(c, tau, k).abs()).powf(1.0 / k as f64);

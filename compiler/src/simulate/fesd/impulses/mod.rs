@@ -17,6 +17,7 @@ use std::time::Instant;
 use nsd_solver::mpcc::{self, Options};
 use rustc_hash::FxHashMap;
 
+use super::super::rehearsal::CLOSED;
 use super::super::watch::Progress;
 use super::super::{Elements, Rehearsed, Request, judge};
 use super::judge_grid;
@@ -41,8 +42,6 @@ const MOST_WAYS: usize = 1;
 const MOST_ITERATIONS: usize = 500;
 /// What a program may violate, relative to its largest value.
 const FEASIBLE: f64 = 1e-9;
-/// A gap this small, relative to the largest value, is closed.
-const CLOSED: f64 = 1e-11;
 /// Impulses below this are rounding.
 const IMPULSE: f64 = 1e-9;
 /// Elements shorter than this, as a share of the horizon, have no mode of their own.
