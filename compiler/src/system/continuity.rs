@@ -24,6 +24,9 @@ pub(super) fn classify<'e>(
     is_kink: bool,
     sampler: &Sampler<'e>,
 ) -> Continuity {
+    if f.iter().all(|&f| jumps_by_multiple(f, alpha, psi)) {
+        return Continuity::Certain;
+    }
     let jumps: Vec<Expr<'e>> = f
         .iter()
         .map(|&f| jump(f, alpha))
@@ -46,6 +49,33 @@ pub(super) fn classify<'e>(
     match known.all(|(&jump, sampled)| sampled.is_some() || vanishes(jump, psi)) {
         true => Continuity::Sampled,
         false => Continuity::Discontinuous,
+    }
+}
+
+/// Whether the jump of f is ψ times α or 1 - α of others, as where minima are nested: such a product has no pole that a
+/// sample could find.
+fn jumps_by_multiple<'e>(f: Expr<'e>, alpha: Var, psi: Expr<'e>) -> bool {
+    let slope = f.diff(alpha);
+    let (jump, psi) = (slope.split_scale().1, psi.split_scale().1);
+    let is_multiple = match jump.node() {
+        _ if jump == psi => true,
+        Node::Product(factors) => {
+            let holds_psi = factors.iter().any(|&(factor, _)| factor == psi);
+            let mut all = factors.iter();
+            holds_psi
+                && all.all(|&(factor, power)| power > 0 && (factor == psi || is_linear(factor)))
+        }
+        _ => false,
+    };
+    is_multiple && slope.diff(alpha).is_zero()
+}
+
+/// Whether e is a variable or a sum of some.
+fn is_linear(e: Expr) -> bool {
+    match e.node() {
+        Node::Variable(_) => true,
+        Node::Sum { terms, .. } => terms.iter().all(|(_, term)| term.as_variable().is_some()),
+        _ => false,
     }
 }
 
@@ -132,7 +162,7 @@ fn on_samples<'e>(
 
 #[cfg(test)]
 mod tests {
-    use super::classify;
+    use super::{classify, jumps_by_multiple};
     use crate::expr::{Expr, Exprs};
     use crate::system::Continuity::{self, Certain, Discontinuous, Sampled};
     use crate::system::sample::Sampler;
@@ -200,6 +230,24 @@ mod tests {
             Certain
         );
         assert_eq!(class(&exprs, |x, _, _| (x, x)), Certain);
+    }
+
+    #[test]
+    fn nested_minima_need_no_samples() {
+        let exprs = Exprs::new();
+        let [x, y, a, b, other] = ["x", "y", "a", "b", "other"].map(|name| exprs.variable(name));
+        let alpha = a.as_variable().unwrap();
+        let proved = |f| jumps_by_multiple(f, alpha, x - y);
+        let inner = (1.0 - a) * x + a * y;
+        assert!(proved(inner));
+        assert!(proved((1.0 - b) * inner + b * other - 3.0));
+        assert!(proved(2.0 * b.powi(2) * inner));
+        // Poles, other jumps, and what is not linear in α.
+        assert!(!proved(inner / other));
+        assert!(!proved(inner * other.sqrt()));
+        assert!(!proved(inner + a));
+        assert!(!proved(a * inner));
+        assert!(!proved(a * a * (x - y)));
     }
 
     #[test]
