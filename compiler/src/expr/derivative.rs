@@ -23,22 +23,21 @@ pub struct SparseJacobian<'e> {
 /// `∂f_i / ∂x_j`, by one forward sweep per variable over what depends on it.
 pub fn jacobian<'e>(functions: &[Expr<'e>], vars: &[Var]) -> SparseJacobian<'e> {
     let graph = Graph::new(functions, vars);
-    let mut entries = Vec::new();
-    for (j, &var) in vars.iter().enumerate() {
-        let column = graph.column(var);
-        for (i, function) in functions.iter().enumerate() {
-            let entry = graph
-                .place
-                .get(&function.id)
-                .and_then(|place| column.get(place));
-            entries.extend(
-                entry
-                    .filter(|entry| !entry.is_zero())
-                    .map(|&entry| (i, j, entry)),
-            );
+    let mut rows_at: FxHashMap<usize, Vec<usize>> = FxHashMap::default();
+    for (i, function) in functions.iter().enumerate() {
+        if let Some(&place) = graph.place.get(&function.id) {
+            rows_at.entry(place).or_default().push(i);
         }
     }
-    entries.sort_by_key(|&(i, j, _)| (i, j));
+    let mut entries = Vec::new();
+    for (j, &var) in vars.iter().enumerate() {
+        for (place, entry) in graph.column(var) {
+            if let Some(rows) = rows_at.get(&place).filter(|_| !entry.is_zero()) {
+                entries.extend(rows.iter().map(|&i| (i, j, entry)));
+            }
+        }
+    }
+    entries.sort_unstable_by_key(|&(i, j, _)| (i, j));
     SparseJacobian {
         rows: functions.len(),
         cols: vars.len(),
@@ -77,7 +76,7 @@ impl<'e> Graph<'e> {
             partials: Vec::new(),
             parents: Vec::new(),
         };
-        let Some(first) = functions.first() else {
+        let Some(first) = functions.first().filter(|_| !vars.is_empty()) else {
             return graph;
         };
         let mut wanted = vars.to_vec();

@@ -5,7 +5,7 @@
 //! Only the values at α_i = 0 and 1 are kept: α^k becomes α. At the corners, that is off the
 //! surfaces, nothing changes.
 
-use crate::expr::{Expr, Node, Substitution, Var};
+use crate::expr::{Expr, Node, Substitution, Var, jacobian};
 
 /// The value with one variable at a number.
 pub(super) fn at<'e>(f: Expr<'e>, var: Var, value: f64) -> Expr<'e> {
@@ -36,7 +36,10 @@ pub(super) fn jump<'e>(f: Expr<'e>, alpha: Var) -> Expr<'e> {
 
 /// The multi-affine interpolant of f at the corners of the variables.
 pub(super) fn multi_affine<'e>(f: Expr<'e>, alphas: &[Var]) -> Expr<'e> {
-    alphas.iter().fold(f, |f, &alpha| interpolate(f, alpha))
+    let slopes = jacobian(&[f], alphas).entries.into_iter();
+    let slopes = slopes.map(|(_, k, slope)| (alphas[k], slope));
+    let bent = slopes.filter(|&(alpha, slope)| slope.depends_on(alpha));
+    bent.fold(f, |f, (alpha, _)| interpolate(f, alpha))
 }
 
 fn interpolate<'e>(f: Expr<'e>, alpha: Var) -> Expr<'e> {

@@ -2,7 +2,7 @@
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::continuity::classify;
+use super::continuity::{classify, is_multiple};
 use super::corners::jumps_somewhere;
 use super::interaction::{positions, subsystems};
 use super::jumps::Lowered;
@@ -16,7 +16,7 @@ use super::{
     Task, skipped,
 };
 use crate::diagnostics::Diagnostics;
-use crate::expr::{Expr, Var, variables_of};
+use crate::expr::{Expr, Var, jacobian, variables_of};
 use crate::model::{self, Data, SwitchKind, TargetKind};
 use crate::source::Span;
 
@@ -91,16 +91,26 @@ impl<'e> Lowering<'_, 'e> {
                 .collect(),
         );
 
-        // The functions each α enters: rates and the ψ of other switches.
+        // The functions each α enters: rates and the ψ of other switches, but for kinks that are continuous by form.
         let functions: Vec<Expr<'e>> = rates
             .iter()
             .copied()
             .chain(switches.iter().map(|switch| switch.psi))
             .collect();
+        let kinks = (0..alphas.len()).filter(|&k| self.switches.is_kink(kept[k]));
+        let (kinks, kink_alphas): (Vec<usize>, Vec<Var>) = kinks.map(|k| (k, alphas[k])).unzip();
+        let slopes = jacobian(&functions, &kink_alphas).entries.into_iter();
+        let continuous: FxHashSet<(usize, usize)> = slopes
+            .map(|(f, j, slope)| (f, kinks[j], slope))
+            .filter(|&(_, k, slope)| is_multiple(slope, (alphas[k], switches[k].psi)))
+            .map(|(f, k, _)| (f, k))
+            .collect();
         let mut entered: Vec<Vec<Expr<'e>>> = vec![Vec::new(); alphas.len()];
-        for &f in &functions {
+        for (number, &f) in functions.iter().enumerate() {
             for k in positions(f, &alphas) {
-                entered[k].push(f);
+                if !continuous.contains(&(number, k)) {
+                    entered[k].push(f);
+                }
             }
         }
         let relays: Vec<Var> = (switches.iter().zip(&alphas))
@@ -144,7 +154,7 @@ impl<'e> Lowering<'_, 'e> {
         }
         for outer in &switches {
             for inner in positions(outer.psi, &alphas) {
-                if self.switches.is_leading(kept[inner]) {
+                if self.switches.is_leading(kept[inner]) || !entered[inner].contains(&outer.psi) {
                     continue;
                 }
                 // What the rates do there is another matter.

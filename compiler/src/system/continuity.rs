@@ -24,9 +24,6 @@ pub(super) fn classify<'e>(
     is_kink: bool,
     sampler: &Sampler<'e>,
 ) -> Continuity {
-    if f.iter().all(|&f| jumps_by_multiple(f, alpha, psi)) {
-        return Continuity::Certain;
-    }
     let jumps: Vec<Expr<'e>> = f
         .iter()
         .map(|&f| jump(f, alpha))
@@ -52,22 +49,22 @@ pub(super) fn classify<'e>(
     }
 }
 
-/// Whether the jump of f is ψ times α or 1 - α of others, as where minima are nested: such a product has no pole that a
-/// sample could find.
-fn jumps_by_multiple<'e>(f: Expr<'e>, alpha: Var, psi: Expr<'e>) -> bool {
-    let slope = f.diff(alpha);
-    let (jump, psi) = (slope.split_scale().1, psi.split_scale().1);
-    let is_multiple = match jump.node() {
-        _ if jump == psi => true,
+/// Whether ∂f/∂α is ψ times α or 1 - α of others, as where minima are nested: f is linear in α and jumps by a product
+/// that has no pole which a sample could find.
+pub(super) fn is_multiple<'e>(slope: Expr<'e>, (alpha, psi): (Var, Expr<'e>)) -> bool {
+    let (slope, psi) = (slope.split_scale().1, psi.split_scale().1);
+    let is_harmless = |factor: Expr<'e>| {
+        factor == psi || is_linear(factor) && !variables_of(&[factor]).contains(&alpha)
+    };
+    match slope.node() {
+        _ if slope == psi => true,
         Node::Product(factors) => {
             let holds_psi = factors.iter().any(|&(factor, _)| factor == psi);
-            let mut all = factors.iter();
-            holds_psi
-                && all.all(|&(factor, power)| power > 0 && (factor == psi || is_linear(factor)))
+            let mut all = factors.into_iter();
+            holds_psi && all.all(|(factor, power)| power > 0 && is_harmless(factor))
         }
         _ => false,
-    };
-    is_multiple && slope.diff(alpha).is_zero()
+    }
 }
 
 /// Whether e is a variable or a sum of some.
@@ -162,7 +159,7 @@ fn on_samples<'e>(
 
 #[cfg(test)]
 mod tests {
-    use super::{classify, jumps_by_multiple};
+    use super::{classify, is_multiple};
     use crate::expr::{Expr, Exprs};
     use crate::system::Continuity::{self, Certain, Discontinuous, Sampled};
     use crate::system::sample::Sampler;
@@ -237,7 +234,7 @@ mod tests {
         let exprs = Exprs::new();
         let [x, y, a, b, other] = ["x", "y", "a", "b", "other"].map(|name| exprs.variable(name));
         let alpha = a.as_variable().unwrap();
-        let proved = |f| jumps_by_multiple(f, alpha, x - y);
+        let proved = |f: Expr| is_multiple(f.diff(alpha), (alpha, x - y));
         let inner = (1.0 - a) * x + a * y;
         assert!(proved(inner));
         assert!(proved((1.0 - b) * inner + b * other - 3.0));

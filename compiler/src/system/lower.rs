@@ -191,7 +191,7 @@ impl<'m, 'e> Lowering<'m, 'e> {
                     continue;
                 }
                 let psi = self.replace(psi, switch.span);
-                let above = self.switches.enter(psi, entry);
+                let above = self.switches.enter(psi, psi, entry);
                 let value = match switch.kind {
                     SwitchKind::Sign => 2.0 * above - 1.0,
                     _ => above,

@@ -83,6 +83,7 @@ mod switches;
 #[cfg(test)]
 mod switches_tests;
 pub mod task;
+mod terms;
 #[cfg(test)]
 mod tests;
 mod unseen;

@@ -2,8 +2,10 @@
 
 use rustc_hash::FxHashMap;
 
+use super::switches::Entry;
+use super::terms::{at_alpha, compared};
 use super::{System, surface};
-use crate::expr::{BinaryFunction, Expr, Function, Node, Substitution, Var, rewrite};
+use crate::expr::{Expr, Substitution, Var, rewrite};
 
 /// Where names of the model went.
 #[derive(Clone, Debug, Default)]
@@ -30,16 +32,13 @@ impl<'e> System<'e> {
         let e = e
             .substitute(&self.readings.named)
             .substitute(&self.readings.signals);
-        rewrite(
-            e.substitute(&self.readings.named),
-            &mut |e| match e.node() {
-                Node::Unary(Function::Step, psi) => self.alpha_of(psi).unwrap_or(e),
-                Node::Unary(Function::Sign, psi) => {
-                    self.alpha_of(psi).map_or(e, |alpha| 2.0 * alpha - 1.0)
-                }
-                _ => e,
-            },
-        )
+        let e = e.substitute(&self.readings.named);
+        rewrite(e, &mut |e| match compared(e) {
+            Some((psi, Entry::Condition | Entry::Term)) => {
+                (self.alpha_of(psi)).map_or(e, |alpha| at_alpha(e, alpha))
+            }
+            _ => e,
+        })
     }
 
     /// Whether steep functions have taken the place of switches.
@@ -49,20 +48,8 @@ impl<'e> System<'e> {
 
     /// A nonsmooth term inside a switching function, in α.
     fn inner(&self, e: Expr<'e>) -> Option<Expr<'e>> {
-        Some(match e.node() {
-            Node::Unary(Function::Step, psi) => self.alpha_of(psi)?,
-            Node::Unary(Function::Sign, psi) => 2.0 * self.alpha_of(psi)? - 1.0,
-            Node::Unary(Function::Abs, y) => (2.0 * self.alpha_of(y)? - 1.0) * y,
-            Node::Binary(BinaryFunction::Max, a, b) => {
-                let above = self.alpha_of(a - b)?;
-                above * a + (1.0 - above) * b
-            }
-            Node::Binary(BinaryFunction::Min, a, b) => {
-                let above = self.alpha_of(a - b)?;
-                (1.0 - above) * a + above * b
-            }
-            _ => return None,
-        })
+        let (psi, _) = compared(e)?;
+        Some(at_alpha(e, self.alpha_of(psi)?))
     }
 
     fn alpha_of(&self, psi: Expr<'e>) -> Option<Expr<'e>> {

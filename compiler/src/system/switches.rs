@@ -1,8 +1,5 @@
 //! Nonsmooth terms become switch variables, bottom-up.
 //!
-//! step(ψ) -> α,  sign(ψ) -> 2α - 1,  abs(y) -> (2α - 1) y with ψ = y,
-//! max(a, b) -> α a + (1 - α) b with ψ = a - b,  min(a, b) -> (1 - α) a + α b.
-//!
 //! Switching functions that are multiples of each other share one switch; α becomes 1 - α where
 //! the multiple is negative. ψ of an outer term holds α of inner ones, as in `max(abs(x), y)`.
 //!
@@ -14,10 +11,9 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use super::affine::{at, multi_affine};
 use super::read::Readings;
 use super::surface::{self, Form};
+use super::terms::{at_alpha, compared};
 use super::{NamedReading, Relay, Role};
-use crate::expr::{
-    BinaryFunction, Expr, Exprs, Function, Node, Substitution, Var, rewrite, variables_of,
-};
+use crate::expr::{Expr, Exprs, Substitution, Var, transform, variables_of};
 use crate::source::Span;
 
 /// How a switching term stands in an expression.
@@ -41,6 +37,8 @@ pub(super) struct Collected<'e> {
     pub name: Option<String>,
     pub alpha: Var,
     pub psi: Expr<'e>,
+    /// ψ with the nonsmooth terms that became α.
+    pub written: Expr<'e>,
     pub spans: Vec<Span>,
     /// The expression in which it was found.
     pub origin: Span,
@@ -68,6 +66,7 @@ impl<'e> Collected<'e> {
             name: None,
             alpha,
             psi,
+            written: psi,
             spans: Vec::new(),
             origin,
             named: Vec::new(),
@@ -139,31 +138,20 @@ impl<'e> Switches<'e> {
     /// Replaces the nonsmooth terms of an expression that stands at `span` by entry variables.
     pub fn replace(&mut self, e: Expr<'e>, span: Span) -> Expr<'e> {
         self.here = span;
-        rewrite(e, &mut |node| self.replace_node(node))
+        transform(&[e], &mut |written, e| self.replace_node(written, e))[0]
     }
 
-    fn replace_node(&mut self, e: Expr<'e>) -> Expr<'e> {
-        if !e.is_function() {
+    /// Replaces a node, of which the terms below are replaced.
+    fn replace_node(&mut self, written: Expr<'e>, e: Expr<'e>) -> Expr<'e> {
+        let Some((psi, entry)) = compared(e) else {
             return e;
-        }
-        match e.node() {
-            Node::Unary(Function::Step, psi) => self.enter(psi, Entry::Condition),
-            Node::Unary(Function::Sign, psi) => 2.0 * self.enter(psi, Entry::Term) - 1.0,
-            Node::Unary(Function::Abs, y) => (2.0 * self.enter(y, Entry::Kink) - 1.0) * y,
-            Node::Binary(BinaryFunction::Max, a, b) => {
-                let above = self.enter(a - b, Entry::Kink);
-                above * a + (1.0 - above) * b
-            }
-            Node::Binary(BinaryFunction::Min, a, b) => {
-                let above = self.enter(a - b, Entry::Kink);
-                (1.0 - above) * a + above * b
-            }
-            _ => e,
-        }
+        };
+        let written = compared(written).map_or(psi, |(written, _)| written);
+        at_alpha(e, self.enter(psi, written, entry))
     }
 
     /// The value of step(ψ): an entry variable, one minus it, or a number.
-    pub fn enter(&mut self, psi: Expr<'e>, entry: Entry) -> Expr<'e> {
+    pub fn enter(&mut self, psi: Expr<'e>, written: Expr<'e>, entry: Entry) -> Expr<'e> {
         let psi = self.merged(psi);
         if let Some(value) = self.decided_before(psi, entry) {
             return value;
@@ -193,7 +181,11 @@ impl<'e> Switches<'e> {
                 return self.exprs.constant(1.0);
             }
         };
+        let n_known = self.list.len();
         let (k, flipped) = self.switch(psi);
+        if let (Form::Regular, true) = (form, k == n_known) {
+            self.list[k].written = written;
+        }
         if entry == Entry::Nonlinear {
             self.read_nonlinearly(k);
         }
@@ -201,18 +193,18 @@ impl<'e> Switches<'e> {
         if flipped { 1.0 - tau } else { tau }
     }
 
-    /// The sign of a ψ that is a multiple of |ψ_k| for some switch k.
+    /// The sign of a ψ that is a multiple of |ψ_k| = (2 α_k - 1) ψ_k for some switch k.
     fn absolute_value(&self, psi: Expr<'e>) -> Option<f64> {
-        self.alphas_of(psi).into_iter().find_map(|alpha| {
-            let inner = self.list.iter().find(|switch| switch.alpha == alpha)?;
-            let (_, key) = surface::canonical(inner.psi, &self.params);
-            let sign_at = |side: f64| {
-                let (scale, at_side) = surface::canonical(at(psi, alpha, side), &self.params);
-                (at_side == key).then_some((scale * inner.scale).signum())
-            };
-            let (above, below) = (sign_at(1.0)?, sign_at(0.0)?);
-            (above == -below).then_some(above)
-        })
+        // Those of ψ_k are older.
+        let alpha = self.alphas_of(psi).pop()?;
+        let inner = &self.list[self.of_alpha(alpha)?];
+        let (_, key) = surface::canonical(inner.psi, &self.params);
+        let sign_at = |side: f64| {
+            let (scale, at_side) = surface::canonical(at(psi, alpha, side), &self.params);
+            (at_side == key).then_some((scale * inner.scale).signum())
+        };
+        let (above, below) = (sign_at(1.0)?, sign_at(0.0)?);
+        (above == -below).then_some(above)
     }
 
     /// The switch of ψ, and whether ψ is a negative multiple of its switching function.
@@ -236,7 +228,7 @@ impl<'e> Switches<'e> {
     /// Takes a positive or negative multiple of ψ as the switching function of a switch that occurs nowhere yet.
     pub fn orient(&mut self, k: usize, psi: Expr<'e>) {
         let switch = &mut self.list[k];
-        switch.psi = psi;
+        (switch.psi, switch.written) = (psi, psi);
         switch.scale = surface::canonical(psi, &self.params).0;
     }
 
@@ -419,6 +411,11 @@ impl<'e> Switches<'e> {
         });
         linear.extend(self.choosing.iter().flatten());
         multi_affine(e, &linear).substitute(&self.choices)
+    }
+
+    /// The expression in α, with powers of them as they stand.
+    pub fn in_alphas(&self, e: Expr<'e>) -> Expr<'e> {
+        e.substitute(&self.merge).substitute(&self.choices)
     }
 
     /// The expression in α where powers of a switch have no agreed meaning, in entry variables elsewhere.

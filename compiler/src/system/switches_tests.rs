@@ -76,11 +76,11 @@ fn parameters_decide_the_sign_of_factors() {
     let [x, k] = ["x", "k"].map(|name| exprs.variable(name));
     let params = FxHashMap::from_iter([(k.as_variable().unwrap(), -3.0)]);
     let mut switches = Switches::new(&exprs, [exprs.variable("time")], params);
-    let first = switches.enter(x, Entry::Condition);
-    let second = switches.enter(k * x, Entry::Condition);
+    let first = switches.enter(x, x, Entry::Condition);
+    let second = switches.enter(k * x, k * x, Entry::Condition);
     assert_eq!(switches.list.len(), 1);
     assert_eq!(second, 1.0 - first);
-    assert_eq!(switches.enter(k, Entry::Condition), exprs.constant(0.0));
+    assert_eq!(switches.enter(k, k, Entry::Condition), exprs.constant(0.0));
 }
 
 /// Random expressions over x, y, z with smooth and nonsmooth terms.

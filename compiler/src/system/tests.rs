@@ -130,7 +130,7 @@ fn kinks_are_continuous() {
     der(x) = x*alpha[2] + (y*(1 - alpha[1]) + (2*y + 1)*alpha[1])*(1 - alpha[2])
     der(y) = -1
     alpha[1] in step(-y - 1)  // -y - 1, continuous
-    alpha[2] in step(x - y*(1 - alpha[1]) - (2*y + 1)*alpha[1])  // x - y*(1 - step(-y - 1)) - step(-y - 1)*(2*y + 1), continuous
+    alpha[2] in step(x - y*(1 - alpha[1]) - (2*y + 1)*alpha[1])  // x - min(y, 2*y + 1), continuous
     subsystem alpha[1], alpha[2]
     ");
     assert_snapshot!(statements("x' = sat(x); y' = deadzone(x, 2);"), @r"

@@ -1,30 +1,34 @@
 //! Switches in the words of the user.
 
-use super::switches::Switches;
+use super::switches::{Collected, Switches};
 use crate::expr::{Expr, Substitution};
 
 impl<'e> Switches<'e> {
-    /// The name of a switch: the user's words, else ψ in terms of `step` instead of α.
+    /// The name of a switch: the user's words, else ψ as it is written.
     pub fn name_of(&self, k: usize) -> String {
         let switch = &self.list[k];
         if let Some(name) = &switch.name {
             return name.clone();
         }
-        self.in_steps(switch.psi, k).to_string()
+        self.in_steps(switch.written).to_string()
     }
 
     /// The expression as a user may write it, with `step` instead of α.
     pub fn written(&self, e: Expr<'e>) -> String {
-        self.in_steps(self.merged(e), self.list.len()).to_string()
+        self.in_steps(self.merged(e)).to_string()
     }
 
-    /// The first `count` α replaced by `step`.
-    fn in_steps(&self, e: Expr<'e>, count: usize) -> Expr<'e> {
-        // Outer ones first: ψ holds α of earlier switches only.
-        let inner = self.list[..count].iter().rev();
-        inner.fold(e, |e, inner| {
-            let step = (inner.alpha, inner.psi.step());
-            e.substitute(&Substitution::from_iter([step]))
-        })
+    /// Every α replaced by `step`.
+    fn in_steps(&self, mut e: Expr<'e>) -> Expr<'e> {
+        loop {
+            e = self.in_alphas(e);
+            // ψ holds α of earlier switches only.
+            let last = self.alphas_of(e).pop();
+            let Some(inner) = last.and_then(|alpha| self.of_alpha(alpha)) else {
+                return e;
+            };
+            let Collected { alpha, written, .. } = self.list[inner];
+            e = e.substitute(&Substitution::one(alpha, written.step()));
+        }
     }
 }
