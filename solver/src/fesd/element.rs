@@ -13,6 +13,7 @@ use wide::f64x4;
 
 use super::banded;
 use super::hidden::Hidden;
+use super::kept::Keeper;
 use super::projection::Projection;
 use super::scheme::{Scheme, WIDTH};
 use super::slip::Departure;
@@ -60,6 +61,7 @@ pub(super) struct Element {
     /// Σ b_j V_j, and what the projection of the end adds to it.
     pub mean: Vec<f64>,
     projection: Option<Projection>,
+    keeper: Option<Keeper>,
     /// The end.
     end: Vec<f64>,
     /// What changes at breakpoints.
@@ -115,6 +117,7 @@ impl Element {
             unknowns: vec![0.0; size],
             mean: vec![0.0; n],
             projection: Projection::new(scheme, n, &reduced),
+            keeper: reduced.kept.as_ref().map(|kept| Keeper::new(n, kept)),
             end: vec![0.0; n],
             numbers: vec![0.0; n_numbers],
             activity: vec![0.0; n],
@@ -263,6 +266,9 @@ impl Element {
         self.x0.copy_from_slice(x0);
         for &i in &self.algebraic {
             self.sizes[i] = scale[i];
+        }
+        if let (Some(keeper), Some(kept)) = (&mut self.keeper, &self.reduced.kept) {
+            keeper.start(kept, t, x0, scale, &self.numbers);
         }
         let mut fresh = self.prepare(scheme, h)?;
         let (mut last, mut chords) = (f64::INFINITY, 0);
@@ -447,7 +453,7 @@ impl Element {
 
     /// Whether the end is moved onto the surfaces, away from the polynomial.
     pub fn is_projected(&self) -> bool {
-        self.projection.is_some()
+        self.projection.is_some() || self.keeper.is_some()
     }
 
     /// X at the nodes, and Σ b_j V_j with the projection of the end.
@@ -460,19 +466,25 @@ impl Element {
                 .map(|(j, b)| b * self.unknowns[j * per_node + i])
                 .sum();
         }
+        if self.projection.is_none() && self.keeper.is_none() {
+            return;
+        }
+        let ends = self.end.iter_mut().zip(&self.x0).zip(&self.mean);
+        for ((end, x0), mean) in ends {
+            *end = x0 + self.h * mean;
+        }
+        let (reduced, t) = (&self.reduced, self.t + self.h);
         if let Some(projection) = &mut self.projection {
-            let ends = self.end.iter_mut().zip(&self.x0).zip(&self.mean);
-            for ((end, x0), mean) in ends {
-                *end = x0 + self.h * mean;
-            }
             let w = &self.unknowns[(scheme.s - 1) * per_node + self.n..];
-            let (reduced, t) = (&self.reduced, self.t + self.h);
             projection.project(reduced, t, w, &self.numbers, &mut self.end);
-            let ends = self.end.iter().zip(&self.x0).zip(&mut self.mean);
-            for ((end, x0), mean) in ends {
-                let shift = (end - x0) - self.h * *mean;
-                *mean += shift / self.h;
-            }
+        }
+        if let (Some(keeper), Some(kept)) = (&mut self.keeper, &reduced.kept) {
+            keeper.shift(kept, t, &mut self.end);
+        }
+        let shifts = self.end.iter().zip(&self.x0).zip(&mut self.mean);
+        for ((end, x0), mean) in shifts {
+            let shift = (end - x0) - self.h * *mean;
+            *mean += shift / self.h;
         }
     }
 }

@@ -20,6 +20,7 @@ mod fold;
 mod guided;
 mod hidden;
 mod independent;
+mod kept;
 mod march;
 mod nodes;
 mod projection;
@@ -51,7 +52,7 @@ use nodes::Nodes;
 use scheme::Scheme;
 pub use stepping::{Stepper, SteppingSettings};
 pub use system::{
-    ComplementaritySystem, Disc, Full, Member, NEGLIGIBLE, Pair, Reduced, Watched, Zero,
+    ComplementaritySystem, Disc, Full, Kept, Member, NEGLIGIBLE, Pair, Reduced, Watched, Zero,
 };
 use watch::{Start, Values};
 

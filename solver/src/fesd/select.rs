@@ -2,7 +2,7 @@
 
 use super::directional::{self, Choice, Found};
 use super::emit::Observer;
-use super::system::{ComplementaritySystem, Pair, Zero};
+use super::system::{ComplementaritySystem, Member, Pair, Zero};
 use super::watch::{BAND, Start, Verdict};
 use super::{Run, Simulator};
 use crate::simulate::{Candidate, Note, Side, Status};
@@ -380,7 +380,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
     }
 
     /// Values of the continuous member of each pair below which it is zero: what rounding leaves of
-    /// its terms.
+    /// its terms, or of itself where these are zero.
     pub(super) fn bands(&mut self, run: &Run) -> Vec<f64> {
         let (n, full) = (run.x.len(), self.system.full());
         let mut inputs = vec![run.t];
@@ -413,7 +413,8 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         let band = |pair: &Pair| {
             let members = [pair.left, pair.right].into_iter();
             let continuous = members.filter(|m| self.system.is_continuous(m.variable));
-            BAND * continuous.fold(0.0, |size: f64, m| size.max(of_variable[m.variable]))
+            let size = |m: Member| of_variable[m.variable].max(m.value(&run.z).abs());
+            BAND * continuous.map(size).fold(0.0, f64::max)
         };
         let mut bands: Vec<f64> = self.system.pairs().iter().map(band).collect();
         self.raise_bands(run, &mut bands);

@@ -207,6 +207,8 @@ pub struct Reduced {
     pub hidden_slopes: Partials,
     /// (t, x, w) to z.
     pub algebraics: Tape,
+    /// What stays as it is by these functions; none where that is nothing.
+    pub kept: Option<Kept>,
     /// What must not be negative.
     pub watched: Vec<Watched>,
     /// (t, x, w) to the watched members.
@@ -224,6 +226,16 @@ pub struct Reduced {
     /// Whether f and r are affine in (x, w), with constant coefficients: one factorization serves
     /// all elements of one length.
     pub is_linear: bool,
+}
+
+/// Functions of (t, x) that keep their values while an active set lasts: ψ whose rate is a multiple of a φ on which
+/// the set slides, and these φ.
+#[derive(Clone, Debug)]
+pub struct Kept {
+    /// (t, x) to the functions.
+    pub values: Tape,
+    /// Their partial derivatives by x.
+    pub slopes: Partials,
 }
 
 impl Reduced {

@@ -148,6 +148,10 @@ impl<'e> Complementarity<'e> {
                 };
             }
         }
+        let kept = self.kept_on(&sides);
+        let both = watched.into_iter().zip(members);
+        let both = both.filter(|(watched, _)| !self.is_kept(watched, &kept));
+        let (watched, members): (Vec<Watched>, Vec<Expr>) = both.unzip();
         let sliding = sliding(&alphas, &sides);
         let slopes = self.partials(&inputs, &functions, &inputs);
         let constant = expr::jacobian(&functions, &inputs[1..]).entries;
@@ -158,6 +162,7 @@ impl<'e> Complementarity<'e> {
             hidden: self.tape(&inputs, &hidden),
             hidden_slopes: self.partials(&inputs, &hidden, &inputs),
             algebraics: self.tape(&inputs, &algebraics),
+            kept: self.compile_kept(&kept),
             members: self.tape(&inputs, &members),
             member_slopes: self.partials(&inputs, &members, &inputs),
             watched,

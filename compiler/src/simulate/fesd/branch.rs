@@ -77,6 +77,7 @@ impl<'e> Complementarity<'e> {
             hidden: self.tape(&inputs, &hidden),
             hidden_slopes: self.partials(&inputs, &hidden, &inputs),
             algebraics: none.tape,
+            kept: None,
             members: self.tape(&inputs, &members),
             member_slopes: self.partials(&inputs, &members, &inputs),
             watched,

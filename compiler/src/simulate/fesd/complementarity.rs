@@ -32,13 +32,17 @@ pub struct Complementarity<'e> {
     determines_state: Vec<bool>,
     pub(super) alphas: Vec<Expr<'e>>,
     pub(super) pairs: Vec<Pair>,
-    switches_of: Vec<Vec<usize>>,
+    pub(super) switches_of: Vec<Vec<usize>>,
     full: Full,
     /// Coefficients of data, the last inputs of all functions.
     coefficients: Vec<Var>,
     pieces: Pieces,
     /// Where functions of time are narrow.
     pulses: Pulses,
+    /// ψ of all switches.
+    pub(super) surfaces: Vec<Expr<'e>>,
+    /// Which of them follow which.
+    pub(super) followers: Vec<(usize, usize)>,
     /// ψ of unilateral switches.
     gaps: Vec<(usize, Expr<'e>)>,
     /// Whether rates contain the α of a switch in another way than affine.
@@ -64,10 +68,14 @@ impl<'e> Complementarity<'e> {
         let mut numbers: Substitution = params
             .map(|param| (variable(param.var), exprs.constant(param.value)))
             .collect();
-        let gaps = system.switches.iter().enumerate();
-        let gaps = gaps.filter(|(_, switch)| switch.unilateral);
-        let gaps = gaps.map(|(k, switch)| (k, switch.psi.substitute(&numbers)));
-        let gaps: Vec<(usize, Expr<'e>)> = gaps.collect();
+        let surfaces = system
+            .switches
+            .iter()
+            .map(|switch| switch.psi.substitute(&numbers));
+        let surfaces: Vec<Expr<'e>> = surfaces.collect();
+        let gaps = system.switches.iter().zip(&surfaces).enumerate();
+        let gaps = gaps.filter(|(_, (switch, _))| switch.unilateral);
+        let gaps: Vec<(usize, Expr<'e>)> = gaps.map(|(k, (_, psi))| (k, *psi)).collect();
         let (pieces, coefficients, polynomials) = Pieces::new(system);
         for data in system.data.iter().map(|data| variable(data.var)) {
             if let Some(polynomial) = polynomials.get(data) {
@@ -161,6 +169,8 @@ impl<'e> Complementarity<'e> {
             coefficients,
             pieces,
             pulses: Pulses::default(),
+            surfaces,
+            followers: Vec::new(),
             gaps,
             nonlinear,
             members,
@@ -173,6 +183,7 @@ impl<'e> Complementarity<'e> {
             system.discs[at].friction = system.friction(&system.discs[at]);
         }
         system.full = system.compile_full();
+        system.followers = system.followers();
         system
     }
 

@@ -8,6 +8,7 @@ mod branch;
 mod complementarity;
 mod discs;
 pub(super) mod impulses;
+mod kept;
 mod reduce;
 pub(super) mod stepping;
 mod turns;

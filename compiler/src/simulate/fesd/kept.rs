@@ -1,0 +1,100 @@
+//! Switching functions that stay as they are while others slide.
+//!
+//! Where the rate of ψ_i is a multiple of ψ_j whatever z is, as that of a frozen gap is one of the speed of its contact,
+//! sliding on ψ_j = 0 keeps ψ_i.
+
+use nsd_solver::fesd::{Kept, Watched};
+use nsd_solver::simulate::Side;
+
+use super::complementarity::Complementarity;
+use crate::expr::{Evaluator, Expr, Var, variables_of};
+
+/// Points of ψ_j = 0 where the rate is looked at.
+const N_POINTS: usize = 3;
+
+/// Newton iterations to such a point.
+const ITERATIONS: usize = 30;
+
+/// A rate this much smaller than off the surface is rounding.
+const ROUNDING: f64 = 1e-9;
+
+impl<'e> Complementarity<'e> {
+    /// All (i, j) for which the rate of ψ_i is a multiple of ψ_j.
+    pub(super) fn followers(&self) -> Vec<(usize, usize)> {
+        let is_input = |var: &Var| *var == self.time || self.states.contains(var);
+        let plain = |psi: &Expr<'e>| variables_of(&[*psi]).iter().all(is_input);
+        let surfaces = || self.surfaces.iter().enumerate();
+        let surfaces = || surfaces().filter(|(_, psi)| plain(psi));
+        let mut found = Vec::new();
+        for (i, &psi) in surfaces() {
+            let rate = self.along(psi, &variables_of(&[psi]), &self.rates);
+            let below = variables_of(&[rate]);
+            for (j, &other) in surfaces() {
+                let vars = variables_of(&[other]);
+                let may = i != j && vars.iter().all(|var| below.contains(var));
+                if may && vanishes_on(rate, other, &vars) {
+                    found.push((i, j));
+                }
+            }
+        }
+        found
+    }
+
+    /// The followers of what slides.
+    pub(super) fn kept_on(&self, sides: &[Side]) -> Vec<(usize, usize)> {
+        let slides = |k: usize| sides[k] == Side::Slide;
+        let followers = self.followers.iter().copied();
+        followers
+            .filter(|&(i, j)| slides(j) && !slides(i))
+            .collect()
+    }
+
+    /// Whether a member stays what it was at the start.
+    pub(super) fn is_kept(&self, watched: &Watched, kept: &[(usize, usize)]) -> bool {
+        let is_of = |i: usize| self.switches_of[watched.pair] == [i];
+        kept.iter().any(|&(i, _)| is_of(i))
+    }
+
+    /// The followers and what they follow, compiled.
+    pub(super) fn compile_kept(&self, kept: &[(usize, usize)]) -> Option<Kept> {
+        let mut switches: Vec<usize> = kept.iter().flat_map(|&(i, j)| [i, j]).collect();
+        switches.sort_unstable();
+        switches.dedup();
+        let psi: Vec<Expr> = switches.iter().map(|&k| self.surfaces[k]).collect();
+        let inputs = self.inputs(&[]);
+        (!psi.is_empty()).then(|| Kept {
+            values: self.tape(&inputs, &psi),
+            slopes: self.partials(&inputs, &psi, &self.states),
+        })
+    }
+}
+
+/// Whether e is zero at points of ψ = 0, next to what it is near them.
+fn vanishes_on(e: Expr, psi: Expr, vars: &[Var]) -> bool {
+    (0..N_POINTS).all(|k| {
+        let mut vars = vars.iter().copied();
+        vars.any(|var| vanishes_at_root(e, psi, var, k))
+    })
+}
+
+/// The same at the k-th point, moved to the surface along one variable.
+fn vanishes_at_root(e: Expr, psi: Expr, var: Var, k: usize) -> bool {
+    /// Multiples of these modulo 1 are spread evenly (Roberts 2018).
+    const SPREAD: [f64; 2] = [0.754_877_666_246_693, 0.569_840_290_998_053];
+    let place = |other: Var| {
+        let share = SPREAD[0] * (1.0 + other.index() as f64) + SPREAD[1] * (1.0 + k as f64);
+        0.1 + 0.8 * share.fract()
+    };
+    let [e, psi, slope] = [e, psi, psi.diff(var)].map(Evaluator::new);
+    let start = place(var);
+    let at = |f: &Evaluator, x: f64| {
+        let value = |other: Var| if other == var { x } else { place(other) };
+        f.eval(&value)
+    };
+    let mut x = start;
+    for _ in 0..ITERATIONS {
+        x -= at(&psi, x) / at(&slope, x);
+    }
+    let (on, off) = (at(&e, x), at(&e, start));
+    x.is_finite() && off.is_finite() && on.abs() <= ROUNDING * off.abs() && off != 0.0
+}
