@@ -123,6 +123,22 @@ fn values_are_reported_in_physical_time() {
     });
 }
 
+/// The first element on the wall is too long, and ends below it: that is no violation, since it is not taken.
+#[test]
+fn the_certificate_is_that_of_the_elements_that_are_taken() {
+    let text = "
+        model wall {
+          state x[2] = [0.5, 0];
+          region free where x[1] > 0 { x' = [x[2], -10]; }
+          region contact where x[1] < 0 { x' = [x[2], -1000*x[1] - 5*x[2]]; }
+        }
+        simulate falls of wall { horizon 0.5; lower timefreezing; method fesd; }";
+    let found = run(text, "falls");
+    assert_eq!(found.status, Status::Solved);
+    let violation = found.certificate.max_violation;
+    assert!(violation <= 1e-12, "{violation:e}");
+}
+
 #[test]
 fn a_ball_bounces_as_its_law_says() {
     let (g, e) = (9.81_f64, 0.9);

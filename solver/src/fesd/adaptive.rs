@@ -72,10 +72,11 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 h if h >= 0.5 * left => 0.5 * left,
                 h => h,
             };
+            let least_member = run.least_member;
             let event = match self.element(run, 0, length) {
                 Ok(event) => event,
                 Err(Status::Unsolved) if length > SHORTEST * horizon => {
-                    run.last = 0.0;
+                    (run.last, run.least_member) = (0.0, least_member);
                     h = 0.25 * length;
                     continue;
                 }
@@ -87,10 +88,11 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             let next = taken * best.clamp(GROWTH[0], GROWTH[1]);
             if error > target && taken > SHORTEST * horizon {
                 run.stats.rejected += 1;
-                run.last = 0.0;
+                (run.last, run.least_member) = (0.0, least_member);
                 h = next.min(0.9 * taken);
                 continue;
             }
+            run.defect = run.defect.max(error);
             stalled = if taken <= SHORTEST * horizon {
                 stalled + 1
             } else {
@@ -116,7 +118,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
     }
 
     /// ‖x' - f‖ h between the nodes of the element just solved, relative to the size of each state.
-    fn defect(&mut self, run: &mut Run, target: f64) -> f64 {
+    fn defect(&mut self, run: &Run, target: f64) -> f64 {
         if self.solved[0].h == 0.0 {
             return 0.0;
         }
@@ -165,7 +167,6 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 worst = worst.max(relative);
             }
         }
-        run.defect = run.defect.max(worst);
         worst
     }
 }
