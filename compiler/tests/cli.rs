@@ -1,13 +1,11 @@
 //! The `nsdc` command as a user meets it: what it prints where, and its exit status.
 
-mod terminal;
-
 use std::fs;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
+use crate::terminal::{folder, nsdc, nsdc_with_input};
 use insta::assert_snapshot;
-use terminal::{folder, nsdc, nsdc_with_input};
 
 const RELAY: &str = "
 model relay {

@@ -1,15 +1,13 @@
 //! What is written in Markdown: links lead somewhere, models are right, the tutorial does what it shows, and every
 //! example is in the index.
 
-mod terminal;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use crate::terminal::{Ran, folder, nsdc};
 use nsdc::diagnostics::Diagnostics;
 use nsdc::source::SourceMap;
 use nsdc::syntax::{self, Item};
-use terminal::{Ran, folder, nsdc};
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")

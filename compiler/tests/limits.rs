@@ -1,10 +1,8 @@
 //! Runs that would not end: `nsdc` stops them at a limit, with an exit status and a reason.
 
-mod terminal;
-
 use std::fs;
 
-use terminal::{folder, nsdc, nsdc_with_input};
+use crate::terminal::{folder, nsdc, nsdc_with_input};
 
 /// A relay that switches every 4e-9.
 const CHATTER: &str = "

@@ -1,11 +1,9 @@
 //! `nsdc new`: what it makes, and what it leaves alone.
 
-mod terminal;
-
 use std::fs;
 
+use crate::terminal::{folder, nsdc};
 use insta::assert_snapshot;
-use terminal::{folder, nsdc};
 
 #[test]
 fn a_new_folder_passes_its_own_tests() {

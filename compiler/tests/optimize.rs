@@ -1,11 +1,9 @@
 //! Optimal control on the command line: what `nsdc run` tells of it, and the way over AMPL files.
 
-mod terminal;
-
 use std::fs;
 use std::path::PathBuf;
 
-use terminal::{folder, nsdc};
+use crate::terminal::{folder, nsdc};
 
 /// ∫ u² with x(1) = 1: u = 1, and a sliding mode that starts where x is zero.
 const MODEL: &str = "

@@ -1,11 +1,9 @@
 //! `nsdc order`: errors against steps and times, as a table, CSV and figures.
 
-mod terminal;
-
 use std::fs;
 use std::path::Path;
 
-use terminal::{folder, nsdc};
+use crate::terminal::{folder, nsdc};
 
 const OSCILLATOR: &str = include_str!("../../examples/oscillator.nsd");
 

@@ -1,11 +1,9 @@
 //! Diagnostics as a user meets them: of words of the command line, and of contacts in a run.
 
-mod terminal;
-
 use std::fs;
 
+use crate::terminal::{folder, nsdc};
 use insta::assert_snapshot;
-use terminal::{folder, nsdc};
 
 const DECAY: &str =
     "model m { param k = 1; state x = 1; x' = -k*x; }\nsimulate s of m { horizon 1; }\n";

@@ -1,12 +1,10 @@
 //! `nsdc solve`: problem files from the command line, and as a solver of AMPL.
 
-mod terminal;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use terminal::{folder, nsdc, nsdc_with_input};
+use crate::terminal::{folder, nsdc, nsdc_with_input};
 
 /// A header for n variables and m rows.
 fn header(n: usize, m: usize) -> String {

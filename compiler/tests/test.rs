@@ -1,13 +1,11 @@
 //! `nsdc test` as a user meets it: goldens, filters, results for other programs, exit status.
 
-mod terminal;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use crate::terminal::{Ran, folder, nsdc};
 use insta::assert_snapshot;
 use serde_json::{Value, json};
-use terminal::{Ran, folder, nsdc};
 
 /// A crate that is driven over a rough floor: two switches, a name that occurs in several rows.
 const CRATE: &str = "

@@ -1,10 +1,8 @@
 //! `nsdc verify`: one experiment by events, and by finite elements with every lowering.
 
-mod terminal;
-
 use std::fs;
 
-use terminal::{folder, nsdc};
+use crate::terminal::{folder, nsdc};
 
 const OSCILLATOR: &str = include_str!("../../examples/oscillator.nsd");
 const BILLIARD: &str = include_str!("../../examples/billiard.nsd");

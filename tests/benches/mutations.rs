@@ -140,7 +140,7 @@ fn run_test(copy: &Path, test: &Test) -> io::Result<Outcome> {
     // A pipe that nobody reads would stop a test that prints much.
     let printed = copy.join("target/printed");
     let mut child = Command::new(program)
-        .args(["--exact", &test.name])
+        .args(["--exact", &test.path()])
         .current_dir(copy.join(test.folder()))
         .env("INSTA_WORKSPACE_ROOT", copy)
         .env("INSTA_UPDATE", "no")
@@ -174,7 +174,7 @@ fn build(copy: &Path, test: &Test) -> io::Result<Option<PathBuf>> {
     command.args(["--package", &test.package]);
     match &test.target[..] {
         "lib" => command.arg("--lib"),
-        target => command.args(["--test", target]),
+        _ => command.args(["--test", "all"]),
     };
     command.arg("--target-dir").arg(copy.join("target"));
     let output = command.current_dir(copy).stderr(Stdio::null()).output()?;

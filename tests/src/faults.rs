@@ -30,7 +30,7 @@ pub struct Fault {
 pub struct Test {
     /// The package.
     pub package: String,
-    /// The file of tests, or `lib` for those beside the code.
+    /// The file of tests, a module of the program `all` of its package, or `lib` for those beside the code.
     pub target: String,
     /// The path of the test in it.
     pub name: String,
@@ -111,6 +111,14 @@ impl Test {
             "nsd-solver" => "solver",
             "nsdc" => "compiler",
             _ => "tests",
+        }
+    }
+
+    /// The path of the test in its program.
+    pub fn path(&self) -> String {
+        match &self.target[..] {
+            "lib" => self.name.clone(),
+            file => format!("{file}::{}", self.name),
         }
     }
 

@@ -31,3 +31,20 @@ fn every_fault_has_its_line_and_its_test() {
         .collect();
     assert_eq!(places.len(), faults.len(), "a fault is there twice");
 }
+
+#[test]
+fn every_file_of_tests_is_part_of_the_program() {
+    for package in ["compiler", "solver", "tests"] {
+        let folder = root().join(package).join("tests");
+        let program = fs::read_to_string(folder.join("main.rs")).unwrap();
+        for entry in fs::read_dir(&folder).unwrap() {
+            let path = entry.unwrap().path();
+            let is_source = path.extension().is_some_and(|extension| extension == "rs");
+            let name = path.file_stem().unwrap().to_string_lossy();
+            if is_source && name != "main" {
+                let module = format!("mod {name};\n");
+                assert!(program.contains(&module), "{package}: `{name}` is left out");
+            }
+        }
+    }
+}

@@ -1,8 +1,6 @@
 //! `method fesd` against closed forms, its orders, and the event road on the same models.
 
-#[path = "fesd/elements.rs"]
 mod elements;
-#[path = "fesd/rungs.rs"]
 mod rungs;
 
 use std::f64::consts::{PI, SQRT_2};

@@ -8,7 +8,6 @@
     reason = "a skipped comparison says so, and a run one says how close it is"
 )]
 
-#[path = "nl/reader.rs"]
 mod reader;
 
 use std::collections::HashMap;

@@ -1,8 +1,6 @@
 //! Hard cases with known answers: what is easy to get wrong without noticing.
 
-#[path = "stress/pulses.rs"]
 mod pulses;
-#[path = "stress/touches.rs"]
 mod touches;
 
 use std::f64::consts::PI;

@@ -1,0 +1,16 @@
+//! Tests of `nsdc` as a program and of its documents, in one program: each file is a module.
+
+mod cli;
+mod documents;
+mod expect;
+mod explain;
+mod imports;
+mod limits;
+mod new;
+mod optimize;
+mod order;
+mod reports;
+mod solve;
+mod terminal;
+mod test;
+mod verify;

@@ -1,0 +1,7 @@
+//! Tests of tapes, Taylor series and files, in one program: each file is a module.
+
+mod allocation;
+mod derivative;
+mod nl_files;
+mod tape;
+mod taylor;
