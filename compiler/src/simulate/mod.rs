@@ -123,7 +123,7 @@ fn run_events(
     };
     let (simulator, outcome, recorder, estimate) = loop {
         let solver_settings = solver::Settings {
-            kicks: settings.kicks.clone(),
+            kicks: settings.kicks.as_ref().map(|kicks| kicks.kicks(system)),
             ..solver_settings(&settings.method, tolerance, left())
         };
         let mut simulator = Simulator::new(&switched, solver_settings);

@@ -47,7 +47,7 @@ use work::Work;
 pub use certificate::{Residuals, Tolerances};
 pub use class::Class;
 pub use lift::Lifted;
-pub use multistart::{MultiStart, Spread, multistart, perturbed};
+pub use multistart::{MultiStart, Spread, deviate, multistart, perturbed};
 pub use observer::{Observer, Program};
 pub use options::{Homotopy, Options};
 pub use relaxation::{Relaxation, Steering};

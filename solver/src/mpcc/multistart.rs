@@ -118,21 +118,25 @@ pub fn multistart<P: Mpcc + Clone + Sync>(
 /// are those of SplitMix64 (Steele, Lea and Flood 2014), made normal by Box and Muller 1958.
 pub fn perturbed(guess: &[f64], deviation: f64, seed: u64, number: u64) -> Vec<f64> {
     let mut state = mix(seed).wrapping_add(mix(!number));
-    let mut uniform = move || {
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let moved = guess.iter().map(|w| w + deviation * normal(&mut state));
+    moved.collect()
+}
+
+/// A normal deviate that depends on a seed, a number and a stream only: those of several streams are independent.
+pub fn deviate(seed: u64, number: u64, stream: u64) -> f64 {
+    let start = mix(seed).wrapping_add(mix(!number));
+    normal(&mut mix(start ^ mix(stream)))
+}
+
+/// The next normal deviate of a generator in this state.
+fn normal(state: &mut u64) -> f64 {
+    let mut uniform = || {
+        *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
         // In (0, 1]: 53 bits.
-        ((mix(state) >> 11) + 1) as f64 / (1u64 << 53) as f64
+        ((mix(*state) >> 11) + 1) as f64 / (1u64 << 53) as f64
     };
-    let normal = |_| {
-        let (radius, angle) = (uniform(), uniform());
-        (-2.0 * radius.ln()).sqrt() * (2.0 * std::f64::consts::PI * angle).cos()
-    };
-    let deviates = (0..guess.len()).map(normal);
-    guess
-        .iter()
-        .zip(deviates)
-        .map(|(w, d)| w + deviation * d)
-        .collect()
+    let (radius, angle) = (uniform(), uniform());
+    (-2.0 * radius.ln()).sqrt() * (2.0 * std::f64::consts::PI * angle).cos()
 }
 
 /// The output function of SplitMix64.

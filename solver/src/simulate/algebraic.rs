@@ -38,6 +38,9 @@ const SAME: f64 = 1e-8;
 /// Bands that ψ may be off its surface before z has jumped.
 const UNSETTLED: f64 = 1e3;
 
+/// Terms below this fraction of the others are their rounding.
+const ROUNDED: f64 = 64.0 * f64::EPSILON;
+
 /// Why a choice of members has no z.
 enum Failure {
     Singular,
@@ -116,7 +119,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 if self.violated(state, &pairs, &choice, horizon).is_some() {
                     continue;
                 }
-                if !found.iter().any(|(other, _)| self.is_same(other, &x)) {
+                let is_known = |(other, _): &(Vec<f64>, _)| self.is_same(other, &x, &state.floor);
+                if !found.iter().any(is_known) {
                     found.push((x, choice));
                 }
             }
@@ -152,10 +156,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             });
         };
         state.x = x;
-        for &z in self.system.algebraics() {
-            state.scale[z] = state.scale[z].max(state.x[z].abs());
-        }
         self.take_members(state, &equations, &pairs, &choice);
+        self.measure_algebraics(state);
         Ok(())
     }
 
@@ -167,6 +169,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let kept = |i: &usize| self.system.role(*i) != Role::Step;
         let kept: Vec<usize> = (0..state.sides.len()).filter(kept).collect();
         self.mode.enter_surfaces(self.system, &state.sides);
+        self.measure_algebraics(state);
         self.measure_bands(state, &kept, t1 - state.t);
         kept.into_iter().any(|i| {
             let psi = self.mode.psi(i);
@@ -189,9 +192,43 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         (equations.map(|(i, _)| i).collect(), pairs.collect())
     }
 
-    fn is_same(&self, a: &[f64], b: &[f64]) -> bool {
+    /// Whether two solutions are one. Where both members of a pair are zero, two choices have the same solution, up to
+    /// the rounding of what z balances.
+    fn is_same(&self, a: &[f64], b: &[f64], floor: &[f64]) -> bool {
         let mut algebraics = self.system.algebraics().iter();
-        algebraics.all(|&z| (a[z] - b[z]).abs() <= SAME * a[z].abs().max(b[z].abs()).max(1e-12))
+        algebraics.all(|&z| (a[z] - b[z]).abs() <= SAME * a[z].abs().max(b[z].abs()).max(floor[z]))
+    }
+
+    /// Takes note of how large algebraic states are, and of what they balance: z_k = 0 is known to the rounding of the
+    /// other terms of its rows, the least of (Σ_{j≠k} |∂ψ/∂x_j x_j| + |ψ - ∇ψ·x|) / |∂ψ/∂z_k|.
+    fn measure_algebraics(&mut self, state: &mut State) {
+        let mode = &mut self.mode;
+        mode.set(state.t, &state.x, &state.alpha);
+        for &z in self.system.algebraics() {
+            state.scale[z] = state.scale[z].max(state.x[z].abs());
+            state.floor[z] = f64::INFINITY;
+        }
+        for i in (0..state.sides.len()).filter(|&i| self.system.role(i) != Role::Step) {
+            mode.surfaces.stand_for(i, 0);
+            mode.surfaces.linearize(i, &mode.memory.values);
+            let along: f64 = mode.gradient(i).iter().map(|&(j, g)| g * state.x[j]).sum();
+            let terms = mode.weigh(i, |j| state.scale[j]) + (mode.psi(i) - along).abs();
+            for &(j, g) in mode
+                .gradient(i)
+                .iter()
+                .filter(|(j, _)| mode.is_algebraic[*j])
+            {
+                let others = terms - g.abs() * state.scale[j];
+                if g != 0.0 && others > ROUNDED * terms {
+                    state.floor[j] = state.floor[j].min(others / g.abs());
+                }
+            }
+        }
+        for &z in self.system.algebraics() {
+            if state.floor[z].is_infinite() {
+                state.floor[z] = 0.0;
+            }
+        }
     }
 
     /// Sets the sides of equations and members.
@@ -326,9 +363,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         choice: &[bool],
         horizon: f64,
     ) -> Option<usize> {
-        for &z in self.system.algebraics() {
-            state.scale[z] = state.scale[z].max(state.x[z].abs());
-        }
+        self.measure_algebraics(state);
         let others = pairs.iter().zip(choice);
         let others = others.map(|(&(a, b), &second)| if second { a } else { b });
         let others: Vec<usize> = others.collect();

@@ -2,7 +2,7 @@
 
 use super::state::State;
 use super::{Simulator, Status, SwitchedSystem};
-use crate::mpcc::perturbed;
+use crate::mpcc::deviate;
 
 /// Random vectors d_k, added to the state at k times a period, k = 1, 2, ..
 #[derive(Clone, Debug, PartialEq)]
@@ -11,8 +11,12 @@ pub struct Kicks {
     pub every: f64,
     /// How large they are.
     pub size: KickSize,
-    /// Vector number k depends on this and on k only.
+    /// Vector number k depends on this, on k and on streams only.
     pub seed: u64,
+    /// The stream of each state of the run: entry i of a vector depends on its own alone.
+    pub streams: Vec<u64>,
+    /// The streams of entries of the vectors that are no states of the run, but count in their norms.
+    pub others: Vec<u64>,
 }
 
 /// What is known of the size of random vectors.
@@ -37,16 +41,19 @@ impl Kicks {
 
     /// Adds vector number `k`.
     pub(super) fn apply(&self, k: u64, x: &mut [f64]) {
-        let deviates = perturbed(&vec![0.0; x.len()], 1.0, self.seed, k);
+        let entry = |&stream: &u64| deviate(self.seed, k, stream);
         let scale = match self.size {
             KickSize::Deviation(deviation) => deviation,
             KickSize::Norm(norm) => {
-                let length = deviates.iter().map(|d| d * d).sum::<f64>().sqrt();
-                norm / length
+                let all = self.streams.iter().chain(&self.others);
+                let mut squares: Vec<f64> = all.map(|stream| entry(stream).powi(2)).collect();
+                // The sum is the same in any order of states.
+                squares.sort_unstable_by(f64::total_cmp);
+                norm / squares.iter().sum::<f64>().sqrt()
             }
         };
-        for (x, d) in x.iter_mut().zip(deviates) {
-            *x += scale * d;
+        for (x, stream) in x.iter_mut().zip(&self.streams) {
+            *x += scale * entry(stream);
         }
     }
 }
@@ -81,6 +88,8 @@ mod tests {
             every: 0.1,
             size: KickSize::Norm(2.0),
             seed: 5,
+            streams: vec![7, 11, 13],
+            others: Vec::new(),
         };
         let (mut mean, mut squares) = ([0.0; 3], [0.0; 3]);
         let n = 20_000;
@@ -103,11 +112,35 @@ mod tests {
     }
 
     #[test]
+    fn entries_belong_to_streams() {
+        let all = Kicks {
+            every: 0.1,
+            size: KickSize::Norm(2.0),
+            seed: 5,
+            streams: vec![7, 11, 13],
+            others: Vec::new(),
+        };
+        let part = Kicks {
+            streams: vec![13, 7],
+            others: vec![11],
+            ..all.clone()
+        };
+        for k in 1..=100 {
+            let (mut whole, mut two) = ([0.0; 3], [0.0; 2]);
+            all.apply(k, &mut whole);
+            part.apply(k, &mut two);
+            assert_eq!(two, [whole[2], whole[0]]);
+        }
+    }
+
+    #[test]
     fn instants_are_multiples_of_the_period() {
         let kicks = Kicks {
             every: 0.16,
             size: KickSize::Deviation(1.0),
             seed: 1,
+            streams: Vec::new(),
+            others: Vec::new(),
         };
         let mut t = 0.0;
         for k in 1..=1000 {

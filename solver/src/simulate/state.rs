@@ -31,6 +31,8 @@ pub(super) struct State {
     pub alpha: Vec<f64>,
     /// Largest |x_i| so far.
     pub scale: Vec<f64>,
+    /// Of algebraic states, the size of what they balance; 0 of others.
+    pub floor: Vec<f64>,
     /// Size of the terms of each f_i, which may cancel: now, or lately where it was larger.
     pub activity: Vec<f64>,
     /// The same of what each f_i has of states that are held at zero, as if they moved.
@@ -102,6 +104,7 @@ impl State {
         }
         self.scale.iter_mut().for_each(|v| *v = v.abs());
         let of_states = [
+            &mut self.floor,
             &mut self.activity,
             &mut self.work,
             &mut self.held,
@@ -160,9 +163,10 @@ impl State {
         self.band[switch].max(self.still[switch] * h)
     }
 
-    /// How large state i is, or would be after a step at the rate its terms have.
+    /// How large state i is, or would be after a step at the rate its terms have, or what it balances.
     pub(super) fn size(&self, i: usize) -> f64 {
-        self.scale[i].max(self.activity[i] * self.last_step)
+        let moved = self.scale[i].max(self.activity[i] * self.last_step);
+        moved.max(self.floor[i])
     }
 
     /// Takes note of the sizes at the end of a step.

@@ -12,7 +12,6 @@ mod optimize;
 mod perturb;
 mod with;
 
-use nsd_solver::simulate::Kicks;
 use rustc_hash::FxHashMap;
 
 use super::values::{self, Values};
@@ -31,6 +30,7 @@ use optimize::Draft;
 pub use optimize::{
     At, Freed, Integral, MpccOptions, Optimize, Row, Shape, Starts, relaxation_word, steering_word,
 };
+pub use perturb::Perturbation;
 
 /// What an experiment asks for.
 #[derive(Clone, Debug)]
@@ -54,7 +54,7 @@ pub struct Settings<'e> {
     /// What is optimized; `None` for a simulation.
     pub optimize: Option<Optimize<'e>>,
     /// Random vectors that are added to the state; none where nothing disturbs it.
-    pub kicks: Option<Kicks>,
+    pub kicks: Option<Perturbation>,
     /// How often the experiment is run, with other random vectors each time; none for once.
     pub runs: Option<usize>,
     /// Assertions, in order, with the span of each statement.

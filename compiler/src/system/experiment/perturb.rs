@@ -8,6 +8,44 @@ use crate::source::Span;
 use crate::syntax;
 use crate::system::{Role, System};
 
+/// Random vectors that are added to the state of a model. Their entries belong to the names of states, so that they are
+/// the same whichever states a run keeps, and in whatever order these are declared.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Perturbation {
+    /// The period.
+    pub every: f64,
+    /// How large the vectors are.
+    pub size: KickSize,
+    /// What they depend on, besides names.
+    pub seed: u64,
+    /// The entries of all states of the model, `a.x[2]`.
+    pub states: Vec<String>,
+}
+
+impl Perturbation {
+    /// The vectors as a run of a system adds them.
+    pub fn kicks(&self, system: &System) -> Kicks {
+        let is_kept = |name: &&String| system.states.iter().any(|state| state.name == **name);
+        let others = self.states.iter().filter(|name| !is_kept(name));
+        Kicks {
+            every: self.every,
+            size: self.size,
+            seed: self.seed,
+            streams: (system.states.iter())
+                .map(|state| stream(&state.name))
+                .collect(),
+            others: others.map(|name| stream(name)).collect(),
+        }
+    }
+}
+
+/// The hash of a name (Fowler, Noll and Vo's FNV-1a).
+fn stream(name: &str) -> u64 {
+    name.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+    })
+}
+
 impl Reader<'_, '_> {
     /// Random vectors that are added to the state.
     pub(super) fn kicks(
@@ -16,7 +54,7 @@ impl Reader<'_, '_> {
         by: Option<&syntax::Expr>,
         seed: Option<&syntax::Expr>,
         statement: Span,
-    ) -> Option<Kicks> {
+    ) -> Option<Perturbation> {
         let every = self.positive("the period", every);
         let size = match by.map(|by| (one_argument(by), by)) {
             Some((Some(("sphere", norm)), _)) => {
@@ -46,10 +84,12 @@ impl Reader<'_, '_> {
             None => Some(1.0),
             Some(seed) => self.within("the seed", seed, expected, whole),
         };
-        Some(Kicks {
+        let entries = 0..self.model.state_vars().count();
+        Some(Perturbation {
             every: every?,
             size: size?,
             seed: seed? as u64,
+            states: entries.map(|k| self.model.entry_name(k)).collect(),
         })
     }
 }
