@@ -133,7 +133,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         if self.guide.is_some() {
             return self.select_guided(run, &bands, length);
         }
-        let led = self.led(run, &bands);
+        let led = self.led(run);
         if !led.is_empty() {
             return self.begin_led(run, led, length);
         }
@@ -142,20 +142,9 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
     }
 
     /// The sides of switches that lead, those on the other one that have come to their surface; none where none has.
-    fn led(&self, run: &Run, bands: &[f64]) -> Vec<(usize, Side)> {
-        let vanishes = |(pair, band): (&Pair, &f64)| {
-            let members = [pair.left, pair.right].into_iter();
-            let mut continuous =
-                members.filter(|member| self.system.is_continuous(member.variable));
-            continuous.all(|member| member.value(&run.z) <= *band)
-        };
-        let is_met = |switch: usize| {
-            let pairs = self.system.pairs().iter().zip(bands).enumerate();
-            let mut own = pairs.filter(|(at, _)| self.system.switches_of(*at).contains(&switch));
-            own.all(|(_, pair)| vanishes(pair))
-        };
+    fn led(&self, run: &Run) -> Vec<(usize, Side)> {
         let mut led = self.led_sides(run);
-        let met: Vec<bool> = led.iter().map(|(switch, _)| is_met(*switch)).collect();
+        let met = self.system.meets(run.t, &run.x, &led);
         if !met.contains(&true) {
             return Vec::new();
         }

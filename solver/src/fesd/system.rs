@@ -62,6 +62,10 @@ pub trait ComplementaritySystem {
     fn leading(&self) -> &[usize] {
         &[]
     }
+    /// Which of them have come to their surface at a point, where all are on these sides.
+    fn meets(&self, _t: f64, _x: &[f64], _led: &[(usize, Side)]) -> Vec<bool> {
+        Vec::new()
+    }
     /// z at a point where switching functions may have jumped, with every side's share where it is on a surface;
     /// of switches that lead some are on sides that are given.
     fn z_at(&self, _t: f64, _x: &[f64], _led: &[(usize, Side)]) -> Vec<f64> {

@@ -59,6 +59,9 @@ pub struct Complementarity<'e> {
     known: RefCell<FxHashMap<Vec<Zero>, Option<Arc<Reduced>>>>,
 }
 
+/// |ψ| of a switch of time below this share of |ψ'| t is its surface.
+const SURFACE: f64 = 1e-12;
+
 /// A gap below this is no rounding.
 const OUTSIDE: f64 = 1e-10;
 
@@ -358,6 +361,36 @@ impl ComplementaritySystem for Complementarity<'_> {
 
     fn leading(&self) -> &[usize] {
         &self.leading
+    }
+
+    fn meets(&self, t: f64, x: &[f64], led: &[(usize, Side)]) -> Vec<bool> {
+        let Some((system, _)) = &self.at_breakpoints else {
+            return Vec::new();
+        };
+        let (clock, now) = match system.clock {
+            Some(clock) => (self.states[clock], x[clock]),
+            None => (self.time, t),
+        };
+        let value = |var: Var| {
+            let mut all = led.iter();
+            let is_it = |switch: usize| variable(system.switches[switch].alpha) == var;
+            let side = all.find(|(switch, _)| is_it(*switch));
+            let data = || system.data.iter().find(|data| variable(data.var) == var);
+            match side {
+                _ if var == clock => now,
+                Some((_, side)) => 0.5 + 0.5 * side.sign(),
+                None => data().map_or(f64::NAN, |data| data.table.value(t)),
+            }
+        };
+        let is_met = |(switch, _): &(usize, Side)| {
+            let psi = self.surfaces[*switch];
+            let data = system.data.iter().map(|data| variable(data.var));
+            let moves = [clock].into_iter().chain(data);
+            let terms = moves.map(|var| (psi.diff(var).eval(&value) * value(var)).abs());
+            let size: f64 = terms.sum();
+            psi.eval(&value).abs() <= SURFACE * size.max(f64::MIN_POSITIVE)
+        };
+        led.iter().map(is_met).collect()
     }
 
     fn z_at(&self, t: f64, x: &[f64], led: &[(usize, Side)]) -> Vec<f64> {
