@@ -27,6 +27,8 @@ const LEAST_SIZE: f64 = 1e-12;
 /// A run whose estimate is above this says nothing about others; one on steps that are given may know less of itself.
 const MOST_ESTIMATED: f64 = 1e-2;
 const MOST_ON_STEPS: f64 = 0.5;
+/// Between the points of a method states are less accurate than at these, to which estimates belong: by this at most.
+const BETWEEN: f64 = 1e-3;
 /// Instants this close are one, as a share of the horizon.
 const SAME_INSTANT: f64 = 1e-13;
 /// A run misses its own equations by this much at most.
@@ -92,7 +94,8 @@ impl Difference {
     pub fn is_explained(&self) -> bool {
         let times = self.times.filter(|_| self.locates);
         let alone = self.alone.filter(|_| self.locates);
-        self.end.max(self.along) <= self.allowed
+        self.end <= self.allowed
+            && self.along <= self.allowed.max(BETWEEN)
             && times.is_none_or(|times| times <= self.allowed)
             && alone.is_none()
     }

@@ -14,7 +14,7 @@ use crate::report::{Status, Trajectory};
 /// Violations up to this are none.
 const FEASIBLE: f64 = 1e-6;
 /// An objective that is above another one by this, relative to max(1, |f|), is a worse one.
-const WORSE: f64 = 1e-4;
+const WORSE: f64 = 1e-2;
 /// A simulation with the controls that is further away than this, relatively, ends elsewhere.
 const ELSEWHERE: f64 = 1e-2;
 
