@@ -3,6 +3,7 @@
 pub mod affine;
 pub mod bodies;
 pub mod faults;
+pub mod set_points;
 pub mod stress;
 
 use std::path::{Path, PathBuf};

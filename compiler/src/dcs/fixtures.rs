@@ -117,6 +117,7 @@ impl<'e> Builder<'e> {
                 exprs: self.exprs,
                 name: "fixture".to_owned(),
                 time: self.time,
+                clock: None,
                 data: Vec::new(),
                 params: Vec::new(),
                 states: states.collect(),

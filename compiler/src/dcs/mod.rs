@@ -43,7 +43,7 @@ pub use dot::{Vertex, dot, graph};
 pub use drift::Kept;
 pub use error::DcsError;
 pub use impact::{Friction, Impact, SlipLaw, Tangent};
-pub use pointwise::{Pointwise, directed, solve_in_mode, solve_pointwise};
+pub use pointwise::{Pointwise, directed, solve_in_mode, solve_led, solve_pointwise};
 pub use tex::tex;
 
 use crate::expr::{Expr, Exprs};
@@ -93,6 +93,8 @@ pub struct Dcs<'e> {
     pub task: Option<Task<'e>>,
     /// The way back: α of every switch of the system, in z.
     pub alphas: Vec<Expr<'e>>,
+    /// Switches of time with which ψ of others jump.
+    pub leading: Vec<usize>,
     /// Where rates, equations and pairs come from.
     pub origins: Origins,
 }
@@ -271,6 +273,7 @@ impl<'e> Dcs<'e> {
             impacts: Vec::new(),
             task: None,
             alphas: Vec::new(),
+            leading: system.leading(),
             origins: Origins {
                 rates: system.states.iter().enumerate().map(origin).collect(),
                 ..Origins::default()

@@ -27,6 +27,11 @@ pub(super) struct Sides {
 impl Sides {
     /// `value` gives time, data, parameters and states.
     pub fn at(system: &System, value: &impl Fn(Var) -> f64) -> Self {
+        Sides::with(system, &[], value)
+    }
+
+    /// The same with some switches on sides that are given by their α.
+    fn with(system: &System, known_sides: &[(usize, f64)], value: &impl Fn(Var) -> f64) -> Self {
         let mut known = FxHashMap::default();
         let mut sides = Sides {
             psi: Vec::new(),
@@ -48,12 +53,12 @@ impl Sides {
                 sides.alpha.push(two);
                 continue;
             }
-            let alpha = if psi > 0.0 {
-                1.0
-            } else if psi < 0.0 {
-                0.0
-            } else {
-                0.5
+            let given = known_sides.iter().find(|(switch, _)| *switch == k);
+            let alpha = match given {
+                Some(&(_, alpha)) => alpha,
+                None if psi > 0.0 => 1.0,
+                None if psi < 0.0 => 0.0,
+                None => 0.5,
             };
             if let Some(var) = switch.alpha.as_variable() {
                 known.insert(var, alpha);
@@ -108,6 +113,16 @@ pub fn solve_pointwise<'e>(
     solve_with(system, dcs, &Sides::at(system, value), value)
 }
 
+/// The same where some switches are on sides that are given by their α, so that ψ of others have jumped.
+pub fn solve_led<'e>(
+    system: &System<'e>,
+    dcs: &Dcs<'e>,
+    led: &[(usize, f64)],
+    value: &impl Fn(Var) -> f64,
+) -> Pointwise {
+    solve_with(system, dcs, &Sides::with(system, led, value), value)
+}
+
 /// The same in a mode that is given by α.
 pub fn solve_in_mode<'e>(
     system: &System<'e>,
@@ -115,9 +130,12 @@ pub fn solve_in_mode<'e>(
     alphas: &[f64],
     value: &impl Fn(Var) -> f64,
 ) -> Pointwise {
+    let led: Vec<(usize, f64)> = (dcs.leading.iter())
+        .map(|&switch| (switch, alphas[switch]))
+        .collect();
     let sides = Sides {
         alpha: alphas.to_vec(),
-        ..Sides::at(system, value)
+        ..Sides::with(system, &led, value)
     };
     solve_with(system, dcs, &sides, value)
 }

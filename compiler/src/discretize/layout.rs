@@ -5,6 +5,7 @@ use rustc_hash::FxHashSet;
 
 use super::block::variable;
 use super::impulses::{self, Boundaries};
+use super::led::{self, Led};
 use super::quadrature::Integral;
 use super::{Detection, Form, Grid, branch, task};
 use crate::dcs::{Dcs, Impact};
@@ -54,6 +55,8 @@ pub struct Layout {
     pub(super) continuous: Vec<usize>,
     /// Which of them do not jump with states.
     pub(super) kept: Vec<usize>,
+    /// Which of them jump with switches of time.
+    pub(super) led: Option<Led>,
     /// What elements begin with where contacts give impulses.
     pub(super) boundaries: Option<Boundaries>,
     /// Which z are there at a right end that is no node.
@@ -185,9 +188,11 @@ impl Layout {
             let first = boundaries.algebraics + self.element(k, j) * boundaries.jumping.len();
             Some(first + place)
         });
+        let anew = self.anew(self.element(k, j), i);
         match (self.element(k, j), m) {
             (_, 0) if place(&self.continuous).is_none() => None,
             (_, 0) if jumping.is_some() => jumping,
+            (_, 0) if anew.is_some() => anew,
             (0, 0) => Some(self.initial_algebraics + place(&self.kept)?),
             (_, 0) if j == 1 && self.restarts => {
                 let start = (k - 1) * self.kept.len();
@@ -196,6 +201,16 @@ impl Layout {
             (element, 0) => self.z_behind(element - 1, self.end, i),
             (element, _) => self.z_behind(element, m, i),
         }
+    }
+
+    /// z_i at the left end of an element where it starts anew there, because it jumps with switches of time.
+    fn anew(&self, element: usize, i: usize) -> Option<usize> {
+        self.led.as_ref()?.index(element, i)
+    }
+
+    /// Whether z_i starts anew in every element.
+    pub fn starts_anew(&self, i: usize) -> bool {
+        self.anew(0, i).is_some()
     }
 
     fn z_behind(&self, element: usize, m: usize, i: usize) -> Option<usize> {
@@ -332,7 +347,14 @@ pub(super) fn declare(
     };
     let boundaries = impulses::declare(mpcc, dcs, per_element, &free, &algebraic_bounds);
     let jumps = |i: &usize| boundaries.as_ref().is_some_and(|b| b.jumping.contains(i));
-    let kept: Vec<usize> = continuous.iter().copied().filter(|i| !jumps(i)).collect();
+    let led = match detection {
+        Some(_) => led::declare(mpcc, dcs, per_element, &algebraic_bounds),
+        None => None,
+    };
+    let is_led = |i: &usize| led.as_ref().is_some_and(|led| led.index(0, *i).is_some());
+    let kept: Vec<usize> = (continuous.iter().copied())
+        .filter(|i| !jumps(i) && !is_led(i))
+        .collect();
     let (components, bounds) = chosen(&kept);
     let start = task::Start::of(dcs);
     let known = || kept.iter().map(|&i| Bounds::fixed(dcs.algebraics[i].guess));
@@ -393,6 +415,7 @@ pub(super) fn declare(
         end_algebraics,
         continuous,
         kept,
+        led,
         boundaries,
         at_end,
         branches,

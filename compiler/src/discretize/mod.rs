@@ -17,6 +17,8 @@
 //! The state and the continuous z at the start of the first element are fixed variables: there, as everywhere off the
 //! surfaces, λ is what the switching functions say.
 //!
+//! Where switching functions jump with a switch of time, what depends on them starts anew in every element, see `led`.
+//!
 //! Where contacts give impulses, every element has a left end of its own, and states jump to it, see `impulses`; slip
 //! velocities with two entries do not turn round within one, see `directions`.
 //!
@@ -37,6 +39,7 @@ mod equilibrate;
 mod error;
 mod impulses;
 mod layout;
+mod led;
 mod points;
 mod quadrature;
 mod task;
@@ -232,6 +235,7 @@ pub fn discretize<'e>(
     problem.complementarity(&mut mpcc);
     problem.branches(&mut mpcc);
     problem.impulses(&mut mpcc);
+    problem.leads(&mut mpcc);
     problem.directions(&mut mpcc);
     problem.equilibrate(&mut mpcc);
     problem.task(&mut mpcc, &integrals)?;

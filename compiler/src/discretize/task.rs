@@ -267,6 +267,11 @@ impl<'e> Problem<'_, 'e> {
         let (_, jumping) = super::impulses::jumping(dcs);
         let mut rows = start.rows;
         rows.retain(|row| layout.boundaries.is_none() || !jumping.contains(row));
+        let is_led = |row: &usize| layout.led.as_ref().is_some_and(|led| led.states(*row));
+        rows.retain(|row| !is_led(row));
+        if rows.is_empty() {
+            return;
+        }
         let pick = |row: &usize| dcs.equations[*row];
         let h = mpcc.exprs.variable("h");
         let equations = self.timed(&rows.iter().map(pick).collect::<Vec<_>>(), h);
@@ -366,6 +371,7 @@ impl<'e> Problem<'_, 'e> {
             branches: self.branch_conditions(mpcc),
             has_more: self.groups().iter().any(|group| !group.is_crossed)
                 || layout.boundaries.is_some()
+                || layout.led.is_some()
                 || mpcc.blocks.iter().any(|block| block.name == "sliding"),
             impulses: self.impact_pairs(mpcc),
             rests: self.rests(mpcc),

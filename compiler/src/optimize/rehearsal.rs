@@ -239,10 +239,11 @@ fn fill(
         directed(system, &mut alphas, &known(&within));
         let value = known(&row);
         let found = solve_in_mode(system, &problem.dcs, &alphas, &value);
-        if m == 0 && (k, j) != (1, 1) {
-            continue;
-        }
+        let is_first = (k, j) == (1, 1);
         for (i, z) in found.algebraics.into_iter().enumerate() {
+            if m == 0 && !is_first && !layout.starts_anew(i) {
+                continue;
+            }
             if let Some(index) = layout.z(k, j, m, i) {
                 set(index, z);
             }

@@ -13,6 +13,7 @@ use super::data::Pieces;
 use super::fesd::estimate;
 use super::functions::tape;
 use super::instants::Pulses;
+use super::schedule::scheduled;
 use super::substituted::variable;
 use super::watch::{Progress, Watched};
 use super::{Comparison, REFINEMENT, Recorder, Request, assemble, judge};
@@ -31,6 +32,7 @@ pub(super) fn run(
     let started = Instant::now();
     let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
     let pulses = Pulses::of(system, settings.horizon);
+    let stepping = scheduled(system, settings.horizon);
     let simulator = |tolerance: f64| {
         let left = |limit: std::time::Duration| limit.saturating_sub(started.elapsed());
         let settings = adaptive::Settings {
@@ -38,7 +40,7 @@ pub(super) fn run(
             time_limit: request.time_limit.map(left),
             ..adaptive::Settings::default()
         };
-        let field = Jumping::new(system, pulses.clone());
+        let field = Jumping::new(&stepping, pulses.clone());
         Simulator::new(field, settings)
     };
     let mut recorder = Recorder::new(system, settings, settings.tolerance, request.dense);

@@ -24,6 +24,7 @@ mod pieces;
 mod record;
 mod rehearsal;
 mod request;
+mod schedule;
 mod settle;
 mod smoothed;
 mod structure;

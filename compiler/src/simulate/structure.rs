@@ -16,7 +16,7 @@ pub(super) struct Structure<'e> {
     pub in_rates: Vec<Vec<usize>>,
     /// Switches whose α is in ψ_i.
     pub inside: Vec<Vec<usize>>,
-    /// Switches whose ψ depends on time and data only.
+    /// Switches whose ψ depends on physical time and data only.
     pub timed: Vec<bool>,
     /// Switches whose α the rate φ_i may contain, or that of its last derivative.
     pub couplings: Vec<Vec<usize>>,
@@ -66,6 +66,7 @@ impl<'e> Structure<'e> {
             // Inner switches come first; a relay holds its own α and is none of time.
             timed.push(inputs.iter().all(|input| match input {
                 Input::Alpha(k) => timed.get(*k) == Some(&true),
+                Input::State(state) => Some(*state) == system.clock,
                 input => *input == Input::Time || is_data(input),
             }));
         }

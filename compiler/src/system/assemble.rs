@@ -210,6 +210,7 @@ impl<'e> Lowering<'_, 'e> {
             exprs: model.exprs,
             name: model.name.clone(),
             time: model.time,
+            clock: None,
             data,
             params,
             states,

@@ -9,7 +9,7 @@ use super::Subsystem;
 use crate::expr::{Expr, Var, variables_of};
 
 /// The connected components, in order of their first switch; `regions` is left open.
-pub(super) fn subsystems(rates: &[Expr<'_>], alphas: &[Var]) -> Vec<Subsystem> {
+pub(crate) fn subsystems(rates: &[Expr<'_>], alphas: &[Var]) -> Vec<Subsystem> {
     let mut components = UnionFind::<usize>::new(alphas.len());
     for &rate in rates {
         let inside = positions(rate, alphas);

@@ -94,13 +94,14 @@ mod words;
 pub use display::Structure;
 pub use error::SystemError;
 pub use experiment::ExperimentError;
+pub(crate) use interaction::subsystems;
 pub use limits::{Allowed, Limit};
 pub use lower::{Extent, lower};
 pub use mechanics::{Body, Contact, Direction, Friction, Impulsive, Slip};
 pub use read::Readings;
 pub use task::Task;
 
-use crate::expr::{Expr, Exprs};
+use crate::expr::{Expr, Exprs, Var, variables_of};
 use crate::model::Data;
 use crate::source::Span;
 
@@ -111,8 +112,10 @@ pub struct System<'e> {
     pub exprs: &'e Exprs,
     /// Name of the model.
     pub name: String,
-    /// Physical time t, a variable.
+    /// Time, a variable: physical time t, or the numerical one of a system that is frozen.
     pub time: Expr<'e>,
+    /// The state that is physical time where that is not [`System::time`].
+    pub clock: Option<usize>,
     /// Scalar parameters p with their values in this experiment.
     pub params: Vec<Param<'e>>,
     /// Functions of time from data that occur.
@@ -267,7 +270,7 @@ impl System<'_> {
             .map(|switch| switch.alpha)
             .collect();
         let is_kept = |e: Expr<'_>| {
-            crate::expr::variables_of(&[e])
+            variables_of(&[e])
                 .into_iter()
                 .any(|var| kept.iter().any(|alpha| alpha.as_variable() == Some(var)))
         };
@@ -279,6 +282,44 @@ impl System<'_> {
                 .map(|(i, _)| i)
                 .collect(),
         }
+    }
+
+    /// Whether ψ depends on physical time and data only, through switches like it too, by switch: it is decided before
+    /// the others, whose ψ may jump with it.
+    pub fn timed(&self) -> Vec<bool> {
+        let states = self.states.iter().enumerate();
+        let others = states.filter(|(place, _)| Some(*place) != self.clock);
+        let relays = self.switches.iter().filter(|switch| switch.relay.is_some());
+        let mut bound: Vec<Option<Var>> = (others.map(|(_, state)| state.var.as_variable()))
+            .chain(relays.map(|switch| switch.alpha.as_variable()))
+            .collect();
+        let mut timed = Vec::with_capacity(self.switches.len());
+        for switch in &self.switches {
+            let inside = variables_of(&[switch.psi]);
+            let follows = |var: &Var| bound.contains(&Some(*var));
+            let is_timed = switch.relay.is_none() && !inside.iter().any(follows);
+            if !is_timed {
+                bound.push(switch.alpha.as_variable());
+            }
+            timed.push(is_timed);
+        }
+        timed
+    }
+
+    /// The switches of time with which the ψ of another switch may jump, ascending.
+    pub fn leading(&self) -> Vec<usize> {
+        let timed = self.timed();
+        let all: Vec<Expr<'_>> = self.switches.iter().map(|switch| switch.psi).collect();
+        let inside = variables_of(&all);
+        let is_read = |switch: &Switch| {
+            switch
+                .alpha
+                .as_variable()
+                .is_some_and(|alpha| inside.contains(&alpha))
+        };
+        (0..timed.len())
+            .filter(|&k| timed[k] && is_read(&self.switches[k]))
+            .collect()
     }
 
     /// True for a constraint of a projection: what keeps it is no contact, so that nothing strikes it.

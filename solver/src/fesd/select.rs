@@ -107,8 +107,8 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             run.go_to(from);
             self.pass_guided(run, length)?;
         } else {
-            run.z = self.system.z_at(from, &run.x);
-            self.begin(run, length)?;
+            run.go_to(from);
+            self.begin_led(run, Vec::new(), length)?;
         }
         run.last = 0.0;
         self.tell_change(run, before, observer)
@@ -133,8 +133,55 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         if self.guide.is_some() {
             return self.select_guided(run, &bands, length);
         }
+        let led = self.led(run);
+        if !led.is_empty() {
+            return self.begin_led(run, led, length);
+        }
         self.note_together(run, &bands, length);
         self.select_from(run, &bands, length)
+    }
+
+    /// The sides of switches that lead, those on the other one that have come to their surface; none where none has.
+    fn led(&self, run: &Run) -> Vec<(usize, Side)> {
+        let mut led = self.led_sides(run);
+        let met = self.system.meets(run.t, &run.x, &led);
+        if !met.contains(&true) {
+            return Vec::new();
+        }
+        for ((_, side), _) in led.iter_mut().zip(met).filter(|(_, met)| *met) {
+            *side = Side::of(-side.sign());
+        }
+        led
+    }
+
+    /// Where the switches that lead stand.
+    fn led_sides(&self, run: &Run) -> Vec<(usize, Side)> {
+        let sides = &self.modes[run.mode].element.reduced.sides;
+        let leading = self.system.leading().iter();
+        leading.map(|&switch| (switch, sides[switch])).collect()
+    }
+
+    /// Finds the set where switching functions have jumped with data, or with switches on the sides `led`: λ is what
+    /// they are now. Sides that are found otherwise than they were expected make others jump in turn.
+    fn begin_led(
+        &mut self,
+        run: &mut Run,
+        led: Vec<(usize, Side)>,
+        length: f64,
+    ) -> Result<(), Status> {
+        let mut led = led;
+        for _ in 0..=self.system.leading().len() {
+            run.z = self.system.z_at(run.t, &run.x, &led);
+            self.begin(run, length)?;
+            let found = self.led_sides(run);
+            if found == led {
+                return Ok(());
+            }
+            led = found;
+        }
+        Err(Status::Restless {
+            switches: self.system.leading().to_vec(),
+        })
     }
 
     fn select_from(&mut self, run: &mut Run, bands: &[f64], length: f64) -> Result<(), Status> {

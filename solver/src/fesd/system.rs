@@ -58,9 +58,17 @@ pub trait ComplementaritySystem {
     fn stop(&self, _t: f64) -> f64 {
         f64::INFINITY
     }
-    /// z at a point from which a new piece of a function of time begins, with every side's share where
-    /// it is on a surface.
-    fn z_at(&self, _t: f64, _x: &[f64]) -> Vec<f64> {
+    /// Switches of time, in order, with which other switching functions jump.
+    fn leading(&self) -> &[usize] {
+        &[]
+    }
+    /// Which of them have come to their surface at a point, where all are on these sides.
+    fn meets(&self, _t: f64, _x: &[f64], _led: &[(usize, Side)]) -> Vec<bool> {
+        Vec::new()
+    }
+    /// z at a point where switching functions may have jumped, with every side's share where it is on a surface;
+    /// of switches that lead some are on sides that are given.
+    fn z_at(&self, _t: f64, _x: &[f64], _led: &[(usize, Side)]) -> Vec<f64> {
         self.start().to_vec()
     }
     /// The switch of a gap that is negative at a point by more than rounding, where no solution is.

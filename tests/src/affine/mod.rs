@@ -7,7 +7,7 @@
 //! affine in z, and every mode of sliding is as linear in z as the others.
 
 pub mod exact;
-mod generate;
+pub(crate) mod generate;
 mod text;
 
 use nalgebra::{DMatrix, DVector};

@@ -9,6 +9,7 @@ mod contacts;
 mod events;
 mod large;
 mod masses;
+mod steps;
 mod stiff;
 mod surfaces;
 mod units;
@@ -17,13 +18,17 @@ mod zeno;
 use std::fmt;
 use std::time::Duration;
 
+use nsdc::optimize;
 use nsdc::report::{Status, Trajectory, Warning};
 use nsdc::simulate::{self, Request};
 
-use crate::{end, with_experiment};
+use crate::{DataFiles, end, with_data};
 
 pub use large::held_switches;
 pub use stiff::relay_exactly;
+
+/// What the grid of a program promises, whose simulation warns above this.
+const OF_A_PROGRAM: f64 = 1e-3;
 
 /// How much of every family.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -77,6 +82,7 @@ pub struct Case {
     /// `event`, `fesd`, or another with its options.
     pub method: String,
     model: String,
+    beside: Beside,
     horizon: f64,
     tolerance: f64,
     /// What the arithmetic of the model loses whatever the method: condition times rounding.
@@ -87,6 +93,15 @@ pub struct Case {
     known: Vec<Known>,
     times: Option<Vec<f64>>,
     switches: Option<usize>,
+}
+
+/// What a model needs besides its text.
+#[derive(Clone, Debug, Default)]
+struct Beside {
+    /// `set_points.csv`, where it is read.
+    table: String,
+    /// What stands in `with`.
+    given: String,
 }
 
 /// Values of a state at the end, and the largest magnitudes that they have had.
@@ -104,6 +119,7 @@ impl Case {
             hardness: hardness.to_string(),
             method: "event".to_owned(),
             model: model.into(),
+            beside: Beside::default(),
             horizon,
             tolerance: 1e-8,
             rounding: 0.0,
@@ -191,15 +207,44 @@ impl Case {
         [self.clone(), self.by("fesd")]
     }
 
+    /// With a table beside it, and inputs that are given.
+    fn with(mut self, table: &str, given: &str) -> Self {
+        self.beside = Beside {
+            table: table.to_owned(),
+            given: given.to_owned(),
+        };
+        self
+    }
+
+    /// Whether the end is that of an optimum whose controls have nothing to do.
+    fn is_optimized(&self) -> bool {
+        self.method.starts_with("optimize")
+    }
+
     /// The model and its experiment, `run`.
     pub fn text(&self) -> String {
         let (method, tolerance) = (&self.method, self.tolerance);
         let semicolon = if method.ends_with('}') { "" } else { ";" };
+        let (kind, method) = match method.strip_prefix("optimize") {
+            Some(options) => ("optimize", format!("minimize integral(U^2);{options}")),
+            None => (
+                "simulate",
+                format!("tolerance {tolerance:e};\n  method {method}"),
+            ),
+        };
+        let given = match &self.beside.given[..] {
+            "" => String::new(),
+            given => format!("  with {{ {given}}}\n"),
+        };
         format!(
-            "model m {{\n{}\n}}\nsimulate run of m {{\n  horizon {:?};\n  tolerance {tolerance:e};\n  \
-             method {method}{semicolon}\n}}\n",
+            "model m {{\n{}\n}}\n{kind} run of m {{\n{given}  horizon {:?};\n  {method}{semicolon}\n}}\n",
             self.model, self.horizon
         )
+    }
+
+    /// The table.
+    pub fn table(&self) -> &str {
+        &self.beside.table
     }
 
     /// Runs it and compares.
@@ -209,10 +254,19 @@ impl Case {
             time_limit: Some(self.limit),
             ..Request::default()
         };
-        let trajectory = with_experiment(&self.text(), "run", |compiled| {
-            simulate::run(&compiled.system, &compiled.settings, &request)
+        let mut data = DataFiles(vec![("set_points.csv", self.beside.table.clone())]);
+        let trajectory = with_data(&self.text(), &mut data, "run", |compiled| {
+            let (system, settings) = (&compiled.system, &compiled.settings);
+            let Some(task) = &settings.optimize else {
+                return Some(simulate::run(system, settings, &request));
+            };
+            let solved = optimize::run(system, settings, task, &[], &request, &mut ());
+            Some(solved.ok()?.trajectory)
         });
-        self.judge(&trajectory)
+        match trajectory {
+            Some(trajectory) => self.judge(&trajectory),
+            None => Outcome::Refused("not discretized".to_owned()),
+        }
     }
 
     fn judge(&self, trajectory: &Trajectory) -> Outcome {
@@ -226,6 +280,7 @@ impl Case {
         let estimate = trajectory.error_estimate.unwrap_or(0.0);
         let promised = match self.promise {
             Promise::Grid(steps) => f64::max(10.0 * estimate, 1.0 / steps as f64),
+            _ if self.is_optimized() => OF_A_PROGRAM,
             _ => self.tolerance,
         };
         if error <= promised + self.rounding {
@@ -362,6 +417,7 @@ pub fn families(extent: Extent) -> Vec<Family> {
         contacts::families(extent),
         masses::families(extent),
         large::families(extent),
+        steps::families(extent),
     ]
     .concat()
 }

@@ -5,8 +5,10 @@ mod simulation;
 
 use super::args::VerifyArgs;
 use super::files::{Sink, is_standard};
-use super::project::Project;
+use super::project::{self, Project};
 use super::{Exit, Streams, io};
+use crate::diagnostics::Diagnostics;
+use crate::report::roads::Refusal;
 use crate::simulate::Request;
 use crate::syntax::{Bind, Experiment, ExperimentKind, SettingKind};
 
@@ -104,6 +106,15 @@ fn other_model(experiment: &Experiment) -> Verified {
         })
         .to_string(),
         exit: Exit::Success,
+    }
+}
+
+/// Why an experiment that does not compile with a method or lowering is not for it.
+fn refusal(diags: &Diagnostics) -> Refusal {
+    let reasons: Vec<String> = diags.errors().map(|error| error.to_string()).collect();
+    Refusal {
+        codes: project::error_codes(diags).join(", "),
+        reason: reasons.join("; "),
     }
 }
 

@@ -1,6 +1,6 @@
 //! An optimum with every lowering, each from its own start and from the best point of all.
 
-use super::{Subject, Verified, exit};
+use super::{Subject, Verified, exit, refusal};
 use crate::cli::launch::sampled;
 use crate::cli::progress::Bar;
 use crate::cli::project::{self, Project};
@@ -10,7 +10,7 @@ use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
 use crate::optimize::{self, Point, Sampled};
-use crate::report::roads::{self, Found, Optima, Resumed};
+use crate::report::roads::{self, Found, Optima, Refusal, Resumed};
 use crate::report::{MethodOption, Trajectory};
 use crate::syntax::Experiment;
 use crate::system::System;
@@ -95,7 +95,7 @@ pub fn verify(
         };
         let found = match solve(project, &other, Origin::Start, subject, streams) {
             Ok(found) => Ok(found),
-            Err(Refused::Wrong(diags)) => Err(project::error_codes(&diags).join(", ")),
+            Err(Refused::Wrong(diags)) => Err(refusal(&diags)),
             Err(Refused::Idle) => continue,
         };
         add(&mut all, &mut lowered, (words.to_owned(), other), found);
@@ -113,7 +113,7 @@ fn add(
     all: &mut Optima,
     lowered: &mut Vec<Lowered>,
     (name, experiment): (String, Experiment),
-    result: Result<Solved, String>,
+    result: Result<Solved, Refusal>,
 ) {
     let mut known = Lowered {
         experiment,

@@ -1,6 +1,6 @@
 //! A simulation by events, and by finite elements with every lowering.
 
-use super::{Subject, Verified, exit};
+use super::{Subject, Verified, exit, refusal};
 use crate::cli::launch::launch;
 use crate::cli::progress::Bar;
 use crate::cli::project::{self, Project};
@@ -10,9 +10,10 @@ use crate::clock::Clock;
 use crate::compile;
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
-use crate::report::Trajectory;
-use crate::report::roads::{self, Road, Roads};
+use crate::report::roads::{self, Refusal, Road, Roads};
+use crate::report::{Failure, Trajectory};
 use crate::syntax::Experiment;
+use crate::system::experiment::{Method, Sampling};
 
 /// Methods with their lowerings. All choose their own steps.
 const ROADS: [&str; 7] = [
@@ -25,6 +26,10 @@ const ROADS: [&str; 7] = [
     "fesd; lower impact",
 ];
 
+/// The parts of the horizon at whose ends runs are compared, where the experiment reports no instants of its own: a
+/// number that shares few factors with those of models.
+const INSTANTS: f64 = 97.0;
+
 /// Runs an experiment on all roads; nothing where it is wrong as it is written, which has been printed.
 pub fn verify(
     project: &mut Project,
@@ -34,12 +39,16 @@ pub fn verify(
     let experiment = subject.experiment;
     // As it is written; what is wrong with that is wrong with the experiment.
     let written = match ride(project, experiment, subject, streams) {
-        Ok(trajectory) => trajectory,
+        Ok(ridden) => ridden,
         Err(diags) => {
             project::print(&diags, &project.sources, streams)?;
             return Ok(None);
         }
     };
+    let Ridden {
+        run: written,
+        branches,
+    } = written;
     let mut found = Diagnostics::new();
     if let Some(failure) = &written.failure {
         found.push(failure.clone());
@@ -55,8 +64,8 @@ pub fn verify(
         };
         let name = words.replace(';', ",");
         let run = match ride(project, &other, subject, streams) {
-            Err(diags) => Err(project::error_codes(&diags).join(", ")),
-            Ok(run) => {
+            Err(diags) => Err(refusal(&diags)),
+            Ok(Ridden { run, branches: own }) => {
                 let is_known = all.iter().any(|road| {
                     let known = road.run.as_ref();
                     known.is_ok_and(|known| known.method == run.method)
@@ -64,7 +73,18 @@ pub fn verify(
                 if is_known {
                     continue;
                 }
-                Ok(Box::new(run))
+                match &run.failure {
+                    // Time-freezing has its limits, and what the experiment chooses is not known to it.
+                    Some(failure @ Failure::Standstill { .. }) => Err(Refusal {
+                        codes: "E0726".to_owned(),
+                        reason: failure.to_string(),
+                    }),
+                    Some(failure @ Failure::NonUnique { .. }) if branches && !own => Err(Refusal {
+                        codes: "E0701".to_owned(),
+                        reason: format!("{failure}; the choice of `branch` is of `method event`"),
+                    }),
+                    _ => Ok(Box::new(run)),
+                }
             }
         };
         all.push(Road { name, run });
@@ -82,13 +102,20 @@ pub fn verify(
     }))
 }
 
-/// The trajectory of an experiment with these settings, or why it has none.
+/// A run, and whether its experiment chooses among several solutions.
+struct Ridden {
+    run: Trajectory,
+    branches: bool,
+}
+
+/// The trajectory of an experiment with these settings, or why it has none. What it does not report at instants of its
+/// own is reported at common ones.
 fn ride(
     project: &Project,
     experiment: &Experiment,
     subject: &Subject<'_>,
     streams: &mut Streams<'_>,
-) -> Result<Trajectory, Diagnostics> {
+) -> Result<Ridden, Diagnostics> {
     let (exprs, mut diags) = (Exprs::new(), Diagnostics::new());
     let (file, mut clock) = (&project.file, Clock::default());
     let overrides = subject.overrides;
@@ -97,6 +124,15 @@ fn ride(
         return Err(diags);
     };
     let request = subject.request();
-    let bar = Bar::new(&compiled.settings.name, streams.progress);
-    launch(project, &mut compiled, &request, &mut Watching::new(bar))
+    let settings = &mut compiled.settings;
+    if settings.sampling == Sampling::Method {
+        settings.sampling = Sampling::Every(settings.horizon / INSTANTS);
+    }
+    let branches = match &settings.method {
+        Method::Event(options) => !options.branch.is_empty(),
+        _ => false,
+    };
+    let bar = Bar::new(&settings.name, streams.progress);
+    let run = launch(project, &mut compiled, &request, &mut Watching::new(bar))?;
+    Ok(Ridden { run, branches })
 }

@@ -3,13 +3,14 @@
 use serde_json::{Value, json};
 
 use super::optima::Verdict;
-use super::{Optima, Road, Roads};
+use super::{Optima, Refusal, Road, Roads};
 use crate::report::Trajectory;
 
 /// Runs of a simulation and their differences; the numbers of roads count from 1.
 pub fn roads(all: &Roads) -> String {
     let road = |road: &Road| {
         let mut object = run(&road.name, &road.run);
+        object["doubt"] = json!(road.doubt());
         object["events"] = json!(road.run.as_ref().ok().map(|run| run.events.len()));
         object["error_estimate"] = json!(road.run.as_ref().ok().and_then(|run| run.error_estimate));
         object
@@ -21,7 +22,9 @@ pub fn roads(all: &Roads) -> String {
         Some(json!({
             "roads": [a + 1, b + 1],
             "end": found.end,
+            "along": found.along,
             "times": found.times,
+            "alone": found.alone,
             "allowed": found.allowed,
             "is_explained": found.is_explained(),
         }))
@@ -70,13 +73,14 @@ pub fn optima(all: &Optima) -> String {
 }
 
 /// What runs of both kinds have.
-fn run(name: &str, run: &Result<Box<Trajectory>, String>) -> Value {
-    let code = run.as_ref().err();
+fn run(name: &str, run: &Result<Box<Trajectory>, Refusal>) -> Value {
+    let refusal = run.as_ref().err();
     let run = run.as_ref().ok();
     json!({
         "name": name,
         "status": run.map_or("not_applicable", |run| run.status.as_str()),
-        "code": code,
+        "code": refusal.map(|refusal| &refusal.codes),
+        "reason": refusal.map(|refusal| &refusal.reason),
         "residual": run.map(|run| Road::residual(run)),
         "solve_s": run.map(|run| run.stats.solve_s),
     })

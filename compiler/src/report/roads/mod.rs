@@ -1,7 +1,8 @@
 //! Runs of one experiment by different methods and lowerings, side by side.
 //!
-//! All of them estimate their own errors, and have to come to the same end: where two differ by more than these
-//! estimates explain, one of them is wrong, or the model has several solutions and says nowhere which one is meant.
+//! All of them estimate their own errors, and have to go the same way to the same end: where two differ by more than
+//! these estimates explain, one of them is wrong, or the model has several solutions and says nowhere which one is
+//! meant. A run that knows of itself that it is far off confirms nothing.
 
 mod json;
 mod optima;
@@ -23,6 +24,15 @@ const SAFETY: f64 = 10.0;
 const MOST: f64 = 0.1;
 /// Series are measured by their largest value, and those that stay below this one by this.
 const LEAST_SIZE: f64 = 1e-12;
+/// A run whose estimate is above this says nothing about others; one on steps that are given may know less of itself.
+const MOST_ESTIMATED: f64 = 1e-2;
+const MOST_ON_STEPS: f64 = 0.5;
+/// Between the points of a method states are less accurate than at these, to which estimates belong: by this at most.
+const BETWEEN: f64 = 1e-3;
+/// Instants this close are one, as a share of the horizon.
+const SAME_INSTANT: f64 = 1e-13;
+/// A run misses its own equations by this much at most.
+const MOST_MISSED: f64 = 1e-3;
 
 /// The runs of one experiment.
 #[derive(Debug)]
@@ -42,8 +52,24 @@ pub struct Roads {
 pub struct Road {
     /// Method and lowering.
     pub name: String,
-    /// The run, or the code of what keeps the method from it.
-    pub run: Result<Box<Trajectory>, String>,
+    /// The run, or why there is none to be had.
+    pub run: Result<Box<Trajectory>, Refusal>,
+}
+
+/// Why an experiment is not for a method or lowering.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Refusal {
+    /// The codes of what keeps the method from it.
+    pub codes: String,
+    /// What these say.
+    pub reason: String,
+}
+
+/// `E0904: jumps and contacts are not lowered by `stewart``
+impl std::fmt::Display for Refusal {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}: {}", self.codes, self.reason)
+    }
 }
 
 /// By how much two runs differ.
@@ -51,19 +77,27 @@ pub struct Road {
 pub struct Difference {
     /// The last states: the largest difference of an entry, relative to the size of its state.
     pub end: f64,
+    /// The same at the instants that both runs report, but for those next to an event.
+    pub along: f64,
     /// The instants of events, relative to the horizon, where both runs have as many of the same kinds.
     pub times: Option<f64>,
+    /// When something happens in one run first and nothing in the other one.
+    pub alone: Option<f64>,
     /// Whether both methods locate events, and do not only see that there was one in a step.
     pub locates: bool,
-    /// What the tolerance and the estimated errors of both leave for the difference of the last states.
+    /// What the tolerance and the estimated errors of both leave for the difference of states.
     pub allowed: f64,
 }
 
 impl Difference {
-    /// Whether the two runs come to the same end, at the same instants where they have the same events.
+    /// Whether the two runs go the same way, with events at the same instants.
     pub fn is_explained(&self) -> bool {
         let times = self.times.filter(|_| self.locates);
-        self.end <= self.allowed && times.is_none_or(|times| times <= self.allowed)
+        let alone = self.alone.filter(|_| self.locates);
+        self.end <= self.allowed
+            && self.along <= self.allowed.max(BETWEEN)
+            && times.is_none_or(|times| times <= self.allowed)
+            && alone.is_none()
     }
 }
 
@@ -78,18 +112,42 @@ impl Road {
         let run = self.run.as_deref().ok()?;
         (run.status == Status::Solved).then_some(run)
     }
+
+    /// The run, where it came to the end of the horizon and vouches for it.
+    fn sound(&self) -> Option<&Trajectory> {
+        self.solved().filter(|_| self.doubt().is_none())
+    }
+
+    /// What a run that came to the end says against itself.
+    pub fn doubt(&self) -> Option<&'static str> {
+        let run = self.solved()?;
+        let most = match is_blind(run) {
+            true => MOST_ON_STEPS,
+            false => MOST_ESTIMATED,
+        };
+        // What is no number is above every bound.
+        let is_above = |value: f64, most: f64| value.is_nan() || value > most;
+        if is_above(Road::residual(run), MOST_MISSED) && !is_blind(run) {
+            return Some("misses its own equations");
+        }
+        let estimate = run.error_estimate.unwrap_or(0.0);
+        is_above(estimate, most).then_some("estimates that it is far off")
+    }
 }
 
 impl Roads {
-    /// The difference of two runs that came to their ends.
+    /// The difference of two runs that came to their ends and vouch for them.
     pub fn difference(&self, a: usize, b: usize) -> Option<Difference> {
-        let (a, b) = (self.roads[a].solved()?, self.roads[b].solved()?);
+        let (a, b) = (self.roads[a].sound()?, self.roads[b].sound()?);
         let estimates = [a, b].map(|run| run.error_estimate.unwrap_or(0.0));
+        let allowed = self.tolerance + (SAFETY * estimates.iter().sum::<f64>()).min(MOST);
         Some(Difference {
             end: end(a, b),
+            along: along(a, b, allowed),
             times: times(a, b),
+            alone: alone(a, b, allowed),
             locates: ![a, b].into_iter().any(is_blind),
-            allowed: self.tolerance + (SAFETY * estimates.iter().sum::<f64>()).min(MOST),
+            allowed,
         })
     }
 
@@ -104,15 +162,33 @@ impl Roads {
         pairs.filter(differs).collect()
     }
 
-    /// How many came to the end of the horizon.
-    pub fn n_solved(&self) -> usize {
-        let solved = self.roads.iter().filter(|road| road.solved().is_some());
-        solved.count()
+    /// How many came to the end of the horizon and vouch for it.
+    pub fn n_sound(&self) -> usize {
+        let sound = self.roads.iter().filter(|road| road.sound().is_some());
+        sound.count()
     }
 
-    /// Whether the experiment as it is written came to its end, and nothing contradicts it.
+    /// How many others vouch for the experiment as it is written.
+    pub fn n_confirming(&self) -> usize {
+        let others = 1..self.roads.len();
+        let confirms = |other: &usize| {
+            let difference = self.difference(0, *other);
+            difference.is_some_and(|difference| difference.is_explained())
+        };
+        others.filter(confirms).count()
+    }
+
+    /// Whether there is no other road that takes the experiment.
+    pub fn is_alone(&self) -> bool {
+        self.roads[1..].iter().all(|road| road.run.is_err())
+    }
+
+    /// Whether the experiment as it is written came to its end and vouches for it, nothing contradicts it, and another
+    /// road confirms it if there is one.
     pub fn agree(&self) -> bool {
-        self.roads[0].solved().is_some() && self.disagreements().is_empty()
+        self.roads[0].sound().is_some()
+            && self.disagreements().is_empty()
+            && (self.n_confirming() > 0 || self.is_alone())
     }
 }
 
@@ -141,6 +217,78 @@ fn end(a: &Trajectory, b: &Trajectory) -> f64 {
         }
     }
     largest
+}
+
+/// The largest difference of states at instants that both runs report, relative to the largest value of its state in
+/// either; next to an event both may be on different sides of it, up to `window` as a share of the horizon.
+fn along(a: &Trajectory, b: &Trajectory, window: f64) -> f64 {
+    let horizon = a.time.last().copied().unwrap_or(0.0);
+    let events: Vec<f64> = (happened(a).chain(happened(b)))
+        .map(|event| event.time)
+        .collect();
+    let is_next = |time: f64| {
+        events
+            .iter()
+            .any(|event| (event - time).abs() <= window * horizon)
+    };
+    let mut common: Vec<(usize, usize)> = Vec::new();
+    let mut other = 0;
+    for (k, &time) in a.time.iter().enumerate() {
+        let before = b.time[other..].partition_point(|t| *t < time - SAME_INSTANT * horizon);
+        other += before;
+        let is_same = |t: &&f64| (**t - time).abs() <= SAME_INSTANT * horizon;
+        if b.time.get(other).filter(is_same).is_some() && !is_next(time) {
+            common.push((k, other));
+        }
+    }
+    let mut largest: f64 = 0.0;
+    for (a, b) in a.states.iter().zip(&b.states) {
+        let values = a.values.iter().chain(&b.values);
+        let size = values.fold(LEAST_SIZE, |size, value| size.max(value.abs()));
+        for &(k, other) in &common {
+            for (a, b) in a.at(k).iter().zip(b.at(other)) {
+                let difference = (a - b).abs() / size;
+                largest = match difference.is_nan() {
+                    true => f64::INFINITY,
+                    false => largest.max(difference),
+                };
+            }
+        }
+    }
+    largest
+}
+
+/// When something happens in one of two runs first and nothing in the other one, up to `window` as a share of the
+/// horizon. Events that accumulate end where their limit is known well enough, which is not the same in all runs.
+fn alone(a: &Trajectory, b: &Trajectory, window: f64) -> Option<f64> {
+    let horizon = a.time.last().copied().unwrap_or(0.0);
+    let of = |run: &Trajectory| -> Vec<f64> { happened(run).map(|event| event.time).collect() };
+    let all = [of(a), of(b)];
+    let is_near =
+        |times: &[f64], time: f64| times.iter().any(|t| (t - time).abs() <= window * horizon);
+    let found = [0, 1].into_iter().flat_map(|k| {
+        let others = &all[1 - k];
+        all[k]
+            .iter()
+            .copied()
+            .filter(move |&time| !is_near(others, time))
+    });
+    let found = found.filter(|&time| !accumulates(a, time) && !accumulates(b, time));
+    found.min_by(f64::total_cmp)
+}
+
+/// Whether an instant is within the last part of a run of events that accumulate.
+fn accumulates(run: &Trajectory, time: f64) -> bool {
+    let limits = run
+        .events
+        .iter()
+        .filter(|event| event.kind == EventKind::Zeno);
+    let mut limits = limits.map(|event| event.time);
+    limits.any(|limit| {
+        let before = happened(run).map(|event| event.time).filter(|t| *t < limit);
+        let last = before.fold(f64::NEG_INFINITY, f64::max);
+        time > last && time <= limit
+    })
 }
 
 /// What happens in a run, whatever its method has to say about choices.

@@ -8,10 +8,13 @@
 //! Programs of other kinds, in numerical time or with impulses, have other grids. They start from the trajectory, and
 //! may end in an optimum of their own.
 
+use super::Refusal;
 use crate::report::{Status, Trajectory};
 
 /// Violations up to this are none.
 const FEASIBLE: f64 = 1e-6;
+/// An objective that is above another one by this, relative to max(1, |f|), is a worse one.
+const WORSE: f64 = 1e-2;
 /// A simulation with the controls that is further away than this, relatively, ends elsewhere.
 const ELSEWHERE: f64 = 1e-2;
 
@@ -35,8 +38,8 @@ pub struct Optima {
 pub struct Found {
     /// The lowering.
     pub name: String,
-    /// From the start of the experiment, or the codes of what keeps the lowering from it.
-    pub run: Result<Box<Trajectory>, String>,
+    /// From the start of the experiment, or why it is not for the lowering.
+    pub run: Result<Box<Trajectory>, Refusal>,
     /// From the best point.
     pub resumed: Option<Resumed>,
 }
@@ -109,11 +112,41 @@ impl Optima {
         }
     }
 
-    /// Whether the experiment as it is written has an optimum, and no lowering contradicts it.
+    /// The optimum of the experiment as it is written.
+    fn written(&self) -> Option<&Trajectory> {
+        let run = self.found[0].run.as_deref().ok()?;
+        (run.status == Status::Solved && is_feasible(run)).then_some(run)
+    }
+
+    /// By how much the experiment as it is written stops above a point of its own program that another lowering has
+    /// led to; none where it does not.
+    pub fn excess(&self) -> Option<f64> {
+        let own = self.written()?.objective?;
+        let resumed = self.found[0].resumed.as_ref()?;
+        let better = resumed
+            .run
+            .objective
+            .filter(|_| is_feasible(&resumed.run))?;
+        let excess = own - better;
+        (excess > WORSE * better.abs().max(1.0)).then_some(excess)
+    }
+
+    /// Whether there is no other lowering of the same points that takes the experiment.
+    pub fn is_alone(&self) -> bool {
+        let is_other = |found: &Found| {
+            let resumed = found.resumed.as_ref();
+            found.run.is_err() || resumed.is_some_and(|resumed| !resumed.is_same_point)
+        };
+        self.found[1..].iter().all(is_other)
+    }
+
+    /// Whether the experiment as it is written has an optimum that is none of the worse ones, no lowering contradicts
+    /// it, and another one confirms it if there is one.
     pub fn agree(&self) -> bool {
-        let is_solved = |run: &Trajectory| run.status == Status::Solved;
-        let written = self.found[0].run.as_ref();
-        written.is_ok_and(|run| is_solved(run)) && self.n_differing() == 0
+        self.written().is_some()
+            && self.n_differing() == 0
+            && self.excess().is_none()
+            && (self.n_agreeing() > 1 || self.is_alone())
     }
 
     /// How many lowerings contradict the best point.

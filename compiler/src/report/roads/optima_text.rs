@@ -98,9 +98,10 @@ fn summary(all: &Optima) -> String {
     let differing = all.n_differing();
     let found = match (all.objective(), all.n_agreeing()) {
         (None, _) => "no lowering finds an optimum".to_owned(),
-        (Some(_), 0 | 1) if differing == 0 => {
-            "one lowering alone, nothing to compare it with".to_owned()
+        (Some(_), 0 | 1) if all.is_alone() => {
+            "one lowering alone, no other one takes it".to_owned()
         }
+        (Some(_), 0 | 1) if differing == 0 => "one lowering alone, nothing confirms it".to_owned(),
         (Some(objective), 1) => format!("one lowering has the objective {objective:.6e}"),
         (Some(objective), n) => format!("{n} lowerings have the objective {objective:.6e}"),
     };
@@ -111,8 +112,11 @@ fn summary(all: &Optima) -> String {
     };
     let written = all.found[0].run.as_ref();
     let is_solved = written.is_ok_and(|run| run.status == Status::Solved);
-    match (is_solved, all.objective()) {
-        (false, Some(_)) => format!("as written it has no optimum; {found}{differ}"),
+    match (is_solved, all.objective(), all.excess()) {
+        (false, Some(_), _) => format!("as written it has no optimum; {found}{differ}"),
+        (true, _, Some(excess)) => {
+            format!("as written it stops {excess:.1e} above another optimum; {found}{differ}")
+        }
         _ => format!("{found}{differ}"),
     }
 }

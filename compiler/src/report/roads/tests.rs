@@ -1,4 +1,4 @@
-use super::{Road, Roads, json, text};
+use super::{Refusal, Road, Roads, json, text};
 use crate::report::{Status, sample};
 
 /// The sample trajectory as it is, another time, and with this added to the first entry of its last state.
@@ -16,7 +16,10 @@ fn roads(error: f64, estimate: Option<f64>) -> Roads {
     let mut roads: Vec<Road> = roads.collect();
     roads.push(Road {
         name: "fesd, lower impact".to_owned(),
-        run: Err("E0935".to_owned()),
+        run: Err(Refusal {
+            codes: "E0935".to_owned(),
+            reason: "there are no contacts".to_owned(),
+        }),
     });
     Roads {
         experiment: "crossing".to_owned(),

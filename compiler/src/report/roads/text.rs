@@ -31,7 +31,7 @@ fn write(all: &Roads, text: &mut String) -> fmt::Result {
     for (number, road) in (1..).zip(roads) {
         write!(text, "  {number}  {:width$}  ", road.name)?;
         match &road.run {
-            Err(code) => writeln!(text, "{:>17}  {code}", "not applicable")?,
+            Err(refusal) => writeln!(text, "{:>17}  {refusal}", "not applicable")?,
             Ok(run) => {
                 let estimate = run.error_estimate;
                 let estimate = estimate.map_or("-".to_owned(), |error| format!("{error:.1e}"));
@@ -46,15 +46,18 @@ fn write(all: &Roads, text: &mut String) -> fmt::Result {
                 if let Some(failure) = &run.failure {
                     writeln!(text, "     {:width$}  {failure}", "")?;
                 }
+                if let Some(doubt) = road.doubt() {
+                    writeln!(text, "     {:width$}  {doubt}: not compared", "")?;
+                }
             }
         }
     }
-    if all.n_solved() < 2 {
+    if all.n_sound() < 2 {
         return Ok(());
     }
     writeln!(
         text,
-        "\n  differences of last states, relative to their sizes, and of events, to the horizon"
+        "\n  differences of last states and along the way, relative to their sizes, and of events, to the horizon"
     )?;
     for b in 1..roads.len() {
         for a in 0..b {
@@ -65,16 +68,21 @@ fn write(all: &Roads, text: &mut String) -> fmt::Result {
                 Some(times) => format!("{times:.1e}"),
                 None => "other events".to_owned(),
             };
-            let mark = match difference.is_explained() {
-                true => String::new(),
-                false => format!("  DIFFERS, {:.1e} are explained", difference.allowed),
+            let mark = match (difference.is_explained(), difference.alone) {
+                (true, _) => String::new(),
+                (false, Some(time)) if difference.locates => format!(
+                    "  DIFFERS, {:.1e} are explained; at {time:.9} something happens in one alone",
+                    difference.allowed
+                ),
+                (false, _) => format!("  DIFFERS, {:.1e} are explained", difference.allowed),
             };
             writeln!(
                 text,
-                "  {} - {}  {:>9.1e}  {times:>12}{mark}",
+                "  {} - {}  {:>9.1e}  {:>9.1e}  {times:>12}{mark}",
                 a + 1,
                 b + 1,
-                difference.end
+                difference.end,
+                difference.along
             )?;
         }
     }
@@ -83,16 +91,19 @@ fn write(all: &Roads, text: &mut String) -> fmt::Result {
 
 /// What there is to say in a line.
 fn verdict(all: &Roads) -> String {
-    let n = all.n_solved();
+    let n = all.n_sound();
     let found = match (all.disagreements().len(), n) {
         (0, 0) => "no road comes to the end".to_owned(),
-        (0, 1) => "one road alone, nothing to compare it with".to_owned(),
+        (0, 1) if all.is_alone() => "one road alone, no other one takes it".to_owned(),
+        (0, 1) => "one road alone, nothing confirms it".to_owned(),
         (0, n) => format!("{n} roads agree"),
         (1, n) => format!("{n} roads, 1 pair of them differs"),
         (pairs, n) => format!("{n} roads, {pairs} pairs of them differ"),
     };
-    match all.roads[0].solved() {
-        None if n > 0 => format!("as written it does not come to the end; {found}"),
+    let written = &all.roads[0];
+    match (written.doubt(), written.solved()) {
+        (Some(doubt), _) => format!("as written it {doubt}; {found}"),
+        (None, None) if n > 0 => format!("as written it does not come to the end; {found}"),
         _ => found,
     }
 }

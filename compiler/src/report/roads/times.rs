@@ -18,7 +18,7 @@ struct Row {
 /// The events that some of the runs do not have, or have at other instants.
 pub(super) fn write(all: &Roads, text: &mut String) -> fmt::Result {
     let solved: Vec<usize> = (0..all.roads.len())
-        .filter(|&k| all.roads[k].solved().is_some())
+        .filter(|&k| all.roads[k].sound().is_some())
         .collect();
     let rows = rows(all, &solved);
     if rows.is_empty() {
@@ -51,7 +51,7 @@ fn rows(all: &Roads, solved: &[usize]) -> Vec<Row> {
     let mut rows: Vec<(Row, usize)> = Vec::new();
     let mut horizon: f64 = 0.0;
     for (column, &road) in solved.iter().enumerate() {
-        let Some(run) = all.roads[road].solved() else {
+        let Some(run) = all.roads[road].sound() else {
             continue;
         };
         horizon = horizon.max(run.time.last().copied().unwrap_or(0.0));

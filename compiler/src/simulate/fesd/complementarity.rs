@@ -7,7 +7,7 @@ use std::cell::RefCell;
 use std::sync::Arc;
 
 use nsd_solver::fesd::{ComplementaritySystem, Disc, Full, Member, Pair, Reduced, Zero};
-use nsd_solver::simulate::Partials;
+use nsd_solver::simulate::{Partials, Side};
 use nsd_solver::tape::Tape;
 use rustc_hash::FxHashMap;
 
@@ -52,10 +52,15 @@ pub struct Complementarity<'e> {
     /// The discs, and the switches of each.
     pub(super) discs: Vec<Disc>,
     pub(super) switches_of_discs: Vec<[usize; 2]>,
-    /// What z at a breakpoint follows from; none without data.
+    /// Switches of time with which other ψ jump.
+    leading: Vec<usize>,
+    /// What z follows from where ψ jump with data or with these; none without any.
     at_breakpoints: Option<(System<'e>, Dcs<'e>)>,
     known: RefCell<FxHashMap<Vec<Zero>, Option<Arc<Reduced>>>>,
 }
+
+/// |ψ| of a switch of time below this share of |ψ'| t is its surface.
+const SURFACE: f64 = 1e-12;
 
 /// A gap below this is no rounding.
 const OUTSIDE: f64 = 1e-10;
@@ -83,7 +88,9 @@ impl<'e> Complementarity<'e> {
             }
         }
         let (rates, equations) = (numbers.apply(&dcs.rates), numbers.apply(&dcs.equations));
-        let at_breakpoints = (!coefficients.is_empty()).then(|| (system.clone(), dcs.clone()));
+        let leading = system.leading();
+        let jumps = !coefficients.is_empty() || !leading.is_empty();
+        let at_breakpoints = jumps.then(|| (system.clone(), dcs.clone()));
         let algebraics: Vec<Var> = dcs.algebraics.iter().map(|z| variable(z.var)).collect();
         let place: FxHashMap<Var, usize> = algebraics
             .iter()
@@ -176,6 +183,7 @@ impl<'e> Complementarity<'e> {
             members,
             discs,
             switches_of_discs,
+            leading,
             at_breakpoints,
             known: RefCell::default(),
         };
@@ -351,7 +359,41 @@ impl ComplementaritySystem for Complementarity<'_> {
         self.pulses.after(t)
     }
 
-    fn z_at(&self, t: f64, x: &[f64]) -> Vec<f64> {
+    fn leading(&self) -> &[usize] {
+        &self.leading
+    }
+
+    fn meets(&self, t: f64, x: &[f64], led: &[(usize, Side)]) -> Vec<bool> {
+        let Some((system, _)) = &self.at_breakpoints else {
+            return Vec::new();
+        };
+        let (clock, now) = match system.clock {
+            Some(clock) => (self.states[clock], x[clock]),
+            None => (self.time, t),
+        };
+        let value = |var: Var| {
+            let mut all = led.iter();
+            let is_it = |switch: usize| variable(system.switches[switch].alpha) == var;
+            let side = all.find(|(switch, _)| is_it(*switch));
+            let data = || system.data.iter().find(|data| variable(data.var) == var);
+            match side {
+                _ if var == clock => now,
+                Some((_, side)) => 0.5 + 0.5 * side.sign(),
+                None => data().map_or(f64::NAN, |data| data.table.value(t)),
+            }
+        };
+        let is_met = |(switch, _): &(usize, Side)| {
+            let psi = self.surfaces[*switch];
+            let data = system.data.iter().map(|data| variable(data.var));
+            let moves = [clock].into_iter().chain(data);
+            let terms = moves.map(|var| (psi.diff(var).eval(&value) * value(var)).abs());
+            let size: f64 = terms.sum();
+            psi.eval(&value).abs() <= SURFACE * size.max(f64::MIN_POSITIVE)
+        };
+        led.iter().map(is_met).collect()
+    }
+
+    fn z_at(&self, t: f64, x: &[f64], led: &[(usize, Side)]) -> Vec<f64> {
         let Some((system, dcs)) = &self.at_breakpoints else {
             return self.start.clone();
         };
@@ -365,7 +407,10 @@ impl ComplementaritySystem for Complementarity<'_> {
             .chain([(self.time, t)])
             .collect();
         let value = |var: Var| known.get(&var).copied().unwrap_or(f64::NAN);
-        dcs::solve_pointwise(system, dcs, &value).algebraics
+        let led: Vec<(usize, f64)> = (led.iter())
+            .map(|&(switch, side)| (switch, 0.5 + 0.5 * side.sign()))
+            .collect();
+        dcs::solve_led(system, dcs, &led, &value).algebraics
     }
 
     fn below(&self, t: f64, x: &[f64]) -> Option<usize> {

@@ -8,6 +8,7 @@ use nsd_solver::simulate::Status;
 use super::{estimate, lower};
 use crate::report::{Method, MethodOption, Trajectory};
 use crate::simulate::instants::Pulses;
+use crate::simulate::schedule::scheduled;
 use crate::simulate::watch::{Progress, Watched};
 use crate::simulate::{Comparison, Recorder, Request, assemble};
 use crate::system::System;
@@ -22,7 +23,7 @@ pub(in crate::simulate) fn run(
     watch: &mut dyn FnMut(Progress),
 ) -> Trajectory {
     let started = Instant::now();
-    let (formulation, complementarity) = lower(system, settings);
+    let (formulation, complementarity) = lower(&scheduled(system, settings.horizon), settings);
     let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
     let stepper = |steps: usize| {
         let limit = request

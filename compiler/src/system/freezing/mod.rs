@@ -18,8 +18,8 @@ mod rest;
 mod start;
 
 use super::affine::at;
-use super::interaction::subsystems;
 use super::regions::regions_of;
+use super::subsystems;
 use super::{Readings, State, Switch, System, SystemError, Task};
 use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::source::Span;
@@ -235,6 +235,7 @@ pub fn freeze<'e>(system: &System<'e>, pace: f64) -> Result<Frozen<'e>, SystemEr
         partition.states.clone_from(&set);
     }
     whole.time = exprs.variable("tau");
+    whole.clock = Some(n_states);
     let rates: Vec<Expr<'e>> = whole.states.iter().map(|state| state.rate).collect();
     let alphas: Vec<Var> = switches
         .iter()
