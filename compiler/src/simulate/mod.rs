@@ -26,6 +26,7 @@ mod rehearsal;
 mod request;
 mod settle;
 mod smoothed;
+mod steepest;
 mod structure;
 mod substituted;
 mod switched;
