@@ -71,7 +71,7 @@ pub fn lower<'e>(
     let (outputs, controls) = lowering.recorded();
     let named = lowering.named_surfaces();
     let limits = lowering.limits();
-    let task = lowering.task();
+    let task = lowering.task(diags);
     lowering.find_contacts(&mut laws, &mut rates, &regions, (&outputs, &limits), diags);
     let (mut contacts, mut impulsive) = (Vec::new(), Vec::new());
     match settings.steps_through_contacts() {

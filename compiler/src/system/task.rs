@@ -178,7 +178,7 @@ impl<'e> Lowering<'_, 'e> {
     }
 
     /// The task in α; states and parameters have their places in the system.
-    pub(super) fn task(&mut self) -> Option<Task<'e>> {
+    pub(super) fn task(&mut self, diags: &mut Diagnostics) -> Option<Task<'e>> {
         let asked = self.settings.optimize.as_ref()?;
         let merged = |lowering: &mut Self, e: Expr<'e>, span: Span| {
             let e = lowering.replace(e, span);
@@ -202,7 +202,7 @@ impl<'e> Lowering<'_, 'e> {
             .flat_map(|param| param.vars.iter().copied().filter(is_number))
             .collect();
         let states: Vec<Expr<'e>> = self.kept_states().map(|(_, var)| var).collect();
-        let (tied, starts) = self.tied(&states);
+        let (tied, starts) = self.tied(&states, diags);
         rows.extend(starts);
         let places = |freed: &[super::experiment::Freed], list: &[Expr<'e>]| -> Vec<Free> {
             let free = freed.iter().filter_map(|freed| {
@@ -233,30 +233,43 @@ impl<'e> Lowering<'_, 'e> {
     }
 
     /// x(0) = x_0(p) with free p: x(0) is free, and the equation is a row at the start.
-    fn tied(&mut self, states: &[Expr<'e>]) -> (Vec<Free>, Vec<TaskRow<'e>>) {
+    fn tied(
+        &mut self,
+        states: &[Expr<'e>],
+        diags: &mut Diagnostics,
+    ) -> (Vec<Free>, Vec<TaskRow<'e>>) {
         let settings = self.settings;
         let tied = settings.optimize.iter().flat_map(|task| &task.tied);
-        let (mut free, mut rows) = (Vec::new(), Vec::new());
+        let (mut freed, mut rows) = (Vec::new(), Vec::new());
         for &Tied { var, value, span } in tied {
             let mut places = states.iter().enumerate();
             let Some((place, &x)) = places.find(|(_, x)| x.as_variable() == Some(var)) else {
                 continue;
             };
-            free.push(Free {
+            freed.push(Free {
                 place,
                 lower: f64::NEG_INFINITY,
                 upper: f64::INFINITY,
             });
-            let value = self.replace(x - value, span);
+            let row = self.replace(x - value, span);
+            let row = self.switches.merged(row);
+            // Switches have no values at t = 0 in a program.
+            let free = self.values.free.first_in(&[value]);
+            if let Some(free) = free.filter(|_| !self.switches.alphas_of(row).is_empty()) {
+                let name = self.model.exprs.name(var);
+                let what = format!("the initial value of `{name}`, which has a switching term,");
+                diags.push(self.values.depends_on_free(self.model, what, free, span));
+                continue;
+            }
             rows.push(TaskRow {
-                value: self.switches.merged(value),
+                value: row,
                 lower: 0.0,
                 upper: 0.0,
                 at: At::Start,
                 span,
             });
         }
-        (free, rows)
+        (freed, rows)
     }
 
     fn number(&self, e: Expr<'e>) -> f64 {
