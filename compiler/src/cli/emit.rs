@@ -9,6 +9,7 @@ use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
 use crate::discretize::{self, DiscretizeError, Grid, discretize};
 use crate::expr::Exprs;
+use crate::simulate::Request;
 use crate::syntax::{Bind, Experiment, Item};
 use crate::system::experiment::{ExperimentError, FesdOptions, Method};
 use crate::{Compiled, compile, dcs, model, optimize};
@@ -257,7 +258,7 @@ fn lowered(
     let program = match &settings.optimize {
         None => program,
         Some(task) => {
-            let sampled = launch::sampled(project, task);
+            let sampled = launch::sampled(project, task, &Request::default());
             let sampled = sampled.map_err(|found| diags.append(found)).ok()?;
             optimize::program(&compiled.system, settings, task, &sampled).ok()?
         }

@@ -1,5 +1,7 @@
 //! Runs an experiment that has been compiled, whatever its kind.
 
+use std::time::Instant;
+
 use super::files;
 use super::progress::Bar;
 use super::project::Project;
@@ -8,7 +10,7 @@ use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
 use crate::optimize::{self, Sampled};
-use crate::report::Trajectory;
+use crate::report::{Status, Trajectory};
 use crate::simulate::{self, Request};
 use crate::source::Span;
 use crate::syntax::{GuessSource, Path};
@@ -42,8 +44,10 @@ fn within(
         let mut watch = |progress| watching.simulation(progress);
         return Ok(simulate::run_watched(system, settings, request, &mut watch));
     };
-    let sampled = sampled_within(project, task, depth)?;
-    match optimize::run(system, settings, task, &sampled, request, watching) {
+    let started = Instant::now();
+    let sampled = sampled_within(project, task, request, depth)?;
+    let request = request.left(started);
+    match optimize::run(system, settings, task, &sampled, &request, watching) {
         Ok(solved) => {
             compiled.system = solved.system;
             Ok(solved.trajectory)
@@ -56,25 +60,38 @@ fn within(
     }
 }
 
-/// The trajectories that an optimization starts from.
-pub fn sampled(project: &Project, task: &Optimize<'_>) -> Result<Vec<Sampled>, Diagnostics> {
-    sampled_within(project, task, MAX_DEPTH)
+/// The trajectories that an optimization starts from; the runs of all share the time of the request.
+pub fn sampled(
+    project: &Project,
+    task: &Optimize<'_>,
+    request: &Request,
+) -> Result<Vec<Sampled>, Diagnostics> {
+    sampled_within(project, task, request, MAX_DEPTH)
 }
 
 fn sampled_within(
     project: &Project,
     task: &Optimize<'_>,
+    request: &Request,
     depth: usize,
 ) -> Result<Vec<Sampled>, Diagnostics> {
+    let started = Instant::now();
     let sources = task.sources.iter().map(|source| match source {
         GuessSource::File(name, span) => from_file(project, name, *span),
-        GuessSource::Experiment(path) => from_experiment(project, path, depth),
+        GuessSource::Experiment(path) => {
+            from_experiment(project, path, &request.left(started), depth)
+        }
     });
     sources.collect()
 }
 
 /// The states and controls of another experiment of the file.
-fn from_experiment(project: &Project, path: &Path, depth: usize) -> Result<Sampled, Diagnostics> {
+fn from_experiment(
+    project: &Project,
+    path: &Path,
+    request: &Request,
+    depth: usize,
+) -> Result<Sampled, Diagnostics> {
     let name = &path.head.name;
     let bad = |reason: &str| bad_guess(name, reason, path.span);
     let mut experiments = project.experiments();
@@ -100,11 +117,14 @@ fn from_experiment(project: &Project, path: &Path, depth: usize) -> Result<Sampl
     let request = Request {
         dense: false,
         estimate: false,
-        ..Request::default()
+        multipliers: false,
+        ..*request
     };
     let mut watching = Watching::new(Bar::new(name, false));
     let trajectory = within(project, &mut compiled, &request, &mut watching, depth)?;
     match trajectory.time.len() {
+        // What starts from it is late, too.
+        0 | 1 if trajectory.status == Status::TimeLimit => Ok(Sampled::default()),
         0 | 1 => Err(bad("its run does not leave its start")),
         _ => Ok(Sampled::of(&trajectory)),
     }

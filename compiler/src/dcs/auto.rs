@@ -87,6 +87,16 @@ fn is_without_memory(system: &System, takes: Takes) -> Result<(), DcsError> {
     if let Some(law) = system.laws.first().filter(|_| takes != Takes::Jumps) {
         return Err(DcsError::Jump {
             name: law.name.clone(),
+            help: match (law.strikes, &system.task) {
+                (Some(_), None) => {
+                    "`lower timefreezing;` makes motion of it, and `method event` runs it as it is"
+                }
+                (Some(_), Some(_)) => "`lower timefreezing;` makes motion of it",
+                (None, None) => "`method event`, which is the default, runs it as it is",
+                (None, Some(_)) => {
+                    "`optimize` takes jumps that are contacts only: run this one in a `simulate` experiment"
+                }
+            },
             span: law.span,
         });
     }
@@ -94,6 +104,15 @@ fn is_without_memory(system: &System, takes: Takes) -> Result<(), DcsError> {
     if let Some((name, span)) = system.first_jump().filter(|_| takes == Takes::Rates) {
         return Err(DcsError::Contact {
             name: name.to_owned(),
+            help: match &system.task {
+                None => {
+                    "with `method fesd`, `lower impact;` has them where elements meet, and `lower timefreezing;` makes \
+                     motion of them; `method event` needs no lowering"
+                }
+                Some(_) => {
+                    "`lower impact;` has them where elements meet, and `lower timefreezing;` makes motion of them"
+                }
+            },
             span,
         });
     }

@@ -38,16 +38,12 @@ pub enum DcsError {
 
     /// A contact is struck, which pairs within elements do not say.
     #[error("the contact `{name}` gives impulses, which complementarity alone does not have")]
-    #[diagnostic(
-        code(E0904),
-        help(
-            "with `method fesd` and in `optimize`, `lower impact;` has them where elements meet, and `lower timefreezing;` \
-             makes motion of them; `method event` needs no lowering"
-        )
-    )]
+    #[diagnostic(code(E0904), help("{help}"))]
     Contact {
         /// Its name.
         name: String,
+        /// What takes it.
+        help: &'static str,
         /// Its statement.
         #[label("velocities jump where it is struck")]
         span: Span,
@@ -55,13 +51,12 @@ pub enum DcsError {
 
     /// A jump has no complementarity form.
     #[error("jump `{name}` cannot be lowered to complementarity yet")]
-    #[diagnostic(
-        code(E0904),
-        help("`lower timefreezing;` makes motion of it, and `method event` runs it as it is")
-    )]
+    #[diagnostic(code(E0904), help("{help}"))]
     Jump {
         /// Its name.
         name: String,
+        /// What takes it.
+        help: &'static str,
         /// Its statement.
         #[label("a jump")]
         span: Span,

@@ -7,6 +7,7 @@ use super::layout::End;
 use super::{Cross, Grid, Options};
 use crate::dcs::Dcs;
 use crate::expr::{Expr, Var};
+use crate::source::Span;
 
 /// Why there is no discretization.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -24,6 +25,8 @@ pub enum DiscretizeError {
     NoValue {
         /// The variable.
         name: String,
+        /// The constraint or cost.
+        span: Span,
     },
     /// The continuous algebraic variables have no values to start from.
     #[error("`0 = {row}` does not hold at t = {time}")]

@@ -7,6 +7,7 @@ use super::block::{Builder, variable};
 use super::{DiscretizeError, Problem};
 use crate::expr::{Expr, Substitution, variables_of};
 use crate::mpcc::{Bounds, Kind, Mpcc, Source};
+use crate::source::Span;
 use crate::system::task::{At, Shape, TaskRow};
 
 /// Step, element and node.
@@ -22,7 +23,7 @@ impl<'e> Problem<'_, 'e> {
             return Ok(());
         }
         let sources = vec![Source::Task(task.cost_span)];
-        let (block, value) = self.at_end("final", task.cost)?;
+        let (block, value) = self.at_end("final", (task.cost, task.cost_span))?;
         let text = task.cost.to_string();
         mpcc.blocks
             .push(block.finish(Kind::Objective, vec![value], sources, text));
@@ -38,11 +39,11 @@ impl<'e> Problem<'_, 'e> {
             }
             match row.at {
                 At::Start => {
-                    let (block, value) = self.at_start("initial", row.value)?;
+                    let (block, value) = self.at_start("initial", row)?;
                     self.push(mpcc, block, value, row);
                 }
                 At::End => {
-                    let (block, value) = self.at_end("final", row.value)?;
+                    let (block, value) = self.at_end("final", (row.value, row.span))?;
                     self.push(mpcc, block, value, row);
                 }
                 At::Nodes | At::Elements | At::Intervals => {
@@ -51,7 +52,7 @@ impl<'e> Problem<'_, 'e> {
                     let initial = self.dcs.task.iter().flat_map(|task| &task.initial);
                     let mut freed = initial.map(|free| self.dcs.states[free.place].var);
                     if freed.any(|state| is_free(&state)) {
-                        let (block, value) = self.at_start("path_start", row.value)?;
+                        let (block, value) = self.at_start("path_start", row)?;
                         self.push(mpcc, block, value, row);
                     }
                 }
@@ -165,12 +166,12 @@ impl<'e> Problem<'_, 'e> {
             }
             At::Elements => {
                 let block = Builder::new("path", [steps, self.elements()]);
-                let block = self.at_place(block, h, row.value, |[k, j]| (k, j, end))?;
+                let block = self.at_place(block, h, (row.value, row.span), |[k, j]| (k, j, end))?;
                 self.push(mpcc, block.number(self.node, |_| 1.0), value, row);
             }
             _ => {
                 let block = Builder::new("path", [steps]);
-                let block = self.at_place(block, h, row.value, |[k]| (k, last, end))?;
+                let block = self.at_place(block, h, (row.value, row.span), |[k]| (k, last, end))?;
                 self.push(mpcc, block.number(self.node, |_| 1.0), value, row);
             }
         }
@@ -181,12 +182,12 @@ impl<'e> Problem<'_, 'e> {
     fn at_end(
         &self,
         name: &'static str,
-        value: Expr<'e>,
+        (value, span): (Expr<'e>, Span),
     ) -> Result<(Builder<0>, Expr<'e>), DiscretizeError> {
         let layout = &self.layout;
         let place = (layout.steps, layout.elements, layout.end);
         let h = self.dcs.exprs.variable("h");
-        let block = self.at_place(Builder::new(name, []), h, value, |[]| place)?;
+        let block = self.at_place(Builder::new(name, []), h, (value, span), |[]| place)?;
         let mut values = Substitution::new();
         values.insert(variable(self.dcs.time), self.horizon);
         for (data, value) in self.functions_at(self.grid.horizon) {
@@ -203,10 +204,11 @@ impl<'e> Problem<'_, 'e> {
     fn at_start(
         &self,
         name: &'static str,
-        value: Expr<'e>,
+        row: &TaskRow<'e>,
     ) -> Result<(Builder<0>, Expr<'e>), DiscretizeError> {
-        let h = self.dcs.exprs.variable("h");
-        let block = self.at_place(Builder::new(name, []), h, value, |[]| (1, 1, 0))?;
+        let (value, h) = (row.value, self.dcs.exprs.variable("h"));
+        let block = Builder::new(name, []);
+        let block = self.at_place(block, h, (value, row.span), |[]| (1, 1, 0))?;
         let zero = self.dcs.exprs.constant(0.0);
         let mut at_zero = Substitution::one(variable(self.dcs.time), zero);
         for (data, value) in self.functions_at(0.0) {
@@ -220,7 +222,7 @@ impl<'e> Problem<'_, 'e> {
         &self,
         block: Builder<N>,
         h: Expr<'e>,
-        value: Expr<'e>,
+        (value, span): (Expr<'e>, Span),
         place: impl Fn([usize; N]) -> Place,
     ) -> Result<Builder<N>, DiscretizeError> {
         let (dcs, layout) = (self.dcs, &self.layout);
@@ -252,6 +254,7 @@ impl<'e> Problem<'_, 'e> {
             if block.places().any(|at| index(at).is_none()) {
                 return Err(DiscretizeError::NoValue {
                     name: z.var.to_string(),
+                    span,
                 });
             }
             block = block.variable(z.var, |at| index(at).unwrap_or(0));

@@ -214,6 +214,11 @@ impl<'e> Substitution<'e> {
         }
     }
 
+    /// What is replaced, with the replacements.
+    pub fn pairs(&self) -> impl Iterator<Item = (Var, Expr<'e>)> + '_ {
+        self.values.iter().map(|(&var, &value)| (var, value))
+    }
+
     /// Whether nothing is replaced.
     pub fn is_empty(&self) -> bool {
         self.values.is_empty()

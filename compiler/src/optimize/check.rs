@@ -1,6 +1,6 @@
 //! The controls that were found, simulated from event to event.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use nsd_solver::mpcc::Solution;
 
@@ -12,11 +12,16 @@ use crate::system::experiment::{Sampling, Settings};
 const FINER: f64 = 1e-2;
 const FINEST: f64 = 1e-12;
 
-/// Simulates, and says by how much the end and the objective differ.
-pub(super) fn simulate(problem: &Problem, solution: &Solution, trajectory: &mut Trajectory) {
+/// Simulates in the time that is left, and says by how much the end and the objective differ.
+pub(super) fn simulate(
+    problem: &Problem,
+    solution: &Solution,
+    time_limit: Option<Duration>,
+    trajectory: &mut Trajectory,
+) {
     let (layout, w) = (&problem.layout, &solution.w);
     let started = Instant::now();
-    let run = solved::run(problem, w, None, |settings| {
+    let run = solved::run(problem, w, time_limit, |settings| {
         settings.tolerance = (FINER * settings.tolerance).max(FINEST);
         settings.sampling = Sampling::Method;
     });

@@ -25,7 +25,7 @@ pub(super) fn of(problem: &mut Problem, solution: &Solution) -> Option<Failure> 
     let failed = |what: &str| {
         Some(Failure::NotOptimal {
             what: what.to_owned(),
-            span,
+            lines: vec![whole(span)],
         })
     };
     // Feasible but for rounding, and beyond all bounds.
@@ -57,10 +57,67 @@ pub(super) fn of(problem: &mut Problem, solution: &Solution) -> Option<Failure> 
         }),
         Status::IterationLimit => failed("the limit of iterations was reached"),
         Status::TimeLimit => Some(Failure::TimeLimit { time: 0.0, span }),
-        Status::Evaluation => {
-            failed("a function of the model, or a derivative, is not finite at the guess")
-        }
+        Status::Evaluation => Some(Failure::NotOptimal {
+            what: "a function of the model, or a derivative, is not finite at the guess".to_owned(),
+            lines: not_finite(problem, &solution.w),
+        }),
         Status::NumericalFailure => failed("the solver found no further step"),
+    }
+}
+
+/// The experiment as a whole.
+fn whole(span: Span) -> LabeledSpan {
+    LabeledSpan::new_with_span(Some("this optimization".to_owned()), span)
+}
+
+/// The statements of rows and of the cost that are not finite, or whose slopes are not; the experiment, where there is
+/// none.
+fn not_finite(problem: &mut Problem, w: &[f64]) -> Vec<LabeledSpan> {
+    let program = &mut problem.program;
+    let pattern = program.jacobian_pattern().clone();
+    let mut values = vec![0.0; program.n_rows()];
+    let mut slopes = vec![0.0; pattern.columns.len()];
+    let mut gradient = vec![0.0; program.n_variables()];
+    program.rows(w, &mut values);
+    program.jacobian(w, &mut slopes);
+    program.gradient(w, &mut gradient);
+    let cost = program.objective(w);
+    let mut found: Vec<(Span, &str)> = Vec::new();
+    let mut blame = |span: Span, is_value: bool| {
+        let what = match is_value {
+            true => "is not finite at the guess",
+            false => "has a slope that is not finite at the guess",
+        };
+        if found.iter().all(|(known, _)| *known != span) {
+            found.push((span, what));
+        }
+    };
+    let is_steep = |slopes: &[f64]| slopes.iter().any(|slope| !slope.is_finite());
+    if !cost.is_finite() || is_steep(&gradient) {
+        blame(problem.task.cost_span, !cost.is_finite());
+    }
+    for (row, value) in values.iter().enumerate() {
+        let entries = pattern.starts[row]..pattern.starts[row + 1];
+        if value.is_finite() && !is_steep(&slopes[entries]) {
+            continue;
+        }
+        if let Some(span) = line(problem, row) {
+            blame(span, !value.is_finite());
+        }
+    }
+    if found.is_empty() {
+        return vec![whole(problem.settings.span)];
+    }
+    let label = |(span, what): (Span, &str)| LabeledSpan::new_with_span(Some(what.into()), span);
+    found.into_iter().take(MOST_LINES).map(label).collect()
+}
+
+/// The statement that a row is made of; none where it is one of the grid.
+fn line(problem: &Problem, row: usize) -> Option<Span> {
+    match problem.mpcc.origin(&problem.program, row)?.source {
+        Source::Dcs(origin) => Some(origin.span),
+        Source::Task(span) => Some(span),
+        Source::Grid => None,
     }
 }
 
@@ -72,17 +129,8 @@ fn lines(problem: &mut Problem, w: &[f64]) -> Vec<LabeledSpan> {
     let mut found: Vec<(Span, f64, usize)> = Vec::new();
     for (row, &value) in values.iter().enumerate() {
         let violation = (bounds.lower[row] - value).max(value - bounds.upper[row]);
-        let Some(origin) = problem
-            .mpcc
-            .origin(&problem.program, row)
-            .filter(|_| violation > 0.0)
-        else {
+        let Some(span) = line(problem, row).filter(|_| violation > 0.0) else {
             continue;
-        };
-        let span = match origin.source {
-            Source::Dcs(origin) => origin.span,
-            Source::Task(span) => span,
-            Source::Grid => continue,
         };
         match found.iter_mut().find(|(known, ..)| *known == span) {
             Some((_, most, count)) => {
@@ -105,8 +153,14 @@ fn lines(problem: &mut Problem, w: &[f64]) -> Vec<LabeledSpan> {
 
 /// What cannot be discretized.
 pub(super) fn refused(error: &DiscretizeError, settings: &Settings) -> Failure {
+    let line = match error {
+        DiscretizeError::NoValue { span, .. } => {
+            LabeledSpan::new_with_span(Some("reads it where it has no value".to_owned()), *span)
+        }
+        _ => whole(settings.span),
+    };
     Failure::NotOptimal {
         what: error.to_string(),
-        span: settings.span,
+        lines: vec![line],
     }
 }

@@ -34,7 +34,7 @@ use crate::expr::Var;
 use crate::mpcc::{Mpcc, Program};
 use crate::report::{
     Certificate, Failure, Kind, Method, MethodOption, Optimum, Stationarity, Stats, Status,
-    Trajectory,
+    Trajectory, Warning,
 };
 use crate::simulate::{self, Request};
 use crate::system::System;
@@ -178,6 +178,9 @@ fn run_from<'e>(
     let mut trajectory = record::trajectory(&problem, &solved, &solution.w);
     describe(&problem, solution, &mut trajectory);
     trajectory.warnings.extend(simulate::sampled(&solved));
+    trajectory
+        .warnings
+        .extend(unfinished_starts(&problem, &found));
     trajectory.optimum = Some(Optimum {
         built_s: built.as_secs_f64(),
         factor_entries: solution.stats.factor_entries,
@@ -194,7 +197,7 @@ fn run_from<'e>(
     if solution.is_feasible() {
         match &in_other_mode {
             None | Some(Failure::OtherMode { .. }) => {
-                check::simulate(&problem, solution, &mut trajectory);
+                check::simulate(&problem, solution, left(), &mut trajectory);
             }
             Some(Failure::TimeLimit { .. }) => {}
             Some(failure) => trajectory
@@ -354,6 +357,19 @@ fn solve(
         });
     };
     mpcc::multistart(&problem.program, &starts, options, threads(), &mut heard)
+}
+
+/// That the time was over before all starts were done, where some start led to a solution.
+fn unfinished_starts(problem: &Problem, found: &MultiStart) -> Option<Warning> {
+    let asked = problem.task.starts?.count;
+    let done = found.solutions.iter();
+    let done = done.filter(|solution| solution.status != mpcc::Status::TimeLimit);
+    let done = done.count();
+    (found.best.is_some() && done < asked).then(|| Warning {
+        code: "W0718".into(),
+        message: format!("the time limit was reached after {done} of {asked} starts"),
+        span: Some(problem.settings.span),
+    })
 }
 
 /// Where no start led to a feasible point, the one that came closest.

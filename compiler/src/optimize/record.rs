@@ -20,6 +20,10 @@ pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Traje
     let horizon = problem.horizon(w);
     let n = layout.n_states();
 
+    let instant = |k: usize| match k == layout.steps {
+        true => horizon,
+        false => horizon * k as f64 / layout.steps as f64,
+    };
     let follows = following(problem.system).states;
     let mut elements = Elements::new(system, &layout.points, layout.nodes);
     // The state when the clock stopped, and the laws that have acted since.
@@ -27,12 +31,16 @@ pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Traje
     let mut t = 0.0_f64;
     for (k, j) in layout.all_elements() {
         if j == 1 {
-            t = t.max(horizon * (k - 1) as f64 / layout.steps as f64);
+            t = t.max(instant(k - 1));
         }
         let instants = problem.instants(w, (k, j), t);
         // Clocks are continuous but for rounding.
         let from = instants[0].max(t).min(horizon);
-        let to = instants[layout.end].max(from).min(horizon);
+        let mut to = instants[layout.end].max(from).min(horizon);
+        // The lengths of the elements of an interval add up to it but for rounding.
+        if j == layout.elements && (to - instant(k)).abs() <= SHORTEST * horizon {
+            to = instant(k).max(from);
+        }
         let left = left(problem, &follows, w, (k, j));
         let x = |m: usize| match m {
             0 => &left[..],

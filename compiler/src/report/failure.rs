@@ -101,8 +101,9 @@ pub enum Failure {
     )]
     NotFinite {
         time: f64,
-        #[label("this run")]
-        span: Span,
+        /// The line of the term to blame, or the run.
+        #[label(collection)]
+        terms: Vec<LabeledSpan>,
     },
 
     /// A clock that does not go on.
@@ -388,8 +389,9 @@ pub enum Failure {
     )]
     NotOptimal {
         what: String,
-        #[label("this optimization")]
-        span: Span,
+        /// Lines that are to blame, or the experiment.
+        #[label(collection)]
+        lines: Vec<LabeledSpan>,
     },
 
     /// An optimum in other sliding modes than the model.

@@ -27,6 +27,7 @@ mod request;
 mod schedule;
 mod settle;
 mod smoothed;
+mod steepest;
 mod structure;
 mod substituted;
 mod switched;

@@ -4,6 +4,7 @@ use miette::LabeledSpan;
 use nsd_solver::simulate::{Candidate, Coefficient, MAX_NAMED, Note, Outcome, Side, Status};
 
 use super::modes::{ModeNames, law_of};
+use super::steepest;
 use crate::report::{Failure, Warning};
 use crate::source::Span;
 use crate::system::{Role, System};
@@ -94,7 +95,14 @@ pub(super) fn failure(
             time,
             surfaces: at(&[*switch]),
         },
-        Status::NotFinite => Failure::NotFinite { time, span },
+        Status::NotFinite => {
+            Failure::NotFinite {
+                time,
+                terms: vec![steepest::label(system, outcome).unwrap_or_else(|| {
+                    LabeledSpan::new_with_span(Some("this run".to_owned()), span)
+                })],
+            }
+        }
         Status::Unsolved => Failure::Unsolved { time, span },
         Status::Unweighted { switches } => Failure::Unweighted {
             time,

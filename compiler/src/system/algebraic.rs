@@ -15,7 +15,7 @@ use rustc_hash::FxHashMap;
 
 use super::lower::Lowering;
 use super::matching::Matching;
-use super::{Role, State, SystemError};
+use super::{Role, State, SystemError, surface};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Node, Substitution, Var, variables_of};
 use crate::model::SwitchKind;
@@ -310,8 +310,7 @@ fn solved<'e>(e: Expr<'e>, z: Var, lowering: &Lowering<'_, 'e>) -> Option<Expr<'
         };
         slope = slope + c * factor;
     }
-    let numbers = |var: Var| lowering.switches.param(var).unwrap_or(f64::NAN);
-    let size = slope.eval(&numbers);
+    let size = surface::parameter(slope, &lowering.switches.params).unwrap_or(f64::NAN);
     let rest = e.substitute(&Substitution::one(z, exprs.constant(0.0)));
     (size.is_finite() && size != 0.0).then(|| -rest / slope)
 }

@@ -15,7 +15,7 @@ use nsd_solver::cell::{self, Part};
 use nsd_solver::qp::HalfSpace;
 use rustc_hash::FxHashMap;
 
-use super::surface::definite;
+use super::surface::{Known, definite};
 use super::{Switch, System};
 use crate::expr::{Expr, Node, Substitution, Var, variables_of};
 
@@ -103,18 +103,22 @@ impl<'e> System<'e> {
             let switch = &self.switches[k];
             Some((switch.alpha.as_variable()?, switch.surface()))
         });
-        let params = self
-            .params
+        let params = self.params_as_numbers(|place| !self.is_free(place));
+        let freed = self.params.iter().enumerate();
+        let freed = freed.filter(|(place, _)| self.is_free(*place));
+        let freed = freed.map(|(_, param)| (param.var, param.value));
+        let states = self
+            .states
             .iter()
-            .filter_map(|param| Some((param.var.as_variable()?, self.exprs.constant(param.value))));
-        let states = self.states.iter().map(|state| (state.var, state.initial));
+            .map(|state| (state.var, state.initial))
+            .chain(freed);
         let data = self
             .data
             .iter()
             .map(|data| (data.var, data.table.value(0.0)));
         let origin = states.chain([(self.time, 0.0)]).chain(data);
         let origin = origin.filter_map(|(var, value)| Some((var.as_variable()?, value)));
-        Arrangement::new(&surfaces.collect::<Vec<_>>(), &params.collect(), origin)
+        Arrangement::new(&surfaces.collect::<Vec<_>>(), &params, origin)
     }
 }
 
@@ -170,7 +174,7 @@ impl<'e> Arrangement<'e> {
         };
         // What is never negative by its form, as x^2.
         for (place, atom) in atoms.iter().enumerate() {
-            if let Some(sign) = definite(atom.expr, &FxHashMap::default()) {
+            if let Some(sign) = definite(atom.expr, &Known::default()) {
                 let row = HalfSpace {
                     normal: vec![(place, sign)],
                     offset: sign * atom.origin / atom.scale,
@@ -187,7 +191,8 @@ impl<'e> Arrangement<'e> {
     pub fn between(&self, sides: &Sides, var: Expr<'e>, lower: f64, upper: f64) -> Sides {
         let (place, atom) = self.atom(var);
         let mut cell = sides.cell.clone();
-        for (sign, bound) in [(1.0, lower), (-1.0, upper)] {
+        let ends = [(1.0, lower), (-1.0, upper)];
+        for (sign, bound) in ends.into_iter().filter(|(_, bound)| bound.is_finite()) {
             let row = HalfSpace {
                 normal: vec![(place, sign)],
                 offset: sign * (atom.origin - bound) / atom.scale,

@@ -293,7 +293,10 @@ impl<'e> Lowering<'_, 'e> {
             var.as_variable()
                 .and_then(|var| self.values.numbers.get(&var).copied())
         };
+        // What is computed from free parameters stands as a function of them wherever it occurred.
+        let is_derived = |var: Var| self.values.free.derives(var);
         entries
+            .filter(|(_, var)| !var.as_variable().is_some_and(is_derived))
             .map(|(name, var)| Param {
                 name,
                 var,

@@ -19,7 +19,7 @@ use rustc_hash::FxHashSet;
 use super::arrangement::{Arrangement, Side, Sides};
 use super::interaction::positions;
 use super::regions::conjunction;
-use crate::expr::{Expr, Substitution, Var};
+use crate::expr::{Expr, Interval, Substitution, Var, variables_of};
 
 /// More linear programs are not worth the wait; samples take their place.
 const MOST_PROGRAMS: usize = 1000;
@@ -47,8 +47,10 @@ pub(super) struct Frame<'e> {
     pub switches: Vec<(Var, Expr<'e>)>,
     /// Numbers of the parameters.
     pub params: Substitution<'e>,
-    /// Initial values of states and time.
+    /// Initial values of states and time, and guesses of free parameters.
     pub origin: Vec<(Var, f64)>,
+    /// Where free parameters may be.
+    pub free: Vec<(Var, Interval)>,
     /// Time, and the end of the run.
     pub time: (Var, f64),
 }
@@ -99,6 +101,12 @@ pub(super) fn prove<'e>(weights: &[Expr<'e>], rest: Option<usize>, frame: &Frame
         Some((_, psi)) => arrangement.between(&all, psi.exprs().expr(time), 0.0, end),
         None => all,
     };
+    let occurring = variables_of(&surfaces.iter().map(|&(_, psi)| psi).collect::<Vec<_>>());
+    let free = frame.free.iter().filter(|(var, _)| occurring.contains(var));
+    let start = free.fold(start, |sides, &(var, range)| {
+        let var = weights[0].exprs().expr(var);
+        arrangement.between(&sides, var, range.low, range.high)
+    });
     let tree = walk.branch(&start);
     let (mut proof, held) = (walk.proof, walk.held);
     if walk.is_touched && !proof.is_interrupted && weights.len() > 1 {

@@ -284,6 +284,20 @@ pub enum SystemError {
         value: f64,
     },
 
+    /// A switching function that free parameters alone decide, where something jumps.
+    #[error("free parameters alone decide on which side of zero `{name}` is")]
+    #[diagnostic(
+        code(E0527),
+        help(
+            "give the free parameters ranges on one side, or optimize each side with an experiment of its own"
+        )
+    )]
+    FreeSwitch {
+        name: String,
+        #[label("does not change along a run, so that the optimum may lie where it jumps")]
+        span: Span,
+    },
+
     /// A switching function that touches zero without crossing it, or crosses it with zero slope.
     #[error("`{name}` = 0 is no switching surface")]
     #[diagnostic(code(E0404))]
@@ -404,9 +418,10 @@ pub enum SystemError {
 
     /// What time-freezing would change.
     #[error("`lower timefreezing` does not take {what}")]
-    #[diagnostic(code(E0925), help("`method event` without `lower` runs it"))]
+    #[diagnostic(code(E0925), help("{help}"))]
     Unfrozen {
         what: String,
+        help: &'static str,
         #[label("not lowered yet")]
         span: Span,
     },

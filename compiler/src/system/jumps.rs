@@ -258,14 +258,14 @@ impl<'e> Lowering<'_, 'e> {
         var.map_or(self.model.exprs.constant(0.0), |var| e.diff(var))
     }
 
-    /// With the numbers of parameters; only of those that occur, as there may be many of both.
+    /// With the numbers of parameters that are not free; only of those that occur, as there may be many of both.
     pub(super) fn in_numbers(&self, e: Expr<'e>) -> Expr<'e> {
         if e.as_constant().is_some() {
             return e;
         }
         let numbers = variables_of(&[e]).into_iter().filter_map(|var| {
-            let value = self.switches.params.get(&var)?;
-            Some((var, self.model.exprs.constant(*value)))
+            let value = self.switches.params.fixed(var)?;
+            Some((var, self.model.exprs.constant(value)))
         });
         e.substitute(&numbers.collect())
     }

@@ -18,12 +18,12 @@ use super::needs::Needs;
 use super::partitions::Regions;
 use super::reading::check_reading;
 use super::sample::Sampler;
-use super::surface::Form;
+use super::surface::{Form, Known};
 use super::switches::{Entry, Switches};
 use super::values::Values;
 use super::{NamedReading, Output, System, SystemError, regions};
 use crate::diagnostics::Diagnostics;
-use crate::expr::{Expr, Substitution, Var, variables_of};
+use crate::expr::{Expr, Interval, Substitution, Var, variables_of};
 use crate::model::{Data, Model, Rate, Sliding, Surface, SwitchKind, TargetKind};
 use crate::source::Span;
 
@@ -71,7 +71,7 @@ pub fn lower<'e>(
     let (outputs, controls) = lowering.recorded();
     let named = lowering.named_surfaces();
     let limits = lowering.limits();
-    let task = lowering.task();
+    let task = lowering.task(diags);
     lowering.find_contacts(&mut laws, &mut rates, &regions, (&outputs, &limits), diags);
     let (mut contacts, mut impulsive) = (Vec::new(), Vec::new());
     match settings.steps_through_contacts() {
@@ -123,9 +123,15 @@ impl<'m, 'e> Lowering<'m, 'e> {
             .iter()
             .flat_map(|param| &param.vars)
             .filter_map(|var| var.as_variable());
-        let numbers = params.map(|var| (var, values.numbers[&var])).collect();
+        let freed = settings.optimize.iter().flat_map(|task| &task.params);
+        let params = Known {
+            numbers: params.map(|var| (var, values.numbers[&var])).collect(),
+            ranges: freed
+                .map(|freed| (freed.var, Interval::new(freed.lower, freed.upper)))
+                .collect(),
+        };
         let data = model.data.iter().map(|data| data.var);
-        let switches = Switches::new(model.exprs, data.chain([model.time]), numbers);
+        let switches = Switches::new(model.exprs, data.chain([model.time]), params);
         Lowering {
             model,
             settings,
@@ -401,6 +407,7 @@ impl<'m, 'e> Lowering<'m, 'e> {
         let states = states.chain(self.implicit.iter().copied());
         let states = states.filter_map(Expr::as_variable);
         let states = states.chain(decided().map(|(var, _)| var)).collect();
+        let ranges = self.switches.params.ranges.iter();
         let time = self.model.time.as_variable().expect("time is a variable");
         let mut sides: Vec<Var> = relays.keys().copied().collect();
         sides.sort_unstable();
@@ -408,6 +415,7 @@ impl<'m, 'e> Lowering<'m, 'e> {
         let data = data.filter_map(|data| Some((data.var.as_variable()?, data.table.clone())));
         Sampler::new(fixed, states, time, self.settings.horizon, switches)
             .with_relays(sides)
+            .with_free(ranges.map(|(&var, &range)| (var, range)).collect())
             .with_data(data.collect())
     }
 
@@ -488,6 +496,7 @@ impl<'m, 'e> Lowering<'m, 'e> {
                         help,
                     }
                 }
+                Form::Free => SystemError::FreeSwitch { name, span },
                 Form::ZeroAtCorner => SystemError::ZeroAtCorner { name, span },
                 Form::Regular => continue,
             });

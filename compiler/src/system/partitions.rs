@@ -80,7 +80,7 @@ impl<'e> Lowering<'_, 'e> {
         found
     }
 
-    /// What is the same for all points: parameters, and where and when the run begins and ends.
+    /// What is the same for all points: parameters that are not free, and where and when the run begins and ends.
     pub(super) fn frame(&self, switches: Vec<(Var, Expr<'e>)>) -> Frame<'e> {
         let exprs = self.model.exprs;
         let time = self.model.time.as_variable().expect("time is a variable");
@@ -88,18 +88,28 @@ impl<'e> Lowering<'_, 'e> {
             let var = var.as_variable()?;
             Some((var, *self.values.numbers.get(&var)?))
         };
+        let fixed = |var: &Expr<'e>| {
+            let var = var.as_variable()?;
+            Some((var, exprs.constant(self.values.fixed(var)?)))
+        };
         let params = self.model.params.iter().flat_map(|param| &param.vars);
+        let ranges = &self.switches.params.ranges;
+        let freed = ranges
+            .keys()
+            .filter_map(|var| Some((*var, *self.values.numbers.get(var)?)));
         let states: Vec<Expr<'e>> = self.model.state_vars().collect();
         let initial = states.iter().filter_map(number);
         let data = self.kept_data();
         let data = data.filter_map(|data| Some((data.var.as_variable()?, data.table.value(0.0))));
         Frame {
             switches,
-            params: params
-                .filter_map(number)
-                .map(|(var, value)| (var, exprs.constant(value)))
+            params: params.filter_map(fixed).collect(),
+            origin: initial
+                .chain([(time, 0.0)])
+                .chain(data)
+                .chain(freed)
                 .collect(),
-            origin: initial.chain([(time, 0.0)]).chain(data).collect(),
+            free: ranges.iter().map(|(&var, &range)| (var, range)).collect(),
             time: (time, self.settings.horizon),
         }
     }

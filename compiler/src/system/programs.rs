@@ -104,7 +104,7 @@ impl<'e> Lowering<'_, 'e> {
         }
         let inside = variables_of(&hessian);
         let holds_z = inside.iter().any(|var| vars.contains(var));
-        let is_param = |var: &Var| self.switches.param(*var).is_some();
+        let is_param = |var: &Var| self.switches.params.fixed(*var).is_some();
         let at = |z: &[f64]| -> Vec<f64> {
             let value = |var: Var| self.start_value(program, z, var);
             hessian.iter().map(|entry| entry.eval(&value)).collect()

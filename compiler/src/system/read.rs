@@ -2,10 +2,11 @@
 
 use rustc_hash::FxHashMap;
 
+use super::surface::Known;
 use super::switches::Entry;
 use super::terms::{at_alpha, compared};
 use super::{System, surface};
-use crate::expr::{Expr, Substitution, Var, rewrite};
+use crate::expr::{Expr, Substitution, rewrite};
 
 /// Where names of the model went.
 #[derive(Clone, Debug, Default)]
@@ -20,7 +21,7 @@ pub struct Readings<'e> {
     /// of switches that were smoothed.
     pub(super) alphas: Vec<Expr<'e>>,
     /// Values of parameters.
-    pub(super) params: FxHashMap<Var, f64>,
+    pub(super) params: Known,
 }
 
 impl<'e> System<'e> {

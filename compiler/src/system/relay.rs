@@ -40,7 +40,7 @@ impl<'e> Switches<'e> {
     /// The α of a ψ that depends on nothing but relays and switches of time.
     pub fn deciding(&self, psi: Expr<'e>) -> Option<Vec<Var>> {
         let mut alphas = variables_of(&[psi]);
-        alphas.retain(|&var| self.param(var).is_none());
+        alphas.retain(|&var| self.params.fixed(var).is_none());
         let leads = |var: &Var| self.of_alpha(*var).is_some_and(|k| self.is_leading(k));
         let all = !alphas.is_empty() && alphas.iter().all(leads);
         (all && alphas.len() <= MOST_ENUMERATED).then_some(alphas)
@@ -55,7 +55,7 @@ impl<'e> Switches<'e> {
             let on = |i: usize| corner >> i & 1 == 1;
             let value = psi.eval(&|var| match alphas.iter().position(|&alpha| alpha == var) {
                 Some(i) => f64::from(on(i)),
-                None => self.param(var).unwrap_or(f64::NAN),
+                None => self.params.fixed(var).unwrap_or(f64::NAN),
             });
             if value == 0.0 && entry != Entry::Kink {
                 let (form, span) = (Form::ZeroAtCorner, self.here());

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use crate::expr::{Evaluator, Expr, Var, variables_of};
+use crate::expr::{Evaluator, Expr, Interval, Var, variables_of};
 use crate::table::Table;
 
 /// Values of all variables, and how the switches follow from the others.
@@ -14,6 +14,8 @@ pub(super) struct Sampler<'e> {
     /// Values by number of the variable: parameters and initial states at their values.
     base: Rc<Vec<f64>>,
     states: Rc<Vec<Var>>,
+    /// Free parameters with their ranges.
+    free: Rc<Vec<(Var, Interval)>>,
     time: Var,
     horizon: f64,
     /// (α, ψ), inner ones first.
@@ -65,6 +67,7 @@ impl<'e> Sampler<'e> {
         Sampler {
             base: Rc::new(base.0),
             states: Rc::new(states),
+            free: Rc::default(),
             time,
             horizon,
             switches,
@@ -79,6 +82,15 @@ impl<'e> Sampler<'e> {
     pub fn with_relays(self, relays: Vec<Var>) -> Self {
         Sampler {
             relays: Rc::new(relays),
+            ..self
+        }
+    }
+
+    /// The same with free parameters, in order of declaration.
+    pub fn with_free(self, mut free: Vec<(Var, Interval)>) -> Self {
+        free.sort_unstable_by_key(|&(var, _)| var);
+        Sampler {
+            free: Rc::new(free),
             ..self
         }
     }
@@ -136,6 +148,7 @@ impl<'e> Sampler<'e> {
         Sampler {
             base: Rc::clone(&self.base),
             states: Rc::clone(&self.states),
+            free: Rc::clone(&self.free),
             time: self.time,
             horizon: self.horizon,
             switches,
@@ -168,6 +181,10 @@ impl<'e> Sampler<'e> {
                 let scale = size * SCALES[k % SCALES.len()];
                 for &x in self.states.iter() {
                     point.set(x, point.get(x) + scale * random.symmetric());
+                }
+                for &(p, range) in self.free.iter() {
+                    let value = point.get(p) + scale * random.symmetric();
+                    point.set(p, value.max(range.low).min(range.high));
                 }
                 self.set_time(&mut point, self.horizon * random.symmetric().abs());
                 for &alpha in self.relays.iter() {

@@ -95,7 +95,9 @@ impl<'e> System<'e> {
     }
 
     fn start(&self) -> Start {
-        let params = self.params.iter().map(|param| (param.var, param.value));
+        let params = self.params.iter().enumerate();
+        let params = params.filter(|(place, _)| !self.is_free(*place));
+        let params = params.map(|(_, param)| (param.var, param.value));
         let states = self.states.iter().map(|state| (state.var, state.initial));
         let all = params.chain(states).chain([(self.time, 0.0)]);
         let mut known: FxHashMap<Var, f64> = all

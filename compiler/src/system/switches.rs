@@ -10,7 +10,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::affine::{at, multi_affine};
 use super::read::Readings;
-use super::surface::{self, Form};
+use super::surface::{self, Form, Known};
 use super::terms::{at_alpha, compared};
 use super::{NamedReading, Relay, Role};
 use crate::expr::{Expr, Exprs, Substitution, Var, transform, variables_of};
@@ -97,8 +97,8 @@ pub(super) struct Switches<'e> {
     exprs: &'e Exprs,
     /// Time, and data.
     given: Vec<Var>,
-    /// Values of parameters.
-    pub params: FxHashMap<Var, f64>,
+    /// What is known of parameters.
+    pub params: Known,
     /// Canonical ψ to its switch.
     index: FxHashMap<Expr<'e>, usize>,
     /// Every entry variable to its α, or to what `choices` has.
@@ -113,13 +113,8 @@ pub(super) struct Switches<'e> {
 }
 
 impl<'e> Switches<'e> {
-    /// No switches yet; `given` are time and data, and `params` the values that decide the sign of constant
-    /// factors.
-    pub fn new(
-        exprs: &'e Exprs,
-        given: impl IntoIterator<Item = Expr<'e>>,
-        params: FxHashMap<Var, f64>,
-    ) -> Self {
+    /// No switches yet; `given` are time and data, and `params` decide the sign of constant factors.
+    pub fn new(exprs: &'e Exprs, given: impl IntoIterator<Item = Expr<'e>>, params: Known) -> Self {
         Switches {
             list: Vec::new(),
             refused: Vec::new(),
@@ -161,7 +156,8 @@ impl<'e> Switches<'e> {
             form = Form::Definite(sign);
         }
         let psi = match (form, entry) {
-            (Form::Regular, _) => psi,
+            // A kink at a value of free parameters is a switch that does not move.
+            (Form::Regular, _) | (Form::Free, Entry::Kink) => psi,
             // On a constant or definite ψ, both branches of a kink agree wherever ψ = 0.
             (Form::Constant(value) | Form::Definite(value), Entry::Kink) => {
                 return self.exprs.constant(if value >= 0.0 { 1.0 } else { 0.0 });
@@ -342,16 +338,11 @@ impl<'e> Switches<'e> {
         self.here
     }
 
-    /// The value of a parameter.
-    pub fn param(&self, var: Var) -> Option<f64> {
-        self.params.get(&var).copied()
-    }
-
     /// Whether a function depends on time only, through switches of time too.
     pub fn is_timed(&self, e: Expr<'e>) -> bool {
         variables_of(&[e]).into_iter().all(|var| {
             let timed = || self.of_alpha(var).is_some_and(|k| self.list[k].is_timed);
-            self.given.contains(&var) || self.params.contains_key(&var) || timed()
+            self.given.contains(&var) || self.params.numbers.contains_key(&var) || timed()
         })
     }
 

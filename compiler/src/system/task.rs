@@ -7,11 +7,13 @@
 
 use std::fmt;
 
-use super::State;
+use super::experiment::Tied;
 use super::limits::Allowed;
 use super::lower::Lowering;
+use super::{State, System};
 use crate::diagnostics::Diagnostics;
-use crate::expr::{Expr, Var};
+use crate::expr::{Expr, Substitution, Var};
+use crate::model::{Domain, Quantity};
 use crate::source::Span;
 
 pub use super::experiment::{At, Shape};
@@ -143,6 +145,25 @@ impl Task<'_> {
     }
 }
 
+impl<'e> System<'e> {
+    /// Whether a parameter is optimized.
+    pub fn is_free(&self, param: usize) -> bool {
+        let mut free = self.task.iter().flat_map(|task| &task.params);
+        free.any(|free| free.place == param)
+    }
+
+    /// The values of some parameters, by place.
+    pub(super) fn params_as_numbers(&self, holds: impl Fn(usize) -> bool) -> Substitution<'e> {
+        let params = self.params.iter().enumerate();
+        let numbers = params
+            .filter(|(place, _)| holds(*place))
+            .map(|(_, param)| param);
+        numbers
+            .filter_map(|param| Some((param.var.as_variable()?, self.exprs.constant(param.value))))
+            .collect()
+    }
+}
+
 impl<'e> Lowering<'_, 'e> {
     /// The rates of the integrals, in α.
     pub(super) fn integrals(&mut self, diags: &mut Diagnostics) -> Vec<Expr<'e>> {
@@ -157,7 +178,7 @@ impl<'e> Lowering<'_, 'e> {
     }
 
     /// The task in α; states and parameters have their places in the system.
-    pub(super) fn task(&mut self) -> Option<Task<'e>> {
+    pub(super) fn task(&mut self, diags: &mut Diagnostics) -> Option<Task<'e>> {
         let asked = self.settings.optimize.as_ref()?;
         let merged = |lowering: &mut Self, e: Expr<'e>, span: Span| {
             let e = lowering.replace(e, span);
@@ -173,11 +194,17 @@ impl<'e> Lowering<'_, 'e> {
         });
         let mut rows: Vec<TaskRow<'e>> = rows.collect();
         rows.extend(self.algebraic_bounds());
+        let is_number = |var: &Expr<'e>| {
+            let var = var.as_variable();
+            var.is_none_or(|var| !self.values.free.derives(var))
+        };
         let params: Vec<Expr<'e>> = (self.model.params.iter())
-            .flat_map(|param| param.vars.iter().copied())
+            .flat_map(|param| param.vars.iter().copied().filter(is_number))
             .collect();
         let states: Vec<Expr<'e>> = self.kept_states().map(|(_, var)| var).collect();
-        let places = |freed: &[super::experiment::Freed], list: &[Expr<'e>]| {
+        let (tied, starts) = self.tied(&states, diags);
+        rows.extend(starts);
+        let places = |freed: &[super::experiment::Freed], list: &[Expr<'e>]| -> Vec<Free> {
             let free = freed.iter().filter_map(|freed| {
                 let place = list
                     .iter()
@@ -195,7 +222,7 @@ impl<'e> Lowering<'_, 'e> {
             shape: asked.controls,
             horizon: asked.horizon,
             params: places(&asked.params, &params),
-            initial: places(&asked.initial, &states),
+            initial: [places(&asked.initial, &states), tied].concat(),
             bounds: self.state_bounds(&states),
             integrals: asked.integrals.len(),
             clock: None,
@@ -205,9 +232,64 @@ impl<'e> Lowering<'_, 'e> {
         })
     }
 
+    /// x(0) = x_0(p) with free p: x(0) is free, and the equation is a row at the start.
+    fn tied(
+        &mut self,
+        states: &[Expr<'e>],
+        diags: &mut Diagnostics,
+    ) -> (Vec<Free>, Vec<TaskRow<'e>>) {
+        let settings = self.settings;
+        let tied = settings.optimize.iter().flat_map(|task| &task.tied);
+        let (mut freed, mut rows) = (Vec::new(), Vec::new());
+        for &Tied { var, value, span } in tied {
+            let mut places = states.iter().enumerate();
+            let Some((place, &x)) = places.find(|(_, x)| x.as_variable() == Some(var)) else {
+                continue;
+            };
+            freed.push(Free {
+                place,
+                lower: f64::NEG_INFINITY,
+                upper: f64::INFINITY,
+            });
+            let row = self.replace(x - value, span);
+            let row = self.switches.merged(row);
+            // Switches have no values at t = 0 in a program.
+            let free = self.values.free.first_in(&[value]);
+            if let Some(free) = free.filter(|_| !self.switches.alphas_of(row).is_empty()) {
+                let name = self.model.exprs.name(var);
+                let what = format!("the initial value of `{name}`, which has a switching term,");
+                diags.push(self.values.depends_on_free(self.model, what, free, span));
+                continue;
+            }
+            rows.push(TaskRow {
+                value: row,
+                lower: 0.0,
+                upper: 0.0,
+                at: At::Start,
+                span,
+            });
+        }
+        (freed, rows)
+    }
+
     fn number(&self, e: Expr<'e>) -> f64 {
         let numbers = &self.values.numbers;
         e.eval(&|var| numbers.get(&var).copied().unwrap_or(f64::NAN))
+    }
+
+    /// Where an entry of a quantity may be, open where free parameters say so, which is a constraint.
+    fn allowed(&self, quantity: &Quantity<'e>, entry: usize) -> Option<Allowed> {
+        let allowed = Allowed::of(quantity, entry, &|e| self.number(e))?;
+        let (Allowed::Between(lower, upper), Some(Domain::Box(lo, hi))) =
+            (&allowed, &quantity.domain)
+        else {
+            return Some(allowed);
+        };
+        let is_free = |e: Expr<'e>| self.values.free.first_in(&[e]).is_some();
+        let open = |e: Expr<'e>, number: f64, open: f64| if is_free(e) { open } else { number };
+        let lower = open(lo.data[entry], *lower, f64::NEG_INFINITY);
+        let upper = open(hi.data[entry], *upper, f64::INFINITY);
+        Some(Allowed::Between(lower, upper))
     }
 
     /// The controls that are not given.
@@ -222,7 +304,7 @@ impl<'e> Lowering<'_, 'e> {
                 if var.as_variable().is_none_or(is_given) || !self.needs.holds_all(var) {
                     continue;
                 }
-                let allowed = Allowed::of(quantity, k, &|e| self.number(e));
+                let allowed = self.allowed(quantity, k);
                 let default = quantity.value.as_ref().and_then(|value| value.data.get(k));
                 let default = default.map_or(0.0, |&e| self.number(e));
                 let guess = if default.is_finite() { default } else { 0.0 };
@@ -247,7 +329,7 @@ impl<'e> Lowering<'_, 'e> {
         });
         let bounds = entries.filter_map(|(state, k, var)| {
             let place = states.iter().position(|known| *known == var)?;
-            match Allowed::of(state, k, &|e| self.number(e))? {
+            match self.allowed(state, k)? {
                 Allowed::Between(lower, upper) => Some(Free {
                     place,
                     lower,
@@ -264,7 +346,8 @@ impl<'e> Lowering<'_, 'e> {
         let mut rows = Vec::new();
         for z in &self.model.algebraics {
             for (k, &var) in z.vars.iter().enumerate() {
-                if let Some(Allowed::Between(lower, upper)) = Allowed::of(z, k, &|e| self.number(e))
+                if let Some(Allowed::Between(lower, upper)) = self.allowed(z, k)
+                    && (lower.is_finite() || upper.is_finite())
                 {
                     let value = self.replace(var, z.span);
                     rows.push(TaskRow {

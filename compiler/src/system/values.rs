@@ -13,14 +13,79 @@ use crate::source::Span;
 /// What an experiment fixes.
 #[derive(Clone, Debug)]
 pub(super) struct Values<'e> {
-    /// Parameters and initial states, by variable.
+    /// Parameters and initial states, by variable: of free parameters, and of what is computed from them, guesses.
     pub numbers: FxHashMap<Var, f64>,
-    /// Controls and inputs as functions of time, states and parameters; without controls that are decided.
+    /// Controls and inputs as functions of time, states and parameters, without controls that are decided; and
+    /// parameters that are computed from free ones, as functions of these.
     pub signals: Substitution<'e>,
+    /// What is computed from free parameters.
+    pub free: FreeParams<'e>,
 }
 
-impl Values<'_> {
-    /// Expressions in parameters as numbers; else the name of what is no parameter.
+/// Free parameters, and what is computed from them.
+#[derive(Clone, Debug, Default)]
+pub(super) struct FreeParams<'e> {
+    /// p, with where each is freed.
+    pub vars: FxHashMap<Var, Span>,
+    /// Parameters q(p), as functions of p and of parameters that are numbers.
+    derived: Substitution<'e>,
+    /// Initial values x(0) = x_0(p), with where they are given.
+    pub initial: Vec<(Var, Expr<'e>, Span)>,
+}
+
+impl<'e> FreeParams<'e> {
+    /// Keeps a definition if it holds what is free: that of a parameter, or of an initial value.
+    fn define(&mut self, var: Var, value: Expr<'e>, is_param: bool, span: Span) {
+        if self.first_in(&[value]).is_none() {
+            return;
+        }
+        let value = value.substitute(&self.derived);
+        match is_param {
+            true if !self.vars.contains_key(&var) => self.derived.insert(var, value),
+            true => {}
+            false => self.initial.push((var, value, span)),
+        }
+    }
+
+    /// The first free parameter that expressions depend on.
+    pub fn first_in(&self, exprs: &[Expr<'e>]) -> Option<Var> {
+        if self.vars.is_empty() {
+            return None;
+        }
+        let vars = variables_of(&self.derived.apply(exprs));
+        vars.into_iter().find(|var| self.vars.contains_key(var))
+    }
+
+    /// Whether a parameter is computed from free ones.
+    pub fn derives(&self, var: Var) -> bool {
+        self.derived.contains(&var)
+    }
+}
+
+impl<'e> Values<'e> {
+    /// The number of a parameter, unless it is free or computed from what is.
+    pub fn fixed(&self, var: Var) -> Option<f64> {
+        let is_free = self.free.vars.contains_key(&var) || self.free.derives(var);
+        self.numbers.get(&var).copied().filter(|_| !is_free)
+    }
+
+    /// That something which must be known before the run depends on a free parameter.
+    pub fn depends_on_free(
+        &self,
+        model: &Model<'e>,
+        what: String,
+        free: Var,
+        span: Span,
+    ) -> ExperimentError {
+        ExperimentError::DependsOnFree {
+            what,
+            name: model.exprs.name(free),
+            span,
+            free: self.free.vars[&free],
+        }
+    }
+
+    /// Expressions in parameters as numbers, free parameters at their guesses; else the name of what is no parameter.
     pub fn numbers_of(&self, model: &Model<'_>, exprs: &[Expr<'_>]) -> Result<Vec<f64>, String> {
         let params: FxHashSet<Var> = model
             .params
@@ -47,16 +112,28 @@ pub(super) fn evaluate<'e>(
     given: &Given<'e>,
     diags: &mut Diagnostics,
 ) -> Option<Values<'e>> {
-    let numbers = numbers(model, given, diags);
+    let mut free = FreeParams {
+        vars: given.free.clone(),
+        ..FreeParams::default()
+    };
+    let numbers = numbers(model, given, &mut free, diags);
     let signals = signals(model, given, diags);
-    let (numbers, signals) = (numbers?, signals?);
-    in_sets(model, given, &numbers, &signals, diags).then_some(Values { numbers, signals })
+    let (numbers, mut signals) = (numbers?, signals?);
+    signals.then(&free.derived);
+    signals.extend(free.derived.pairs());
+    let values = Values {
+        numbers,
+        signals,
+        free,
+    };
+    in_sets(model, given, &values, diags).then_some(values)
 }
 
 /// Every parameter and initial value, each once the parameters it depends on are known.
 fn numbers<'e>(
     model: &Model<'e>,
     given: &Given<'e>,
+    free: &mut FreeParams<'e>,
     diags: &mut Diagnostics,
 ) -> Option<FxHashMap<Var, f64>> {
     let quantities = (model.params.iter().map(|p| ("param", p)))
@@ -69,12 +146,13 @@ fn numbers<'e>(
     let mut numbers: FxHashMap<Var, f64> = FxHashMap::default();
     loop {
         let before = open.len();
-        open.retain(|&(var, value, ..)| {
+        open.retain(|&(var, value, _, span)| {
             let ready = variables_of(&[value])
                 .iter()
                 .all(|var| params.contains(var) && numbers.contains_key(var));
             if ready {
                 numbers.insert(var, value.eval(&|var| numbers[&var]));
+                free.define(var, value, params.contains(&var), span);
             }
             !ready
         });
@@ -168,10 +246,10 @@ fn in_range<'e>(
 fn in_sets<'e>(
     model: &Model<'e>,
     given: &Given<'e>,
-    numbers: &FxHashMap<Var, f64>,
-    signals: &Substitution<'e>,
+    values: &Values<'e>,
     diags: &mut Diagnostics,
 ) -> bool {
+    let numbers = &values.numbers;
     let number = |e: Expr<'e>| e.eval(&|var| numbers.get(&var).copied().unwrap_or(f64::NAN));
     let params: FxHashSet<Var> = (model.params.iter().flat_map(|param| &param.vars))
         .filter_map(|var| var.as_variable())
@@ -185,7 +263,16 @@ fn in_sets<'e>(
             let Some(allowed @ Allowed::OneOf(_)) = Allowed::of(quantity, k, &number) else {
                 continue;
             };
-            let value = var.substitute(signals);
+            let value = var.substitute(&values.signals);
+            if let Some(free) = values.free.first_in(&[value]) {
+                let what = format!(
+                    "{kind} `{}`, which is in a finite set,",
+                    quantity.shape.entry_name(&quantity.name, k)
+                );
+                diags.push(values.depends_on_free(model, what, free, quantity.span));
+                fine = false;
+                continue;
+            }
             let changes = variables_of(&[value])
                 .iter()
                 .any(|var| !params.contains(var));

@@ -2,6 +2,7 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
+use std::time::Instant;
 
 use super::solution::{Solution, Status};
 use super::{Options, solve_from};
@@ -10,7 +11,7 @@ use crate::problem::Mpcc;
 /// What came of many starts.
 #[derive(Clone, Debug)]
 pub struct MultiStart {
-    /// The solution from every start, in their order.
+    /// The solution from every start, in their order, without those for which no time was left.
     pub solutions: Vec<Solution>,
     /// The solved one with the smallest objective, or where there is none, the feasible one.
     pub best: Option<usize>,
@@ -62,8 +63,9 @@ impl MultiStart {
 
 /// Solves a problem from all of these points on up to `n_threads` threads.
 ///
-/// Every run is the same as [`solve_from`] from its point alone, whatever the number of threads. `watch` hears which
-/// start is done, counted from 0, and what came of it.
+/// Every run is the same as [`solve_from`] from its point alone, whatever the number of threads. All runs share the
+/// time limit: once it is over no start begins but the first one. `watch` hears which start is done, counted from 0,
+/// and what came of it.
 ///
 /// # Panics
 ///
@@ -76,13 +78,27 @@ pub fn multistart<P: Mpcc + Clone + Sync>(
     watch: &mut dyn FnMut(usize, &Solution),
 ) -> MultiStart {
     let next = AtomicUsize::new(0);
+    let clock = Instant::now();
+    let left = || {
+        options
+            .time_limit
+            .map(|limit| limit.saturating_sub(clock.elapsed()))
+    };
     // Takes the next start until there is none.
     let work = |found: mpsc::Sender<(usize, Solution)>| {
         let mut problem = problem.clone();
         while let index = next.fetch_add(1, Ordering::Relaxed)
             && let Some(start) = starts.get(index)
         {
-            let solution = solve_from(&mut problem, start, options);
+            let time_limit = left();
+            if index > 0 && time_limit.is_some_and(|left| left.is_zero()) {
+                return;
+            }
+            let options = Options {
+                time_limit,
+                ..options.clone()
+            };
+            let solution = solve_from(&mut problem, start, &options);
             if found.send((index, solution)).is_err() {
                 return;
             }
@@ -148,6 +164,8 @@ fn mix(state: u64) -> u64 {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use super::super::{Class, Multipliers, Options, Residuals, Solution, Stats, Status};
     use super::{MultiStart, multistart, perturbed};
     use crate::problem::Side;
@@ -166,6 +184,28 @@ mod tests {
         assert!((moment(4) - 3.0).abs() < 0.15, "{}", moment(4));
         assert_ne!(w, perturbed(&vec![1.0; n], 2.0, 7, 4));
         assert_ne!(w, perturbed(&vec![1.0; n], 2.0, 8, 3));
+    }
+
+    /// (x - 1)^2
+    fn parabola() -> Quadratic {
+        let objective = Function::default().product(0, 0, 1.0).linear(0, -2.0);
+        Quadratic::new(1, objective, Vec::new())
+    }
+
+    #[test]
+    fn all_starts_share_the_time_limit() {
+        let starts = vec![vec![0.0]; 5];
+        let n_solved = |time_limit: Option<Duration>| {
+            let options = Options {
+                time_limit,
+                ..Options::default()
+            };
+            let found = multistart(&parabola(), &starts, &options, 2, &mut |_, _| {});
+            found.solutions.len()
+        };
+        assert_eq!(n_solved(None), 5);
+        assert_eq!(n_solved(Some(Duration::from_secs(3600))), 5);
+        assert_eq!(n_solved(Some(Duration::ZERO)), 1);
     }
 
     fn ending(status: Status, objective: f64) -> Solution {

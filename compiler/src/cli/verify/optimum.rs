@@ -1,5 +1,7 @@
 //! An optimum with every lowering, each from its own start and from the best point of all.
 
+use std::time::Instant;
+
 use super::{Subject, Verified, exit, refusal};
 use crate::cli::launch::sampled;
 use crate::cli::progress::Bar;
@@ -244,7 +246,9 @@ fn solve(
     };
     let (solved, is_same_point) = match from {
         Origin::Start => {
-            let sampled = sampled(project, task)?;
+            let started = Instant::now();
+            let sampled = sampled(project, task, &request)?;
+            let request = request.left(started);
             let solved = optimize::run(system, settings, task, &sampled, &request, &mut watching);
             (solved.map_err(refused)?, true)
         }

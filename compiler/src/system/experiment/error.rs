@@ -428,6 +428,23 @@ pub enum ExperimentError {
         span: Span,
     },
 
+    /// Something that must be known before the run and depends on what is optimized.
+    #[error("{what} cannot depend on the free parameter `{name}`")]
+    #[diagnostic(
+        code(E0527),
+        help(
+            "give it by numbers and by parameters that are not free, or take `{name}` out of `free`"
+        )
+    )]
+    DependsOnFree {
+        what: String,
+        name: String,
+        #[label(primary, "must be known before the run")]
+        span: Span,
+        #[label("free here")]
+        free: Span,
+    },
+
     /// Perturbations.
     #[error("{setting} is not supported yet")]
     #[diagnostic(code(E0923))]

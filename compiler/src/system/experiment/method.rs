@@ -145,7 +145,7 @@ pub enum Lowering {
     Impact,
 }
 
-const METHODS: [&str; 6] = [
+pub(super) const METHODS: [&str; 6] = [
     "auto",
     "event",
     "fesd",

@@ -28,7 +28,8 @@ pub use law::Law;
 pub use method::{Branch, EventOptions, Lowering, Method, SmoothingOptions};
 use optimize::Draft;
 pub use optimize::{
-    At, Freed, Integral, MpccOptions, Optimize, Row, Shape, Starts, relaxation_word, steering_word,
+    At, Freed, Integral, MpccOptions, Optimize, Row, Shape, Starts, Tied, relaxation_word,
+    steering_word,
 };
 pub use perturb::Perturbation;
 
@@ -136,6 +137,8 @@ pub(super) struct Given<'e> {
     pub sliding: FxHashMap<usize, Sliding>,
     /// Whether controls that are not given are decided by the experiment.
     pub decides: bool,
+    /// Parameters that are optimized, with where each is freed.
+    pub free: FxHashMap<Var, Span>,
     /// The experiment.
     pub span: Span,
 }
@@ -188,9 +191,8 @@ pub fn evaluate<'e>(
                 match &mut draft {
                     None => reader.not_for_simulate("horizon free", span),
                     Some(draft) => {
-                        let free = reader.free_horizon(range.as_ref(), value.as_ref());
-                        draft.horizon = free.map(|(range, _)| range);
-                        horizon = Some((free.map(|(_, guess)| guess), span));
+                        let guess = draft.free_horizon(&mut reader, range.as_ref(), value.as_ref());
+                        horizon = Some((guess, span));
                     }
                 }
             }
@@ -198,7 +200,7 @@ pub fn evaluate<'e>(
                 reader.once("`horizon`", span);
                 horizon = value
                     .as_ref()
-                    .map(|value| (reader.positive("the horizon", value), value.span));
+                    .map(|value| (reader.horizon(draft.as_mut(), value), value.span));
             }
             SettingKind::Value { name, value } if name.name == "tolerance" => {
                 reader.once("`tolerance`", span);
@@ -339,18 +341,34 @@ impl<'e> Reader<'_, 'e> {
 
     /// The entries as numbers, parameters at their values.
     fn numbers(&mut self, what: &str, value: &syntax::Expr) -> Option<Vec<f64>> {
+        let (entries, numbers) = self.entries(what, value)?;
+        match self.values.free.first_in(&entries) {
+            None => Some(numbers),
+            Some(free) => {
+                let what = what.to_owned();
+                self.error((self.values).depends_on_free(self.model, what, free, value.span));
+                None
+            }
+        }
+    }
+
+    /// The entries, and as numbers, with free parameters at their guesses.
+    fn entries(&mut self, what: &str, value: &syntax::Expr) -> Option<(Vec<Expr<'e>>, Vec<f64>)> {
         let Some(tensor) = self.model.scope.expr(value, None, self.diags) else {
             self.failed = true;
             return None;
         };
-        match self.values.numbers_of(self.model, &tensor.data) {
+        let numbers = self.guesses(what, &tensor.data, value.span)?;
+        Some((tensor.data, numbers))
+    }
+
+    /// Expressions in parameters as numbers, with free parameters at their guesses.
+    fn guesses(&mut self, what: &str, entries: &[Expr<'e>], span: Span) -> Option<Vec<f64>> {
+        match self.values.numbers_of(self.model, entries) {
             Ok(numbers) => Some(numbers),
             Err(cause) => {
-                self.error(ExperimentError::NotANumber {
-                    what: what.to_owned(),
-                    cause,
-                    span: value.span,
-                });
+                let what = what.to_owned();
+                self.error(ExperimentError::NotANumber { what, cause, span });
                 None
             }
         }
@@ -364,7 +382,32 @@ impl<'e> Reader<'_, 'e> {
         fits: impl Fn(f64) -> bool,
     ) -> Option<f64> {
         let numbers = self.numbers(what, value)?;
-        match numbers[..] {
+        self.one_of(what, value, &numbers, expected, fits)
+    }
+
+    /// A number with what it is computed from: free parameters may be among it.
+    fn follows(
+        &mut self,
+        what: &str,
+        value: &syntax::Expr,
+        expected: &str,
+        fits: impl Fn(f64) -> bool,
+    ) -> Option<(f64, Expr<'e>)> {
+        let (entries, numbers) = self.entries(what, value)?;
+        let number = self.one_of(what, value, &numbers, expected, fits)?;
+        Some((number, entries[0]))
+    }
+
+    /// The one number of a value, where it fits.
+    fn one_of(
+        &mut self,
+        what: &str,
+        value: &syntax::Expr,
+        numbers: &[f64],
+        expected: &str,
+        fits: impl Fn(f64) -> bool,
+    ) -> Option<f64> {
+        match *numbers {
             [number] if fits(number) => Some(number),
             _ => {
                 let found = numbers

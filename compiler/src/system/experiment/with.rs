@@ -1,7 +1,10 @@
 //! `with { omega = 6; x = [0, 1]; u = sin(time); s.sliding = linear; }`
 
+use rustc_hash::FxHashMap;
+
 use super::{ExperimentError, Given, unknown_choice};
 use crate::diagnostics::Diagnostics;
+use crate::expr::Var;
 use crate::model::{GivenError, Model, Quantity, Target, TargetKind};
 use crate::source::Span;
 use crate::syntax::{self, Bind, ExprKind, Ident, Path, SettingKind, Sliding};
@@ -15,6 +18,7 @@ pub(super) fn given<'e>(
 ) -> Option<Given<'e>> {
     let mut given = Given {
         decides: experiment.kind == syntax::ExperimentKind::Optimize,
+        free: freed(model, experiment),
         span: experiment.span,
         ..Given::default()
     };
@@ -33,6 +37,26 @@ pub(super) fn given<'e>(
         complete &= give(model, bind, true, &mut given, diags).is_some();
     }
     complete.then_some(given)
+}
+
+/// The parameters that `free` names; what is wrong with it is reported where it is read.
+fn freed(model: &Model<'_>, experiment: &syntax::Experiment) -> FxHashMap<Var, Span> {
+    let mut freed = FxHashMap::default();
+    for setting in &experiment.settings {
+        let SettingKind::Free(list) = &setting.kind else {
+            continue;
+        };
+        for (path, _) in list {
+            let Some(target) = model.scope.target(path, &mut Diagnostics::new()) else {
+                continue;
+            };
+            if let TargetKind::Param(k) = target.kind {
+                let vars = (target.entries.iter()).filter_map(|&e| model.params[k].vars.get(e));
+                freed.extend(vars.filter_map(|var| Some((var.as_variable()?, path.span))));
+            }
+        }
+    }
+    freed
 }
 
 fn give<'e>(

@@ -1,7 +1,7 @@
 //! What cannot be frozen.
 
 use super::contact::{Contact, Slip, refused};
-use super::{Meeting, alpha, numbers, slope};
+use super::{Meeting, alpha, fixed, slope};
 use crate::expr::{Expr, Var, variables_of};
 use crate::system::affine::at;
 use crate::system::{Role, System, SystemError};
@@ -13,7 +13,7 @@ const ROUNDING: f64 = 1e-12;
 pub(super) fn check(system: &System<'_>) -> Result<(), SystemError> {
     if let Some(data) = system.data.first() {
         let what = format!("`{}`, a signal from a table", data.name);
-        return Err(refused(what, data.span));
+        return Err(refused(system, what, data.span));
     }
     let alphas = system.alphas();
     let closed = system.switches.iter().enumerate();
@@ -24,7 +24,7 @@ pub(super) fn check(system: &System<'_>) -> Result<(), SystemError> {
         if variables_of(&[row]).iter().any(|var| closed.contains(var)) {
             let span = system.task.as_ref().map(|task| task.cost_span);
             let what = "costs and constraints that contain forces of contacts".to_owned();
-            return Err(refused(what, span.unwrap_or_default()));
+            return Err(refused(system, what, span.unwrap_or_default()));
         }
     }
     let jumping: Vec<Var> = (system.laws.iter())
@@ -39,18 +39,18 @@ pub(super) fn check(system: &System<'_>) -> Result<(), SystemError> {
         let span = switch.spans.first().copied().unwrap_or_default();
         if system.is_projected(k) {
             let what = format!("the projection onto `{}`", switch.name);
-            return Err(refused(what, span));
+            return Err(refused(system, what, span));
         }
         if switch.role != Role::Step {
             let what = "algebraic states that no equation gives explicitly".to_owned();
-            return Err(refused(what, span));
+            return Err(refused(system, what, span));
         }
         if switch.relay.is_some() {
             let watched = variables_of(&[at(switch.psi, alpha(system, k), 0.0)]);
             let jumps = |var: &Var| alphas.contains(var) || jumping.contains(var);
             if watched.iter().any(jumps) {
                 let what = format!("relay `{}`, which watches what may jump", switch.name);
-                return Err(refused(what, span));
+                return Err(refused(system, what, span));
             }
         }
         let others = system.switches.iter().enumerate();
@@ -63,7 +63,7 @@ pub(super) fn check(system: &System<'_>) -> Result<(), SystemError> {
                 "relay `{}`, which other switching functions read",
                 switch.name
             );
-            return Err(refused(what, span));
+            return Err(refused(system, what, span));
         }
     }
     Ok(())
@@ -75,7 +75,7 @@ fn turns(system: &System<'_>, contact: &Contact<'_>) -> bool {
     let [first, second] = contact.slips() else {
         return false;
     };
-    let numbers = numbers(system);
+    let numbers = fixed(system);
     let entry = |row: &Slip<'_>, column: &Slip<'_>| {
         let terms = column.tangent.iter();
         let terms = terms.map(|&(state, push)| slope(system, row.velocity, state) * push);
@@ -98,7 +98,7 @@ pub(super) fn together<'e>(
     system: &System<'e>,
     contacts: &[Contact<'e>],
 ) -> Result<Meeting, SystemError> {
-    let numbers = numbers(system);
+    let numbers = fixed(system);
     let effect = |on: &Contact<'e>, terms: &[(usize, Expr<'e>)]| {
         let terms = terms.iter().copied();
         let effects = terms.map(|(state, push)| slope(system, on.speed, state) * push);
@@ -131,7 +131,7 @@ pub(super) fn together<'e>(
                 let what = format!(
                     "contacts `{one}` and `{other}`, which may close at once, in `optimize`"
                 );
-                return Err(refused(what, second.span));
+                return Err(refused(system, what, second.span));
             }
             meeting.is_open = true;
             if first.friction.is_some() || second.friction.is_some() {

@@ -1,6 +1,6 @@
 //! The contacts of a system: those between bodies, and the jumps that are some.
 
-use super::{alpha, numbers, slope};
+use super::{alpha, fixed, slope};
 use crate::expr::Expr;
 use crate::source::Span;
 use crate::system::affine::at;
@@ -65,7 +65,7 @@ pub(super) fn contacts<'e>(system: &System<'e>) -> Result<Vec<Contact<'e>>, Syst
     for (law, jump) in system.laws.iter().enumerate() {
         let Some(switch) = jump.strikes else {
             let what = format!("jump `{}`, which is no contact", jump.name);
-            return Err(refused(what, jump.span));
+            return Err(refused(system, what, jump.span));
         };
         let states = jump.resets.iter().map(|reset| reset.0);
         let mut contact = contact(system, law, switch, states, jump.span);
@@ -85,7 +85,7 @@ pub(super) fn contacts<'e>(system: &System<'e>) -> Result<Vec<Contact<'e>>, Syst
             let name = &given.name;
             let what =
                 format!("contact `{name}`, which bounces, and whose friction acts on its gap");
-            return Err(refused(what, given.span));
+            return Err(refused(system, what, given.span));
         }
         found.push(contact);
     }
@@ -106,13 +106,30 @@ fn friction_pushes(system: &System<'_>, contact: &Contact<'_>) -> bool {
     contact.slips().iter().any(|slip| {
         let effects = slip.tangent.iter();
         let effects = effects.map(|&(state, push)| slope(system, contact.speed, state) * push);
-        let effect = system.exprs.sum(effects).substitute(&numbers(system));
+        let effect = system.exprs.sum(effects).substitute(&fixed(system));
         !effect.is_zero()
     })
 }
 
-pub(super) fn refused(what: String, span: Span) -> SystemError {
-    SystemError::Unfrozen { what, span }
+pub(super) fn refused(system: &System<'_>, what: String, span: Span) -> SystemError {
+    let help = way(system);
+    SystemError::Unfrozen { what, help, span }
+}
+
+/// What takes a system that cannot be frozen.
+fn way(system: &System<'_>) -> &'static str {
+    let has_relays = system.switches.iter().any(|switch| switch.relay.is_some());
+    let has_more = has_relays || !system.laws.is_empty();
+    match &system.task {
+        None => "`method event` without `lower` runs it",
+        Some(_) if has_more => {
+            "`optimize` does not take it: run it in a `simulate` experiment without `lower`"
+        }
+        Some(_) if system.contacts.is_empty() => {
+            "leave out `lower timefreezing`: no contact and no relay needs it here"
+        }
+        Some(_) => "write `lower impact;` instead, which takes contacts in `optimize` as well",
+    }
 }
 
 /// A contact without restitution and friction, by what its switch does to these states.
@@ -161,10 +178,10 @@ fn restitution<'e>(
     contact: &Contact<'e>,
     e: Expr<'e>,
 ) -> Result<f64, SystemError> {
-    let number = e.substitute(&numbers(system)).as_constant();
+    let number = e.substitute(&fixed(system)).as_constant();
     number.ok_or_else(|| {
         let name = &system.switches[contact.switch].name;
         let what = format!("contact `{name}`, whose restitution is no number");
-        refused(what, contact.span)
+        refused(system, what, contact.span)
     })
 }

@@ -280,10 +280,12 @@ fn along<'e>(system: &System<'e>, e: Expr<'e>, rate: impl Fn(usize) -> Expr<'e>)
     system.exprs.sum(by_state.chain(by_time))
 }
 
-/// Parameters as numbers.
+/// Parameters as numbers, free ones at their guesses.
 fn numbers<'e>(system: &System<'e>) -> Substitution<'e> {
-    let params = system.params.iter();
-    params
-        .filter_map(|param| Some((param.var.as_variable()?, system.exprs.constant(param.value))))
-        .collect()
+    system.params_as_numbers(|_| true)
+}
+
+/// Parameters that are not free as numbers.
+fn fixed<'e>(system: &System<'e>) -> Substitution<'e> {
+    system.params_as_numbers(|place| !system.is_free(place))
 }

@@ -3,6 +3,7 @@
 //! Costs and constraints are expressions of the model here, and what is integrated has a variable of its own; the
 //! system puts switches into them as it does with rates.
 
+mod bounds;
 mod goal;
 mod rows;
 mod settings;
@@ -45,6 +46,8 @@ pub struct Optimize<'e> {
     pub params: Vec<Freed>,
     /// States whose initial values are free.
     pub initial: Vec<Freed>,
+    /// Initial values that are computed from free parameters.
+    pub tied: Vec<Tied<'e>>,
     /// Guesses as functions of time.
     pub guess: Vec<(Var, Expr<'e>)>,
     /// Where other guesses come from.
@@ -128,6 +131,19 @@ pub struct Freed {
     pub lower: f64,
     /// Upper bound, or infinity.
     pub upper: f64,
+    /// Where it is freed.
+    pub span: Span,
+}
+
+/// x(0) = x_0(p) with free p.
+#[derive(Clone, Copy, Debug)]
+pub struct Tied<'e> {
+    /// x, an entry of a state.
+    pub var: Var,
+    /// x_0, in parameters.
+    pub value: Expr<'e>,
+    /// Where the initial value is given.
+    pub span: Span,
 }
 
 /// `starts 40 by gauss(0.5) seed 1`

@@ -1,29 +1,20 @@
 //! Comparisons -> rows lower <= value <= upper.
 
-use rustc_hash::FxHashSet;
-
 use super::super::{ExperimentError, Reader};
 use super::{At, Row};
-use crate::expr::{Expr, Var, variables_of};
+use crate::expr::Expr;
 use crate::model::Comparison;
 use crate::syntax::Relation;
 
 impl<'e> Reader<'_, 'e> {
     /// `a <= b <= c` as rows: what is known is a bound, and two bounds of one value are one row.
-    ///
-    /// `decided` are the parameters that are optimized, so that they are no numbers.
-    pub(super) fn bounded(
-        &mut self,
-        comparisons: &[(At, Comparison<'e>)],
-        decided: &FxHashSet<Var>,
-    ) -> Vec<Row<'e>> {
+    pub(super) fn bounded(&mut self, comparisons: &[(At, Comparison<'e>)]) -> Vec<Row<'e>> {
         let mut rows: Vec<Row<'e>> = Vec::new();
         for (at, comparison) in comparisons {
             let first = rows.len();
             let pairs = comparison.members.windows(2).zip(&comparison.relations);
             for (pair, &relation) in pairs {
-                let Some(row) = self.row((pair[0], relation, pair[1]), comparison, *at, decided)
-                else {
+                let Some(row) = self.row((pair[0], relation, pair[1]), comparison, *at) else {
                     continue;
                 };
                 let known = rows[first..]
@@ -53,11 +44,9 @@ impl<'e> Reader<'_, 'e> {
         (left, relation, right): (Expr<'e>, Relation, Expr<'e>),
         comparison: &Comparison<'e>,
         at: At,
-        decided: &FxHashSet<Var>,
     ) -> Option<Row<'e>> {
         let number = |e: Expr<'e>| -> Option<f64> {
-            let free = |var: &Var| decided.contains(var);
-            if variables_of(&[e]).iter().any(free) {
+            if self.values.free.first_in(&[e]).is_some() {
                 return None;
             }
             Some(self.values.numbers_of(self.model, &[e]).ok()?[0])

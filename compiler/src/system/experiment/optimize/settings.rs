@@ -6,21 +6,21 @@ use rustc_hash::FxHashSet;
 
 use super::super::{ExperimentError, Reader, fesd, method, unknown_choice, with};
 use super::goal::Words;
-use super::{At, Freed, MpccOptions, Optimize, Shape, Starts};
+use super::{At, Freed, MpccOptions, Optimize, Shape, Starts, Tied};
 use crate::expr::{Expr, Var};
 use crate::model::{Comparison, Domain, Model, Quantity, TargetKind};
 use crate::source::Span;
-use crate::syntax::{self, GuessSource, Ident, Path, Row, Setting, SettingKind};
+use crate::syntax::{self, GuessSource, Ident, Path, Relation, Row, Setting, SettingKind};
 
 /// What has been read so far.
 pub(in super::super) struct Draft<'m, 'e> {
     words: Words<'m, 'e>,
     intervals: usize,
     elements: usize,
-    scheme: (Family, usize),
-    controls: Shape,
+    pub(super) scheme: (Family, usize),
+    pub(super) controls: Shape,
     /// Bounds of a free horizon.
-    pub horizon: Option<(f64, f64)>,
+    horizon: Option<(f64, f64)>,
     cost: Option<(Option<Expr<'e>>, Span)>,
     comparisons: Vec<(At, Comparison<'e>)>,
     params: Vec<Freed>,
@@ -115,14 +115,14 @@ impl<'m, 'e> Draft<'m, 'e> {
             SettingKind::Final(rows) => self.rows(reader, rows, At::End),
             SettingKind::Initial { free, rows } => {
                 for (path, domain) in free {
-                    let freed = reader.freed(path, domain.as_ref(), true);
+                    let freed = self.freed(reader, path, domain.as_ref(), true);
                     self.initial.extend(freed.into_iter().flatten());
                 }
                 self.rows(reader, rows, At::Start);
             }
             SettingKind::Free(list) => {
                 for (path, domain) in list {
-                    let freed = reader.freed(path, domain.as_ref(), false);
+                    let freed = self.freed(reader, path, domain.as_ref(), false);
                     self.params.extend(freed.into_iter().flatten());
                 }
             }
@@ -139,6 +139,151 @@ impl<'m, 'e> Draft<'m, 'e> {
             }
             _ => {}
         }
+    }
+
+    /// `horizon free in [lo, hi] = guess`: bounds, and where to start. Bounds that hold free parameters are
+    /// constraints.
+    pub fn free_horizon(
+        &mut self,
+        reader: &mut Reader<'_, 'e>,
+        range: Option<&(syntax::Expr, syntax::Expr)>,
+        guess: Option<&syntax::Expr>,
+    ) -> Option<f64> {
+        let (mut lower, mut upper) = (0.0, f64::INFINITY);
+        self.horizon = Some((lower, upper));
+        if let Some((shortest, longest)) = range {
+            let what = "the shortest horizon";
+            let (low, first) = reader.follows(what, shortest, "0 or more", |x| x >= 0.0)?;
+            let (what, expected) = ("the longest horizon", format!("above {low}"));
+            let (high, last) = reader.follows(what, longest, &expected, |x| x > low)?;
+            let is_free = |e: Expr<'e>| reader.values.free.first_in(&[e]).is_some();
+            let number =
+                |e: Expr<'e>, number: f64, open: f64| if is_free(e) { open } else { number };
+            self.horizon = Some((number(first, low, lower), number(last, high, upper)));
+            if is_free(first) || is_free(last) {
+                let members = vec![first, reader.model.time, last];
+                let span = shortest.span.to(longest.span);
+                self.relate(At::End, members, Relation::LessEqual, span);
+            }
+            (lower, upper) = (low, high);
+        }
+        match guess {
+            Some(guess) => {
+                let expected = format!("positive, and in [{lower}, {upper}]");
+                let fits = |x: f64| x > 0.0 && x.is_finite() && (lower..=upper).contains(&x);
+                let found = reader.follows("the guess of the horizon", guess, &expected, fits);
+                found.map(|(guess, _)| guess)
+            }
+            None if upper.is_finite() => Some(0.5 * (lower + upper)),
+            None => Some(lower.max(1.0)),
+        }
+    }
+
+    /// Initial values of states that are computed from free parameters, without those that are free themselves.
+    fn tied(&self, reader: &Reader<'_, 'e>) -> Vec<Tied<'e>> {
+        let states: FxHashSet<Var> = (reader.model.state_vars())
+            .filter_map(Expr::as_variable)
+            .collect();
+        let is_free = |var: Var| self.initial.iter().any(|freed| freed.var == var);
+        let initial = reader.values.free.initial.iter();
+        let tied = initial.filter(|(var, ..)| states.contains(var) && !is_free(*var));
+        tied.map(|&(var, value, span)| Tied { var, value, span })
+            .collect()
+    }
+
+    /// Constraints a R b R c between expressions of the model.
+    pub fn relate(&mut self, at: At, members: Vec<Expr<'e>>, relation: Relation, span: Span) {
+        let relations = vec![relation; members.len() - 1];
+        let comparison = Comparison {
+            members,
+            relations,
+            span,
+        };
+        self.comparisons.push((at, comparison));
+    }
+
+    /// `x[1] free in [0, 1]`, or `k` or `k in [0, 1]` of parameters. Bounds that hold free parameters are constraints.
+    fn freed(
+        &mut self,
+        reader: &mut Reader<'_, 'e>,
+        path: &Path,
+        domain: Option<&syntax::Domain>,
+        is_state: bool,
+    ) -> Option<Vec<Freed>> {
+        let model = reader.model;
+        let Some(target) = model.scope.target(path, reader.diags) else {
+            reader.failed = true;
+            return None;
+        };
+        let quantity: &Quantity<'e> = match target.kind {
+            TargetKind::State(k) if is_state => &model.states[k],
+            TargetKind::Param(k) if !is_state => &model.params[k],
+            kind => {
+                reader.error(ExperimentError::NotFree {
+                    name: with::path_text(model, path, &target),
+                    kind: kind.word(),
+                    expected: if is_state { "state" } else { "param" },
+                    span: path.span,
+                });
+                return None;
+            }
+        };
+        let given = match domain {
+            None => None,
+            Some(syntax::Domain::Box(lower, upper)) => {
+                let lower = reader.shaped("the lower bound", lower, target.shape)?;
+                let upper = reader.shaped("the upper bound", upper, target.shape)?;
+                Some((lower, upper))
+            }
+            Some(syntax::Domain::Set(_)) => {
+                reader.no_interval(path.span);
+                return None;
+            }
+        };
+        if let (false, Some(Domain::Set(_))) = (is_state, &quantity.domain) {
+            reader.no_interval(path.span);
+            return None;
+        }
+        let earlier: Vec<Freed> = self.params.iter().chain(&self.initial).copied().collect();
+        let mut freed: Vec<Freed> = Vec::new();
+        for (place, &entry) in target.entries.iter().enumerate() {
+            let var = quantity.vars[entry].as_variable()?;
+            if let Some(first) = earlier.iter().find(|known| known.var == var) {
+                reader.error(ExperimentError::Twice {
+                    what: format!("`{}`", model.exprs.name(var)),
+                    first: first.span,
+                    second: path.span,
+                });
+                return None;
+            }
+            let mut range = Freed {
+                var,
+                lower: f64::NEG_INFINITY,
+                upper: f64::INFINITY,
+                span: path.span,
+            };
+            if let Some(Domain::Box(lower, upper)) = &quantity.domain {
+                range = reader.within_ends(range, [lower.data[entry], upper.data[entry]]);
+            }
+            if let Some((lower, upper)) = &given {
+                let ends = [lower[place], upper[place]];
+                range = reader.within_ends(range, ends);
+                if reader.values.free.first_in(&ends).is_some() {
+                    let members = vec![ends[0], quantity.vars[entry], ends[1]];
+                    self.relate(At::Start, members, Relation::LessEqual, path.span);
+                }
+            }
+            let Freed { lower, upper, .. } = range;
+            if lower > upper {
+                reader.error(ExperimentError::NeverHolds {
+                    why: format!("no number is in [{lower}, {upper}]"),
+                    span: path.span,
+                });
+                return None;
+            }
+            freed.push(range);
+        }
+        Some(freed)
     }
 
     fn rows(&mut self, reader: &mut Reader<'_, 'e>, rows: &[Row], at: At) {
@@ -188,7 +333,16 @@ impl<'m, 'e> Draft<'m, 'e> {
         }
         if name.name != "mpcc" {
             let methods = ["auto", "mpcc"];
-            return reader.error(unknown_choice("method of optimal control", name, &methods));
+            let mut error = unknown_choice("method of optimal control", name, &methods);
+            if let ExperimentError::UnknownChoice { help, .. } = &mut error
+                && method::METHODS.contains(&name.name.as_str())
+            {
+                *help = Some(format!(
+                    "`method {}` runs a `simulate` experiment, in which `with` gives the controls",
+                    name.name
+                ));
+            }
+            return reader.error(error);
         }
         method::once(reader, options);
         for option in options {
@@ -221,12 +375,12 @@ impl<'m, 'e> Draft<'m, 'e> {
 
     /// Everything, once all settings have been read; `None` after an error.
     pub fn finish(
-        self,
+        mut self,
         reader: &mut Reader<'_, 'e>,
         experiment: &syntax::Experiment,
     ) -> Option<Optimize<'e>> {
-        let decided: FxHashSet<Var> = self.params.iter().map(|freed| freed.var).collect();
-        let rows = reader.bounded(&self.comparisons, &decided);
+        self.ranges(reader);
+        let rows = reader.bounded(&self.comparisons);
         let Some((cost, cost_span)) = self.cost else {
             reader.error(ExperimentError::NoCost {
                 name: experiment.name.name.clone(),
@@ -234,6 +388,7 @@ impl<'m, 'e> Draft<'m, 'e> {
             });
             return None;
         };
+        let tied = self.tied(reader);
         Some(Optimize {
             intervals: self.intervals,
             elements: self.elements,
@@ -244,6 +399,7 @@ impl<'m, 'e> Draft<'m, 'e> {
             cost: cost?,
             cost_span,
             rows,
+            tied,
             params: self.params,
             initial: self.initial,
             guess: self.guess,
@@ -267,31 +423,20 @@ fn instants(reader: &mut Reader<'_, '_>, at: &Ident) -> Option<At> {
 }
 
 impl<'e> Reader<'_, 'e> {
-    /// `horizon free in [lo, hi] = guess`: the bounds, and where to start.
-    pub(in super::super) fn free_horizon(
+    /// `horizon 2*p;`: where p is free, T is, and T = 2 p is a constraint.
+    pub(in super::super) fn horizon(
         &mut self,
-        range: Option<&(syntax::Expr, syntax::Expr)>,
-        guess: Option<&syntax::Expr>,
-    ) -> Option<((f64, f64), f64)> {
-        let (lower, upper) = match range {
-            None => (0.0, f64::INFINITY),
-            Some((lower, upper)) => {
-                let low = self.within("the shortest horizon", lower, "0 or more", |x| x >= 0.0)?;
-                let expected = format!("above {low}");
-                let high = self.within("the longest horizon", upper, &expected, |x| x > low)?;
-                (low, high)
-            }
-        };
-        let guess = match guess {
-            Some(guess) => {
-                let expected = format!("positive, and in [{lower}, {upper}]");
-                let fits = |x: f64| x > 0.0 && x.is_finite() && (lower..=upper).contains(&x);
-                self.within("the guess of the horizon", guess, &expected, fits)?
-            }
-            None if upper.is_finite() => 0.5 * (lower + upper),
-            None => lower.max(1.0),
-        };
-        Some(((lower, upper), guess))
+        draft: Option<&mut Draft<'_, 'e>>,
+        value: &syntax::Expr,
+    ) -> Option<f64> {
+        let fits = |x: f64| x > 0.0 && x.is_finite();
+        let (number, end) = self.follows("the horizon", value, "a positive number", fits)?;
+        if let Some(draft) = draft.filter(|_| self.values.free.first_in(&[end]).is_some()) {
+            draft.horizon = Some((0.0, f64::INFINITY));
+            let members = vec![self.model.time, end];
+            draft.relate(At::End, members, Relation::Equal, value.span);
+        }
+        Some(number)
     }
 
     pub(in super::super) fn not_for_optimize(&mut self, setting: &str, span: Span) {
@@ -301,104 +446,43 @@ impl<'e> Reader<'_, 'e> {
         });
     }
 
-    /// `x[1] free in [0, 1]`, or `k` or `k in [0, 1]` of parameters.
-    fn freed(
-        &mut self,
-        path: &Path,
-        domain: Option<&syntax::Domain>,
-        is_state: bool,
-    ) -> Option<Vec<Freed>> {
-        let model = self.model;
-        let Some(target) = model.scope.target(path, self.diags) else {
-            self.failed = true;
-            return None;
-        };
-        let quantity: &Quantity<'e> = match target.kind {
-            TargetKind::State(k) if is_state => &model.states[k],
-            TargetKind::Param(k) if !is_state => &model.params[k],
-            kind => {
-                self.error(ExperimentError::NotFree {
-                    name: with::path_text(model, path, &target),
-                    kind: kind.word(),
-                    expected: if is_state { "state" } else { "param" },
-                    span: path.span,
-                });
-                return None;
-            }
-        };
-        let declared = |entry: usize| match &quantity.domain {
-            Some(Domain::Box(lower, upper)) => {
-                let both = [lower.data[entry], upper.data[entry]];
-                self.values
-                    .numbers_of(model, &both)
-                    .ok()
-                    .map(|b| (b[0], b[1]))
-            }
-            _ => None,
-        };
-        let declared: Vec<Option<(f64, f64)>> =
-            target.entries.iter().map(|&e| declared(e)).collect();
-        let given = match domain {
-            None => None,
-            Some(syntax::Domain::Box(lower, upper)) => {
-                let lower = self.entries("the lower bound", lower, target.shape)?;
-                let upper = self.entries("the upper bound", upper, target.shape)?;
-                Some((lower, upper))
-            }
-            Some(syntax::Domain::Set(_)) => {
-                self.error(ExperimentError::OutOfRange {
-                    what: "what is free".to_owned(),
-                    expected: "in an interval `[lo, hi]`".to_owned(),
-                    found: "a finite set".to_owned(),
-                    span: path.span,
-                });
-                return None;
-            }
-        };
-        let mut freed = Vec::new();
-        for (place, (&entry, declared)) in target.entries.iter().zip(declared).enumerate() {
-            let (mut lower, mut upper) = declared.unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
-            if let Some((low, high)) = &given {
-                (lower, upper) = (lower.max(low[place]), upper.min(high[place]));
-            }
-            if lower > upper {
-                self.error(ExperimentError::NeverHolds {
-                    why: format!("no number is in [{lower}, {upper}]"),
-                    span: path.span,
-                });
-                return None;
-            }
-            let var = quantity.vars[entry].as_variable()?;
-            freed.push(Freed { var, lower, upper });
-        }
-        Some(freed)
-    }
-
-    /// Numbers in a shape.
-    fn entries(
+    /// Expressions of parameters in a shape.
+    fn shaped(
         &mut self,
         what: &str,
         value: &syntax::Expr,
         shape: crate::model::Shape,
-    ) -> Option<Vec<f64>> {
-        let tensor = self
-            .model
-            .scope
-            .expr_as(value, shape, what, None, self.diags);
-        let Some(tensor) = tensor else {
+    ) -> Option<Vec<Expr<'e>>> {
+        let scope = &self.model.scope;
+        let Some(tensor) = scope.expr_as(value, shape, what, None, self.diags) else {
             self.failed = true;
             return None;
         };
-        match self.values.numbers_of(self.model, &tensor.data) {
-            Ok(numbers) => Some(numbers),
-            Err(cause) => {
-                self.error(ExperimentError::NotANumber {
-                    what: what.to_owned(),
-                    cause,
-                    span: value.span,
-                });
-                None
-            }
+        self.guesses(what, &tensor.data, value.span)?;
+        Some(tensor.data)
+    }
+
+    /// The range cut by two ends, where these are numbers.
+    fn within_ends(&self, range: Freed, ends: [Expr<'e>; 2]) -> Freed {
+        let number = |e: Expr<'e>| match self.values.free.first_in(&[e]) {
+            None => Some(self.values.numbers_of(self.model, &[e]).ok()?[0]),
+            Some(_) => None,
+        };
+        let [lower, upper] = ends.map(number);
+        Freed {
+            lower: lower.map_or(range.lower, |lower| range.lower.max(lower)),
+            upper: upper.map_or(range.upper, |upper| range.upper.min(upper)),
+            ..range
         }
+    }
+
+    /// That what is freed may have some values only.
+    fn no_interval(&mut self, span: Span) {
+        self.error(ExperimentError::OutOfRange {
+            what: "what is free".to_owned(),
+            expected: "in an interval `[lo, hi]`".to_owned(),
+            found: "a finite set".to_owned(),
+            span,
+        });
     }
 }

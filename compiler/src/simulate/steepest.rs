@@ -1,0 +1,103 @@
+//! The term of a right-hand side that is not finite where a run ends, or has the steepest slope there.
+//!
+//! A run ends just before a root, a logarithm or a quotient loses its value, so that all rates may still be finite.
+//! Then |∂f_i/∂x_j| is largest in the rate that is to blame, and most of it comes from one term of f_i.
+
+use miette::LabeledSpan;
+
+use nsd_solver::simulate::Outcome;
+use rustc_hash::FxHashMap;
+
+use crate::expr::{Expr, Node, Var, variables_of};
+use crate::system::System;
+
+/// A term with at least this share of the slope of what it stands in is to blame for it.
+const SHARE: f64 = 1e-3;
+/// Slopes below this are nothing special.
+const STEEP: f64 = 1e6;
+
+/// The line of the rate with the term, as a label; none where all rates are harmless.
+pub(super) fn label(system: &System, outcome: &Outcome) -> Option<LabeledSpan> {
+    let values = values(system, outcome);
+    let value = |e: Expr| e.eval(&|var| values.get(&var).copied().unwrap_or(f64::NAN));
+    let mut steepest: Option<(f64, usize, Var)> = None;
+    for (i, state) in system.states.iter().enumerate() {
+        let found = value(state.rate);
+        if !found.is_finite() {
+            let size = |e: Expr| {
+                if value(e).is_finite() {
+                    0.0
+                } else {
+                    f64::INFINITY
+                }
+            };
+            let term = innermost(state.rate, &size);
+            let is = match value(term) {
+                number if number.is_nan() => "no number".to_owned(),
+                number => number.to_string(),
+            };
+            let text = format!("`{term}` is {is}");
+            return Some(LabeledSpan::new_with_span(Some(text), state.span));
+        }
+        for var in variables_of(&[state.rate]) {
+            let slope = slope(value(state.rate.diff(var)));
+            if slope > STEEP && steepest.is_none_or(|(most, ..)| slope > most) {
+                steepest = Some((slope, i, var));
+            }
+        }
+    }
+    let (size, i, var) = steepest?;
+    let state = &system.states[i];
+    let term = innermost(state.rate, &|e| slope(value(e.diff(var))));
+    let name = system.exprs.name(var);
+    let text = match size.is_finite() {
+        true => format!("the slope of `{term}` along `{name}` is {size:.0e}"),
+        false => format!("`{term}` has no slope along `{name}`"),
+    };
+    Some(LabeledSpan::new_with_span(Some(text), state.span))
+}
+
+/// What a slope weighs: without bound where it is no number.
+fn slope(value: f64) -> f64 {
+    if value.is_nan() {
+        f64::INFINITY
+    } else {
+        value.abs()
+    }
+}
+
+/// The smallest part of an expression that still has most of its size.
+fn innermost<'e>(e: Expr<'e>, size: &dyn Fn(Expr<'e>) -> f64) -> Expr<'e> {
+    let mut at = e;
+    loop {
+        let below: Vec<Expr<'e>> = match at.node() {
+            Node::Constant(_) | Node::Variable(_) => return at,
+            Node::Sum { terms, .. } => terms.into_iter().map(|(_, term)| term).collect(),
+            Node::Product(factors) => factors.into_iter().map(|(factor, _)| factor).collect(),
+            Node::Unary(_, e) => vec![e],
+            Node::Binary(_, a, b) => vec![a, b],
+        };
+        let wanted = SHARE * size(at);
+        match below.into_iter().find(|&part| size(part) >= wanted) {
+            Some(part) => at = part,
+            None => return at,
+        }
+    }
+}
+
+/// All variables where the run has ended.
+fn values(system: &System, outcome: &Outcome) -> FxHashMap<Var, f64> {
+    let states = system.states.iter().map(|state| state.var);
+    let switches = system.switches.iter().map(|switch| switch.alpha);
+    let params = system.params.iter().map(|param| (param.var, param.value));
+    let data = system.data.iter();
+    let data = data.map(|data| (data.var, data.table.value(outcome.time)));
+    let all = states.zip(outcome.x.iter().copied());
+    let all = all.chain(switches.zip(outcome.alpha.iter().copied()));
+    let all = all
+        .chain(params)
+        .chain(data)
+        .chain([(system.time, outcome.time)]);
+    all.filter_map(|(e, value)| Some((e.as_variable()?, value)))
+        .collect()
+}

@@ -1,0 +1,94 @@
+//! Ranges that hold free parameters -> constraints.
+//!
+//! Where p is free, `control u in [-p, p]` says -p <= u <= p at the ends of control intervals, `state x in [0, p]`
+//! 0 <= x <= p at all nodes, and `param q in [0, 1] = 2*p` 0 <= 2 p <= 1. Finite sets and thresholds of relays are
+//! numbers.
+
+use nsd_solver::tableau::Family;
+
+use super::super::Reader;
+use super::{At, Draft, Shape};
+use crate::expr::Expr;
+use crate::model::{Domain, Quantity, SwitchKind};
+use crate::syntax::Relation;
+
+impl<'e> Draft<'_, 'e> {
+    /// The constraints of all ranges that are no numbers.
+    pub(super) fn ranges(&mut self, reader: &mut Reader<'_, 'e>) {
+        let model = reader.model;
+        let start: &[At] = &[At::Start];
+        let ends: &[At] = match self.controls {
+            Shape::Constant => &[At::Intervals],
+            Shape::Linear => &[At::Start, At::Intervals],
+        };
+        let nodes: &[At] = match self.scheme.0 {
+            Family::RadauIia => &[At::Nodes],
+            _ => &[At::Nodes, At::Elements],
+        };
+        let groups = [
+            ("param", &model.params, start),
+            ("control", &model.controls, ends),
+            ("state", &model.states, nodes),
+            ("algebraic state", &model.algebraics, nodes),
+        ];
+        for (kind, quantities, instants) in groups {
+            for quantity in quantities {
+                for (k, &var) in quantity.vars.iter().enumerate() {
+                    self.range(reader, (kind, quantity), (k, var), instants);
+                }
+            }
+        }
+        for switch in &model.switches {
+            let SwitchKind::Relay(thresholds) = &switch.kind else {
+                continue;
+            };
+            let start = thresholds.start.as_deref().unwrap_or_default();
+            let numbers = [&thresholds.on[..], &thresholds.off, start].concat();
+            if let Some(free) = reader.values.free.first_in(&numbers) {
+                let what = format!("the relay `{}`", switch.name);
+                reader.error((reader.values).depends_on_free(model, what, free, switch.span));
+            }
+        }
+    }
+
+    /// The constraints of the range of an entry.
+    fn range(
+        &mut self,
+        reader: &mut Reader<'_, 'e>,
+        (kind, quantity): (&str, &Quantity<'e>),
+        (k, entry): (usize, Expr<'e>),
+        instants: &[At],
+    ) {
+        let (values, Some(var)) = (reader.values, entry.as_variable()) else {
+            return;
+        };
+        let is_param = kind == "param";
+        let is_derived = is_param && values.free.derives(var);
+        // What is given follows from other quantities, and is watched only.
+        if !is_param && values.signals.contains(&var) {
+            return;
+        }
+        let span = quantity.span;
+        match &quantity.domain {
+            None => {}
+            Some(Domain::Box(lower, upper)) => {
+                let ends = [lower.data[k], upper.data[k]];
+                if is_derived || values.free.first_in(&ends).is_some() {
+                    for &at in instants {
+                        let members = vec![ends[0], entry, ends[1]];
+                        self.relate(at, members, Relation::LessEqual, span);
+                    }
+                }
+            }
+            Some(Domain::Set(set)) => {
+                let own: &[Expr<'e>] = if is_derived { &[entry] } else { &[] };
+                let Some(free) = values.free.first_in(&[&set[..], own].concat()) else {
+                    return;
+                };
+                let name = quantity.shape.entry_name(&quantity.name, k);
+                let what = format!("{kind} `{name}`, which is in a finite set,");
+                reader.error(values.depends_on_free(reader.model, what, free, span));
+            }
+        }
+    }
+}
