@@ -10,12 +10,15 @@
 
 mod branches;
 mod check;
+mod confirm;
+mod descent;
 mod failure;
 mod guess;
 mod moved;
 mod products;
 mod read;
 mod record;
+mod reduced;
 mod rehearsal;
 mod solved;
 mod thaw;
@@ -33,7 +36,7 @@ use crate::ensemble::threads;
 use crate::expr::Var;
 use crate::mpcc::{Mpcc, Program};
 use crate::report::{
-    Certificate, Failure, Kind, Method, MethodOption, Optimum, Stationarity, Stats, Status,
+    Certificate, Confirmation, Failure, Kind, Method, MethodOption, Optimum, Stationarity, Stats, Status,
     Trajectory,
 };
 use crate::simulate::{self, Request};
@@ -169,6 +172,10 @@ fn run_from<'e>(
         true => branches::settle(&mut problem, &mut solution, &options, &left, watch),
         false => None,
     };
+    let confirmation = match solution.is_feasible() && in_other_mode.is_none() {
+        true => confirm::confirm(&mut problem, &mut solution, &options, &left, watch),
+        false => Confirmation::Nothing,
+    };
     let seconds = (started.elapsed() - built).as_secs_f64();
     let solution = &solution;
     let mut solved = solved::system(&problem, &solution.w);
@@ -188,6 +195,7 @@ fn run_from<'e>(
             .map(|solution| solution.stats.certificate_seconds)
             .sum(),
         branches: solution.others,
+        confirmation,
         ..Optimum::default()
     });
     trajectory.stats.solve_s = seconds;

@@ -21,6 +21,8 @@ pub struct Optimum {
     pub check_s: f64,
     /// In how many other branches the same trajectory has a description; near none of them is a better one.
     pub branches: usize,
+    /// What simulations with other free quantities say about the certificate.
+    pub confirmation: Confirmation,
     /// What a simulation with the controls that were found says, where it reached the end.
     pub check: Option<Check>,
 }
@@ -32,4 +34,18 @@ pub struct Check {
     pub terminal_error: f64,
     /// The objective of the simulation less that of the program.
     pub objective_error: f64,
+}
+
+/// What simulations from event to event, with free quantities that differ by a little, say about a certificate.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Confirmation {
+    /// None of them has a smaller objective.
+    Confirmed,
+    /// The objective falls at this rate, per size of a free quantity, and the program does not follow.
+    Descent(f64),
+    /// They would take too long.
+    TooLong,
+    /// Nothing: there is none, or some of them do not reach the end.
+    #[default]
+    Nothing,
 }

@@ -16,7 +16,7 @@ mod dual;
 mod forcing;
 mod least;
 mod lift;
-mod linear;
+pub mod linear;
 mod local;
 mod lpec;
 mod multistart;
