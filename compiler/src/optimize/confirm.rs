@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use nsd_solver::mpcc::{self, Options, Solution};
 
-use super::descent::{Found, Search};
+use super::descent::{Found, LARGE, SMALL, Search};
 use super::reduced::Reduced;
 use super::{Problem, Watch, rehearsal};
 use crate::report::Confirmation;
@@ -25,6 +25,15 @@ const WEIGHT: f64 = 2.0;
 /// Errors of derivatives are so many times those of the objective, at most.
 const DOUBT: f64 = 10.0;
 
+/// A better point, if there is one near.
+struct Better {
+    w: Vec<f64>,
+    /// By how much the objective falls per size of a free quantity.
+    rate: f64,
+    /// Whether it falls to first order.
+    is_descent: bool,
+}
+
 /// Confirms a solution by simulations, or replaces it by a better one as long as there is descent.
 pub(super) fn confirm(
     problem: &mut Problem,
@@ -33,49 +42,72 @@ pub(super) fn confirm(
     left: &dyn Fn() -> Option<Duration>,
     watch: &mut dyn Watch,
 ) -> Confirmation {
-    for _ in 0..MAX_ROUNDS {
-        let (w, rate) = match look(problem, solution, left()) {
-            Ok(found) => found,
+    let mut rounds = 0..MAX_ROUNDS;
+    loop {
+        let better = match look(problem, solution, left()) {
+            Ok(better) => better,
             Err(confirmation) => return confirmation,
         };
-        let descends = Confirmation::Descent(rate);
-        if problem.frozen.is_some() {
-            return descends;
-        }
-        let mut start = w;
-        if !rehearsal::in_modes(problem, &problem.simulated(&start, left()), &mut start) {
-            return descends;
-        }
-        let options = Options {
-            trusts_start: true,
-            effort: 0,
-            time_limit: left(),
-            ..options.clone()
+        // What is only better at some distance is another minimum.
+        let unfollowed = match better.is_descent {
+            true => Confirmation::Descent(better.rate),
+            false => Confirmation::Confirmed,
         };
-        let found = mpcc::solve_observed(&mut problem.program, &start, &options, watch);
+        if rounds.next().is_none() {
+            return unfollowed;
+        }
+        let Some(found) = from(problem, better.w, options, left, watch) else {
+            return unfollowed;
+        };
         let gain = NO_GAIN * solution.objective.abs().max(NO_GAIN);
         if !found.is_feasible() || found.objective >= solution.objective - gain {
-            return descends;
+            return unfollowed;
         }
         let iterations = solution.stats.iterations;
         *solution = found;
         solution.stats.iterations += iterations;
     }
-    match look(problem, solution, left()) {
-        Ok((_, rate)) => Confirmation::Descent(rate),
-        Err(confirmation) => confirmation,
-    }
 }
 
-/// A better point near a solution with the rate of descent, or what else simulations say.
+/// The solution of the program that is found from a simulation with the free quantities of a point.
+fn from(
+    problem: &mut Problem,
+    mut w: Vec<f64>,
+    options: &Options,
+    left: &dyn Fn() -> Option<Duration>,
+    watch: &mut dyn Watch,
+) -> Option<Solution> {
+    // Controls that change have no simulation in numerical time.
+    if problem.frozen.is_some() {
+        return None;
+    }
+    let run = problem.simulated(&w, left());
+    if !rehearsal::in_modes(problem, &run, &mut w) {
+        return None;
+    }
+    let options = Options {
+        trusts_start: true,
+        effort: 0,
+        time_limit: left(),
+        ..options.clone()
+    };
+    Some(mpcc::solve_observed(
+        &mut problem.program,
+        &w,
+        &options,
+        watch,
+    ))
+}
+
+/// A better point near a solution, or what else simulations say.
 fn look(
     problem: &Problem,
     solution: &Solution,
     time_limit: Option<Duration>,
-) -> Result<(Vec<f64>, f64), Confirmation> {
+) -> Result<Better, Confirmation> {
     let w = &solution.w;
     let Some(reduced) = Reduced::new(problem, w, time_limit) else {
-        return Err(Confirmation::Nothing);
+        return Err(Confirmation::None);
     };
     if reduced.quantities.is_empty() {
         return Err(Confirmation::Confirmed);
@@ -100,9 +132,18 @@ fn look(
         weight: WEIGHT * largest.max(1.0),
         doubt: DOUBT * error,
     };
-    match search.descent() {
+    // First to first order; curvature, and switches that are near, show in larger changes.
+    let found = match search.descent(SMALL) {
+        Found::Nothing => search.descent(LARGE),
+        found => found,
+    };
+    match found {
         Found::Nothing => Err(Confirmation::Confirmed),
-        Found::Unknown => Err(Confirmation::Nothing),
-        Found::Descent { w, rate } => Ok((w, rate)),
+        Found::Unknown => Err(Confirmation::Unfinished),
+        Found::Descent { w, rate, is_first_order } => Ok(Better {
+            w,
+            rate,
+            is_descent: is_first_order,
+        }),
     }
 }

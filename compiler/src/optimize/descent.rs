@@ -8,8 +8,9 @@ use nsd_solver::mpcc::linear::{LinearProgram, Outcome, solve};
 
 use super::reduced::{Reduced, Values};
 
-/// Changes of quantities, as a share of their sizes.
-const STEP: f64 = 1e-4;
+/// Changes of quantities, as shares of their sizes: for derivatives, and for what curves or switches near a point.
+pub(super) const SMALL: f64 = 1e-4;
+pub(super) const LARGE: f64 = 1e-2;
 /// Changes that bounds leave no more than this share of are none.
 const LEAST_ROOM: f64 = 1e-2;
 /// Decreases per size of a quantity that count: relative to the objective, and others.
@@ -28,7 +29,12 @@ pub(super) enum Found {
     /// No descent along any of the quantities.
     Nothing,
     /// A better point, and by how much the objective falls per size of a quantity.
-    Descent { w: Vec<f64>, rate: f64 },
+    Descent {
+        w: Vec<f64>,
+        rate: f64,
+        /// Whether it falls so in small changes.
+        is_first_order: bool,
+    },
     /// Simulations do not say.
     Unknown,
 }
@@ -60,12 +66,12 @@ impl Search<'_, '_, '_, '_> {
         (RELATIVE * self.objective.abs() + ABSOLUTE).max(self.doubt)
     }
 
-    /// Looks along all quantities.
-    pub fn descent(&self) -> Found {
+    /// Looks along all quantities, in changes of such a share of their sizes.
+    pub fn descent(&self, change: f64) -> Found {
         let mut columns = Vec::new();
         let mut is_complete = self.base.is_some();
         for quantity in &self.reduced.quantities {
-            let full = STEP * quantity.size;
+            let full = change * quantity.size;
             for sign in [1.0, -1.0] {
                 let value = self.w[quantity.index];
                 let room = match sign > 0.0 {
@@ -85,11 +91,15 @@ impl Search<'_, '_, '_, '_> {
             true => Found::Nothing,
             false => Found::Unknown,
         };
-        let Some(direction) = self.direction(&columns) else {
+        let Some(direction) = self.direction(&columns, change) else {
             return nothing();
         };
-        match self.follow(&direction) {
-            Some((w, rate)) => Found::Descent { w, rate },
+        match self.follow(&direction, change) {
+            Some((w, rate)) => Found::Descent {
+                w,
+                rate,
+                is_first_order: change == SMALL,
+            },
             None => nothing(),
         }
     }
@@ -120,8 +130,8 @@ impl Search<'_, '_, '_, '_> {
     }
 
     /// Changes of the quantities together that descend to first order, if there are any.
-    fn direction(&self, columns: &[Column]) -> Option<Vec<(usize, f64)>> {
-        let least = self.threshold() * STEP;
+    fn direction(&self, columns: &[Column], change: f64) -> Option<Vec<(usize, f64)>> {
+        let least = self.threshold() * change;
         if columns.iter().all(|column| column.cost >= -least) && self.near_rows().is_empty() {
             return None;
         }
@@ -209,7 +219,7 @@ impl Search<'_, '_, '_, '_> {
     }
 
     /// The best point along a direction, and the rate at which the merit falls; none where it does not.
-    fn follow(&self, direction: &[(usize, f64)]) -> Option<(Vec<f64>, f64)> {
+    fn follow(&self, direction: &[(usize, f64)], change: f64) -> Option<(Vec<f64>, f64)> {
         let objective = self.base.map_or(self.objective, |base| base.cost);
         let at = |share: f64| {
             let mut w = self.w.to_vec();
@@ -224,7 +234,7 @@ impl Search<'_, '_, '_, '_> {
             Some((self.merit(&values), w))
         };
         let (merit, w) = at(1.0)?;
-        let rate = (objective - merit) / STEP;
+        let rate = (objective - merit) / change;
         if rate <= self.threshold() {
             return None;
         }

@@ -174,7 +174,7 @@ fn run_from<'e>(
     };
     let confirmation = match solution.is_feasible() && in_other_mode.is_none() {
         true => confirm::confirm(&mut problem, &mut solution, &options, &left, watch),
-        false => Confirmation::Nothing,
+        false => Confirmation::None,
     };
     let seconds = (started.elapsed() - built).as_secs_f64();
     let solution = &solution;
@@ -210,7 +210,9 @@ fn run_from<'e>(
                 .push(check::unfinished(settings, Some(failure))),
         }
     }
-    trajectory.failure = failure::of(&mut problem, solution).or(in_other_mode);
+    trajectory.failure = failure::of(&mut problem, solution)
+        .or(in_other_mode)
+        .or(check::confirmation(&problem, &mut trajectory));
     if let Some(failure) = &trajectory.failure {
         trajectory.status = failure.status();
     }

@@ -388,6 +388,8 @@ pub enum Failure {
     )]
     NotOptimal {
         what: String,
+        /// Whether the constraints are satisfied.
+        is_feasible: bool,
         #[label("this optimization")]
         span: Span,
     },
@@ -429,6 +431,9 @@ impl Failure {
             Failure::TimeLimit { .. } => Status::TimeLimit,
             Failure::Infeasible { .. } => Status::LocallyInfeasible,
             Failure::Unbounded { .. } => Status::Unbounded,
+            Failure::NotOptimal {
+                is_feasible: true, ..
+            } => Status::Feasible,
             _ => Status::NumericalFailure,
         }
     }

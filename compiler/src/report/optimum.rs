@@ -41,11 +41,46 @@ pub struct Check {
 pub enum Confirmation {
     /// None of them has a smaller objective.
     Confirmed,
-    /// The objective falls at this rate, per size of a free quantity, and the program does not follow.
+    /// The objective falls at this rate, per half of the range of a free quantity, and the program does not follow.
     Descent(f64),
-    /// They would take too long.
+    /// Nothing: they would take too long.
     TooLong,
-    /// Nothing: there is none, or some of them do not reach the end.
+    /// Nothing: some of them do not reach the end.
+    Unfinished,
+    /// Nothing: the one with the free quantities as they are differs by more than the tolerance.
+    Differs,
+    /// Nothing: there are none.
     #[default]
-    Nothing,
+    None,
+}
+
+impl Confirmation {
+    /// The word of the JSON form.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Confirmation::Confirmed => "confirmed",
+            Confirmation::Descent(_) => "descent",
+            Confirmation::TooLong => "too_long",
+            Confirmation::Unfinished => "unfinished",
+            Confirmation::Differs => "differs",
+            Confirmation::None => "none",
+        }
+    }
+
+    /// Why a certificate is that of a program alone.
+    pub fn reason(self) -> Option<&'static str> {
+        match self {
+            Confirmation::Confirmed | Confirmation::None => None,
+            Confirmation::Descent(_) => {
+                Some("simulations with other free quantities have smaller objectives")
+            }
+            Confirmation::TooLong => {
+                Some("simulations with other free quantities would take too long")
+            }
+            Confirmation::Unfinished => {
+                Some("not all simulations with other free quantities reach the end")
+            }
+            Confirmation::Differs => Some("the simulation differs by more than the tolerance"),
+        }
+    }
 }
