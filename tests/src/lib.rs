@@ -3,6 +3,7 @@
 pub mod affine;
 pub mod bodies;
 pub mod faults;
+mod random;
 pub mod stress;
 
 use std::path::{Path, PathBuf};

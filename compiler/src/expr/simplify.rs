@@ -380,7 +380,13 @@ mod tests {
         assert_eq!(norm.powi(3), norm * (x.powi(2) + 3.0 * y.powi(4) + 1.0));
         assert_eq!((2.0 * x.powi(2).sqrt()).powi(2), 4.0 * x.powi(2));
         // What may be negative has no root there.
-        for square in [x, x.powi(3), x.powi(2) - y.powi(2), x.powi(2) - 1.0, x.powi(2) + y] {
+        for square in [
+            x,
+            x.powi(3),
+            x.powi(2) - y.powi(2),
+            x.powi(2) - 1.0,
+            x.powi(2) + y,
+        ] {
             assert_ne!(square.sqrt().powi(2), square);
         }
     }

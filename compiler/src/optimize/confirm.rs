@@ -114,7 +114,9 @@ fn look(
     }
     let base = reduced.at(w);
     let n_states = problem.system.states.len();
-    let steps = base.as_ref().map_or(problem.layout.steps, |base| base.steps);
+    let steps = base
+        .as_ref()
+        .map_or(problem.layout.steps, |base| base.steps);
     if 2 * reduced.quantities.len() * steps * n_states > MAX_EFFORT {
         return Err(Confirmation::TooLong);
     }
@@ -123,7 +125,9 @@ fn look(
         .chain(&multipliers.lower)
         .chain(&multipliers.upper);
     let largest = all.fold(0.0, |m: f64, y| m.max(y.abs()));
-    let error = base.as_ref().map_or(0.0, |base| (base.cost - solution.objective).abs());
+    let error = base
+        .as_ref()
+        .map_or(0.0, |base| (base.cost - solution.objective).abs());
     let search = Search {
         reduced: &reduced,
         w,
@@ -134,13 +138,24 @@ fn look(
     };
     // First to first order; curvature, and switches that are near, show in larger changes.
     let found = match search.descent(SMALL) {
-        Found::Nothing => search.descent(LARGE),
+        Found::Nothing => match search.descent(LARGE) {
+            Found::Descent { w, rate, .. } => Found::Descent {
+                w,
+                rate,
+                is_first_order: false,
+            },
+            _ => search.distant(),
+        },
         found => found,
     };
     match found {
         Found::Nothing => Err(Confirmation::Confirmed),
         Found::Unknown => Err(Confirmation::Unfinished),
-        Found::Descent { w, rate, is_first_order } => Ok(Better {
+        Found::Descent {
+            w,
+            rate,
+            is_first_order,
+        } => Ok(Better {
             w,
             rate,
             is_descent: is_first_order,

@@ -6,7 +6,7 @@
 
 use nsd_solver::mpcc::linear::{LinearProgram, Outcome, solve};
 
-use super::reduced::{Reduced, Values};
+use super::reduced::{Quantity, Reduced, Values};
 
 /// Changes of quantities, as shares of their sizes: for derivatives, and for what curves or switches near a point.
 pub(super) const SMALL: f64 = 1e-4;
@@ -18,6 +18,8 @@ const RELATIVE: f64 = 3e-4;
 const ABSOLUTE: f64 = 1e-5;
 /// Constraints that are farther away, relative to their values, are not near.
 const NEAR: f64 = 1e-2;
+/// Shares of ranges at which all controls are tried.
+const LEVELS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 /// By which factor steps grow, and how often.
 const FACTOR: f64 = 4.0;
 const MOST_STEPS: usize = 10;
@@ -72,6 +74,7 @@ impl Search<'_, '_, '_, '_> {
         let mut is_complete = self.base.is_some();
         for quantity in &self.reduced.quantities {
             let full = change * quantity.size;
+            let first = columns.len();
             for sign in [1.0, -1.0] {
                 let value = self.w[quantity.index];
                 let room = match sign > 0.0 {
@@ -85,6 +88,18 @@ impl Search<'_, '_, '_, '_> {
                     Some(column) => columns.push(column),
                     None => is_complete = false,
                 }
+            }
+            // At a maximum either way is down, and both together are none.
+            if let [up, down] = &columns[first..]
+                && up.cost < 0.0
+                && down.cost < 0.0
+            {
+                let worse = if up.cost <= down.cost {
+                    first + 1
+                } else {
+                    first
+                };
+                columns.remove(worse);
             }
         }
         let nothing = || match is_complete {
@@ -101,6 +116,39 @@ impl Search<'_, '_, '_, '_> {
                 is_first_order: change == SMALL,
             },
             None => nothing(),
+        }
+    }
+
+    /// The best of points that are far away: every quantity alone at its bounds, and all controls at equal shares of
+    /// their ranges.
+    pub fn distant(&self) -> Found {
+        let bounded = |quantity: &&Quantity| (quantity.upper - quantity.lower).is_finite();
+        let bounded: Vec<&Quantity> = self.reduced.quantities.iter().filter(bounded).collect();
+        let mut points: Vec<Vec<f64>> = Vec::new();
+        for quantity in &bounded {
+            for value in [quantity.lower, quantity.upper] {
+                let mut w = self.w.to_vec();
+                w[quantity.index] = value;
+                points.push(w);
+            }
+        }
+        for level in LEVELS {
+            let mut w = self.w.to_vec();
+            for quantity in bounded.iter().filter(|quantity| quantity.is_control) {
+                let range = quantity.upper - quantity.lower;
+                w[quantity.index] = quantity.lower + level * range;
+            }
+            points.push(w);
+        }
+        let merit = |w: Vec<f64>| Some((self.merit(&self.reduced.at(&w)?), w));
+        let best = (points.into_iter().filter_map(merit)).min_by(|a, b| a.0.total_cmp(&b.0));
+        match best {
+            Some((merit, w)) if merit < self.objective - self.threshold() => Found::Descent {
+                w,
+                rate: self.objective - merit,
+                is_first_order: false,
+            },
+            _ => Found::Nothing,
         }
     }
 
@@ -136,12 +184,19 @@ impl Search<'_, '_, '_, '_> {
             return None;
         }
         let shares = self.shares(columns)?;
-        let decrease: f64 = (columns.iter().zip(&shares)).map(|(c, s)| -c.cost * s).sum();
+        let decrease: f64 = (columns.iter().zip(&shares))
+            .map(|(c, s)| -c.cost * s)
+            .sum();
         // Each of the changes that take part has to be worth it.
         let count: f64 = shares.iter().sum();
         (decrease > least && decrease > 0.1 * least * count).then(|| {
-            let moves = columns.iter().zip(&shares).filter(|(_, share)| **share > 1e-3);
-            moves.map(|(column, share)| (column.index, share * column.step)).collect()
+            let moves = columns
+                .iter()
+                .zip(&shares)
+                .filter(|(_, share)| **share > 1e-3);
+            moves
+                .map(|(column, share)| (column.index, share * column.step))
+                .collect()
         })
     }
 
@@ -164,7 +219,9 @@ impl Search<'_, '_, '_, '_> {
 
     /// The shares of the columns, in [0, 1], that descend most and keep the rows to first order.
     fn shares(&self, columns: &[Column]) -> Option<Vec<f64>> {
-        let largest = columns.iter().fold(0.0, |m: f64, column| m.max(-column.cost));
+        let largest = columns
+            .iter()
+            .fold(0.0, |m: f64, column| m.max(-column.cost));
         let rows = self.near_rows();
         if rows.is_empty() {
             // Without constraints steepest descent does.
@@ -172,7 +229,9 @@ impl Search<'_, '_, '_, '_> {
             return (largest > 0.0).then(|| columns.iter().map(share).collect());
         }
         let n = columns.len();
-        let scale = columns.iter().fold(0.0, |m: f64, column| m.max(column.cost.abs()));
+        let scale = columns
+            .iter()
+            .fold(0.0, |m: f64, column| m.max(column.cost.abs()));
         if scale == 0.0 {
             return None;
         }
@@ -206,9 +265,8 @@ impl Search<'_, '_, '_, '_> {
     fn merit(&self, values: &Values) -> f64 {
         let base = self.base.map(|base| &base.rows);
         let rows = values.rows.iter().zip(self.reduced.bounds()).enumerate();
-        let violation = |value: f64, (lower, upper): (f64, f64)| {
-            (lower - value).max(value - upper).max(0.0)
-        };
+        let violation =
+            |value: f64, (lower, upper): (f64, f64)| (lower - value).max(value - upper).max(0.0);
         let more: f64 = rows
             .map(|(i, (&value, bounds))| {
                 let known = base.map_or(0.0, |base| violation(base[i], bounds));

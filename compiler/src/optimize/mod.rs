@@ -36,8 +36,8 @@ use crate::ensemble::threads;
 use crate::expr::Var;
 use crate::mpcc::{Mpcc, Program};
 use crate::report::{
-    Certificate, Confirmation, Failure, Kind, Method, MethodOption, Optimum, Stationarity, Stats, Status,
-    Trajectory,
+    Certificate, Confirmation, Failure, Kind, Method, MethodOption, Optimum, Stationarity, Stats,
+    Status, Trajectory,
 };
 use crate::simulate::{self, Request};
 use crate::system::System;

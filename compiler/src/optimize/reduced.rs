@@ -28,6 +28,8 @@ pub(super) struct Quantity {
     pub upper: f64,
     /// What its changes are measured by.
     pub size: f64,
+    /// Whether it is a control in an interval.
+    pub is_control: bool,
 }
 
 /// lower <= value <= upper at an instant.
@@ -137,13 +139,15 @@ impl<'r, 'p, 'e> Reduced<'r, 'p, 'e> {
                     continue;
                 }
                 At::Intervals => (1..=layout.steps).map(interval).collect(),
-                At::Elements | At::Nodes if is_frozen => {
-                    (1..=layout.steps).map(interval).collect()
-                }
+                At::Elements | At::Nodes if is_frozen => (1..=layout.steps).map(interval).collect(),
                 At::Elements => ends.clone(),
                 At::Nodes => nodes.clone(),
             };
-            self.push(row.value, (row.lower, row.upper), places.into_iter().map(Some));
+            self.push(
+                row.value,
+                (row.lower, row.upper),
+                places.into_iter().map(Some),
+            );
         }
         for bound in task.bounds.iter().filter(|_| !is_frozen) {
             let state = self.problem.system.states[bound.place].var;
@@ -224,7 +228,12 @@ impl<'r, 'p, 'e> Reduced<'r, 'p, 'e> {
         let cost = self.cost.eval(&|var| known.value(var));
         let mut rows = vec![f64::NAN; self.rows.len()];
         let value = |row: &Row, known: &Known| self.asked[row.value].eval(&|var| known.value(var));
-        for (i, row) in self.rows.iter().enumerate().filter(|(_, row)| row.at.is_none()) {
+        for (i, row) in self
+            .rows
+            .iter()
+            .enumerate()
+            .filter(|(_, row)| row.at.is_none())
+        {
             rows[i] = value(row, &known);
         }
         for (at, place) in self.places.iter().enumerate() {
@@ -255,7 +264,11 @@ impl Known {
         let mut values: FxHashMap<Var, f64> = FxHashMap::default();
         let params = system.params.iter();
         values.extend(params.filter_map(|p| Some((p.var.as_variable()?, p.value))));
-        for (i, free) in system.task.iter().flat_map(|task| task.params.iter().enumerate()) {
+        for (i, free) in system
+            .task
+            .iter()
+            .flat_map(|task| task.params.iter().enumerate())
+        {
             let var = system.params[free.place].var.as_variable();
             values.extend(var.map(|var| (var, w[problem.layout.p(i)])));
         }
@@ -335,11 +348,15 @@ fn quantities(problem: &Problem, w: &[f64]) -> Vec<Quantity> {
         let largest = all().fold(0.0, |m: f64, index| m.max(w[index].abs()));
         found.extend(all().map(|index| (index, largest)));
     }
+    let n_controls = found.len();
     found.extend((0..task.params.len()).map(|i| (layout.p(i), w[layout.p(i)].abs())));
-    let initial = task.initial.iter().map(|free| layout.before(1, 1) + free.place);
+    let initial = task
+        .initial
+        .iter()
+        .map(|free| layout.before(1, 1) + free.place);
     found.extend(initial.map(|index| (index, w[index].abs())));
     found.extend(layout.horizon().map(|index| (index, w[index].abs())));
-    let quantity = |(index, largest): (usize, f64)| {
+    let quantity = |(i, (index, largest)): (usize, (usize, f64))| {
         let range = bounds[index].upper - bounds[index].lower;
         let largest = if largest > 0.0 { largest } else { 1.0 };
         Quantity {
@@ -350,9 +367,9 @@ fn quantities(problem: &Problem, w: &[f64]) -> Vec<Quantity> {
                 true => 0.5 * range,
                 false => largest,
             },
+            is_control: i < n_controls,
         }
     };
-    let quantities = found.into_iter().map(quantity);
+    let quantities = found.into_iter().enumerate().map(quantity);
     quantities.filter(|q| q.lower < q.upper).collect()
 }
-
