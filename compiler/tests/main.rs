@@ -10,6 +10,7 @@ mod new;
 mod optimize;
 mod order;
 mod reports;
+mod roads;
 mod solve;
 mod terminal;
 mod test;

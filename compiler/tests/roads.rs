@@ -2,11 +2,9 @@
 //!
 //! The table of faults in the README of `tests` has what these tests are to catch.
 
-mod terminal;
-
 use std::fs;
 
-use terminal::{folder, nsdc};
+use crate::terminal::{folder, nsdc};
 
 /// Verifies the only experiment of a model, and expects so many roads to agree.
 fn agree(name: &str, model: &str, roads: usize) {

@@ -11,8 +11,8 @@ use std::fmt::Write;
 use nalgebra::{DMatrix, DVector};
 
 use crate::affine::exact::{End, solve};
-use crate::affine::generate::Random;
 use crate::affine::{Affine, Form, Kind, Surface};
+use crate::random::Random;
 
 /// How a set point is written.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

@@ -48,6 +48,7 @@ mod piecewise_affine;
 mod piles;
 mod projections;
 mod rods;
+mod set_points;
 mod setting_off;
 mod smoothing;
 mod stiff;

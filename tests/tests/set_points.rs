@@ -1,6 +1,6 @@
 //! Set points that step in time, by every method.
 
-use nsd_tests::stress::{Case, Extent, Outcome, families};
+use nsd_tests::stress::{Extent, Outcome, families};
 
 #[test]
 fn loops_end_where_matrix_exponentials_do() {

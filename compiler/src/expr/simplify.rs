@@ -264,7 +264,40 @@ impl Arena {
             }
             flat.truncate(kept);
         }
+        // √s² = s for all values of the variables, where s cannot be negative; derivatives of s have no 0/0.
+        if let Data::Unary(Function::Sqrt, square) = self.data(id)
+            && power / 2 != 0
+            && self.is_sum_of_squares(square)
+        {
+            self.multiply_factor(coefficient, flat, square, power / 2);
+            if power % 2 == 0 {
+                return;
+            }
+            return flat.push((id, power % 2));
+        }
         flat.push((id, power));
+    }
+
+    /// Whether an expression is a sum of even powers, none of which is taken away.
+    fn is_sum_of_squares(&self, id: Id) -> bool {
+        let is_square = |id: Id| match self.data(id) {
+            Data::Product { start, len } => {
+                let mut factors = self.factors(start, len).iter();
+                factors.all(|&(_, power)| power > 0 && power % 2 == 0)
+            }
+            _ => false,
+        };
+        match self.data(id) {
+            Data::Sum {
+                constant,
+                start,
+                len,
+            } => {
+                let mut terms = self.terms(start, len).iter();
+                constant >= 0.0 && terms.all(|&(term, c)| c > 0.0 && is_square(term))
+            }
+            _ => is_square(id),
+        }
     }
 
     /// `function(a)`, folded if the value is a finite number.
@@ -334,6 +367,28 @@ mod tests {
         assert_snapshot!((x + 1.0) * (y - 1.0) * (x + 1.0), @"(x + 1)^2*(y - 1)");
         assert_snapshot!(x.sqrt().powi(2) - x.exp().log(), @"sqrt(x)^2 - log(exp(x))");
         assert_snapshot!(x.powf(e.constant(0.5)).powi(2), @"(x^0.5)^2");
+    }
+
+    /// √(x² + y²) has no derivative at the origin, its square has.
+    #[test]
+    fn squares_of_norms_are_sums_of_squares() {
+        let e = Exprs::new();
+        let (x, y) = (e.variable("x"), e.variable("y"));
+        let norm = (x.powi(2) + 3.0 * y.powi(4) + 1.0).sqrt();
+        assert_eq!(norm.powi(2), x.powi(2) + 3.0 * y.powi(4) + 1.0);
+        assert_eq!(norm.powi(-2), 1.0 / (x.powi(2) + 3.0 * y.powi(4) + 1.0));
+        assert_eq!(norm.powi(3), norm * (x.powi(2) + 3.0 * y.powi(4) + 1.0));
+        assert_eq!((2.0 * x.powi(2).sqrt()).powi(2), 4.0 * x.powi(2));
+        // What may be negative has no root there.
+        for square in [
+            x,
+            x.powi(3),
+            x.powi(2) - y.powi(2),
+            x.powi(2) - 1.0,
+            x.powi(2) + y,
+        ] {
+            assert_ne!(square.sqrt().powi(2), square);
+        }
     }
 
     #[test]

@@ -155,7 +155,7 @@ pub fn solve(
 fn outcome(status: mpcc::Status) -> (Status, Code) {
     match status {
         mpcc::Status::Solved => (Status::Solved, Code::Solved),
-        mpcc::Status::Feasible => (Status::NumericalFailure, Code::Uncertain),
+        mpcc::Status::Feasible => (Status::Feasible, Code::Uncertain),
         mpcc::Status::LocallyInfeasible => (Status::LocallyInfeasible, Code::Infeasible),
         mpcc::Status::Unbounded => (Status::Unbounded, Code::Unbounded),
         mpcc::Status::IterationLimit => (Status::IterationLimit, Code::IterationLimit),

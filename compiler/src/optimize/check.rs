@@ -4,13 +4,15 @@ use std::time::{Duration, Instant};
 
 use nsd_solver::mpcc::Solution;
 
-use super::{Problem, solved};
-use crate::report::{Check, Failure, Status, Trajectory, Warning};
+use super::{Problem, failure, solved};
+use crate::report::{Check, Confirmation, Failure, Status, Trajectory, Warning};
 use crate::system::experiment::{Sampling, Settings};
 
 /// How accurate the simulation is, compared with what the result is to be.
 const FINER: f64 = 1e-2;
 const FINEST: f64 = 1e-12;
+/// The code of what a simulation says against a result.
+const DISAGREES: &str = "W0709";
 
 /// Simulates in the time that is left, and says by how much the end and the objective differ.
 pub(super) fn simulate(
@@ -64,6 +66,30 @@ pub(super) fn simulate(
     }
 }
 
+/// What simulations with other free quantities mean for a result. Where the one with its own differs they say nothing
+/// about it, and where the program could not be started from them they warn.
+pub(super) fn confirmation(problem: &Problem, trajectory: &mut Trajectory) -> Option<Failure> {
+    let differs = trajectory.warnings.iter().any(|one| one.code == DISAGREES);
+    let optimum = trajectory.optimum.as_mut()?;
+    let Confirmation::Descent(rate) = optimum.confirmation else {
+        return None;
+    };
+    if differs {
+        optimum.confirmation = Confirmation::Differs;
+        return None;
+    }
+    if problem.frozen.is_none() {
+        return Some(failure::descends(rate, problem.settings));
+    }
+    let message = format!(
+        "simulations with other free quantities have smaller objectives, by {rate:.1e} per half of their range; \
+         `lower impact` can start from them"
+    );
+    let warning = disagrees(problem.settings, message);
+    trajectory.warnings.push(warning);
+    None
+}
+
 /// That a simulation with the controls does not come to the end.
 pub(super) fn unfinished(settings: &Settings, failure: Option<&Failure>) -> Warning {
     let reason = failure.map_or_else(String::new, |failure| format!(": {failure}"));
@@ -73,7 +99,7 @@ pub(super) fn unfinished(settings: &Settings, failure: Option<&Failure>) -> Warn
 
 fn disagrees(settings: &Settings, message: String) -> Warning {
     Warning {
-        code: "W0709".into(),
+        code: DISAGREES.into(),
         message,
         span: Some(settings.span),
     }

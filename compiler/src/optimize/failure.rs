@@ -1,7 +1,7 @@
 //! How the solver ended -> diagnostic at the lines of the model that it failed at.
 
 use miette::LabeledSpan;
-use nsd_solver::mpcc::{Solution, Status};
+use nsd_solver::mpcc::{Class, Solution, Status};
 use nsd_solver::problem::Nlp;
 
 use super::Problem;
@@ -25,6 +25,7 @@ pub(super) fn of(problem: &mut Problem, solution: &Solution) -> Option<Failure> 
     let failed = |what: &str| {
         Some(Failure::NotOptimal {
             what: what.to_owned(),
+            is_feasible: solution.is_feasible(),
             lines: vec![whole(span)],
         })
     };
@@ -39,9 +40,7 @@ pub(super) fn of(problem: &mut Problem, solution: &Solution) -> Option<Failure> 
                 span: problem.task.cost_span,
             })
         }
-        Status::Feasible => {
-            failed("a feasible point was reached that was not shown to be stationary")
-        }
+        Status::Feasible => failed(&not_shown(solution)),
         Status::LocallyInfeasible => {
             let violation = solution
                 .residuals
@@ -59,6 +58,7 @@ pub(super) fn of(problem: &mut Problem, solution: &Solution) -> Option<Failure> 
         Status::TimeLimit => Some(Failure::TimeLimit { time: 0.0, span }),
         Status::Evaluation => Some(Failure::NotOptimal {
             what: "a function of the model, or a derivative, is not finite at the guess".to_owned(),
+            is_feasible: false,
             lines: not_finite(problem, &solution.w),
         }),
         Status::NumericalFailure => failed("the solver found no further step"),
@@ -121,6 +121,33 @@ fn line(problem: &Problem, row: usize) -> Option<Span> {
     }
 }
 
+/// What keeps a feasible point from being known to be an optimum.
+fn not_shown(solution: &Solution) -> String {
+    match solution.class {
+        _ if !solution.is_differentiable => {
+            "a feasible point was reached where a derivative is not finite".to_owned()
+        }
+        Class::None => {
+            "a feasible point was reached that was not shown to be stationary".to_owned()
+        }
+        class => format!(
+            "a feasible point was reached that is {class:?}-stationary, which does not exclude descent to first order"
+        ),
+    }
+}
+
+/// Why a stationary point of the program is none of the control problem.
+pub(super) fn descends(rate: f64, settings: &Settings) -> Failure {
+    Failure::NotOptimal {
+        what: format!(
+            "simulations with other free quantities have smaller objectives, by {rate:.1e} per half of their range, \
+             and the program has no such point near this one"
+        ),
+        is_feasible: true,
+        lines: vec![whole(settings.span)],
+    }
+}
+
 /// The statements whose rows are violated most.
 fn lines(problem: &mut Problem, w: &[f64]) -> Vec<LabeledSpan> {
     let mut values = vec![0.0; problem.program.n_rows()];
@@ -161,6 +188,7 @@ pub(super) fn refused(error: &DiscretizeError, settings: &Settings) -> Failure {
     };
     Failure::NotOptimal {
         what: error.to_string(),
+        is_feasible: false,
         lines: vec![line],
     }
 }

@@ -10,12 +10,15 @@
 
 mod branches;
 mod check;
+mod confirm;
+mod descent;
 mod failure;
 mod guess;
 mod moved;
 mod products;
 mod read;
 mod record;
+mod reduced;
 mod rehearsal;
 mod solved;
 mod thaw;
@@ -33,8 +36,8 @@ use crate::ensemble::threads;
 use crate::expr::Var;
 use crate::mpcc::{Mpcc, Program};
 use crate::report::{
-    Certificate, Failure, Kind, Method, MethodOption, Optimum, Stationarity, Stats, Status,
-    Trajectory, Warning,
+    Certificate, Confirmation, Failure, Kind, Method, MethodOption, Optimum, Stationarity, Stats,
+    Status, Trajectory, Warning,
 };
 use crate::simulate::{self, Request};
 use crate::system::System;
@@ -169,6 +172,10 @@ fn run_from<'e>(
         true => branches::settle(&mut problem, &mut solution, &options, &left, watch),
         false => None,
     };
+    let confirmation = match solution.is_feasible() && in_other_mode.is_none() {
+        true => confirm::confirm(&mut problem, &mut solution, &options, &left, watch),
+        false => Confirmation::None,
+    };
     let seconds = (started.elapsed() - built).as_secs_f64();
     let solution = &solution;
     let mut solved = solved::system(&problem, &solution.w);
@@ -191,6 +198,7 @@ fn run_from<'e>(
             .map(|solution| solution.stats.certificate_seconds)
             .sum(),
         branches: solution.others,
+        confirmation,
         ..Optimum::default()
     });
     trajectory.stats.solve_s = seconds;
@@ -205,7 +213,9 @@ fn run_from<'e>(
                 .push(check::unfinished(settings, Some(failure))),
         }
     }
-    trajectory.failure = failure::of(&mut problem, solution).or(in_other_mode);
+    trajectory.failure = failure::of(&mut problem, solution)
+        .or(in_other_mode)
+        .or(check::confirmation(&problem, &mut trajectory));
     if let Some(failure) = &trajectory.failure {
         trajectory.status = failure.status();
     }

@@ -68,27 +68,34 @@ pub(super) fn system<'e>(problem: &Problem<'_, 'e>, w: &[f64]) -> System<'e> {
     for free in &task.initial {
         system.states[free.place].initial = w[layout.before(1, 1) + free.place];
     }
-    let (horizon, steps) = (problem.horizon(w), layout.steps);
-    let instant = |k: usize| horizon * k as f64 / steps as f64;
-    for (i, control) in task.controls.iter().enumerate() {
-        let (fit, times): (Fit, Vec<f64>) = match task.shape {
-            Shape::Constant => (Fit::Hold, (0..steps).map(instant).collect()),
-            Shape::Linear => (Fit::Linear, (0..=steps).map(instant).collect()),
-        };
-        let values: Vec<f64> = layout
-            .control_instants()
-            .map(|(k, _)| w[layout.u(k) + i])
-            .collect();
-        let table = Table::new(fit, &times, &values);
+    for (control, table) in task.controls.iter().zip(tables(problem, w)) {
         system.data.push(Data {
             name: control.name.clone(),
             var: control.var,
-            text: format!("{}: {table}", fit),
-            table: Arc::new(table),
+            text: format!("{}: {table}", table.fit),
+            table,
             span: control.span,
         });
     }
     // Bounds are constraints of the program.
     system.limits.clear();
     system
+}
+
+/// The controls at a point as functions of time.
+pub(super) fn tables(problem: &Problem, w: &[f64]) -> Vec<Arc<Table>> {
+    let layout = &problem.layout;
+    let (horizon, steps) = (problem.horizon(w), layout.steps);
+    let instant = |k: usize| horizon * k as f64 / steps as f64;
+    let task = problem.system.task.iter();
+    let controls = task.flat_map(|task| task.controls.iter().map(|_| task.shape));
+    let table = |(i, shape): (usize, Shape)| {
+        let (fit, times): (Fit, Vec<f64>) = match shape {
+            Shape::Constant => (Fit::Hold, (0..steps).map(instant).collect()),
+            Shape::Linear => (Fit::Linear, (0..=steps).map(instant).collect()),
+        };
+        let values = layout.control_instants().map(|(k, _)| w[layout.u(k) + i]);
+        Arc::new(Table::new(fit, &times, &values.collect::<Vec<f64>>()))
+    };
+    controls.enumerate().map(table).collect()
 }

@@ -389,6 +389,8 @@ pub enum Failure {
     )]
     NotOptimal {
         what: String,
+        /// Whether the constraints are satisfied.
+        is_feasible: bool,
         /// Lines that are to blame, or the experiment.
         #[label(collection)]
         lines: Vec<LabeledSpan>,
@@ -431,6 +433,9 @@ impl Failure {
             Failure::TimeLimit { .. } => Status::TimeLimit,
             Failure::Infeasible { .. } => Status::LocallyInfeasible,
             Failure::Unbounded { .. } => Status::Unbounded,
+            Failure::NotOptimal {
+                is_feasible: true, ..
+            } => Status::Feasible,
             _ => Status::NumericalFailure,
         }
     }

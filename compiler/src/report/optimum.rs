@@ -21,6 +21,8 @@ pub struct Optimum {
     pub check_s: f64,
     /// In how many other branches the same trajectory has a description; near none of them is a better one.
     pub branches: usize,
+    /// What simulations with other free quantities say about the certificate.
+    pub confirmation: Confirmation,
     /// What a simulation with the controls that were found says, where it reached the end.
     pub check: Option<Check>,
 }
@@ -32,4 +34,53 @@ pub struct Check {
     pub terminal_error: f64,
     /// The objective of the simulation less that of the program.
     pub objective_error: f64,
+}
+
+/// What simulations from event to event, with free quantities that differ by a little, say about a certificate.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Confirmation {
+    /// None of them has a smaller objective.
+    Confirmed,
+    /// The objective falls at this rate, per half of the range of a free quantity, and the program does not follow.
+    Descent(f64),
+    /// Nothing: they would take too long.
+    TooLong,
+    /// Nothing: some of them do not reach the end.
+    Unfinished,
+    /// Nothing: the one with the free quantities as they are differs by more than the tolerance.
+    Differs,
+    /// Nothing: there are none.
+    #[default]
+    None,
+}
+
+impl Confirmation {
+    /// The word of the JSON form.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Confirmation::Confirmed => "confirmed",
+            Confirmation::Descent(_) => "descent",
+            Confirmation::TooLong => "too_long",
+            Confirmation::Unfinished => "unfinished",
+            Confirmation::Differs => "differs",
+            Confirmation::None => "none",
+        }
+    }
+
+    /// Why a certificate is that of a program alone.
+    pub fn reason(self) -> Option<&'static str> {
+        match self {
+            Confirmation::Confirmed | Confirmation::None => None,
+            Confirmation::Descent(_) => {
+                Some("simulations with other free quantities have smaller objectives")
+            }
+            Confirmation::TooLong => {
+                Some("simulations with other free quantities would take too long")
+            }
+            Confirmation::Unfinished => {
+                Some("not all simulations with other free quantities reach the end")
+            }
+            Confirmation::Differs => Some("the simulation differs by more than the tolerance"),
+        }
+    }
 }

@@ -5,6 +5,8 @@
 pub enum Status {
     /// To the end of the horizon, or to a solution.
     Solved,
+    /// To a point that satisfies all constraints, and is not known to be an optimum.
+    Feasible,
     /// A stationary point of the violation of the constraints.
     LocallyInfeasible,
     /// The cost has no lower bound.
@@ -20,8 +22,9 @@ pub enum Status {
 
 impl Status {
     /// All of them.
-    pub const ALL: [Status; 6] = [
+    pub const ALL: [Status; 7] = [
         Status::Solved,
+        Status::Feasible,
         Status::LocallyInfeasible,
         Status::Unbounded,
         Status::IterationLimit,
@@ -33,6 +36,7 @@ impl Status {
     pub fn as_str(self) -> &'static str {
         match self {
             Status::Solved => "solved",
+            Status::Feasible => "feasible",
             Status::LocallyInfeasible => "locally_infeasible",
             Status::Unbounded => "unbounded",
             Status::IterationLimit => "iteration_limit",

@@ -245,6 +245,12 @@ fn optimum(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
         (_, 1) => writeln!(text, ", confirmed in a branch that it is in, too")?,
         (_, n) => writeln!(text, ", confirmed in {n} branches that it is in, too")?,
     }
+    if let Some(reason) = optimum.confirmation.reason() {
+        writeln!(
+            text,
+            "  the certificate is that of the program alone: {reason}"
+        )?;
+    }
     if let Some(check) = &optimum.check {
         let (end, objective) = (check.terminal_error, check.objective_error.abs());
         writeln!(

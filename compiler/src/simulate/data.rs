@@ -3,6 +3,7 @@
 //! r = c_0 + s (c_1 + s (c_2 + s c_3)), s = t - q: the coefficients and q, where the piece begins, are numbers
 //! that change at breakpoints.
 
+use std::cell::RefCell;
 use std::sync::Arc;
 
 use crate::expr::{Expr, Substitution, Var};
@@ -12,7 +13,7 @@ use crate::table::Table;
 /// All data of a system, and where its coefficients stand among those of all.
 #[derive(Clone)]
 pub(super) struct Pieces {
-    tables: Vec<Arc<Table>>,
+    tables: RefCell<Vec<Arc<Table>>>,
     n_coefficients: usize,
 }
 
@@ -36,8 +37,9 @@ impl Pieces {
                 polynomials.insert(var, value);
             }
         }
+        let tables = system.data.iter().map(|data| data.table.clone());
         let pieces = Pieces {
-            tables: system.data.iter().map(|data| data.table.clone()).collect(),
+            tables: RefCell::new(tables.collect()),
             n_coefficients: coefficients.len(),
         };
         (pieces, coefficients, polynomials)
@@ -48,10 +50,17 @@ impl Pieces {
         self.n_coefficients
     }
 
+    /// Gives the data from number `first` on other values, of the same fits.
+    pub fn replace(&self, first: usize, tables: &[Arc<Table>]) {
+        let mut known = self.tables.borrow_mut();
+        known[first..first + tables.len()].clone_from_slice(tables);
+    }
+
     /// Writes the coefficients that hold from `t` on; the next breakpoint.
     pub fn write(&self, t: f64, coefficients: &mut [f64]) -> f64 {
         let mut places = coefficients.iter_mut();
-        let ends = self.tables.iter().map(|table| {
+        let tables = self.tables.borrow();
+        let ends = tables.iter().map(|table| {
             let piece = table.piece(t);
             let numbers = [piece.start]
                 .into_iter()

@@ -5,6 +5,7 @@
 //! modes is reported instead of being trusted.
 
 mod adaptive;
+pub(crate) mod again;
 mod bench;
 mod blocks;
 mod data;

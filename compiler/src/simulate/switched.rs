@@ -26,6 +26,7 @@ use super::structure::{self, Structure};
 use super::substituted::{numbers, variable, with_directions, with_numbers};
 use crate::expr::{self, Expr, Exprs, Node, Substitution, Var};
 use crate::system::{self, System};
+use crate::table::Table;
 
 /// x' = f(t, x, α) with the parameters of one experiment.
 pub struct Switched<'e> {
@@ -188,6 +189,11 @@ impl<'e> Switched<'e> {
     pub fn over(mut self, system: &System<'e>, horizon: f64) -> Self {
         self.pulses = Pulses::of(system, horizon);
         self
+    }
+
+    /// Gives the data from number `first` on other values, of the same fits, in the runs to come.
+    pub(super) fn replace_data(&self, first: usize, tables: &[Arc<Table>]) {
+        self.data.replace(first, tables);
     }
 
     /// The number of functions compiled so far, which blocks and surfaces of one form share.

@@ -72,6 +72,8 @@ pub struct Certificate {
     pub is_exact: bool,
     /// Whether no feasible direction descends: `None` where the search met its limit.
     pub b_stationary: Option<bool>,
+    /// Whether all functions and derivatives are finite.
+    pub is_differentiable: bool,
     /// Pairs with both sides zero.
     pub biactive: Vec<usize>,
     /// y of the rows of the vertical form.
@@ -123,11 +125,24 @@ pub fn certify(
 ) -> Certificate {
     let local = Local::new(lifted, w);
     let sets = Sets::new(lifted, w, tolerances.biactive);
+    if !local.is_finite() || !has_finite_curvature(lifted, w, y) {
+        return Certificate {
+            class: Class::None,
+            is_exact: false,
+            b_stationary: None,
+            is_differentiable: false,
+            reduced: local.reduced_gradient(y),
+            y: y.to_vec(),
+            biactive: sets.biactive,
+            descent: None,
+        };
+    }
     let classified = classify(lifted, &local, &sets, y, tolerances);
     let mut certificate = Certificate {
         class: classified.class,
         is_exact: classified.is_exact,
         b_stationary: Some(true),
+        is_differentiable: true,
         reduced: local.reduced_gradient(&classified.y),
         y: classified.y,
         biactive: sets.biactive,
@@ -145,4 +160,11 @@ pub fn certify(
         }
     }
     certificate
+}
+
+/// Whether the Hessian of the Lagrangian has finite entries.
+fn has_finite_curvature(lifted: &mut Lifted<'_>, w: &[f64], y: &[f64]) -> bool {
+    let mut entries = vec![0.0; lifted.hessian_pattern().n_entries()];
+    lifted.hessian(w, 1.0, y, &mut entries);
+    entries.iter().all(|entry| entry.is_finite())
 }

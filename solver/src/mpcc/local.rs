@@ -55,6 +55,13 @@ impl Local {
         }
     }
 
+    /// Whether all values and derivatives are finite.
+    pub fn is_finite(&self) -> bool {
+        let entries = self.jacobian.iter().map(|entry| &entry.2);
+        let all = self.gradient.iter().chain(&self.rows).chain(entries);
+        all.into_iter().all(|value| value.is_finite())
+    }
+
     /// ∇f + Jᵀy.
     pub fn reduced_gradient(&self, y: &[f64]) -> Vec<f64> {
         let mut reduced = self.gradient.clone();

@@ -16,7 +16,7 @@ mod dual;
 mod forcing;
 mod least;
 mod lift;
-mod linear;
+pub mod linear;
 mod local;
 mod lpec;
 mod multistart;
@@ -374,7 +374,9 @@ impl Work<'_> {
             status: match certificate.class {
                 Class::None if best.objective < UNBOUNDED => Status::Unbounded,
                 Class::None => Status::Feasible,
-                _ => Status::Solved,
+                Class::S => Status::Solved,
+                _ if certificate.b_stationary == Some(true) => Status::Solved,
+                _ => Status::Feasible,
             },
             w,
             objective: best.objective,
@@ -383,6 +385,7 @@ impl Work<'_> {
             class: certificate.class,
             is_class_exact: certificate.is_exact,
             b_stationary: certificate.b_stationary,
+            is_differentiable: certificate.is_differentiable,
             biactive: certificate.biactive,
             others,
             stats: self.stats,
@@ -424,6 +427,7 @@ impl Work<'_> {
             class: Class::None,
             is_class_exact: false,
             b_stationary: None,
+            is_differentiable: false,
             biactive: Vec::new(),
             others: 0,
             stats: self.stats,

@@ -6,9 +6,10 @@ use super::class::Class;
 /// Why it ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
-    /// The point is feasible, all pairs are complementary, and its class is not [`Class::None`].
+    /// The point is feasible, all pairs are complementary, and descent to first order is excluded: it is S-stationary,
+    /// or of another class and B-stationary.
     Solved,
-    /// The point is feasible and all pairs are complementary, but it was not shown to be stationary.
+    /// The point is feasible and all pairs are complementary, but descent was not excluded.
     Feasible,
     /// No way that was tried led to a feasible point, and the violation is locally least.
     LocallyInfeasible,
@@ -95,6 +96,8 @@ pub struct Solution {
     pub is_class_exact: bool,
     /// Whether no feasible direction descends; `None` where that is not known.
     pub b_stationary: Option<bool>,
+    /// Whether all functions and derivatives are finite at the point; no class is shown where they are not.
+    pub is_differentiable: bool,
     /// Pairs with both sides zero.
     pub biactive: Vec<usize>,
     /// In how many other branches a point that means the same is known; near none of them the objective is smaller.

@@ -6,6 +6,7 @@
 //! `tests/tests/families.rs` runs a few cases of each, `tests/benches/stress.rs` all, as a table.
 
 mod contacts;
+mod controls;
 mod events;
 mod large;
 mod masses;
@@ -93,6 +94,7 @@ pub struct Case {
     known: Vec<Known>,
     times: Option<Vec<f64>>,
     switches: Option<usize>,
+    optimal: Option<controls::Problem>,
 }
 
 /// What a model needs besides its text.
@@ -128,6 +130,17 @@ impl Case {
             known: Vec::new(),
             times: None,
             switches: None,
+            optimal: None,
+        }
+    }
+
+    /// A problem of optimal control, which has an experiment of its own.
+    fn optimal(problem: controls::Problem, hardness: impl fmt::Display) -> Self {
+        Case {
+            optimal: Some(problem),
+            ..Case::new(hardness, "", 0.0)
+                .by("optimize")
+                .promises(Promise::AccuracyOrReport)
         }
     }
 
@@ -223,6 +236,9 @@ impl Case {
 
     /// The model and its experiment, `run`.
     pub fn text(&self) -> String {
+        if let Some(problem) = &self.optimal {
+            return problem.text();
+        }
         let (method, tolerance) = (&self.method, self.tolerance);
         let semicolon = if method.ends_with('}') { "" } else { ";" };
         let (kind, method) = match method.strip_prefix("optimize") {
@@ -249,6 +265,9 @@ impl Case {
 
     /// Runs it and compares.
     pub fn run(&self) -> Outcome {
+        if let Some(problem) = &self.optimal {
+            return problem.run();
+        }
         let request = Request {
             dense: false,
             time_limit: Some(self.limit),
@@ -418,6 +437,7 @@ pub fn families(extent: Extent) -> Vec<Family> {
         masses::families(extent),
         large::families(extent),
         steps::families(extent),
+        controls::families(extent),
     ]
     .concat()
 }

@@ -1,0 +1,164 @@
+//! A certificate of the control problem, not of its program.
+//!
+//! A program sees what is around a point in the branch that it is in: where a switch meets the end of a control interval
+//! or of the horizon, where slip comes to rest in an element that has no length, other branches describe the same
+//! trajectory. So the free quantities are changed and simulated. Where there is descent, the program is solved again from
+//! the simulation after a step along it.
+
+use std::time::Duration;
+
+use nsd_solver::mpcc::{self, Options, Solution};
+
+use super::descent::{Found, LARGE, SMALL, Search};
+use super::reduced::Reduced;
+use super::{Problem, Watch, rehearsal};
+use crate::report::Confirmation;
+
+/// How often a program is solved again.
+const MAX_ROUNDS: usize = 10;
+/// Decreases of the objective, relative to it, that are none.
+const NO_GAIN: f64 = 1e-8;
+/// Simulations are made as long as they take fewer steps than this, times the number of states.
+const MAX_EFFORT: usize = 200_000;
+/// Multipliers of constraints are weighted by so much more.
+const WEIGHT: f64 = 2.0;
+/// Errors of derivatives are so many times those of the objective, at most.
+const DOUBT: f64 = 10.0;
+
+/// A better point, if there is one near.
+struct Better {
+    w: Vec<f64>,
+    /// By how much the objective falls per size of a free quantity.
+    rate: f64,
+    /// Whether it falls to first order.
+    is_descent: bool,
+}
+
+/// Confirms a solution by simulations, or replaces it by a better one as long as there is descent.
+pub(super) fn confirm(
+    problem: &mut Problem,
+    solution: &mut Solution,
+    options: &Options,
+    left: &dyn Fn() -> Option<Duration>,
+    watch: &mut dyn Watch,
+) -> Confirmation {
+    let mut rounds = 0..MAX_ROUNDS;
+    loop {
+        let better = match look(problem, solution, left()) {
+            Ok(better) => better,
+            Err(confirmation) => return confirmation,
+        };
+        // What is only better at some distance is another minimum.
+        let unfollowed = match better.is_descent {
+            true => Confirmation::Descent(better.rate),
+            false => Confirmation::Confirmed,
+        };
+        if rounds.next().is_none() {
+            return unfollowed;
+        }
+        let Some(found) = from(problem, better.w, options, left, watch) else {
+            return unfollowed;
+        };
+        let gain = NO_GAIN * solution.objective.abs().max(NO_GAIN);
+        if !found.is_feasible() || found.objective >= solution.objective - gain {
+            return unfollowed;
+        }
+        let iterations = solution.stats.iterations;
+        *solution = found;
+        solution.stats.iterations += iterations;
+    }
+}
+
+/// The solution of the program that is found from a simulation with the free quantities of a point.
+fn from(
+    problem: &mut Problem,
+    mut w: Vec<f64>,
+    options: &Options,
+    left: &dyn Fn() -> Option<Duration>,
+    watch: &mut dyn Watch,
+) -> Option<Solution> {
+    // Controls that change have no simulation in numerical time.
+    if problem.frozen.is_some() {
+        return None;
+    }
+    let run = problem.simulated(&w, left());
+    if !rehearsal::in_modes(problem, &run, &mut w) {
+        return None;
+    }
+    let options = Options {
+        trusts_start: true,
+        effort: 0,
+        time_limit: left(),
+        ..options.clone()
+    };
+    Some(mpcc::solve_observed(
+        &mut problem.program,
+        &w,
+        &options,
+        watch,
+    ))
+}
+
+/// A better point near a solution, or what else simulations say.
+fn look(
+    problem: &Problem,
+    solution: &Solution,
+    time_limit: Option<Duration>,
+) -> Result<Better, Confirmation> {
+    let w = &solution.w;
+    let Some(reduced) = Reduced::new(problem, w, time_limit) else {
+        return Err(Confirmation::None);
+    };
+    if reduced.quantities.is_empty() {
+        return Err(Confirmation::Confirmed);
+    }
+    let base = reduced.at(w);
+    let n_states = problem.system.states.len();
+    let steps = base
+        .as_ref()
+        .map_or(problem.layout.steps, |base| base.steps);
+    if 2 * reduced.quantities.len() * steps * n_states > MAX_EFFORT {
+        return Err(Confirmation::TooLong);
+    }
+    let multipliers = &solution.multipliers;
+    let all = (multipliers.rows.iter())
+        .chain(&multipliers.lower)
+        .chain(&multipliers.upper);
+    let largest = all.fold(0.0, |m: f64, y| m.max(y.abs()));
+    let error = base
+        .as_ref()
+        .map_or(0.0, |base| (base.cost - solution.objective).abs());
+    let search = Search {
+        reduced: &reduced,
+        w,
+        objective: solution.objective,
+        base: base.as_ref(),
+        weight: WEIGHT * largest.max(1.0),
+        doubt: DOUBT * error,
+    };
+    // First to first order; curvature, and switches that are near, show in larger changes.
+    let found = match search.descent(SMALL) {
+        Found::Nothing => match search.descent(LARGE) {
+            Found::Descent { w, rate, .. } => Found::Descent {
+                w,
+                rate,
+                is_first_order: false,
+            },
+            _ => search.distant(),
+        },
+        found => found,
+    };
+    match found {
+        Found::Nothing => Err(Confirmation::Confirmed),
+        Found::Unknown => Err(Confirmation::Unfinished),
+        Found::Descent {
+            w,
+            rate,
+            is_first_order,
+        } => Ok(Better {
+            w,
+            rate,
+            is_descent: is_first_order,
+        }),
+    }
+}

@@ -1,0 +1,309 @@
+//! Descent in the free quantities of a task, by differences of simulations.
+//!
+//! Each free quantity is changed by a little in both directions, as far as its bounds allow. A linear program in these
+//! changes, with one-sided differences of the objective and of the constraints that are near, says whether there is
+//! descent that keeps them. What it finds counts where a simulation confirms it.
+
+use nsd_solver::mpcc::linear::{LinearProgram, Outcome, solve};
+
+use super::reduced::{Quantity, Reduced, Values};
+
+/// Changes of quantities, as shares of their sizes: for derivatives, and for what curves or switches near a point.
+pub(super) const SMALL: f64 = 1e-4;
+pub(super) const LARGE: f64 = 1e-2;
+/// Changes that bounds leave no more than this share of are none.
+const LEAST_ROOM: f64 = 1e-2;
+/// Decreases per size of a quantity that count: relative to the objective, and others.
+const RELATIVE: f64 = 3e-4;
+const ABSOLUTE: f64 = 1e-5;
+/// Constraints that are farther away, relative to their values, are not near.
+const NEAR: f64 = 1e-2;
+/// Shares of ranges at which all controls are tried.
+const LEVELS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
+/// By which factor steps grow, and how often.
+const FACTOR: f64 = 4.0;
+const MOST_STEPS: usize = 10;
+/// The time for a linear program, in seconds.
+const SECONDS: f64 = 1.0;
+
+/// What differences say about a point.
+pub(super) enum Found {
+    /// No descent along any of the quantities.
+    Nothing,
+    /// A better point, and by how much the objective falls per size of a quantity.
+    Descent {
+        w: Vec<f64>,
+        rate: f64,
+        /// Whether it falls so in small changes.
+        is_first_order: bool,
+    },
+    /// Simulations do not say.
+    Unknown,
+}
+
+/// A change of one quantity.
+struct Column {
+    index: usize,
+    /// The change, with its sign.
+    step: f64,
+    /// By how much the objective and the rows change.
+    cost: f64,
+    rows: Vec<f64>,
+}
+
+/// Looks for descent from a point with an objective and, where it can be simulated, its values. `weight` is above the
+/// multipliers of constraints, `doubt` an error of the objective.
+pub(super) struct Search<'s, 'r, 'p, 'e> {
+    pub reduced: &'s Reduced<'r, 'p, 'e>,
+    pub w: &'s [f64],
+    pub objective: f64,
+    pub base: Option<&'s Values>,
+    pub weight: f64,
+    pub doubt: f64,
+}
+
+impl Search<'_, '_, '_, '_> {
+    /// What counts as a decrease per size of a quantity.
+    fn threshold(&self) -> f64 {
+        (RELATIVE * self.objective.abs() + ABSOLUTE).max(self.doubt)
+    }
+
+    /// Looks along all quantities, in changes of such a share of their sizes.
+    pub fn descent(&self, change: f64) -> Found {
+        let mut columns = Vec::new();
+        let mut is_complete = self.base.is_some();
+        for quantity in &self.reduced.quantities {
+            let full = change * quantity.size;
+            let first = columns.len();
+            for sign in [1.0, -1.0] {
+                let value = self.w[quantity.index];
+                let room = match sign > 0.0 {
+                    true => quantity.upper - value,
+                    false => value - quantity.lower,
+                };
+                if room < LEAST_ROOM * full {
+                    continue;
+                }
+                match self.column(quantity.index, sign * full.min(room)) {
+                    Some(column) => columns.push(column),
+                    None => is_complete = false,
+                }
+            }
+            // At a maximum either way is down, and both together are none.
+            if let [up, down] = &columns[first..]
+                && up.cost < 0.0
+                && down.cost < 0.0
+            {
+                let worse = if up.cost <= down.cost {
+                    first + 1
+                } else {
+                    first
+                };
+                columns.remove(worse);
+            }
+        }
+        let nothing = || match is_complete {
+            true => Found::Nothing,
+            false => Found::Unknown,
+        };
+        let Some(direction) = self.direction(&columns, change) else {
+            return nothing();
+        };
+        match self.follow(&direction, change) {
+            Some((w, rate)) => Found::Descent {
+                w,
+                rate,
+                is_first_order: change == SMALL,
+            },
+            None => nothing(),
+        }
+    }
+
+    /// The best of points that are far away: every quantity alone at its bounds, and all controls at equal shares of
+    /// their ranges.
+    pub fn distant(&self) -> Found {
+        let bounded = |quantity: &&Quantity| (quantity.upper - quantity.lower).is_finite();
+        let bounded: Vec<&Quantity> = self.reduced.quantities.iter().filter(bounded).collect();
+        let mut points: Vec<Vec<f64>> = Vec::new();
+        for quantity in &bounded {
+            for value in [quantity.lower, quantity.upper] {
+                let mut w = self.w.to_vec();
+                w[quantity.index] = value;
+                points.push(w);
+            }
+        }
+        for level in LEVELS {
+            let mut w = self.w.to_vec();
+            for quantity in bounded.iter().filter(|quantity| quantity.is_control) {
+                let range = quantity.upper - quantity.lower;
+                w[quantity.index] = quantity.lower + level * range;
+            }
+            points.push(w);
+        }
+        let merit = |w: Vec<f64>| Some((self.merit(&self.reduced.at(&w)?), w));
+        let best = (points.into_iter().filter_map(merit)).min_by(|a, b| a.0.total_cmp(&b.0));
+        match best {
+            Some((merit, w)) if merit < self.objective - self.threshold() => Found::Descent {
+                w,
+                rate: self.objective - merit,
+                is_first_order: false,
+            },
+            _ => Found::Nothing,
+        }
+    }
+
+    /// What one change does. Where the point itself has no simulation, it is the difference of two changes.
+    fn column(&self, index: usize, step: f64) -> Option<Column> {
+        let at = |share: f64| {
+            let mut w = self.w.to_vec();
+            w[index] += share * step;
+            self.reduced.at(&w)
+        };
+        let near = at(1.0)?;
+        let (from, to) = match self.base {
+            Some(base) => (base.clone(), near),
+            None => {
+                let half = at(0.5)?;
+                (half, near)
+            }
+        };
+        let share = if self.base.is_some() { 1.0 } else { 2.0 };
+        let rows = from.rows.iter().zip(&to.rows);
+        Some(Column {
+            index,
+            step,
+            cost: share * (to.cost - from.cost),
+            rows: rows.map(|(from, to)| share * (to - from)).collect(),
+        })
+    }
+
+    /// Changes of the quantities together that descend to first order, if there are any.
+    fn direction(&self, columns: &[Column], change: f64) -> Option<Vec<(usize, f64)>> {
+        let least = self.threshold() * change;
+        if columns.iter().all(|column| column.cost >= -least) && self.near_rows().is_empty() {
+            return None;
+        }
+        let shares = self.shares(columns)?;
+        let decrease: f64 = (columns.iter().zip(&shares))
+            .map(|(c, s)| -c.cost * s)
+            .sum();
+        // Each of the changes that take part has to be worth it.
+        let count: f64 = shares.iter().sum();
+        (decrease > least && decrease > 0.1 * least * count).then(|| {
+            let moves = columns
+                .iter()
+                .zip(&shares)
+                .filter(|(_, share)| **share > 1e-3);
+            moves
+                .map(|(column, share)| (column.index, share * column.step))
+                .collect()
+        })
+    }
+
+    /// The constraints that are near, by their numbers, with the room that they leave.
+    fn near_rows(&self) -> Vec<(usize, [f64; 2])> {
+        let Some(base) = self.base else {
+            return Vec::new();
+        };
+        let rows = base.rows.iter().zip(self.reduced.bounds()).enumerate();
+        let near = rows.filter_map(|(i, (&value, (lower, upper)))| {
+            if lower == upper {
+                return Some((i, [0.0, 0.0]));
+            }
+            let room = [value - lower, upper - value].map(|room| room.max(0.0));
+            let is_near = room[0].min(room[1]) <= NEAR * value.abs().max(1.0);
+            is_near.then_some((i, room))
+        });
+        near.collect()
+    }
+
+    /// The shares of the columns, in [0, 1], that descend most and keep the rows to first order.
+    fn shares(&self, columns: &[Column]) -> Option<Vec<f64>> {
+        let largest = columns
+            .iter()
+            .fold(0.0, |m: f64, column| m.max(-column.cost));
+        let rows = self.near_rows();
+        if rows.is_empty() {
+            // Without constraints steepest descent does.
+            let share = |column: &Column| (-column.cost / largest).max(0.0);
+            return (largest > 0.0).then(|| columns.iter().map(share).collect());
+        }
+        let n = columns.len();
+        let scale = columns
+            .iter()
+            .fold(0.0, |m: f64, column| m.max(column.cost.abs()));
+        if scale == 0.0 {
+            return None;
+        }
+        let mut program = LinearProgram {
+            cost: columns.iter().map(|column| column.cost / scale).collect(),
+            lower: vec![0.0; n],
+            upper: vec![1.0; n],
+            ..LinearProgram::default()
+        };
+        for (row, room) in rows {
+            let changes = columns.iter().map(|column| column.rows[row]);
+            let reach: f64 = changes.clone().map(f64::abs).sum();
+            if reach == 0.0 || room.iter().all(|room| *room > reach) {
+                continue;
+            }
+            let place = program.row_lower.len();
+            program.row_lower.push(-room[0] / reach);
+            program.row_upper.push(room[1] / reach);
+            let entries = changes.enumerate().filter(|(_, change)| *change != 0.0);
+            program
+                .entries
+                .extend(entries.map(|(column, change)| (place, column, change / reach)));
+        }
+        match solve(&program, &program.lower, &program.upper, SECONDS) {
+            Outcome::Optimal(shares) => Some(shares),
+            Outcome::Infeasible | Outcome::Failed => None,
+        }
+    }
+
+    /// The objective with constraints that are violated more than at the point itself.
+    fn merit(&self, values: &Values) -> f64 {
+        let base = self.base.map(|base| &base.rows);
+        let rows = values.rows.iter().zip(self.reduced.bounds()).enumerate();
+        let violation =
+            |value: f64, (lower, upper): (f64, f64)| (lower - value).max(value - upper).max(0.0);
+        let more: f64 = rows
+            .map(|(i, (&value, bounds))| {
+                let known = base.map_or(0.0, |base| violation(base[i], bounds));
+                (violation(value, bounds) - known).max(0.0)
+            })
+            .sum();
+        values.cost + self.weight * more
+    }
+
+    /// The best point along a direction, and the rate at which the merit falls; none where it does not.
+    fn follow(&self, direction: &[(usize, f64)], change: f64) -> Option<(Vec<f64>, f64)> {
+        let objective = self.base.map_or(self.objective, |base| base.cost);
+        let at = |share: f64| {
+            let mut w = self.w.to_vec();
+            for &(index, step) in direction {
+                w[index] += share * step;
+            }
+            for quantity in &self.reduced.quantities {
+                let value = &mut w[quantity.index];
+                *value = value.max(quantity.lower).min(quantity.upper);
+            }
+            let values = self.reduced.at(&w)?;
+            Some((self.merit(&values), w))
+        };
+        let (merit, w) = at(1.0)?;
+        let rate = (objective - merit) / change;
+        if rate <= self.threshold() {
+            return None;
+        }
+        let (mut best, mut point, mut share) = (merit, w, 1.0);
+        for _ in 0..MOST_STEPS {
+            share *= FACTOR;
+            let Some((merit, w)) = at(share).filter(|(merit, _)| *merit < best) else {
+                break;
+            };
+            (best, point) = (merit, w);
+        }
+        Some((point, rate))
+    }
+}

@@ -1,0 +1,114 @@
+//! Runs of one system again and again, with other data, initial states and horizons: what differences are made of.
+//!
+//! Its functions are compiled once, as they are met.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::time::Duration;
+
+use nsd_solver::simulate::{self as solver, Observer, Segment, Simulator, Status};
+
+use super::switched::Switched;
+use crate::system::System;
+use crate::table::Table;
+
+/// A system that is ready to be run.
+pub(crate) struct Prepared<'e> {
+    switched: Switched<'e>,
+    tolerance: f64,
+    time_limit: Option<Duration>,
+}
+
+/// What a run gives.
+#[derive(Clone, Debug)]
+pub(crate) struct Values {
+    /// The state at the end, behind what jumps there, and α.
+    pub end: Vec<f64>,
+    /// The state and α at the instants that were asked for, before what jumps there.
+    pub at: Vec<Vec<f64>>,
+    /// Steps that were taken.
+    pub steps: usize,
+}
+
+impl<'e> Prepared<'e> {
+    /// A system as it stands, for runs to about this horizon.
+    pub fn new(
+        system: &System<'e>,
+        horizon: f64,
+        tolerance: f64,
+        time_limit: Option<Duration>,
+    ) -> Self {
+        Prepared {
+            switched: Switched::new(system).over(system, horizon),
+            tolerance,
+            time_limit,
+        }
+    }
+
+    /// A simulator of it, for several runs.
+    pub fn simulator(&self) -> Simulator<'_, Switched<'e>> {
+        let settings = solver::Settings {
+            tolerance: self.tolerance,
+            time_limit: self.time_limit,
+            ..solver::Settings::default()
+        };
+        Simulator::new(&self.switched, settings)
+    }
+
+    /// Gives the data from number `first` on other values, of the same fits.
+    pub fn replace_data(&self, first: usize, tables: &[Arc<Table>]) {
+        self.switched.replace_data(first, tables);
+    }
+}
+
+/// A run to the horizon, with values at ascending instants; nothing where it ends before.
+pub(crate) fn values(
+    simulator: &mut Simulator<'_, Switched<'_>>,
+    x0: &[f64],
+    horizon: f64,
+    instants: &[f64],
+) -> Option<Values> {
+    let mut seen = Seen {
+        instants,
+        at: Vec::with_capacity(instants.len()),
+        row: vec![0.0; x0.len()],
+        alpha: Vec::new(),
+    };
+    let outcome = simulator.run(0.0, horizon, x0, &mut seen);
+    if outcome.status != Status::Solved {
+        return None;
+    }
+    let end: Vec<f64> = outcome.x.into_iter().chain(outcome.alpha).collect();
+    // The last instants may be beyond the last step by rounding.
+    let missing = instants.len() - seen.at.len();
+    seen.at.extend((0..missing).map(|_| end.clone()));
+    Some(Values {
+        end,
+        at: seen.at,
+        steps: outcome.stats.steps,
+    })
+}
+
+/// The rows at instants of a run.
+struct Seen<'i> {
+    instants: &'i [f64],
+    at: Vec<Vec<f64>>,
+    row: Vec<f64>,
+    alpha: Vec<f64>,
+}
+
+impl Observer for Seen<'_> {
+    fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
+        let end = segment.start + segment.length;
+        self.alpha.resize(segment.sides.len(), 0.0);
+        while let Some(&t) = self.instants.get(self.at.len()).filter(|t| **t <= end) {
+            let tau = t - segment.start;
+            segment.state(tau, &mut self.row);
+            segment.alpha(tau, &mut self.alpha);
+            self.at.push([&self.row[..], &self.alpha].concat());
+        }
+        ControlFlow::Continue(())
+    }
+
+    fn event(&mut self, _: &solver::Event) {}
+}
