@@ -1,6 +1,7 @@
 //! Tests of [`super::switches`].
 
 use super::affine::multi_affine;
+use super::surface::Known;
 use super::switches::{Entry, Switches};
 use crate::expr::{Expr, Exprs, Var};
 use crate::source::Span;
@@ -10,7 +11,7 @@ use rustc_hash::FxHashMap;
 
 /// The expression in α, then every ψ.
 fn replaced<'e>(exprs: &'e Exprs, e: Expr<'e>) -> String {
-    let mut switches = Switches::new(exprs, [exprs.variable("time")], FxHashMap::default());
+    let mut switches = Switches::new(exprs, [exprs.variable("time")], Known::default());
     let e = switches.replace(e, Span::default());
     let e = switches.merged(e);
     for (k, switch) in switches.list.iter().enumerate() {
@@ -75,7 +76,11 @@ fn parameters_decide_the_sign_of_factors() {
     let exprs = Exprs::new();
     let [x, k] = ["x", "k"].map(|name| exprs.variable(name));
     let params = FxHashMap::from_iter([(k.as_variable().unwrap(), -3.0)]);
-    let mut switches = Switches::new(&exprs, [exprs.variable("time")], params);
+    let known = Known {
+        numbers: params,
+        ..Known::default()
+    };
+    let mut switches = Switches::new(&exprs, [exprs.variable("time")], known);
     let first = switches.enter(x, x, Entry::Condition);
     let second = switches.enter(k * x, k * x, Entry::Condition);
     assert_eq!(switches.list.len(), 1);
@@ -111,7 +116,7 @@ proptest! {
         let exprs = Exprs::new();
         let vars = ["x", "y", "z"].map(|name| exprs.variable(name));
         let e = random(&vars, &mut choices.into_iter(), 4);
-        let mut switches = Switches::new(&exprs, [exprs.variable("time")], FxHashMap::default());
+        let mut switches = Switches::new(&exprs, [exprs.variable("time")], Known::default());
         let replaced = switches.replace(e, Span::default());
         prop_assume!(switches.refused.is_empty());
         let replaced = switches.merged(replaced);

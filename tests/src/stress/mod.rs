@@ -7,6 +7,7 @@
 
 mod contacts;
 mod events;
+pub mod free;
 mod large;
 mod masses;
 mod stiff;
