@@ -1,8 +1,13 @@
 //! Free parameters reach everything that is computed from them, or an error says that they cannot.
 
+use std::time::Duration;
+
 use nsd_tests::stress::{Extent, free};
-use nsd_tests::{end, solved_optimum};
+use nsd_tests::{end, solved_optimum, with_experiment};
 use nsdc::diagnostics::Diagnostics;
+use nsdc::optimize;
+use nsdc::report::Status;
+use nsdc::simulate::Request;
 use nsdc::source::SourceMap;
 use nsdc::{check, syntax};
 
@@ -127,4 +132,25 @@ fn simulations_beside_the_optimum_are_not_better() {
         .filter_map(|instance| Some(format!("{}: {}", instance.name, instance.judge().err()?)))
         .collect();
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// No time is no start but the first one, and no run besides.
+#[test]
+fn a_time_limit_bounds_all_starts() {
+    let text = "model m { state x = 1; control u in [-1, 1] = 0; x' = u - sign(x); }
+        optimize o of m { horizon 1; intervals 4; minimize final((x + 0.3)^2); starts 50 by gauss(0.5); }";
+    let request = Request {
+        time_limit: Some(Duration::ZERO),
+        ..Request::default()
+    };
+    let found = with_experiment(text, "o", |compiled| {
+        let (system, settings) = (&compiled.system, &compiled.settings);
+        let task = settings.optimize.as_ref().expect("an optimization");
+        optimize::run(system, settings, task, &[], &request, &mut ())
+            .expect("the problem can be discretized")
+            .trajectory
+    });
+    assert_eq!(found.status, Status::TimeLimit);
+    let optimum = found.optimum.expect("what is known of the starts");
+    assert_eq!((optimum.starts, optimum.check), (1, None));
 }
