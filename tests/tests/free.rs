@@ -91,6 +91,25 @@ fn bounds_follow_free_parameters() {
     close(optimum(body, "horizon 1; minimize final(y);").1, -2.0, 1e-8);
 }
 
+/// Friction μ that would have to be negative for the target is zero: from 1, half a second takes it to 1/2.
+#[test]
+fn coefficients_of_contacts_keep_their_ranges() {
+    let text = "model m {
+          param mu in [-1, 2] = 0.3; param k = mu/2;
+          state q[2] = [0, 0]; state v[2] = [1, 0]; q' = v;
+          mechanics q, v { mass = eye(2); force = [0, -9.81];
+            contact floor { gap = q[2]; slip = v[1]; friction = 2*k; restitution = 0; } }
+        }
+        optimize o of m { horizon 0.5; intervals 4; elements 2; lower impact;
+          minimize final((q[1] - 0.8)^2); free { mu; } }";
+    let found = solved_optimum(text, "o");
+    close(
+        found.objective.expect("an optimum has an objective"),
+        0.09,
+        1e-6,
+    );
+}
+
 fn codes(text: &str) -> Vec<String> {
     let (mut sources, mut diags) = (SourceMap::new(), Diagnostics::new());
     let source = sources.add("test.nsd", text);
