@@ -6,7 +6,7 @@ mod support;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use nsd_tests::stress::{Case, Extent, Family, Outcome, families};
+use nsd_tests::stress::{Case, Extent, Family, Outcome, families, free};
 use support::print;
 
 /// A first argument chooses families by a part of their name.
@@ -21,6 +21,12 @@ fn main() -> ExitCode {
         {
             section(&family, &mut tally);
         }
+    }
+    if chosen
+        .as_ref()
+        .is_none_or(|part| "free parameters".contains(part.as_str()))
+    {
+        free_parameters(&mut tally);
     }
     let Tally {
         met,
@@ -37,6 +43,20 @@ fn main() -> ExitCode {
         ExitCode::SUCCESS
     } else {
         ExitCode::FAILURE
+    }
+}
+
+/// Optimizations against simulations beside the optimum.
+fn free_parameters(tally: &mut Tally) {
+    print("\n## free parameters\n");
+    for instance in free::instances(Extent::Long) {
+        match instance.judge() {
+            Ok(()) => tally.met += 1,
+            Err(reason) => {
+                tally.broken += 1;
+                print(&format!("{}: **{reason}**", instance.name));
+            }
+        }
     }
 }
 

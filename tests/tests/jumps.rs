@@ -1,6 +1,6 @@
 //! State jumps against closed forms.
 
-use nsd_tests::{end, run, times, with_experiment};
+use nsd_tests::{end, optimum, run, times, with_experiment};
 use nsdc::report::{EventKind, Failure, Status, Trajectory};
 
 const BALL: &str = include_str!("../../examples/bouncing_ball.nsd");
@@ -349,5 +349,49 @@ fn a_run_ends_behind_a_jump_at_its_end() {
         assert_eq!(end(&trajectory, "v"), [0.5]);
         let expected = trajectory.row_at(0.2).expect("the end is known");
         assert_eq!(expected[..2], [0.0, 0.5], "what is expected at the end");
+    }
+}
+
+/// One instant is one number: both rows of a jump have the time of its event, whatever has found it.
+#[test]
+fn both_rows_of_a_jump_have_the_time_of_its_event() {
+    let ball = "state q = 1; state v = 0; q' = v;
+        mechanics q, v { mass = 1; force = -9.81; contact floor { gap = q; restitution = 0.8; } }";
+    let saw = "param T = 0.07; state s = 0; state n = 0; s' = 1; n' = 0;
+        jump reset when s >= T { s := 0; n := n + 1; }";
+    for (model, settings) in [
+        (saw, "horizon 1;"),
+        (ball, "horizon 2;"),
+        (ball, "horizon 2; lower timefreezing;"),
+        (ball, "horizon 2; method fesd { steps = 30; } lower impact;"),
+        (
+            ball,
+            "horizon 2; method fesd { steps = 30; } lower timefreezing;",
+        ),
+    ] {
+        let text = format!("model m {{ {model} }} simulate this of m {{ {settings} }}");
+        one_number_each(&run(&text, "this"), settings);
+    }
+    let thrown = "state q = 1; state v = 0; control u in [-5, 5] = 0; q' = v;
+        mechanics q, v { mass = 1; force = u - 9.81; contact floor { gap = q; restitution = 0.8; } }";
+    let text = format!(
+        "model m {{ {thrown} }}
+         optimize this of m {{ horizon 1.4; intervals 20; elements 2; lower impact;
+           minimize final((q - 0.3)^2) + integral(0.01*u^2); }}"
+    );
+    one_number_each(&optimum(&text, "this"), "optimize");
+}
+
+#[track_caller]
+fn one_number_each(trajectory: &Trajectory, name: &str) {
+    let jumps = times(trajectory, EventKind::Jump);
+    assert!(!jumps.is_empty(), "{name}");
+    for pair in trajectory.time.windows(2) {
+        let apart = pair[1] - pair[0];
+        assert!(apart == 0.0 || apart > 1e-9, "{name}: {pair:?}");
+    }
+    for jump in jumps {
+        let rows = trajectory.time.iter().filter(|time| **time == jump);
+        assert!(rows.count() >= 2, "{name}: a jump at {jump}");
     }
 }

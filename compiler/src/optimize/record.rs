@@ -37,9 +37,12 @@ pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Traje
         // Clocks are continuous but for rounding.
         let from = instants[0].max(t).min(horizon);
         let mut to = instants[layout.end].max(from).min(horizon);
-        // The lengths of the elements of an interval add up to it but for rounding.
-        if j == layout.elements && (to - instant(k)).abs() <= SHORTEST * horizon {
+        // The lengths of the elements of an interval add up to it but for rounding, and what is shorter is an instant.
+        let is_near = |instant: f64| (to - instant).abs() <= SHORTEST * horizon;
+        if is_near(instant(k)) {
             to = instant(k).max(from);
+        } else if is_near(from) {
+            to = from;
         }
         let left = left(problem, &follows, w, (k, j));
         let x = |m: usize| match m {

@@ -365,7 +365,7 @@ impl Observer for Comparison<'_> {
                 *scale = scale.max(x.abs());
             }
         }
-        let end = segment.start + segment.length;
+        let end = segment.until;
         // Beyond the next jump of the first run, which this one has not met yet.
         let known = self
             .jumps

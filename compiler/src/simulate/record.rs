@@ -123,7 +123,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
     }
 
     fn push(&mut self, t: f64) {
-        // An event is where a step ends, but for rounding.
+        // Of the limit of a series of events, rounding may be before the last one of them.
         let t = self.times.last().map_or(t, |last| t.max(*last));
         self.system.see(t, &self.x, &mut self.alpha);
         self.times.push(t);
@@ -403,11 +403,11 @@ pub(crate) fn recorded(
 
 impl Observer for Recorder<'_, '_> {
     fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
-        let end = segment.start + segment.length;
+        let end = segment.until;
         self.limits.segment(segment);
         if let Some(known) = &mut self.pieces {
             let mut piece = pieces::of_segment(segment, end, self.data);
-            // An event is where a step ends, but for rounding.
+            // Pieces of a run are without gaps.
             piece.from = known
                 .last()
                 .map_or(piece.from, |last| piece.from.max(last.to));

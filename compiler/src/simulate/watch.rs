@@ -54,7 +54,7 @@ impl<O: Observer> Observer for Watched<'_, O> {
     fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
         self.progress.steps += 1;
         if self.progress.steps.is_multiple_of(STEPS) {
-            self.progress.time = segment.start + segment.length;
+            self.progress.time = segment.until;
             (self.watch)(self.progress);
         }
         self.observer.segment(segment)

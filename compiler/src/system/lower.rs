@@ -71,12 +71,15 @@ pub fn lower<'e>(
     let (outputs, controls) = lowering.recorded();
     let named = lowering.named_surfaces();
     let limits = lowering.limits();
-    let task = lowering.task(diags);
+    let mut task = lowering.task(diags);
     lowering.find_contacts(&mut laws, &mut rates, &regions, (&outputs, &limits), diags);
     let (mut contacts, mut impulsive) = (Vec::new(), Vec::new());
     match settings.steps_through_contacts() {
         true => impulsive = lowering.impulsive(&rates, diags),
         false => contacts = lowering.contacts(&mut rates, diags),
+    }
+    if let Some(task) = &mut task {
+        task.rows.extend(lowering.coefficient_rows(&contacts));
     }
     lowering.projections(&mut rates, diags);
     let algebraics = lowering.keep_algebraics(&implicit, &mut rates, diags);

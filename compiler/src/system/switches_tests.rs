@@ -76,14 +76,11 @@ fn parameters_decide_the_sign_of_factors() {
     let exprs = Exprs::new();
     let [x, k] = ["x", "k"].map(|name| exprs.variable(name));
     let params = FxHashMap::from_iter([(k.as_variable().unwrap(), -3.0)]);
-    let mut switches = Switches::new(
-        &exprs,
-        [exprs.variable("time")],
-        Known {
-            numbers: params,
-            ..Known::default()
-        },
-    );
+    let known = Known {
+        numbers: params,
+        ..Known::default()
+    };
+    let mut switches = Switches::new(&exprs, [exprs.variable("time")], known);
     let first = switches.enter(x, x, Entry::Condition);
     let second = switches.enter(k * x, k * x, Entry::Condition);
     assert_eq!(switches.list.len(), 1);

@@ -10,9 +10,9 @@ use std::fmt;
 use super::experiment::Tied;
 use super::limits::Allowed;
 use super::lower::Lowering;
-use super::{State, System};
+use super::{Contact, State, System};
 use crate::diagnostics::Diagnostics;
-use crate::expr::{Expr, Substitution, Var};
+use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::model::{Domain, Quantity};
 use crate::source::Span;
 
@@ -339,6 +339,32 @@ impl<'e> Lowering<'_, 'e> {
             }
         });
         bounds.collect()
+    }
+
+    /// 0 <= e <= 1 and 0 <= μ of contacts, where free parameters are in them.
+    pub(super) fn coefficient_rows(&self, contacts: &[Contact<'e>]) -> Vec<TaskRow<'e>> {
+        let is_free = |var: &Var| self.values.free.vars.contains_key(var);
+        let is_param = |var: &Var| self.switches.params.numbers.contains_key(var);
+        let coefficients = contacts.iter().flat_map(|contact| {
+            let friction = contact.friction.as_ref();
+            let friction = friction.map(|friction| (friction.coefficient, f64::INFINITY));
+            let both = [(contact.restitution, 1.0)].into_iter().chain(friction);
+            both.map(|(value, upper)| (value, upper, contact.span))
+        });
+        let rows = coefficients.filter_map(|(value, upper, span)| {
+            let vars = variables_of(&[value]);
+            vars.iter().any(is_free).then(|| TaskRow {
+                value,
+                lower: 0.0,
+                upper,
+                at: match vars.iter().all(is_param) {
+                    true => At::Start,
+                    false => At::Nodes,
+                },
+                span,
+            })
+        });
+        rows.collect()
     }
 
     /// Bounds of algebraic states, which hold at the ends of elements.

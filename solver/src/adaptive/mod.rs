@@ -176,6 +176,7 @@ impl<F: Field> Simulator<F> {
             let segment = Segment {
                 start,
                 length: end - start,
+                until: end,
                 sides: &sides,
                 end: &x,
                 dense: &self.series,

@@ -58,6 +58,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             let segment = Segment {
                 start,
                 length,
+                until: run.t,
                 sides: &self.modes[run.mode].element.reduced.sides,
                 end: &run.x,
                 dense: &self.series,

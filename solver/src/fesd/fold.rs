@@ -399,6 +399,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             let segment = Segment {
                 start,
                 length,
+                until: start + length,
                 sides: &sides,
                 end: &x,
                 dense: &self.series,

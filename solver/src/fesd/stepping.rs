@@ -131,6 +131,7 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
             let segment = Segment {
                 start: t,
                 length: next - t,
+                until: next,
                 sides: &now,
                 end: &end,
                 dense: &self.series,

@@ -221,7 +221,7 @@ impl<F: Free> Stepper<F> {
                 let row = series.row_mut(i);
                 (row[0], row[1]) = (*x, (y - x) / h);
             }
-            let segment = Segment::new(t, h, &sides, &y, &series);
+            let segment = Segment::new(t, h, next, &sides, &y, &series);
             let flow = observer.segment(&segment);
             if next == end {
                 ends += 1;

@@ -305,6 +305,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 let segment = Segment {
                     start,
                     length: step.length,
+                    until: state.t,
                     sides,
                     end: &state.x,
                     dense: &self.dense(step.implicit),

@@ -32,6 +32,8 @@ pub struct Segment<'a> {
     pub start: f64,
     /// Length.
     pub length: f64,
+    /// End: start + length but for rounding, and the time of an event that takes place there.
+    pub until: f64,
     /// The mode.
     pub sides: &'a [Side],
     /// State at the end, with the drift off sliding surfaces projected away.
@@ -44,6 +46,7 @@ impl<'a> Segment<'a> {
     pub fn new(
         start: f64,
         length: f64,
+        until: f64,
         sides: &'a [Side],
         end: &'a [f64],
         dense: &'a dyn Polynomials,
@@ -51,6 +54,7 @@ impl<'a> Segment<'a> {
         Segment {
             start,
             length,
+            until,
             sides,
             end,
             dense,

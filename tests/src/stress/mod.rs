@@ -8,6 +8,7 @@
 mod contacts;
 mod controls;
 mod events;
+pub mod free;
 mod large;
 mod masses;
 mod steps;

@@ -304,7 +304,7 @@ impl Observer for Thaw<'_, '_> {
         self.rate = advance / segment.length;
         let over = segment.end[clock] - self.horizon;
         if self.probes && over >= 0.0 {
-            self.reached = Some(segment.start + segment.length - over / self.rate);
+            self.reached = Some(segment.until - over / self.rate);
             return ControlFlow::Break(());
         }
         if self.t >= self.horizon {
@@ -354,8 +354,10 @@ impl Observer for Thaw<'_, '_> {
             Some(stretched) => stretched,
             None => &seen,
         };
-        let passed = Segment::new(self.t, length, &self.sides, &segment.end[..n], dense);
+        let start = self.t;
         self.t += length;
+        let end = &segment.end[..n];
+        let passed = Segment::new(start, length, self.t, &self.sides, end, dense);
         self.observer.segment(&passed)
     }
 
