@@ -242,11 +242,6 @@ impl Case {
         )
     }
 
-    /// The table.
-    pub fn table(&self) -> &str {
-        &self.beside.table
-    }
-
     /// Runs it and compares.
     pub fn run(&self) -> Outcome {
         let request = Request {
