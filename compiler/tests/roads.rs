@@ -16,7 +16,17 @@ fn agree(name: &str, model: &str, roads: usize) {
     assert!(ran.out.contains(&expected), "{}", ran.out);
 }
 
-/// A set point that steps at t = 1, and a second one later.
+/// The step response of a relay: it slides, leaves with the step, and is on its way at the end.
+const RISE: &str = "
+model step_response {
+  state x = 0;
+  let r = if time < 1 then 0 else 1;
+  x' = sign(r - x);
+}
+simulate rises of step_response { horizon 1.5; }
+";
+
+/// Two set points that step.
 const STEPS: &str = "
 model steps {
   state x = 0;
@@ -117,6 +127,11 @@ optimize reach of drive {
 #[test]
 fn set_points_that_step() {
     agree("steps", STEPS, 5);
+}
+
+#[test]
+fn a_step_response() {
+    agree("rise", RISE, 5);
 }
 
 #[test]

@@ -1,36 +1,73 @@
-//! Set points that step in time, by every method.
+//! Set points that step in time: what depends on them jumps, and is decided anew by value.
 
-use nsd_tests::stress::{Extent, Outcome, families};
+use nsd_tests::{end, optimum, solved, times};
+use nsdc::report::EventKind;
 
+/// What looks for switches, with every lowering.
+const METHODS: [&str; 6] = [
+    "event",
+    "fesd",
+    "fesd; lower stewart",
+    "fesd; lower step",
+    "event; lower timefreezing",
+    "fesd; lower timefreezing",
+];
+
+fn response(law: &str, setting: &str) -> String {
+    format!(
+        "model m {{ state x = 0; control U in [-1, 1] = 0;
+         let r = if time < 1 then 0 else 1; x' = {law}; }}
+         {setting}"
+    )
+}
+
+/// It slides on r = 0 to t = 1, and is on its way to r = 1 at t = 1.5.
 #[test]
-fn loops_end_where_matrix_exponentials_do() {
-    let family = families(if std::env::var_os("LONG").is_some() {
-        Extent::Long
-    } else {
-        Extent::Short
-    })
-    .into_iter();
-    let family = family.filter(|family| family.name == "set points that step");
-    let mut told = String::new();
-    for case in family.flat_map(|family| family.cases) {
-        let at = std::time::Instant::now();
-        let o = case.run();
-        if std::env::var_os("LONG").is_some() {
-            println!(
-                "{} | {} | {o} | {:?}",
-                case.hardness,
-                case.method,
-                at.elapsed()
+fn a_relay_leaves_a_set_point_that_steps() {
+    for method in METHODS {
+        let setting = format!("simulate run of m {{ horizon 1.5; method {method}; }}");
+        let run = solved(&response("sign(r - x)", &setting), "run");
+        let x = end(&run, "x")[0];
+        assert!((x - 0.5).abs() < 1e-8, "{method}: {x}");
+        let left = times(&run, EventKind::LeaveSliding);
+        assert!(
+            left.len() == 1 && (left[0] - 1.0).abs() < 1e-9,
+            "{method}: {left:?}"
+        );
+    }
+}
+
+/// x' = 2 until 8 (1 - x) = 2 at t = 1 + 3/8, then 1 - x = e^{-8 (t - 1.375)}/4.
+#[test]
+fn a_saturated_loop_follows_a_set_point_that_steps() {
+    let exact = 1.0 - 0.25 * (-1.0_f64).exp();
+    let others = ["timestepping { steps = 200; }", "adaptive"];
+    for method in METHODS.iter().chain(&others) {
+        let semicolon = if method.ends_with('}') { "" } else { ";" };
+        let setting = format!("simulate run of m {{ horizon 1.5; method {method}{semicolon} }}");
+        let run = solved(&response("sat(8*(r - x), -2, 2)", &setting), "run");
+        let x = end(&run, "x")[0];
+        let within = if method.starts_with("time") {
+            1e-3
+        } else {
+            1e-8
+        };
+        assert!((x - exact).abs() < within, "{method}: {x}");
+    }
+}
+
+/// The control has nothing to do; t = 1 is where an interval ends, and inside one.
+#[test]
+fn a_program_passes_steps_of_time() {
+    for intervals in [3, 4] {
+        for lowering in ["stewart", "step"] {
+            let setting = format!(
+                "optimize run of m {{ horizon 1.5; intervals {intervals}; elements 3; lower {lowering};
+                 minimize integral(U^2); }}"
             );
-            if matches!(o, Outcome::Wrong { .. })
-                || case.method.ends_with("stewart") && !matches!(o, Outcome::Met { .. })
-            {
-                println!("<<<{}>>> {}", case.text(), case.table());
-            }
-        }
-        if !case.keeps(&o) {
-            told += &format!("{} {} {o}\n{}\n", case.hardness, case.method, case.text());
+            let run = optimum(&response("sign(r - x)", &setting), "run");
+            let x = end(&run, "x")[0];
+            assert!((x - 0.5).abs() < 1e-7, "{intervals}, {lowering}: {x}");
         }
     }
-    assert!(told.is_empty(), "{told}");
 }

@@ -259,11 +259,6 @@ impl Case {
         )
     }
 
-    /// The table.
-    pub fn table(&self) -> &str {
-        &self.beside.table
-    }
-
     /// Runs it and compares.
     pub fn run(&self) -> Outcome {
         if let Some(problem) = &self.optimal {

@@ -35,7 +35,7 @@ pub fn families(extent: Extent) -> Vec<Family> {
 /// One to three loops with relays, saturations and integral action, coupled.
 fn set_points(extent: Extent) -> Family {
     let seeds = match extent {
-        Extent::Short => 2,
+        Extent::Short => 1,
         Extent::Long => 60,
     };
     let mut cases = Vec::new();

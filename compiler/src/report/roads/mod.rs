@@ -118,6 +118,12 @@ impl Road {
         self.solved().filter(|_| self.doubt().is_none())
     }
 
+    /// Whether a run came to the end and misses its own equations on the way.
+    pub fn misses(&self) -> bool {
+        let run = self.solved().filter(|run| !is_blind(run));
+        run.is_some_and(|run| is_above(Road::residual(run), MOST_MISSED))
+    }
+
     /// What a run that came to the end says against itself.
     pub fn doubt(&self) -> Option<&'static str> {
         let run = self.solved()?;
@@ -125,14 +131,17 @@ impl Road {
             true => MOST_ON_STEPS,
             false => MOST_ESTIMATED,
         };
-        // What is no number is above every bound.
-        let is_above = |value: f64, most: f64| value.is_nan() || value > most;
-        if is_above(Road::residual(run), MOST_MISSED) && !is_blind(run) {
+        if self.misses() {
             return Some("misses its own equations");
         }
         let estimate = run.error_estimate.unwrap_or(0.0);
         is_above(estimate, most).then_some("estimates that it is far off")
     }
+}
+
+/// Whether a number is above a bound, as what is no number is above every one.
+fn is_above(value: f64, most: f64) -> bool {
+    value.is_nan() || value > most
 }
 
 impl Roads {
@@ -183,11 +192,17 @@ impl Roads {
         self.roads[1..].iter().all(|road| road.run.is_err())
     }
 
-    /// Whether the experiment as it is written came to its end and vouches for it, nothing contradicts it, and another
-    /// road confirms it if there is one.
+    /// How many miss their own equations.
+    pub fn n_missing(&self) -> usize {
+        self.roads.iter().filter(|road| road.misses()).count()
+    }
+
+    /// Whether the experiment as it is written came to its end and vouches for it, nothing contradicts it or itself, and
+    /// another road confirms it if there is one.
     pub fn agree(&self) -> bool {
         self.roads[0].sound().is_some()
             && self.disagreements().is_empty()
+            && self.n_missing() == 0
             && (self.n_confirming() > 0 || self.is_alone())
     }
 }

@@ -1,5 +1,5 @@
 use super::optima::Verdict;
-use super::{Found, Optima, Resumed, optima_json, optima_text};
+use super::{Found, Optima, Refusal, Resumed, optima_json, optima_text};
 use crate::report::{Certificate, Kind, Stationarity, Status, Trajectory, sample};
 
 fn optimum(objective: f64) -> Trajectory {
@@ -101,4 +101,34 @@ fn as_it_is_written_there_has_to_be_an_optimum() {
     all.best = Some(1);
     assert!(!all.agree());
     assert!(optima_text(&all).contains("as written it has no optimum"));
+}
+
+#[test]
+fn the_experiment_is_none_of_the_worse_optima() {
+    let mut all = optima(&[[3.018, 3.018], [1.134, 1.134]]);
+    all.best = Some(1);
+    all.found[1].resumed = None;
+    all.found[0].resumed = Some(Resumed {
+        is_same_point: true,
+        run: Box::new(optimum(1.134)),
+    });
+    assert!(
+        all.excess()
+            .is_some_and(|excess| (excess - 1.884).abs() < 1e-9)
+    );
+    assert!(!all.agree());
+    assert!(optima_text(&all).contains("as written it stops 1.9e0 above another optimum"));
+}
+
+#[test]
+fn a_lowering_that_takes_the_experiment_has_to_confirm_it() {
+    let mut all = optima(&[[2.0, 2.0], [2.0, 2.0]]);
+    all.found[1].resumed = None;
+    assert!(!all.agree());
+    all.found[1].run = Err(Refusal {
+        codes: "E0905".to_owned(),
+        reason: "there is a projection".to_owned(),
+    });
+    assert!(all.agree());
+    assert!(optima_text(&all).contains("E0905: there is a projection"));
 }

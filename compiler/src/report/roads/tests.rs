@@ -40,6 +40,11 @@ fn a_difference_beyond_tolerance_and_estimates_is_found() {
 #[test]
 fn what_a_run_says_of_its_own_error_is_believed() {
     assert!(roads(1e-3, Some(1e-3)).agree());
+    // What knows that it is far off confirms nothing, and contradicts nothing.
+    let far_off = roads(0.5, Some(0.5));
+    assert!(far_off.agree());
+    assert_eq!(far_off.n_sound(), 2);
+    assert!(text(&far_off).contains("estimates that it is far off: not compared"));
     assert!(!roads(1e-3, None).agree());
 }
 
@@ -70,6 +75,46 @@ fn runs_that_fail_are_not_compared_but_the_written_one_has_to_end() {
 }
 
 #[test]
+fn one_road_alone_is_enough_where_no_other_takes_the_experiment() {
+    let mut roads = roads(0.0, None);
+    for k in [1, 2] {
+        if let Ok(run) = &mut roads.roads[k].run {
+            run.status = Status::NumericalFailure;
+        }
+    }
+    assert!(!roads.agree(), "the others take it, and fail");
+    assert!(text(&roads).contains("one road alone, nothing confirms it"));
+    roads.roads.drain(1..3);
+    assert!(roads.agree());
+    assert!(text(&roads).contains("E0935: there are no contacts"));
+}
+
+#[test]
+fn a_run_that_misses_its_own_equations_is_wrong() {
+    let mut roads = roads(0.0, None);
+    if let Ok(run) = &mut roads.roads[2].run {
+        run.certificate.max_violation = 0.34;
+    }
+    assert!(!roads.agree());
+    assert!(text(&roads).contains("2 roads agree, 1 misses its own equations"));
+}
+
+#[test]
+fn the_way_counts_as_the_end_does() {
+    let mut roads = roads(0.0, None);
+    if let Ok(run) = &mut roads.roads[2].run {
+        run.time.insert(1, 0.5);
+        run.states[0].values.splice(2..2, [0.7, 0.1]);
+    }
+    assert!(roads.agree(), "there is no such instant in the others");
+    if let Ok(run) = &mut roads.roads[1].run {
+        run.time.insert(1, 0.5);
+        run.states[0].values.splice(2..2, [0.2, 0.1]);
+    }
+    assert_eq!(roads.disagreements(), [(1, 2)]);
+}
+
+#[test]
 fn one_pair_differs() {
     let mut roads = roads(1e-3, None);
     roads.roads.remove(1);
@@ -93,8 +138,9 @@ fn events_of_other_kinds_have_no_difference_in_time() {
     };
     assert!(times(0, 1).is_some_and(|times| (times - 0.1).abs() < 1e-12));
     assert_eq!(times(0, 2), None);
-    // The same events at other instants are another solution, others alone are not.
-    assert_eq!(roads.disagreements(), [(0, 1)]);
+    // Events at other instants are another solution, and so is one that others do not have.
+    assert_eq!(roads.disagreements(), [(0, 1), (0, 2), (1, 2)]);
+    roads.roads.remove(2);
     if let Ok(run) = &mut roads.roads[1].run {
         run.method.name = "timestepping".to_owned();
     }

@@ -100,6 +100,11 @@ fn verdict(all: &Roads) -> String {
         (1, n) => format!("{n} roads, 1 pair of them differs"),
         (pairs, n) => format!("{n} roads, {pairs} pairs of them differ"),
     };
+    let found = match all.n_missing() {
+        0 => found,
+        1 => format!("{found}, 1 misses its own equations"),
+        n => format!("{found}, {n} miss their own equations"),
+    };
     let written = &all.roads[0];
     match (written.doubt(), written.solved()) {
         (Some(doubt), _) => format!("as written it {doubt}; {found}"),
