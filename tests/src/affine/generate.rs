@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use super::{Affine, Form, Kind, Surface};
 
 /// SplitMix64 (Steele, Lea, Flood 2014).
-struct Random(u64);
+pub(crate) struct Random(pub u64);
 
 impl Random {
     fn bits(&mut self) -> u64 {
@@ -17,12 +17,17 @@ impl Random {
     }
 
     /// In [-1, 1), a multiple of 1/1024: sums and products of few such numbers are exact.
-    fn dyadic(&mut self) -> f64 {
+    pub(crate) fn dyadic(&mut self) -> f64 {
         (self.bits() % 2048) as f64 / 1024.0 - 1.0
     }
 
+    /// In [lo, hi), of numbers that are multiples of 1/64.
+    pub(crate) fn within(&mut self, lo: f64, hi: f64) -> f64 {
+        lo + (hi - lo) * 0.5 * (self.dyadic() + 1.0)
+    }
+
     /// One of the first `n` numbers.
-    fn below(&mut self, n: usize) -> usize {
+    pub(crate) fn below(&mut self, n: usize) -> usize {
         (self.bits() % n as u64) as usize
     }
 }
