@@ -18,6 +18,11 @@ impl Random {
         (self.bits() % 2048) as f64 / 1024.0 - 1.0
     }
 
+    /// In [lo, hi).
+    pub fn within(&mut self, lo: f64, hi: f64) -> f64 {
+        lo + (hi - lo) * 0.5 * (self.dyadic() + 1.0)
+    }
+
     /// One of the first `n` numbers.
     pub fn below(&mut self, n: usize) -> usize {
         (self.bits() % n as u64) as usize

@@ -49,7 +49,12 @@ pub(super) fn builtin<'e>(
     if matches!(call.name, "eye" | "zeros" | "ones") {
         return filled(lowering, call);
     }
+    let varied = std::mem::replace(&mut lowering.varies, false);
     let values = lowering.all_numbers(call.args.iter().copied())?;
+    if matches!(call.name, "sign" | "step") {
+        lowering.record_zeros(call.args[0], &values[0]);
+    }
+    lowering.varies |= varied;
     apply(lowering, call, &values)
 }
 

@@ -47,6 +47,7 @@ impl<'e> Lowering<'_, 'e> {
         rest: &[(Relation, syntax::Expr)],
     ) -> Result<Value<'e>, Reported> {
         let mut truth: Option<Expr<'e>> = None;
+        let varied = std::mem::replace(&mut self.varies, false);
         let mut left = (first, self.scalar(first, "a side of a comparison"));
         for (relation, member) in rest {
             let right = self.scalar(member, "a side of a comparison");
@@ -54,6 +55,7 @@ impl<'e> Lowering<'_, 'e> {
             truth = Some(truth.map_or(one, |truth| truth * one));
             left = (member, right);
         }
+        self.varies |= varied;
         Ok(Value::condition(
             truth.unwrap_or_else(|| self.constant(1.0)),
         ))
@@ -80,6 +82,12 @@ impl<'e> Lowering<'_, 'e> {
             if self.in_guard {
                 let span = left.span.to(right.span);
                 return self.error(DynamicsError::ConstantComparison { value: holds, span });
+            }
+            // What is made of more than structural constants was meant to switch.
+            if value == 0.0 && self.varies {
+                let (psi, name) = self.difference((left, a), (right, b));
+                let span = left.span.to(right.span);
+                self.surfaces.push(Surface { name, psi, span });
             }
             return Ok(self.constant(if holds { 1.0 } else { 0.0 }));
         }
@@ -113,6 +121,15 @@ impl<'e> Lowering<'_, 'e> {
             ),
         };
         (a - b, text)
+    }
+
+    /// Remembers an argument of `sign` or `step` that is zero though it is made of more than structural constants.
+    pub fn record_zeros(&mut self, arg: &syntax::Expr, value: &Tensor<'e>) {
+        if self.varies && value.data.iter().any(|psi| psi.is_zero()) {
+            let (name, psi) = (self.whole_text(arg), self.constant(0.0));
+            let span = arg.span;
+            self.surfaces.push(Surface { name, psi, span });
+        }
     }
 
     /// Remembers how the switching functions in the argument of `sign` and the like are written.

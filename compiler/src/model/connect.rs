@@ -110,7 +110,7 @@ pub(super) fn connect<'e>(
     }
     model
         .surfaces
-        .retain(|surface| surface.psi.as_constant().is_none());
+        .retain(|surface| surface.psi.is_zero() || surface.psi.as_constant().is_none());
     model.scope = connected.scope(&model.scope);
     fine
 }

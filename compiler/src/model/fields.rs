@@ -32,7 +32,10 @@ impl<'a, 'e> Lowering<'a, 'e> {
             });
         };
         match meaning {
-            Meaning::Value(value, _) => Ok(value.clone()),
+            Meaning::Value(value, kind) => {
+                self.varies |= !matches!(kind, super::TargetKind::Const);
+                Ok(value.clone())
+            }
             Meaning::Family { binders, .. } => self.needs_indices(name, binders.len(), expr.span),
             Meaning::Part(part) => self.is_a_part(name, part, expr.span),
             Meaning::Parts(_) => self.needs_indices(name, 1, expr.span),

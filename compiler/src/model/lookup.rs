@@ -10,6 +10,7 @@ use super::lower::{Lazy, Local, Lowering};
 use super::reserved::{FUNCTIONS, VALUES, did_you_mean};
 use super::scope::{Meaning, Reported, Value};
 use super::{ModelError, TargetKind, Tensor, places};
+use crate::expr::Expr;
 use crate::source::Span;
 use crate::syntax::{self, ExprKind, Index};
 
@@ -24,7 +25,10 @@ impl<'a, 'e> Lowering<'a, 'e> {
             "inf" => return Ok(Tensor::scalar(self.constant(f64::INFINITY)).into()),
             "true" => return Ok(Value::condition(self.constant(1.0))),
             "false" => return Ok(Value::condition(self.constant(0.0))),
-            "time" => return Ok(Tensor::scalar(self.scope.time).into()),
+            "time" => {
+                self.varies = true;
+                return Ok(Tensor::scalar(self.scope.time).into());
+            }
             _ => {}
         }
         let scope = self.scope;
@@ -34,7 +38,10 @@ impl<'a, 'e> Lowering<'a, 'e> {
             &scope.names
         };
         match names.get(name) {
-            Some(Meaning::Value(value, _)) => Ok(value.clone()),
+            Some(Meaning::Value(value, kind)) => {
+                self.varies |= !matches!(kind, TargetKind::Const);
+                Ok(value.clone())
+            }
             Some(Meaning::Family { binders, members }) => {
                 let indices: Option<Vec<i64>> = binders
                     .iter()
@@ -95,6 +102,11 @@ impl<'a, 'e> Lowering<'a, 'e> {
 
     #[inline(never)]
     fn local(&mut self, position: usize, span: Span) -> Result<Value<'e>, Reported> {
+        let is_fixed = |e: &Expr<'e>| e.as_constant().is_some();
+        self.varies |= match &self.locals[position] {
+            Local::Value { value, .. } => !value.tensor.data.iter().all(is_fixed),
+            Local::Let { .. } => true,
+        };
         let (statement, frame) = match &self.locals[position] {
             Local::Value { value, .. } => return Ok(value.clone()),
             Local::Let {

@@ -52,6 +52,8 @@ pub(super) struct Lowering<'a, 'e> {
     pub in_function: bool,
     /// True in the guard of a region, where a comparison must not be constant.
     pub in_guard: bool,
+    /// True once a name was looked up that is neither a structural constant nor a constant local one.
+    pub varies: bool,
     /// Switching functions met so far.
     pub surfaces: Vec<Surface<'e>>,
     depth: usize,
@@ -70,6 +72,7 @@ impl<'a, 'e> Lowering<'a, 'e> {
             locals: vec![],
             in_function: false,
             in_guard: false,
+            varies: false,
             surfaces: vec![],
             depth: 0,
         }

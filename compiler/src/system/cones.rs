@@ -1,7 +1,8 @@
-//! Where programs with second-order cones start: the solution of the program in which everything but the cones is replaced
-//! by its linearization at the guesses.
+//! Where programs with second-order cones, balls or many rows start: the solution of the program in which everything but the
+//! cones is replaced by its linearization at the guesses.
 //!
-//! Newton's method does not find the surface of a cone from anywhere. Of a quadratic objective with affine rows this is
+//! Newton's method does not find the surface of a cone from anywhere, nor that of a ball from its centre, and of many rows
+//! not all choices of those that hold as equations are tried. Of a quadratic objective with affine rows this is
 //! the solution itself, at the start of a run; of other programs it is a guess.
 
 use nsd_solver::conic::{self, Block, Set};
@@ -10,16 +11,23 @@ use rustc_hash::FxHashMap;
 use super::lower::Lowering;
 use super::programs::unknowns;
 use crate::expr::{Expr, Var};
-use crate::model::{Cone, Program};
+use crate::model::{Cone, Program, ProgramRow};
+
+/// Up to this many complementarities a run tries all choices.
+const MAX_PAIRS: usize = 8;
 
 impl<'e> Lowering<'_, 'e> {
     /// Guesses of what programs with cones solve for, and of how their rows hold.
     pub(super) fn guess_programs(&self) -> FxHashMap<Var, f64> {
         let mut guesses = FxHashMap::default();
         if self.needs.algebraic {
+            let programs = self.model.programs.iter();
+            let pairs = programs.flat_map(|program| &program.rows);
+            let many = pairs.filter(|row| !row.is_equation).count() > MAX_PAIRS;
             for program in &self.model.programs {
-                let has_cone = program.rows.iter().any(|row| row.cone.is_some());
-                let found = has_cone.then(|| self.guess_program(program)).flatten();
+                let is_round = |row: &ProgramRow<'e>| row.cone.is_some() || row.radius.is_some();
+                let is_guessed = many || program.rows.iter().any(is_round);
+                let found = is_guessed.then(|| self.guess_program(program)).flatten();
                 guesses.extend(found.into_iter().flatten());
             }
         }

@@ -250,8 +250,12 @@ impl<'e> Lowering<'_, 'e> {
         for &slip in given {
             let slip = self.in_alphas(slip, *span);
             let tangent = self.directions(slip, places);
-            let smooth = self.switches.alphas_of(slip).is_empty();
-            if tangent.is_empty() || !tangent.iter().all(is_linear) || !smooth {
+            let alphas = self.switches.alphas_of(slip);
+            if !tangent.is_empty() && tangent.iter().all(is_linear) && !alphas.is_empty() {
+                let (name, span) = (name(), *span);
+                return Err(Box::new(self.slip_that_switches(name, &alphas, span)));
+            }
+            if tangent.is_empty() || !tangent.iter().all(is_linear) {
                 let what = "its slip is not linear in velocities of a `mechanics` block".to_owned();
                 let (name, span) = (name(), *span);
                 return Err(Box::new(SystemError::NoContact { name, what, span }));
@@ -259,6 +263,21 @@ impl<'e> Lowering<'_, 'e> {
             tangents.push((slip, tangent));
         }
         Ok(tangents)
+    }
+
+    /// What a slip velocity that holds switches does where these change their sides.
+    fn slip_that_switches(&self, name: String, alphas: &[Var], span: Span) -> SystemError {
+        let switches = alphas
+            .iter()
+            .filter_map(|&alpha| self.switches.of_alpha(alpha));
+        let names: Vec<String> = switches
+            .map(|k| format!("`{}`", self.switches.name_of(k)))
+            .collect();
+        SystemError::SlipSwitches {
+            name,
+            switches: names.join(", "),
+            span,
+        }
     }
 
     /// tᵀv for t = (n_y, -n_x)/|n| of every body with two velocities and a mass that is a number: then q' = v are

@@ -127,6 +127,21 @@ pub enum SystemError {
         span: Span,
     },
 
+    /// A slip velocity that steps or bends where a switch changes its side.
+    #[error("the slip velocity of `{name}` steps or bends where {switches} changes its sign")]
+    #[diagnostic(
+        code(E0410),
+        help(
+            "a slip velocity is smooth: let the speed of a belt be a state of its own that jumps, `state w = 1; w' = 0; jump faster when time > 1 and w < 2 {{ w := 2; }}`, or that follows, `w' = (speed - w)/0.01;`"
+        )
+    )]
+    SlipSwitches {
+        name: String,
+        switches: String,
+        #[label("linear in velocities, but not smooth")]
+        span: Span,
+    },
+
     /// Bodies that overlap where a run starts.
     #[error("`{name}` starts with a gap of {gap}")]
     #[diagnostic(
@@ -174,6 +189,19 @@ pub enum SystemError {
         what: String,
         help: &'static str,
         #[label("a point: its mass is a number")]
+        span: Span,
+    },
+
+    /// A switching function that is zero everywhere.
+    #[error("the switching function `{name}` is zero everywhere")]
+    #[diagnostic(
+        code(W0404),
+        severity(Warning),
+        help("its terms cancel: compare what differs, or leave the comparison out")
+    )]
+    ZeroSwitch {
+        name: String,
+        #[label("always 0, so it is on neither side and never switches")]
         span: Span,
     },
 

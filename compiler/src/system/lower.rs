@@ -54,10 +54,10 @@ pub fn lower<'e>(
     lowering.guesses = lowering.guess_programs();
     let relays = lowering.declare_relays();
     let (direct, through) = lowering.surfaces();
-    lowering.declare_surfaces(&direct);
+    lowering.declare_surfaces(&direct, diags);
     lowering.finish_relays(&relays, diags);
     lowering.read_named_switches();
-    lowering.declare_surfaces(&through);
+    lowering.declare_surfaces(&through, diags);
     lowering.check_counts(diags);
     if diags.errors().count() > errors_before {
         return None;
@@ -173,10 +173,15 @@ impl<'m, 'e> Lowering<'m, 'e> {
     }
 
     /// Makes the switches in the order, orientation and words of the source.
-    fn declare_surfaces(&mut self, surfaces: &[&Surface<'e>]) {
+    fn declare_surfaces(&mut self, surfaces: &[&Surface<'e>], diags: &mut Diagnostics) {
         for surface in surfaces {
             let psi = self.replace(surface.psi, surface.span);
             let psi = self.switches.merged(psi);
+            if psi.is_zero() {
+                let (name, span) = (surface.name.clone(), surface.span);
+                diags.push(SystemError::ZeroSwitch { name, span });
+                continue;
+            }
             self.texts
                 .entry(psi)
                 .or_insert((surface.name.clone(), surface.span));

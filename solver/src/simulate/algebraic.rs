@@ -119,10 +119,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 if self.violated(state, &pairs, &choice, horizon).is_some() {
                     continue;
                 }
-                let is_known = |(other, _): &(Vec<f64>, _)| self.is_same(other, &x, &state.floor);
-                if !found.iter().any(is_known) {
-                    found.push((x, choice));
-                }
+                found.push((x, choice));
             }
             if guesses.len() == 1 {
                 break;
@@ -141,12 +138,18 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 });
             }
         }
-        if found.len() > 1 {
-            state.x = guess;
-            let name = |(_, choice): &(Vec<f64>, Vec<bool>)| candidate(&pairs, choice);
-            return Err(Status::NonUnique(found.iter().map(name).collect()));
+        let mut distinct = self.distinct(&found, &state.floor);
+        if distinct.len() > 1 {
+            found.retain(|(x, choice)| self.goes_on(state, x, &equations, &pairs, choice, horizon));
+            distinct = self.distinct(&found, &state.floor);
         }
-        let Some((x, choice)) = found.pop() else {
+        if distinct.len() > 1 {
+            state.x = guess;
+            let name = |&at: &usize| candidate(&pairs, &found[at].1);
+            return Err(Status::NonUnique(distinct.iter().map(name).collect()));
+        }
+        let first = distinct.first().map(|&at| found.swap_remove(at));
+        let Some((x, choice)) = first else {
             state.x = guess;
             let members = pairs.iter().flat_map(|&(a, b)| [a, b]);
             let switches = equations.into_iter().chain(members).collect();
@@ -190,6 +193,46 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             _ => None,
         });
         (equations.map(|(i, _)| i).collect(), pairs.collect())
+    }
+
+    /// The first of each of the solutions that differ.
+    fn distinct(&self, found: &[(Vec<f64>, Vec<bool>)], floor: &[f64]) -> Vec<usize> {
+        let mut distinct: Vec<usize> = Vec::new();
+        for (at, (x, _)) in found.iter().enumerate() {
+            if !(distinct.iter()).any(|&other| self.is_same(&found[other].0, x, floor)) {
+                distinct.push(at);
+            }
+        }
+        distinct
+    }
+
+    /// Whether members on their surface that are not held there come off it. Where more rows of a program hold as
+    /// equations than z has entries, as in a corner that another row is about to cut off, their multipliers are not
+    /// determined in that instant; those that are left without the row that comes off are.
+    fn goes_on(
+        &mut self,
+        state: &mut State,
+        x: &[f64],
+        equations: &[usize],
+        pairs: &[(usize, usize)],
+        choice: &[bool],
+        horizon: f64,
+    ) -> bool {
+        state.x.copy_from_slice(x);
+        self.take_members(state, equations, pairs, choice);
+        let others = pairs.iter().zip(choice);
+        let others = others.map(|(&(a, b), &second)| if second { a } else { b });
+        let mut others: Vec<usize> = others.collect();
+        self.measure_bands(state, &others, horizon);
+        others.retain(|&i| self.mode.psi(i).abs() <= state.band[i]);
+        self.mode.enter(self.system, &state.sides);
+        let mut alpha = state.alpha.clone();
+        if self.mode.solve_alpha(state.t, x, &mut alpha).is_err() {
+            return false;
+        }
+        self.mode.linearize(&others);
+        let mut others = others.into_iter();
+        others.all(|i| self.mode.phi(i) <= ROUNDED * self.mode.terms_of_phi(i))
     }
 
     /// Whether two solutions are one. Where both members of a pair are zero, two choices have the same solution, up to
@@ -381,7 +424,13 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         pairs: &[(usize, usize)],
         horizon: f64,
     ) -> Option<Vec<bool>> {
+        // The members that are closer to zero at the guess.
         let mut choice = vec![false; pairs.len()];
+        self.take_members(state, equations, pairs, &choice);
+        let psi = self.psi(state);
+        for (second, &(a, b)) in choice.iter_mut().zip(pairs) {
+            *second = psi[b].abs() < psi[a].abs();
+        }
         for _ in 0..100 * pairs.len() {
             let guess = state.x.clone();
             match self.solve_choice(state, equations, pairs, &choice) {

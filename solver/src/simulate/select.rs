@@ -160,11 +160,18 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         t1: f64,
     ) -> Result<(), Status> {
         let open = self.lead(state, triggers, t1)?;
-        if self.is_unsettled(state, t1) {
-            let on = self.place_kept(state, t1 - state.t)?;
-            return self.select(state, &on, t1);
+        let selected = match self.is_unsettled(state, t1) {
+            true => None,
+            false => Some(self.select(state, &open, t1)),
+        };
+        match selected {
+            // Algebraic states jump, with others or where their rows depend on each other.
+            None | Some(Err(Status::Inconsistent { .. })) => {
+                let on = self.place_kept(state, t1 - state.t)?;
+                self.select(state, &on, t1)
+            }
+            Some(selected) => selected,
         }
-        self.select(state, &open, t1)
     }
 
     /// |ψ| ≤ `BAND` (|∇ψ| scale(x) + |∂ψ/∂t| horizon) is the surface.

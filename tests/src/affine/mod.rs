@@ -12,6 +12,8 @@ mod text;
 
 use nalgebra::{DMatrix, DVector};
 
+pub(crate) use generate::Random;
+
 /// How a surface meets the field.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Kind {

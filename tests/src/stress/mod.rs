@@ -11,6 +11,7 @@ mod events;
 pub mod free;
 mod large;
 mod masses;
+mod programs;
 mod steps;
 mod stiff;
 mod surfaces;
@@ -431,6 +432,7 @@ pub fn families(extent: Extent) -> Vec<Family> {
         stiff::families(extent),
         contacts::families(extent),
         masses::families(extent),
+        programs::families(extent),
         large::families(extent),
         steps::families(extent),
         controls::families(extent),
