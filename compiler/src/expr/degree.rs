@@ -15,7 +15,9 @@ impl Arena {
             Data::Variable(other) => Some(u32::from(other == var)),
             Data::Sum { start, len, .. } => {
                 let terms = self.terms(start, len).iter();
-                terms.map(|&(term, _)| of(term)).try_fold(0, |most, degree| Some(most.max(degree?)))
+                terms
+                    .map(|&(term, _)| of(term))
+                    .try_fold(0, |most, degree| Some(most.max(degree?)))
             }
             Data::Product { start, len } => {
                 let mut factors = self.factors(start, len).iter();

@@ -38,10 +38,16 @@ pub(super) fn jump<'e>(f: Expr<'e>, alpha: Var) -> Expr<'e> {
     at(f, alpha, 1.0) - at(f, alpha, 0.0)
 }
 
+/// The variables that f is not affine in: its interpolant has up to two terms per corner of them.
+pub(super) fn bent(f: Expr<'_>, alphas: &[Var]) -> Vec<Var> {
+    let mut bent = alphas.to_vec();
+    bent.retain(|&alpha| !is_affine(f, alpha));
+    bent
+}
+
 /// The multi-affine interpolant of f at the corners of the variables.
 pub(super) fn multi_affine<'e>(f: Expr<'e>, alphas: &[Var]) -> Expr<'e> {
-    let bent = alphas.iter().filter(|&&alpha| !is_affine(f, alpha));
-    bent.fold(f, |f, &alpha| interpolate(f, alpha))
+    bent(f, alphas).into_iter().fold(f, interpolate)
 }
 
 fn interpolate<'e>(f: Expr<'e>, alpha: Var) -> Expr<'e> {
