@@ -2,10 +2,12 @@
 
 mod terminal;
 
+use std::path::Path;
+
 use terminal::{folder, nsdc_with_input};
 
 /// Expressions with what their help names.
-const EXPRESSIONS: [(&str, &str); 62] = [
+const EXPRESSIONS: [(&str, &str); 63] = [
     ("ln(x)", "write `log(x)`"),
     ("log10(x)", "write `log(x)/log(10)`"),
     ("log2(x)", "write `log(x)/log(2)`"),
@@ -60,7 +62,8 @@ const EXPRESSIONS: [(&str, &str); 62] = [
     ("nan", "every value of a model is a number"),
     ("True", "write `true`"),
     ("t", "write `time`"),
-    ("x²", "write `^2`"),
+    ("x²", "write a power as `^2`"),
+    ("x > 0 ? 1 : 2", "write `if x > 0 then a else b`"),
     ("2x", "write `2*x`"),
     ("if x > 0 && x < 1 then 1 else 2", "write `and`"),
     ("if x > 0 || x < 1 then 1 else 2", "write `or`"),
@@ -88,8 +91,8 @@ const UNITS: [(&str, &str); 14] = [
     ("ms", "write `s`"),
 ];
 
-fn is_told(text: &str, what: &str, help: &str) {
-    let ran = nsdc_with_input(&folder("foreign"), &["check", "-"], text);
+fn is_told(folder: &Path, text: &str, what: &str, help: &str) {
+    let ran = nsdc_with_input(folder, &["check", "-"], text);
     assert_eq!(ran.status, 1, "{what}: {}", ran.err);
     // Lines are broken at the width of the terminal.
     let told: Vec<&str> = ran.err.split_whitespace().collect();
@@ -100,24 +103,27 @@ fn is_told(text: &str, what: &str, help: &str) {
 
 #[test]
 fn foreign_expressions_are_told() {
+    let folder = folder("words");
     for (value, help) in EXPRESSIONS {
         let text = format!("model m {{ state x = 1; x' = {value}; }}");
-        is_told(&text, value, help);
+        is_told(&folder, &text, value, help);
     }
 }
 
 #[test]
 fn foreign_words_in_functions_are_told() {
+    let folder = folder("words_in_functions");
     for (value, help) in [("ln(u)", "write `log(x)`"), ("PI*u", "write `pi`")] {
         let text = format!("fn f(u) = {value};\nmodel m {{ state x = 1; x' = f(x); }}");
-        is_told(&text, value, help);
+        is_told(&folder, &text, value, help);
     }
 }
 
 #[test]
 fn foreign_units_are_told() {
+    let folder = folder("words_of_units");
     for (unit, help) in UNITS {
         let text = format!("model m {{ state x: {unit} = 1; x' = -x; }}");
-        is_told(&text, unit, help);
+        is_told(&folder, &text, unit, help);
     }
 }
