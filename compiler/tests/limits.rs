@@ -52,3 +52,161 @@ fn a_limit_of_time_ends_a_run_with_2() {
 fn json(line: &str) -> serde_json::Value {
     serde_json::from_str(line).expect("`--json` prints an object")
 }
+
+/// A model of one state whose rate is a function composed with itself; `@` is the value of the level before.
+fn composed(levels: usize, first: &str, level: &str) -> String {
+    let lets = (1..=levels).map(|k| {
+        let value = level.replace('@', &format!("a{}", k - 1));
+        format!("  let a{k} = {value};\n")
+    });
+    let lets: String = lets.collect();
+    format!(
+        "fn f(u) = u + 0.1*sin(u);\n\
+         model m {{\n  state x = 0.1;\n  let a0 = {first};\n{lets}  x' = a{levels} - 100*x;\n}}\n\
+         simulate s of m {{ horizon 0.01; }}\n"
+    )
+}
+
+#[test]
+fn composed_functions_are_looked_at_once_per_level() {
+    // What two or more uses of each level share grows by a factor with every level where it is walked as a tree.
+    const LEVELS: [&str; 11] = [
+        "@ + sin(@)",
+        "exp(-@)*@",
+        "sqrt(1 + @^2) - 0.5*@",
+        "@/(1 + @^2)",
+        "(1 + @)/(2 + @)",
+        "atan2(@, 1 + @)",
+        "0.5*@*(1 - @)",
+        "norm([@, 1 + @]) - @",
+        "dot([@, 1], [@, @])/(1 + @^2)",
+        "f(f(@))",
+        "sin(@)*cos(@)",
+    ];
+    let folder = folder("composed");
+    for level in LEVELS {
+        // Of a state, and of one switch below all levels.
+        for first in ["x", "if x > 0 then x else -2*x"] {
+            let ran = nsdc_with_input(&folder, &["check", "-"], &composed(60, first, level));
+            // A function that is not linear in a switch may need a reading: that is an answer, too.
+            let is_answered = ran.status == 0 || first != "x" && ran.err.contains("E0402");
+            assert!(is_answered, "{level}: {}", ran.err);
+        }
+    }
+}
+
+#[test]
+fn every_form_of_a_composed_function_is_short() {
+    const LONGEST: usize = 4_000_000;
+    let folder = folder("composed_forms");
+    let text = composed(60, "x", "@ + sin(@)");
+    fs::write(folder.join("m.nsd"), text).expect("the folder is writable");
+    for ir in [
+        "ast", "model", "system", "dcs", "fesd", "mpcc", "nl", "tex", "dot",
+    ] {
+        let ran = nsdc(&folder, &["emit", "m.nsd", "s", "--ir", ir]);
+        assert_eq!(ran.status, 0, "{ir}: {}", ran.err);
+        assert!(ran.out.len() < LONGEST, "{ir}: {} bytes", ran.out.len());
+    }
+}
+
+#[test]
+fn switches_inside_nonlinear_functions_of_each_other_are_refused() {
+    let folder = folder("entangled");
+    let check =
+        |levels, level| nsdc_with_input(&folder, &["check", "-"], &composed(levels, "x", level));
+    let few = check(3, "min(@, sin(@))");
+    assert_eq!(few.status, 0, "{}", few.err);
+    let many = check(60, "min(@, sin(@))");
+    assert_eq!(many.status, 1, "{}", many.err);
+    assert!(many.err.contains("E0422"), "{}", many.err);
+}
+
+#[test]
+fn only_regular_files_are_read() {
+    let folder = folder("regular");
+    let model = |table: &str| {
+        format!(
+            "model m {{ signal r = table(\"{table}\", \"v\"); \
+             state x = 0; x' = r; }}\n"
+        )
+    };
+    fs::create_dir(folder.join("folder.csv")).expect("the folder is writable");
+    let mut refused = vec![("folder.csv", "it is a folder")];
+    if cfg!(unix) {
+        let made = std::process::Command::new("mkfifo")
+            .arg(folder.join("fifo.csv"))
+            .status();
+        assert!(made.expect("mkfifo starts").success());
+        refused.extend([
+            ("fifo.csv", "it is no regular file"),
+            ("/dev/zero", "it is no regular file"),
+        ]);
+    }
+    for (table, why) in refused {
+        let ran = nsdc_with_input(&folder, &["check", "-"], &model(table));
+        assert_eq!(ran.status, 1, "{table}: {}", ran.err);
+        assert!(ran.err.contains(why), "{table}: {}", ran.err);
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn goldens_are_not_written_through_links() {
+    const MODEL: &str = "model m { state x = 1; x' = -x; }\n\
+         simulate s of m { horizon 1; expect numbers golden; }\n";
+    let folder = folder("links");
+    let outside = folder.join("outside");
+    fs::create_dir_all(&outside).expect("the folder is writable");
+    fs::write(outside.join("kept"), "kept").expect("the folder is writable");
+    for (name, is_folder) in [("a", true), ("b", false)] {
+        fs::write(folder.join(format!("{name}.nsd")), MODEL).expect("the folder is writable");
+        let golden = folder.join(format!("{name}.golden"));
+        let link = |to: &std::path::Path, from: &std::path::Path| {
+            std::os::unix::fs::symlink(to, from).expect("links can be made");
+        };
+        if is_folder {
+            link(&outside, &golden);
+        } else {
+            fs::create_dir_all(&golden).expect("the folder is writable");
+            link(&outside.join("kept"), &golden.join("s.numbers"));
+        }
+        let ran = nsdc(&folder, &["test", "--accept", &format!("{name}.nsd")]);
+        assert_ne!(ran.status, 0, "{}{}", ran.out, ran.err);
+        let told = format!("{}{}", ran.out, ran.err);
+        assert!(told.contains("is a symbolic link"), "{told}");
+        let kept = fs::read_to_string(outside.join("kept"));
+        assert_eq!(kept.expect("the file is there"), "kept");
+        assert!(!outside.join("s.numbers").exists());
+    }
+}
+
+#[test]
+fn tolerances_are_finite() {
+    let folder = folder("tolerances");
+    for within in ["inf", "-1", "-inf"] {
+        let text = format!(
+            "model m {{ state x = 1; x' = -x; }}\n\
+             simulate s of m {{ horizon 1; expect x at end ~ 7 within {within}; }}\n"
+        );
+        let ran = nsdc_with_input(&folder, &["check", "-"], &text);
+        assert_eq!(ran.status, 1, "{within}: {}", ran.err);
+        assert!(ran.err.contains("E06"), "{within}: {}", ran.err);
+    }
+    // A golden number that anything would be within is no golden number.
+    let text = "model m { state x = 1; x' = -x; }\n\
+         simulate s of m { horizon 1; expect numbers golden; }\n";
+    fs::write(folder.join("m.nsd"), text).expect("the folder is writable");
+    assert_eq!(nsdc(&folder, &["test", "--accept", "m.nsd"]).status, 0);
+    assert_eq!(nsdc(&folder, &["test", "m.nsd"]).status, 0);
+    let golden = folder.join("m.golden/s.numbers");
+    let kept = fs::read_to_string(&golden).expect("it was accepted");
+    let line = kept.lines().find(|line| line.starts_with("x at end"));
+    let line = line.expect("the end is kept");
+    for within in ["inf", "nan", "-1e-3"] {
+        let wide = kept.replace(line, &format!("x at end = 7 within {within}"));
+        fs::write(&golden, wide).expect("the folder is writable");
+        let ran = nsdc(&folder, &["test", "m.nsd"]);
+        assert_eq!(ran.status, 2, "{within}: {}{}", ran.out, ran.err);
+    }
+}

@@ -62,14 +62,27 @@ pub fn read(path: &Path, limit: usize) -> Result<Vec<u8>, FileError> {
     };
     let result = match is_standard(path) {
         true => limited(&mut io::stdin().lock()),
-        false => fs::File::open(path).and_then(|mut file| limited(&mut file)),
+        false => open(path).and_then(|mut file| limited(&mut file)),
     };
     result.map_err(|error| FileError::new("read", path, &error))
 }
 
+/// Opens a regular file: others, as FIFOs and devices, may have no end, or no beginning.
+fn open(path: &Path) -> io::Result<fs::File> {
+    let kind = fs::metadata(path)?;
+    if kind.is_dir() {
+        return Err(io::ErrorKind::IsADirectory.into());
+    }
+    match kind.is_file() {
+        true => fs::File::open(path),
+        false => Err(io::Error::other("it is no regular file")),
+    }
+}
+
 /// The text of a file that may be missing.
 pub fn read_if_present(path: &Path) -> Result<Option<String>, FileError> {
-    match fs::read_to_string(path) {
+    let text = open(path).and_then(io::read_to_string);
+    match text {
         Ok(text) => Ok(Some(text)),
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
         Err(error) => Err(FileError::new("read", path, &error)),
@@ -81,15 +94,32 @@ pub fn write(path: &Path, text: &str) -> Result<(), FileError> {
     fs::write(path, text).map_err(|error| FileError::new("write", path, &error))
 }
 
-/// Replaces a file, in a folder that may have to be made.
+/// Replaces a file, in a folder that may have to be made; neither of them may be a link that leads elsewhere.
 pub fn write_in_folder(path: &Path, text: &str) -> Result<(), FileError> {
+    refuse_links("write", path)?;
     let made = path.parent().map_or(Ok(()), fs::create_dir_all);
     made.map_err(|error| FileError::new("write", path, &error))?;
     write(path, text)
 }
 
-/// Takes a file away.
+/// An error where a file or its folder is a symbolic link: what is there belongs to somebody else.
+fn refuse_links(action: &'static str, path: &Path) -> Result<(), FileError> {
+    let folder = path
+        .parent()
+        .filter(|folder| !folder.as_os_str().is_empty());
+    let link = folder
+        .into_iter()
+        .chain([path])
+        .find(|path| path.is_symlink());
+    link.map_or(Ok(()), |link| {
+        let error = io::Error::other(format!("`{}` is a symbolic link", link.display()));
+        Err(FileError::new(action, path, &error))
+    })
+}
+
+/// Takes a file away; its folder may be no link that leads elsewhere.
 pub fn remove(path: &Path) -> Result<(), FileError> {
+    refuse_links("remove", path)?;
     fs::remove_file(path).map_err(|error| FileError::new("remove", path, &error))
 }
 

@@ -11,6 +11,7 @@
 
 mod arena;
 mod compile;
+mod degree;
 mod derivative;
 mod evaluate;
 mod function;

@@ -4,7 +4,7 @@ use super::check::plural;
 use super::lower::{Local, Lowering};
 use super::reserved::{FUNCTIONS, did_you_mean};
 use super::scope::{Callable, Meaning, Reported, Scope, Value};
-use super::{ModelError, Tensor, builtins};
+use super::{ModelError, Tensor, builtins, foreign};
 use crate::expr::Expr;
 use crate::source::Span;
 use crate::syntax::{self, Arg, Binder, ExprKind};
@@ -67,11 +67,8 @@ fn callee<'a, 'c, 'e>(
             return Err(Reported);
         }
         let name = lowering.text(function);
-        return lowering.error(ModelError::UnknownFunction {
-            name,
-            span,
-            help: None,
-        });
+        let help = foreign::function(&name);
+        return lowering.error(ModelError::UnknownFunction { name, span, help });
     };
     let scope = lowering.scope;
     let names = if lowering.in_function {
@@ -97,7 +94,8 @@ fn callee<'a, 'c, 'e>(
         return Err(Reported);
     } else {
         let declared = scope.functions.keys().map(String::as_str);
-        did_you_mean(name, FUNCTIONS.into_iter().chain(declared))
+        foreign::function(name)
+            .or_else(|| did_you_mean(name, FUNCTIONS.into_iter().chain(declared)))
     };
     let name = name.clone();
     lowering.error(ModelError::UnknownFunction { name, span, help })

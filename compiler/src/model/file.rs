@@ -5,6 +5,7 @@ use std::rc::Rc;
 
 use rustc_hash::FxHashMap;
 
+use super::foreign;
 use super::import::{Import, import};
 use super::lower::Lowering;
 use super::order::{chain, edges, free_names, free_names_under, others, topological};
@@ -290,7 +291,9 @@ fn check_function(file: &FileNames<'_>, function: &Function, diags: &mut Diagnos
                 .chain(VALUES)
                 .chain(FUNCTIONS)
                 .chain(params);
-            let help = did_you_mean(&name, all).or_else(|| {
+            let known = foreign::function(&name).or_else(|| foreign::value(&name));
+            let close = known.or_else(|| did_you_mean(&name, all));
+            let help = close.or_else(|| {
                 Some("a function sees its arguments, constants and functions only".to_owned())
             });
             let span = super::order::name_span(&function.body, &name).unwrap_or(function.body.span);

@@ -9,7 +9,7 @@ use super::check::plural;
 use super::lower::{Lazy, Local, Lowering};
 use super::reserved::{FUNCTIONS, VALUES, did_you_mean};
 use super::scope::{Meaning, Reported, Value};
-use super::{ModelError, TargetKind, Tensor, places};
+use super::{ModelError, TargetKind, Tensor, foreign, places};
 use crate::expr::Expr;
 use crate::source::Span;
 use crate::syntax::{self, ExprKind, Index};
@@ -78,7 +78,7 @@ impl<'a, 'e> Lowering<'a, 'e> {
             None => {
                 let locals = self.locals.iter().map(Local::name);
                 let known = names.keys().map(String::as_str).chain(VALUES).chain(locals);
-                let help = did_you_mean(name, known);
+                let help = foreign::value(name).or_else(|| did_you_mean(name, known));
                 self.error(ModelError::UnknownName {
                     name: name.to_owned(),
                     span,

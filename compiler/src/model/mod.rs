@@ -33,6 +33,7 @@ mod dynamics_error;
 mod error;
 mod fields;
 mod file;
+mod foreign;
 mod given_error;
 mod hidden;
 mod import;

@@ -186,10 +186,13 @@ fn without_comment(line: &str) -> &str {
 fn number(line: &str) -> Option<Line> {
     let (rest, within) = line.rsplit_once(" within ")?;
     let (name, value) = rest.rsplit_once(" = ")?;
+    // Anything is within an infinite tolerance: a line with one is none.
+    let within: f64 = within.parse().ok()?;
+    (within.is_finite() && within >= 0.0).then_some(())?;
     Some(Line {
         name: name.to_owned(),
         value: value.parse().ok()?,
-        within: within.parse().ok()?,
+        within,
     })
 }
 

@@ -299,6 +299,7 @@ const FOREIGN: [(&str, &str); 13] = [
 fn stray_help(character: char) -> Option<&'static str> {
     Some(match character {
         '#' | '%' => "a comment starts with `//`",
+        '?' => "write `if x > 0 then a else b`",
         '²' => "write a power as `^2`",
         '³' => "write a power as `^3`",
         '√' => "write `sqrt(...)`",

@@ -5,7 +5,7 @@
 //! Only the values at α_i = 0 and 1 are kept: α^k becomes α. At the corners, that is off the
 //! surfaces, nothing changes.
 
-use crate::expr::{Expr, Node, Substitution, Var, jacobian};
+use crate::expr::{Expr, Node, Substitution, Var};
 
 /// The value with one variable at a number.
 pub(super) fn at<'e>(f: Expr<'e>, var: Var, value: f64) -> Expr<'e> {
@@ -13,20 +13,24 @@ pub(super) fn at<'e>(f: Expr<'e>, var: Var, value: f64) -> Expr<'e> {
     f.substitute(&Substitution::from_iter([(var, number)]))
 }
 
+/// Polynomials of higher degree are not expanded in search of terms that cancel.
+const MOST_EXPANDED: u32 = 8;
+
 /// Whether f is affine in the variable, as far as its canonical form shows.
 pub(super) fn is_affine(f: Expr<'_>, var: Var) -> bool {
-    let slope = f.diff(var);
-    slope.is_zero() || slope.diff(var).is_zero()
+    match f.degree(var) {
+        Some(0 | 1) => true,
+        Some(2..=MOST_EXPANDED) => {
+            let slope = f.diff(var);
+            slope.is_zero() || slope.diff(var).is_zero()
+        }
+        Some(_) | None => false,
+    }
 }
 
-/// Whether f is a polynomial of low degree in the variable: nested conditions make such powers.
+/// Whether f is a polynomial in the variable: nested conditions make powers of it.
 pub(super) fn is_polynomial(f: Expr<'_>, var: Var) -> bool {
-    const HIGHEST_DEGREE: usize = 8;
-    let mut derivative = f;
-    (0..=HIGHEST_DEGREE).any(|_| {
-        derivative = derivative.diff(var);
-        derivative.is_zero()
-    })
+    f.degree(var).is_some()
 }
 
 /// The jump across the surface: f|α=1 - f|α=0.
@@ -34,12 +38,16 @@ pub(super) fn jump<'e>(f: Expr<'e>, alpha: Var) -> Expr<'e> {
     at(f, alpha, 1.0) - at(f, alpha, 0.0)
 }
 
+/// The variables that f is not affine in: its interpolant has up to two terms per corner of them.
+pub(super) fn bent(f: Expr<'_>, alphas: &[Var]) -> Vec<Var> {
+    let mut bent = alphas.to_vec();
+    bent.retain(|&alpha| !is_affine(f, alpha));
+    bent
+}
+
 /// The multi-affine interpolant of f at the corners of the variables.
 pub(super) fn multi_affine<'e>(f: Expr<'e>, alphas: &[Var]) -> Expr<'e> {
-    let slopes = jacobian(&[f], alphas).entries.into_iter();
-    let slopes = slopes.map(|(_, k, slope)| (alphas[k], slope));
-    let bent = slopes.filter(|&(alpha, slope)| slope.depends_on(alpha));
-    bent.fold(f, |f, (alpha, _)| interpolate(f, alpha))
+    bent(f, alphas).into_iter().fold(f, interpolate)
 }
 
 fn interpolate<'e>(f: Expr<'e>, alpha: Var) -> Expr<'e> {

@@ -3,6 +3,8 @@
 //! A switch is continuous when the jump f|α=1 - f|α=0 of every rate and of every other ψ
 //! vanishes on ψ = 0. Sampled points of the surface refute it; the symbolic form proves it.
 
+use std::cell::OnceCell;
+
 use super::Continuity;
 use super::affine::jump;
 use super::sample::Sampler;
@@ -34,8 +36,7 @@ pub(super) fn classify<'e>(
     }
     let sampler = &sampler.only(&[jumps.as_slice(), &[psi]].concat());
     let rounding = if is_kink { ROUNDING_OF_KINKS } else { ROUNDING };
-    let on_surface = |&jump: &Expr<'e>| on_samples(jump, psi, rounding, sampler);
-    let sampled: Vec<Option<bool>> = jumps.iter().map(on_surface).collect();
+    let sampled = on_samples(&jumps, psi, rounding, sampler);
     let mut known = jumps.iter().zip(&sampled);
     if sampled.contains(&Some(false)) {
         return Continuity::Discontinuous;
@@ -117,7 +118,7 @@ fn vanishes_after_solving<'e>(e: Expr<'e>, psi: Expr<'e>) -> bool {
 
 /// Whether e is zero at every sampled point of the surface; without doubt, that is found at some.
 pub(super) fn vanishes_at_samples<'e>(e: Expr<'e>, psi: Expr<'e>, sampler: &Sampler<'e>) -> bool {
-    on_samples(e, psi, ROUNDING, sampler) == Some(true)
+    on_samples(&[e], psi, ROUNDING, sampler) == [Some(true)]
 }
 
 /// Whether e is zero wherever ψ is, as its form shows, or at all sampled points.
@@ -128,31 +129,38 @@ pub(super) fn is_zero_on<'e>(e: Expr<'e>, psi: Expr<'e>, sampler: &Sampler<'e>) 
     }
 }
 
-/// Whether e is zero, to rounding, at the sampled points of the surface where it is defined;
-/// `None` without such points.
+/// Whether functions are zero, to rounding, at the sampled points of the surface where they are defined; `None`
+/// without such points. The first one that is not ends the search.
 fn on_samples<'e>(
-    e: Expr<'e>,
+    functions: &[Expr<'e>],
     psi: Expr<'e>,
     rounding: f64,
     sampler: &Sampler<'e>,
-) -> Option<bool> {
-    let mut is_zero = None;
-    for start in sampler.points(N_POINTS) {
+) -> Vec<Option<bool>> {
+    let mut is_zero = vec![None; functions.len()];
+    if functions.is_empty() {
+        return is_zero;
+    }
+    'points: for start in sampler.points(N_POINTS) {
         let Some(point) = sampler.to_surface(psi, &start) else {
             continue;
         };
-        let on = sampler.eval(e, &point);
-        if !on.is_finite() {
-            continue;
+        let near = OnceCell::new();
+        for (&e, is_zero) in functions.iter().zip(&mut is_zero) {
+            let on = sampler.eval(e, &point);
+            if !on.is_finite() {
+                continue;
+            }
+            let near = near.get_or_init(|| sampler.near(psi, &point, rounding));
+            let change = (near.iter().map(|near| (sampler.eval(e, near) - on).abs()))
+                .filter(|change| change.is_finite())
+                .fold(0.0, f64::max);
+            let is_jump = on.abs() > change;
+            *is_zero = Some(!is_jump);
+            if is_jump {
+                break 'points;
+            }
         }
-        let near = sampler.near(psi, &point, rounding);
-        let change = (near.iter().map(|near| (sampler.eval(e, near) - on).abs()))
-            .filter(|change| change.is_finite())
-            .fold(0.0, f64::max);
-        if on.abs() > change {
-            return Some(false);
-        }
-        is_zero = Some(true);
     }
     is_zero
 }

@@ -39,6 +39,13 @@ impl<'e> Lowering<'_, 'e> {
         }
     }
 
+    /// Reports nonlinear functions of too many switches inside each other.
+    pub(super) fn check_entangled(&self, diags: &mut Diagnostics) {
+        if let Some((count, span)) = self.switches.entangled() {
+            diags.push(SystemError::EntangledSwitches { count, span });
+        }
+    }
+
     /// Reports rates in which too many switches act together.
     pub(super) fn check_effort(&self, rates: &[Expr<'e>], diags: &mut Diagnostics) {
         let switches = self.switches.list.iter().enumerate();

@@ -431,6 +431,18 @@ pub enum SystemError {
         span: Span,
     },
 
+    /// A nonlinear function of so many switches has a value of its own on each of their sides.
+    #[error("{count} switches stand inside nonlinear functions of each other")]
+    #[diagnostic(
+        code(E0422),
+        help("nest fewer, or give an inner value a state of its own that follows it quickly")
+    )]
+    EntangledSwitches {
+        count: usize,
+        #[label("2^{count} cases")]
+        span: Span,
+    },
+
     /// More regions than can be compared with each other.
     #[error("{count} regions in one partition")]
     #[diagnostic(

@@ -59,6 +59,7 @@ pub fn lower<'e>(
     lowering.read_named_switches();
     lowering.declare_surfaces(&through, diags);
     lowering.check_counts(diags);
+    lowering.check_entangled(diags);
     if diags.errors().count() > errors_before {
         return None;
     }
@@ -67,6 +68,10 @@ pub fn lower<'e>(
     let mut rates = lowering.rates(&regions, diags);
     rates.extend(lowering.integrals(diags));
     let mut laws = lowering.laws();
+    lowering.check_entangled(diags);
+    if diags.errors().count() > errors_before {
+        return None;
+    }
     lowering.check_effort(&rates, diags);
     let (outputs, controls) = lowering.recorded();
     let named = lowering.named_surfaces();

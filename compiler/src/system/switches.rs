@@ -6,15 +6,20 @@
 //! How a switch enters decides how powers of it are read (see [`Entry`]), so until that is settled
 //! each kind of entry has a variable of its own, merged into α afterwards.
 
+use std::cell::Cell;
+
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::affine::{at, multi_affine};
+use super::affine::{at, bent, multi_affine};
 use super::read::Readings;
 use super::surface::{self, Form, Known};
 use super::terms::{at_alpha, compared};
 use super::{NamedReading, Relay, Role};
 use crate::expr::{Expr, Exprs, Substitution, Var, transform, variables_of};
 use crate::source::Span;
+
+/// Switches that one expression may be nonlinear in: the interpolant between their corners doubles with each.
+const MOST_BENT: usize = 8;
 
 /// How a switching term stands in an expression.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -110,6 +115,8 @@ pub(super) struct Switches<'e> {
     /// [`Entry::Term`] variables to their α.
     strict: Substitution<'e>,
     here: Span,
+    /// How many switches an expression is nonlinear in, and where it stands, if they are too many.
+    entangled: Cell<Option<(usize, Span)>>,
 }
 
 impl<'e> Switches<'e> {
@@ -127,6 +134,7 @@ impl<'e> Switches<'e> {
             choosing: Vec::new(),
             strict: Substitution::new(),
             here: Span::default(),
+            entangled: Cell::new(None),
         }
     }
 
@@ -328,6 +336,11 @@ impl<'e> Switches<'e> {
         Some((k, scale * self.list[k].scale < 0.0))
     }
 
+    /// How many switches an expression is nonlinear in, and where it stands, if they are too many.
+    pub fn entangled(&self) -> Option<(usize, Span)> {
+        self.entangled.get()
+    }
+
     /// The arena of all expressions.
     pub fn exprs(&self) -> &'e Exprs {
         self.exprs
@@ -401,7 +414,13 @@ impl<'e> Switches<'e> {
                 .is_none_or(|k| !self.list[k].is_nonlinear)
         });
         linear.extend(self.choosing.iter().flatten());
-        multi_affine(e, &linear).substitute(&self.choices)
+        let bent = bent(e, &linear);
+        if bent.len() > MOST_BENT {
+            // The interpolant would have 2^n terms: this is refused, and e stands for it until then.
+            self.entangled.set(Some((bent.len(), self.here)));
+            return e.substitute(&self.choices);
+        }
+        multi_affine(e, &bent).substitute(&self.choices)
     }
 
     /// The expression in α, with powers of them as they stand.

@@ -101,6 +101,27 @@ fn coherent(name: &str) -> Option<&'static str> {
     })
 }
 
+/// A word that is several coherent units in a row, as their product: `Nm` is `N*m`.
+fn product(name: &str) -> Option<String> {
+    const MOST: usize = 4;
+    fn split(name: &str, most: usize) -> Option<Vec<&str>> {
+        if UNITS.iter().any(|(unit, _)| *unit == name) {
+            return Some(vec![name]);
+        }
+        let ends = (1..name.len())
+            .rev()
+            .filter(|&end| name.is_char_boundary(end));
+        ends.filter(|_| most > 1).find_map(|end| {
+            let (first, rest) = name.split_at(end);
+            let first = UNITS.iter().find(|(unit, _)| *unit == first)?.0;
+            let rest = split(rest.trim_start_matches(['.', '·', '-', '_']), most - 1)?;
+            Some([vec![first], rest].concat())
+        })
+    }
+    let units = split(name, MOST).filter(|units| units.len() > 1)?;
+    Some(units.join("*"))
+}
+
 /// The dimension of a unit as it is written; none after an error.
 pub(super) fn read(unit: &Unit, diags: &mut Diagnostics) -> Option<Dimension> {
     let mut all = Some(Dimension::NUMBER);
@@ -147,13 +168,13 @@ fn unknown(name: &str, span: crate::source::Span) -> UnitError {
         Some(unit) => {
             format!("no value is ever converted: write `{unit}`, and the number in `{unit}`")
         }
-        None => {
+        None => product(name).map(|product| format!("units are multiplied with `*`: write `{product}`")).unwrap_or_else(|| {
             let names = UNITS.iter().map(|(name, _)| *name);
             let close = super::super::reserved::did_you_mean(name, names);
             close.unwrap_or_else(|| {
                 "units are made of kg, m, s, A, K, mol, cd, rad, N, J, W, Pa, V, Ohm, F, H, C, ..".to_owned()
             })
-        }
+        }),
     };
     UnitError::UnknownUnit {
         name: name.to_owned(),

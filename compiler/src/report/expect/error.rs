@@ -19,6 +19,13 @@ pub enum ExpectError {
         #[label("how close is close?")]
         span: Span,
     },
+    /// Anything is within an infinite tolerance, and nothing within a negative one.
+    #[error("a tolerance is a finite number that is not negative")]
+    #[diagnostic(code(E0601), help("write an absolute tolerance, as in `within 1e-9`"))]
+    NotATolerance {
+        #[label("no tolerance")]
+        span: Span,
+    },
     /// `=` is exact and inequalities have their slack in their bound.
     #[error("`within` belongs to `~`")]
     #[diagnostic(code(E0602), help("write `~`, or leave the tolerance out"))]

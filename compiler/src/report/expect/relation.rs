@@ -140,7 +140,14 @@ fn within(
             diags.push(ExpectError::NoTolerance { span });
             None
         }
-        (ExpectOp::Close, Some(within)) => number(subject, within, diags),
+        (ExpectOp::Close, Some(expr)) => {
+            let within = number(subject, expr, diags)?;
+            if !(within.is_finite() && within >= 0.0) {
+                diags.push(ExpectError::NotATolerance { span: expr.span });
+                return None;
+            }
+            Some(within)
+        }
         (_, Some(within)) => {
             diags.push(ExpectError::UnusedTolerance { span: within.span });
             None
