@@ -14,8 +14,14 @@ use super::{Note, Role, Settings, Side, Simulator, Status, SwitchedSystem};
 /// One way to go on: the sides of the switches that meet.
 pub type Candidate = Vec<(usize, Side)>;
 
-/// |ψ| below this fraction of the size of its terms is the surface.
+/// |ψ| of a contact, a slip velocity or an equation below this fraction of the size of its terms is the surface: a
+/// bounce ends there, and a Newton iteration.
 pub(super) const BAND: f64 = 1e-12;
+
+/// The same of a switch, in roundings of its terms. Where a run starts they are those of evaluating ψ and of the
+/// numbers of the model; later x has as many more as the step to it has made.
+const ROUNDINGS: f64 = 16.0;
+const AT_START: f64 = 2.0;
 
 /// Solutions looked for where one cannot be chosen: as many as three repelling surfaces have.
 pub const MAX_NAMED: usize = 27;
@@ -44,7 +50,18 @@ impl Mode {
         self.surfaces.stand_for(switch, 0);
         self.surfaces.linearize(switch, &self.memory.values);
         let size = self.weigh(switch, |j| state.size(j));
-        BAND * (size + self.time_gradient(switch).abs() * horizon)
+        let by_time = self.time_gradient(switch).abs();
+        if !self.is_plain(switch) {
+            return BAND * (size + by_time * horizon);
+        }
+        let roundings = if state.begun { ROUNDINGS } else { AT_START };
+        roundings * f64::EPSILON * (size + by_time * state.t.abs())
+    }
+
+    /// True for a switch whose surface nothing but a sign of ψ tells: none of a contact, a projection or an equation.
+    pub(super) fn is_plain(&self, switch: usize) -> bool {
+        let is_slip = self.slip_of[switch].is_some();
+        self.roles[switch] == Role::Step && !self.unilateral[switch] && !is_slip
     }
 }
 

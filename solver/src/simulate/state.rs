@@ -205,7 +205,7 @@ impl State {
     }
 
     pub(super) fn count_event(&mut self, length: f64, horizon: f64) {
-        let progress = length > 1e-14 * horizon;
+        let progress = length > f64::EPSILON * horizon;
         self.stalled = if progress { 0 } else { self.stalled + 1 };
     }
 

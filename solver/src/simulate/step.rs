@@ -275,7 +275,10 @@ pub(super) fn first_event(
     for &i in &mode.watched {
         let reach = first.map_or(h, |(root, _)| root.tau);
         // Contacts close where they open by less than their band.
-        let share = if mode.is_contact(i) { 1.0 } else { SEEN };
+        let share = match mode.is_contact(i) || mode.is_plain(i) {
+            true => 1.0,
+            false => SEEN,
+        };
         let c = dense.psi(i);
         let band = state.armed[i].then_some(share * state.level(i, c, h));
         let level = match mode.is_in_disc(i) {
