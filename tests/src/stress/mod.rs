@@ -9,6 +9,7 @@ mod contacts;
 mod events;
 mod large;
 mod masses;
+mod offsets;
 mod stiff;
 mod surfaces;
 mod units;
@@ -361,6 +362,7 @@ pub fn families(extent: Extent) -> Vec<Family> {
         stiff::families(extent),
         contacts::families(extent),
         masses::families(extent),
+        offsets::families(extent),
         large::families(extent),
     ]
     .concat()
