@@ -1,10 +1,8 @@
 //! Words of other languages: the help says what to write instead, and no spelling that is close beats it.
 
-mod terminal;
-
 use std::path::Path;
 
-use terminal::{folder, nsdc_with_input};
+use crate::terminal::{folder, nsdc_with_input};
 
 /// Expressions with what their help names.
 const EXPRESSIONS: [(&str, &str); 63] = [

@@ -4,6 +4,7 @@ mod cli;
 mod documents;
 mod expect;
 mod explain;
+mod foreign;
 mod imports;
 mod limits;
 mod new;

@@ -319,6 +319,9 @@ struct Comparison<'r> {
     difference: Vec<f64>,
     scale: Vec<f64>,
     approaches: &'r [Approach],
+    /// The states behind events of the first run, and how many of this one have been displaced from them.
+    behind: &'r [f64],
+    displaced: usize,
     /// What the differences so far make of ψ, at the approaches that were passed.
     misses: Vec<f64>,
 }
@@ -338,6 +341,8 @@ impl<'r> Comparison<'r> {
             difference: vec![0.0; n],
             scale: x0.iter().map(|x| x.abs()).collect(),
             approaches: &[],
+            behind: run.behind(),
+            displaced: 0,
             misses: Vec::new(),
         }
     }
@@ -353,6 +358,9 @@ impl Comparison<'_> {
         }
     }
 }
+
+/// Roundings by which the second run is displaced at an event: more than the first one makes in a step.
+const DISPLACED: f64 = 2.0;
 
 /// Where in a step magnitudes are looked at: a state may be zero at every end of a step.
 const BETWEEN: [f64; 3] = [0.25, 0.5, 0.75];
@@ -408,6 +416,21 @@ impl Observer for Comparison<'_> {
             self.next = self.next.max(jump.n_points);
         }
         self.jumped += 1;
+    }
+
+    /// Moves the state away from that of the first run. Both make the same roundings where events cut their steps alike;
+    /// what a system makes of other ones grows by itself from here, and nothing takes it back.
+    fn displace(&mut self, x: &mut [f64], roundings: &[f64]) {
+        let other = self.behind.chunks_exact(self.n).nth(self.displaced);
+        self.displaced += 1;
+        for (i, (x, rounding)) in x.iter_mut().zip(roundings).enumerate() {
+            let is_below = other.is_some_and(|other| *x < other[i]);
+            *x += DISPLACED * rounding * if is_below { -1.0 } else { 1.0 };
+        }
+    }
+
+    fn displaces(&self) -> bool {
+        true
     }
 }
 

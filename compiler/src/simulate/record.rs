@@ -17,6 +17,9 @@ use crate::system::{Output, System};
 /// When the mode changed, from what, to what, and what decided about nonlinear switches.
 type Change = (f64, Box<[Side]>, Box<[Side]>, Vec<Decision>);
 
+/// Events of which the state behind them is kept.
+const MOST_KEPT: usize = 4096;
+
 /// States that have jumped.
 #[derive(Clone, Debug)]
 pub(super) struct Jump {
@@ -45,6 +48,8 @@ pub(super) struct Recorder<'s, 'e> {
     data: &'s [Data<'e>],
     changes: Vec<Change>,
     jumps: Vec<Jump>,
+    /// The states behind the first events, one after another.
+    behind: Vec<f64>,
     /// Instants at which infinitely many of them accumulate.
     accumulations: Vec<f64>,
     x: Vec<f64>,
@@ -73,6 +78,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
             data: &system.data,
             changes: Vec::new(),
             jumps: Vec::new(),
+            behind: Vec::new(),
             accumulations: Vec::new(),
             x: vec![0.0; n],
             alpha: vec![0.0; m],
@@ -89,6 +95,11 @@ impl<'s, 'e> Recorder<'s, 'e> {
 
     pub(super) fn jumps(&self) -> &[Jump] {
         &self.jumps
+    }
+
+    /// The states behind the first events, one after another.
+    pub(super) fn behind(&self) -> &[f64] {
+        &self.behind
     }
 
     pub(super) fn n_modes(&self) -> usize {
@@ -459,6 +470,9 @@ impl Observer for Recorder<'_, '_> {
                 self.x.copy_from_slice(event.x);
                 self.push(event.time);
             }
+        }
+        if self.changes.len() < MOST_KEPT {
+            self.behind.extend_from_slice(event.x);
         }
         self.changes.push((
             event.time,

@@ -64,4 +64,12 @@ impl<O: Observer> Observer for Watched<'_, O> {
         self.progress.events += 1;
         self.observer.event(event);
     }
+
+    fn displace(&mut self, x: &mut [f64], roundings: &[f64]) {
+        self.observer.displace(x, roundings);
+    }
+
+    fn displaces(&self) -> bool {
+        self.observer.displaces()
+    }
 }

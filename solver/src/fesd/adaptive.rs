@@ -75,7 +75,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             let least_member = run.least_member;
             let event = match self.element(run, 0, length) {
                 Ok(event) => event,
-                Err(Status::Unsolved) if length > SHORTEST * horizon => {
+                Err(Status::Unsolved | Status::NotFinite) if length > SHORTEST * horizon => {
                     (run.last, run.least_member) = (0.0, least_member);
                     h = 0.25 * length;
                     continue;

@@ -312,6 +312,10 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             .values
             .evaluate(&self.scheme, &mode.element, &mut mode.hidden);
         evaluated.map_err(|_| Status::Unsolved)?;
+        // No comparison with what is not a number finds a root.
+        if self.values.at_points.iter().any(|value| value.is_nan()) {
+            return Err(Status::NotFinite);
+        }
         let reduced = &mode.element.reduced;
         self.values.lower_stops(&self.scheme, reduced, &run.sizes);
         let unknowns = reduced.unknowns.iter().enumerate();

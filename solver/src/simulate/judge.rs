@@ -5,7 +5,7 @@
 //! mode decide by their first non-negligible term, so that tangencies of any order
 //! are the same rule.
 
-use super::select::{BAND, Choice};
+use super::select::Choice;
 use super::state::State;
 use super::{Role, Side, Simulator, SwitchedSystem, disc, series};
 
@@ -80,11 +80,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         };
         let rate = |i: &usize| {
             let terms = mode.weigh(*i, largest);
-            let size = if mode.surfaces.is_deep(*i) {
-                mode.weigh(*i, |j| state.size(j))
-            } else {
-                state.band[*i] / BAND
-            };
+            let size = mode.weigh(*i, |j| state.size(j));
             let within_a_step = if state.last_step > 0.0 {
                 size / state.last_step
             } else {

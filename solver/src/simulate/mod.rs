@@ -410,6 +410,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                         to: if waits.is_some() { &from } else { &state.sides },
                         accumulates: end.is_some() && waits.is_none(),
                     });
+                    self.displace(&mut state, step.length, observer);
                 }
                 limit = waits.map(|end| (from, end));
             },
@@ -435,6 +436,28 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
         };
         self.state = state;
         outcome
+    }
+
+    /// Lets an observer move the state by roundings: of each x, and of the terms of its rate over the last step.
+    fn displace(&self, state: &mut State, length: f64, observer: &mut impl Observer) {
+        if !observer.displaces() {
+            return;
+        }
+        let before = self.jumps.before(&state.x);
+        // What laws count is whole, and exact.
+        let jumps = |i: usize| state.x[i] != before[i] && state.x[i].fract() != 0.0;
+        let moves = |i: usize| self.mode.x_series(i)[1] != 0.0 || jumps(i);
+        let rests = |i: usize| self.mode.is_algebraic[i] || !moves(i);
+        let size = |i: usize| state.x[i].abs().max(state.activity[i] * length);
+        let rounding = |i: usize| {
+            if rests(i) {
+                0.0
+            } else {
+                f64::EPSILON * size(i)
+            }
+        };
+        let roundings: Vec<f64> = (0..state.x.len()).map(rounding).collect();
+        observer.displace(&mut state.x, &roundings);
     }
 
     fn limit(&self, state: &mut State) -> Option<Status> {

@@ -114,4 +114,11 @@ pub trait Observer {
     fn segment(&mut self, segment: &Segment) -> ControlFlow<()>;
     /// The mode changed.
     fn event(&mut self, event: &Event);
+    /// May move the state that a run starts from, or goes on from behind an event, by a few of the `roundings` of each
+    /// state: a second run so shows what the system makes of them. What does not move has none.
+    fn displace(&mut self, _x: &mut [f64], _roundings: &[f64]) {}
+    /// Whether [`Observer::displace`] does so.
+    fn displaces(&self) -> bool {
+        false
+    }
 }

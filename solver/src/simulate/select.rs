@@ -14,8 +14,15 @@ use super::{Note, Role, Settings, Side, Simulator, Status, SwitchedSystem};
 /// One way to go on: the sides of the switches that meet.
 pub type Candidate = Vec<(usize, Side)>;
 
-/// |ψ| below this fraction of the size of its terms is the surface.
+/// |ψ| below this fraction of how far its states have moved is the surface; of a contact, a slip velocity or an
+/// equation below this fraction of how large they are.
 pub(super) const BAND: f64 = 1e-12;
+
+/// Roundings of the terms of a switch: where a run starts those of evaluating ψ and of the numbers of the model; later
+/// x has more, of the step to it or of a law; and those within which a surface that has just been left is not seen again.
+const AT_START: f64 = 2.0;
+const LATER: f64 = 4.0;
+const LEFT: f64 = 16.0;
 
 /// Solutions looked for where one cannot be chosen: as many as three repelling surfaces have.
 pub const MAX_NAMED: usize = 27;
@@ -43,8 +50,29 @@ impl Mode {
     pub(super) fn band(&mut self, switch: usize, state: &State, horizon: f64) -> f64 {
         self.surfaces.stand_for(switch, 0);
         self.surfaces.linearize(switch, &self.memory.values);
+        let by_time = self.time_gradient(switch).abs();
+        if !self.is_plain(switch) {
+            let size = self.weigh(switch, |j| state.size(j));
+            return BAND * (size + by_time * horizon);
+        }
+        let rounding = self.rounding(switch, state);
+        if !state.begun {
+            return AT_START * rounding;
+        }
+        let motion = self.weigh(switch, |j| state.motion(j));
+        (LATER * rounding).max(BAND * (motion + by_time * state.t.abs()))
+    }
+
+    /// One rounding of every term of ψ of a switch, where it was last linearized.
+    fn rounding(&self, switch: usize, state: &State) -> f64 {
         let size = self.weigh(switch, |j| state.size(j));
-        BAND * (size + self.time_gradient(switch).abs() * horizon)
+        f64::EPSILON * (size + self.time_gradient(switch).abs() * state.t.abs())
+    }
+
+    /// True for a switch whose surface nothing but a sign of ψ tells: none of a contact, a projection or an equation.
+    pub(super) fn is_plain(&self, switch: usize) -> bool {
+        let is_slip = self.slip_of[switch].is_some();
+        self.roles[switch] == Role::Step && !self.unilateral[switch] && !is_slip
     }
 }
 
@@ -174,11 +202,12 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         }
     }
 
-    /// |ψ| ≤ `BAND` (|∇ψ| scale(x) + |∂ψ/∂t| horizon) is the surface.
+    /// |ψ| ≤ band is the surface, and what rounding does to ψ is a part of it.
     pub(super) fn measure_bands(&mut self, state: &mut State, switches: &[usize], horizon: f64) {
         self.mode.set(state.t, &state.x, &state.alpha);
         for &i in switches {
             state.band[i] = self.mode.band(i, state, horizon);
+            state.rounding[i] = LEFT * self.mode.rounding(i, state);
         }
     }
 

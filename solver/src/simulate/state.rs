@@ -33,6 +33,9 @@ pub(super) struct State {
     pub scale: Vec<f64>,
     /// Of algebraic states, the size of what they balance; 0 of others.
     pub floor: Vec<f64>,
+    /// x where the run starts, and largest |x_i - x_i(0)| so far.
+    pub first: Vec<f64>,
+    pub range: Vec<f64>,
     /// Size of the terms of each f_i, which may cancel: now, or lately where it was larger.
     pub activity: Vec<f64>,
     /// The same of what each f_i has of states that are held at zero, as if they moved.
@@ -43,8 +46,9 @@ pub(super) struct State {
     pub terms: Vec<f64>,
     /// Switches whose ψ or α starts a step at the value that would be an event.
     pub armed: Vec<bool>,
-    /// Below this |ψ| is rounding.
+    /// Below this |ψ| is zero, and below that it is rounding.
     pub band: Vec<f64>,
+    pub rounding: Vec<f64>,
     /// Below this the speed of a contact without a gap is rounding.
     pub still: Vec<f64>,
     /// Length of the last step that no event cut; 0 before the first step.
@@ -98,7 +102,12 @@ impl State {
 
     /// Starts a run, in the memory of the one before.
     pub(super) fn begin(&mut self, t: f64, x: &[f64], n_switches: usize) {
-        for copy in [&mut self.x, &mut self.next, &mut self.scale] {
+        for copy in [
+            &mut self.x,
+            &mut self.next,
+            &mut self.scale,
+            &mut self.first,
+        ] {
             copy.clear();
             copy.extend_from_slice(x);
         }
@@ -108,6 +117,7 @@ impl State {
             &mut self.activity,
             &mut self.work,
             &mut self.held,
+            &mut self.range,
             &mut self.before,
             &mut self.moved,
         ];
@@ -117,6 +127,7 @@ impl State {
         let of_switches = [
             &mut self.terms,
             &mut self.band,
+            &mut self.rounding,
             &mut self.still,
             &mut self.next_alpha,
         ];
@@ -169,8 +180,21 @@ impl State {
         moved.max(self.floor[i])
     }
 
+    /// How far state i has moved, or would in a step at the rate its terms have.
+    pub(super) fn motion(&self, i: usize) -> f64 {
+        self.range[i].max(self.activity[i] * self.last_step)
+    }
+
     /// Takes note of the sizes at the end of a step.
     pub(super) fn record(&mut self, length: f64) {
+        let moved = self
+            .x
+            .iter()
+            .zip(&self.first)
+            .map(|(x, first)| (x - first).abs());
+        for (range, moved) in self.range.iter_mut().zip(moved) {
+            *range = range.max(moved);
+        }
         for (scale, x) in self.scale.iter_mut().zip(&self.x) {
             *scale = scale.max(x.abs());
         }

@@ -274,10 +274,13 @@ pub(super) fn first_event(
     }
     for &i in &mode.watched {
         let reach = first.map_or(h, |(root, _)| root.tau);
-        // Contacts close where they open by less than their band.
-        let share = if mode.is_contact(i) { 1.0 } else { SEEN };
         let c = dense.psi(i);
-        let band = state.armed[i].then_some(share * state.level(i, c, h));
+        // Contacts close where they open by less than their band.
+        let band = state.armed[i].then(|| match mode.is_plain(i) {
+            true => state.rounding[i],
+            false if mode.is_contact(i) => state.level(i, c, h),
+            false => SEEN * state.level(i, c, h),
+        });
         let level = match mode.is_in_disc(i) {
             true => 0.0,
             false => mode.closeness(i, state, tolerance, h),

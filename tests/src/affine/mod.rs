@@ -7,12 +7,10 @@
 //! affine in z, and every mode of sliding is as linear in z as the others.
 
 pub mod exact;
-pub(crate) mod generate;
+mod generate;
 mod text;
 
 use nalgebra::{DMatrix, DVector};
-
-pub(crate) use generate::Random;
 
 /// How a surface meets the field.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

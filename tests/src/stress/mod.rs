@@ -11,6 +11,7 @@ mod events;
 pub mod free;
 mod large;
 mod masses;
+mod offsets;
 mod programs;
 mod steps;
 mod stiff;
@@ -433,6 +434,7 @@ pub fn families(extent: Extent) -> Vec<Family> {
         contacts::families(extent),
         masses::families(extent),
         programs::families(extent),
+        offsets::families(extent),
         large::families(extent),
         steps::families(extent),
         controls::families(extent),

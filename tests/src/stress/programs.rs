@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::{Case, Extent, Family};
-use crate::affine::Random;
+use crate::random::Random;
 
 /// Steps of the reference.
 const STEPS: usize = 1500;
