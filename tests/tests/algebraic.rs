@@ -352,3 +352,45 @@ fn gauss_methods_keep_their_order_with_equations_and_pairs() {
         assert!(order >= least, "{nodes} nodes: {order} from {errors:?}");
     }
 }
+
+/// z is u = 1.61 sin(1.26 t + 1.54) between its bounds: each is met and left, and in those instants both members of a
+/// pair are zero.
+#[test]
+fn bounds_of_a_program_are_met_and_left() {
+    let model = "state y = 0; y' = z;
+      z in argmin 0.5*z^2 - 1.61*sin(1.26*time + 1.54)*z subject to { z >= -0.66; z <= 0.5; };";
+    let found = runs(model, 6.0, "");
+    let instants = times(&found, EventKind::Activate);
+    // u = 0.5 falling, -0.66 falling and rising, 0.5 rising; ∫ sin = -cos.
+    let (above, below) = ((0.5_f64 / 1.61).asin(), (0.66_f64 / 1.61).asin());
+    let pi = std::f64::consts::PI;
+    let phases = [pi - above, pi + below, 2.0 * pi - below, 2.0 * pi + above];
+    let t = phases.map(|phase| (phase - 1.54) / 1.26);
+    assert_near(&instants, &t, 1e-10);
+    let inside = |a: usize, b: usize| 1.61 / 1.26 * (phases[a].cos() - phases[b].cos());
+    let y = 0.5 * (t[0] + 6.0 - t[3]) - 0.66 * (t[2] - t[1]) + inside(0, 1) + inside(2, 3);
+    assert_near(&end(&found, "y"), &[y], 1e-10);
+}
+
+/// From t = 1 on z₁ + z₂ ≤ 3 - t cuts off the corner (1, 1), in which both multipliers are positive: with three rows on
+/// two entries they are not determined in that instant, and that of z₂ ≤ 1 jumps to zero.
+#[test]
+fn a_row_that_moves_cuts_off_a_corner() {
+    let model = "state y = 0; y' = z[2];
+      z[2] in argmin 0.5*((z[1] - 5)^2 + (z[2] - 3)^2)
+        subject to { z[1] <= 1; z[2] <= 1; z[1] + z[2] <= 3 - time; };";
+    let found = runs(model, 2.0, "");
+    assert_near(&end(&found, "z"), &[1.0, 0.0], 1e-10);
+    assert_near(&end(&found, "y"), &[1.5], 1e-10);
+}
+
+/// Twelve rows of a variational inequality whose map is not symmetric: no choice of multipliers that vanish is known.
+#[test]
+fn many_rows_of_a_variational_inequality_are_solved_at_the_start() {
+    let model = "state y = 0; y' = z[1];
+      z[6] in variational { for i in 1..6 { z[i] >= -1; z[i] <= 1; } }
+        solves [z[1] - 2*z[2] + 5, z[2] + 2*z[1] + 1.5, z[3] - 4, z[4] + 4, z[5] - 0.5, z[6] + 0.5];";
+    let found = runs(model, 1.0, "");
+    // At z₁ = -1: z₂ = 2 - 1.5, and 5 - 1 - 1 > 0 holds it there.
+    assert_near(&end(&found, "z"), &[-1.0, 0.5, 1.0, -1.0, 0.5, -0.5], 1e-9);
+}

@@ -12,6 +12,7 @@
 use super::mode::Mode;
 use super::state::State;
 use super::{Candidate, Note, Role, Side, Simulator, Status, SwitchedSystem};
+use crate::lcp::lemke;
 use crate::linalg::DenseLu;
 
 /// Up to this many pairs all choices are solved, which shows whether there is one solution.
@@ -22,6 +23,9 @@ const MAX_CHOICES: f64 = 4096.0;
 
 /// Solutions of other choices that Newton's method starts from.
 const MAX_GUESSES: usize = 8;
+
+/// Linear complementarity problems one after the other.
+const MAX_LINEARIZED: usize = 20;
 
 /// Newton iterations.
 const MAX_NEWTON: usize = 60;
@@ -128,7 +132,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         state.scale.clone_from(&scale);
         if pairs.len() > MAX_PAIRS {
             state.x.clone_from(&guess);
-            let choice = self.pivot_pairs(state, &equations, &pairs, horizon);
+            let choice = self.linear_pairs(state, &equations, &pairs, horizon);
             regular = true;
             found.extend(choice.map(|choice| (state.x.clone(), choice)));
             if !found.is_empty() {
@@ -326,20 +330,11 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let rows: Vec<usize> = equations.iter().copied().chain(members).collect();
         let unknowns = self.system.algebraics();
         let n = unknowns.len();
-        let (mut lu, mut matrix) = (DenseLu::new(n), vec![0.0; n * n]);
+        let mut lu = DenseLu::new(n);
         let (mut scales, mut last) = (Vec::new(), f64::INFINITY);
         for round in 0..MAX_NEWTON {
             let mut step = self.residuals(state, &rows);
-            matrix.fill(0.0);
-            for (row, &i) in rows.iter().enumerate() {
-                let mode = &mut self.mode;
-                mode.surfaces.linearize(i, &mode.memory.values);
-                for &(j, g) in self.mode.gradient(i) {
-                    if let Ok(column) = unknowns.binary_search(&j) {
-                        matrix[row * n + column] = g;
-                    }
-                }
-            }
+            let matrix = self.jacobian_of(&rows);
             if lu.factor(&matrix).is_err() {
                 return Err(match round {
                     0 => Failure::Singular,
@@ -415,36 +410,86 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         others.position(|i| self.mode.psi(i) > state.band[i])
     }
 
-    /// The choice of many pairs, by exchanging the first one that is violated (Murty 1974), which ends for a
-    /// P-matrix.
-    fn pivot_pairs(
+    /// The choice of many pairs, from linear complementarity problems by Lemke's method, one around the solution of the
+    /// other (Josephy 1979).
+    fn linear_pairs(
         &mut self,
         state: &mut State,
         equations: &[usize],
         pairs: &[(usize, usize)],
         horizon: f64,
     ) -> Option<Vec<bool>> {
-        // The members that are closer to zero at the guess.
-        let mut choice = vec![false; pairs.len()];
-        self.take_members(state, equations, pairs, &choice);
-        let psi = self.psi(state);
-        for (second, &(a, b)) in choice.iter_mut().zip(pairs) {
-            *second = psi[b].abs() < psi[a].abs();
-        }
-        for _ in 0..100 * pairs.len() {
-            let guess = state.x.clone();
-            match self.solve_choice(state, equations, pairs, &choice) {
-                Err(_) => {
-                    state.x = guess;
-                    return None;
-                }
-                Ok(()) => match self.violated(state, pairs, &choice, horizon) {
-                    None => return Some(choice),
-                    Some(pair) => choice[pair] = !choice[pair],
-                },
+        for _ in 0..MAX_LINEARIZED {
+            let (choice, x) = self.linearized(state, equations, pairs)?;
+            state.x.clone_from(&x);
+            let solved = self.solve_choice(state, equations, pairs, &choice).is_ok();
+            if solved && self.violated(state, pairs, &choice, horizon).is_none() {
+                return Some(choice);
             }
+            state.x = x;
         }
         None
+    }
+
+    /// The members that are zero in the complementarity problem linearized where the state is, and its solution.
+    ///
+    /// With a = s the equations give z + d, F + F_z d = 0 and a + a_z d = s, so that b + b_z d = q + M s.
+    fn linearized(
+        &mut self,
+        state: &mut State,
+        equations: &[usize],
+        pairs: &[(usize, usize)],
+    ) -> Option<(Vec<bool>, Vec<f64>)> {
+        self.take_members(state, equations, pairs, &vec![false; pairs.len()]);
+        let firsts = pairs.iter().map(|pair| pair.0);
+        let rows: Vec<usize> = equations.iter().copied().chain(firsts).collect();
+        let seconds: Vec<usize> = pairs.iter().map(|pair| pair.1).collect();
+        let mut step = self.residuals(state, &rows);
+        let others = self.residuals(state, &seconds);
+        let (n, m) = (self.system.algebraics().len(), pairs.len());
+        let mut lu = DenseLu::new(n);
+        lu.factor(&self.jacobian_of(&rows)).ok()?;
+        lu.solve(&mut step);
+        let slopes = self.jacobian_of(&seconds);
+        let along = |row: usize, d: &[f64]| {
+            let terms = slopes[row * n..][..n].iter().zip(d);
+            terms.map(|(slope, d)| slope * d).sum::<f64>()
+        };
+        // ψ = -a and -b.
+        let q: Vec<f64> = (0..m).map(|row| along(row, &step) - others[row]).collect();
+        let mut by_member = Vec::with_capacity(m);
+        for k in 0..m {
+            let mut unit = vec![0.0; n];
+            unit[equations.len() + k] = 1.0;
+            lu.solve(&mut unit);
+            by_member.push(unit);
+        }
+        let entries = (0..m).flat_map(|row| by_member.iter().map(move |d| (row, d)));
+        let matrix: Vec<f64> = entries.map(|(row, d)| along(row, d)).collect();
+        let s = lemke(&matrix, &q, &vec![1.0; m]).ok()?;
+        let mut x = state.x.clone();
+        for (at, &z) in self.system.algebraics().iter().enumerate() {
+            let moved = by_member.iter().zip(&s).map(|(d, s)| d[at] * s);
+            x[z] -= step[at] + moved.sum::<f64>();
+        }
+        Some((s.iter().map(|&s| s > 0.0).collect(), x))
+    }
+
+    /// ∂ψ/∂z of some switches where the point is, row by row.
+    fn jacobian_of(&mut self, rows: &[usize]) -> Vec<f64> {
+        let unknowns = self.system.algebraics();
+        let n = unknowns.len();
+        let mut matrix = vec![0.0; rows.len() * n];
+        for (row, &i) in rows.iter().enumerate() {
+            let mode = &mut self.mode;
+            mode.surfaces.linearize(i, &mode.memory.values);
+            for &(j, g) in self.mode.gradient(i) {
+                if let Ok(column) = unknowns.binary_search(&j) {
+                    matrix[row * n + column] = g;
+                }
+            }
+        }
+        matrix
     }
 
     /// The sides of an equation or a member of a pair where it meets others.
