@@ -45,6 +45,7 @@ mod optimal_nl;
 mod optimal_size;
 mod optimize;
 mod outputs;
+mod perturbed_names;
 mod piecewise_affine;
 mod piles;
 mod projections;
