@@ -71,7 +71,7 @@ pub fn families(extent: Extent) -> Vec<Family> {
             .collect(),
     };
     let [certificates, optima] = match extent {
-        Extent::Short => [12, 0],
+        Extent::Short => [4, 0],
         Extent::Long => [500, 100],
     };
     let mut families = vec![family(
