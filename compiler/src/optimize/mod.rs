@@ -4,7 +4,9 @@
 //! 2. It is solved from one or several starts: relaxation, polish, certificate ([`nsd_solver::mpcc`]).
 //! 3. The best solution is a trajectory (`record.rs`) of a system that has nothing left to decide (`solved.rs`).
 //! 4. Where switches are read nonlinearly, it is brought into the sliding modes of the model (`branches.rs`).
-//! 5. That system is simulated from event to event, as a check by another method (`check.rs`).
+//! 5. Free quantities are changed and simulated from event to event (`reduced.rs`): where there is descent
+//!    (`descent.rs`), the program is solved again from it (`confirm.rs`).
+//! 6. That system is simulated from event to event, as a check by another method (`check.rs`).
 //!
 //! What is in numerical time ([`crate::system::freezing`]) comes back to physical time with the trajectory (`thaw.rs`).
 
@@ -203,15 +205,13 @@ fn run_from<'e>(
     });
     trajectory.stats.solve_s = seconds;
     if solution.is_feasible() {
-        match &in_other_mode {
-            None | Some(Failure::OtherMode { .. }) => {
-                check::simulate(&problem, solution, left(), &mut trajectory);
-            }
-            Some(Failure::TimeLimit { .. }) => {}
-            Some(failure) => trajectory
-                .warnings
-                .push(check::unfinished(settings, Some(failure))),
-        }
+        simulate_again(
+            &problem,
+            solution,
+            in_other_mode.as_ref(),
+            left(),
+            &mut trajectory,
+        );
     }
     trajectory.failure = failure::of(&mut problem, solution)
         .or(in_other_mode)
@@ -224,6 +224,26 @@ fn run_from<'e>(
         trajectory,
         system: solved,
     }))
+}
+
+/// Simulates with what was found, unless it is known already that this fails.
+fn simulate_again(
+    problem: &Problem,
+    solution: &Solution,
+    in_other_mode: Option<&Failure>,
+    time_limit: Option<Duration>,
+    trajectory: &mut Trajectory,
+) {
+    match in_other_mode {
+        None | Some(Failure::OtherMode { .. }) => {
+            check::simulate(problem, solution, time_limit, trajectory);
+        }
+        Some(Failure::TimeLimit { .. }) => {}
+        Some(failure) => {
+            let warning = check::unfinished(problem.settings, Some(failure));
+            trajectory.warnings.push(warning);
+        }
+    }
 }
 
 /// Whether a variable is a control or a parameter that is decided.

@@ -218,6 +218,7 @@ mod tests {
             class: Class::None,
             is_class_exact: false,
             b_stationary: None,
+            is_differentiable: true,
             biactive: Vec::new(),
             others: 0,
             stats: Stats::default(),

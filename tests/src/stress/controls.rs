@@ -71,7 +71,7 @@ pub fn families(extent: Extent) -> Vec<Family> {
             .collect(),
     };
     let [certificates, optima] = match extent {
-        Extent::Short => [12, 0],
+        Extent::Short => [4, 0],
         Extent::Long => [500, 100],
     };
     let mut families = vec![family(
@@ -101,7 +101,7 @@ impl Problem {
             let value = from + (to - from) * 0.5 * (random.dyadic() + 1.0);
             (value * 1000.0).round() / 1000.0
         };
-        let [a, b, c, d] = [0.1, 0.2, 0.5, 0.5].map(|least| number(least, 2.0 * least + 0.5));
+        let rates = [0.1, 0.2, 0.5, 0.5].map(|least| number(least, 2.0 * least + 0.5));
         let default = number(-0.9, 0.9);
         let target = number(-2.0, 2.0);
         let effort = number(0.02, 0.3);
@@ -110,7 +110,6 @@ impl Problem {
         let intervals = 2 + random.below(7);
         let meets = random.below(2) == 0;
         let horizon = [1.0, 2.0, 3.0][random.below(3)];
-        // When the default meets the surface.
         let instant = horizon * (1 + random.below(intervals)) as f64 / intervals as f64;
         let mut problem = Problem {
             body: String::new(),
@@ -125,75 +124,66 @@ impl Problem {
             options: "",
             asks,
         };
-        problem.body = match kind {
-            // Another constant on each side.
-            0 => {
-                let x0 = if meets {
-                    -(default - b) * instant
-                } else {
-                    start
-                };
-                format!("state x = {x0:?}; x' = U + (if x > 0 then {a:?} else -{b:?});")
-            }
-            // A relay, which may be held.
-            1 => {
-                let rate = default - a * start.signum();
-                let x0 = if meets { -rate * instant } else { start };
-                format!("state x = {x0:?}; x' = U - {a:?}*sign(x);")
-            }
-            // A kink in a rate.
-            2 => format!(
-                "state x = {start:?}; state v = {:?}; x' = v; v' = U - {c:?}*abs(x) + {a:?}*x;",
-                if meets { -start / instant } else { default }
-            ),
-            // Dry friction.
-            3 => {
-                problem.bound = 5.0;
-                let v0 = if meets {
-                    (d - default) * instant
-                } else {
-                    start
-                };
-                format!("state x = {start:?}; state v = {v0:?}; x' = v; v' = U - {d:?}*sign(v);")
-            }
-            // A surface in time, at a parameter.
-            4 => {
-                problem.param = Some([
-                    0.1 * horizon,
-                    0.9 * horizon,
-                    if meets {
-                        instant.min(0.9 * horizon)
-                    } else {
-                        0.4
-                    },
-                ]);
-                format!("state x = {start:?}; x' = U + {c:?}*abs(time - p) - {a:?}*sign(time - p);")
-            }
-            // A stiffness, with friction.
-            5 => {
-                problem.param = Some([1.0, 9.0, 3.0 + a]);
-                format!(
-                    "state x = {:?}; state v = 0; x' = v; v' = U - p*x - {d:?}*sign(v);",
-                    1.0 + c
-                )
-            }
-            // Impacts.
-            _ => {
-                problem.bound = 5.0;
-                problem.options = "lower impact;";
-                format!(
-                    "state x = {:?}; state v = {:?}; x' = v;
-                     mechanics x, v {{ mass = 1; force = U - 2; contact floor {{ gap = x; restitution = {:?}; }} }}",
-                    c + 0.2,
-                    -start.abs(),
-                    0.4 + 0.5 * a
-                )
-            }
-        };
+        problem.state(kind, rates, start, meets.then_some(instant));
         if problem.body.contains("state v") {
             problem.speed = speed;
         }
         problem
+    }
+
+    /// States the equations of a kind. `meets` is when the default meets the surface.
+    fn state(&mut self, kind: usize, [a, b, c, d]: [f64; 4], start: f64, meets: Option<f64>) {
+        let default = self.default;
+        // The start from which this rate leads to zero.
+        let from = |rate: f64| meets.map_or(start, |instant| -rate * instant);
+        self.body = match kind {
+            // Another constant on each side.
+            0 => format!(
+                "state x = {:?}; x' = U + (if x > 0 then {a:?} else -{b:?});",
+                from(default - b)
+            ),
+            // A relay, which may be held.
+            1 => format!(
+                "state x = {:?}; x' = U - {a:?}*sign(x);",
+                from(default - a * start.signum())
+            ),
+            // A kink in a rate.
+            2 => {
+                let v0 = meets.map_or(default, |instant| -start / instant);
+                format!(
+                    "state x = {start:?}; state v = {v0:?}; x' = v; v' = U - {c:?}*abs(x) + {a:?}*x;"
+                )
+            }
+            // Dry friction.
+            3 => {
+                self.bound = 5.0;
+                let v0 = from(default - d);
+                format!("state x = {start:?}; state v = {v0:?}; x' = v; v' = U - {d:?}*sign(v);")
+            }
+            // A surface in time, at a parameter.
+            4 => {
+                let [first, last] = [0.1, 0.9].map(|share| share * self.horizon);
+                let guess = meets.unwrap_or(0.4).clamp(first, last);
+                self.param = Some([first, last, guess]);
+                format!("state x = {start:?}; x' = U + {c:?}*abs(time - p) - {a:?}*sign(time - p);")
+            }
+            // A stiffness, with friction.
+            5 => {
+                self.param = Some([1.0, 9.0, 3.0 + a]);
+                let x0 = 1.0 + c;
+                format!("state x = {x0:?}; state v = 0; x' = v; v' = U - p*x - {d:?}*sign(v);")
+            }
+            // Impacts.
+            _ => {
+                self.bound = 5.0;
+                self.options = "lower impact;";
+                let (x0, v0, e) = (c + 0.2, -start.abs(), 0.4 + 0.5 * a);
+                format!(
+                    "state x = {x0:?}; state v = {v0:?}; x' = v;
+                     mechanics x, v {{ mass = 1; force = U - 2; contact floor {{ gap = x; restitution = {e:?}; }} }}"
+                )
+            }
+        };
     }
 
     /// The model and its experiment.
