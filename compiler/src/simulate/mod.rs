@@ -248,6 +248,8 @@ struct Estimate {
     error: f64,
     /// Whether both went through the same modes.
     same_modes: bool,
+    /// When they first did not, event by event.
+    parted: Option<f64>,
     /// What neither can tell.
     touches: Touches,
 }
@@ -300,6 +302,7 @@ impl Estimate {
         Some(Estimate {
             touches,
             error: error.max(rounding),
+            parted: comparison.parted(),
             same_modes: comparison.modes.count == run.n_modes() && fine.status == outcome.status,
         })
     }
@@ -322,6 +325,10 @@ struct Comparison<'r> {
     /// The states behind events of the first run, and how many of this one have been displaced from them.
     behind: &'r [f64],
     displaced: usize,
+    /// The changes of its mode, how many this one has made, and when one was another.
+    changes: &'r [record::Change],
+    changed: usize,
+    parted: Option<f64>,
     /// What the differences so far make of ψ, at the approaches that were passed.
     misses: Vec<f64>,
 }
@@ -343,12 +350,21 @@ impl<'r> Comparison<'r> {
             approaches: &[],
             behind: run.behind(),
             displaced: 0,
+            changes: run.changes(),
+            changed: 0,
+            parted: None,
             misses: Vec::new(),
         }
     }
 }
 
 impl Comparison<'_> {
+    /// When the modes were first others, or those of the first run went on.
+    fn parted(&self) -> Option<f64> {
+        let more = self.changes.get(self.changed).map(|change| change.0);
+        self.parted.or(more)
+    }
+
     /// Compares the present state with a recorded one.
     fn compare(&mut self, point: usize) {
         let recorded = &self.states[point * self.n..(point + 1) * self.n];
@@ -402,6 +418,12 @@ impl Observer for Comparison<'_> {
 
     fn event(&mut self, event: &solver::Event) {
         self.modes.change(event.time);
+        let other = self.changes.get(self.changed);
+        self.changed += 1;
+        if self.parted.is_none() && other.is_none_or(|other| *other.2 != *event.to) {
+            let first = other.map_or(event.time, |other| other.0.min(event.time));
+            self.parted = Some(first);
+        }
         if event.jumps.is_empty() {
             return;
         }
@@ -477,6 +499,12 @@ fn assemble(
 /// Adds what the second run found.
 fn judge(trajectory: &mut Trajectory, estimate: &Estimate, settings: &Settings) {
     trajectory.error_estimate = Some(estimate.error + estimate.touches.error);
+    let parts = estimate.parted.map_or(String::new(), |time| {
+        let mut modes = trajectory.modes.iter();
+        let before = modes.find(|mode| mode.from < time && time <= mode.to);
+        let mode = before.map_or(String::new(), |mode| format!(", behind `{}`", mode.mode));
+        format!(" from t = {time} on{mode}")
+    });
     let mut warn = |code: &str, message: String| {
         let span = Some(settings.span);
         trajectory.warnings.push(Warning {
@@ -488,8 +516,9 @@ fn judge(trajectory: &mut Trajectory, estimate: &Estimate, settings: &Settings) 
     if !estimate.same_modes {
         warn(
             "W0701",
-            "a more accurate run goes through other modes; the result may depend on the tolerance"
-                .into(),
+            format!(
+                "a more accurate run goes through other modes{parts}; the result may depend on the tolerance"
+            ),
         );
     } else if estimate.error > settings.tolerance.max(1e-13) {
         warn(

@@ -15,7 +15,7 @@ use crate::system::experiment::{Sampling, Settings};
 use crate::system::{Output, System};
 
 /// When the mode changed, from what, to what, and what decided about nonlinear switches.
-type Change = (f64, Box<[Side]>, Box<[Side]>, Vec<Decision>);
+pub(super) type Change = (f64, Box<[Side]>, Box<[Side]>, Vec<Decision>);
 
 /// Events of which the state behind them is kept.
 const MOST_KEPT: usize = 4096;
@@ -100,6 +100,10 @@ impl<'s, 'e> Recorder<'s, 'e> {
     /// The states behind the first events, one after another.
     pub(super) fn behind(&self) -> &[f64] {
         &self.behind
+    }
+
+    pub(super) fn changes(&self) -> &[Change] {
+        &self.changes
     }
 
     pub(super) fn n_modes(&self) -> usize {

@@ -275,6 +275,7 @@ pub(super) fn estimate_with(
     let rounding = f64::EPSILON * (found.stats.steps as f64).sqrt();
     Estimate {
         touches: Touches::default(),
+        parted: comparison.parted(),
         error: error.fold(rounding, f64::max),
         same_modes: comparison.modes.count == run.n_modes() && fine.status == found.status,
     }

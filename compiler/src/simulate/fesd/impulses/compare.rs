@@ -35,6 +35,7 @@ impl Run<'_, '_> {
         let all = states.chain(instants).chain(stops);
         Estimate {
             touches: Touches::default(),
+            parted: None,
             error: all.fold(rounding, f64::max),
             same_modes: same && ends,
         }
