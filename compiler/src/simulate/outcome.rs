@@ -1,7 +1,7 @@
 //! How a run ended, in the words of the language.
 
 use miette::LabeledSpan;
-use nsd_solver::simulate::{Candidate, Coefficient, MAX_NAMED, Note, Outcome, Side, Status};
+use nsd_solver::simulate::{Candidate, Coefficient, Function, MAX_NAMED, Note, Outcome, Side, Status};
 
 use super::modes::{ModeNames, law_of};
 use crate::report::{Failure, Warning};
@@ -171,9 +171,12 @@ pub fn sampled(system: &System) -> impl Iterator<Item = Warning> {
 /// What the run went on from although it could not be sure.
 pub(super) fn warnings(system: &System, outcome: &Outcome) -> Vec<Warning> {
     let warning = |note: &Note| {
-        let (Note::Unsearched { time, switches }
-        | Note::EnergyGained { time, switches }
-        | Note::Together { time, switches }) = note;
+        let (time, switches) = match note {
+            Note::Unsearched { time, switches }
+            | Note::EnergyGained { time, switches }
+            | Note::Together { time, switches } => (time, switches),
+            Note::Unseen { time, function } => return unseen(system, *time, *function),
+        };
         let names = (switches.iter().take(MAX_SHOWN))
             .map(|&i| format!("`{}`", system.switches[i].name))
             .collect::<Vec<_>>();
@@ -200,6 +203,7 @@ pub(super) fn warnings(system: &System, outcome: &Outcome) -> Vec<Warning> {
                     "at t = {time}, {names} are met at once, as far as can be told; which one is met first matters"
                 ),
             ),
+            Note::Unseen { .. } => unreachable!("it has a warning of its own"),
         };
         Warning {
             code: code.into(),
@@ -211,6 +215,26 @@ pub(super) fn warnings(system: &System, outcome: &Outcome) -> Vec<Warning> {
     };
     let notes = outcome.notes.iter().map(warning);
     sampled(system).chain(notes).collect()
+}
+
+/// A function that may be narrower than could be looked at.
+fn unseen(system: &System, time: f64, function: Function) -> Warning {
+    let (what, span) = match function {
+        Function::Rate(i) => {
+            let state = &system.states[i];
+            (format!("the rate of `{}`", state.name), Some(state.span))
+        }
+        Function::Surface(i) => {
+            let switch = &system.switches[i];
+            let span = switch.spans.first().copied();
+            (format!("the switching function `{}`", switch.name), span)
+        }
+    };
+    Warning {
+        code: "W0718".into(),
+        message: format!("the step from t = {time} may pass over narrow features of {what}"),
+        span,
+    }
 }
 
 /// Branches in a message before the rest is left out.
