@@ -436,7 +436,13 @@ impl Mode {
 
     /// True when at the point φ_K vanishes and every other ψ that is watched has the value of its
     /// series, `at` after the start of a step `tau`, up to `allowed`. An affine ψ has it anyway.
-    pub(super) fn switches_agree(&mut self, state: &State, at: f64, tau: f64, allowed: f64) -> bool {
+    pub(super) fn switches_agree(
+        &mut self,
+        state: &State,
+        at: f64,
+        tau: f64,
+        allowed: f64,
+    ) -> bool {
         let rounding = 64.0 * f64::EPSILON;
         let turned = match self.sliding.is_empty() {
             true => 0.0,

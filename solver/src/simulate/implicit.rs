@@ -349,7 +349,9 @@ impl<S: SwitchedSystem> Stiff<'_, S> {
         unseen.begin_implicit(self.mode, radau, h);
         while let Some(tau) = unseen.next(self.mode, start.t, |_| 0.0) {
             let agrees = radau.error_at(self, start, tau) < UNSEEN
-                && self.mode.is_faithful_at(tau, radau, start, state, tolerance);
+                && self
+                    .mode
+                    .is_faithful_at(tau, radau, start, state, tolerance);
             if !agrees {
                 return false;
             }

@@ -226,14 +226,17 @@ impl Mode {
             let difference = series::slope(self.x_series(i), tau) - self.field.f[i];
             difference.abs() * length <= allowed * self.probed_scale(i)
         });
-        rates_agree && self.switches_agree(state, tau, length, allowed) && self.stays_on(state, allowed)
+        rates_agree
+            && self.switches_agree(state, tau, length, allowed)
+            && self.stays_on(state, allowed)
     }
 
     /// True where every curved ψ that slides is zero at the point.
     fn stays_on(&mut self, state: &State, allowed: f64) -> bool {
         (0..self.sliding.len()).all(|at| {
             let i = self.sliding[at];
-            if self.surfaces.is_affine(i) || self.surfaces.is_deep(i) || self.departing.contains(&i) {
+            if self.surfaces.is_affine(i) || self.surfaces.is_deep(i) || self.departing.contains(&i)
+            {
                 return true;
             }
             let size = self.weigh(i, |j| state.scale[j]).max(state.terms[i]);

@@ -179,10 +179,7 @@ impl Lane for Ball {
         } else {
             0.0
         };
-        (
-            sine,
-            Ball::new(middle, self.reach(f64::cosh).max(below)),
-        )
+        (sine, Ball::new(middle, self.reach(f64::cosh).max(below)))
     }
 
     fn tan(self) -> Self {

@@ -74,8 +74,7 @@ impl Step {
             // 1 - tanh u falls off as exp(-2 |u|).
             Kind::Tanh => {
                 let [least, _] = distances(row(self.a), h);
-                let is_slow =
-                    least >= SATURATED || 2.0 * (data[self.a].abs() - least) <= RISE;
+                let is_slow = least >= SATURATED || 2.0 * (data[self.a].abs() - least) <= RISE;
                 !is_slow
             }
             // The derivative of atan u is 1/(1 + u²).

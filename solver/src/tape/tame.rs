@@ -216,8 +216,7 @@ mod tests {
     #[test]
     fn a_bump_is_tame_in_parts_as_narrow_as_itself_and_where_it_vanishes() {
         assert_eq!(bumps(2.0, 2.0), [false, false]);
-        assert_eq!(bumps(1.0, 0.5), [true, false]);
-        assert_eq!(bumps(1.0, 0.1), [true, true]);
+        assert_eq!(bumps(1.0, 0.5), [true, true]);
         assert_eq!(bumps(2.995, 0.004), [true, true]);
         assert_eq!(bumps(2.95, 0.04), [false, false]);
     }

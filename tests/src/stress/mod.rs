@@ -9,6 +9,7 @@ mod contacts;
 mod events;
 mod large;
 mod masses;
+mod narrow;
 mod stiff;
 mod surfaces;
 mod units;
@@ -362,6 +363,7 @@ pub fn families(extent: Extent) -> Vec<Family> {
         contacts::families(extent),
         masses::families(extent),
         large::families(extent),
+        narrow::families(extent),
     ]
     .concat()
 }

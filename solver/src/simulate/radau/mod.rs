@@ -277,12 +277,7 @@ impl Radau {
     }
 
     /// The filtered defect of the step solved last, at an instant of it.
-    pub(super) fn error_at(
-        &mut self,
-        problem: &mut impl Implicit,
-        start: &Start,
-        tau: f64,
-    ) -> f64 {
+    pub(super) fn error_at(&mut self, problem: &mut impl Implicit, start: &Start, tau: f64) -> f64 {
         for (row, y) in self.y.iter_mut().enumerate() {
             *y = series::value(
                 &self.series[row * (self.tableau.s + 1)..][..=self.tableau.s],
