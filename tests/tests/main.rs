@@ -39,6 +39,7 @@ mod modes;
 mod moreau;
 mod moreau_space;
 mod mpcc;
+mod narrow;
 mod nl;
 mod optimal_contacts;
 mod optimal_nl;

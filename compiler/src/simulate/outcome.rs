@@ -1,7 +1,9 @@
 //! How a run ended, in the words of the language.
 
 use miette::LabeledSpan;
-use nsd_solver::simulate::{Candidate, Coefficient, MAX_NAMED, Note, Outcome, Side, Status};
+use nsd_solver::simulate::{
+    Candidate, Coefficient, Function, MAX_NAMED, Note, Outcome, Side, Status,
+};
 
 use super::modes::{ModeNames, law_of};
 use super::steepest;
@@ -178,10 +180,7 @@ pub fn sampled(system: &System) -> impl Iterator<Item = Warning> {
 
 /// What the run went on from although it could not be sure.
 pub(super) fn warnings(system: &System, outcome: &Outcome) -> Vec<Warning> {
-    let warning = |note: &Note| {
-        let (Note::Unsearched { time, switches }
-        | Note::EnergyGained { time, switches }
-        | Note::Together { time, switches }) = note;
+    let names_of = |switches: &[usize]| {
         let names = (switches.iter().take(MAX_SHOWN))
             .map(|&i| format!("`{}`", system.switches[i].name))
             .collect::<Vec<_>>();
@@ -189,36 +188,65 @@ pub(super) fn warnings(system: &System, outcome: &Outcome) -> Vec<Warning> {
             n if n > MAX_SHOWN => ", ..",
             _ => "",
         };
-        let names = format!("{}{more}", names.join(", "));
-        let (code, message) = match note {
-            Note::Unsearched { .. } => (
-                "W0706",
-                format!(
-                    "at t = {time}, {} surfaces meet: {names}; a solution was found, others were not ruled out",
-                    switches.len()
-                ),
+        format!("{}{more}", names.join(", "))
+    };
+    let about = |code: &str, switches: &[usize], message: String| Warning {
+        code: code.into(),
+        message,
+        span: switches
+            .first()
+            .and_then(|&i| system.switches[i].spans.first().copied()),
+    };
+    let warning = |note: &Note| match note {
+        Note::Unsearched { time, switches } => about(
+            "W0706",
+            switches,
+            format!(
+                "at t = {time}, {} surfaces meet: {}; a solution was found, others were not ruled out",
+                switches.len(),
+                names_of(switches)
             ),
-            Note::EnergyGained { .. } => (
-                "W0712",
-                format!("at t = {time}, an impact of {names} has added energy"),
+        ),
+        Note::EnergyGained { time, switches } => about(
+            "W0712",
+            switches,
+            format!(
+                "at t = {time}, an impact of {} has added energy",
+                names_of(switches)
             ),
-            Note::Together { .. } => (
-                "W0710",
-                format!(
-                    "at t = {time}, {names} are met at once, as far as can be told; which one is met first matters"
-                ),
+        ),
+        Note::Together { time, switches } => about(
+            "W0710",
+            switches,
+            format!(
+                "at t = {time}, {} are met at once, as far as can be told; which one is met first matters",
+                names_of(switches)
             ),
-        };
-        Warning {
-            code: code.into(),
-            message,
-            span: switches
-                .first()
-                .and_then(|&i| system.switches[i].spans.first().copied()),
-        }
+        ),
+        Note::Unseen { time, function } => unseen(system, *time, *function),
     };
     let notes = outcome.notes.iter().map(warning);
     sampled(system).chain(notes).collect()
+}
+
+/// A function that may be narrower than could be looked at.
+fn unseen(system: &System, time: f64, function: Function) -> Warning {
+    let (what, span) = match function {
+        Function::Rate(i) => {
+            let state = &system.states[i];
+            (format!("the rate of `{}`", state.name), Some(state.span))
+        }
+        Function::Surface(i) => {
+            let switch = &system.switches[i];
+            let span = switch.spans.first().copied();
+            (format!("the switching function `{}`", switch.name), span)
+        }
+    };
+    Warning {
+        code: "W0719".into(),
+        message: format!("the step from t = {time} may pass over narrow features of {what}"),
+        span,
+    }
 }
 
 /// Branches in a message before the rest is left out.

@@ -414,6 +414,11 @@ impl Mode {
         self.probed = probed;
     }
 
+    /// What differences of a state from its series are relative to, in the step probed last.
+    pub(super) fn probed_scale(&self, i: usize) -> f64 {
+        self.probed.scales[i]
+    }
+
     /// Moves to a probe that has been evaluated.
     fn take_probe(&mut self, k: usize) {
         let moving = 1 + self.n;
@@ -431,7 +436,13 @@ impl Mode {
 
     /// True when at the point φ_K vanishes and every other ψ that is watched has the value of its
     /// series, `at` after the start of a step `tau`, up to `allowed`. An affine ψ has it anyway.
-    fn switches_agree(&mut self, state: &State, at: f64, tau: f64, allowed: f64) -> bool {
+    pub(super) fn switches_agree(
+        &mut self,
+        state: &State,
+        at: f64,
+        tau: f64,
+        allowed: f64,
+    ) -> bool {
         let rounding = 64.0 * f64::EPSILON;
         let turned = match self.sliding.is_empty() {
             true => 0.0,

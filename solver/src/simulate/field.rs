@@ -8,7 +8,7 @@ use wide::f64x4;
 use super::layout::Memory;
 use super::system::{Block, Input, Partials};
 use super::{Side, SwitchedSystem};
-use crate::tape::{Ball, Recurrences, Step, Tape};
+use crate::tape::{Ball, Recurrences, Step, Tame, Tape};
 
 pub(super) struct Field {
     blocks: Vec<Local>,
@@ -27,6 +27,8 @@ pub(super) struct Field {
     by_alpha: Vec<Step>,
     /// States whose rates contain a sliding α.
     sliding_states: Vec<usize>,
+    /// Steps of the blocks that may hide what they do within a step.
+    hiding: Vec<(usize, Step)>,
     /// Whether the lists above are those of the present sides.
     listed: bool,
     registers: Vec<f64>,
@@ -97,6 +99,7 @@ impl Field {
             steps: Vec::new(),
             by_alpha: Vec::new(),
             sliding_states: Vec::new(),
+            hiding: Vec::new(),
             listed: false,
             registers: Vec::new(),
             balls: Vec::new(),
@@ -362,14 +365,40 @@ impl Field {
         self.steps.clear();
         self.by_alpha.clear();
         self.sliding_states.clear();
-        for local in &self.blocks {
+        self.hiding.clear();
+        for (block, local) in self.blocks.iter().enumerate() {
             let compiled = local.now();
+            let hiding = compiled.series.moving.iter().filter(|step| step.can_hide());
+            self.hiding.extend(hiding.map(|step| (block, *step)));
             self.timed.extend_from_slice(&compiled.series.timed);
             self.steps.extend_from_slice(&compiled.series.moving);
             if compiled.slides() {
                 self.by_alpha.extend_from_slice(&compiled.series.by_alpha);
                 self.sliding_states.extend_from_slice(&local.block.states);
             }
+        }
+    }
+
+    /// Steps that may hide what they do within a step, each with its block, after `list`.
+    pub(super) fn hiding(&self) -> &[(usize, Step)] {
+        &self.hiding
+    }
+
+    /// Encloses the rates of a block where its inputs are in balls, by their places among the values: calls `see` with
+    /// the state and the enclosure of each.
+    pub(super) fn examine(
+        &self,
+        block: usize,
+        input: impl Fn(usize) -> Ball,
+        registers: &mut Vec<Tame>,
+        mut see: impl FnMut(usize, Tame),
+    ) {
+        let local = &self.blocks[block];
+        let compiled = local.now();
+        run_tame(&compiled.field, &compiled.gather, input, registers);
+        let results = compiled.field.results(registers);
+        for (&state, result) in local.block.states.iter().zip(results) {
+            see(state, result);
         }
     }
 
@@ -398,6 +427,23 @@ impl Local {
     fn now(&self) -> &Compiled {
         &self.known[self.now]
     }
+}
+
+/// Runs a tape on enclosures of its inputs.
+pub(super) fn run_tame(
+    tape: &Tape,
+    from: &[usize],
+    input: impl Fn(usize) -> Ball,
+    registers: &mut Vec<Tame>,
+) {
+    let wanted = tape.n_registers().max(from.len());
+    if registers.len() < wanted {
+        registers.resize(wanted, Tame::new(Ball::new(0.0, 0.0)));
+    }
+    for (register, &slot) in registers.iter_mut().zip(from) {
+        *register = Tame::new(input(slot));
+    }
+    tape.run(registers);
 }
 
 /// Copies the inputs of a function to the first registers.

@@ -10,6 +10,7 @@ use super::radau::{Implicit, Radau, Shape, Start};
 use super::roots::Root;
 use super::state::State;
 use super::step::{Step, Watch, first_event, met, simultaneous, verify_start};
+use super::unseen::Unseen;
 use super::{Side, Simulator, Status, SwitchedSystem, series};
 
 /// Steps rejected in a row, for what their polynomials missed, before the method is given up.
@@ -105,7 +106,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 return Ok(None);
             };
             stiff.mode.watch_along(radau, start, state);
-            let mut seen = stiff.mode.is_faithful(radau, start, state, tolerance);
+            let mut seen = stiff.mode.is_faithful(radau, start, state, tolerance)
+                && stiff.vouches(radau, start, state, tolerance, &mut self.unseen);
             let dense = Dense::Collocation(stiff.mode, radau);
             let closeness = self.settings.tolerance;
             let event = first_event(&mut self.roots, dense, state, h, closeness);
@@ -277,29 +279,38 @@ impl Mode {
 
     /// True when every ψ that is watched has the value of its polynomial at the probes of the step.
     fn is_faithful(&mut self, radau: &Radau, start: &Start, state: &State, tolerance: f64) -> bool {
+        let h = radau.reach();
+        let mut probes = 0..radau.tableau().probes.len();
+        probes.all(|at| {
+            let tau = radau.tableau().probes[at] * h;
+            self.is_faithful_at(tau, radau, start, state, tolerance)
+        })
+    }
+
+    /// The same at one instant of the step.
+    fn is_faithful_at(
+        &mut self,
+        tau: f64,
+        radau: &Radau,
+        start: &Start,
+        state: &State,
+        tolerance: f64,
+    ) -> bool {
         let (h, s) = (radau.reach(), radau.degree());
         let allowed = UNSEEN * tolerance.max(f64::EPSILON);
-        for at in 0..radau.tableau().probes.len() {
-            let tau = radau.tableau().probes[at] * h;
-            let mut y = std::mem::take(&mut self.implicit.y);
-            for (row, y) in y.iter_mut().enumerate() {
-                *y = series::value(radau.series(row), tau);
-            }
-            self.place(start.t + tau, &y);
-            self.implicit.y = y;
-            for at in 0..self.watched.len() {
-                let i = self.watched[at];
-                let psi = self.watched_psi(i);
-                let polynomial = self.interpolant(i, s);
-                let size = state.terms[i] + series::magnitude(polynomial, h, 0);
-                let difference = (series::value(polynomial, tau) - psi).abs();
-                let agrees = difference <= allowed * size;
-                if !agrees {
-                    return false;
-                }
-            }
+        let mut y = std::mem::take(&mut self.implicit.y);
+        for (row, y) in y.iter_mut().enumerate() {
+            *y = series::value(radau.series(row), tau);
         }
-        true
+        self.place(start.t + tau, &y);
+        self.implicit.y = y;
+        (0..self.watched.len()).all(|at| {
+            let i = self.watched[at];
+            let psi = self.watched_psi(i);
+            let polynomial = self.interpolant(i, s);
+            let size = state.terms[i] + series::magnitude(polynomial, h, 0);
+            (series::value(polynomial, tau) - psi).abs() <= allowed * size
+        })
     }
 
     /// Taylor steps that an implicit step with this many nodes must be longer than, by the operations
@@ -325,6 +336,30 @@ struct Stiff<'a, S> {
 }
 
 impl<S: SwitchedSystem> Stiff<'_, S> {
+    /// True where the polynomials of the step solved last are what they stand for between the nodes and probes, too.
+    fn vouches(
+        &mut self,
+        radau: &mut Radau,
+        start: &Start,
+        state: &mut State,
+        tolerance: f64,
+        unseen: &mut Unseen,
+    ) -> bool {
+        let h = radau.reach();
+        unseen.begin_implicit(self.mode, radau, h);
+        while let Some(tau) = unseen.next(self.mode, start.t, |_| 0.0) {
+            let agrees = radau.error_at(self, start, tau) < UNSEEN
+                && self
+                    .mode
+                    .is_faithful_at(tau, radau, start, state, tolerance);
+            if !agrees {
+                return false;
+            }
+        }
+        unseen.tell(self.mode, state);
+        true
+    }
+
     /// The length of the step that ends where `watch` is zero, by Newton's method from the root of its
     /// polynomial; that step is then the one solved last. None where it cannot be solved, or where only
     /// the polynomial has a root, as when a surface has just been left at a small angle.

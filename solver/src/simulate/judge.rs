@@ -8,6 +8,7 @@
 use super::select::Choice;
 use super::state::State;
 use super::{Role, Side, Simulator, SwitchedSystem, disc, series};
+use crate::linalg::DenseLu;
 
 /// Rates and distances to a bound below this fraction of their scale are ties.
 pub(super) const TIE: f64 = 1e-9;
@@ -100,6 +101,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         group: &[usize],
         choice: &Choice,
         rates: &[f64],
+        units: &[f64],
     ) -> Check {
         self.enter_surfaces(state, group, &choice.sides);
         let mode = &mut self.mode;
@@ -133,7 +135,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                             1.0
                         }
                 }
-                Side::Slide => choice.alpha[at].min(1.0 - choice.alpha[at]),
+                Side::Slide => choice.alpha[at].min(1.0 - choice.alpha[at]) / units[at],
                 side if rates[at] > 0.0 => side.sign() * mode.phi(i) / rates[at],
                 _ => 0.0,
             };
@@ -185,15 +187,47 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         spread
     }
 
-    /// What α of each of the group is measured in, once rates are known: a force in what moves its ψ as fast as the
-    /// rate is large.
-    pub(super) fn units(&self, group: &[usize], rates: &[f64]) -> Vec<f64> {
-        let unit = |(&i, &rate): (&usize, &f64)| {
-            let gain = self.mode.coupling(i, i).abs();
-            let is_force = self.mode.is_unilateral(i) && rate > 0.0 && gain > 0.0;
-            if is_force { rate / gain } else { 1.0 }
+    /// What α of each of the group is measured in, once rates are known: in what moves its ψ as fast as the rate is
+    /// large, while the others that slide with it keep theirs. So an α is a tie at its bound exactly where the rate
+    /// without it is one.
+    pub(super) fn units(&self, group: &[usize], choice: &Choice, rates: &[f64]) -> Vec<f64> {
+        let mode = &self.mode;
+        let slides = |at: &usize| choice.sides[*at] == Side::Slide;
+        let sliding: Vec<usize> = (0..group.len()).filter(slides).collect();
+        let pairs = sliding
+            .iter()
+            .flat_map(|&row| sliding.iter().map(move |&column| (row, column)));
+        let matrix: Vec<f64> = pairs
+            .map(|(row, column)| mode.coupling(group[row], group[column]))
+            .collect();
+        let mut factors = DenseLu::new(sliding.len());
+        let is_regular = factors.factor(&matrix).is_ok();
+        // 1/(A⁻¹)_ii, or A_ii where A is singular.
+        let gain = |at: usize| {
+            let place = sliding.iter().position(|&other| other == at);
+            let Some(place) = place.filter(|_| is_regular) else {
+                return mode.coupling(group[at], group[at]).abs();
+            };
+            let mut column = vec![0.0; sliding.len()];
+            column[place] = 1.0;
+            factors.solve(&mut column);
+            1.0 / column[place].abs()
         };
-        group.iter().zip(rates).map(unit).collect()
+        let unit = |(at, &rate): (usize, &f64)| {
+            let i = group[at];
+            let gain = match mode.is_unilateral(i) {
+                true => mode.coupling(i, i).abs(),
+                false => gain(at),
+            };
+            let is_known = rate > 0.0 && gain > 0.0 && gain.is_finite();
+            let is_share = mode.roles[i] == Role::Step && !mode.is_in_disc(i);
+            if is_known && (is_share || mode.is_unilateral(i)) {
+                rate / gain
+            } else {
+                1.0
+            }
+        };
+        rates.iter().enumerate().map(unit).collect()
     }
 
     /// What the series in the choice's own mode say; nothing where that mode is singular.

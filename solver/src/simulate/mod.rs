@@ -67,6 +67,7 @@ mod system;
 #[cfg(test)]
 mod tests;
 mod turn;
+mod unseen;
 mod window;
 pub(crate) mod zeno;
 
@@ -87,12 +88,13 @@ use roots::RootFinder;
 pub use select::{Candidate, MAX_NAMED};
 pub use settings::Settings;
 use state::State;
-pub use status::{Coefficient, Note, Stats, Status};
+pub use status::{Coefficient, Function, Note, Stats, Status};
 use stiffness::Stiffness;
 pub use system::{
     Affine, Block, Effect, Guard, Impact, Input, Law, Partials, Rates, Reset, Role, Smooth,
     Surface, SwitchedSystem,
 };
+use unseen::Unseen;
 
 /// Where a switch stands relative to its surface ψ = 0.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
@@ -166,6 +168,7 @@ pub struct Simulator<'s, S> {
     stiffness: Stiffness,
     jumps: Jumps,
     coefficients: Coefficients,
+    unseen: Unseen,
     /// Memory that one run leaves to the next.
     state: State,
 }
@@ -194,6 +197,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
             roots: RootFinder::new(order.max(stiffness::MOST_NODES)),
             jumps: Jumps::default(),
             coefficients: Coefficients::of(system),
+            unseen: Unseen::default(),
             state: State::default(),
         }
     }

@@ -3,7 +3,7 @@
 use super::field::gather;
 use super::layout::Memory;
 use super::system::{Affine, Input, Smooth, Surface};
-use crate::tape::{self, Recurrences, Tape};
+use crate::tape::{self, Recurrences, Step, Tape};
 
 /// ψ for certain sides inside it.
 pub(super) struct Compiled {
@@ -27,6 +27,8 @@ pub(super) struct Tapes {
     /// The places in the gradient of its entries; none for time.
     pub places: Vec<Option<usize>>,
     pub series: Option<Recurrences>,
+    /// Steps of the series that may hide what they do within a step.
+    pub hiding: Vec<Step>,
     /// (place in the gradient or none for time, switch, ∂²ψ).
     pub mixed: Vec<(Option<usize>, usize, f64)>,
 }
@@ -60,6 +62,7 @@ impl Compiled {
                     mixed: mixed.collect(),
                     gather: functions.inputs.iter().map(|&i| memory.slot(i)).collect(),
                     series: None,
+                    hiding: Vec::new(),
                     functions,
                 };
                 Compiled {
@@ -85,6 +88,8 @@ impl Compiled {
                 let base = memory.rows.len();
                 let series = Recurrences::new(&functions.psi, &inputs, base, memory.stride);
                 memory.grow((series.end - base) / memory.stride);
+                let hiding = series.moving.iter().filter(|step| step.can_hide());
+                tapes.hiding = hiding.copied().collect();
                 tapes.series.insert(series).outputs[0]
             }
         };

@@ -76,6 +76,13 @@ impl Mode {
     }
 }
 
+/// A choice that rates and α do not rule out, and what each α is measured in.
+struct Checked {
+    choice: Choice,
+    check: Check,
+    units: Vec<f64>,
+}
+
 impl<S: SwitchedSystem> Simulator<'_, S> {
     /// Finds the mode at the start, taking every surface that holds the state as meeting there.
     pub(super) fn start(&mut self, state: &mut State, horizon: f64) -> Result<(), Status> {
@@ -352,16 +359,23 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         }
         let choices = self.choices(state, group)?;
         let rates = self.rates(state, group, &choices.found);
-        let units = self.units(group, &rates);
-        let mut verdicts = Vec::new();
-        for choice in choices.found {
-            match self.check(state, group, &choice, &rates) {
+        let measured = choices.found.into_iter().map(|choice| {
+            let units = self.units(group, &choice, &rates);
+            (choice, units)
+        });
+        let mut checked = Vec::new();
+        for (choice, units) in measured.collect::<Vec<_>>() {
+            match self.check(state, group, &choice, &rates, &units) {
                 Check::Inconsistent => {}
                 Check::Tie if !series => return Ok(false),
-                check => verdicts.push((choice, check)),
+                check => checked.push(Checked {
+                    choice,
+                    check,
+                    units,
+                }),
             }
         }
-        let mut valid = self.confirm(state, group, verdicts, &units, t1);
+        let mut valid = self.confirm(state, group, checked, t1);
         if !choices.all && valid.len() == 1 {
             state.note(Note::Unsearched {
                 time: state.t,
@@ -438,18 +452,22 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         &mut self,
         state: &mut State,
         group: &[usize],
-        choices: Vec<(Choice, Check)>,
-        units: &[f64],
+        choices: Vec<Checked>,
         t1: f64,
     ) -> Vec<Choice> {
         let alone = choices.len() == 1;
         let deep = (group.iter()).any(|&i| self.mode.surfaces.n_derivatives(i) > 0);
         let mut valid: Vec<(Choice, Option<Verdict>)> = Vec::new();
-        for (choice, check) in choices {
+        for Checked {
+            choice,
+            check,
+            units,
+        } in choices
+        {
             if alone && matches!(check, Check::Consistent) {
                 return vec![choice];
             }
-            let verdict = self.verdict(state, group, &choice, units, t1);
+            let verdict = self.verdict(state, group, &choice, &units, t1);
             let consistent = match check {
                 Check::Tie => verdict.as_ref().is_some_and(|verdict| verdict.agrees),
                 _ => true,

@@ -156,6 +156,22 @@ pub enum Note {
         /// The switch of that one, and those of the others.
         switches: Vec<usize>,
     },
+    /// A function may be narrower within a step than could be looked at.
+    Unseen {
+        /// When the step starts.
+        time: f64,
+        /// Which.
+        function: Function,
+    },
+}
+
+/// A function of a system.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Function {
+    /// The rate of a state.
+    Rate(usize),
+    /// ψ of a switch.
+    Surface(usize),
 }
 
 impl Note {
@@ -180,6 +196,12 @@ impl Note {
                     switches: others, ..
                 },
             ) => switches == others,
+            (
+                Note::Unseen { function, .. },
+                Note::Unseen {
+                    function: other, ..
+                },
+            ) => function == other,
             _ => false,
         }
     }

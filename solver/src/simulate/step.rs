@@ -165,7 +165,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             let looked = self.coefficients.agree(mode, state, length, allowed);
             // Without friction nothing determines a force that sticks.
             let turned = ends.is_none() && mode.turned_over();
-            if inaccurate || !defect.switches_agree || unseen || !looked || turned {
+            let differs = inaccurate || !defect.switches_agree || unseen || !looked || turned;
+            if differs || !self.unseen.vouches(mode, state, length, allowed) {
                 state.stats.rejected += 1;
                 if attempt == PATIENCE {
                     mode.look_away();

@@ -2,11 +2,12 @@
 
 use rustc_hash::FxHashMap;
 
+use super::field::run_tame;
 use super::layout::Memory;
 use super::psi::{Compiled, Form, run};
 use super::system::Smooth;
 use super::{Side, SwitchedSystem};
-use crate::tape::{self, Ball, Lane};
+use crate::tape::{self, Ball, Lane, Tame};
 
 pub(super) struct Surfaces {
     /// All ψ, and behind them the derivatives of those of higher relative degree.
@@ -340,6 +341,30 @@ impl Surfaces {
         let differences = perturbed.map(|values| (self.value(switch, values) - psi).abs());
         let size = differences[0].max(differences[1]) / share;
         if size.is_finite() { size } else { 0.0 }
+    }
+
+    /// Whether ψ may hide what it does within a step h, from the first `n` coefficients of what it reads.
+    pub(super) fn may_hide(&self, switch: usize, memory: &Memory, h: f64, n: usize) -> bool {
+        let Form::Smooth(tapes) = &self.now(switch).form else {
+            return false;
+        };
+        let mut hiding = tapes.hiding.iter();
+        hiding.any(|step| step.may_hide(&memory.rows, h, n, memory.stride))
+    }
+
+    /// Encloses ψ where its inputs are in balls, by their places among the values; none where it is affine.
+    pub(super) fn examine(
+        &self,
+        switch: usize,
+        input: impl Fn(usize) -> Ball,
+        registers: &mut Vec<Tame>,
+    ) -> Option<Tame> {
+        let Form::Smooth(tapes) = &self.now(switch).form else {
+            return None;
+        };
+        let psi = &tapes.functions.psi;
+        run_tame(psi, &tapes.gather, input, registers);
+        psi.results(registers).next()
     }
 
     /// True when ψ cannot vanish within a step h in which no state moves by more than its `reach`.

@@ -3,6 +3,7 @@
 //! A ball m ± r holds every number within r of m. Each operation gives a ball that holds all its
 //! results, but for rounding. Where a function has no simple bound the radius is infinite.
 
+use std::f64::consts::PI;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::Lane;
@@ -131,7 +132,7 @@ impl Lane for Ball {
     fn sqrt(self) -> Self {
         let root = self.middle.sqrt();
         // √a - √(a - r) is the larger of the two differences.
-        Ball::new(root, root - self.low().max(0.0).sqrt()).where_positive(self)
+        Ball::new(root, root - self.low().max(0.0).sqrt()).only_if(self.low() > 0.0)
     }
 
     fn exp(self) -> Self {
@@ -148,7 +149,7 @@ impl Lane for Ball {
 
     fn log(self) -> Self {
         let ratio = self.radius / self.middle;
-        Ball::new(self.middle.ln(), -(-ratio).ln_1p()).where_positive(self)
+        Ball::new(self.middle.ln(), -(-ratio).ln_1p()).only_if(self.low() > 0.0)
     }
 
     fn sin_cos(self) -> (Self, Self) {
@@ -168,13 +169,67 @@ impl Lane for Ball {
     fn atan(self) -> Self {
         self.image(self.middle.atan(), 1.0, self.reach(f64::atan))
     }
+
+    fn sinh_cosh(self) -> (Self, Self) {
+        let sine = Ball::new(self.middle.sinh(), self.reach(f64::sinh));
+        // cosh is least at zero.
+        let middle = self.middle.cosh();
+        let below = if self.low() * self.high() < 0.0 {
+            middle - 1.0
+        } else {
+            0.0
+        };
+        (sine, Ball::new(middle, self.reach(f64::cosh).max(below)))
+    }
+
+    fn tan(self) -> Self {
+        // Poles lie between the branches.
+        let branch = |u: f64| (u / PI + 0.5).floor();
+        let is_one = branch(self.low()) == branch(self.high());
+        Ball::new(self.middle.tan(), self.reach(f64::tan)).only_if(is_one)
+    }
+
+    fn asin(self) -> Self {
+        Ball::new(self.middle.asin(), self.reach(f64::asin)).only_if(self.is_sine())
+    }
+
+    fn acos(self) -> Self {
+        Ball::new(self.middle.acos(), self.reach(f64::acos)).only_if(self.is_sine())
+    }
+
+    fn atan2(self, x: Self) -> Self {
+        let middle = self.middle.atan2(x.middle);
+        let angle = match x.low() > 0.0 {
+            true => (self / x).atan(),
+            false => (x / self).atan(),
+        };
+        let is_smooth = x.low() > 0.0 || self.excludes_zero();
+        Ball::new(middle, angle.radius).only_if(is_smooth)
+    }
+
+    fn pow(self, power: Self) -> Self {
+        let middle = self.middle.powf(power.middle);
+        if self.radius == 0.0 && power.radius == 0.0 {
+            return Ball::splat(middle);
+        }
+        // aᵇ = exp(b log a)
+        let exponent = power * self.log();
+        let largest = exponent.high().exp();
+        let radius = (middle * exponent.radius.exp_m1()).min(largest);
+        Ball::new(middle, radius).only_if(self.low() > 0.0)
+    }
 }
 
 impl Ball {
-    /// Itself where the argument is positive as a whole, else nothing is known.
-    fn where_positive(self, argument: Ball) -> Self {
-        let known = argument.low() > 0.0;
+    /// Itself where something holds, or is one number; else nothing is known.
+    fn only_if(self, holds: bool) -> Self {
+        let known = holds || self.radius == 0.0;
         Ball::new(self.middle, if known { self.radius } else { f64::INFINITY })
+    }
+
+    /// Whether it lies between -1 and 1.
+    fn is_sine(self) -> bool {
+        self.low() >= -1.0 && self.high() <= 1.0
     }
 }
 
@@ -212,7 +267,14 @@ mod tests {
             let square = tape.square(a);
             let scaled = tape.add_scaled(square, -3.0, b);
             let recip = tape.recip(b);
-            let outputs = [product, quotient, root, log, exp, tanh, atan, scaled, recip];
+            let (sinh, cosh) = tape.sinh_cosh(a);
+            let (tan, asin) = (tape.tan(product), tape.asin(sine));
+            let (acos, angle) = (tape.acos(cosine), tape.atan2(a, b));
+            let (power, powers) = (tape.power(b, -1.5), tape.pow(b, a));
+            let outputs = [
+                product, quotient, root, log, exp, tanh, atan, scaled, recip, sinh, cosh, tan, asin, acos, angle, power,
+                powers,
+            ];
             let tape = tape.finish(&outputs);
 
             let mut balls = vec![Ball::splat(0.0); tape.n_registers()];

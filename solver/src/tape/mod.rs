@@ -14,11 +14,13 @@ mod ball;
 mod builder;
 mod bulk;
 mod derivative;
+mod hiding;
 mod jet;
 mod lanes;
 mod partial;
 mod recurrence;
 mod steps;
+mod tame;
 mod term;
 
 use std::fmt;
@@ -31,6 +33,7 @@ pub use jet::Jet;
 pub(crate) use jet::{Depends, Recurrences, Row, UNBOUNDED, weights};
 pub use lanes::{Lane, LaneScratch};
 pub(crate) use steps::{Step, advance_all, start_all};
+pub(crate) use tame::Tame;
 pub(crate) use term::Term;
 
 /// The number of a value or of a register.

@@ -11,6 +11,7 @@ mod events;
 pub mod free;
 mod large;
 mod masses;
+mod narrow;
 mod offsets;
 mod programs;
 mod steps;
@@ -438,6 +439,7 @@ pub fn families(extent: Extent) -> Vec<Family> {
         large::families(extent),
         steps::families(extent),
         controls::families(extent),
+        narrow::families(extent),
     ]
     .concat()
 }

@@ -271,17 +271,22 @@ impl Radau {
         }
         for probe in 0..self.tableau.probes.len() {
             let at = self.tableau.probes[probe] * self.reach;
-            for (row, y) in self.y.iter_mut().enumerate() {
-                *y = series::value(
-                    &self.series[row * (self.tableau.s + 1)..][..=self.tableau.s],
-                    at,
-                );
-            }
-            problem.eval(start.t + at, &self.y, &mut self.values);
-            self.counts.evaluations += 1;
-            error = error.max(self.filtered_defect(at));
+            error = error.max(self.error_at(problem, start, at));
         }
         error
+    }
+
+    /// The filtered defect of the step solved last, at an instant of it.
+    pub(super) fn error_at(&mut self, problem: &mut impl Implicit, start: &Start, tau: f64) -> f64 {
+        for (row, y) in self.y.iter_mut().enumerate() {
+            *y = series::value(
+                &self.series[row * (self.tableau.s + 1)..][..=self.tableau.s],
+                tau,
+            );
+        }
+        problem.eval(start.t + tau, &self.y, &mut self.values);
+        self.counts.evaluations += 1;
+        self.filtered_defect(tau)
     }
 
     /// (γ/h M - J)⁻¹ (values - M u'(τ)), relative to the tolerance.

@@ -1,0 +1,223 @@
+//! Enclosures that tell whether the middle of a part speaks for all of it.
+//!
+//! e^u is narrow beside its argument where u moves by more than 1, and 1/v where v comes close to zero: then what a
+//! function is in the middle of a part says nothing of the rest. A composition of functions none of which does so
+//! within its argument's ball is *tame* there. Where e^u vanishes, or tanh u has reached its limit, it is tame, too.
+
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+use super::{Ball, Lane};
+
+/// Below e to this a number adds nothing to any other that a model has.
+pub(super) const VANISHED: f64 = -100.0;
+
+/// Beyond this |u| tanh u is ±1.
+pub(super) const SATURATED: f64 = 20.0;
+
+/// What u in e^u may rise by from the middle of a part.
+const RISE: f64 = 1.5;
+
+/// What v in 1/v may fall to, as a share of its middle.
+const FALL: f64 = 0.25;
+
+/// A ball, and whether all functions on the way to it are tame.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Tame {
+    pub ball: Ball,
+    pub is_tame: bool,
+}
+
+impl Tame {
+    pub(crate) fn new(ball: Ball) -> Self {
+        Tame {
+            ball,
+            is_tame: true,
+        }
+    }
+
+    /// What becomes of it by a function that is tame here, or is not.
+    fn becomes(self, ball: Ball, is_tame: bool) -> Self {
+        Tame {
+            ball,
+            is_tame: self.is_tame && is_tame,
+        }
+    }
+}
+
+impl Ball {
+    /// The least absolute value in it.
+    fn least(self) -> f64 {
+        (self.middle.abs() - self.radius).max(0.0)
+    }
+
+    /// Whether a function with a pole, or a root, at zero is tame in it.
+    fn keeps_distance(self) -> bool {
+        self.radius == 0.0 || self.least() >= FALL * self.middle.abs() && self.radius.is_finite()
+    }
+}
+
+impl Neg for Tame {
+    type Output = Tame;
+
+    fn neg(self) -> Tame {
+        self.becomes(-self.ball, true)
+    }
+}
+
+impl Add for Tame {
+    type Output = Tame;
+
+    fn add(self, other: Tame) -> Tame {
+        self.becomes(self.ball + other.ball, other.is_tame)
+    }
+}
+
+impl Sub for Tame {
+    type Output = Tame;
+
+    fn sub(self, other: Tame) -> Tame {
+        self.becomes(self.ball - other.ball, other.is_tame)
+    }
+}
+
+impl Mul for Tame {
+    type Output = Tame;
+
+    fn mul(self, other: Tame) -> Tame {
+        self.becomes(self.ball * other.ball, other.is_tame)
+    }
+}
+
+impl Div for Tame {
+    type Output = Tame;
+
+    fn div(self, other: Tame) -> Tame {
+        let is_tame = other.is_tame && other.ball.keeps_distance();
+        self.becomes(self.ball / other.ball, is_tame)
+    }
+}
+
+impl Lane for Tame {
+    const WIDTH: usize = 1;
+
+    fn splat(value: f64) -> Self {
+        Tame::new(Ball::splat(value))
+    }
+
+    fn load(from: &[f64]) -> Self {
+        Tame::splat(from[0])
+    }
+
+    fn store(self, to: &mut [f64]) {
+        self.ball.store(to);
+    }
+
+    fn map(self, f: impl Fn(f64) -> f64) -> Self {
+        self.becomes(self.ball.map(f), true)
+    }
+
+    fn zip(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
+        self.becomes(self.ball.zip(other.ball, f), other.is_tame)
+    }
+
+    fn sqrt(self) -> Self {
+        self.becomes(self.ball.sqrt(), self.ball.keeps_distance())
+    }
+
+    fn exp(self) -> Self {
+        let is_tame = self.ball.radius <= RISE || self.ball.high() <= VANISHED;
+        self.becomes(self.ball.exp(), is_tame)
+    }
+
+    fn log(self) -> Self {
+        self.becomes(self.ball.log(), self.ball.keeps_distance())
+    }
+
+    fn sin_cos(self) -> (Self, Self) {
+        let (sine, cosine) = self.ball.sin_cos();
+        (self.becomes(sine, true), self.becomes(cosine, true))
+    }
+
+    fn sinh_cosh(self) -> (Self, Self) {
+        let (sine, cosine) = self.ball.sinh_cosh();
+        let is_tame = self.ball.radius <= RISE;
+        (self.becomes(sine, is_tame), self.becomes(cosine, is_tame))
+    }
+
+    fn tan(self) -> Self {
+        let tan = self.ball.tan();
+        self.becomes(tan, tan.radius.is_finite())
+    }
+
+    fn tanh(self) -> Self {
+        // 1 - tanh u falls off as exp(-2 |u|).
+        let is_tame = 2.0 * self.ball.radius <= RISE || self.ball.least() >= SATURATED;
+        self.becomes(self.ball.tanh(), is_tame)
+    }
+
+    fn asin(self) -> Self {
+        self.becomes(self.ball.asin(), true)
+    }
+
+    fn acos(self) -> Self {
+        self.becomes(self.ball.acos(), true)
+    }
+
+    fn atan(self) -> Self {
+        // Its derivative is 1/(1 + u²).
+        let weight = |u: f64| 1.0 + u * u;
+        let is_tame = weight(self.ball.least()) >= FALL * weight(self.ball.middle);
+        self.becomes(self.ball.atan(), is_tame)
+    }
+
+    fn atan2(self, x: Self) -> Self {
+        let square = self.ball * self.ball + x.ball * x.ball;
+        let is_tame = x.is_tame && square.keeps_distance();
+        self.becomes(self.ball.atan2(x.ball), is_tame)
+    }
+
+    fn pow(self, power: Self) -> Self {
+        let exponent = self.ball.middle.abs().ln() * power.ball.radius;
+        let relative = self.ball.radius / self.ball.middle.abs();
+        let is_slow = power.ball.radius == 0.0 || exponent.abs() <= RISE;
+        let is_near = self.ball.radius == 0.0 || relative * power.ball.middle.abs() <= RISE;
+        let is_tame = self.ball.keeps_distance() && is_slow && is_near && power.is_tame;
+        self.becomes(self.ball.pow(power.ball), is_tame)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tape::Tape;
+
+    /// exp(-((s - 3)/0.01)²) and 1/(1 + ((s - 3)/0.01)²) in a part around `middle`.
+    fn bumps(middle: f64, radius: f64) -> [bool; 2] {
+        let mut tape = Tape::builder(1);
+        let s = tape.input(0);
+        let center = tape.constant(3.0);
+        let over = tape.constant(100.0);
+        let far = tape.sub(s, center);
+        let far = tape.mul(far, over);
+        let square = tape.square(far);
+        let fall = tape.neg(square);
+        let gauss = tape.exp(fall);
+        let one = tape.constant(1.0);
+        let sum = tape.add(one, square);
+        let lorentz = tape.recip(sum);
+        let tape = tape.finish(&[gauss, lorentz]);
+        let mut registers = vec![Tame::splat(0.0); tape.n_registers()];
+        let mut results = [Tame::splat(0.0); 2];
+        let part = [Tame::new(Ball::new(middle, radius))];
+        tape.eval_lanes(&part, &mut results, &mut registers);
+        results.map(|result| result.is_tame)
+    }
+
+    #[test]
+    fn a_bump_is_tame_in_parts_as_narrow_as_itself_and_where_it_vanishes() {
+        assert_eq!(bumps(2.0, 2.0), [false, false]);
+        assert_eq!(bumps(1.0, 0.5), [true, true]);
+        assert_eq!(bumps(2.995, 0.004), [true, true]);
+        assert_eq!(bumps(2.95, 0.04), [false, false]);
+    }
+}

@@ -1,0 +1,129 @@
+//! Functions of states that are narrow beside the steps of a run, and vanish with all derivatives where these start.
+//!
+//! s moves by a law that is known, and y' = B(s) s', so that y is the integral of B over s whatever the speed.
+
+use std::f64::consts::PI;
+
+use super::{Case, Extent, Family};
+
+/// Instances in all.
+const COUNT: usize = 240;
+
+/// Those of a normal test.
+const FEW: usize = 8;
+
+pub fn families(extent: Extent) -> Vec<Family> {
+    let count = match extent {
+        Extent::Short => FEW,
+        Extent::Long => COUNT,
+    };
+    let mut random = Random(20_250_117);
+    vec![Family {
+        name: "narrow functions of states",
+        about: "y' = B(s) s' with a Gauss or Lorentz curve, a hyperbolic secant, or a difference of two tanh, in the rate \
+                or in a switching function, at a random place, width, tolerance and law of s; integrals of B over s.",
+        hardness: "width",
+        cases: (0..count).map(|at| bump(at, &mut random)).collect(),
+    }]
+}
+
+/// Marsaglia's xorshift generator with 64 bits.
+struct Random(u64);
+
+impl Random {
+    /// A number between two others.
+    fn between(&mut self, low: f64, high: f64) -> f64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        low + (high - low) * (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// One of some.
+    fn of<T: Copy>(&mut self, all: &[T]) -> T {
+        let at = self.between(0.0, all.len() as f64) as usize;
+        all[at.min(all.len() - 1)]
+    }
+}
+
+/// s, its rate, and where it ends after 10.
+fn laws() -> [(f64, &'static str, f64); 4] {
+    [
+        (0.0, "1", 10.0),
+        (0.0, "(1 + 0.5*cos(time))", 10.0 + 0.5 * 10_f64.sin()),
+        (10.0, "(-s/3)", 10.0 * (-10.0_f64 / 3.0).exp()),
+        // s = 10/(1 + 99 exp(-t))
+        (
+            0.1,
+            "(s*(1 - s/10))",
+            10.0 / (1.0 + 99.0 * (-10.0_f64).exp()),
+        ),
+    ]
+}
+
+fn bump(at: usize, random: &mut Random) -> Case {
+    let (from, rate, to) = random.of(&laws());
+    let (low, high) = (f64::min(from, to), f64::max(from, to));
+    // Tails of exp(-100) are cut off.
+    let center = random.between(low + 1.5, high - 1.5);
+    let width = 10_f64.powf(random.between(-6.0, -1.0));
+    let tolerance = random.of(&[1e-4, 1e-6, 1e-8, 1e-10]);
+    let start = random.of(&[0.0, 1.0]);
+    let u = |s: f64| (s - center) / width;
+    let far = format!("((s - {center:?})/{width:?})");
+    // The curve, its integral in widths, and half of its width at half of its height.
+    let root = 2_f64.ln().sqrt();
+    let (curve, area, half) = match at % 4 {
+        0 => (format!("exp(-{far}^2)"), PI.sqrt(), root),
+        1 => (
+            format!("1/(1 + {far}^2)"),
+            u(high).atan() - u(low).atan(),
+            1.0,
+        ),
+        2 => (
+            format!("2*exp(-abs({far}))/(1 + exp(-2*abs({far})))"),
+            PI,
+            2.0_f64.acosh(),
+        ),
+        _ => (
+            format!("0.5*(tanh({far} + 3) - tanh({far} - 3))"),
+            6.0,
+            f64::NAN,
+        ),
+    };
+    let sign = (to - from).signum();
+    // tanh(3 + u) = tanh(u - 3) + 1, where u is the half: found from both ends.
+    let half = if half.is_nan() { plateau() } else { half };
+    let (body, integral) = match random.of(&[false, true]) {
+        false => (format!("y' = {rate}*{curve}/{width:?};"), sign * area),
+        true => (
+            format!("y' = if {curve} > 0.5 then {rate}/{width:?} else 0;"),
+            sign * 2.0 * half,
+        ),
+    };
+    let model = format!("state s = {from:?}; state y = {start:?}; s' = {rate}; {body}");
+    let exact = start + integral;
+    // The place is known to a rounding of s, which the ends of the plateau are from zero.
+    let rounding = 16.0 * f64::EPSILON * 10.0 / width;
+    let mut case = Case::new(format!("{width:.0e}"), model, 10.0)
+        .ends("y", &[exact], exact.abs().max(1.0))
+        .rounds(rounding)
+        .accurate_if(false);
+    case.tolerance = tolerance;
+    case
+}
+
+/// Where 0.5 (tanh(u + 3) - tanh(u - 3)) is 0.5, by bisection.
+fn plateau() -> f64 {
+    let height = |u: f64| 0.5 * ((u + 3.0).tanh() - (u - 3.0).tanh());
+    let (mut inside, mut outside) = (0.0, 6.0);
+    for _ in 0..60 {
+        let middle = 0.5 * (inside + outside);
+        if height(middle) > 0.5 {
+            inside = middle;
+        } else {
+            outside = middle;
+        }
+    }
+    inside
+}

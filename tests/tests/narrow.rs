@@ -1,0 +1,71 @@
+//! Functions of states that are narrow beside the steps of a run, where neither series nor probes see them.
+
+use std::f64::consts::PI;
+
+use nsd_tests::stress::{Extent, families};
+use nsd_tests::{end, run};
+use nsdc::report::Status;
+
+/// y at the end of a run over a horizon.
+fn y(model: &str, experiment: &str) -> f64 {
+    let text = format!("model m {{ {model} }}\nsimulate run of m {{ {experiment} }}");
+    let found = run(&text, "run");
+    assert_eq!(found.status, Status::Solved, "{model}: {:?}", found.failure);
+    end(&found, "y")[0]
+}
+
+fn close(found: f64, exact: f64, within: f64) {
+    let error = (found - exact).abs();
+    assert!(error <= within * exact.abs(), "{found} instead of {exact}");
+}
+
+/// By random places, widths, laws of motion and tolerances: right or reported.
+#[test]
+fn no_bump_is_passed_over_in_silence() {
+    let all = families(Extent::Short).into_iter();
+    let mut narrow = all.filter(|family| family.name.starts_with("narrow"));
+    let cases = narrow.next().expect("it is there").cases;
+    for case in &cases {
+        let outcome = case.run();
+        assert!(case.keeps(&outcome), "{outcome}: {}", case.text());
+    }
+}
+
+#[test]
+fn a_window_of_a_state_opens_and_closes() {
+    let width = 2e-3 * 2.0_f64.ln().sqrt();
+    let model = "state s = 0; state y = 0; s' = 1;
+        y' = if exp(-((s - 70.123)/0.001)^2) > 0.5 then 1 else 0;";
+    close(y(model, "horizon 100;"), width, 1e-7);
+}
+
+#[test]
+fn a_force_acts_on_what_passes_by() {
+    let gauss = "exp(-((s - 70.123)/0.001)^2)/0.001";
+    let model = format!("state s = 0; state y = 0; s' = 1; y' = {gauss};");
+    close(y(&model, "horizon 100;"), PI.sqrt(), 1e-8);
+    // With a fast state beside it, whose modes are stiff.
+    let model = format!(
+        "state s = 0; state z = 0; state y = 0; s' = 1; z' = 1e6*(cos(s) - z); y' = {gauss};"
+    );
+    close(y(&model, "horizon 100;"), PI.sqrt(), 1e-7);
+    // Three passages of cos t through 0.123 in 10, each with the area √π/|s'|.
+    let model = "state s = 1; state v = 0; state y = 0; s' = v; v' = -s;
+        y' = exp(-((s - 0.123)/1e-5)^2)/1e-5;";
+    let exact = 3.0 * PI.sqrt() / (1.0 - 0.123_f64.powi(2)).sqrt();
+    close(y(model, "horizon 10;"), exact, 1e-7);
+    // A Lorentz curve, with its tails.
+    let model = "state s = 0; state y = 0; s' = 1; y' = 1e-3/((s - 70.123)^2 + 1e-6);";
+    let exact = 70.123e3_f64.atan() + 29.877e3_f64.atan();
+    close(y(model, "horizon 100;"), exact, 1e-6);
+}
+
+/// The surface that holds x has a bump that is too steep to follow: x leaves it and comes back.
+#[test]
+fn a_surface_bends_for_an_instant() {
+    let model = "state x = 0; state s = 0; state y = 0; s' = 1;
+        x' = -2*sign(x - 0.1*exp(-((s - 70.123)/0.001)^2)); y' = x;";
+    let found = y(model, "horizon 100;");
+    // x climbs with slope 2 from where it leaves until the bump is over, 2e-3 at most for a few widths, and falls back.
+    assert!(found > 1e-6 && found < 1e-4, "{found}");
+}
