@@ -4,7 +4,7 @@
 //! max(ψ, 0)^p = α ψ^p and |ψ|^p = α ψ^p + (1 - α) (-ψ)^p, it is smooth off the surface, and zero on it.
 
 use super::{Role, System};
-use crate::expr::{BinaryFunction, Expr, Function, Node};
+use crate::expr::{BinaryFunction, Expr, Function, Node, rewrite_all};
 
 /// u^p with p > 0, no integer.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,6 +60,15 @@ impl<'e> Vanishing<'e> {
                 .map(|(i, _)| (switching[i].split_scale().1, i))
                 .collect(),
         }
+    }
+
+    /// Expressions in which roots of switching functions are numbers on both sides of their surface: what has the weight 0
+    /// there is no number otherwise.
+    pub fn extended(&self, exprs: &[Expr<'e>]) -> Vec<Expr<'e>> {
+        rewrite_all(exprs, &mut |e| match self.root(e) {
+            Some((root, _)) => root.extended(e.exprs().constant(1.0)),
+            None => e,
+        })
     }
 
     /// The root that e is, and the switch on whose surface it vanishes.

@@ -246,27 +246,19 @@ impl Mode {
     /// Cuts all series before their first term that is no number: close to w = 0 terms grow with their order until they
     /// overflow. What is cut off too early shows in the defect of a step.
     pub(super) fn cut_overflow(&mut self) {
-        let starts = self.starts_of_series();
-        let rows = &self.memory.rows;
+        let starts = (0..self.n)
+            .flat_map(|i| [self.memory.state(i), self.field.rows[i]])
+            .chain(self.sliding.iter().map(|&i| self.memory.alpha(i)));
+        let starts: Vec<usize> = starts.collect();
+        let rows = &mut self.memory.rows;
         let is_finite = |k: &usize| starts.iter().all(|start| rows[start + k].is_finite());
         // Values that are no numbers end the run.
-        if let Some(end) = (0..=self.order).find(|k| !is_finite(k)).filter(|k| *k > 0) {
-            self.cut_from(end);
+        let Some(end) = (0..=self.order).find(|k| !is_finite(k)).filter(|k| *k > 0) else {
+            return;
+        };
+        for start in starts {
+            rows[start + end..=start + self.order].fill(0.0);
         }
-    }
-
-    /// Leaves the terms below order `end` of all series.
-    pub(super) fn cut_from(&mut self, end: usize) {
-        for start in self.starts_of_series() {
-            self.memory.rows[start + end..=start + self.order].fill(0.0);
-        }
-    }
-
-    /// Where the series of the states, of their rates and of α start.
-    fn starts_of_series(&self) -> Vec<usize> {
-        let of_states = (0..self.n).flat_map(|i| [self.memory.state(i), self.field.rows[i]]);
-        let of_alphas = self.sliding.iter().map(|&i| self.memory.alpha(i));
-        of_states.chain(of_alphas).collect()
     }
 
     /// How far two entries with these α are inside their disc, or how fast they slip in their direction, relative to a

@@ -234,13 +234,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let sets_off = |i: usize| departs && departures.iter().any(|d| d.switches.contains(&i));
         let mode = &mut self.mode;
         // At a root nothing but rates is known.
-        if root.is_some() {
-            mode.cut_from(2);
-        }
-        let is_smooth = root.is_none() && mode.has_series();
-        if !is_smooth {
-            mode.cut_overflow();
-        }
+        let is_smooth = mode.cut_short(if root.is_some() { 2 } else { usize::MAX });
         mode.measure_terms(state);
         mode.watched.clear();
         for &i in group {

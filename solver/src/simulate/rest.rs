@@ -171,10 +171,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         if mode.expand(state.t, &state.x, &mut alpha).is_err() {
             return Err(mode.stuck());
         }
-        let is_smooth = mode.has_series();
-        if !is_smooth {
-            mode.cut_overflow();
-        }
+        let is_smooth = mode.cut_short(usize::MAX);
         mode.measure_terms(state);
         mode.watched.clear();
         mode.expand_psi(switch, state);

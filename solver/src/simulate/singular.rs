@@ -24,6 +24,12 @@ const SHORTER: f64 = 0.25;
 /// Tries.
 const MAX_TRIES: usize = 80;
 
+/// What starts at zero is as large as its rates after this share of the time that is left make it.
+const EARLY: f64 = 1e-3;
+
+/// A straight step is no longer than so many of the last ones.
+const MAX_GROWTH: f64 = 10.0;
+
 /// A step as short as this share of the time that is left moves nothing that matters.
 const SHORTEST: f64 = 1e-13;
 
@@ -42,6 +48,25 @@ impl Mode {
         (0..self.n).all(|i| self.x_series(i).iter().all(|c| c.is_finite()))
     }
 
+    /// Leaves the terms of all series below order `end`, and below the first one of a state that is no number; false where
+    /// that leaves less than all.
+    pub(super) fn cut_short(&mut self, end: usize) -> bool {
+        let orders = 1..=self.order;
+        let mut broken = orders.filter(|&k| (0..self.n).any(|i| !self.x_series(i)[k].is_finite()));
+        let end = end.min(broken.next().unwrap_or(usize::MAX));
+        if end > self.order {
+            return true;
+        }
+        let of_states = (0..self.n).map(|i| (self.memory.state(i), end));
+        let of_rates = self.field.rows.iter().map(|&row| (row, end - 1));
+        let of_alphas = self.sliding.iter().map(|&i| (self.memory.alpha(i), end));
+        let starts: Vec<_> = of_states.chain(of_rates).chain(of_alphas).collect();
+        for (start, end) in starts {
+            self.memory.rows[start + end.max(1)..=start + self.order].fill(0.0);
+        }
+        false
+    }
+
     /// The longest straight step up to `longest` that is accurate; none where f is not finite.
     pub(super) fn line(&mut self, state: &State, tolerance: f64, longest: f64) -> Option<Line> {
         let mut alpha = state.alpha.clone();
@@ -56,9 +81,12 @@ impl Mode {
             x.iter().zip(f).map(|(x, f)| x + tau * f).collect()
         };
         let mut h = match state.last_step {
-            last if last > 0.0 => last.min(longest),
+            last if last > 0.0 => longest.min(MAX_GROWTH * last),
             _ => longest,
         };
+        let early = ahead(EARLY * longest, &start);
+        self.solve_alpha(t + EARLY * longest, &early, &mut alpha).ok()?;
+        let early = self.f().to_vec();
         for _ in 0..MAX_TRIES {
             let middle = ahead(0.5 * h, &start);
             self.solve_alpha(t + 0.5 * h, &middle, &mut alpha).ok()?;
@@ -70,7 +98,7 @@ impl Mode {
                 let change = (self.f()[i] - start[i]).abs().max((rates[i] - start[i]).abs());
                 // What starts at zero is as large as its rate makes it.
                 let size = match state.scale[i].max(x[i].abs()) {
-                    0.0 => self.f()[i].abs() * longest,
+                    0.0 => early[i].abs().max(self.f()[i].abs()) * longest,
                     size => size,
                 };
                 SHARE * h * change <= tolerance * size

@@ -9,6 +9,7 @@ mod contacts;
 mod events;
 mod large;
 mod masses;
+mod roots;
 mod stiff;
 mod surfaces;
 mod units;
@@ -361,6 +362,7 @@ pub fn families(extent: Extent) -> Vec<Family> {
         stiff::families(extent),
         contacts::families(extent),
         masses::families(extent),
+        roots::families(extent),
         large::families(extent),
     ]
     .concat()
