@@ -11,8 +11,8 @@ use super::pieces;
 use crate::expr;
 use crate::model::Data;
 use crate::report::{self, EventKind, ModeInterval, Piece, Series, Trajectory};
-use crate::system::roots::Vanishing;
 use crate::system::experiment::{Sampling, Settings};
+use crate::system::roots::Vanishing;
 use crate::system::{Output, System};
 
 /// When the mode changed, from what, to what, and what decided about nonlinear switches.

@@ -291,10 +291,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             side => {
                 let series = mode.psi_series(i);
                 let leading = series::leading(series, h, state.level(i, series, h));
-                leading.map_or_else(
-                    || goes_there(i, *side),
-                    |k| series[k] * side.sign() > 0.0,
-                )
+                leading.map_or_else(|| goes_there(i, *side), |k| series[k] * side.sign() > 0.0)
             }
         };
         let agrees = (group.iter().zip(&choice.sides).zip(units)).all(stays);

@@ -38,7 +38,8 @@ pub(crate) struct Mode {
     pub(super) is_algebraic: Vec<bool>,
     /// States that no projection moves in the present mode.
     pub(super) still: Vec<bool>,
-    /// Switches that rest where they are on `Slide`.
+    /// Switches whose rates have roots of their ψ, and those that rest where they are on `Slide`.
+    pub(super) roots: Vec<bool>,
     pub(super) rests: Vec<bool>,
     /// Whether there are any.
     pub(super) may_rest: bool,
@@ -99,6 +100,7 @@ impl Mode {
         let rests = |i: usize| system.has_root(i) && system.is_continuous(i);
         let rests: Vec<bool> = (0..m).map(rests).collect();
         Mode {
+            roots: (0..m).map(|i| system.has_root(i)).collect(),
             may_rest: rests.contains(&true),
             rests,
             sides: vec![Side::Plus; m].into(),

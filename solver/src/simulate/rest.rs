@@ -202,7 +202,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         sides[switch] = Side::Slide;
         self.mode.enter(self.system, &sides);
         self.mode.set(state.t, &state.x, &state.alpha);
-        self.mode.surfaces.linearize(switch, &self.mode.memory.values);
+        self.mode
+            .surfaces
+            .linearize(switch, &self.mode.memory.values);
         let across = self.mode.across_surface(switch, state);
         let moved = state.x.iter().zip(&across);
         let moved: Vec<f64> = moved.map(|(x, d)| x + by * d).collect();
@@ -265,7 +267,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             let mean = f.iter().zip(&at_rest);
             let line = Line {
                 length,
-                rates: mean.map(|(f, smooth)| smooth + rest * (f - smooth)).collect(),
+                rates: mean
+                    .map(|(f, smooth)| smooth + rest * (f - smooth))
+                    .collect(),
                 alpha: state.alpha.clone(),
             };
             self.mode.lay(state, &line);

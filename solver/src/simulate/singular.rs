@@ -13,7 +13,7 @@ use super::dense::Dense;
 use super::mode::Mode;
 use super::state::State;
 use super::step::{Step, first_event, simultaneous};
-use super::{Simulator, Status, SwitchedSystem};
+use super::{Side, Simulator, Status, SwitchedSystem};
 
 /// What the error of a straight step is of h times the change of f: 1/(1 + p) - 1/2ᵖ is no larger for 0 < p ≤ 1.
 const SHARE: f64 = 0.1;
@@ -26,6 +26,9 @@ const MAX_TRIES: usize = 80;
 
 /// What starts at zero is as large as its rates after this share of the time that is left make it.
 const EARLY: f64 = 1e-3;
+
+/// The share of its rate by which what leaves a surface may slow down or speed up in a straight step.
+const STEADY: f64 = 0.1;
 
 /// A straight step is no longer than so many of the last ones.
 const MAX_GROWTH: f64 = 10.0;
@@ -77,6 +80,8 @@ impl Mode {
             return None;
         }
         let shortest = f64::max(SHORTEST * longest, 4.0 * f64::EPSILON * t.abs());
+        let shortest = longest.min(shortest);
+        let left = self.rates_left(state, &start);
         let ahead = |tau: f64, f: &[f64]| -> Vec<f64> {
             x.iter().zip(f).map(|(x, f)| x + tau * f).collect()
         };
@@ -85,7 +90,8 @@ impl Mode {
             _ => longest,
         };
         let early = ahead(EARLY * longest, &start);
-        self.solve_alpha(t + EARLY * longest, &early, &mut alpha).ok()?;
+        self.solve_alpha(t + EARLY * longest, &early, &mut alpha)
+            .ok()?;
         let early = self.f().to_vec();
         for _ in 0..MAX_TRIES {
             let middle = ahead(0.5 * h, &start);
@@ -95,7 +101,9 @@ impl Mode {
             let end = ahead(h, &rates);
             self.solve_alpha(t + h, &end, &mut alpha).ok()?;
             let is_accurate = (0..self.n).all(|i| {
-                let change = (self.f()[i] - start[i]).abs().max((rates[i] - start[i]).abs());
+                let change = (self.f()[i] - start[i])
+                    .abs()
+                    .max((rates[i] - start[i]).abs());
                 // What starts at zero is as large as its rate makes it.
                 let size = match state.scale[i].max(x[i].abs()) {
                     0.0 => early[i].abs().max(self.f()[i].abs()) * longest,
@@ -103,7 +111,11 @@ impl Mode {
                 };
                 SHARE * h * change <= tolerance * size
             });
-            if is_accurate || h <= shortest {
+            let keeps = |(i, before): &(usize, f64)| {
+                let change = self.along(*i, &rates) - before;
+                *before == 0.0 || change.abs() <= STEADY * before.abs()
+            };
+            if is_accurate && left.iter().all(keeps) || h <= shortest {
                 return Some(Line {
                     length: h,
                     rates,
@@ -113,6 +125,24 @@ impl Mode {
             h = f64::max(SHORTER * h, shortest);
         }
         None
+    }
+
+    /// φ for rates f, where ψ was last linearized.
+    fn along(&self, switch: usize, f: &[f64]) -> f64 {
+        let terms = self.gradient(switch).iter();
+        terms.map(|&(j, g)| g * f[j]).sum::<f64>() + self.time_gradient(switch)
+    }
+
+    /// The rates with which ψ of switches with roots leave their surfaces.
+    fn rates_left(&mut self, state: &State, f: &[f64]) -> Vec<(usize, f64)> {
+        let mut left = Vec::new();
+        for i in 0..self.roots.len() {
+            if self.roots[i] && state.armed[i] && self.sides[i] != Side::Slide {
+                self.surfaces.linearize(i, &self.memory.values);
+                left.push((i, self.along(i, f)));
+            }
+        }
+        left
     }
 
     /// φ of some switches in the middle of the straight step; not numbers where there is none.

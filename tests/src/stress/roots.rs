@@ -139,9 +139,8 @@ fn struck(k: usize, numbers: &mut Numbers) -> Case {
     let integral = (density(0.0) + inner.sum::<f64>() + 2.0) / (3.0 * m as f64);
     let lasts = 2.0 * depth / v * integral;
     let enters = gap / v;
-    let model = format!(
-        "state q = {gap:?}; state v = -{v:?}; q' = v; v' = {stiff:?}*max(-q, 0)^({word});"
-    );
+    let model =
+        format!("state q = {gap:?}; state v = -{v:?}; q' = v; v' = {stiff:?}*max(-q, 0)^({word});");
     let after = 0.5;
     Case::new(k, model, enters + lasts + after)
         .ends("v", &[v], v)
