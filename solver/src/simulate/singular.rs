@@ -51,6 +51,13 @@ impl Mode {
         (0..self.n).all(|i| self.x_series(i).iter().all(|c| c.is_finite()))
     }
 
+    /// Whether the state is on a surface at which rates have roots, but for rounding: then series are numbers that say
+    /// nothing.
+    pub(super) fn is_on_root(&self, state: &State) -> bool {
+        let mut roots = self.roots.iter().zip(&state.armed);
+        roots.any(|(root, armed)| *root && *armed)
+    }
+
     /// Leaves the terms of all series below order `end`, and below the first one of a state that is no number; false where
     /// that leaves less than all.
     pub(super) fn cut_short(&mut self, end: usize) -> bool {

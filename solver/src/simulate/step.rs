@@ -189,6 +189,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             let reaches_end = length >= remaining;
             let is_free = event.is_none() && ends.is_none();
             if is_free && !reaches_end && state.t + (length + state.t_low) <= state.t {
+                if mode.is_on_root(state) {
+                    return self.step_off(state, remaining);
+                }
                 let rests = mode.comes_to_rest(state);
                 return rests.ok_or_else(|| mode.stuck());
             }
