@@ -51,6 +51,7 @@ mod piecewise_affine;
 mod piles;
 mod projections;
 mod rods;
+mod roots;
 mod rounding;
 mod set_points;
 mod setting_off;

@@ -5,6 +5,7 @@
 
 use crate::expr::Substitution;
 use crate::system::experiment::Lowering;
+use crate::system::roots::Vanishing;
 use crate::system::{Role, System};
 
 use super::{Dcs, DcsError, Formulation, heaviside, impact, signs, stewart};
@@ -182,6 +183,8 @@ fn lowered<'e>(
         }
         Formulation::Step => heaviside::lower(system),
     };
+    let switching: Vec<_> = system.switches.iter().map(|switch| switch.psi).collect();
+    dcs.rates = Vanishing::of(system, &switching).extended(&dcs.rates);
     let alphas: Substitution = (system.switches.iter().zip(&dcs.alphas))
         .filter_map(|(switch, &alpha)| Some((switch.alpha.as_variable()?, alpha)))
         .collect();

@@ -12,6 +12,7 @@ use crate::expr;
 use crate::model::Data;
 use crate::report::{self, EventKind, ModeInterval, Piece, Series, Trajectory};
 use crate::system::experiment::{Sampling, Settings};
+use crate::system::roots::Vanishing;
 use crate::system::{Output, System};
 
 /// When the mode changed, from what, to what, and what decided about nonlinear switches.
@@ -202,6 +203,9 @@ impl<'s, 'e> Recorder<'s, 'e> {
         inputs.extend(system.switches.iter().map(|switch| variable(&switch.alpha)));
         let exprs = outputs.iter().flat_map(|output| &output.exprs);
         let exprs: Vec<_> = exprs.map(|e| e.substitute(&numbers)).collect();
+        let switching = system.switches.iter();
+        let switching: Vec<_> = switching.map(|k| k.psi.substitute(&numbers)).collect();
+        let exprs = Vanishing::of(system, &switching).extended(&exprs);
         let tape = expr::compile(&inputs, &exprs)
             .expect("a verified output is smooth in time, data, states and α");
 

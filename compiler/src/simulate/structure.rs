@@ -4,7 +4,7 @@ use nsd_solver::simulate::Input;
 use rustc_hash::FxHashMap;
 
 use super::substituted::variable;
-use crate::expr::{self, Expr, Var};
+use crate::expr::{self, Expr, Substitution, Var};
 use crate::system::{Role, System};
 
 /// Derivatives that are looked at for one that contains an α.
@@ -33,6 +33,7 @@ impl<'e> Structure<'e> {
         inputs: &FxHashMap<Var, Input>,
         rates: &[Expr<'e>],
         switching: &[Expr<'e>],
+        resting: &[(usize, Var)],
     ) -> Self {
         let occurring = |e: &Expr<'e>| {
             let found = expr::variables_of(&[*e]).into_iter();
@@ -44,7 +45,7 @@ impl<'e> Structure<'e> {
         let in_rates: Vec<_> = in_f.iter().map(|inputs| switches_of(inputs)).collect();
         let inside: Vec<_> = in_psi.iter().map(|inputs| switches_of(inputs)).collect();
         // φ_i = Σ ∂ψ_i/∂x_k f_k + ∂ψ_i/∂t
-        let coupled = |inputs: &[Input]| {
+        let coupled = |inputs: &[Input], in_rates: &[Vec<usize>]| {
             let mut found = switches_of(inputs);
             for input in inputs {
                 if let Input::State(state) = input {
@@ -72,7 +73,7 @@ impl<'e> Structure<'e> {
         }
         // dψ/dt = Σ ∂ψ/∂x_k f_k + ∂ψ/∂t, again and again until its rate contains an α.
         let time = variable(system.time);
-        let derivative = |e: Expr<'e>| {
+        let derivative = |e: Expr<'e>, rates: &[Expr<'e>]| {
             let by_state = expr::variables_of(&[e]).into_iter().filter_map(|var| {
                 let &Input::State(state) = inputs.get(&var)? else {
                     return None;
@@ -82,8 +83,21 @@ impl<'e> Structure<'e> {
             system.exprs.sum(by_state) + e.diff(time)
         };
         let (mut couplings, mut chains, mut driven) = (Vec::new(), Vec::new(), Vec::new());
+        let one = system.exprs.constant(1.0);
         for (i, switch) in system.switches.iter().enumerate() {
-            let (mut e, mut found) = (switching[i], coupled(&in_psi[i]));
+            // On its surface roots of ψ are in no rate.
+            let sigma = resting.iter().find(|(root, _)| *root == i);
+            let without = sigma.map(|&(_, sigma)| {
+                let rates = Substitution::one(sigma, one).apply(rates);
+                let inside = rates.iter().map(|rate| switches_of(&occurring(rate)));
+                let inside: Vec<_> = inside.collect();
+                (rates, inside)
+            });
+            let (rates, in_rates) = match &without {
+                Some((rates, in_rates)) => (&rates[..], &in_rates[..]),
+                None => (rates, &in_rates[..]),
+            };
+            let (mut e, mut found) = (switching[i], coupled(&in_psi[i], in_rates));
             let mut is_among = is_driven(&in_psi[i]);
             let mut chain = Vec::new();
             let slides = switch.role == Role::Step
@@ -91,9 +105,9 @@ impl<'e> Structure<'e> {
                 && !timed[i]
                 && switch.relay.is_none();
             while slides && found.is_empty() && chain.len() < MAX_DERIVATIVES {
-                e = derivative(e);
+                e = derivative(e, rates);
                 let inputs = occurring(&e);
-                found = coupled(&inputs);
+                found = coupled(&inputs, in_rates);
                 is_among |= is_driven(&inputs);
                 chain.push(e);
             }
@@ -140,7 +154,7 @@ pub(super) fn idle_above<'e>(system: &System<'e>, rates: &[Expr<'e>]) -> Vec<Vec
             variable(system.switches[switch].alpha),
             variable(system.switches[other].alpha),
         );
-        let above = expr::Substitution::one(above, one);
+        let above = Substitution::one(above, one);
         let rates = rates.iter().filter(|rate| rate.depends_on(alpha));
         rates
             .map(|rate| rate.substitute(&above))

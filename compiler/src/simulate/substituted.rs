@@ -2,9 +2,11 @@
 //!
 //! Where a slip velocity w with two entries is not zero, rates have w/|w| in place of their 2α - 1. So α in them is
 //! σ α + (1 - σ) (1 + w/|w|)/2, where σ is 1 for a switch that slides and else 0.
+//!
+//! A root of ψ is ((1 - σ) ψ²)^(p/2): nothing on the surface, and a number where rounding has ψ on the wrong side of it.
 
-use crate::expr::{Expr, Substitution, Var};
-use crate::system::System;
+use crate::expr::{Expr, Substitution, Var, rewrite_all};
+use crate::system::{System, roots};
 
 /// The values of the parameters.
 pub(super) fn numbers<'e>(system: &System<'e>) -> Substitution<'e> {
@@ -45,6 +47,34 @@ pub(super) fn with_directions<'e>(
         true => (rates, sticking),
         false => (directions.apply(&rates), sticking),
     }
+}
+
+/// Rates with the roots of switching functions, and σ of their switches.
+pub(super) fn with_roots<'e>(
+    system: &System<'e>,
+    rates: Vec<Expr<'e>>,
+    switching: &[Expr<'e>],
+) -> (Vec<Expr<'e>>, Vec<(usize, Var)>) {
+    let vanishing = roots::Vanishing::of(system, switching);
+    let mut resting: Vec<(usize, Expr<'e>)> = Vec::new();
+    let rates = rewrite_all(&rates, &mut |e| {
+        let Some((root, switch)) = vanishing.root(e) else {
+            return e;
+        };
+        let known = resting.iter().find(|(i, _)| *i == switch);
+        let sigma = match known {
+            Some((_, sigma)) => *sigma,
+            None => {
+                let sigma = system.exprs.variable(&format!("rests[{}]", switch + 1));
+                resting.push((switch, sigma));
+                sigma
+            }
+        };
+        root.extended(1.0 - sigma)
+    });
+    let resting = resting.into_iter();
+    let resting = resting.map(|(switch, sigma)| (switch, variable(sigma)));
+    (rates, resting.collect())
 }
 
 pub(super) fn variable(expr: Expr) -> Var {

@@ -23,7 +23,7 @@ use super::functions::{
 use super::instants::Pulses;
 use super::laws;
 use super::structure::{self, Structure};
-use super::substituted::{numbers, variable, with_directions, with_numbers};
+use super::substituted::{numbers, variable, with_directions, with_numbers, with_roots};
 use crate::expr::{self, Expr, Exprs, Node, Substitution, Var};
 use crate::system::{self, System};
 use crate::table::Table;
@@ -39,8 +39,11 @@ pub struct Switched<'e> {
     across: Vec<Option<usize>>,
     /// Switches on whose upper side slip velocities with two entries are in no rate.
     idle_above: Vec<Vec<usize>>,
-    /// The variables σ.
+    /// The variables σ, and the α of switches that rest where they slide.
     sticking: FxHashSet<Var>,
+    resting: FxHashSet<Var>,
+    /// Whether rates contain roots of ψ.
+    roots: Vec<bool>,
     roles: Vec<Role>,
     nonlinear: Vec<bool>,
     algebraics: Vec<usize>,
@@ -81,7 +84,11 @@ impl<'e> Switched<'e> {
         let exprs = system.exprs;
         let [folded, switching] = with_numbers(system);
         let idle_above = structure::idle_above(system, &folded);
-        let (folded, sticking) = with_directions(system, folded, &switching);
+        let (folded, mut sticking) = with_directions(system, folded, &switching);
+        let (folded, rooted) = with_roots(system, folded, &switching);
+        let mut roots = vec![false; system.switches.len()];
+        rooted.iter().for_each(|&(i, _)| roots[i] = true);
+        sticking.extend(&rooted);
         let (data, coefficients, polynomials) = Pieces::new(system);
         let rates = polynomials.apply(&folded);
         let switching = polynomials.apply(&switching);
@@ -106,7 +113,7 @@ impl<'e> Switched<'e> {
             couplings,
             chains,
             with_data,
-        } = Structure::of(system, &inputs, &rates, &switching);
+        } = Structure::of(system, &inputs, &rates, &switching, &rooted);
         let start = |switch: &system::Switch| match switch.relay?.start {
             true => Some(Side::Plus),
             false => Some(Side::Minus),
@@ -117,8 +124,13 @@ impl<'e> Switched<'e> {
             .collect();
         // To have data in common is no reason to be in one block.
         let blocks = blocks::cut(&folded, &in_rates, &alphas);
+        let resting = rooted.iter().filter(|(i, _)| continuous[*i]);
+        let resting: FxHashSet<Var> = resting.map(|&(i, _)| alphas[i]).collect();
+        let sticks: FxHashSet<Var> = sticking.iter().map(|&(_, sigma)| sigma).collect();
         let kind = |var: Var| match inputs[&var] {
             Input::Time => 0,
+            Input::Alpha(_) if sticks.contains(&var) => 5,
+            Input::Alpha(_) if resting.contains(&var) => 6,
             Input::Alpha(switch) => 1 + u64::from(continuous[switch]),
             Input::Coefficient(_) => 4,
             _ => 3,
@@ -164,7 +176,9 @@ impl<'e> Switched<'e> {
                 .map(|switch| switch.across)
                 .collect(),
             idle_above,
-            sticking: sticking.into_iter().map(|(_, sigma)| sigma).collect(),
+            sticking: sticks,
+            resting,
+            roots,
             roles: (system.switches.iter())
                 .map(|switch| match switch.role {
                     system::Role::Step => Role::Step,
@@ -233,6 +247,10 @@ impl<'e> Switched<'e> {
                 Side::Plus => fixed.insert(alpha, self.exprs.constant(1.0)),
                 Side::Slide if self.sticking.contains(&alpha) => {
                     fixed.insert(alpha, self.exprs.constant(1.0));
+                }
+                // Where it rests nothing depends on it.
+                Side::Slide if self.resting.contains(&alpha) => {
+                    fixed.insert(alpha, self.exprs.constant(0.5));
                 }
                 Side::Slide => {}
             }
@@ -418,6 +436,10 @@ impl SwitchedSystem for Switched<'_> {
 
     fn is_nonlinear(&self, switch: usize) -> bool {
         self.nonlinear[switch]
+    }
+
+    fn has_root(&self, switch: usize) -> bool {
+        self.roots[switch]
     }
 
     fn algebraics(&self) -> &[usize] {

@@ -72,6 +72,7 @@ mod read;
 mod reading;
 mod regions;
 mod relay;
+pub mod roots;
 mod sample;
 mod skipped;
 pub mod smoothing;

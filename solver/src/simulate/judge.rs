@@ -251,14 +251,20 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             let mode = &mut self.mode;
             mode.expand_departures(state, &alpha, &departures, tolerance, t1 - state.t)
         };
+        let root = group.iter().copied().find(|&i| self.system.has_root(i));
         if !departs {
-            let mut x = state.x.clone();
+            let mut x = match root {
+                Some(i) => self.mode.onto_surface(state, i),
+                None => state.x.clone(),
+            };
             self.depart(state, &mut x, &departures, t1);
             self.mode.enter(self.system, &sides);
             self.mode.expand(state.t, &x, &mut alpha).ok()?;
         }
         let sets_off = |i: usize| departs && departures.iter().any(|d| d.switches.contains(&i));
         let mode = &mut self.mode;
+        // At a root nothing but rates is known.
+        let is_smooth = mode.cut_short(if root.is_some() { 2 } else { usize::MAX });
         mode.measure_terms(state);
         mode.watched.clear();
         for &i in group {
@@ -278,12 +284,22 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             true => h,
             false => mode.leaves_rest(tolerance, state, h),
         };
+        // Where series end early, rates a moment later tell.
+        let later = match is_smooth {
+            true => Vec::new(),
+            false => mode.rates_ahead(state, group, tolerance, longest),
+        };
+        let mode = &self.mode;
         // A gap that is still open is struck behind this instant.
         let near = &self.jumps.near;
         let comes = |i: usize| {
             let c = mode.psi_series(i);
             let is_near = near.iter().any(|&(_, switch)| switch == i);
             mode.is_contact(i) && !is_near && c[0] > 0.0 && c[1] < 0.0
+        };
+        let goes_there = |i: usize, side: Side| {
+            let mut later = group.iter().zip(&later).filter(|(j, _)| **j == i);
+            later.all(|(_, rate)| rate * side.sign() >= 0.0)
         };
         let stays = |((&i, side), unit): ((&usize, &Side), &f64)| match side {
             _ if mode.is_idle(i, &sides) => true,
@@ -305,7 +321,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             side => {
                 let series = mode.psi_series(i);
                 let leading = series::leading(series, h, state.level(i, series, h));
-                leading.is_none_or(|k| series[k] * side.sign() > 0.0)
+                leading.map_or_else(|| goes_there(i, *side), |k| series[k] * side.sign() > 0.0)
             }
         };
         let agrees = (group.iter().zip(&choice.sides).zip(units)).all(stays);

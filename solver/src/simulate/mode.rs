@@ -38,6 +38,11 @@ pub(crate) struct Mode {
     pub(super) is_algebraic: Vec<bool>,
     /// States that no projection moves in the present mode.
     pub(super) still: Vec<bool>,
+    /// Switches whose rates have roots of their ψ, and those that rest where they are on `Slide`.
+    pub(super) roots: Vec<bool>,
+    pub(super) rests: Vec<bool>,
+    /// Whether there are any.
+    pub(super) may_rest: bool,
     /// Switches whose α has no lower bound.
     pub(super) unilateral: Vec<bool>,
     /// Switches whose α rates contain in another way than affine.
@@ -92,7 +97,12 @@ impl Mode {
     /// No mode yet: `enter` takes one.
     pub(crate) fn new(system: &impl SwitchedSystem, order: usize) -> Self {
         let (n, m) = (system.n_states(), system.n_switches());
+        let rests = |i: usize| system.has_root(i) && system.is_continuous(i);
+        let rests: Vec<bool> = (0..m).map(rests).collect();
         Mode {
+            roots: (0..m).map(|i| system.has_root(i)).collect(),
+            may_rest: rests.contains(&true),
+            rests,
             sides: vec![Side::Plus; m].into(),
             sliding: Vec::new(),
             continuous: (0..m)
@@ -157,7 +167,7 @@ impl Mode {
         }
         self.sides.copy_from_slice(sides);
         self.sliding.clear();
-        let slides = |&i: &usize| sides[i] == Side::Slide;
+        let slides = |&i: &usize| sides[i] == Side::Slide && !self.rests[i];
         self.sliding.extend((0..sides.len()).filter(slides));
         self.arranged = false;
     }

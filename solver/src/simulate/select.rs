@@ -339,6 +339,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         t1: f64,
         series: bool,
     ) -> Result<bool, Status> {
+        if group.iter().any(|&i| self.mode.rests[i]) {
+            return self.choose_around_rest(state, group, wanted, t1, series);
+        }
         let mut sides = state.sides.clone();
         for &i in group {
             sides[i] = Side::Slide;

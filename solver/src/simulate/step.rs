@@ -89,6 +89,11 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     fn explicit_step(&mut self, state: &mut State, goal: f64, t1: f64) -> Result<Step, Status> {
         let (order, tolerance) = (self.order, self.settings.local_tolerance());
         let remaining = (goal - state.t) - state.t_low;
+        if self.mode.may_rest
+            && let Some(step) = self.arrive(state, remaining)
+        {
+            return Ok(step);
+        }
         let mode = &mut self.mode;
         mode.blind.clear();
         if mode.expand(state.t, &state.x, &mut state.alpha).is_err() {
@@ -131,6 +136,11 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let h = mode.keeps_directions(tolerance, state, h);
         let h = mode.watch(tolerance, state, h);
         let h = mode.leaves_rest(tolerance, state, h);
+        if mode.may_rest
+            && let Some(switch) = mode.wakes(state, h)
+        {
+            return Ok(Step::at_once(switch));
+        }
         let mut h = self.coefficients.expand(mode, tolerance, h);
         for attempt in 0..MAX_HALVINGS {
             let closeness = self.settings.tolerance;
@@ -160,6 +170,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 length
             };
             let defect = mode.defect(state, seen, tolerance, allowed);
+            if attempt == 0 && !defect.rate.is_finite() && !mode.has_series() {
+                return self.step_off(state, remaining);
+            }
             let unseen = event.is_none() && ends.is_none() && mode.on_wrong_side(state);
             let inaccurate = defect.rate.is_nan() || defect.rate > allowed;
             let looked = self.coefficients.agree(mode, state, length, allowed);
@@ -177,6 +190,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             let reaches_end = length >= remaining;
             let is_free = event.is_none() && ends.is_none();
             if is_free && !reaches_end && state.t + (length + state.t_low) <= state.t {
+                if mode.is_on_root(state) {
+                    return self.step_off(state, remaining);
+                }
                 let rests = mode.comes_to_rest(state);
                 return rests.ok_or_else(|| mode.stuck());
             }

@@ -99,6 +99,11 @@ pub trait SwitchedSystem {
     fn is_nonlinear(&self, _switch: usize) -> bool {
         false
     }
+    /// Whether rates contain powers of ψ without a derivative at ψ = 0, which are zero there and in no rate on `Slide`.
+    /// Where such a switch is continuous it is said to rest on its surface, and its α is in no rate either.
+    fn has_root(&self, _switch: usize) -> bool {
+        false
+    }
     /// What α of a switch is.
     fn role(&self, _switch: usize) -> Role {
         Role::Step

@@ -14,6 +14,7 @@ mod masses;
 mod narrow;
 mod offsets;
 mod programs;
+mod roots;
 mod steps;
 mod stiff;
 mod surfaces;
@@ -436,6 +437,7 @@ pub fn families(extent: Extent) -> Vec<Family> {
         masses::families(extent),
         programs::families(extent),
         offsets::families(extent),
+        roots::families(extent),
         large::families(extent),
         steps::families(extent),
         controls::families(extent),

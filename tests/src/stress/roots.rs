@@ -1,0 +1,163 @@
+//! Powers without a derivative at zero.
+
+use super::{Case, Extent, Family};
+
+/// The exponents.
+const POWERS: [(&str, f64); 5] = [
+    ("1/3", 1.0 / 3.0),
+    ("1/2", 0.5),
+    ("2/3", 2.0 / 3.0),
+    ("1.5", 1.5),
+    ("2.5", 2.5),
+];
+
+pub fn families(extent: Extent) -> Vec<Family> {
+    vec![at_zero(extent)]
+}
+
+/// Numbers between 0 and 1, the same in every run.
+struct Numbers(u64);
+
+impl Numbers {
+    fn next(&mut self) -> f64 {
+        // Knuth's MMIX.
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005);
+        self.0 = self.0.wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// With two decimals.
+    fn between(&mut self, low: f64, high: f64) -> f64 {
+        (100.0 * (low + (high - low) * self.next())).round() / 100.0
+    }
+
+    fn power(&mut self) -> (&'static str, f64) {
+        POWERS[(5.0 * self.next()) as usize]
+    }
+}
+
+/// c |u|^p with random c and p that is crossed, reached in finite time, left, left from rest, or struck.
+fn at_zero(extent: Extent) -> Family {
+    let kinds: [fn(usize, &mut Numbers) -> Case; 6] =
+        [crossed, reached, left, left_from_rest, struck, never_left];
+    let mut numbers = Numbers(25);
+    let n = match extent {
+        Extent::Short => 6,
+        Extent::Long => 240,
+    };
+    let cases = (0..n).flat_map(|k| {
+        let case = kinds[k % kinds.len()](k, &mut numbers).within(20);
+        [case.clone(), case.accurate_if(false).by("fesd")]
+    });
+    Family {
+        name: "roots at zero",
+        about: "Laws c |u|^p or c max(u, 0)^p, p in {1/3, 1/2, 2/3, 1.5, 2.5}: integrated across a transversal zero, from \
+                one, and from rest; emptied in finite time; impacts without loss. Closed forms, the duration of an impact \
+                by Simpson's rule.",
+        hardness: "number",
+        cases: cases.collect(),
+    }
+}
+
+/// x' = v from -a: y' = c |x|^p, or of its positive part.
+fn crossed(k: usize, numbers: &mut Numbers) -> Case {
+    let (word, p) = numbers.power();
+    let [a, v, c] = [(0.2, 1.0), (0.5, 2.0), (0.5, 3.0)].map(|(l, h)| numbers.between(l, h));
+    let b = numbers.between(0.2, 1.0);
+    let horizon = (a + b) / v;
+    let is_even = numbers.next() < 0.5;
+    let law = if is_even { "abs(x)" } else { "max(x, 0)" };
+    let model = format!("state x = -{a:?}; state y = 0; x' = {v:?}; y' = {c:?}*{law}^({word});");
+    let of = |u: f64| c / v * u.powf(p + 1.0) / (p + 1.0);
+    let exact = of(b) + if is_even { of(a) } else { 0.0 };
+    let case = Case::new(k, model, horizon).ends("y", &[exact], exact);
+    case.switches_at(&[a / v])
+}
+
+/// h' = -c h^p with p < 1, and its integral.
+fn reached(k: usize, numbers: &mut Numbers) -> Case {
+    let (word, p) = POWERS[(3.0 * numbers.next()) as usize];
+    let [start, c] = [(0.3, 2.0), (0.5, 3.0)].map(|(l, h)| numbers.between(l, h));
+    let sign = if numbers.next() < 0.5 { 1.0 } else { -1.0 };
+    let (law, sign) = match numbers.next() < 0.5 {
+        true => (format!("max(h, 0)^({word})"), 1.0),
+        false => (format!("sign(h)*abs(h)^({word})"), sign),
+    };
+    let until = start.powf(1.0 - p) / (c * (1.0 - p));
+    let model = format!(
+        "state h = {:?}; state y = 0; h' = -{c:?}*{law}; y' = h;",
+        sign * start
+    );
+    let area = sign * start.powf(2.0 - p) / (c * (2.0 - p));
+    let case = Case::new(k, model, 1.5 * until).ends("h", &[0.0], start);
+    case.ends("y", &[area], area.abs()).switches(1)
+}
+
+/// x' = v from zero.
+fn left(k: usize, numbers: &mut Numbers) -> Case {
+    let (word, p) = numbers.power();
+    let [v, c, horizon] = [(0.5, 2.0), (0.5, 3.0), (0.5, 2.0)].map(|(l, h)| numbers.between(l, h));
+    let law = if numbers.next() < 0.5 {
+        "abs(x)"
+    } else {
+        "max(x, 0)"
+    };
+    let model = format!("state x = 0; state y = 0; x' = {v:?}; y' = {c:?}*{law}^({word});");
+    let exact = c / v * (v * horizon).powf(p + 1.0) / (p + 1.0);
+    Case::new(k, model, horizon).ends("y", &[exact], exact)
+}
+
+/// x'' = g from rest.
+fn left_from_rest(k: usize, numbers: &mut Numbers) -> Case {
+    let (word, p) = numbers.power();
+    let [g, c, horizon] = [(0.5, 3.0), (0.5, 3.0), (0.5, 2.0)].map(|(l, h)| numbers.between(l, h));
+    let model = format!(
+        "state x = 0; state v = 0; state y = 0; x' = v; v' = {g:?}; y' = {c:?}*max(x, 0)^({word});"
+    );
+    let n = 2.0 * p + 1.0;
+    let exact = c * (0.5 * g).powf(p) * horizon.powf(n) / n;
+    Case::new(k, model, horizon).ends("y", &[exact], exact)
+}
+
+/// q'' = k max(-q, 0)^p: the speed at the exit is that at the entry, and the duration of an impact that goes as deep
+/// as d is 2 d/v ∫ ds/√(1 - s^(p + 1)) over [0, 1].
+fn struck(k: usize, numbers: &mut Numbers) -> Case {
+    let (word, p) = numbers.power();
+    let [v, stiff, gap] = [(0.5, 3.0), (1.0, 50.0), (0.2, 1.0)].map(|(l, h)| numbers.between(l, h));
+    let n = p + 1.0;
+    let depth = (0.5 * v * v * n / stiff).powf(1.0 / n);
+    // With s = 1 - r².
+    let density = |r: f64| match r {
+        0.0 => 2.0 / n.sqrt(),
+        _ => 2.0 * r / (-(n * (-r * r).ln_1p()).exp_m1()).sqrt(),
+    };
+    let m = 100_000;
+    let inner = (1..m).map(|j| {
+        let weight = if j % 2 == 1 { 4.0 } else { 2.0 };
+        weight * density(j as f64 / m as f64)
+    });
+    let integral = (density(0.0) + inner.sum::<f64>() + 2.0) / (3.0 * m as f64);
+    let lasts = 2.0 * depth / v * integral;
+    let enters = gap / v;
+    let model =
+        format!("state q = {gap:?}; state v = -{v:?}; q' = v; v' = {stiff:?}*max(-q, 0)^({word});");
+    let after = 0.5;
+    Case::new(k, model, enters + lasts + after)
+        .ends("v", &[v], v)
+        .ends("q", &[v * after], f64::max(gap, v * after))
+        .switches_at(&[enters, enters + lasts])
+}
+
+/// What is empty stays empty, or at the level of what it is joined to.
+fn never_left(k: usize, numbers: &mut Numbers) -> Case {
+    let (word, _) = POWERS[(3.0 * numbers.next()) as usize];
+    let [c, level, rise] = [(0.5, 3.0), (0.5, 3.0), (0.1, 1.0)].map(|(l, h)| numbers.between(l, h));
+    let model = format!(
+        "state a = {level:?}; state b = {level:?}; state h = 0; let p = a - b;
+         a' = {rise:?} - {c:?}*sign(p)*abs(p)^({word}); b' = {rise:?} + {c:?}*sign(p)*abs(p)^({word});
+         h' = -{c:?}*max(h, 0)^({word});"
+    );
+    let ends = level + 2.0 * rise;
+    let case = Case::new(k, model, 2.0).ends("h", &[0.0], 1.0);
+    case.ends("a", &[ends], ends).ends("b", &[ends], ends)
+}

@@ -1,0 +1,127 @@
+//! Laws without a derivative at zero, against closed forms.
+
+use nsd_tests::{end, run, solved, times};
+use nsdc::report::{EventKind, Status, Trajectory, Warning};
+
+/// By events, to 1e-12.
+fn by_events(model: &str, horizon: f64) -> Trajectory {
+    let text = format!(
+        "model m {{ {model} }}
+         simulate run of m {{ tolerance 1e-12; horizon {horizon:?}; }}"
+    );
+    solved(&text, "run")
+}
+
+fn close(found: f64, exact: f64, within: f64) {
+    assert!((found - exact).abs() <= within, "{found}, not {exact}");
+}
+
+#[test]
+fn a_tank_runs_empty_and_stays_so() {
+    // √h = 1 - 0.65 t.
+    let model = "state h = 1; h' = -1.3*sqrt(max(h, 0));";
+    let early = by_events(model, 1.2);
+    close(end(&early, "h")[0], 0.22_f64.powi(2), 1e-13);
+    let late = by_events(model, 4.0);
+    close(end(&late, "h")[0], 0.0, 1e-13);
+    close(times(&late, EventKind::EnterSliding)[0], 2.0 / 1.3, 1e-8);
+    // √h = tan(π/4 - t/2) is no polynomial.
+    let curved = by_events("state h = 1; h' = -sqrt(max(h, 0))*(1 + h);", 4.0);
+    close(end(&curved, "h")[0], 0.0, 1e-13);
+    close(
+        times(&curved, EventKind::EnterSliding)[0],
+        std::f64::consts::FRAC_PI_2,
+        1e-7,
+    );
+}
+
+#[test]
+fn an_empty_tank_stays_empty_until_something_flows_in() {
+    let still = by_events("state h = 0; h' = -sqrt(max(h, 0));", 1.0);
+    assert_eq!(end(&still, "h"), [0.0]);
+    // h = t²/4 solves h' = t - √h with √h = t/2.
+    let model = "state h = 0; h' = max(time - 1, 0) - sqrt(max(h, 0));";
+    close(end(&by_events(model, 2.0), "h")[0], 0.25, 1e-12);
+    // The second one fills from the first, whose outflow has no series at zero: h₁ = t²/4 for an inflow t.
+    let two = "state h = 0; state y = 0; h' = time - sqrt(max(h, 0)); y' = sqrt(max(h, 0)) - sqrt(max(y, 0));";
+    let filled = by_events(two, 1.0);
+    // y = c² t²: 2 c² = 1/2 - c.
+    let c = ((5.0_f64).sqrt() - 1.0) / 4.0;
+    close(end(&filled, "y")[0], c * c, 1e-11);
+}
+
+#[test]
+fn an_orifice_equalizes_two_tanks() {
+    // p' = -1.5 √p from 1 until 4/3.
+    let model = "state a = 1; state b = 0; let p = a - b; let q = sign(p)*sqrt(abs(p)); a' = -q; b' = 0.5*q;";
+    let tanks = by_events(model, 3.0);
+    close(end(&tanks, "a")[0], 1.0 / 3.0, 1e-12);
+    close(end(&tanks, "b")[0], 1.0 / 3.0, 1e-12);
+    close(times(&tanks, EventKind::EnterSliding)[0], 4.0 / 3.0, 1e-8);
+}
+
+#[test]
+fn a_hertz_impact_loses_nothing() {
+    // Depth d with v²/2 = k d^2.5/2.5; 2 d/v B(2/5, 1/2)/2.5 long, B(2/5, 1/2) = 3.679 093 980 406.
+    let model = "state q = 1; state v = -2; q' = v; v' = 100*max(-q, 0)^1.5;";
+    let hit = by_events(model, 2.0);
+    close(end(&hit, "v")[0], 2.0, 2e-12);
+    let crossings = times(&hit, EventKind::Crossing);
+    close(crossings[0], 0.5, 1e-13);
+    let depth = 0.05_f64.powf(0.4);
+    close(crossings[1] - crossings[0], depth * BETA / 2.5, 1e-11);
+}
+
+/// B(2/5, 1/2).
+const BETA: f64 = 3.679_093_980_405_881;
+
+#[test]
+fn transversal_zeros_are_crossed() {
+    // t = ∫ dx/(1.5 - √|x|): with u = √|x|, 2 ∫ u du/(1.5 - u) = -2 u - 3 ln(1 - u/1.5).
+    let to = |u: f64| -2.0 * u - 3.0 * (1.0 - u / 1.5).ln();
+    let start = 0.5_f64.sqrt();
+    let model = "state x = -0.5; x' = 1.5 - sqrt(abs(x));";
+    let crossed = by_events(model, to(start) + to(1.0));
+    close(end(&crossed, "x")[0], 1.0, 2e-12);
+    close(times(&crossed, EventKind::Crossing)[0], to(start), 1e-12);
+    // 3/4 (1 + 2^(4/3))
+    let cubic = by_events("state x = -1; state y = 0; x' = 1; y' = abs(x)^(1/3);", 3.0);
+    close(
+        end(&cubic, "y")[0],
+        0.75 * (1.0 + 2.0_f64.powf(4.0 / 3.0)),
+        1e-12,
+    );
+}
+
+#[test]
+fn roots_of_time_and_norms_pass_through_zero() {
+    let root = by_events("state x = 0; x' = sqrt(time);", 3.0);
+    close(end(&root, "x")[0], 2.0 * 3.0_f64.sqrt(), 1e-12);
+    let norm = by_events(
+        "state q[2] = [-0.6, -0.8]; state y = 0; q' = [0.6, 0.8]; y' = norm(q);",
+        3.0,
+    );
+    close(end(&norm, "y")[0], 2.5, 1e-12);
+}
+
+#[test]
+fn what_starts_at_rest_in_the_zero_leaves_it() {
+    let model = "state x = 0; state v = 0; state y = 0; x' = v; v' = 1; y' = sqrt(max(x, 0));";
+    // y' = t/√2.
+    close(end(&by_events(model, 2.0), "y")[0], 2.0_f64.sqrt(), 1e-11);
+}
+
+#[test]
+fn a_root_that_repels_has_several_solutions() {
+    for law in ["sqrt(abs(x))", "sqrt(max(x, 0))", "abs(x)^(2/3)"] {
+        let text =
+            format!("model m {{ state x = 0; x' = {law}; }} simulate run of m {{ horizon 1; }}");
+        let run = run(&text, "run");
+        assert_eq!(run.status, Status::NumericalFailure);
+        let failure = Warning::of(run.failure.as_ref().unwrap());
+        assert_eq!(failure.code, "E0701", "{law}");
+    }
+    // Without a root in it the rate is Lipschitz continuous.
+    let smooth = by_events("state x = 0; x' = max(x, 0)^1.5;", 1.0);
+    assert_eq!(end(&smooth, "x"), [0.0]);
+}
