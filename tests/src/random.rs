@@ -23,6 +23,11 @@ impl Random {
         lo + (hi - lo) * 0.5 * (self.dyadic() + 1.0)
     }
 
+    /// In [lo, hi), with four decimals.
+    pub fn rounded(&mut self, lo: f64, hi: f64) -> f64 {
+        (self.within(lo, hi) * 1e4).round() / 1e4
+    }
+
     /// One of the first `n` numbers.
     pub fn below(&mut self, n: usize) -> usize {
         (self.bits() % n as u64) as usize

@@ -65,8 +65,8 @@ pub struct Loops {
 
 impl SetPoint {
     fn at(&self, t: f64) -> f64 {
-        let passed = self.steps.iter().filter(|(time, _)| *time <= t);
-        passed.last().map_or(self.first, |(_, value)| *value)
+        let mut passed = self.steps.iter().filter(|(time, _)| *time <= t);
+        passed.next_back().map_or(self.first, |(_, value)| *value)
     }
 
     fn cases(&self) -> String {
