@@ -5,7 +5,6 @@ mod adaptive;
 mod algebraic;
 mod algebraic_optimal;
 mod allocation;
-mod backtracking;
 mod boxes;
 mod coefficients;
 mod cones;

@@ -263,8 +263,11 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         }
         let sets_off = |i: usize| departs && departures.iter().any(|d| d.switches.contains(&i));
         let mode = &mut self.mode;
-        // At a root nothing but rates is known.
-        let is_smooth = mode.cut_short(if root.is_some() { 2 } else { usize::MAX });
+        // At a root nothing but rates is known. Without roots, a series that is no number speaks against its mode.
+        let is_smooth = match (root, mode.roots.contains(&true)) {
+            (Some(_), _) => mode.cut_short(2),
+            (None, has_roots) => !has_roots || mode.cut_short(usize::MAX),
+        };
         mode.measure_terms(state);
         mode.watched.clear();
         for &i in group {
