@@ -261,7 +261,7 @@ fn a_run_that_fails_exits_with_2_and_says_what_was_reached() {
     assert_eq!(ran.status, 2);
     assert!(ran.out.starts_with("time,x\n"), "{}", ran.out);
     assert!(ran.err.contains("\nE0706\n"), "{}", ran.err);
-    assert!(ran.err.contains(":1:36]"), "{}", ran.err);
+    assert!(ran.err.contains(":1:24]"), "{}", ran.err);
 }
 
 #[test]
