@@ -12,7 +12,7 @@ const STEPS: usize = 1500;
 const ROUNDING: f64 = 1e-12;
 
 pub fn families(extent: Extent) -> Vec<Family> {
-    let seeds = extent.sweep(&[26, 41], &(0..50).collect::<Vec<u64>>());
+    let seeds = extent.sweep(&[20, 48], &(0..50).collect::<Vec<u64>>());
     let case = |m: usize, seed: u64| {
         let system = Linear::random(m, 1000 * m as u64 + seed);
         let (ends, scales) = system.integrate();
