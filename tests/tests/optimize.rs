@@ -405,6 +405,72 @@ fn a_relay_that_is_held_hides_no_descent() {
     close(found, 0.25, 1e-9);
 }
 
+/// Where a cart of mass 1 with friction of 1.5 is at the end, with these forces for a quarter of a second each, and its
+/// speed: parabolas between the instants at which it stops.
+fn cart(forces: &[f64]) -> [f64; 2] {
+    const FRICTION: f64 = 1.5;
+    let (mut x, mut v) = (0.0, 0.0);
+    for &force in forces {
+        let mut left: f64 = 0.25;
+        if v != 0.0 {
+            let rate = force - FRICTION * f64::signum(v);
+            let moving = if rate * v < 0.0 {
+                left.min(-v / rate)
+            } else {
+                left
+            };
+            x += moving * (v + 0.5 * moving * rate);
+            v = if moving < left {
+                0.0
+            } else {
+                v + moving * rate
+            };
+            left -= moving;
+        }
+        if v == 0.0 && force.abs() > FRICTION {
+            let rate = force - FRICTION * force.signum();
+            (x, v) = (x + 0.5 * rate * left * left, rate * left);
+        }
+    }
+    [x, v]
+}
+
+/// A cart comes to rest at the end of an interval, where friction takes over. Its cost falls along no force.
+#[test]
+fn a_cart_that_comes_to_rest_has_no_descent_along_its_forces() {
+    for (weight, effort, guess) in [(1.0, 0.01, 0.0), (10.0, 0.001, 2.0)] {
+        let cost = |forces: &[f64]| {
+            let [x, v] = cart(forces);
+            let square: f64 = forces.iter().map(|u| u * u).sum();
+            weight * (x - 0.5) * (x - 0.5) + v * v + effort * 0.25 * square
+        };
+        let text = format!(
+            "model m {{ state x = 0; state v = 0; x' = v; v' = u - 1.5*sign(v); control u in [-5, 5] = {guess:?}; }}
+             optimize a of m {{ horizon 2; intervals 8;
+               minimize final({weight:?}*(x - 0.5)^2 + v^2) + integral({effort:?}*u^2); }}"
+        );
+        let (found, forces) = with_experiment(&text, "a", |compiled| {
+            let (system, settings) = (&compiled.system, &compiled.settings);
+            let task = settings.optimize.as_ref().expect("an optimization");
+            let run = optimize::run(system, settings, task, &[], &Request::default(), &mut ());
+            let run = run.expect("the problem can be discretized");
+            let forces = (0..8).map(|k| run.system.data[0].table.value(0.25 * (k as f64 + 0.5)));
+            let forces: Vec<f64> = forces.collect();
+            (run.trajectory, forces)
+        });
+        let least = objective(&found);
+        close(cost(&forces), least, 1e-6);
+        for i in 0..forces.len() {
+            for change in [1e-4, -1e-4] {
+                let mut changed = forces.clone();
+                changed[i] = (changed[i] + change).clamp(-5.0, 5.0);
+                let fall = (cost(&forces) - cost(&changed)) / change.abs();
+                assert!(fall <= 1e-4, "{fall:e} along force {i} of {forces:?}");
+            }
+        }
+    }
+}
+
 /// ∫ |t - p| over [0, 2] is 1 + (p - 1)²: least at p = 1, largest at the bounds.
 #[test]
 fn a_switch_at_a_free_instant_goes_downhill() {

@@ -2,7 +2,7 @@
 
 use super::directional::{self, Choice, Found};
 use super::emit::Observer;
-use super::system::{ComplementaritySystem, Member, Pair, Zero};
+use super::system::{ComplementaritySystem, Member, NEGLIGIBLE, Pair, Zero};
 use super::watch::{BAND, Start, Verdict};
 use super::{Run, Simulator};
 use crate::simulate::{Candidate, Note, Side, Status};
@@ -63,6 +63,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             return self.begin_guided(run, horizon);
         }
         run.slips.step = horizon;
+        self.measure_balance(run);
         let bands = self.bands(run);
         // Off its surface the continuous member is positive, and the other one zero.
         let zero = |(pair, band): (&Pair, &f64)| {
@@ -129,6 +130,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             *z = value;
         }
         run.slips.step = length;
+        self.measure_balance(run);
         let bands = self.bands(run);
         if self.guide.is_some() {
             return self.select_guided(run, &bands, length);
@@ -426,10 +428,9 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         Ok(())
     }
 
-    /// Values of the continuous member of each pair below which it is zero: what rounding leaves of
-    /// its terms, or of itself where these are zero.
-    pub(super) fn bands(&mut self, run: &Run) -> Vec<f64> {
-        let (n, full) = (run.x.len(), self.system.full());
+    /// The inputs of the equations at the present point, and their slopes.
+    fn linearized(&self, run: &Run) -> (Vec<f64>, Vec<f64>) {
+        let full = self.system.full();
         let mut inputs = vec![run.t];
         inputs.extend_from_slice(&run.x);
         inputs.extend_from_slice(&run.z);
@@ -438,6 +439,54 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         full.slopes
             .tape
             .eval(&inputs, &mut slopes, &mut full.slopes.tape.scratch());
+        (inputs, slopes)
+    }
+
+    /// Raises the sizes of algebraic states by what they balance: y = 0 is known to the rounding of the other terms of
+    /// its rows, the least of (Σ |∂g/∂x_j x_j| + |g - ∇g·(x, z)|) / |∂g/∂y| without its own, next to which it may be
+    /// [`NEGLIGIBLE`].
+    fn measure_balance(&self, run: &mut Run) {
+        let (n, full, algebraic) = (
+            run.x.len(),
+            self.system.full(),
+            self.system.algebraic_states(),
+        );
+        if algebraic.is_empty() {
+            return;
+        }
+        let (inputs, slopes) = self.linearized(run);
+        let mut left = vec![0.0; full.equations.n_outputs()];
+        full.equations
+            .eval(&inputs, &mut left, &mut full.equations.scratch());
+        let mut terms = vec![0.0; left.len()];
+        for (&(row, input), slope) in full.slopes.entries.iter().zip(&slopes) {
+            if input > 0 {
+                left[row] -= slope * inputs[input];
+            }
+            if (1..=n).contains(&input) {
+                terms[row] += slope.abs() * run.scale[input - 1];
+            }
+        }
+        for &y in algebraic {
+            let of_rows = full.slopes.entries.iter().zip(&slopes);
+            let of_rows = of_rows.filter(|((row, input), _)| *row >= n && *input == 1 + y);
+            let balanced = of_rows.filter_map(|(&(row, _), slope)| {
+                let all = terms[row] + left[row].abs();
+                let others = all - slope.abs() * run.scale[y];
+                (others > BAND * all).then_some(others / slope.abs())
+            });
+            let least = balanced.fold(f64::INFINITY, f64::min);
+            if least.is_finite() {
+                run.scale[y] = run.scale[y].max(NEGLIGIBLE * least);
+            }
+        }
+    }
+
+    /// Values of the continuous member of each pair below which it is zero: what rounding leaves of
+    /// its terms, or of itself where these are zero.
+    pub(super) fn bands(&mut self, run: &Run) -> Vec<f64> {
+        let (n, full) = (run.x.len(), self.system.full());
+        let (_, slopes) = self.linearized(run);
         let n_rows = full.equations.n_outputs() - n;
         let mut sizes = vec![0.0; n_rows];
         for (&(row, input), slope) in full.slopes.entries.iter().zip(&slopes) {

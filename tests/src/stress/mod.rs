@@ -5,6 +5,7 @@
 //! no case in which that is allowed. What else a family promises is said by [`Promise`].
 //! `tests/tests/families.rs` runs a few cases of each, `tests/benches/stress.rs` all, as a table.
 
+mod complementarities;
 mod contacts;
 mod controls;
 mod events;
@@ -436,6 +437,7 @@ pub fn families(extent: Extent) -> Vec<Family> {
         contacts::families(extent),
         masses::families(extent),
         programs::families(extent),
+        complementarities::families(extent),
         offsets::families(extent),
         roots::families(extent),
         large::families(extent),
