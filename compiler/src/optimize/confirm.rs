@@ -128,6 +128,9 @@ fn look(
     let error = base
         .as_ref()
         .map_or(0.0, |base| (base.cost - solution.objective).abs());
+    let terminal = base
+        .as_ref()
+        .map_or(0.0, |base| terminal_error(problem, w, &base.end));
     let search = Search {
         reduced: &reduced,
         w,
@@ -135,6 +138,7 @@ fn look(
         base: base.as_ref(),
         weight: WEIGHT * largest.max(1.0),
         doubt: DOUBT * error,
+        room: largest * terminal,
     };
     // First to first order; curvature, and switches that are near, show in larger changes.
     let found = match search.descent(SMALL) {
@@ -161,4 +165,13 @@ fn look(
             is_descent: is_first_order,
         }),
     }
+}
+
+/// How far the end of a simulation is from that of the program.
+fn terminal_error(problem: &Problem, w: &[f64], end: &[f64]) -> f64 {
+    let layout = &problem.layout;
+    let n = layout.n_states().min(end.len());
+    let planned = &w[layout.x(layout.steps, layout.elements, layout.end)..][..n];
+    let differences = end.iter().zip(planned).map(|(a, b)| (a - b).abs());
+    differences.fold(0.0, f64::max)
 }

@@ -52,7 +52,8 @@ struct Column {
 }
 
 /// Looks for descent from a point with an objective and, where it can be simulated, its values. `weight` is above the
-/// multipliers of constraints, `doubt` an error of the objective.
+/// multipliers of constraints, `doubt` an error of the objective, and `room` what the objective may gain from the room that
+/// constraints have in the simulation and not in the program.
 pub(super) struct Search<'s, 'r, 'p, 'e> {
     pub reduced: &'s Reduced<'r, 'p, 'e>,
     pub w: &'s [f64],
@@ -60,12 +61,14 @@ pub(super) struct Search<'s, 'r, 'p, 'e> {
     pub base: Option<&'s Values>,
     pub weight: f64,
     pub doubt: f64,
+    pub room: f64,
 }
 
 impl Search<'_, '_, '_, '_> {
-    /// What counts as a decrease per size of a quantity.
-    fn threshold(&self) -> f64 {
-        (RELATIVE * self.objective.abs() + ABSOLUTE).max(self.doubt)
+    /// What counts as a decrease per size of a quantity, in changes of such a share of it.
+    fn threshold(&self, change: f64) -> f64 {
+        let least = RELATIVE * self.objective.abs() + ABSOLUTE;
+        least.max(self.doubt).max(self.room / change)
     }
 
     /// Looks along all quantities, in changes of such a share of their sizes.
@@ -143,7 +146,7 @@ impl Search<'_, '_, '_, '_> {
         let merit = |w: Vec<f64>| Some((self.merit(&self.reduced.at(&w)?), w));
         let best = (points.into_iter().filter_map(merit)).min_by(|a, b| a.0.total_cmp(&b.0));
         match best {
-            Some((merit, w)) if merit < self.objective - self.threshold() => Found::Descent {
+            Some((merit, w)) if merit < self.objective - self.threshold(1.0) => Found::Descent {
                 w,
                 rate: self.objective - merit,
                 is_first_order: false,
@@ -179,7 +182,7 @@ impl Search<'_, '_, '_, '_> {
 
     /// Changes of the quantities together that descend to first order, if there are any.
     fn direction(&self, columns: &[Column], change: f64) -> Option<Vec<(usize, f64)>> {
-        let least = self.threshold() * change;
+        let least = self.threshold(change) * change;
         if columns.iter().all(|column| column.cost >= -least) && self.near_rows().is_empty() {
             return None;
         }
@@ -293,7 +296,7 @@ impl Search<'_, '_, '_, '_> {
         };
         let (merit, w) = at(1.0)?;
         let rate = (objective - merit) / change;
-        if rate <= self.threshold() {
+        if rate <= self.threshold(change) {
             return None;
         }
         let (mut best, mut point, mut share) = (merit, w, 1.0);

@@ -58,6 +58,8 @@ pub(super) struct Values {
     pub cost: f64,
     /// The values of the rows, in order.
     pub rows: Vec<f64>,
+    /// States, then α, at the end.
+    pub end: Vec<f64>,
     /// Steps of the simulation.
     pub steps: usize,
 }
@@ -248,6 +250,7 @@ impl<'r, 'p, 'e> Reduced<'r, 'p, 'e> {
         all_finite.then_some(Values {
             cost,
             rows,
+            end: run.end,
             steps: run.steps,
         })
     }

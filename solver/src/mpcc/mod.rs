@@ -375,6 +375,7 @@ impl Work<'_> {
                 Class::None if best.objective < UNBOUNDED => Status::Unbounded,
                 Class::None => Status::Feasible,
                 Class::S => Status::Solved,
+                Class::M if certificate.b_stationary.is_none() => Status::Solved,
                 _ if certificate.b_stationary == Some(true) => Status::Solved,
                 _ => Status::Feasible,
             },
