@@ -260,8 +260,9 @@ fn a_run_that_fails_exits_with_2_and_says_what_was_reached() {
     let ran = nsdc_with_input(&folder, &["run", "-", "--csv", "-"], model);
     assert_eq!(ran.status, 2);
     assert!(ran.out.starts_with("time,x\n"), "{}", ran.out);
-    assert!(ran.err.contains("\nE0706\n"), "{}", ran.err);
+    assert!(ran.err.starts_with("E0706\n"), "{}", ran.err);
     assert!(ran.err.contains(":1:24]"), "{}", ran.err);
+    assert!(ran.err.contains("\nW0702\n"), "{}", ran.err);
 }
 
 #[test]

@@ -45,10 +45,19 @@ pub(super) struct Line {
     pub alpha: Vec<f64>,
 }
 
+/// Terms of series below this do not overflow by the next one.
+const MODERATE: f64 = 1e100;
+
 impl Mode {
-    /// Whether the series of the states are numbers.
-    pub(super) fn has_series(&self) -> bool {
-        (0..self.n).all(|i| self.x_series(i).iter().all(|c| c.is_finite()))
+    /// Whether a series of a state ends at a root: a term is no number, and those below it are moderate. Of a series that
+    /// overflows, as close to a pole, those below it are not.
+    pub(super) fn ends_at_root(&self) -> bool {
+        let ends = |series: &[f64]| {
+            let moderate = |c: &&f64| c.abs() < MODERATE;
+            let first = series.iter().take_while(moderate).count();
+            series.get(first).is_some_and(|c| !c.is_finite())
+        };
+        (0..self.n).any(|i| ends(self.x_series(i)))
     }
 
     /// Whether the state is on a surface at which rates have roots, but for rounding: then series are numbers that say

@@ -170,7 +170,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 length
             };
             let defect = mode.defect(state, seen, tolerance, allowed);
-            if attempt == 0 && !defect.rate.is_finite() && !mode.has_series() {
+            if attempt == 0 && !defect.rate.is_finite() && mode.ends_at_root() {
                 return self.step_off(state, remaining);
             }
             let unseen = event.is_none() && ends.is_none() && mode.on_wrong_side(state);

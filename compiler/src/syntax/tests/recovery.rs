@@ -155,7 +155,7 @@ fn a_stray_character_costs_one_error_only() {
     assert_snapshot!(in_model("x' = 1 @@@ 2;\ny' = § 3;\nregion r where x ? 0 { y' = 1 \\; z' = 2; }"), @r"
     E0004 at 2:8: unexpected character `@`
     E0004 at 3:6: unexpected character `§`
-    E0004 at 4:18: unexpected character `?`
+    E0004 at 4:18: unexpected character `?` | write `if x > 0 then a else b`
     E0004 at 4:31: unexpected character `\` | write the operator or the function by its name
     model m {
       // a statement that could not be read
