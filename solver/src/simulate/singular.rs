@@ -49,11 +49,13 @@ pub(super) struct Line {
 const MODERATE: f64 = 1e100;
 
 impl Mode {
-    /// Whether a series of a state ends at a root: a term is no number, and those below it are moderate. Of a series that
-    /// overflows, as close to a pole, those below it are not.
+    /// Whether a series of a state ends at a root: a term is no number, and those below it are moderate, or there are
+    /// switches with roots, close to which terms grow, too. Close to a pole those below it are not moderate.
     pub(super) fn ends_at_root(&self) -> bool {
+        let has_roots = self.roots.contains(&true);
         let ends = |series: &[f64]| {
-            let moderate = |c: &&f64| c.abs() < MODERATE;
+            let grows = |c: &&f64| has_roots && c.is_finite();
+            let moderate = |c: &&f64| c.abs() < MODERATE || grows(c);
             let first = series.iter().take_while(moderate).count();
             series.get(first).is_some_and(|c| !c.is_finite())
         };
