@@ -249,6 +249,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     /// Takes note of how large algebraic states are, and of what they balance: z_k = 0 is known to the rounding of the
     /// other terms of its rows, the least of (Σ_{j≠k} |∂ψ/∂x_j x_j| + |ψ - ∇ψ·x|) / |∂ψ/∂z_k|.
     fn measure_algebraics(&mut self, state: &mut State) {
+        if self.system.algebraics().is_empty() {
+            return;
+        }
         let mode = &mut self.mode;
         mode.set(state.t, &state.x, &state.alpha);
         for &z in self.system.algebraics() {
