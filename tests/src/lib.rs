@@ -3,7 +3,7 @@
 pub mod affine;
 pub mod bodies;
 pub mod faults;
-mod random;
+pub mod random;
 pub mod set_points;
 pub mod stress;
 

@@ -1,19 +1,7 @@
 //! Random perturbations belong to the names of states: what is kept, and in which order states stand, changes nothing.
 
+use nsd_tests::random::Random;
 use nsd_tests::{end, solved};
-
-/// Numbers in [0, 1) that follow from a seed (SplitMix64 of Steele, Lea & Flood 2014).
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    }
-}
 
 /// States that do not act on each other, a vector and one of a part among them, in two orders.
 fn model(name: &str, order: &[usize], rates: &[f64]) -> String {
@@ -35,13 +23,13 @@ fn what_is_kept_and_the_order_of_states_change_no_perturbation() {
     const NAMES: [&str; 4] = ["a", "b", "v", "p.x"];
     for seed in 0..200 {
         let mut random = Random(seed);
-        let rates: Vec<f64> = (0..4).map(|_| random.next()).collect();
+        let rates: Vec<f64> = (0..4).map(|_| random.unit()).collect();
         let mut order: Vec<usize> = (0..4).collect();
         for k in (1..4).rev() {
-            order.swap(k, (random.next() * (k + 1) as f64) as usize);
+            order.swap(k, (random.unit() * (k + 1) as f64) as usize);
         }
         let mut kept: Vec<&str> = (NAMES.into_iter())
-            .filter(|_| random.next() < 0.5)
+            .filter(|_| random.unit() < 0.5)
             .collect();
         if kept.is_empty() {
             kept.push(NAMES[seed as usize % 4]);

@@ -1,5 +1,6 @@
 //! Piles of bodies that fall to rest from event to event, without rebound, and what lies on a floor that moves.
 
+use nsd_tests::random::Random;
 use nsd_tests::{end, run, times};
 use nsdc::report::{EventKind, Status, Trajectory};
 
@@ -177,19 +178,6 @@ fn three_discs_fit_a_bin_exactly() {
     }
 }
 
-/// Numbers in [0, 1) that follow from a seed (SplitMix64 of Steele, Lea & Flood 2014).
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    }
-}
-
 /// Bins that come to rest after few events.
 const SEEDS: [u64; 16] = [3, 5, 7, 8, 10, 12, 14, 17, 18, 20, 21, 27, 35, 41, 49, 57];
 
@@ -198,10 +186,10 @@ const SEEDS: [u64; 16] = [3, 5, 7, 8, 10, 12, 14, 17, 18, 20, 21, 27, 35, 41, 49
 fn piles_that_fall_at_random_come_to_rest() {
     for seed in SEEDS {
         let mut random = Random(seed);
-        let n = 4 + (3.0 * random.next()) as usize;
-        let width = 0.5 + 0.6 * random.next();
+        let n = 4 + (3.0 * random.unit()) as usize;
+        let width = 0.5 + 0.6 * random.unit();
         let x: Vec<f64> = (0..n)
-            .map(|_| 0.1 + (width - 0.2) * random.next())
+            .map(|_| 0.1 + (width - 0.2) * random.unit())
             .collect();
         let y: Vec<f64> = (1..=n).map(|i| 0.25 * i as f64).collect();
         for friction in ["", "friction = 0.3;"] {

@@ -368,7 +368,7 @@ impl Field {
         self.hiding.clear();
         for (block, local) in self.blocks.iter().enumerate() {
             let compiled = local.now();
-            let hiding = compiled.series.moving.iter().filter(|step| step.can_hide());
+            let hiding = compiled.series.hiding.iter();
             self.hiding.extend(hiding.map(|step| (block, *step)));
             self.timed.extend_from_slice(&compiled.series.timed);
             self.steps.extend_from_slice(&compiled.series.moving);

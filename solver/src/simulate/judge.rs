@@ -187,25 +187,18 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         spread
     }
 
-    /// What α of each of the group is measured in, once rates are known: in what moves its ψ as fast as the rate is
-    /// large, while the others that slide with it keep theirs. So an α is a tie at its bound exactly where the rate
-    /// without it is one.
+    /// What α of each of the group that slides is measured in, once rates are known: in what moves its ψ as fast as the
+    /// rate is large, while the others that slide with it keep theirs. So an α is a tie at its bound exactly where the
+    /// rate without it is one. 1 for others.
     pub(super) fn units(&self, group: &[usize], choice: &Choice, rates: &[f64]) -> Vec<f64> {
         let mode = &self.mode;
         let slides = |at: &usize| choice.sides[*at] == Side::Slide;
         let sliding: Vec<usize> = (0..group.len()).filter(slides).collect();
-        let pairs = sliding
-            .iter()
-            .flat_map(|&row| sliding.iter().map(move |&column| (row, column)));
-        let matrix: Vec<f64> = pairs
-            .map(|(row, column)| mode.coupling(group[row], group[column]))
-            .collect();
-        let mut factors = DenseLu::new(sliding.len());
-        let is_regular = factors.factor(&matrix).is_ok();
-        // 1/(A⁻¹)_ii, or A_ii where A is singular.
+        let factors = self.factors(group, &sliding);
+        // 1/(A⁻¹)_ii, or A_ii where it is that, or A is singular.
         let gain = |at: usize| {
             let place = sliding.iter().position(|&other| other == at);
-            let Some(place) = place.filter(|_| is_regular) else {
+            let (Some(place), Some(factors)) = (place, &factors) else {
                 return mode.coupling(group[at], group[at]).abs();
             };
             let mut column = vec![0.0; sliding.len()];
@@ -215,19 +208,30 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         };
         let unit = |(at, &rate): (usize, &f64)| {
             let i = group[at];
-            let gain = match mode.is_unilateral(i) {
-                true => mode.coupling(i, i).abs(),
-                false => gain(at),
+            let gain = match mode.roles[i] {
+                _ if mode.is_unilateral(i) => mode.coupling(i, i).abs(),
+                Role::Step if slides(&at) && !mode.is_in_disc(i) => gain(at),
+                _ => return 1.0,
             };
             let is_known = rate > 0.0 && gain > 0.0 && gain.is_finite();
-            let is_share = mode.roles[i] == Role::Step && !mode.is_in_disc(i);
-            if is_known && (is_share || mode.is_unilateral(i)) {
-                rate / gain
-            } else {
-                1.0
-            }
+            if is_known { rate / gain } else { 1.0 }
         };
         rates.iter().enumerate().map(unit).collect()
+    }
+
+    /// The couplings A of those of a group that slide, factored; none where there is one, or A is singular.
+    fn factors(&self, group: &[usize], sliding: &[usize]) -> Option<DenseLu> {
+        if sliding.len() < 2 {
+            return None;
+        }
+        let pairs = sliding
+            .iter()
+            .flat_map(|&row| sliding.iter().map(move |&column| (row, column)));
+        let matrix: Vec<f64> = pairs
+            .map(|(row, column)| self.mode.coupling(group[row], group[column]))
+            .collect();
+        let mut factors = DenseLu::new(sliding.len());
+        factors.factor(&matrix).is_ok().then_some(factors)
     }
 
     /// What the series in the choice's own mode say; nothing where that mode is singular.

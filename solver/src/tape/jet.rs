@@ -56,6 +56,8 @@ pub(crate) struct Recurrences {
     pub moving: Vec<Step>,
     /// Those of them that depend on α.
     pub by_alpha: Vec<Step>,
+    /// Those that move and may hide what they do within a step.
+    pub hiding: Vec<Step>,
     /// Where the rows of the outputs start.
     pub outputs: Vec<usize>,
     /// Where the rows behind its own start.
@@ -103,6 +105,11 @@ impl Recurrences {
         let outputs = tape.outputs.iter();
         Recurrences {
             outputs: outputs.map(|&value| row_of[value as usize].start).collect(),
+            hiding: moving
+                .iter()
+                .filter(|step| step.can_hide())
+                .copied()
+                .collect(),
             timed,
             moving,
             by_alpha,

@@ -60,66 +60,12 @@ fn instance(number: usize) -> Instance {
         *row = [0; 2].map(|_| random.rounded(range[0], range[1]));
     }
     let [[p, centre_p], [s, centre_s]] = numbers;
-    // r1 = a p + b s, r2 of r1, .., the last one positive.
-    let mut chain = format!(
-        "param r1 = {:?}*p + {:?}*s;",
-        random.rounded(0.2, 1.0),
-        random.rounded(0.0, 0.6)
-    );
-    let length = 1 + random.below(4);
-    for k in 2..=length {
-        let before = k - 1;
-        let value = match random.below(4) {
-            0 => format!("{:?} + 0.5*r{before}", random.rounded(0.0, 0.5)),
-            1 => format!("sqrt(r{before} + 0.1*p)"),
-            2 => format!("r{before}*(0.6 + 0.2*s)"),
-            _ => format!("1.2*r{before}/(1 + 0.3*r{before}^2)"),
-        };
-        chain += &format!(" param r{k} = {value};");
-    }
-    let r = format!("r{length}");
+    let (r, chain) = chain(&mut random);
     let c = random.rounded(0.2, 0.8);
-    let (body, with, horizon) = match place {
-        "rate" => (
-            format!("state y = 1; y' = -{r}*y + {c:?}*s;"),
-            String::new(),
-            "1",
-        ),
-        "part" => (
-            format!("part a = decay {{ k = {r}; z = {r}; }} state y = 1; y' = a.z - {c:?}*y;"),
-            String::new(),
-            "1",
-        ),
-        "initial" => (format!("state y = {r}; y' = -{c:?}*y;"), String::new(), "1"),
-        "with" => (
-            format!("state y = 3; y' = -{c:?}*y + s;"),
-            format!("y = {r}^2;"),
-            "1",
-        ),
-        "vector" => (
-            format!(
-                "param v[2] = [{r}, p*s]; state x[2] = v; state y = 0; x' = -v .* x; y' = x[1] - x[2];"
-            ),
-            String::new(),
-            "1",
-        ),
-        "matrix" => (
-            format!(
-                "param A[2,2] = [{r}, {c:?}; -{c:?}, p]; state x[2] = [1, A[1,1]]; state y = 0; x' = -A*x; y' = x[1] + x[2];"
-            ),
-            String::new(),
-            "1",
-        ),
-        "bound" => (
-            format!("control u in [-{r}, {r}] = 0; state y = 0; y' = u - {c:?}*y;"),
-            String::new(),
-            "1",
-        ),
-        _ => (
-            format!("state y = 1; y' = -{c:?}*y + s;"),
-            String::new(),
-            r.as_str(),
-        ),
+    let (body, with) = body(place, &r, c);
+    let horizon = match place {
+        "horizon" => r.as_str(),
+        _ => "1",
     };
     let decay = "model decay { param k = 1; state z = 1; z' = -k*z; }\n";
     let model = format!(
@@ -153,6 +99,55 @@ fn instance(number: usize) -> Instance {
         weights,
         centres: [centre_p, centre_s],
     }
+}
+
+/// The last of r1 = a p + b s, r2 of r1, .., which is positive, and the lines of all.
+fn chain(random: &mut Random) -> (String, String) {
+    let mut chain = format!(
+        "param r1 = {:?}*p + {:?}*s;",
+        random.rounded(0.2, 1.0),
+        random.rounded(0.0, 0.6)
+    );
+    let length = 1 + random.below(4);
+    for k in 2..=length {
+        let before = k - 1;
+        let value = match random.below(4) {
+            0 => format!("{:?} + 0.5*r{before}", random.rounded(0.0, 0.5)),
+            1 => format!("sqrt(r{before} + 0.1*p)"),
+            2 => format!("r{before}*(0.6 + 0.2*s)"),
+            _ => format!("1.2*r{before}/(1 + 0.3*r{before}^2)"),
+        };
+        chain += &format!(" param r{k} = {value};");
+    }
+    (format!("r{length}"), chain)
+}
+
+/// The lines of a model in which y depends on r in a place of its own, and what its experiment sets.
+fn body(place: &str, r: &str, c: f64) -> (String, String) {
+    let body = match place {
+        "rate" => format!("state y = 1; y' = -{r}*y + {c:?}*s;"),
+        "part" => {
+            format!("part a = decay {{ k = {r}; z = {r}; }} state y = 1; y' = a.z - {c:?}*y;")
+        }
+        "initial" => format!("state y = {r}; y' = -{c:?}*y;"),
+        "with" => format!("state y = 3; y' = -{c:?}*y + s;"),
+        "vector" => format!(
+            "param v[2] = [{r}, p*s]; state x[2] = v; state y = 0; x' = -v .* x; y' = x[1] - x[2];"
+        ),
+        "matrix" => format!(
+            "param A[2,2] = [{r}, {c:?}; -{c:?}, p]; state x[2] = [1, A[1,1]]; state y = 0; x' = -A*x; \
+             y' = x[1] + x[2];"
+        ),
+        "bound" => {
+            format!("control u in [-{r}, {r}] = 0; state y = 0; y' = u - {c:?}*y;")
+        }
+        _ => format!("state y = 1; y' = -{c:?}*y + s;"),
+    };
+    let with = match place {
+        "with" => format!("y = {r}^2;"),
+        _ => String::new(),
+    };
+    (body, with)
 }
 
 impl Instance {

@@ -256,34 +256,49 @@ impl<'m, 'e> Draft<'m, 'e> {
                 });
                 return None;
             }
-            let mut range = Freed {
-                var,
-                lower: f64::NEG_INFINITY,
-                upper: f64::INFINITY,
-                span: path.span,
-            };
-            if let Some(Domain::Box(lower, upper)) = &quantity.domain {
-                range = reader.within_ends(range, [lower.data[entry], upper.data[entry]]);
-            }
-            if let Some((lower, upper)) = &given {
-                let ends = [lower[place], upper[place]];
-                range = reader.within_ends(range, ends);
-                if reader.values.free.first_in(&ends).is_some() {
-                    let members = vec![ends[0], quantity.vars[entry], ends[1]];
-                    self.relate(At::Start, members, Relation::LessEqual, path.span);
-                }
-            }
-            let Freed { lower, upper, .. } = range;
-            if lower > upper {
-                reader.error(ExperimentError::NeverHolds {
-                    why: format!("no number is in [{lower}, {upper}]"),
-                    span: path.span,
-                });
-                return None;
-            }
-            freed.push(range);
+            let given = given
+                .as_ref()
+                .map(|(lower, upper)| [lower[place], upper[place]]);
+            freed.push(self.freed_entry(reader, quantity, entry, given, path.span)?);
         }
         Some(freed)
+    }
+
+    /// An entry of a quantity within its domain and the range that is given, whose ends may depend on what is free.
+    fn freed_entry(
+        &mut self,
+        reader: &mut Reader<'_, 'e>,
+        quantity: &Quantity<'e>,
+        entry: usize,
+        given: Option<[Expr<'e>; 2]>,
+        span: Span,
+    ) -> Option<Freed> {
+        let symbol = quantity.vars[entry];
+        let mut range = Freed {
+            var: symbol.as_variable()?,
+            lower: f64::NEG_INFINITY,
+            upper: f64::INFINITY,
+            span,
+        };
+        if let Some(Domain::Box(lower, upper)) = &quantity.domain {
+            range = reader.within_ends(range, [lower.data[entry], upper.data[entry]]);
+        }
+        if let Some(ends) = given {
+            range = reader.within_ends(range, ends);
+            if reader.values.free.first_in(&ends).is_some() {
+                let members = vec![ends[0], symbol, ends[1]];
+                self.relate(At::Start, members, Relation::LessEqual, span);
+            }
+        }
+        let Freed { lower, upper, .. } = range;
+        if lower > upper {
+            reader.error(ExperimentError::NeverHolds {
+                why: format!("no number is in [{lower}, {upper}]"),
+                span,
+            });
+            return None;
+        }
+        Some(range)
     }
 
     fn rows(&mut self, reader: &mut Reader<'_, 'e>, rows: &[Row], at: At) {
