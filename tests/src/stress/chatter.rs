@@ -122,6 +122,9 @@ fn sweep(random: &mut Random) -> Case {
         .by("event { max_events = 10000; }")
 }
 
+/// How long a run goes on behind a step of its set point: longer than chattering would take to the limit of events.
+const BEHIND: f64 = 1.2;
+
 /// A lag that has met some thousands of events at the horizon, or when its set point `steps`, after which it meets few.
 fn short(random: &mut Random, steps: Option<f64>) -> Case {
     let (e, x) = (random.rounded(0.05, 0.06), random.rounded(0.1, 0.2));
@@ -132,11 +135,11 @@ fn short(random: &mut Random, steps: Option<f64>) -> Case {
     let set_point = match steps {
         None => "0".to_owned(),
         Some(r) => {
-            lag.go(r, 0.3);
+            lag.go(r, BEHIND);
             format!("(if time > {until:?} then {r:?} else 0)")
         }
     };
-    let horizon = until + steps.map_or(0.0, |_| 0.3);
+    let horizon = until + steps.map_or(0.0, |_| BEHIND);
     let model =
         format!("state x = {x:?}; state u = 0; x' = u; u' = (-sign(x - {set_point}) - u)/{e:?};");
     let end = Case::new("passing", model, horizon)
