@@ -27,6 +27,88 @@ fn a_limit_of_events_ends_a_run_with_2() {
     assert!(ran.err.contains("`max_events`"), "{}", ran.err);
 }
 
+/// A relay behind a lag, x' = u, e u' = -sign(x) - u.
+fn lag(e: f64, events: usize) -> String {
+    format!(
+        "model lag {{ state x = 0.5; state u = 0; x' = u; u' = (-sign(x) - u)/{e}; }}\n\
+         simulate run of lag {{ horizon 2; method event {{ max_events = {events}; }} }}\n"
+    )
+}
+
+#[test]
+fn chattering_that_never_ends_is_told_early() {
+    // Between two events, in units of e, 1 - exp(-d) = d/(1 + v) for the speed v, and the next speed is d - v: that is
+    // d = 2v - 2v²/3 + O(v³) and v - 2v²/3 + O(v³), so that v = 3/(2n) and d = 3/n after n events, and their number
+    // grows by a factor of exp(1/3) in a unit of time.
+    for (e, events, n) in [(0.01, 1_000_000, 16384.0), (0.03, 100_000, 2048.0)] {
+        let args = ["run", "-", "--json", "-"];
+        let ran = nsdc_with_input(&folder("chattering"), &args, &lag(e, events));
+        assert_eq!(ran.status, 2, "{}", ran.err);
+        let found = json(&ran.out);
+        assert_eq!(found["status"], "iteration_limit");
+        assert_eq!(
+            found["events"].as_array().map(|met| met.len() as f64),
+            Some(n)
+        );
+        for told in ["E0733", "sign(x)", "`max_events`"] {
+            assert!(ran.err.contains(told), "{}", ran.err);
+        }
+        assert!(!ran.err.contains("W0701"), "{}", ran.err);
+        let told = ran.err.replace("\n  │ ", " ");
+        let number = |after: &str| -> f64 {
+            let rest = told.split(after).nth(1).expect("it is told");
+            let digits = rest.split([' ', ',']).next().expect("a number follows");
+            digits.parse().expect("it is a number")
+        };
+        let (time, spacing) = (number("at t = "), number("every "));
+        assert!((spacing * n / (3.0 * e) - 1.0).abs() < 0.05, "{}", ran.err);
+        let left = number("with ").ln() - n.ln();
+        assert!(
+            (left * 3.0 * e / (2.0 - time) - 1.0).abs() < 0.05,
+            "{}",
+            ran.err
+        );
+    }
+}
+
+#[test]
+fn a_spiral_into_a_point_where_surfaces_meet_is_told() {
+    // One gene furthers the other and is repressed by it: around both thresholds turns shrink as 1/n.
+    let model = "model network {
+           state x = 0.3; state y = 0.4;
+           x' = (if y > 0.5 then 0 else 1) - x;
+           y' = (if x > 0.4 then 1 else 0) - y;
+         }
+         simulate run of network { horizon 1000; }";
+    let ran = nsdc_with_input(&folder("spiral"), &["run", "-"], model);
+    assert_eq!(ran.status, 2, "{}", ran.err);
+    for told in ["E0733", "x > 0.4", "y > 0.5", "`max_events`"] {
+        assert!(ran.err.contains(told), "{}", ran.err);
+    }
+}
+
+#[test]
+fn a_limit_of_events_names_the_chattering_that_met_it() {
+    let found = |model: &str| nsdc_with_input(&folder("cycles"), &["run", "-"], model).err;
+    assert!(found(&lag(0.01, 500)).contains("E0733"));
+    assert!(found(CHATTER).contains("E0708"));
+}
+
+#[test]
+fn chattering_that_another_switch_ends_in_time_goes_on_to_it() {
+    // 4000 events until the set point steps, and some hundred behind; without the step there would be millions.
+    let model = "model lag {
+           state x = 0.1; state u = 0;
+           x' = u; u' = (-sign(x - (if time > 1.5 then 0.2 else 0)) - u)/0.06;
+         }
+         simulate run of lag {
+           horizon 2.7; method event { max_events = 40000; }
+           expect status is solved;
+         }";
+    let ran = nsdc_with_input(&folder("in_time"), &["run", "-"], model);
+    assert_eq!(ran.status, 0, "{}", ran.err);
+}
+
 #[test]
 fn a_limit_of_time_ends_a_run_with_2() {
     // It is over before the first step.

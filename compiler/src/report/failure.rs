@@ -133,6 +133,24 @@ pub enum Failure {
         span: Span,
     },
 
+    /// Chattering that fades and never ends.
+    #[error(
+        "at t = {time}, switching goes on without end, ever faster: every {spacing:.1e} now, with {events} events until the end"
+    )]
+    #[diagnostic(
+        code(E0733),
+        help(
+            "a lag between a switch and its surface, or a point where surfaces meet, does this; let the switch act on the surface without the lag, so that the state slides, give it a hysteresis, shorten the horizon, or raise `max_events`"
+        )
+    )]
+    Chattering {
+        time: f64,
+        spacing: f64,
+        events: String,
+        #[label(collection)]
+        surfaces: Vec<LabeledSpan>,
+    },
+
     /// Relays that make each other switch.
     #[error("at t = {time}, relays make each other switch without end")]
     #[diagnostic(
@@ -429,7 +447,7 @@ impl Failure {
     /// The language's word for how the run ended.
     pub fn status(&self) -> Status {
         match self {
-            Failure::Limit { .. } => Status::IterationLimit,
+            Failure::Limit { .. } | Failure::Chattering { .. } => Status::IterationLimit,
             Failure::TimeLimit { .. } => Status::TimeLimit,
             Failure::Infeasible { .. } => Status::LocallyInfeasible,
             Failure::Unbounded { .. } => Status::Unbounded,

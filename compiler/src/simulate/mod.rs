@@ -303,7 +303,8 @@ impl Estimate {
             touches,
             error: error.max(rounding),
             parted: comparison.parted(),
-            same_modes: comparison.modes.count == run.n_modes() && fine.status == outcome.status,
+            same_modes: comparison.modes.count == run.n_modes()
+                && fine.status.is_like(&outcome.status),
         })
     }
 }

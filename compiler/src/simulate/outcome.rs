@@ -34,6 +34,16 @@ pub(super) fn failure(
         },
         Status::TimeLimit => Failure::TimeLimit { time, span },
         Status::Accumulation => Failure::Accumulation { time, span },
+        Status::Chattering {
+            switches,
+            spacing,
+            events,
+        } => Failure::Chattering {
+            time,
+            spacing: *spacing,
+            events: many(*events),
+            surfaces: at(switches),
+        },
         Status::Restless { switches } => Failure::Restless {
             time,
             surfaces: at(switches),
@@ -115,6 +125,16 @@ pub(super) fn failure(
             surfaces: at(switches),
         },
     })
+}
+
+/// A number of events in words.
+fn many(events: f64) -> String {
+    const MOST: f64 = 1e99;
+    if events > MOST {
+        format!("more than {MOST:e}")
+    } else {
+        format!("{events:.0e}")
+    }
 }
 
 /// A coefficient so close to a bound of its range is just leaving it.

@@ -14,6 +14,7 @@ mod algebraic;
 mod approach;
 mod blind;
 mod candidates;
+mod chatter;
 mod coefficients;
 mod cones;
 mod control;
@@ -245,6 +246,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
         self.stiffness.reset();
         let (mut drift, mut defect) = (0.0, 0.0);
         let mut events = zeno::Events::default();
+        let mut chatter = chatter::Chatter::default();
         // The mode before an accumulation of events, and where it ends.
         let mut limit: Option<(Box<[Side]>, f64)> = None;
         let started_at = self.start(&mut state, t1 - t0);
@@ -272,7 +274,10 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                     break Status::Solved;
                 }
                 if let Some(status) = self.limit(&mut state) {
-                    break status;
+                    break match status {
+                        Status::EventLimit => chatter.at_limit(t1 - state.t),
+                        status => status,
+                    };
                 }
 
                 // Find the solution in the current mode and cut it at its first event.
@@ -398,6 +403,7 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 let more = slides(&state.sides) > slides(&from);
                 if from != state.sides {
                     events.record(state.t, &from);
+                    chatter.record(state.t, &state.x, &from);
                 }
                 let end = match jumped {
                     true => self.jumps.limit(&mut state),
@@ -417,6 +423,10 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                         accumulates: end.is_some() && waits.is_none(),
                     });
                     self.displace(&mut state, step.length, observer);
+                }
+                let undisturbed = t1.min(self.pieces.until).min(self.next_kick(state.t));
+                if let Some(status) = self.chatters(&chatter, &state, undisturbed) {
+                    break status;
                 }
                 limit = waits.map(|end| (from, end));
             },

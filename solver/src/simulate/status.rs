@@ -18,6 +18,15 @@ pub enum Status {
     TimeLimit,
     /// Events follow each other without time passing.
     Accumulation,
+    /// A cycle of events goes on without end, ever faster: more events than `max_events` come before the end.
+    Chattering {
+        /// The switches that act in it.
+        switches: Vec<usize>,
+        /// The time from one event to the next, now.
+        spacing: f64,
+        /// How many there are until the end.
+        events: f64,
+    },
     /// Relays make each other switch without end, at one instant.
     Restless {
         /// The switches that do.
@@ -110,6 +119,21 @@ pub enum Status {
         /// The switches that slide.
         switches: Vec<usize>,
     },
+}
+
+impl Status {
+    /// Whether two runs end in one way; where chattering is told differs as their events do.
+    pub fn is_like(&self, other: &Status) -> bool {
+        match (self, other) {
+            (
+                Status::Chattering { switches, .. },
+                Status::Chattering {
+                    switches: others, ..
+                },
+            ) => switches == others,
+            _ => self == other,
+        }
+    }
 }
 
 /// The coefficients of a contact.

@@ -5,6 +5,7 @@
 //! no case in which that is allowed. What else a family promises is said by [`Promise`].
 //! `tests/tests/families.rs` runs a few cases of each, `tests/benches/stress.rs` all, as a table.
 
+mod chatter;
 mod complementarities;
 mod contacts;
 mod controls;
@@ -79,6 +80,8 @@ pub enum Promise {
     /// Of a grid of so many steps: ten times the error that the run estimates itself, or one step as a share
     /// of the horizon where that is more; or a report.
     Grid(usize),
+    /// A failure with this code.
+    Told(&'static str),
 }
 
 /// One run.
@@ -352,10 +355,12 @@ impl Case {
 
     /// Whether this is what was promised.
     pub fn keeps(&self, outcome: &Outcome) -> bool {
-        match outcome {
-            Outcome::Met { .. } => true,
-            Outcome::Warned { .. } | Outcome::Refused(_) => self.promise != Promise::Accuracy,
-            Outcome::Wrong { .. } => false,
+        match (self.promise, outcome) {
+            (_, Outcome::Wrong { .. }) => false,
+            (Promise::Told(promised), Outcome::Refused(code)) => code == promised,
+            (Promise::Told(_), _) => false,
+            (_, Outcome::Met { .. }) => true,
+            (promise, Outcome::Warned { .. } | Outcome::Refused(_)) => promise != Promise::Accuracy,
         }
     }
 
@@ -369,6 +374,7 @@ impl Case {
             Promise::Accuracy => format!("{:.0e}{rounding}", self.tolerance),
             Promise::AccuracyOrReport => format!("{:.0e}{rounding}, or a report", self.tolerance),
             Promise::Grid(_) => "10 times the estimate or a step, or a report".to_owned(),
+            Promise::Told(code) => code.to_owned(),
         }
     }
 }
@@ -433,6 +439,7 @@ pub fn families(extent: Extent) -> Vec<Family> {
         surfaces::families(extent),
         events::families(extent),
         zeno::families(extent),
+        chatter::families(extent),
         stiff::families(extent),
         contacts::families(extent),
         masses::families(extent),
