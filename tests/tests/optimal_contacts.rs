@@ -58,6 +58,54 @@ fn a_ball_is_thrown_down_to_come_up() {
     agrees(&found, 1e-7);
 }
 
+/// From 0.8, a ball without force bounces at 0.4, where the intervals meet: the program sees one side of that only, and
+/// goes on from runs in which the ball bounces before.
+#[test]
+fn a_bounce_at_the_end_of_an_interval_is_left() {
+    let stuck = |cost: &str, controls: &str| {
+        solved(&format!(
+            "{} optimize o of ball {{
+               horizon 0.8; intervals 2; elements 3; scheme radau_iia(2); {controls}
+               lower timefreezing;
+               minimize {cost};
+             }}",
+            BALL.replace("q = 1;", "q = 0.8;")
+        ))
+    };
+    // It falls with 11 until s, comes up with 0.8 of its speed, and moves with 11 until 0.4 and with 9 behind.
+    let s = (1.6_f64 / 11.0).sqrt();
+    let (up, left) = (0.8 * 11.0 * s, 0.4 - s);
+    let (q, v) = (up * left - 5.5 * left * left, up - 11.0 * left);
+    let found = stuck("-final(q)", "");
+    let highest = q + 0.4 * v - 4.5 * 0.16;
+    close(found.objective.expect("an optimum"), -highest, 1e-7);
+    close(times(&found, EventKind::Jump)[0], s, 1e-7);
+    agrees(&found, 1e-7);
+    // It is the fastest downward if it is pushed downward all the time.
+    let found = stuck("final(v)", "controls linear;");
+    close(found.objective.expect("an optimum"), v - 11.0 * 0.4, 1e-7);
+    agrees(&found, 1e-7);
+    // Controls are straight lines from -1 through u at 0.4 to 1; 0.8 - 5 t² + (-t² / 2 + (1 + u) t³ / 2.4) is zero at s.
+    let found = stuck("-final(q)", "controls linear;");
+    let height = |u: f64| {
+        let fall = |t: f64| {
+            (
+                0.8 - 5.5 * t * t + (1.0 + u) * t.powi(3) / 2.4,
+                -11.0 * t + (1.0 + u) * t * t / 0.8,
+            )
+        };
+        let s = (0..50).fold(0.4, |s, _| s - fall(s).0 / fall(s).1);
+        // Without the bounce it would be at `fall`; the bounce adds a speed of 1.8 times that of the impact.
+        let (q, v) = fall(0.4);
+        let (q, v) = (q - 1.8 * fall(s).1 * (0.4 - s), v - 1.8 * fall(s).1);
+        q + 0.4 * v - 5.0 * 0.16 + 0.16 * (u / 2.0 + (1.0 - u) / 6.0)
+    };
+    let highest = (0..=20_000).map(|i| height(f64::from(i) * 1e-4 - 1.0));
+    let highest = highest.fold(f64::NEG_INFINITY, f64::max);
+    close(found.objective.expect("an optimum"), -highest, 1e-7);
+    agrees(&found, 1e-7);
+}
+
 /// With a acceleration downward, 1 is left after √(2/a) with 0.8 √(2 a); 0.3 is reached √0.68/√a before the top, which
 /// is 0.8 √(2/a) after that. The ball is the faster, the larger a is.
 #[test]

@@ -66,8 +66,7 @@ pub(super) fn simulate(
     }
 }
 
-/// What simulations with other free quantities mean for a result. Where the one with its own differs they say nothing
-/// about it, and where the program could not be started from them they warn.
+/// What simulations with other free quantities mean for a result: where the one with its own differs, nothing.
 pub(super) fn confirmation(problem: &Problem, trajectory: &mut Trajectory) -> Option<Failure> {
     let differs = trajectory.warnings.iter().any(|one| one.code == DISAGREES);
     let optimum = trajectory.optimum.as_mut()?;
@@ -78,16 +77,7 @@ pub(super) fn confirmation(problem: &Problem, trajectory: &mut Trajectory) -> Op
         optimum.confirmation = Confirmation::Differs;
         return None;
     }
-    if problem.frozen.is_none() {
-        return Some(failure::descends(rate, problem.settings));
-    }
-    let message = format!(
-        "simulations with other free quantities have smaller objectives, by {rate:.1e} per half of their range; \
-         `lower impact` can start from them"
-    );
-    let warning = disagrees(problem.settings, message);
-    trajectory.warnings.push(warning);
-    None
+    Some(failure::descends(rate, problem.settings))
 }
 
 /// That a simulation with the controls does not come to the end.

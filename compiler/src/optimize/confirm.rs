@@ -77,12 +77,11 @@ fn from(
     left: &dyn Fn() -> Option<Duration>,
     watch: &mut dyn Watch,
 ) -> Option<Solution> {
-    // Controls that change have no simulation in numerical time.
-    if problem.frozen.is_some() {
-        return None;
-    }
-    let run = problem.simulated(&w, left());
-    if !rehearsal::in_modes(problem, &run, &mut w) {
+    let starts = match problem.frozen {
+        Some(_) => rehearsal::in_numerical_time(problem, &mut w, left),
+        None => rehearsal::in_modes(problem, &problem.simulated(&w, left()), &mut w),
+    };
+    if !starts {
         return None;
     }
     let options = Options {
@@ -170,7 +169,11 @@ fn look(
 /// How far the end of a simulation is from that of the program.
 fn terminal_error(problem: &Problem, w: &[f64], end: &[f64]) -> f64 {
     let layout = &problem.layout;
-    let n = layout.n_states().min(end.len());
+    // In numerical time the clock and what moves while it stands come behind the states of the model.
+    let n = match &problem.frozen {
+        Some(frozen) => frozen.n_states,
+        None => layout.n_states().min(end.len()),
+    };
     let planned = &w[layout.x(layout.steps, layout.elements, layout.end)..][..n];
     let differences = end.iter().zip(planned).map(|(a, b)| (a - b).abs());
     differences.fold(0.0, f64::max)

@@ -12,8 +12,9 @@ use crate::dcs::{directed, solve_in_mode};
 use crate::expr::Var;
 use crate::report::{Dense, Status, Trajectory};
 use crate::simulate::{self, Rehearsed, Request, cut};
-use crate::system::experiment::{EventOptions, Method, Sampling, Settings};
-use crate::system::{Param, System};
+use crate::system::experiment::{EventOptions, Method, Sampling};
+use crate::system::task::{Control, Shape};
+use crate::system::{Param, State, System};
 
 /// Runs in numerical time are so many horizons long, the shorter ones first.
 const LONGER: [f64; 3] = [2.0, 4.0, 16.0];
@@ -38,7 +39,10 @@ pub(super) fn rehearse(
     if problem.frozen.is_none() && problem.dcs.impacts.is_empty() {
         return false;
     }
-    let mut system = problem.lowered().clone();
+    if problem.frozen.is_some() {
+        return in_numerical_time(problem, w, left);
+    }
+    let mut system = problem.system.clone();
     system.task = None;
     for (i, control) in task.controls.iter().enumerate() {
         let values: Vec<f64> = layout
@@ -48,32 +52,81 @@ pub(super) fn rehearse(
         if values.iter().any(|value| *value != values[0]) {
             return false;
         }
-        system.params.push(Param {
-            name: control.name.clone(),
-            var: control.var,
-            value: values[0],
-        });
+        system.params.push(known(control, values[0]));
     }
-    let horizon = settings.horizon;
-    let Some(frozen) = &problem.frozen else {
-        let rehearsed = Rehearsed::new(&system, settings, left());
-        follow(problem, &rehearsed, horizon, w);
-        return rehearsed.begins();
-    };
-    let grid = (layout.steps, horizon);
-    let Some((run, ends)) = run(&system, settings, frozen.clock, grid, left) else {
+    let rehearsed = Rehearsed::new(&system, settings, left());
+    follow(problem, &rehearsed, settings.horizon, w);
+    rehearsed.begins()
+}
+
+/// A control that is a number.
+fn known<'e>(control: &Control<'e>, value: f64) -> Param<'e> {
+    Param {
+        name: control.name.clone(),
+        var: control.var,
+        value,
+    }
+}
+
+/// Gives lengths, states and multipliers the values of runs in numerical time with the controls of the point, from one
+/// end of an interval to the next; false where one of them does not come to its end.
+pub(super) fn in_numerical_time(
+    problem: &Problem,
+    w: &mut [f64],
+    left: &dyn Fn() -> Option<Duration>,
+) -> bool {
+    let layout = &problem.layout;
+    let (Some(frozen), Some(task)) = (&problem.frozen, &problem.dcs.task) else {
         return false;
     };
-    let switches: Vec<f64> = run.modes.iter().skip(1).map(|mode| mode.from).collect();
-    let mut start = 0.0;
-    for (k, &end) in (1..).zip(&ends) {
-        let lengths = cut(start, end, &switches, layout.elements);
-        for (j, h) in (1..).zip(lengths) {
+    let mut system = frozen.system.clone();
+    system.task = None;
+    let (n_params, n_states) = (system.params.len(), system.states.len());
+    let clock = system.states[frozen.clock].rate;
+    for (i, free) in task.params.iter().enumerate() {
+        system.params[free.place].value = w[layout.p(i)];
+    }
+    for free in &task.initial {
+        system.states[free.place].initial = w[layout.before(1, 1) + free.place];
+    }
+    let length = problem.horizon(w) / layout.steps as f64;
+    for k in 1..=layout.steps {
+        system.params.truncate(n_params);
+        system.states.truncate(n_states);
+        for (i, control) in task.controls.iter().enumerate() {
+            let to = w[layout.u(k) + i];
+            match task.shape {
+                Shape::Constant => system.params.push(known(control, to)),
+                // A line in the clock.
+                Shape::Linear => {
+                    let from = w[layout.u(k - 1) + i];
+                    system.states.push(State {
+                        name: control.name.clone(),
+                        var: control.var,
+                        initial: from,
+                        rate: clock * ((to - from) / length),
+                        span: control.span,
+                    });
+                }
+            }
+        }
+        let until = (frozen.clock, length, k as f64 * length);
+        let Some((run, end)) = run(problem, &system, until, left) else {
+            return false;
+        };
+        let switches: Vec<f64> = run.modes.iter().skip(1).map(|mode| mode.from).collect();
+        let mut start = 0.0;
+        for (j, h) in (1..).zip(cut(0.0, end, &switches, layout.elements)) {
             w[layout.h(k, j)] = h;
             fill(problem, &system, &run.dense, (k, j), (start, h), w);
             start += h;
         }
-        start = end;
+        let Some(row) = run.dense.at(end) else {
+            return false;
+        };
+        for (state, &value) in system.states.iter_mut().zip(&row) {
+            state.initial = value;
+        }
     }
     true
 }
@@ -147,15 +200,14 @@ pub(super) fn in_modes(problem: &Problem, run: &Rehearsed, w: &mut [f64]) -> boo
     true
 }
 
-/// A run in numerical time, and the instants at which its clock is at the ends of control intervals.
-fn run(
-    system: &System,
-    settings: &Settings,
-    clock: usize,
-    (steps, horizon): (usize, f64),
+/// A run in numerical time until its clock shows an instant, and how long it takes.
+fn run<'e>(
+    problem: &Problem<'_, 'e>,
+    system: &System<'e>,
+    (clock, length, instant): (usize, f64, f64),
     left: &dyn Fn() -> Option<Duration>,
-) -> Option<(Trajectory, Vec<f64>)> {
-    let mut settings = settings.clone();
+) -> Option<(Trajectory, f64)> {
+    let mut settings = problem.settings.clone();
     settings.method = Method::Event(EventOptions::default());
     settings.sampling = Sampling::Method;
     settings.lowerings.clear();
@@ -167,11 +219,9 @@ fn run(
             multipliers: false,
             time_limit: left(),
         };
-        settings.horizon = longer * horizon;
+        settings.horizon = longer * length;
         let run = simulate::run(system, &settings, &request);
-        let instant = |k: usize| reached(&run.dense, clock, horizon * k as f64 / steps as f64);
-        let ends: Option<Vec<f64>> = (1..=steps).map(instant).collect();
-        Some((ends?, run)).map(|(ends, run)| (run, ends))
+        reached(&run.dense, clock, instant).map(|end| (run, end))
     })
 }
 
