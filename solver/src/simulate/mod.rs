@@ -51,6 +51,7 @@ mod radau;
 mod rank;
 mod rest;
 pub(crate) mod roots;
+mod rounding;
 mod select;
 pub(crate) mod series;
 mod set_out;

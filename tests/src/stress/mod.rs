@@ -16,6 +16,7 @@ mod narrow;
 mod offsets;
 mod programs;
 mod roots;
+mod rounding;
 mod steps;
 mod stiff;
 mod surfaces;
@@ -440,6 +441,7 @@ pub fn families(extent: Extent) -> Vec<Family> {
         complementarities::families(extent),
         offsets::families(extent),
         roots::families(extent),
+        rounding::families(extent),
         large::families(extent),
         steps::families(extent),
         controls::families(extent),
