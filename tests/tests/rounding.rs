@@ -1,6 +1,8 @@
 //! What a system makes of the rounding of its own run: the estimate, relative to the largest magnitude, covers it.
+//! Rates that are rounding move nothing.
 
-use nsd_tests::{end, run};
+use nsd_tests::stress::{Extent, families};
+use nsd_tests::{end, run, solved};
 
 /// The tent map with a slope of 19/10, as jumps of a state that rests between them, against its orbit in whole numbers
 /// over 10⁴ 10ᵏ: every jump makes errors 1.9 times as large.
@@ -73,4 +75,101 @@ fn the_estimate_covers_what_expansion_makes_of_rounding() {
         }
     }
     assert!(missed.is_empty(), "{}", missed.join("\n"));
+}
+
+/// Of the short family of identities: a state that starts at zero stays there, and drives nothing, without a warning.
+#[test]
+fn rates_that_are_rounding_move_nothing() {
+    let all = families(Extent::Short).into_iter();
+    let mut rounding = all.filter(|family| family.name == "rates that are rounding");
+    let cases = rounding.next().expect("it is there").cases;
+    assert!(cases.len() >= 48);
+    let mut missed = Vec::new();
+    for case in &cases {
+        let outcome = case.run();
+        if !case.keeps(&outcome) {
+            missed.push(format!("{outcome}: {}", case.text()));
+        }
+    }
+    assert!(missed.is_empty(), "{} {}", missed.len(), missed.join("\n"));
+}
+
+/// Two rods on a joint, in free fall: joint, angles and their rates.
+fn chain(settings: &str) -> String {
+    format!(
+        "model chain {{
+           param g = 9.81; param m = 0.7; param n = 1.3; param a = 0.3; param b = 0.45;
+           param J = 4/3*m*a^2; param K = 4/3*n*b^2;
+           state x = 0; state y = 0; state q = 0.4; state p = 1.9;
+           state vx = 0; state vy = 0; state w = 0; state u = 0;
+           let M = [m + n, 0, -m*a*sin(q), -n*b*sin(p);
+                    0, m + n, m*a*cos(q), n*b*cos(p);
+                    -m*a*sin(q), m*a*cos(q), J, 0;
+                    -n*b*sin(p), n*b*cos(p), 0, K];
+           let f = solve(M, [m*a*w^2*cos(q) + n*b*u^2*cos(p), -(m + n)*g + m*a*w^2*sin(q) + n*b*u^2*sin(p),
+                             -g*m*a*cos(q), -g*n*b*cos(p)]);
+           x' = vx; y' = vy; q' = w; p' = u;
+           vx' = f[1]; vy' = f[2]; w' = f[3]; u' = f[4];
+         }}
+         simulate r of chain {{ horizon 2; {settings} }}"
+    )
+}
+
+/// The motion of the centre of mass, angular momentum about it, and the energy of the motion about it.
+fn of_chain(state: [f64; 8]) -> [f64; 6] {
+    let [x, y, q, p, vx, vy, w, u] = state;
+    let rods = [(0.7, 0.3, q, w), (1.3, 0.45, p, u)];
+    let centre = |rod: &(f64, f64, f64, f64)| {
+        let (_, l, q, w) = *rod;
+        let (s, c) = q.sin_cos();
+        [x + l * c, y + l * s, vx - l * w * s, vy + l * w * c]
+    };
+    let mut mean = [0.0; 4];
+    for rod in &rods {
+        let at = centre(rod);
+        (0..4).for_each(|k| mean[k] += rod.0 * at[k] / 2.0);
+    }
+    let (mut momentum, mut energy) = (0.0, 0.0);
+    for rod in &rods {
+        let (m, l, _, w) = *rod;
+        let at = centre(rod);
+        let [dx, dy, du, dv] = std::array::from_fn(|k| at[k] - mean[k]);
+        let inertia = m * l * l / 3.0;
+        momentum += m * (dx * dv - dy * du) + inertia * w;
+        energy += 0.5 * m * (du * du + dv * dv) + 0.5 * inertia * w * w;
+    }
+    [mean[0], mean[1], mean[2], mean[3], momentum, energy]
+}
+
+#[test]
+fn a_chain_of_two_links_falls_freely() {
+    for method in ["event", "fesd"] {
+        // From rest no link turns.
+        let still = solved(&chain(&format!("method {method};")), "r");
+        assert!(still.warnings.is_empty(), "{:?}", still.warnings);
+        let known = [
+            ("x", 0.0),
+            ("y", -19.62),
+            ("q", 0.4),
+            ("p", 1.9),
+            ("w", 0.0),
+            ("u", 0.0),
+        ];
+        for (name, exact) in known {
+            let found = end(&still, name)[0];
+            assert!((found - exact).abs() < 1e-12, "{method}, {name}: {found}");
+        }
+        assert!(still.stats.steps < 20, "{} steps", still.stats.steps);
+        let settings = format!("with {{ w = 3; u = -2; }} method {method};");
+        let turning = solved(&chain(&settings), "r");
+        let names = ["x", "y", "q", "p", "vx", "vy", "w", "u"];
+        let found = of_chain(names.map(|name| end(&turning, name)[0]));
+        let mut exact = of_chain([0.0, 0.0, 0.4, 1.9, 0.0, 0.0, 3.0, -2.0]);
+        exact[0] += 2.0 * exact[2];
+        exact[1] += 2.0 * exact[3] - 19.62;
+        exact[3] -= 19.62;
+        for (found, exact) in found.iter().zip(exact) {
+            assert!((found - exact).abs() < 1e-8, "{method}: {found} {exact}");
+        }
+    }
 }

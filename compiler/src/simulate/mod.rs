@@ -242,6 +242,9 @@ fn tightened(
     again.then(|| tolerance * share.max(1e-4))
 }
 
+/// A state that has always been below this many roundings of the terms of its rate is at rest.
+const HELD: f64 = 8.0;
+
 /// What a more accurate run says about a run.
 struct Estimate {
     /// Largest difference of a state, relative to its largest magnitude.
@@ -276,7 +279,7 @@ impl Estimate {
             // What the rounding of one instant moves the state by.
             let rounding = f64::EPSILON * outcome.activity[i] * outcome.time;
             let scale = comparison.scale[i].max(outcome.x[i].abs());
-            if scale > 8.0 * rounding {
+            if scale > HELD * rounding {
                 (4.0 * events * rounding)
                     .max(outcome.moved[i])
                     .max(difference)

@@ -82,7 +82,10 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 }
                 Err(status) => return Err(status),
             };
-            let error = self.defect(run, target);
+            let mut error = self.defect(run, target);
+            if error > target && self.misses_by_rounding(run) {
+                error = self.defect(run, target);
+            }
             let taken = self.solved[0].h;
             let best = SAFETY * (target / error.max(f64::MIN_POSITIVE)).powf(1.0 / exponent);
             let next = taken * best.clamp(GROWTH[0], GROWTH[1]);

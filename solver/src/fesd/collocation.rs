@@ -89,7 +89,7 @@ impl Element {
     /// The sizes of the terms of rates. A state at rest is what rounding leaves of the terms of its rate over an
     /// element, so that it counts as them in the rates of others: v = 0 by forces that balance, and x' = v.
     fn measure(&mut self, scheme: &Scheme) {
-        self.activity.fill(0.0);
+        self.measure_rounding(scheme);
         for rests in [false, true] {
             if rests {
                 self.resting.copy_from_slice(&self.activity);

@@ -15,6 +15,7 @@ use super::banded;
 use super::hidden::Hidden;
 use super::kept::Keeper;
 use super::projection::Projection;
+use super::rounding::Rounding;
 use super::scheme::{Scheme, WIDTH};
 use super::slip::Departure;
 use super::system::Reduced;
@@ -70,6 +71,7 @@ pub(super) struct Element {
     pub activity: Vec<f64>,
     /// The same by the states alone that do not rest, while it is measured.
     pub(super) resting: Vec<f64>,
+    pub(super) rounding: Rounding,
     /// X at the nodes, in lanes: state i at `i * groups`.
     pub(super) x: Vec<f64x4>,
     pub(super) registers: Vec<f64x4>,
@@ -122,6 +124,7 @@ impl Element {
             numbers: vec![0.0; n_numbers],
             activity: vec![0.0; n],
             resting: vec![0.0; n],
+            rounding: Rounding::new(n),
             x: vec![zero; n * scheme.groups],
             registers: vec![zero; registers.into_iter().max().unwrap_or(0)],
             slopes: vec![zero; reduced.slopes.entries.len() * scheme.groups],
@@ -270,6 +273,17 @@ impl Element {
         if let (Some(keeper), Some(kept)) = (&mut self.keeper, &self.reduced.kept) {
             keeper.start(kept, t, x0, scale, &self.numbers);
         }
+        match self.iterate(scheme, scale) {
+            Err(Unsolved::Diverged) if self.sees_rounding(scheme, scale) => {
+                self.iterate(scheme, scale)
+            }
+            solved => solved,
+        }
+    }
+
+    /// Newton's method at a length that is given.
+    fn iterate(&mut self, scheme: &Scheme, scale: &[f64]) -> Result<(), Unsolved> {
+        let h = self.h;
         let mut fresh = self.prepare(scheme, h)?;
         let (mut last, mut chords) = (f64::INFINITY, 0);
         for _ in 0..MAX_NEWTON {

@@ -50,6 +50,10 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 }
             };
             measure(&mut run.scale, &run.x, self.system.algebraic_states());
+            let activity = &self.modes[run.mode].element.activity;
+            for (work, activity) in run.work.iter_mut().zip(activity) {
+                *work += activity * length;
+            }
             run.stats.steps += 1;
             if !run.x.iter().all(|x| x.is_finite()) {
                 return Err(Status::NotFinite);

@@ -24,6 +24,7 @@ mod kept;
 mod march;
 mod nodes;
 mod projection;
+mod rounding;
 mod scheme;
 mod select;
 mod slip;
@@ -191,6 +192,8 @@ struct Run {
     rate_scale: f64,
     /// Largest magnitude of each state so far, see [`system::measure`].
     scale: Vec<f64>,
+    /// ∫ of the sizes of the terms of each rate.
+    work: Vec<f64>,
     /// Length of the last element in this mode, zero before the first.
     last: f64,
     /// Length of the next element by the tolerance, zero before the first.
@@ -293,6 +296,7 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
             sizes: Vec::new(),
             rate_scale: 0.0,
             scale: vec![0.0; x0.len()],
+            work: vec![0.0; x0.len()],
             last: 0.0,
             next: 0.0,
             next_branch: 0.0,
@@ -320,6 +324,7 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
         run.stats.factorizations += after[1] - before[1];
         run.stats.rhs_evaluations = after[2] - before[2];
         run.stats.functions = self.n_functions() - known;
+        let elapsed = if run.t > t0 { run.t - t0 } else { 1.0 };
         let n = x0.len();
         let alive = !run.zeros.is_empty() || self.system.pairs().is_empty();
         let sides = match self.modes.get(run.mode).filter(|_| alive) {
@@ -337,7 +342,7 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
                 x: run.x,
                 sides,
                 alpha,
-                activity: vec![0.0; n],
+                activity: run.work.iter().map(|work| work / elapsed).collect(),
                 moved: vec![0.0; n],
                 drift: 0.0,
                 defect: run.defect,

@@ -419,6 +419,22 @@ impl Mode {
         self.probed.scales[i]
     }
 
+    /// Whether the rate of a state is another than that of its series, in the step probed last.
+    pub(super) fn differs(&self, i: usize, tau: f64, allowed: f64) -> bool {
+        let differences = (self.probed.rates[i] - self.field.wide[i]).abs();
+        let relative = differences * f64x4::splat(tau / self.probed.scales[i]);
+        !relative.to_array().iter().all(|share| *share <= allowed)
+    }
+
+    /// Writes the inputs of functions at a probe, and the rates of the series there.
+    pub(super) fn probed_point(&self, k: usize, values: &mut Vec<f64>, rates: &mut Vec<f64>) {
+        let at = |lanes: &f64x4| lanes.as_array()[k];
+        values.clear();
+        values.extend(self.probed.values.iter().map(at));
+        rates.clear();
+        rates.extend(self.probed.rates.iter().map(at));
+    }
+
     /// Moves to a probe that has been evaluated.
     fn take_probe(&mut self, k: usize) {
         let moving = 1 + self.n;

@@ -8,7 +8,7 @@ use wide::f64x4;
 use super::layout::Memory;
 use super::system::{Block, Input, Partials};
 use super::{Side, SwitchedSystem};
-use crate::tape::{Ball, Recurrences, Step, Tame, Tape};
+use crate::tape::{Ball, Lane, Recurrences, Step, Tape};
 
 pub(super) struct Field {
     blocks: Vec<Local>,
@@ -386,16 +386,16 @@ impl Field {
 
     /// Encloses the rates of a block where its inputs are in balls, by their places among the values: calls `see` with
     /// the state and the enclosure of each.
-    pub(super) fn examine(
+    pub(super) fn examine<L: Lane + From<Ball>>(
         &self,
         block: usize,
         input: impl Fn(usize) -> Ball,
-        registers: &mut Vec<Tame>,
-        mut see: impl FnMut(usize, Tame),
+        registers: &mut Vec<L>,
+        mut see: impl FnMut(usize, L),
     ) {
         let local = &self.blocks[block];
         let compiled = local.now();
-        run_tame(&compiled.field, &compiled.gather, input, registers);
+        run_balls(&compiled.field, &compiled.gather, input, registers);
         let results = compiled.field.results(registers);
         for (&state, result) in local.block.states.iter().zip(results) {
             see(state, result);
@@ -430,18 +430,18 @@ impl Local {
 }
 
 /// Runs a tape on enclosures of its inputs.
-pub(super) fn run_tame(
+pub(super) fn run_balls<L: Lane + From<Ball>>(
     tape: &Tape,
     from: &[usize],
     input: impl Fn(usize) -> Ball,
-    registers: &mut Vec<Tame>,
+    registers: &mut Vec<L>,
 ) {
     let wanted = tape.n_registers().max(from.len());
     if registers.len() < wanted {
-        registers.resize(wanted, Tame::new(Ball::new(0.0, 0.0)));
+        registers.resize(wanted, L::splat(0.0));
     }
     for (register, &slot) in registers.iter_mut().zip(from) {
-        *register = Tame::new(input(slot));
+        *register = L::from(input(slot));
     }
     tape.run(registers);
 }

@@ -52,6 +52,7 @@ mod radau;
 mod rank;
 mod rest;
 pub(crate) mod roots;
+mod rounding;
 mod select;
 pub(crate) mod series;
 mod set_out;

@@ -79,6 +79,7 @@ pub(crate) struct Mode {
     pub(super) departing: Vec<usize>,
     focus: Focus,
     pub probed: Probed,
+    pub(super) rounding: super::rounding::Rounding,
     pub(super) implicit: Workspace,
 }
 
@@ -139,6 +140,7 @@ impl Mode {
             departing: Vec::new(),
             focus: Focus::default(),
             probed: Probed::new(n),
+            rounding: super::rounding::Rounding::default(),
             implicit: Workspace::default(),
         }
     }

@@ -132,7 +132,11 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         };
         // The last term of the series, differentiated, is what the defect shows of the error.
         let allowed = 10.0 * (order as f64) * tolerance.max(4.0 * f64::EPSILON);
-        let h = mode.step_size(self.stiffness.explicit_tolerance(), state, longest);
+        let h = mode.step_size_above_rounding(
+            self.stiffness.explicit_tolerance(),
+            state,
+            [remaining, longest],
+        );
         let h = mode.keeps_directions(tolerance, state, h);
         let h = mode.watch(tolerance, state, h);
         let h = mode.leaves_rest(tolerance, state, h);
@@ -173,8 +177,11 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             if attempt == 0 && !defect.rate.is_finite() && mode.ends_at_root() {
                 return self.step_off(state, remaining);
             }
-            let unseen = event.is_none() && ends.is_none() && mode.on_wrong_side(state);
             let inaccurate = defect.rate.is_nan() || defect.rate > allowed;
+            if inaccurate && mode.differs_by_rounding(state, seen, allowed) {
+                continue;
+            }
+            let unseen = event.is_none() && ends.is_none() && mode.on_wrong_side(state);
             let looked = self.coefficients.agree(mode, state, length, allowed);
             // Without friction nothing determines a force that sticks.
             let turned = ends.is_none() && mode.turned_over();

@@ -2,7 +2,7 @@
 
 use rustc_hash::FxHashMap;
 
-use super::field::run_tame;
+use super::field::run_balls;
 use super::layout::Memory;
 use super::psi::{Compiled, Form, run};
 use super::system::Smooth;
@@ -363,7 +363,7 @@ impl Surfaces {
             return None;
         };
         let psi = &tapes.functions.psi;
-        run_tame(psi, &tapes.gather, input, registers);
+        run_balls(psi, &tapes.gather, input, registers);
         psi.results(registers).next()
     }
 

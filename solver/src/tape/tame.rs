@@ -44,6 +44,12 @@ impl Tame {
     }
 }
 
+impl From<Ball> for Tame {
+    fn from(ball: Ball) -> Self {
+        Tame::new(ball)
+    }
+}
+
 impl Ball {
     /// The least absolute value in it.
     fn least(self) -> f64 {

@@ -17,6 +17,7 @@ mod narrow;
 mod offsets;
 mod programs;
 mod roots;
+mod rounding;
 mod steps;
 mod stiff;
 mod surfaces;
@@ -447,6 +448,7 @@ pub fn families(extent: Extent) -> Vec<Family> {
         complementarities::families(extent),
         offsets::families(extent),
         roots::families(extent),
+        rounding::families(extent),
         large::families(extent),
         steps::families(extent),
         controls::families(extent),

@@ -26,7 +26,7 @@ use turns::Turns;
 use super::instants::Pulses;
 use super::watch::{Progress, Watched};
 use super::{
-    Comparison, Estimate, REFINEMENT, Recorder, Request, Switched, Touches, assemble, judge,
+    Comparison, Estimate, HELD, REFINEMENT, Recorder, Request, Switched, Touches, assemble, judge,
     tightened,
 };
 use crate::dcs::{self, Formulation};
@@ -269,7 +269,13 @@ pub(super) fn estimate_with(
     let scale = |i: usize| comparison.scale[i].max(found.x[i].abs());
     let relative = |(i, difference): (usize, &f64)| {
         let scale = scale(i).max(least(i));
-        if scale > 0.0 { difference / scale } else { 0.0 }
+        // What rounding of its rate makes of a state is no motion to be relative to.
+        let rounding = f64::EPSILON * found.activity[i] * found.time;
+        if scale > HELD * rounding {
+            difference / scale
+        } else {
+            0.0
+        }
     };
     let error = comparison.difference.iter().enumerate().map(relative);
     let rounding = f64::EPSILON * (found.stats.steps as f64).sqrt();
