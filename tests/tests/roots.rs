@@ -9,7 +9,10 @@ fn by_events(model: &str, horizon: f64) -> Trajectory {
         "model m {{ {model} }}
          simulate run of m {{ tolerance 1e-12; horizon {horizon:?}; }}"
     );
-    solved(&text, "run")
+    let run = solved(&text, "run");
+    let mut warnings = run.warnings.iter();
+    assert!(warnings.all(|warning| warning.code != "W0719"));
+    run
 }
 
 fn close(found: f64, exact: f64, within: f64) {
@@ -124,4 +127,65 @@ fn a_root_that_repels_has_several_solutions() {
     // Without a root in it the rate is Lipschitz continuous.
     let smooth = by_events("state x = 0; x' = max(x, 0)^1.5;", 1.0);
     assert_eq!(end(&smooth, "x"), [0.0]);
+}
+
+/// A spiral that ends, x' = -1.5 √|x| sign x + w, w' = -1.1 sign x + `push`, to a horizon of 10, with a tolerance.
+fn twisted(s: &str, push: &str, tolerance: f64) -> Trajectory {
+    let text = format!(
+        "model m {{
+           state x = 1; state w = 0; let s = {s};
+           x' = -1.5*sqrt(abs(s))*sign(s) + w; w' = -1.1*sign(s) + {push};
+         }}
+         simulate run of m {{ tolerance {tolerance:e}; horizon 10; }}"
+    );
+    solved(&text, "run")
+}
+
+#[test]
+fn super_twisting_comes_to_its_origin_and_stays_there() {
+    // With √|x| and dt = 2√|x| dτ all is linear between crossings.
+    let (k, l) = (1.5, 1.1);
+    let omega = f64::sqrt(2.0 * l - 0.25 * k * k);
+    let first = f64::atan(2.0 * omega / k) / omega;
+    let speed = f64::sqrt(2.0 * l) * (-0.5 * k * first).exp();
+    let ratio = (-0.5 * k * std::f64::consts::PI / omega).exp();
+    for (tolerance, within) in [(1e-4, 1e-2), (1e-5, 1e-3), (1e-8, 1e-6), (1e-11, 1e-8)] {
+        let run = twisted("x", "0", tolerance);
+        assert!(run.warnings.iter().all(|warning| warning.code != "W0701"));
+        close(end(&run, "x")[0], 0.0, 1e-15);
+        close(end(&run, "w")[0], 0.0, 1e-15);
+        let crossings = times(&run, EventKind::Crossing);
+        close(crossings[0], speed / l, 10.0 * tolerance);
+        close(crossings[1], speed / l * (2.0 + ratio), 10.0 * tolerance);
+        let zeno = times(&run, EventKind::Zeno);
+        close(zeno[0], 2.0 * speed / (l * (1.0 - ratio)), within);
+    }
+}
+
+#[test]
+fn super_twisting_stays_where_its_disturbance_is_slower_than_its_relay() {
+    // w follows the disturbance, as far as the relay can.
+    let held = twisted("x", "0.6*cos(3*time)", 1e-8);
+    close(end(&held, "x")[0], 0.0, 1e-15);
+    close(end(&held, "w")[0], 0.0, 1e-14);
+    let tracked = twisted("x - 0.5*sin(time)", "0", 1e-8);
+    close(end(&tracked, "x")[0], 0.5 * 10.0_f64.sin(), 1e-8);
+    close(end(&tracked, "w")[0], 0.5 * 10.0_f64.cos(), 1e-8);
+    // A relay that is too weak holds nothing: w' ≥ 0.4.
+    let pushed = twisted("x", "1.5", 1e-8);
+    assert!(end(&pushed, "w")[0] > 3.9);
+    assert!(times(&pushed, EventKind::Zeno).is_empty());
+}
+
+#[test]
+fn a_plain_root_that_comes_to_its_end_is_told_with_what_goes_on() {
+    let text = "model m { state h = 1; h' = -0.1 - 1.3*sqrt(h); } simulate run of m { horizon 4; }";
+    let run = run(text, "run");
+    let failure = run.failure.as_ref().unwrap();
+    assert_eq!(Warning::of(failure).code, "E0706");
+    let shown = format!("{failure:?}");
+    assert!(
+        shown.contains("`max(h, 0)` in it goes on at zero"),
+        "{shown}"
+    );
 }

@@ -216,10 +216,12 @@ fn solver_settings(
     }
 }
 
-/// A run that is more accurate, and of another order, so that its rounding errors are others.
+/// A run that is more accurate, and of another order, so that its rounding errors are others. Infinitely many events end
+/// with the same one.
 fn finer(run: &solver::Settings, order: usize, tolerance: f64) -> solver::Settings {
     solver::Settings {
         tolerance: tolerance * REFINEMENT,
+        settled: Some(tolerance),
         order: Some(order + 3),
         ..run.clone()
     }

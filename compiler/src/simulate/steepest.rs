@@ -10,9 +10,12 @@ use rustc_hash::FxHashMap;
 
 use crate::expr::{Expr, Node, Var, variables_of};
 use crate::system::System;
+use crate::system::roots::Root;
 
 /// A term with at least this share of the slope of what it stands in is to blame for it.
 const SHARE: f64 = 1e-3;
+/// The base of a root below this is at its end.
+const AT_END: f64 = 1e-6;
 /// Slopes below this are nothing special.
 const STEEP: f64 = 1e6;
 
@@ -36,7 +39,7 @@ pub(super) fn label(system: &System, outcome: &Outcome) -> Option<LabeledSpan> {
                 number if number.is_nan() => "no number".to_owned(),
                 number => number.to_string(),
             };
-            let text = format!("`{term}` is {is}");
+            let text = format!("`{term}` is {is}{}", below_zero(term, &value));
             return Some(LabeledSpan::new_with_span(Some(text), state.span));
         }
         for var in variables_of(&[state.rate]) {
@@ -54,7 +57,16 @@ pub(super) fn label(system: &System, outcome: &Outcome) -> Option<LabeledSpan> {
         true => format!("the slope of `{term}` along `{name}` is {size:.0e}"),
         false => format!("`{term}` has no slope along `{name}`"),
     };
+    let text = text + &below_zero(term, &value);
     Some(LabeledSpan::new_with_span(Some(text), state.span))
+}
+
+/// How a root goes on whose base has come to zero, or below.
+fn below_zero<'e>(term: Expr<'e>, value: &dyn Fn(Expr<'e>) -> f64) -> String {
+    let ended = Root::of(term).filter(|root| value(root.base) < AT_END);
+    ended.map_or_else(String::new, |root| {
+        format!("; `max({}, 0)` in it goes on at zero", root.base)
+    })
 }
 
 /// What a slope weighs: without bound where it is no number.

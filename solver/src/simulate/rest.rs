@@ -27,6 +27,12 @@ const CLOSER: f64 = 1.0 / 16.0;
 /// The same where ψ has no size yet.
 const NEAR_ZERO: f64 = 1e-12;
 
+/// How many times its band a switch that comes back to its surface must leave it.
+const BEYOND: f64 = 4.0;
+
+/// What crosses a surface ever more slowly has at most this share of its speed the time before.
+const SHRINKS: f64 = 0.9;
+
 /// Powers above this have a derivative, or nearly so: nothing leaves zero by them, or comes there, soon.
 const STEEP: f64 = 0.97;
 
@@ -225,6 +231,58 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let far = self.root_at(state, switch, near * side.sign());
         let close = self.root_at(state, switch, CLOSER * near * side.sign());
         far * side.sign() > 0.0 && is_steep(close / far)
+    }
+
+    /// Switches of a group that come to a lasting rest here, but for less than the tolerance.
+    ///
+    /// With ψ' = w + c |ψ|^p sign ψ and w' = a₊ < 0 above and a₋ > 0 below the surface, ψ goes away from it by w²/(2|a|)
+    /// and comes back. Where the root attracts, w is less every time, and ψ = w = 0 is reached in finite time: at last
+    /// by steps whose errors are as large as ψ.
+    pub(super) fn settling(&mut self, state: &mut State, group: &[usize]) -> Vec<usize> {
+        let is_one = |i: &usize| self.mode.roots[*i] && self.mode.surfaces.n_derivatives(*i) == 1;
+        let mut settling: Vec<usize> = group.iter().copied().filter(is_one).collect();
+        settling.retain(|&i| self.settles(state, i));
+        settling
+    }
+
+    fn settles(&mut self, state: &mut State, switch: usize) -> bool {
+        let mut sides = state.sides.clone();
+        sides[switch] = Side::Slide;
+        let mode = &mut self.mode;
+        mode.enter(self.system, &sides);
+        let mut bends = [0.0; 2];
+        let mut alpha = state.alpha.clone();
+        for (bend, value) in bends.iter_mut().zip([0.0, 1.0]) {
+            alpha[switch] = value;
+            mode.eval(state.t, &state.x, &alpha);
+            mode.linearize(&[switch]);
+            *bend = mode.phi(switch);
+        }
+        let speed = mode.psi(switch);
+        let way = usize::from(speed > 0.0);
+        state.crossed[switch][way] = speed.abs();
+        let before = state.crossed[switch][1 - way];
+        let [below, above] = bends;
+        if !(above < 0.0 && below > 0.0 && speed.abs() <= SHRINKS * before) {
+            return false;
+        }
+        mode.surfaces.stand_for(switch, 0);
+        mode.surfaces.linearize(switch, &mode.memory.values);
+        let size = mode.weigh(switch, |j| state.size(j));
+        let near = (self.settings.settled() * size).max(BEYOND * state.band[switch]);
+        if speed * speed > 2.0 * near * below.min(-above) {
+            return false;
+        }
+        let across = mode.across_surface(switch, state);
+        [Side::Minus, Side::Plus].into_iter().all(|side| {
+            sides[switch] = side;
+            alpha[switch] = f64::from(u8::from(side == Side::Plus));
+            self.mode.enter(self.system, &sides);
+            let moved = state.x.iter().zip(&across);
+            let moved: Vec<f64> = moved.map(|(x, d)| x + side.sign() * near * d).collect();
+            let rate = self.mode.rate_from(switch, state.t, &moved, &alpha);
+            (rate - speed) * side.sign() < 0.0
+        })
     }
 
     /// The end of a way to a surface on which a switch will rest, from where it is on it but for rounding: there

@@ -342,13 +342,14 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         if group.iter().any(|&i| self.mode.rests[i]) {
             return self.choose_around_rest(state, group, wanted, t1, series);
         }
+        let settling = self.settling(state, group);
         let mut sides = state.sides.clone();
         for &i in group {
             sides[i] = Side::Slide;
         }
         self.mode.enter(self.system, &sides);
         for &i in group {
-            self.take_order(state, i);
+            self.take_order(state, i, settling.contains(&i));
         }
         self.mode.focus(state.t, &state.x, &state.alpha, group);
         if let ([switch], [wanted]) = (group, wanted)
@@ -427,8 +428,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     }
 
     /// Lets a switch of higher relative degree that is free be decided by its highest derivative where
-    /// the lower ones vanish, else by its rate.
-    fn take_order(&mut self, state: &mut State, switch: usize) {
+    /// the lower ones vanish, or will at once, else by its rate.
+    fn take_order(&mut self, state: &mut State, switch: usize, settles: bool) {
         let mode = &mut self.mode;
         let highest = mode.surfaces.n_derivatives(switch);
         let is_contact = mode.is_contact(switch);
@@ -442,7 +443,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             }
             mode.surfaces.value(switch, &mode.memory.values).abs() <= BAND * size
         };
-        let order = if (1..=highest).all(&mut vanishes) {
+        let order = if (1..=highest).all(&mut vanishes) || settles {
             highest
         } else {
             0

@@ -43,6 +43,16 @@ pub(crate) fn steepest(c: &[f64], tau: f64) -> f64 {
         .fold(0.0, |sum, (k, c)| sum * tau + k as f64 * c.abs())
 }
 
+/// How far Σ c[k] τᵏ moves at most within a radius of τ: as its slopes up to there allow, or that at τ and second
+/// derivatives, which know where it is at rest.
+pub(crate) fn motion(c: &[f64], tau: f64, radius: f64) -> f64 {
+    let bend = c.iter().enumerate().skip(2).rev().fold(0.0, |sum, (k, c)| {
+        sum * (tau + radius) + (k * (k - 1)) as f64 * c.abs()
+    });
+    let bent = slope(c, tau).abs() + 0.5 * bend * radius;
+    radius * bent.min(steepest(c, tau + radius))
+}
+
 /// Second derivative of Σ c[k] τᵏ.
 pub(crate) fn curvature(c: &[f64], tau: f64) -> f64 {
     c.iter()
@@ -123,6 +133,10 @@ mod tests {
             (value(&c, 2.0), slope(&c, 2.0), magnitude(&c, 2.0, 1)),
             (17.0, 14.0, 12.0)
         );
+        // (1 - τ)² moves by no more than 2 dr + r² at a distance d from its root.
+        let parabola = [1.0, -2.0, 1.0];
+        assert!((motion(&parabola, 0.99, 0.01) - 3e-4).abs() < 1e-15);
+        assert_eq!(motion(&[1.0, -2.0], 0.5, 0.25), 0.5);
         assert_eq!(
             [0, 1, 2, 3].map(|k| term(&c, 2.0, k)),
             [17.0, 14.0, 3.0, 0.0]

@@ -23,6 +23,8 @@ pub struct Settings {
     /// Switches that are below their surface at such a point, where no branch says more: what acts there keeps them on
     /// it, and the states of other solutions only look as if it did not.
     pub below: Vec<usize>,
+    /// The tolerance within which a spiral into a point of lasting rest has come to its end; that of the run when absent.
+    pub settled: Option<f64>,
     /// Unmodelled errors.
     pub kicks: Option<Kicks>,
 }
@@ -37,6 +39,7 @@ impl Default for Settings {
             time_limit: None,
             branch: Vec::new(),
             below: Vec::new(),
+            settled: None,
             kicks: None,
         }
     }
@@ -47,6 +50,11 @@ impl Settings {
     /// errors along well-conditioned runs does not use up.
     pub(super) fn local_tolerance(&self) -> f64 {
         (0.01 * self.tolerance).max(1e-18)
+    }
+
+    /// The share of its size within which ψ that only ever comes closer to zero has settled there.
+    pub(super) fn settled(&self) -> f64 {
+        0.01 * self.settled.unwrap_or(self.tolerance)
     }
 
     /// Order that costs least for a tolerance: -½ ln ε + 1 (Jorba & Zou 2005, section 3.2),

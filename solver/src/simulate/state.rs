@@ -51,6 +51,8 @@ pub(super) struct State {
     pub rounding: Vec<f64>,
     /// Below this the speed of a contact without a gap is rounding.
     pub still: Vec<f64>,
+    /// |ψ'| where each switch with roots was last crossed downwards and upwards.
+    pub crossed: Vec<[f64; 2]>,
     /// Length of the last step that no event cut; 0 before the first step.
     pub last_step: f64,
     pub longest_step: f64,
@@ -135,6 +137,7 @@ impl State {
             refill(zeros, n_switches, 0.0);
         }
         refill(&mut self.alpha, n_switches, 1.0);
+        refill(&mut self.crossed, n_switches, [f64::INFINITY; 2]);
         refill(&mut self.armed, n_switches, false);
         refill(&mut self.entry, n_switches, Entry::Present);
         (self.fold, self.begun) = (None, false);

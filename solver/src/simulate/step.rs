@@ -165,6 +165,11 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 None => (event, length),
             };
             let ends = left.map(|(_, status)| status);
+            let reaches_end = length >= remaining;
+            let moves = reaches_end || state.t + (length + state.t_low) > state.t;
+            if !moves && ends.is_none() && mode.is_on_root(state) {
+                return self.step_off(state, remaining);
+            }
             // Where it is, the direction of its friction is rounding, or its share of a force that is zero.
             let is_blurred = |watch| mode.stops(watch) || mode.lets_go(watch);
             let stops = event.as_ref().is_some_and(|(_, watch)| is_blurred(*watch));
@@ -194,12 +199,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 h *= 0.5;
                 continue;
             }
-            let reaches_end = length >= remaining;
-            let is_free = event.is_none() && ends.is_none();
-            if is_free && !reaches_end && state.t + (length + state.t_low) <= state.t {
-                if mode.is_on_root(state) {
-                    return self.step_off(state, remaining);
-                }
+            if !moves && event.is_none() && ends.is_none() {
                 let rests = mode.comes_to_rest(state);
                 return rests.ok_or_else(|| mode.stuck());
             }

@@ -179,8 +179,7 @@ impl Unseen {
         let input = |slot: usize| match rows.get(slot) {
             _ if slot == 0 => Ball::new(t + tau, radius),
             Some(row) if !row.is_empty() => {
-                let slope = series::steepest(row, tau + radius);
-                Ball::new(series::value(row, tau), slope * radius)
+                Ball::new(series::value(row, tau), series::motion(row, tau, radius))
             }
             _ => Ball::new(mode.memory.values[slot], 0.0),
         };

@@ -1,7 +1,8 @@
 //! Enclosures: what a function may be while its inputs stay within radii of their values.
 //!
 //! A ball m ± r holds every number within r of m. Each operation gives a ball that holds all its
-//! results, but for rounding. Where a function has no simple bound the radius is infinite.
+//! results, but for rounding. Where a function has no simple bound the radius is infinite. A root of a negative number
+//! is none: √ of a ball around zero holds those of the others.
 
 use std::f64::consts::PI;
 use std::ops::{Add, Div, Mul, Neg, Sub};
@@ -131,8 +132,9 @@ impl Lane for Ball {
 
     fn sqrt(self) -> Self {
         let root = self.middle.sqrt();
-        // √a - √(a - r) is the larger of the two differences.
-        Ball::new(root, root - self.low().max(0.0).sqrt()).only_if(self.low() > 0.0)
+        // √a - √(a - r) is the larger of the two differences, where a - r is no less than zero. Below it there are none.
+        let below = root - self.low().max(0.0).sqrt();
+        Ball::new(root, below.max(self.high().sqrt() - root)).only_if(self.middle >= 0.0)
     }
 
     fn exp(self) -> Self {
@@ -212,6 +214,11 @@ impl Lane for Ball {
         if self.radius == 0.0 && power.radius == 0.0 {
             return Ball::splat(middle);
         }
+        // From zero on it rises.
+        if self.low() <= 0.0 && self.middle >= 0.0 && power.radius == 0.0 && power.middle > 0.0 {
+            let above = self.high().powf(power.middle) - middle;
+            return Ball::new(middle, middle.max(above));
+        }
         // aᵇ = exp(b log a)
         let exponent = power * self.log();
         let largest = exponent.high().exp();
@@ -271,9 +278,10 @@ mod tests {
             let (tan, asin) = (tape.tan(product), tape.asin(sine));
             let (acos, angle) = (tape.acos(cosine), tape.atan2(a, b));
             let (power, powers) = (tape.power(b, -1.5), tape.pow(b, a));
+            let cubic = tape.power(b, 1.0 / 3.0);
             let outputs = [
                 product, quotient, root, log, exp, tanh, atan, scaled, recip, sinh, cosh, tan, asin, acos, angle, power,
-                powers,
+                powers, cubic,
             ];
             let tape = tape.finish(&outputs);
 
@@ -285,7 +293,7 @@ mod tests {
             tape.eval(&[x + s * r, y + u * r], &mut values, &mut tape.scratch());
             for (ball, value) in enclosures.iter().zip(&values) {
                 // A root or a logarithm of a negative number is none.
-                if ball.radius == f64::INFINITY {
+                if ball.radius == f64::INFINITY || value.is_nan() {
                     continue;
                 }
                 prop_assert!((value - ball.middle).abs() <= ball.radius * (1.0 + 1e-12) + 1e-14, "{ball:?} and {value}");

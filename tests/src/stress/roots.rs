@@ -36,14 +36,21 @@ impl Numbers {
     }
 }
 
-/// c |u|^p with random c and p that is crossed, reached in finite time, left, left from rest, or struck.
+/// c |u|^p with random c and p that is crossed, reached in finite time, left, left from rest, struck, or spiralled into.
 fn at_zero(extent: Extent) -> Family {
-    let kinds: [fn(usize, &mut Numbers) -> Case; 6] =
-        [crossed, reached, left, left_from_rest, struck, never_left];
+    let kinds: [fn(usize, &mut Numbers) -> Case; 7] = [
+        crossed,
+        reached,
+        left,
+        left_from_rest,
+        struck,
+        never_left,
+        twisted,
+    ];
     let mut numbers = Numbers(25);
     let n = match extent {
-        Extent::Short => 6,
-        Extent::Long => 240,
+        Extent::Short => 7,
+        Extent::Long => 280,
     };
     let cases = (0..n).flat_map(|k| {
         let case = kinds[k % kinds.len()](k, &mut numbers).within(20);
@@ -52,7 +59,7 @@ fn at_zero(extent: Extent) -> Family {
     Family {
         name: "roots at zero",
         about: "Laws c |u|^p or c max(u, 0)^p, p in {1/3, 1/2, 2/3, 1.5, 2.5}: integrated across a transversal zero, from \
-                one, and from rest; emptied in finite time; impacts without loss. Closed forms, the duration of an impact \
+                one, and from rest; emptied in finite time; impacts without loss; spirals of super-twisting that end. Closed forms, the duration of an impact \
                 by Simpson's rule.",
         hardness: "number",
         cases: cases.collect(),
@@ -160,4 +167,30 @@ fn never_left(k: usize, numbers: &mut Numbers) -> Case {
     let ends = level + 2.0 * rise;
     let case = Case::new(k, model, 2.0).ends("h", &[0.0], 1.0);
     case.ends("a", &[ends], ends).ends("b", &[ends], ends)
+}
+
+/// x' = -k √|x| sign x + w, w' = -l sign x, y' = t sign x from x = a, w = 0. With ζ = √|x| and dt = 2ζ dτ these are the
+/// linear ζ' = w - k ζ, w' = -2l ζ between crossings, with ω² = 2l - k²/4: each |w| is e^(-kπ/(2ω)) times the one before.
+fn twisted(k: usize, numbers: &mut Numbers) -> Case {
+    let [start, l, share] =
+        [(0.3, 2.0), (0.5, 3.0), (0.3, 0.9)].map(|(l, h)| numbers.between(l, h));
+    let gain = (100.0 * share * (8.0 * l).sqrt()).round() / 100.0;
+    let omega = (2.0 * l - 0.25 * gain * gain).sqrt();
+    let first = (2.0 * omega / gain).atan() / omega;
+    let mut speed = (2.0 * l * start).sqrt() * (-0.5 * gain * first).exp();
+    let ratio = (-0.5 * gain * std::f64::consts::PI / omega).exp();
+    let ends = 2.0 * speed / (l * (1.0 - ratio));
+    let (mut from, mut to, mut sign, mut moment) = (0.0, speed / l, 1.0, 0.0);
+    while to > from {
+        moment += 0.5 * sign * (to * to - from * from);
+        (from, to, sign) = (to, to + speed * (1.0 + ratio) / l, -sign);
+        speed *= ratio;
+    }
+    let model = format!(
+        "state x = {start:?}; state w = 0; state y = 0;
+         x' = -{gain:?}*sqrt(abs(x))*sign(x) + w; w' = -{l:?}*sign(x); y' = time*sign(x);"
+    );
+    let case = Case::new(k, model, 1.5 * ends).accurate_if(false);
+    let case = case.ends("x", &[0.0], start).ends("w", &[0.0], 1.0);
+    case.ends("y", &[moment], ends * ends)
 }
