@@ -490,3 +490,23 @@ fn friction_of_bounces_that_accumulate_is_theirs() {
         );
     }
 }
+
+/// Flights of a ball last 2 v/g, and each impact halves v: they end after 3 √(2h/g), whatever friction does.
+#[test]
+fn bounces_with_friction_accumulate_once() {
+    let text = "model ball {
+      state q[2] = [0, 0.5];
+      state v[2] = [3, 0];
+      q' = v;
+      mechanics q, v {
+        mass = eye(2);
+        force = [0, -9.81];
+        contact floor { gap = q[2]; slip = v[1]; restitution = 0.5; friction = 0.2; }
+      }
+    }
+    simulate this of ball { horizon 3; }";
+    let found = times(&run(text, "this"), EventKind::Zeno);
+    let exact = 3.0 * (1.0_f64 / 9.81).sqrt();
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert!((found[0] - exact).abs() < 1e-9, "{found:?}");
+}

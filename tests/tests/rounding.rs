@@ -173,3 +173,39 @@ fn a_chain_of_two_links_falls_freely() {
         }
     }
 }
+
+/// A buck converter whose switch compares a voltage with a sine: x' = A x + b in between, by matrix exponentials and roots
+/// with 45 digits. It is chaotic with 40 V.
+#[test]
+fn the_estimate_covers_a_converter_with_pulse_width_modulation() {
+    let converter = |input: u32, periods: u32, method: &str| {
+        format!(
+            "model buck {{
+               param L = 20e-3; param C = 47e-6; param R = 22;
+               state v = 12; state i = 0.55;
+               v' = (i - v/R)/C;
+               i' = ((if 8.4*(v - 11.3) < 6 + 2.2*sin(2*pi*time/400e-6) then {input} else 0) - v)/L;
+             }}
+             simulate r of buck {{ horizon {periods}.5*400e-6; method {method}; }}"
+        )
+    };
+    // At the end, and magnitudes are no smaller.
+    let known = [
+        (35, 20, [12.178488266022616, 0.616291182032407639]),
+        (40, 20, [12.352378437186442, 0.472499165140853270]),
+        (40, 60, [12.040246783949658, 0.735161563522495550]),
+    ];
+    for (input, periods, exact) in known {
+        for method in ["event", "fesd"] {
+            let found = run(&converter(input, periods, method), "r");
+            let estimate = found.error_estimate.expect("there is one");
+            for (name, exact) in ["v", "i"].iter().zip(exact) {
+                let error = (end(&found, name)[0] - exact).abs() / exact;
+                assert!(
+                    error <= 2.0 * estimate,
+                    "{input} V, {periods} periods, {method}: {error:e} above {estimate:e}"
+                );
+            }
+        }
+    }
+}

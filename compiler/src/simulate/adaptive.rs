@@ -52,8 +52,7 @@ pub(super) fn run(
         let mut watched = Watched::new(&mut comparison, settings.horizon, true, watch);
         let mut simulator = simulator(REFINEMENT * settings.tolerance);
         let fine = simulator.run(0.0, settings.horizon, &x0, &mut watched);
-        (fine.status == Status::Solved)
-            .then(|| estimate(system, &comparison, &recorder, [&outcome, &fine]))
+        (fine.status == Status::Solved).then(|| estimate(system, &comparison, [&outcome, &fine]))
     });
     let mut trajectory = assemble(system, settings, &outcome, recorder);
     trajectory.method = Method {
@@ -195,7 +194,12 @@ impl Jumping {
             let scratch = &mut self.switching_scratch;
             self.switching.eval(&self.inputs, &mut self.psi, scratch);
             for (alpha, psi) in self.inputs[1 + n..].iter_mut().zip(&self.psi) {
-                *alpha = if *psi < 0.0 { 0.0 } else { 1.0 };
+                // What is no number is on no side.
+                *alpha = match *psi {
+                    psi if psi < 0.0 => 0.0,
+                    psi if psi >= 0.0 => 1.0,
+                    _ => f64::NAN,
+                };
             }
         }
     }

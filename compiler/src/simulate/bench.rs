@@ -232,7 +232,7 @@ impl<'s, 'e> Bench<'s, 'e> {
             }
         };
         let names = ModeNames::new(self.system);
-        let failure = outcome::failure(self.system, &names, &outcome, self.settings.span);
+        let failure = outcome::failure(self.system, &names, &outcome, self.settings);
         End {
             failure: failure.map(|failure| failure.to_string()),
             x: outcome.x,

@@ -17,10 +17,10 @@ mod functions;
 mod instants;
 mod laws;
 mod limits;
-mod mode_count;
 mod modes;
 pub mod moreau;
 mod outcome;
+mod parting;
 mod pieces;
 mod record;
 mod rehearsal;
@@ -50,7 +50,6 @@ use crate::system::System;
 use crate::system::experiment::{self, Branch, EventOptions, Settings};
 pub use bench::{Bench, End, Variant, whole};
 pub(crate) use elements::Elements;
-use mode_count::ModeCount;
 use modes::ModeNames;
 pub use outcome::sampled;
 use record::{Jump, Recorder};
@@ -304,12 +303,13 @@ impl Estimate {
             activity * outcome.time + outcome.moved[i] + rounding * comparison.scale[i]
         };
         let touches = Touches::find(outcome, &comparison.misses, known, &comparison.scale);
+        let error = error.max(rounding);
+        let parted = comparison.parted(error);
         Some(Estimate {
             touches,
-            error: error.max(rounding),
-            parted: comparison.parted(),
-            same_modes: comparison.modes.count == run.n_modes()
-                && fine.status.is_like(&outcome.status),
+            error,
+            parted,
+            same_modes: parted.is_none() && fine.status.is_like(&outcome.status),
         })
     }
 }
@@ -320,7 +320,7 @@ struct Comparison<'r> {
     states: &'r [f64],
     n: usize,
     next: usize,
-    modes: ModeCount,
+    horizon: f64,
     /// Jumps of the first run, and how many the second one has met.
     jumps: &'r [Jump],
     jumped: usize,
@@ -331,10 +331,9 @@ struct Comparison<'r> {
     /// The states behind events of the first run, and how many of this one have been displaced from them.
     behind: &'r [f64],
     displaced: usize,
-    /// The changes of its mode, how many this one has made, and when one was another.
+    /// The changes of its mode, and the modes of this one with the instants at which they begin.
     changes: &'r [record::Change],
-    changed: usize,
-    parted: Option<f64>,
+    modes: Vec<(f64, Box<[solver::Side]>)>,
     /// What the differences so far make of ψ, at the approaches that were passed.
     misses: Vec<f64>,
 }
@@ -347,7 +346,7 @@ impl<'r> Comparison<'r> {
             states: run.states(),
             n,
             next: 0,
-            modes: run.count_modes(),
+            horizon: run.horizon(),
             jumps: run.jumps(),
             jumped: 0,
             x: vec![0.0; n],
@@ -357,18 +356,20 @@ impl<'r> Comparison<'r> {
             behind: run.behind(),
             displaced: 0,
             changes: run.changes(),
-            changed: 0,
-            parted: None,
+            modes: Vec::new(),
             misses: Vec::new(),
         }
     }
 }
 
 impl Comparison<'_> {
-    /// When the modes were first others, or those of the first run went on.
-    fn parted(&self) -> Option<f64> {
-        let more = self.changes.get(self.changed).map(|change| change.0);
-        self.parted.or(more)
+    /// When the modes were first others, as far as a run is `known`.
+    fn parted(&self, known: f64) -> Option<f64> {
+        let one = self.changes.iter().map(|change| (change.0, &*change.2));
+        let other = self.modes.iter().map(|(time, mode)| (*time, &**mode));
+        let [one, other] = [one.collect::<Vec<_>>(), other.collect()];
+        let near = parting::closeness(self.horizon, known);
+        parting::parted(&one, &other, near)
     }
 
     /// Compares the present state with a recorded one.
@@ -423,13 +424,7 @@ impl Observer for Comparison<'_> {
     }
 
     fn event(&mut self, event: &solver::Event) {
-        self.modes.change(event.time);
-        let other = self.changes.get(self.changed);
-        self.changed += 1;
-        if self.parted.is_none() && other.is_none_or(|other| *other.2 != *event.to) {
-            let first = other.map_or(event.time, |other| other.0.min(event.time));
-            self.parted = Some(first);
-        }
+        self.modes.push((event.time, event.to.into()));
         if event.jumps.is_empty() {
             return;
         }
@@ -470,7 +465,7 @@ fn assemble(
     recorder: Recorder,
 ) -> Trajectory {
     let names = ModeNames::new(system);
-    let failure = outcome::failure(system, &names, outcome, settings.span);
+    let failure = outcome::failure(system, &names, outcome, settings);
     let mut trajectory = Trajectory {
         experiment: settings.name.clone(),
         model: system.name.clone(),

@@ -8,7 +8,7 @@ use nsd_solver::simulate::{
 use super::modes::{ModeNames, law_of};
 use super::steepest;
 use crate::report::{Failure, Warning};
-use crate::source::Span;
+use crate::system::experiment::{Method, Settings};
 use crate::system::{Role, System};
 
 /// What ended the run before its horizon; none where it was reached.
@@ -16,9 +16,19 @@ pub(super) fn failure(
     system: &System,
     names: &ModeNames,
     outcome: &Outcome,
-    span: Span,
+    settings: &Settings,
 ) -> Option<Failure> {
-    let time = outcome.time;
+    let (time, span, ahead) = (outcome.time, settings.span, ahead(settings));
+    // What is no number contradicts every sign and solves no equation.
+    let cause = match &outcome.status {
+        Status::Unsolved | Status::StepLimit => steepest::not_finite(system, outcome, ahead),
+        Status::NoSolution { .. } => steepest::not_finite(system, outcome, 0.0),
+        _ => None,
+    };
+    if let Some(term) = cause {
+        let terms = vec![term];
+        return Some(Failure::NotFinite { time, terms });
+    }
     let at = |switches: &[usize]| labels(system, switches);
     Some(match &outcome.status {
         Status::Solved | Status::Stopped => return None,
@@ -108,12 +118,10 @@ pub(super) fn failure(
             surfaces: at(&[*switch]),
         },
         Status::NotFinite => {
-            Failure::NotFinite {
-                time,
-                terms: vec![steepest::label(system, outcome).unwrap_or_else(|| {
-                    LabeledSpan::new_with_span(Some("this run".to_owned()), span)
-                })],
-            }
+            let label = steepest::label(system, outcome, ahead);
+            let this = || LabeledSpan::new_with_span(Some("this run".to_owned()), span);
+            let terms = vec![label.unwrap_or_else(this)];
+            Failure::NotFinite { time, terms }
         }
         Status::Unsolved => Failure::Unsolved { time, span },
         Status::Unweighted { switches } => Failure::Unweighted {
@@ -136,6 +144,19 @@ fn many(events: f64) -> String {
         format!("{events:.0e}")
     }
 }
+
+/// How far ahead of where it ended a run looked: a step of its grid, or what is left of those that became ever shorter.
+fn ahead(settings: &Settings) -> f64 {
+    let steps = match &settings.method {
+        Method::Fesd(options) => options.steps,
+        Method::Timestepping(options) => Some(options.steps),
+        _ => None,
+    };
+    settings.horizon * steps.map_or(SHORTEST, |steps| 1.0 / steps as f64)
+}
+
+/// Steps that become ever shorter have come at least so close to where they lead, as a share of the horizon.
+const SHORTEST: f64 = 1e-6;
 
 /// A coefficient so close to a bound of its range is just leaving it.
 const AT_BOUND: f64 = 1e-9;

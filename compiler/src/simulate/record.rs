@@ -5,7 +5,6 @@ use std::ops::ControlFlow;
 use nsd_solver::simulate::{Decision, Event, Observer, Outcome, Segment, Side};
 
 use super::limits::Limits;
-use super::mode_count::ModeCount;
 use super::modes::{self, ModeNames};
 use super::pieces;
 use crate::expr;
@@ -103,21 +102,12 @@ impl<'s, 'e> Recorder<'s, 'e> {
         &self.behind
     }
 
+    pub(super) fn horizon(&self) -> f64 {
+        self.horizon
+    }
+
     pub(super) fn changes(&self) -> &[Change] {
         &self.changes
-    }
-
-    pub(super) fn n_modes(&self) -> usize {
-        let mut modes = ModeCount::new(self.horizon);
-        self.changes
-            .iter()
-            .for_each(|change| modes.change(change.0));
-        modes.count
-    }
-
-    /// Counts the modes of another run over the same horizon.
-    pub(super) fn count_modes(&self) -> ModeCount {
-        ModeCount::new(self.horizon)
     }
 
     /// Takes α of a mode, where they are known.
@@ -278,8 +268,12 @@ impl<'s, 'e> Recorder<'s, 'e> {
             }
             let (mode_from, mode_to) = (names.mode(from), names.mode(to));
             let limit = self.accumulations.contains(time);
-            let limit = limit.then_some(EventKind::Zeno);
+            let mut ended: Vec<String> = Vec::new();
             for change in what {
+                // What accumulates on a surface is told once, however many switches it has.
+                let ends = limit && !ended.contains(&change.surface);
+                ended.extend(ends.then(|| change.surface.clone()));
+                let limit = ends.then_some(EventKind::Zeno);
                 for kind in [Some(change.kind), limit].into_iter().flatten() {
                     trajectory.events.push(report::Event {
                         time: *time,

@@ -1,7 +1,8 @@
 //! The term of a right-hand side that is not finite where a run ends, or has the steepest slope there.
 //!
 //! A run ends just before a root, a logarithm or a quotient loses its value, so that all rates may still be finite.
-//! Then |∂f_i/∂x_j| is largest in the rate that is to blame, and most of it comes from one term of f_i.
+//! Then a term has lost it a little later on the tangent, or |∂f_i/∂x_j| is largest in the rate that is to blame, and most
+//! of it comes from one term of f_i.
 
 use miette::LabeledSpan;
 
@@ -9,6 +10,7 @@ use nsd_solver::simulate::Outcome;
 use rustc_hash::FxHashMap;
 
 use crate::expr::{Expr, Node, Var, variables_of};
+use crate::source::Span;
 use crate::system::System;
 use crate::system::roots::Root;
 
@@ -18,47 +20,112 @@ const SHARE: f64 = 1e-3;
 const AT_END: f64 = 1e-6;
 /// Slopes below this are nothing special.
 const STEEP: f64 = 1e6;
+/// Where on the tangent it is looked, as shares of what is ahead.
+const AHEAD: [f64; 6] = [0.0, 0.125, 0.25, 0.5, 1.0, 1.25];
+
+/// What all variables are.
+type Values = FxHashMap<Var, f64>;
 
 /// The line of the rate with the term, as a label; none where all rates are harmless.
-pub(super) fn label(system: &System, outcome: &Outcome) -> Option<LabeledSpan> {
+pub(super) fn label(system: &System, outcome: &Outcome, ahead: f64) -> Option<LabeledSpan> {
+    not_finite(system, outcome, ahead).or_else(|| steepest(system, outcome))
+}
+
+/// The same of a rate or a switching function that is not finite where the run has ended, or in some time from there.
+pub(super) fn not_finite(system: &System, outcome: &Outcome, ahead: f64) -> Option<LabeledSpan> {
+    let found = AHEAD.iter().find_map(|share| {
+        let values = on_tangent(system, outcome, share * ahead);
+        let value = |e: Expr| at(&values, e);
+        let is_known = |e: Expr| {
+            variables_of(&[e])
+                .iter()
+                .all(|var| values.contains_key(var))
+        };
+        let (function, span) =
+            functions(system).find(|(e, _)| is_known(*e) && !value(*e).is_finite())?;
+        let size = |e: Expr| {
+            if value(e).is_finite() {
+                0.0
+            } else {
+                f64::INFINITY
+            }
+        };
+        let term = innermost(function, &size);
+        let is = match value(term) {
+            number if number.is_nan() => "no number".to_owned(),
+            number => number.to_string(),
+        };
+        let text = format!("`{term}` is {is}{}", below_zero(term, &value));
+        Some((text, span))
+    });
+    let (text, span) = found?;
+    Some(LabeledSpan::new_with_span(Some(text), span))
+}
+
+/// Rates and switching functions, with their lines.
+fn functions<'s, 'e>(system: &'s System<'e>) -> impl Iterator<Item = (Expr<'e>, Span)> + 's {
+    let rates = system.states.iter().map(|state| (state.rate, state.span));
+    let switches = system.switches.iter();
+    let surfaces = switches.filter_map(|switch| Some((switch.psi, *switch.spans.first()?)));
+    rates.chain(surfaces)
+}
+
+fn steepest(system: &System, outcome: &Outcome) -> Option<LabeledSpan> {
     let values = values(system, outcome);
-    let value = |e: Expr| e.eval(&|var| values.get(&var).copied().unwrap_or(f64::NAN));
-    let mut steepest: Option<(f64, usize, Var)> = None;
-    for (i, state) in system.states.iter().enumerate() {
-        let found = value(state.rate);
-        if !found.is_finite() {
-            let size = |e: Expr| {
-                if value(e).is_finite() {
-                    0.0
-                } else {
-                    f64::INFINITY
-                }
-            };
-            let term = innermost(state.rate, &size);
-            let is = match value(term) {
-                number if number.is_nan() => "no number".to_owned(),
-                number => number.to_string(),
-            };
-            let text = format!("`{term}` is {is}{}", below_zero(term, &value));
-            return Some(LabeledSpan::new_with_span(Some(text), state.span));
-        }
-        for var in variables_of(&[state.rate]) {
-            let slope = slope(value(state.rate.diff(var)));
+    let value = |e: Expr| at(&values, e);
+    let mut steepest: Option<(f64, Expr, Span, Var)> = None;
+    for (function, span) in functions(system) {
+        for var in variables_of(&[function]) {
+            let slope = slope(value(function.diff(var)));
             if slope > STEEP && steepest.is_none_or(|(most, ..)| slope > most) {
-                steepest = Some((slope, i, var));
+                steepest = Some((slope, function, span, var));
             }
         }
     }
-    let (size, i, var) = steepest?;
-    let state = &system.states[i];
-    let term = innermost(state.rate, &|e| slope(value(e.diff(var))));
+    let (size, function, span, var) = steepest?;
+    let term = innermost(function, &|e| slope(value(e.diff(var))));
     let name = system.exprs.name(var);
     let text = match size.is_finite() {
         true => format!("the slope of `{term}` along `{name}` is {size:.0e}"),
         false => format!("`{term}` has no slope along `{name}`"),
     };
     let text = text + &below_zero(term, &value);
-    Some(LabeledSpan::new_with_span(Some(text), state.span))
+    Some(LabeledSpan::new_with_span(Some(text), span))
+}
+
+/// An expression where all variables are known.
+fn at(values: &Values, e: Expr) -> f64 {
+    e.eval(&|var| values.get(&var).copied().unwrap_or(f64::NAN))
+}
+
+/// All variables some time after the run has ended, where states go on as they do there.
+fn on_tangent(system: &System, outcome: &Outcome, tau: f64) -> Values {
+    let mut values = values(system, outcome);
+    if tau == 0.0 {
+        return values;
+    }
+    let rates = system.states.iter();
+    let rates: Vec<f64> = rates.map(|state| at(&values, state.rate)).collect();
+    let time = (system.time, 1.0);
+    let states = system.states.iter().map(|state| state.var).zip(rates);
+    for (e, rate) in states.chain([time]) {
+        let value = e.as_variable().and_then(|var| values.get_mut(&var));
+        if let Some(value) = value.filter(|_| rate.is_finite()) {
+            *value += tau * rate;
+        }
+    }
+    // Plain switches go along.
+    for switch in &system.switches {
+        let psi = at(&values, switch.psi);
+        let alpha = switch.alpha.as_variable();
+        if let Some(alpha) = alpha.and_then(|var| values.get_mut(&var))
+            && (*alpha == 0.0 || *alpha == 1.0)
+            && switch.relay.is_none()
+        {
+            *alpha = if psi > 0.0 { 1.0 } else { 0.0 };
+        }
+    }
+    values
 }
 
 /// How a root goes on whose base has come to zero, or below.
@@ -98,7 +165,7 @@ fn innermost<'e>(e: Expr<'e>, size: &dyn Fn(Expr<'e>) -> f64) -> Expr<'e> {
 }
 
 /// All variables where the run has ended.
-fn values(system: &System, outcome: &Outcome) -> FxHashMap<Var, f64> {
+fn values(system: &System, outcome: &Outcome) -> Values {
     let states = system.states.iter().map(|state| state.var);
     let switches = system.switches.iter().map(|switch| switch.alpha);
     let params = system.params.iter().map(|param| (param.var, param.value));

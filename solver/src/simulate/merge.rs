@@ -106,7 +106,15 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             if state.sides[i] == Side::Slide {
                 continue;
             }
-            let others: Vec<usize> = triggers.iter().copied().filter(|&j| j != i).collect();
+            // Nothing lies between two names of one surface.
+            let others: Vec<usize> = triggers
+                .iter()
+                .copied()
+                .filter(|&j| j != i && !self.is_one(state, [i, j]))
+                .collect();
+            if others.is_empty() {
+                continue;
+            }
             let Some(between) = self.between(state, &others, t1) else {
                 continue;
             };
@@ -117,6 +125,22 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 return;
             }
         }
+    }
+
+    /// Whether two surfaces that meet here have one tangent plane, as far as rounding tells.
+    fn is_one(&mut self, state: &State, both: [usize; 2]) -> bool {
+        let mode = &mut self.mode;
+        mode.set(state.t, &state.x, &state.alpha);
+        mode.linearize(&both);
+        let normals = both.map(|i| {
+            let mut normal: Vec<f64> = vec![0.0; state.x.len() + 1];
+            for &(j, g) in mode.gradient(i) {
+                normal[j] += g * state.scale[j].max(state.x[j].abs());
+            }
+            normal[state.x.len()] = mode.time_gradient(i) * state.t.abs();
+            normal
+        });
+        are_parallel(&normals[0], &normals[1])
     }
 
     /// The mode that these surfaces lead to; nothing where there is none.
@@ -170,6 +194,18 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 (between - all).abs() * lasts > self.settings.tolerance * size
             })
     }
+}
+
+/// Whether two vectors differ by a factor, but for rounding.
+pub(crate) fn are_parallel(a: &[f64], b: &[f64]) -> bool {
+    let size = |v: &[f64]| v.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    let rounding = ROUNDINGS * f64::EPSILON * size(a) * size(b);
+    // a_i b_j = a_j b_i for the largest a_i.
+    let largest = (0..a.len()).max_by(|&i, &j| a[i].abs().total_cmp(&a[j].abs()));
+    largest.is_some_and(|i| {
+        let mut pairs = a.iter().zip(b);
+        rounding > 0.0 && pairs.all(|(c, d)| (a[i] * d - c * b[i]).abs() <= rounding)
+    })
 }
 
 impl State {

@@ -40,7 +40,7 @@ mod lead;
 mod lead_tests;
 mod meeting;
 mod mend;
-mod merge;
+pub(crate) mod merge;
 mod mode;
 mod observer;
 mod order;

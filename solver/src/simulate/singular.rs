@@ -231,6 +231,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             None => (line.length, Vec::new()),
         };
         dense.states_at(length, &mut state.next);
+        if !state.next.iter().all(|x| x.is_finite()) {
+            return Err(Status::NotFinite);
+        }
         dense.alphas_at(length, &mut state.alpha);
         std::mem::swap(&mut state.x, &mut state.next);
         state.last_step = line.length;

@@ -230,6 +230,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             dense.states_at(length, &mut state.next);
             std::mem::swap(&mut state.x, &mut state.next);
             if !state.x.iter().all(|x| x.is_finite()) {
+                std::mem::swap(&mut state.x, &mut state.next);
                 return Err(Status::NotFinite);
             }
             dense.alphas_at(length, &mut state.alpha);

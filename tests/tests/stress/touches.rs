@@ -122,3 +122,28 @@ fn a_touch_that_two_runs_do_not_see_is_told() {
         }
     }
 }
+
+/// ψ that vanish together wherever they do are one surface, and nothing lies between them.
+#[test]
+fn two_names_of_one_surface_are_met_at_once() {
+    let names = [
+        ("x^3 - 1", "log(x)"),
+        ("x - 1", "(x - 1)*exp(y/1e7)"),
+        ("sin(x) - sin(1)", "exp(2*x) - exp(2)"),
+    ];
+    for (a, b) in names {
+        let model = format!(
+            "state x = 0.3; state y = 0; x' = 1; y' = (if {a} > 0 then 1e6 else -1) + (if {b} > 0 then -1e6 else 1);"
+        );
+        for method in ["event", "fesd"] {
+            let found = simulate(&model, &format!("horizon 1.5; method {method};"));
+            assert!(codes(&found).is_empty(), "{model}: {:?}", codes(&found));
+            assert!(end(&found, "y")[0].abs() < 1e-8, "{model} by {method}");
+        }
+    }
+    // Another surface that is met at once has something between.
+    let model = "state x = 0.3; state z = 0; state y = 0; x' = 1; z' = 1;
+        y' = (if x^3 > 1 then 1e11 else -1) + (if z > 0.7 then -1e11 else 1);";
+    let found = simulate(model, "horizon 2;");
+    is_in_doubt(&found, model);
+}

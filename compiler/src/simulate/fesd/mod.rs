@@ -135,7 +135,7 @@ pub(super) fn run(
                 &mut keeper,
             );
             let outcomes = [&solution.outcome, &fine.outcome];
-            let mut found = estimate(system, &comparison, &recorder, outcomes);
+            let mut found = estimate(system, &comparison, outcomes);
             if let Some(turns) = turns {
                 found.touches = turns.judge(found.error, solution.outcome.time);
             }
@@ -246,7 +246,6 @@ fn nodes_of_finer(options: &FesdOptions) -> usize {
 pub(super) fn estimate(
     system: &System,
     comparison: &Comparison,
-    run: &Recorder,
     outcomes: [&Outcome; 2],
 ) -> Estimate {
     let scale = |i: usize| comparison.scale[i].max(outcomes[0].x[i].abs());
@@ -256,14 +255,13 @@ pub(super) fn estimate(
         Ok(_) => fesd::NEGLIGIBLE * largest,
         Err(_) => 0.0,
     };
-    estimate_with(least, comparison, run, outcomes)
+    estimate_with(least, comparison, outcomes)
 }
 
 /// The same with what each state is measured by at least.
 pub(super) fn estimate_with(
     least: impl Fn(usize) -> f64,
     comparison: &Comparison,
-    run: &Recorder,
     [found, fine]: [&Outcome; 2],
 ) -> Estimate {
     let scale = |i: usize| comparison.scale[i].max(found.x[i].abs());
@@ -279,11 +277,13 @@ pub(super) fn estimate_with(
     };
     let error = comparison.difference.iter().enumerate().map(relative);
     let rounding = f64::EPSILON * (found.stats.steps as f64).sqrt();
+    let error = error.fold(rounding, f64::max);
+    let parted = comparison.parted(error);
     Estimate {
         touches: Touches::default(),
-        parted: comparison.parted(),
-        error: error.fold(rounding, f64::max),
-        same_modes: comparison.modes.count == run.n_modes() && fine.status == found.status,
+        parted,
+        error,
+        same_modes: parted.is_none() && fine.status == found.status,
     }
 }
 

@@ -47,7 +47,7 @@ pub(in crate::simulate) fn run(
         let mut comparison = Comparison::new(&recorder, &x0);
         let mut watched = Watched::new(&mut comparison, settings.horizon, true, watch);
         let fine = stepper(2 * options.steps).run(0.0, settings.horizon, &x0, &mut watched);
-        2.0 * estimate(system, &comparison, &recorder, [&outcome, &fine]).error
+        2.0 * estimate(system, &comparison, [&outcome, &fine]).error
     });
     let mut trajectory = assemble(system, settings, &outcome, recorder);
     let (family, nodes) = options.scheme();

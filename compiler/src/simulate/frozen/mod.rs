@@ -85,12 +85,7 @@ pub(super) fn run(
                 left(),
                 &mut watched,
             );
-            estimate(
-                system,
-                &comparison,
-                &recorder,
-                [&found.outcome, &fine.outcome],
-            )
+            estimate(system, &comparison, [&found.outcome, &fine.outcome])
         });
         let judged = estimated.as_ref().filter(|_| !settings.method.has_steps());
         if let Some(next) = tightened(judged, settings, tolerance, attempt) {
@@ -234,7 +229,7 @@ impl<'e> Road<'e> {
             }
             None => {
                 let names = ModeNames::new(&frozen.system);
-                outcome::failure(&frozen.system, &names, &outcome, settings.span)
+                outcome::failure(&frozen.system, &names, &outcome, settings)
             }
         };
         Found {

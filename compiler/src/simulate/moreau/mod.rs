@@ -69,7 +69,7 @@ pub(super) fn run(
         }
         let outcomes = [&solution.outcome, &fine.outcome];
         // The order is one: halving the steps removes half of the error.
-        2.0 * estimate_with(|i| least[i], &comparison, &recorder, outcomes).error
+        2.0 * estimate_with(|i| least[i], &comparison, outcomes).error
     });
     let failure = failure(system, &solution);
     let mut outcome = solution.outcome.clone();
