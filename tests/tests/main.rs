@@ -6,6 +6,7 @@ mod algebraic;
 mod algebraic_optimal;
 mod allocation;
 mod boxes;
+mod chattering;
 mod coefficients;
 mod cones;
 mod contact_properties;

@@ -23,6 +23,8 @@ pub struct Settings {
     /// Switches that are below their surface at such a point, where no branch says more: what acts there keeps them on
     /// it, and the states of other solutions only look as if it did not.
     pub below: Vec<usize>,
+    /// Whether chattering that fades and never ends goes on as sliding.
+    pub averages: bool,
     /// Unmodelled errors.
     pub kicks: Option<Kicks>,
 }
@@ -37,6 +39,7 @@ impl Default for Settings {
             time_limit: None,
             branch: Vec::new(),
             below: Vec::new(),
+            averages: false,
             kicks: None,
         }
     }
