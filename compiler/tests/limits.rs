@@ -346,3 +346,23 @@ fn named_files_are_written_as_by_a_shell() {
         formatted.err
     );
 }
+
+/// A function for each of 243 regions, each with as many terms, would take minutes.
+#[test]
+fn saturations_inside_of_each_other_have_an_answer() {
+    let nested: Vec<String> = (1..=5)
+        .map(|k| format!("let a{k} = sat(1.5*a{} + 0.1*sin({k}*time), -1, 1);", k - 1))
+        .collect();
+    let model = format!(
+        "model m {{ state x = 0.1; let a0 = 2*sin(3*time); {} x' = -x + a5; }}\n\
+         simulate s of m {{ horizon 1; method fesd {{ steps = 20; }} }}\n",
+        nested.join(" ")
+    );
+    let folder = folder("saturations");
+    let by_steps = nsdc_with_input(&folder, &["run", "-"], &model);
+    assert_eq!(by_steps.status, 0, "{}", by_steps.err);
+    let refused = model.replace("horizon 1;", "horizon 1; lower stewart;");
+    let ran = nsdc_with_input(&folder, &["run", "-"], &refused);
+    assert_eq!(ran.status, 1, "{}", ran.err);
+    assert!(ran.err.contains("E0421"), "{}", ran.err);
+}
