@@ -292,3 +292,77 @@ fn tolerances_are_finite() {
         assert_eq!(ran.status, 2, "{within}: {}{}", ran.out, ran.err);
     }
 }
+
+/// A file that a command is told to write is what a shell writes behind `>`: a link stays one, and a FIFO is written to.
+#[cfg(unix)]
+#[test]
+fn named_files_are_written_as_by_a_shell() {
+    const MODEL: &str = "model m { state x = 1; x' = -x; }\nsimulate s of m { horizon 1; }\n";
+    let folder = folder("written");
+    let at = |name: &str| folder.join(name);
+    let link = |to: &str, from: &str| {
+        std::os::unix::fs::symlink(at(to), at(from)).expect("links can be made");
+    };
+    let is_link = |name: &str| {
+        let kind = fs::symlink_metadata(at(name)).expect("it is there");
+        kind.file_type().is_symlink()
+    };
+    let text = |name: &str| fs::read_to_string(at(name)).expect("it is there");
+    fs::write(at("real.nsd"), MODEL.replace("{ ", "{   ")).expect("the folder is writable");
+    link("real.nsd", "link.nsd");
+    let formatted = nsdc(&folder, &["fmt", "link.nsd"]);
+    assert_eq!(formatted.status, 0, "{}", formatted.err);
+    assert!(is_link("link.nsd"));
+    assert!(!text("real.nsd").contains("{   "));
+    // A file that is there, and one that is not yet.
+    fs::write(at("there"), "old").expect("the folder is writable");
+    for (to, from) in [("there", "first"), ("new", "second")] {
+        link(to, from);
+        for option in ["--csv", "--json"] {
+            let ran = nsdc(&folder, &["run", "link.nsd", option, from]);
+            assert_eq!(ran.status, 0, "{}", ran.err);
+            assert!(is_link(from));
+            assert!(text(to).contains("time"), "{option}: {}", text(to));
+        }
+    }
+    let made = std::process::Command::new("mkfifo")
+        .arg(at("fifo"))
+        .status();
+    assert!(made.expect("mkfifo starts").success());
+    let reader = {
+        let fifo = at("fifo");
+        std::thread::spawn(move || fs::read_to_string(fifo))
+    };
+    let ran = nsdc(&folder, &["run", "link.nsd", "--csv", "fifo"]);
+    assert_eq!(ran.status, 0, "{}", ran.err);
+    let read = reader.join().expect("it reads").expect("there is text");
+    assert!(read.starts_with("time,x"), "{read}");
+    // What is read is a file, which has an end.
+    let formatted = nsdc(&folder, &["fmt", "fifo"]);
+    assert_eq!(formatted.status, 1, "{}", formatted.err);
+    assert!(
+        formatted.err.contains("no regular file"),
+        "{}",
+        formatted.err
+    );
+}
+
+/// A function for each of 243 regions, each with as many terms, would take minutes.
+#[test]
+fn saturations_inside_of_each_other_have_an_answer() {
+    let nested: Vec<String> = (1..=5)
+        .map(|k| format!("let a{k} = sat(1.5*a{} + 0.1*sin({k}*time), -1, 1);", k - 1))
+        .collect();
+    let model = format!(
+        "model m {{ state x = 0.1; let a0 = 2*sin(3*time); {} x' = -x + a5; }}\n\
+         simulate s of m {{ horizon 1; method fesd {{ steps = 20; }} }}\n",
+        nested.join(" ")
+    );
+    let folder = folder("saturations");
+    let by_steps = nsdc_with_input(&folder, &["run", "-"], &model);
+    assert_eq!(by_steps.status, 0, "{}", by_steps.err);
+    let refused = model.replace("horizon 1;", "horizon 1; lower stewart;");
+    let ran = nsdc_with_input(&folder, &["run", "-"], &refused);
+    assert_eq!(ran.status, 1, "{}", ran.err);
+    assert!(ran.err.contains("E0421"), "{}", ran.err);
+}

@@ -72,6 +72,8 @@ pub fn spelling(rule: Rule) -> Option<&'static str> {
         Rule::kw_seed => "seed",
         Rule::kw_sliding => "sliding",
         Rule::kw_solves => "solves",
+        Rule::kw_chattering => "chattering",
+        Rule::kw_slide => "slide",
         Rule::kw_starts => "starts",
         Rule::kw_status => "status",
         Rule::kw_subject => "subject",

@@ -268,3 +268,34 @@ fn rows_that_meet_at_one_instant_do_so_in_every_run() {
     assert!(found.warnings.is_empty(), "{:?}", found.warnings);
     assert_eq!(times(&found, EventKind::Activate).len(), 6);
 }
+
+/// Saturations of a state and time inside of each other are continuous, however many terms cancel where they meet.
+#[test]
+fn saturations_inside_of_each_other_are_continuous() {
+    for levels in [4, 5] {
+        let nested: Vec<String> = (1..=levels)
+            .map(|k| format!("let a{k} = sat(1.5*a{} + 0.1*sin({k}*time), -1, 1);", k - 1))
+            .collect();
+        let text = format!(
+            "model m {{
+               state x = 0; x' = cos(time);
+               state z = 0;
+               let a0 = 2*x; {}
+               z' = a{levels};
+             }}
+             simulate s of m {{ horizon 3; }}",
+            nested.join(" ")
+        );
+        let rate = |t: f64| {
+            let level =
+                |a: f64, k: i32| (1.5 * a + 0.1 * (f64::from(k) * t).sin()).clamp(-1.0, 1.0);
+            (1..=levels).fold(2.0 * t.sin(), level)
+        };
+        // The midpoint rule, kinks included.
+        let n = 200_000;
+        let h = 3.0 / f64::from(n);
+        let exact: f64 = (0..n).map(|k| h * rate((f64::from(k) + 0.5) * h)).sum();
+        let found = end(&run(&text, "s"), "z")[0];
+        assert!((found - exact).abs() < 1e-8, "{found} instead of {exact}");
+    }
+}

@@ -7,6 +7,7 @@ mod algebraic_optimal;
 mod allocation;
 mod boxes;
 mod causes;
+mod chattering;
 mod coefficients;
 mod cones;
 mod contact_properties;

@@ -538,3 +538,31 @@ fn what_is_not_finite_has_no_certificate() {
     assert_ne!(found.status, Status::Solved);
     assert_eq!(found.certificate.stationarity, Stationarity::None);
 }
+
+/// Switches inside of others that a control moves at once: where an interval starts, their multipliers are computed
+/// anew, and need the sides of the inner ones.
+#[test]
+fn switches_inside_of_others_follow_a_control() {
+    // Below the surfaces x' = u - w with w = 0.075 + (x + u)/4, and three levels leave w = (0.3 - 0.075 - (x + u)/4)/2.
+    for (levels, rate, offset) in [(2, 0.25, 0.075), (3, -0.125, 0.1125)] {
+        let nested: Vec<String> = (1..=levels)
+            .map(|k| format!("let a{k} = 0.5*abs(a{} - 0.3);", k - 1))
+            .collect();
+        // x' = (1 - rate)*u - rate*x - offset from 0.1 over 1, to where u = 0.05 leads.
+        let (u, decay) = (0.05, f64::exp(-rate));
+        let rest = ((1.0 - rate) * u - offset) / rate;
+        let target = rest + (0.1 - rest) * decay;
+        let text = format!(
+            "model m {{
+               state x = 0.1; control u in [-1, 1] = 0;
+               let a0 = x + u; {}
+               x' = u - a{levels};
+             }}
+             optimize o of m {{ horizon 1; intervals 1; minimize final((x - ({target:?}))^2); }}",
+            nested.join(" ")
+        );
+        let found = solved(&text);
+        close(objective(&found), 0.0, 1e-12);
+        close(found.controls[0].values[0], u, 1e-6);
+    }
+}

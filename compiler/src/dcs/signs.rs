@@ -6,14 +6,18 @@
 //!
 //! Regions with indicators are rows as they are: what their switches compare is in the indicators.
 
+use crate::expr::variables_of;
 use crate::system::arrangement::{Side, Sides};
 use crate::system::{Subsystem, System};
 
 use super::DcsError;
 use super::labels::signed;
 
-/// No subsystem has more regions.
+/// No subsystem has more regions,
 const MAX_REGIONS: usize = 1 << 10;
+
+/// or than these, where switching functions hold sides of others: each then has as many terms as there are regions.
+const MAX_NESTED: usize = 1 << 7;
 
 /// After so many linear programs, combinations are taken to be possible.
 const MOST_PROGRAMS: usize = 1000;
@@ -107,9 +111,23 @@ pub(super) fn rows(system: &System, subsystem: &Subsystem) -> Result<Vec<Row>, D
             rows.push(row);
         }
     }
-    match rows.len() > MAX_REGIONS {
+    match rows.len() > most_regions(system, subsystem) {
         true => Err(too_many(system, subsystem)),
         false => Ok(rows),
+    }
+}
+
+/// How many regions a subsystem may have.
+fn most_regions(system: &System, subsystem: &Subsystem) -> usize {
+    let alphas = subsystem.switches.iter().map(|&k| system.switches[k].alpha);
+    let alphas = variables_of(&alphas.collect::<Vec<_>>());
+    let holds = |&k: &usize| {
+        let vars = variables_of(&[system.switches[k].psi]);
+        vars.iter().any(|var| alphas.contains(var))
+    };
+    match subsystem.switches.iter().any(holds) {
+        true => MAX_NESTED,
+        false => MAX_REGIONS,
     }
 }
 
@@ -129,6 +147,7 @@ fn combinations(
 ) -> Result<Vec<Vec<bool>>, DcsError> {
     let arrangement = system.arrangement(switches);
     let count = switches.len();
+    let most = most_regions(system, subsystem);
     let mut combinations = vec![arrangement.all()];
     for place in 0..count {
         // What fails or takes too long is not left out; neither is one that can only be touched.
@@ -146,8 +165,8 @@ fn combinations(
                 .into_iter()
                 .filter_map(|above| side(sides, above))
         });
-        combinations = longer.take(MAX_REGIONS + 1).collect();
-        if combinations.len() > MAX_REGIONS {
+        combinations = longer.take(most + 1).collect();
+        if combinations.len() > most {
             return Err(too_many(system, subsystem));
         }
     }

@@ -283,17 +283,26 @@ impl<'e> Problem<'_, 'e> {
             block = block.variable(state, |[k]| layout.x_start(k, i));
         }
         block = self.decided(block, |[k]| k);
-        for &i in &layout.kept {
-            let index = |[k]: [usize; 1]| {
-                let index = layout.z(k, 1, 0, i);
-                index.expect("what is continuous is there where a step starts")
-            };
-            block = block.variable(dcs.algebraics[i].var, index);
+        // What jumps, as the sides of switches inside of others, is that of the first node.
+        let occurring = variables_of(&equations);
+        let mut jumps = "";
+        for (i, z) in dcs.algebraics.iter().enumerate() {
+            let is_kept = layout.kept.contains(&i);
+            if !is_kept && !occurring.contains(&variable(z.var)) {
+                continue;
+            }
+            if !is_kept {
+                jumps = ", jumps[k,1,1]";
+            }
+            block = block.variable(z.var, |[k]| {
+                let index = layout.z(k, 1, usize::from(!is_kept), i);
+                index.expect("what is continuous is there where a step starts, all else at nodes")
+            });
         }
         if layout.t(1, 1).is_some() {
             block = block.variable(dcs.time, |[k]| layout.t(k, 1).unwrap_or(0));
         }
-        let g = self.arguments("t[k,1]", "x[k,1,0]", "z[k,1,0]");
+        let g = self.arguments("t[k,1]", "x[k,1,0]", &format!("z[k,1,0]{jumps}"));
         let own = start.states.iter().map(|&i| dcs.states[i].var.to_string());
         let own: Vec<String> = own.collect();
         let own = match own.is_empty() {

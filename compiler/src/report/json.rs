@@ -5,8 +5,8 @@
 use serde::ser::{Serialize, SerializeMap, SerializeSeq, Serializer};
 
 use super::{
-    Bands, Ensemble, Event, Method, MethodOption, ModeInterval, Optimum, Series, SlidingMode,
-    Stats, Trajectory, Warning,
+    Averaged, Bands, Ensemble, Event, Method, MethodOption, ModeInterval, Optimum, Series,
+    SlidingMode, Stats, Trajectory, Warning,
 };
 
 /// The object, without a line break.
@@ -40,6 +40,8 @@ struct Object<'a> {
     optimum: Option<Found>,
     #[serde(skip_serializing_if = "Option::is_none")]
     ensemble: Option<Many<'a>>,
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    averaged: &'a [Averaged],
     skipped: &'a [String],
     /// Warnings, and last what ended the run early.
     warnings: Vec<Warning>,
@@ -159,6 +161,7 @@ impl<'a> From<&'a Trajectory> for Object<'a> {
             },
             optimum: trajectory.optimum.as_ref().map(Found::of),
             ensemble: trajectory.ensemble.as_ref().map(Many::of),
+            averaged: &trajectory.averaged,
             skipped: &trajectory.skipped,
             warnings: (trajectory.warnings.iter().cloned())
                 .chain(

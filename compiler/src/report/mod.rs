@@ -87,10 +87,23 @@ pub struct Trajectory {
     pub optimum: Option<Optimum>,
     /// What many runs with other seeds say together, where the experiment asks for them.
     pub ensemble: Option<Ensemble>,
+    /// Chattering that went on as sliding.
+    pub averaged: Vec<Averaged>,
     /// What the experiment did not need.
     pub skipped: Vec<String>,
     /// Warnings of the run.
     pub warnings: Vec<Warning>,
+}
+
+/// Chattering that went on as sliding.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Averaged {
+    /// When.
+    pub time: f64,
+    /// The surfaces that it was around.
+    pub surfaces: Vec<String>,
+    /// The largest values of their switching functions in the last cycle, which are neglected from there on.
+    pub heights: Vec<f64>,
 }
 
 /// Algebraic variables at instants of their own.

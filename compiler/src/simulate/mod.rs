@@ -126,6 +126,7 @@ fn run_events(
     let (simulator, outcome, recorder, estimate) = loop {
         let solver_settings = solver::Settings {
             kicks: settings.kicks.as_ref().map(|kicks| kicks.kicks(system)),
+            averages: settings.averages,
             ..solver_settings(&settings.method, tolerance, left())
         };
         let mut simulator = Simulator::new(&switched, solver_settings);
@@ -490,6 +491,7 @@ fn assemble(
             ..Certificate::default()
         },
         skipped: system.skipped.clone(),
+        averaged: outcome::averaged(system, outcome),
         warnings: outcome::warnings(system, outcome),
         ..Trajectory::default()
     };

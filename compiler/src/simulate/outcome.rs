@@ -7,8 +7,9 @@ use nsd_solver::simulate::{
 
 use super::modes::{ModeNames, law_of};
 use super::steepest;
-use crate::report::{Failure, Warning};
 use crate::system::experiment::{Method, Settings};
+use crate::report::{Averaged, Failure, Warning};
+use crate::source::Span;
 use crate::system::{Role, System};
 
 /// What ended the run before its horizon; none where it was reached.
@@ -264,10 +265,46 @@ pub(super) fn warnings(system: &System, outcome: &Outcome) -> Vec<Warning> {
                 names_of(switches)
             ),
         ),
+        Note::Averaged {
+            time,
+            switches,
+            heights,
+        } => {
+            let heights: Vec<String> = heights.iter().map(|h| format!("{h:.1e}")).collect();
+            about(
+                "W0722",
+                switches,
+                format!(
+                    "from t = {time} on, chattering around {} is averaged: the state slides there, without an oscillation \
+                     that is still up to {} and fades",
+                    names_of(switches),
+                    heights.join(", ")
+                ),
+            )
+        }
         Note::Unseen { time, function } => unseen(system, *time, *function),
     };
     let notes = outcome.notes.iter().map(warning);
     sampled(system).chain(notes).collect()
+}
+
+/// Chattering that goes on as sliding.
+pub(super) fn averaged(system: &System, outcome: &Outcome) -> Vec<Averaged> {
+    let told = |note: &Note| match note {
+        Note::Averaged {
+            time,
+            switches,
+            heights,
+        } => Some(Averaged {
+            time: *time,
+            surfaces: (switches.iter())
+                .map(|&i| system.switches[i].name.clone())
+                .collect(),
+            heights: heights.clone(),
+        }),
+        _ => None,
+    };
+    outcome.notes.iter().filter_map(told).collect()
 }
 
 /// A function that may be narrower than could be looked at.

@@ -9,7 +9,7 @@
 //! finite sum: no mode comes after them, and their number at a time to come is known long before.
 
 use super::state::State;
-use super::{Side, Simulator, Status, SwitchedSystem};
+use super::{Note, Side, Simulator, Status, SwitchedSystem};
 
 /// Events of a cycle, at most.
 const MAX_CYCLE: usize = 12;
@@ -27,6 +27,9 @@ const BEYOND: f64 = 4.0;
 /// Points of the time until the limit of events at which other switches are looked at.
 const AHEAD: usize = 8;
 
+/// Rates that differ from affine ones by less, as a share of their terms, are affine.
+const AFFINE: f64 = 1e-12;
+
 /// The cycle of modes that the last events have gone through.
 #[derive(Default)]
 pub(super) struct Chatter {
@@ -36,6 +39,16 @@ pub(super) struct Chatter {
     /// Events so far, and when and where there were 1, 2, 4, ... of them.
     count: usize,
     doubled: Vec<(f64, Box<[f64]>)>,
+    last: Option<Last>,
+}
+
+/// The last cycle before chattering goes on as sliding.
+struct Last {
+    /// The number of events at its end.
+    until: usize,
+    switches: Vec<usize>,
+    /// The largest |ψ| of each so far.
+    heights: Vec<f64>,
 }
 
 /// How chattering has gone on while the number of events doubled three times.
@@ -100,6 +113,21 @@ impl Chatter {
         })
     }
 
+    /// One more cycle is looked at, before the state slides.
+    pub(super) fn look_at_last(&mut self) {
+        let switches = self.switches();
+        self.last = Some(Last {
+            until: self.count + self.cycle.len(),
+            heights: vec![0.0; switches.len()],
+            switches,
+        });
+    }
+
+    /// Whether the last cycle is being looked at.
+    pub(super) fn is_last(&self) -> bool {
+        self.last.is_some()
+    }
+
     /// How a run ends that has met as many events as it may.
     pub(super) fn at_limit(&self, time: f64) -> Status {
         self.ends(time).unwrap_or(Status::EventLimit)
@@ -125,6 +153,85 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let found = (lasts && !self.others_switch(chatter, &trend, state, left))
             .then(|| chatter.ends(goal - state.t));
         found.flatten()
+    }
+
+    /// Looks at how far ψ of the switches that chatter is from zero in the middle of a step, and at its end.
+    pub(super) fn measure(&mut self, chatter: &mut Chatter, state: &State, middle: (f64, &[f64])) {
+        let Some(last) = &mut chatter.last else {
+            return;
+        };
+        for (t, x) in [middle, (state.t, &state.x)] {
+            self.mode.set(t, x, &state.alpha);
+            for (height, &i) in last.heights.iter_mut().zip(&last.switches) {
+                *height = height.max(self.mode.psi(i).abs());
+            }
+        }
+    }
+
+    /// Behind the last cycle: takes the state to where ψ of all its switches, and the derivatives of ψ that contain no
+    /// α, are zero, and lets it slide there.
+    pub(super) fn average(
+        &mut self,
+        chatter: &mut Chatter,
+        state: &mut State,
+        t1: f64,
+    ) -> Result<(), Status> {
+        let Some(last) = chatter.last.take_if(|last| last.until <= chatter.count) else {
+            return Ok(());
+        };
+        let ends = chatter.ends(t1 - state.t).unwrap_or(Status::EventLimit);
+        let (time, x, mut sides) = (state.t, state.x.clone(), state.sides.clone());
+        last.switches.iter().for_each(|&i| sides[i] = Side::Slide);
+        state.set_sides(sides);
+        self.mode.enter(self.system, &state.sides);
+        let solved = self.mode.solve_alpha(time, &x, &mut state.alpha);
+        let mut slides = solved.is_ok() && self.is_affine(state);
+        if slides {
+            self.mode.project(self.system, state);
+            let on = self.place(state, t1 - time, &[])?;
+            self.enter(state, on, t1)?;
+            slides = last.switches.iter().all(|&i| state.sides[i] == Side::Slide);
+        }
+        if !slides {
+            state.x = x;
+            return Err(ends);
+        }
+        state.note(Note::Averaged {
+            time,
+            switches: last.switches,
+            heights: last.heights,
+        });
+        *chatter = Chatter::default();
+        Ok(())
+    }
+
+    /// Whether rates are affine in α of all that slides, so that their mean over a cycle is that of mean α.
+    fn is_affine(&mut self, state: &State) -> bool {
+        let sliding = self.mode.sliding.clone();
+        let mut rates = |values: &dyn Fn(usize) -> f64| -> Vec<f64> {
+            let mut alpha = state.alpha.clone();
+            let of_sliding = sliding.iter().enumerate();
+            of_sliding.for_each(|(k, &i)| alpha[i] = values(k));
+            self.mode.eval(state.t, &state.x, &alpha);
+            self.mode.f().to_vec()
+        };
+        // Of a product of two α, these shares leave something.
+        let share = |k: usize| 1.0 / (k as f64 + 2.0);
+        let below = rates(&|_| 0.0);
+        let found = rates(&share);
+        let mut expected = below.clone();
+        let mut size: Vec<f64> = below.iter().map(|f| f.abs()).collect();
+        for k in 0..state.alpha.len().min(sliding.len()) {
+            let above = rates(&|other| f64::from(other == k));
+            for (i, (above, below)) in above.iter().zip(&below).enumerate() {
+                expected[i] += share(k) * (above - below);
+                size[i] += above.abs();
+            }
+        }
+        let differences = found.iter().zip(&expected).zip(size);
+        differences
+            .into_iter()
+            .all(|((found, expected), size)| (found - expected).abs() <= AFFINE * size)
     }
 
     /// Whether a switch outside the cycle changes sides within the time that is `left`, where states go on as they have

@@ -329,6 +329,12 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 if let Some(status) = step.ends {
                     break status;
                 }
+                if chatter.is_last() {
+                    let mut x = state.x.clone();
+                    self.dense(step.implicit)
+                        .states_at(0.5 * step.length, &mut x);
+                    self.measure(&mut chatter, &state, (start + 0.5 * step.length, &x));
+                }
 
                 // Where events accumulate, the mode changes at their limit.
                 if let Some((from, _)) =
@@ -405,6 +411,9 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 if from != state.sides {
                     events.record(state.t, &from);
                     chatter.record(state.t, &state.x, &from);
+                    if let Err(status) = self.average(&mut chatter, &mut state, t1) {
+                        break status;
+                    }
                 }
                 let end = match jumped {
                     true => self.jumps.limit(&mut state),
@@ -427,7 +436,10 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
                 }
                 let undisturbed = t1.min(self.pieces.until).min(self.next_kick(state.t));
                 if let Some(status) = self.chatters(&chatter, &state, undisturbed) {
-                    break status;
+                    if !self.settings.averages {
+                        break status;
+                    }
+                    chatter.look_at_last();
                 }
                 limit = waits.map(|end| (from, end));
             },

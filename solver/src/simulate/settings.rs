@@ -25,6 +25,8 @@ pub struct Settings {
     pub below: Vec<usize>,
     /// The tolerance within which a spiral into a point of lasting rest has come to its end; that of the run when absent.
     pub settled: Option<f64>,
+    /// Whether chattering that fades and never ends goes on as sliding.
+    pub averages: bool,
     /// Unmodelled errors.
     pub kicks: Option<Kicks>,
 }
@@ -40,6 +42,7 @@ impl Default for Settings {
             branch: Vec::new(),
             below: Vec::new(),
             settled: None,
+            averages: false,
             kicks: None,
         }
     }

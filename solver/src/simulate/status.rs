@@ -180,6 +180,15 @@ pub enum Note {
         /// The switch of that one, and those of the others.
         switches: Vec<usize>,
     },
+    /// Chattering that fades and never ends goes on as sliding.
+    Averaged {
+        /// When.
+        time: f64,
+        /// The switches that chattered.
+        switches: Vec<usize>,
+        /// The largest |ψ| of each in the last cycle.
+        heights: Vec<f64>,
+    },
     /// A function may be narrower within a step than could be looked at.
     Unseen {
         /// When the step starts.

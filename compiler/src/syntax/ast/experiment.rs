@@ -91,6 +91,8 @@ pub enum SettingKind {
     },
     /// `free { k; }`
     Free(Vec<(Path, Option<Domain>)>),
+    /// `on chattering slide;`
+    OnChattering,
     /// `perturb every 0.16 by sphere(1e-4) seed 1;`
     Perturb {
         /// Period.

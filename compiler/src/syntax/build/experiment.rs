@@ -96,6 +96,7 @@ impl Builder<'_> {
                 by: self.behind(&mut parts, Rule::by),
                 seed: self.behind(&mut parts, Rule::seed),
             },
+            Rule::on_chattering => SettingKind::OnChattering,
             Rule::value => SettingKind::Value {
                 name: self.ident(parts.one(Rule::value_name)),
                 value: self.expr(parts.one(Rule::expr)),

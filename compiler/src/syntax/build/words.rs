@@ -51,6 +51,7 @@ const EXPERIMENT: Starts = &[
     ("lower", Rule::lower),
     ("output", Rule::record),
     ("perturb", Rule::perturb),
+    ("on", Rule::on_chattering),
     ("runs", Rule::value),
     ("intervals", Rule::value),
     ("elements", Rule::value),

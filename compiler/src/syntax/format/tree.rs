@@ -194,6 +194,7 @@ fn is_member(rule: Rule) -> bool {
             | free_path
             | perturb
             | starts
+            | on_chattering
             | value
     )
 }

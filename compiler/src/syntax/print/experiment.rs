@@ -87,6 +87,7 @@ impl Printer {
             SettingKind::Starts { count, by, seed } => {
                 self.line(format!("starts {count}{};", random(by, seed)))
             }
+            SettingKind::OnChattering => self.line("on chattering slide;".to_owned()),
             SettingKind::Value { name, value } => self.line(format!("{name} {value};")),
             SettingKind::Expect(expect) => self.line(format!("expect {};", expectation(expect))),
             SettingKind::Bad => self.bad(),

@@ -428,6 +428,19 @@ pub enum ExperimentError {
         span: Span,
     },
 
+    /// A way through chattering, of a method that does not meet it.
+    #[error("`on chattering` is of `method event`")]
+    #[diagnostic(
+        code(E0528),
+        help(
+            "leave it out, or choose `method event`: other methods do not go from event to event"
+        )
+    )]
+    NoChattering {
+        #[label("not for this method")]
+        span: Span,
+    },
+
     /// Something that must be known before the run and depends on what is optimized.
     #[error("{what} cannot depend on the free parameter `{name}`")]
     #[diagnostic(

@@ -54,6 +54,8 @@ pub struct Settings<'e> {
     pub sampling: Sampling,
     /// What is optimized; `None` for a simulation.
     pub optimize: Option<Optimize<'e>>,
+    /// Whether chattering that fades and never ends goes on as sliding.
+    pub averages: bool,
     /// Random vectors that are added to the state; none where nothing disturbs it.
     pub kicks: Option<Perturbation>,
     /// How often the experiment is run, with other random vectors each time; none for once.
@@ -169,7 +171,7 @@ pub fn evaluate<'e>(
     };
     let mut draft = (experiment.kind == ExperimentKind::Optimize).then(|| Draft::new(model));
     let (mut horizon, mut tolerance, mut method) = (None, usual, Method::Auto);
-    let (mut kicks, mut runs) = (None, None);
+    let (mut kicks, mut runs, mut averages) = (None, None, None);
     let (mut lowerings, mut outputs, mut sampling, mut expects) =
         (vec![], None, Sampling::Method, vec![]);
     // The horizon bounds what others may be, wherever it stands.
@@ -219,6 +221,13 @@ pub fn evaluate<'e>(
                     runs = reader.count("`runs`", value, MOST_RUNS).map(|n| (n, span));
                 }
             },
+            SettingKind::OnChattering => {
+                reader.once("`on chattering`", span);
+                match draft {
+                    Some(_) => reader.not_for_optimize("on chattering", span),
+                    None => averages = Some(span),
+                }
+            }
             SettingKind::Perturb { every, by, seed } => {
                 reader.once("`perturb`", span);
                 match draft {
@@ -268,6 +277,10 @@ pub fn evaluate<'e>(
     if let Some((_, span)) = runs.filter(|_| !all().any(disturbs)) {
         reader.error(ExperimentError::SameRuns { span });
     }
+    let is_by_events = matches!(method, Method::Auto | Method::Event(_));
+    if let Some(span) = averages.filter(|_| !is_by_events) {
+        reader.error(ExperimentError::NoChattering { span });
+    }
     let is_optimize = draft.is_some();
     let optimize = draft.and_then(|draft| draft.finish(&mut reader, experiment));
     let failed = reader.failed || optimize.is_some() != is_optimize;
@@ -283,6 +296,7 @@ pub fn evaluate<'e>(
         sampling,
         optimize,
         kicks,
+        averages: averages.is_some(),
         runs: runs.map(|(n, _)| n),
         expects,
         span: experiment.span,
