@@ -1,6 +1,6 @@
 //! Optimal control against closed forms.
 
-use nsd_tests::{DataFiles, with_data, with_experiment};
+use nsd_tests::{DataFiles, solved_optimum, with_data, with_experiment};
 use nsdc::clock::Clock;
 use nsdc::diagnostics::Diagnostics;
 use nsdc::expr::Exprs;
@@ -565,4 +565,22 @@ fn switches_inside_of_others_follow_a_control() {
         close(objective(&found), 0.0, 1e-12);
         close(found.controls[0].values[0], u, 1e-6);
     }
+}
+
+/// From (1, 1) the solver stays in the well there, with 0.05 and the effort. The well at (-0.7, 0.3) has
+/// 4 (u - c)² + 0.001 u² for each control, at least 0.004/4.001 c².
+#[test]
+fn another_well_is_found_downhill_from_points_all_over_the_ranges() {
+    let found = solved_optimum(
+        "model m { state x = 0; state y = 0; control U[2] in [-2, 2] = [1, 1]; x' = U[1]; y' = U[2]; }
+         optimize o of m {
+           horizon 1; intervals 1; elements 2;
+           minimize final(min((x - 1)^2 + (y - 1)^2 + 0.05, 4*((x + 0.7)^2 + (y - 0.3)^2)))
+             + integral(0.001*dot(U, U));
+         }",
+        "o",
+    );
+    let least = 0.004 / 4.001 * (0.7_f64.powi(2) + 0.3_f64.powi(2));
+    let objective = found.objective.expect("an optimum");
+    assert!((objective - least).abs() < 1e-9, "{objective}");
 }

@@ -87,6 +87,18 @@ pub(super) fn unfinished(settings: &Settings, failure: Option<&Failure>) -> Warn
     disagrees(settings, message)
 }
 
+/// That another minimum is better, to which the program does not lead.
+pub(super) fn elsewhere(settings: &Settings, objective: f64) -> Warning {
+    Warning {
+        code: "W0724".into(),
+        message: format!(
+            "a simulation with other controls has the objective {objective:.6}, and the solver does not get there; another \
+             `guess`, or several `starts`, may"
+        ),
+        span: Some(settings.span),
+    }
+}
+
 fn disagrees(settings: &Settings, message: String) -> Warning {
     Warning {
         code: DISAGREES.into(),

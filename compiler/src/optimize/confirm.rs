@@ -18,6 +18,8 @@ use crate::report::Confirmation;
 const MAX_ROUNDS: usize = 10;
 /// Decreases of the objective, relative to it, that are none.
 const NO_GAIN: f64 = 1e-8;
+/// A minimum elsewhere is told where it is better by more than this share.
+const WORTH: f64 = 1e-2;
 /// Simulations are made as long as they take fewer steps than this, times the number of states.
 const MAX_EFFORT: usize = 200_000;
 /// Multipliers of constraints are weighted by so much more.
@@ -30,28 +32,38 @@ struct Better {
     w: Vec<f64>,
     /// By how much the objective falls per size of a free quantity.
     rate: f64,
+    /// The objective there.
+    objective: f64,
     /// Whether it falls to first order.
     is_descent: bool,
 }
 
-/// Confirms a solution by simulations, or replaces it by a better one as long as there is descent.
+/// Confirms a solution by simulations, or replaces it by a better one as long as there is descent. Where a simulation
+/// far away is better and the program does not get there, its objective comes with it.
 pub(super) fn confirm(
     problem: &mut Problem,
     solution: &mut Solution,
     options: &Options,
     left: &dyn Fn() -> Option<Duration>,
     watch: &mut dyn Watch,
-) -> Confirmation {
+) -> (Confirmation, Option<f64>) {
     let mut rounds = 0..MAX_ROUNDS;
     loop {
         let better = match look(problem, solution, left()) {
             Ok(better) => better,
-            Err(confirmation) => return confirmation,
+            Err(confirmation) => return (confirmation, None),
         };
         // What is only better at some distance is another minimum.
         let unfollowed = match better.is_descent {
-            true => Confirmation::Descent(better.rate),
-            false => Confirmation::Confirmed,
+            true => (Confirmation::Descent(better.rate), None),
+            false => {
+                let is_worth =
+                    solution.objective - better.objective > WORTH * solution.objective.abs();
+                (
+                    Confirmation::Confirmed,
+                    is_worth.then_some(better.objective),
+                )
+            }
         };
         if rounds.next().is_none() {
             return unfollowed;
@@ -142,12 +154,13 @@ fn look(
     // First to first order; curvature, and switches that are near, show in larger changes.
     let found = match search.descent(SMALL) {
         Found::Nothing => match search.descent(LARGE) {
-            Found::Descent { w, rate, .. } => Found::Descent {
+            Found::Descent { w, rate, merit, .. } => Found::Descent {
                 w,
                 rate,
+                merit,
                 is_first_order: false,
             },
-            _ => search.distant(),
+            _ => search.elsewhere(),
         },
         found => found,
     };
@@ -157,10 +170,12 @@ fn look(
         Found::Descent {
             w,
             rate,
+            merit,
             is_first_order,
         } => Ok(Better {
             w,
             rate,
+            objective: merit,
             is_descent: is_first_order,
         }),
     }

@@ -4,9 +4,11 @@
 //! changes, with one-sided differences of the objective and of the constraints that are near, says whether there is
 //! descent that keeps them. What it finds counts where a simulation confirms it.
 
+use std::time::Duration;
+
 use nsd_solver::mpcc::linear::{LinearProgram, Outcome, solve};
 
-use super::reduced::{Quantity, Reduced, Values};
+use super::reduced::{Reduced, Values};
 
 /// Changes of quantities, as shares of their sizes: for derivatives, and for what curves or switches near a point.
 pub(super) const SMALL: f64 = 1e-4;
@@ -18,13 +20,11 @@ const RELATIVE: f64 = 3e-4;
 const ABSOLUTE: f64 = 1e-5;
 /// Constraints that are farther away, relative to their values, are not near.
 const NEAR: f64 = 1e-2;
-/// Shares of ranges at which all controls are tried.
-const LEVELS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 /// By which factor steps grow, and how often.
 const FACTOR: f64 = 4.0;
 const MOST_STEPS: usize = 10;
-/// The time for a linear program, in seconds.
-const SECONDS: f64 = 1.0;
+/// The most time for a linear program.
+const MOST_TIME: Duration = Duration::from_secs(1);
 
 /// What differences say about a point.
 pub(super) enum Found {
@@ -34,6 +34,8 @@ pub(super) enum Found {
     Descent {
         w: Vec<f64>,
         rate: f64,
+        /// The objective there, with what violations add.
+        merit: f64,
         /// Whether it falls so in small changes.
         is_first_order: bool,
     },
@@ -66,7 +68,7 @@ pub(super) struct Search<'s, 'r, 'p, 'e> {
 
 impl Search<'_, '_, '_, '_> {
     /// What counts as a decrease per size of a quantity, in changes of such a share of it.
-    fn threshold(&self, change: f64) -> f64 {
+    pub(super) fn threshold(&self, change: f64) -> f64 {
         let least = RELATIVE * self.objective.abs() + ABSOLUTE;
         least.max(self.doubt).max(self.room / change)
     }
@@ -113,45 +115,13 @@ impl Search<'_, '_, '_, '_> {
             return nothing();
         };
         match self.follow(&direction, change) {
-            Some((w, rate)) => Found::Descent {
+            Some((w, rate, merit)) => Found::Descent {
                 w,
                 rate,
+                merit,
                 is_first_order: change == SMALL,
             },
             None => nothing(),
-        }
-    }
-
-    /// The best of points that are far away: every quantity alone at its bounds, and all controls at equal shares of
-    /// their ranges.
-    pub fn distant(&self) -> Found {
-        let bounded = |quantity: &&Quantity| (quantity.upper - quantity.lower).is_finite();
-        let bounded: Vec<&Quantity> = self.reduced.quantities.iter().filter(bounded).collect();
-        let mut points: Vec<Vec<f64>> = Vec::new();
-        for quantity in &bounded {
-            for value in [quantity.lower, quantity.upper] {
-                let mut w = self.w.to_vec();
-                w[quantity.index] = value;
-                points.push(w);
-            }
-        }
-        for level in LEVELS {
-            let mut w = self.w.to_vec();
-            for quantity in bounded.iter().filter(|quantity| quantity.is_control) {
-                let range = quantity.upper - quantity.lower;
-                w[quantity.index] = quantity.lower + level * range;
-            }
-            points.push(w);
-        }
-        let merit = |w: Vec<f64>| Some((self.merit(&self.reduced.at(&w)?), w));
-        let best = (points.into_iter().filter_map(merit)).min_by(|a, b| a.0.total_cmp(&b.0));
-        match best {
-            Some((merit, w)) if merit < self.objective - self.threshold(1.0) => Found::Descent {
-                w,
-                rate: self.objective - merit,
-                is_first_order: false,
-            },
-            _ => Found::Nothing,
         }
     }
 
@@ -258,14 +228,23 @@ impl Search<'_, '_, '_, '_> {
                 .entries
                 .extend(entries.map(|(column, change)| (place, column, change / reach)));
         }
-        match solve(&program, &program.lower, &program.upper, SECONDS) {
+        let seconds = self
+            .reduced
+            .left()
+            .map_or(MOST_TIME, |left| left.min(MOST_TIME));
+        match solve(
+            &program,
+            &program.lower,
+            &program.upper,
+            seconds.as_secs_f64(),
+        ) {
             Outcome::Optimal(shares) => Some(shares),
             Outcome::Infeasible | Outcome::Failed => None,
         }
     }
 
     /// The objective with constraints that are violated more than at the point itself.
-    fn merit(&self, values: &Values) -> f64 {
+    pub(super) fn merit(&self, values: &Values) -> f64 {
         let base = self.base.map(|base| &base.rows);
         let rows = values.rows.iter().zip(self.reduced.bounds()).enumerate();
         let violation =
@@ -279,8 +258,8 @@ impl Search<'_, '_, '_, '_> {
         values.cost + self.weight * more
     }
 
-    /// The best point along a direction, and the rate at which the merit falls; none where it does not.
-    fn follow(&self, direction: &[(usize, f64)], change: f64) -> Option<(Vec<f64>, f64)> {
+    /// The best point along a direction, the rate at which the merit falls, and what it is there; none where it does not.
+    fn follow(&self, direction: &[(usize, f64)], change: f64) -> Option<(Vec<f64>, f64, f64)> {
         let objective = self.base.map_or(self.objective, |base| base.cost);
         let at = |share: f64| {
             let mut w = self.w.to_vec();
@@ -307,6 +286,6 @@ impl Search<'_, '_, '_, '_> {
             };
             (best, point) = (merit, w);
         }
-        Some((point, rate))
+        Some((point, rate, best))
     }
 }

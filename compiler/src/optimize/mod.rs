@@ -5,7 +5,7 @@
 //! 3. The best solution is a trajectory (`record.rs`) of a system that has nothing left to decide (`solved.rs`).
 //! 4. Where switches are read nonlinearly, it is brought into the sliding modes of the model (`branches.rs`).
 //! 5. Free quantities are changed and simulated from event to event (`reduced.rs`): where there is descent
-//!    (`descent.rs`), the program is solved again from it (`confirm.rs`).
+//!    (`descent.rs`), or another minimum (`elsewhere.rs`), the program is solved again from it (`confirm.rs`).
 //! 6. That system is simulated from event to event, as a check by another method (`check.rs`).
 //!
 //! What is in numerical time ([`crate::system::freezing`]) comes back to physical time with the trajectory (`thaw.rs`).
@@ -14,6 +14,7 @@ mod branches;
 mod check;
 mod confirm;
 mod descent;
+mod elsewhere;
 mod failure;
 mod guess;
 mod moved;
@@ -174,9 +175,9 @@ fn run_from<'e>(
         true => branches::settle(&mut problem, &mut solution, &options, &left, watch),
         false => None,
     };
-    let confirmation = match solution.is_feasible() && in_other_mode.is_none() {
+    let (confirmation, elsewhere) = match solution.is_feasible() && in_other_mode.is_none() {
         true => confirm::confirm(&mut problem, &mut solution, &options, &left, watch),
-        false => Confirmation::None,
+        false => (Confirmation::None, None),
     };
     let seconds = (started.elapsed() - built).as_secs_f64();
     let solution = &solution;
@@ -190,6 +191,9 @@ fn run_from<'e>(
     trajectory
         .warnings
         .extend(unfinished_starts(&problem, &found));
+    trajectory
+        .warnings
+        .extend(elsewhere.map(|objective| check::elsewhere(settings, objective)));
     trajectory.optimum = Some(Optimum {
         built_s: built.as_secs_f64(),
         factor_entries: solution.stats.factor_entries,

@@ -3,7 +3,7 @@
 //! States follow from them by a simulation from event to event, that of the model: elements, nodes and the branches of
 //! a program are not in it.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use rustc_hash::FxHashMap;
 
@@ -79,7 +79,8 @@ pub(super) struct Reduced<'r, 'p, 'e> {
     /// The parameters and the horizon that `prepared` is made with.
     params: Vec<f64>,
     prepared: Prepared<'e>,
-    time_limit: Option<Duration>,
+    /// When no more runs begin.
+    deadline: Option<Instant>,
 }
 
 impl<'r, 'p, 'e> Reduced<'r, 'p, 'e> {
@@ -99,8 +100,8 @@ impl<'r, 'p, 'e> Reduced<'r, 'p, 'e> {
             rows: Vec::new(),
             at_place: Vec::new(),
             params: params(problem, w),
-            prepared: prepared(problem, w, time_limit),
-            time_limit,
+            prepared: prepared(problem, w),
+            deadline: time_limit.and_then(|limit| Instant::now().checked_add(limit)),
         };
         reduced.ask(w);
         Some(reduced)
@@ -203,16 +204,31 @@ impl<'r, 'p, 'e> Reduced<'r, 'p, 'e> {
         self.rows.iter().map(|row| (row.lower, row.upper))
     }
 
-    /// A run with the free quantities of a point; none where it does not reach the end, or where something is not
-    /// finite.
+    /// Whether it has other branches.
+    pub fn is_switched(&self) -> bool {
+        !self.problem.system.switches.is_empty()
+    }
+
+    /// The time that is left; none where it is not limited.
+    pub fn left(&self) -> Option<Duration> {
+        let now = Instant::now();
+        self.deadline.map(|end| end.saturating_duration_since(now))
+    }
+
+    /// A run with the free quantities of a point; none where it does not reach the end in the time that is left, or where
+    /// something is not finite.
     pub fn at(&self, w: &[f64]) -> Option<Values> {
         let problem = self.problem;
+        let left = self.left();
+        if left.is_some_and(|left| left.is_zero()) {
+            return None;
+        }
         let own;
         let prepared = match params(problem, w) == self.params {
             true => &self.prepared,
             // Parameters are numbers in what is compiled.
             false => {
-                own = prepared(problem, w, self.time_limit);
+                own = prepared(problem, w);
                 &own
             }
         };
@@ -222,7 +238,7 @@ impl<'r, 'p, 'e> Reduced<'r, 'p, 'e> {
         let x0 = initial(problem, w);
         let instants = self.places.iter().map(|place| place.share * horizon);
         let instants: Vec<f64> = instants.map(|t| t.min(horizon)).collect();
-        let run = again::values(&mut prepared.simulator(), &x0, horizon, &instants)?;
+        let run = again::values(&mut prepared.simulator(left), &x0, horizon, &instants)?;
         let system = problem.system;
         let mut known = Known::new(problem, w);
         known.set(system, horizon, &run.end);
@@ -325,13 +341,9 @@ fn initial(problem: &Problem, w: &[f64]) -> Vec<f64> {
     x0
 }
 
-fn prepared<'e>(
-    problem: &Problem<'_, 'e>,
-    w: &[f64],
-    time_limit: Option<Duration>,
-) -> Prepared<'e> {
+fn prepared<'e>(problem: &Problem<'_, 'e>, w: &[f64]) -> Prepared<'e> {
     let system = solved::system(problem, w);
-    Prepared::new(&system, problem.horizon(w), TOLERANCE, time_limit)
+    Prepared::new(&system, problem.horizon(w), TOLERANCE)
 }
 
 /// What is free, with bounds and sizes; controls with finite sets of values are not.
@@ -375,4 +387,49 @@ fn quantities(problem: &Problem, w: &[f64]) -> Vec<Quantity> {
     };
     let quantities = found.into_iter().enumerate().map(quantity);
     quantities.filter(|q| q.lower < q.upper).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::{Problem, Reduced};
+    use crate::clock::Clock;
+    use crate::compile;
+    use crate::diagnostics::Diagnostics;
+    use crate::expr::Exprs;
+    use crate::source::SourceMap;
+    use crate::syntax::{Item, parse};
+
+    #[test]
+    fn no_run_begins_when_the_time_is_over() {
+        let text = "model m { state x = 1; control u in [-1, 1] = 0.5; x' = u*abs(x); }
+                    optimize o of m { horizon 1; intervals 2; minimize final(x); }";
+        let mut diags = Diagnostics::new();
+        let file = parse(&SourceMap::new().add("test.nsd", text), &mut diags);
+        let Some(Item::Experiment(experiment)) = file.items.last() else {
+            panic!("the last item is the experiment");
+        };
+        let exprs = Exprs::new();
+        let compiled = compile(
+            &exprs,
+            &file,
+            experiment,
+            &[],
+            &mut Clock::default(),
+            &mut diags,
+        );
+        let compiled = compiled.expect("it is a model");
+        let task = (compiled.settings.optimize.as_ref()).expect("it is an optimization");
+        let problem = Problem::new(&compiled.system, &compiled.settings, task);
+        let problem = problem.expect("it has a program");
+        let (w, _) = problem.start(&[], &|| None);
+        let hour = Duration::from_secs(3600);
+        let mut reduced = Reduced::new(&problem, &w, Some(hour)).expect("it has a task");
+        let run = reduced.at(&w).expect("it reaches its end");
+        assert!((run.cost - 0.5_f64.exp()).abs() < 1e-9, "{}", run.cost);
+        // An hour later the time is over for all runs that follow.
+        reduced.deadline = reduced.deadline.and_then(|end| end.checked_sub(hour));
+        assert!(reduced.at(&w).is_none());
+    }
 }

@@ -16,7 +16,6 @@ use crate::table::Table;
 pub(crate) struct Prepared<'e> {
     switched: Switched<'e>,
     tolerance: f64,
-    time_limit: Option<Duration>,
 }
 
 /// What a run gives.
@@ -32,24 +31,18 @@ pub(crate) struct Values {
 
 impl<'e> Prepared<'e> {
     /// A system as it stands, for runs to about this horizon.
-    pub fn new(
-        system: &System<'e>,
-        horizon: f64,
-        tolerance: f64,
-        time_limit: Option<Duration>,
-    ) -> Self {
+    pub fn new(system: &System<'e>, horizon: f64, tolerance: f64) -> Self {
         Prepared {
             switched: Switched::new(system).over(system, horizon),
             tolerance,
-            time_limit,
         }
     }
 
-    /// A simulator of it, for several runs.
-    pub fn simulator(&self) -> Simulator<'_, Switched<'e>> {
+    /// A simulator of it, for several runs that take no longer than this each.
+    pub fn simulator(&self, time_limit: Option<Duration>) -> Simulator<'_, Switched<'e>> {
         let settings = solver::Settings {
             tolerance: self.tolerance,
-            time_limit: self.time_limit,
+            time_limit,
             ..solver::Settings::default()
         };
         Simulator::new(&self.switched, settings)
