@@ -6,7 +6,7 @@ use nsd_solver::simulate::{
 };
 
 use super::modes::{ModeNames, law_of};
-use super::steepest;
+use super::{rooted, steepest};
 use crate::report::{Failure, Warning};
 use crate::source::Span;
 use crate::system::{Role, System};
@@ -226,7 +226,8 @@ pub(super) fn warnings(system: &System, outcome: &Outcome) -> Vec<Warning> {
         Note::Unseen { time, function } => unseen(system, *time, *function),
     };
     let notes = outcome.notes.iter().map(warning);
-    sampled(system).chain(notes).collect()
+    let root = rooted::warning(system, outcome);
+    sampled(system).chain(notes).chain(root).collect()
 }
 
 /// A function that may be narrower than could be looked at.

@@ -10,7 +10,7 @@ use rustc_hash::FxHashMap;
 
 use crate::expr::{Expr, Node, Var, variables_of};
 use crate::system::System;
-use crate::system::roots::Root;
+use crate::system::roots::{Root, Vanishing};
 
 /// A term with at least this share of the slope of what it stands in is to blame for it.
 const SHARE: f64 = 1e-3;
@@ -20,14 +20,14 @@ const AT_END: f64 = 1e-6;
 const STEEP: f64 = 1e6;
 
 /// The line of the rate with the term, as a label; none where all rates are harmless.
-pub(super) fn label(system: &System, outcome: &Outcome) -> Option<LabeledSpan> {
+pub(super) fn label<'e>(system: &System<'e>, outcome: &Outcome) -> Option<LabeledSpan> {
     let values = values(system, outcome);
-    let value = |e: Expr| e.eval(&|var| values.get(&var).copied().unwrap_or(f64::NAN));
+    let value = |e: Expr<'e>| e.eval(&|var| values.get(&var).copied().unwrap_or(f64::NAN));
     let mut steepest: Option<(f64, usize, Var)> = None;
     for (i, state) in system.states.iter().enumerate() {
         let found = value(state.rate);
         if !found.is_finite() {
-            let size = |e: Expr| {
+            let size = |e: Expr<'e>| {
                 if value(e).is_finite() {
                     0.0
                 } else {
@@ -39,7 +39,7 @@ pub(super) fn label(system: &System, outcome: &Outcome) -> Option<LabeledSpan> {
                 number if number.is_nan() => "no number".to_owned(),
                 number => number.to_string(),
             };
-            let text = format!("`{term}` is {is}{}", below_zero(term, &value));
+            let text = format!("`{term}` is {is}{}", below_zero(system, term, &value));
             return Some(LabeledSpan::new_with_span(Some(text), state.span));
         }
         for var in variables_of(&[state.rate]) {
@@ -57,13 +57,15 @@ pub(super) fn label(system: &System, outcome: &Outcome) -> Option<LabeledSpan> {
         true => format!("the slope of `{term}` along `{name}` is {size:.0e}"),
         false => format!("`{term}` has no slope along `{name}`"),
     };
-    let text = text + &below_zero(term, &value);
+    let text = text + &below_zero(system, term, &value);
     Some(LabeledSpan::new_with_span(Some(text), state.span))
 }
 
-/// How a root goes on whose base has come to zero, or below.
-fn below_zero<'e>(term: Expr<'e>, value: &dyn Fn(Expr<'e>) -> f64) -> String {
-    let ended = Root::of(term).filter(|root| value(root.base) < AT_END);
+/// How a root goes on whose base has come to zero, or below, where no switch looks after it.
+fn below_zero<'e>(system: &System<'e>, term: Expr<'e>, value: &dyn Fn(Expr<'e>) -> f64) -> String {
+    let switching: Vec<Expr> = system.switches.iter().map(|switch| switch.psi).collect();
+    let is_plain = Vanishing::of(system, &switching).root(term).is_none();
+    let ended = Root::of(term).filter(|root| is_plain && value(root.base) < AT_END);
     ended.map_or_else(String::new, |root| {
         format!("; `max({}, 0)` in it goes on at zero", root.base)
     })
@@ -98,7 +100,7 @@ fn innermost<'e>(e: Expr<'e>, size: &dyn Fn(Expr<'e>) -> f64) -> Expr<'e> {
 }
 
 /// All variables where the run has ended.
-fn values(system: &System, outcome: &Outcome) -> FxHashMap<Var, f64> {
+pub(super) fn values(system: &System, outcome: &Outcome) -> FxHashMap<Var, f64> {
     let states = system.states.iter().map(|state| state.var);
     let switches = system.switches.iter().map(|switch| switch.alpha);
     let params = system.params.iter().map(|param| (param.var, param.value));
