@@ -1,7 +1,7 @@
 //! Laws without a derivative at zero, against closed forms.
 
 use nsd_tests::{end, run, solved, times};
-use nsdc::report::{EventKind, Status, Trajectory, Warning};
+use nsdc::report::{EventKind, Failure, Status, Trajectory, Warning};
 
 /// By events, to 1e-12.
 fn by_events(model: &str, horizon: f64) -> Trajectory {
@@ -188,4 +188,88 @@ fn a_plain_root_that_comes_to_its_end_is_told_with_what_goes_on() {
         shown.contains("`max(h, 0)` in it goes on at zero"),
         "{shown}"
     );
+}
+
+#[test]
+fn what_a_spiral_moves_is_moved_where_it_ends() {
+    // ∫ sign s dt is what w has lost: w' = -2 sign s + cos(time)/2.
+    let text = "model m {
+          state x = 1; state w = 1; state y = 0;
+          x' = -1.5*sqrt(abs(x))*sign(x) + w; w' = -2*sign(x) + 0.5*cos(time); y' = sign(x);
+        }
+        simulate run of m { tolerance 1e-6; horizon 10; }";
+    let run = solved(text, "run");
+    let lost = 1.0 + 0.5 * 10.0_f64.sin();
+    close(end(&run, "w")[0], 0.0, 1e-14);
+    close(end(&run, "y")[0], 0.5 * lost, 1e-9);
+}
+
+/// Models with their ends after 4, and the state whose rate has a root.
+const MODELS: [(&str, &str, f64, &str); 6] = [
+    ("state h = 1; h' = -1.3*sqrt(max(h, 0));", "h", 0.0, "h"),
+    ("state h = 0; h' = -2*max(h, 0)^(1/3);", "h", 0.0, "h"),
+    (
+        "state x = 0; state v = 0; state y = 0; x' = v; v' = 1; y' = sqrt(max(x, 0));",
+        "y",
+        // y' = t/√2.
+        5.656_854_249_492_381,
+        "y",
+    ),
+    (
+        "state q = 0.6; state v = -1.3; q' = v; v' = 20*max(-q, 0)^1.5;",
+        "v",
+        1.3,
+        "v",
+    ),
+    (
+        "state a = 1; state b = 1; let p = a - b; a' = 0.5 - sign(p)*sqrt(abs(p)); b' = 0.5 + sign(p)*sqrt(abs(p));",
+        "a",
+        3.0,
+        "a",
+    ),
+    (
+        "state x = 1; state w = 0; x' = -1.5*sqrt(abs(x))*sign(x) + w; w' = -1.1*sign(x);",
+        "w",
+        0.0,
+        "x",
+    ),
+];
+
+#[test]
+fn other_methods_are_right_or_name_the_root() {
+    for method in [
+        "fesd;",
+        "fesd; lower step;",
+        "adaptive;",
+        "timestepping { steps = 400; }",
+    ] {
+        for (model, state, exact, rooted) in MODELS {
+            let text =
+                format!("model m {{ {model} }} simulate run of m {{ horizon 4; method {method} }}");
+            let run = run(&text, "run");
+            let is_close = (end(&run, state)[0] - exact).abs() <= 1e-5;
+            let mut warnings = run.warnings.iter();
+            let names =
+                |w: &Warning| w.code == "W0726" && w.message.contains(&format!("`{rooted}`"));
+            let is_named = run.status != Status::Solved && warnings.any(names);
+            // Its label has the term with the steepest slope.
+            let is_steep = matches!(run.failure, Some(Failure::NotFinite { .. }));
+            assert!(is_close || is_named || is_steep, "{method} {model}");
+        }
+    }
+}
+
+#[test]
+fn extrapolation_strikes_springs_and_stops_at_what_is_no_number() {
+    let (model, state, exact, _) = MODELS[3];
+    let adaptive = |model: &str| {
+        let text =
+            format!("model m {{ {model} }} simulate run of m {{ horizon 4; method adaptive; }}");
+        run(&text, "run")
+    };
+    let struck = adaptive(model);
+    assert_eq!(struck.status, Status::Solved);
+    close(end(&struck, state)[0], exact, 1e-6);
+    let ended = adaptive("state x = 1; state w = 0; x' = sqrt(0.5 - time); w' = 1;");
+    assert!(matches!(ended.failure, Some(Failure::NotFinite { .. })));
 }

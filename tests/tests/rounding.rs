@@ -209,3 +209,23 @@ fn the_estimate_covers_a_converter_with_pulse_width_modulation() {
         }
     }
 }
+
+#[test]
+fn elements_say_where_a_switch_is_too_large_for_them() {
+    let at = |offset: &str| {
+        let text = format!(
+            "model m {{ state x = {offset}; state y = 0; x' = 1; y' = if x > {offset} + 1 then 1 else 0; }}
+             simulate run of m {{ horizon 3; method fesd; }}"
+        );
+        let run = run(&text, "run");
+        let mut warnings = run.warnings.iter();
+        (end(&run, "y")[0], warnings.any(|w| w.code == "W0727"))
+    };
+    for offset in ["1e13", "3e13", "1e14"] {
+        assert!(at(offset).1, "{offset}");
+    }
+    for offset in ["0", "1e6", "1e9"] {
+        let (y, is_told) = at(offset);
+        assert!(!is_told && (y - 2.0).abs() < 1e-6, "{offset} {y}");
+    }
+}

@@ -21,6 +21,7 @@ use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::report::{Method, MethodOption, Trajectory, Warning};
 use crate::system::System;
 use crate::system::experiment::Settings;
+use crate::system::roots::Vanishing;
 
 /// Integrates the system as if it had no switches.
 pub(super) fn run(
@@ -140,6 +141,7 @@ impl Jumping {
         let rates: Vec<Expr> = system.states.iter().map(|state| state.rate).collect();
         let switching: Vec<Expr> = system.switches.iter().map(|switch| switch.psi).collect();
         let (rates, switching) = (numbers.apply(&rates), numbers.apply(&switching));
+        let rates = Vanishing::of(system, &switching).extended(&rates);
         let alphas: Vec<Var> = (system.switches.iter())
             .map(|switch| variable(switch.alpha))
             .collect();

@@ -25,6 +25,7 @@ mod pieces;
 mod record;
 mod rehearsal;
 mod request;
+mod rooted;
 mod schedule;
 mod settle;
 mod smoothed;

@@ -6,10 +6,9 @@ use nsd_solver::simulate::{
 };
 
 use super::modes::{ModeNames, law_of};
-use super::steepest;
-use crate::system::experiment::{Method, Settings};
+use super::{rooted, steepest};
 use crate::report::{Averaged, Failure, Warning};
-use crate::source::Span;
+use crate::system::experiment::{Method, Settings};
 use crate::system::{Role, System};
 
 /// What ended the run before its horizon; none where it was reached.
@@ -285,7 +284,8 @@ pub(super) fn warnings(system: &System, outcome: &Outcome) -> Vec<Warning> {
         Note::Unseen { time, function } => unseen(system, *time, *function),
     };
     let notes = outcome.notes.iter().map(warning);
-    sampled(system).chain(notes).collect()
+    let root = rooted::warning(system, outcome);
+    sampled(system).chain(notes).chain(root).collect()
 }
 
 /// Chattering that goes on as sliding.

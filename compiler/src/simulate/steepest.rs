@@ -12,7 +12,7 @@ use rustc_hash::FxHashMap;
 use crate::expr::{Expr, Node, Var, variables_of};
 use crate::source::Span;
 use crate::system::System;
-use crate::system::roots::Root;
+use crate::system::roots::{Root, Vanishing};
 
 /// A term with at least this share of the slope of what it stands in is to blame for it.
 const SHARE: f64 = 1e-3;
@@ -27,23 +27,27 @@ const AHEAD: [f64; 6] = [0.0, 0.125, 0.25, 0.5, 1.0, 1.25];
 type Values = FxHashMap<Var, f64>;
 
 /// The line of the rate with the term, as a label; none where all rates are harmless.
-pub(super) fn label(system: &System, outcome: &Outcome, ahead: f64) -> Option<LabeledSpan> {
+pub(super) fn label<'e>(system: &System<'e>, outcome: &Outcome, ahead: f64) -> Option<LabeledSpan> {
     not_finite(system, outcome, ahead).or_else(|| steepest(system, outcome))
 }
 
 /// The same of a rate or a switching function that is not finite where the run has ended, or in some time from there.
-pub(super) fn not_finite(system: &System, outcome: &Outcome, ahead: f64) -> Option<LabeledSpan> {
+pub(super) fn not_finite<'e>(
+    system: &System<'e>,
+    outcome: &Outcome,
+    ahead: f64,
+) -> Option<LabeledSpan> {
     let found = AHEAD.iter().find_map(|share| {
         let values = on_tangent(system, outcome, share * ahead);
-        let value = |e: Expr| at(&values, e);
-        let is_known = |e: Expr| {
+        let value = |e: Expr<'e>| at(&values, e);
+        let is_known = |e: Expr<'e>| {
             variables_of(&[e])
                 .iter()
                 .all(|var| values.contains_key(var))
         };
         let (function, span) =
             functions(system).find(|(e, _)| is_known(*e) && !value(*e).is_finite())?;
-        let size = |e: Expr| {
+        let size = |e: Expr<'e>| {
             if value(e).is_finite() {
                 0.0
             } else {
@@ -55,7 +59,7 @@ pub(super) fn not_finite(system: &System, outcome: &Outcome, ahead: f64) -> Opti
             number if number.is_nan() => "no number".to_owned(),
             number => number.to_string(),
         };
-        let text = format!("`{term}` is {is}{}", below_zero(term, &value));
+        let text = format!("`{term}` is {is}{}", below_zero(system, term, &value));
         Some((text, span))
     });
     let (text, span) = found?;
@@ -70,9 +74,9 @@ fn functions<'s, 'e>(system: &'s System<'e>) -> impl Iterator<Item = (Expr<'e>, 
     rates.chain(surfaces)
 }
 
-fn steepest(system: &System, outcome: &Outcome) -> Option<LabeledSpan> {
+fn steepest<'e>(system: &System<'e>, outcome: &Outcome) -> Option<LabeledSpan> {
     let values = values(system, outcome);
-    let value = |e: Expr| at(&values, e);
+    let value = |e: Expr<'e>| at(&values, e);
     let mut steepest: Option<(f64, Expr, Span, Var)> = None;
     for (function, span) in functions(system) {
         for var in variables_of(&[function]) {
@@ -89,7 +93,7 @@ fn steepest(system: &System, outcome: &Outcome) -> Option<LabeledSpan> {
         true => format!("the slope of `{term}` along `{name}` is {size:.0e}"),
         false => format!("`{term}` has no slope along `{name}`"),
     };
-    let text = text + &below_zero(term, &value);
+    let text = text + &below_zero(system, term, &value);
     Some(LabeledSpan::new_with_span(Some(text), span))
 }
 
@@ -128,9 +132,11 @@ fn on_tangent(system: &System, outcome: &Outcome, tau: f64) -> Values {
     values
 }
 
-/// How a root goes on whose base has come to zero, or below.
-fn below_zero<'e>(term: Expr<'e>, value: &dyn Fn(Expr<'e>) -> f64) -> String {
-    let ended = Root::of(term).filter(|root| value(root.base) < AT_END);
+/// How a root goes on whose base has come to zero, or below, where no switch looks after it.
+fn below_zero<'e>(system: &System<'e>, term: Expr<'e>, value: &dyn Fn(Expr<'e>) -> f64) -> String {
+    let switching: Vec<Expr> = system.switches.iter().map(|switch| switch.psi).collect();
+    let is_plain = Vanishing::of(system, &switching).root(term).is_none();
+    let ended = Root::of(term).filter(|root| is_plain && value(root.base) < AT_END);
     ended.map_or_else(String::new, |root| {
         format!("; `max({}, 0)` in it goes on at zero", root.base)
     })
@@ -165,7 +171,7 @@ fn innermost<'e>(e: Expr<'e>, size: &dyn Fn(Expr<'e>) -> f64) -> Expr<'e> {
 }
 
 /// All variables where the run has ended.
-fn values(system: &System, outcome: &Outcome) -> Values {
+pub(super) fn values(system: &System, outcome: &Outcome) -> Values {
     let states = system.states.iter().map(|state| state.var);
     let switches = system.switches.iter().map(|switch| switch.alpha);
     let params = system.params.iter().map(|param| (param.var, param.value));

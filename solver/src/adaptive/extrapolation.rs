@@ -123,14 +123,13 @@ impl Extrapolation {
             return f64::INFINITY;
         }
         let entries = self.table[0].iter().zip(&self.table[1]).zip(scale);
-        entries.fold(0.0, |most: f64, ((x, other), scale)| {
+        entries.fold(0.0, |most, ((x, other), scale)| {
             let difference = (x - other).abs();
             let error = match scale.max(x.abs()) {
                 0.0 => difference,
                 size => difference / (tolerance * size),
             };
-            // Also where it is not a number.
-            if error <= most { most } else { error }
+            larger(most, error)
         })
     }
 
@@ -183,9 +182,14 @@ impl Extrapolation {
                 let size = scale.max(end.abs());
                 let apart = (slope - rate).abs() * self.length;
                 let defect = if size > 0.0 { apart / size } else { apart };
-                most = if defect <= most { most } else { defect };
+                most = larger(most, defect);
             }
         }
         most
     }
+}
+
+/// The larger one; what is no number is larger than all.
+fn larger(a: f64, b: f64) -> f64 {
+    if a.is_nan() || b <= a { a } else { b }
 }

@@ -110,6 +110,7 @@ impl<F: Field> Simulator<F> {
         self.field.sides(t, &x, &mut sides);
         self.field.rates(t, &x, &mut rates);
         let mut control = Control::new(tolerance, first_step(&x, &rates, t1 - t0));
+        let mut has_value = true;
         let status = loop {
             if t >= t1 {
                 break Status::Solved;
@@ -129,7 +130,10 @@ impl<F: Field> Simulator<F> {
             };
             let length = control.step.min(limit - t);
             if t + length == t {
-                break Status::StepLimit;
+                break match has_value {
+                    true => Status::StepLimit,
+                    false => Status::NotFinite,
+                };
             }
 
             // Rows are added until the last two agree, or there is no hope that they will.
@@ -138,6 +142,7 @@ impl<F: Field> Simulator<F> {
             let verdict = loop {
                 let row = table.add_row(&mut self.field, t, &x);
                 let error = table.error(&scale, tolerance);
+                has_value = !error.is_nan();
                 match control.judge(row, length, error) {
                     Verdict::GoOn => {}
                     verdict => break verdict,
@@ -161,7 +166,8 @@ impl<F: Field> Simulator<F> {
             table.close(&mut self.field, end, m, &mut self.series);
             let defect = table.defect(&mut self.field, t, &scale, &self.series);
             stats.rhs_evaluations += 1 + DEFECTS.len();
-            if defect.is_nan() || defect > (DEFECT * tolerance).max(LEAST_DEFECT) {
+            has_value = !defect.is_nan();
+            if !has_value || defect > (DEFECT * tolerance).max(LEAST_DEFECT) {
                 control.shorten(length);
                 stats.rejected += 1;
                 continue;

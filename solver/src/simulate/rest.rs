@@ -42,6 +42,13 @@ const SMALL: f64 = 0.01;
 /// Roundings of the terms of a rate.
 const ROUNDINGS: f64 = 64.0 * f64::EPSILON;
 
+/// A switch that comes to rest by infinitely many crossings, at once but for less than the tolerance.
+pub(super) struct Settling {
+    pub switch: usize,
+    /// What the states move by until then, beside what they do with the switch at rest.
+    pub moves: Vec<f64>,
+}
+
 impl Mode {
     /// Whether a switch that rests would leave its surface within a step h, because something has changed since.
     pub(super) fn wakes(&mut self, state: &mut State, h: f64) -> Option<usize> {
@@ -233,48 +240,49 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         far * side.sign() > 0.0 && is_steep(close / far)
     }
 
-    /// Switches of a group that come to a lasting rest here, but for less than the tolerance.
+    /// Switches of a group that come to a lasting rest here, but for less than the tolerance, and what they change in
+    /// the states until then.
     ///
     /// With ψ' = w + c |ψ|^p sign ψ and w' = a₊ < 0 above and a₋ > 0 below the surface, ψ goes away from it by w²/(2|a|)
     /// and comes back. Where the root attracts, w is less every time, and ψ = w = 0 is reached in finite time: at last
-    /// by steps whose errors are as large as ψ.
-    pub(super) fn settling(&mut self, state: &mut State, group: &[usize]) -> Vec<usize> {
+    /// by steps whose errors are as large as ψ. Beside α at rest, which keeps w where it is, that takes
+    ///
+    /// ∫ δα dt = -w / (∂w'/∂α),   δx = ∂f/∂α ∫ δα dt.
+    pub(super) fn settling(&mut self, state: &mut State, group: &[usize]) -> Vec<Settling> {
         let is_one = |i: &usize| self.mode.roots[*i] && self.mode.surfaces.n_derivatives(*i) == 1;
-        let mut settling: Vec<usize> = group.iter().copied().filter(is_one).collect();
-        settling.retain(|&i| self.settles(state, i));
-        settling
+        let roots: Vec<usize> = group.iter().copied().filter(is_one).collect();
+        let roots = roots.into_iter();
+        roots.filter_map(|i| self.settles(state, i)).collect()
     }
 
-    fn settles(&mut self, state: &mut State, switch: usize) -> bool {
+    fn settles(&mut self, state: &mut State, switch: usize) -> Option<Settling> {
         let mut sides = state.sides.clone();
         sides[switch] = Side::Slide;
         let mode = &mut self.mode;
         mode.enter(self.system, &sides);
-        let mut bends = [0.0; 2];
         let mut alpha = state.alpha.clone();
-        for (bend, value) in bends.iter_mut().zip([0.0, 1.0]) {
+        let [(below, minus), (above, plus)] = [0.0, 1.0].map(|value| {
             alpha[switch] = value;
             mode.eval(state.t, &state.x, &alpha);
             mode.linearize(&[switch]);
-            *bend = mode.phi(switch);
-        }
+            (mode.phi(switch), mode.f().to_vec())
+        });
         let speed = mode.psi(switch);
         let way = usize::from(speed > 0.0);
         state.crossed[switch][way] = speed.abs();
         let before = state.crossed[switch][1 - way];
-        let [below, above] = bends;
         if !(above < 0.0 && below > 0.0 && speed.abs() <= SHRINKS * before) {
-            return false;
+            return None;
         }
         mode.surfaces.stand_for(switch, 0);
         mode.surfaces.linearize(switch, &mode.memory.values);
         let size = mode.weigh(switch, |j| state.size(j));
         let near = (self.settings.settled() * size).max(BEYOND * state.band[switch]);
         if speed * speed > 2.0 * near * below.min(-above) {
-            return false;
+            return None;
         }
         let across = mode.across_surface(switch, state);
-        [Side::Minus, Side::Plus].into_iter().all(|side| {
+        let attracts = [Side::Minus, Side::Plus].into_iter().all(|side| {
             sides[switch] = side;
             alpha[switch] = f64::from(u8::from(side == Side::Plus));
             self.mode.enter(self.system, &sides);
@@ -282,6 +290,12 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             let moved: Vec<f64> = moved.map(|(x, d)| x + side.sign() * near * d).collect();
             let rate = self.mode.rate_from(switch, state.t, &moved, &alpha);
             (rate - speed) * side.sign() < 0.0
+        });
+        let by_alpha = plus.iter().zip(&minus).map(|(plus, minus)| plus - minus);
+        let moves = by_alpha.map(|slope| -slope * speed / (above - below));
+        attracts.then(|| Settling {
+            switch,
+            moves: moves.collect(),
         })
     }
 

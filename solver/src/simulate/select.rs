@@ -349,7 +349,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         }
         self.mode.enter(self.system, &sides);
         for &i in group {
-            self.take_order(state, i, settling.contains(&i));
+            let settles = settling.iter().any(|one| one.switch == i);
+            self.take_order(state, i, settles);
         }
         self.mode.focus(state.t, &state.x, &state.alpha, group);
         if let ([switch], [wanted]) = (group, wanted)
@@ -418,6 +419,12 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         state.set_sides(sides);
         for (&i, &alpha) in group.iter().zip(&choice.alpha) {
             state.alpha[i] = alpha;
+        }
+        for one in settling {
+            if state.sides[one.switch] == Side::Slide {
+                let moved = state.x.iter_mut().zip(one.moves);
+                moved.for_each(|(x, by)| *x += by);
+            }
         }
         state
             .departures

@@ -4,6 +4,7 @@
 //! global error.
 
 mod active;
+mod blurred;
 mod branch;
 mod complementarity;
 mod discs;
@@ -154,7 +155,9 @@ pub(super) fn run(
         }
         break (first.order(), solution, recorder, kept, estimate);
     };
+    let blurred = blurred::warning(system, &solution.outcome, &recorder);
     let mut trajectory = assemble(system, settings, &solution.outcome, recorder);
+    trajectory.warnings.extend(blurred);
     trajectory.method = method(settings, options, order, formulation.word(), &solution);
     trajectory.certificate.max_violation = -solution.least_member;
     trajectory.multipliers = kept;

@@ -1,0 +1,49 @@
+//! Switches far from zero: elements count ψ as zero within a share of the size of its terms, however little it moves.
+
+use nsd_solver::simulate::Outcome;
+
+use super::super::record::Recorder;
+use super::super::steepest;
+use crate::expr::Expr;
+use crate::report::Warning;
+use crate::system::{Role, System};
+
+/// Within this share of its terms ψ is zero.
+const BAND: f64 = 1e-12;
+
+/// The share of how far ψ moves that this may be.
+const SHARE: f64 = 0.1;
+
+/// A warning about the first switch that counts as zero over much of where it moves.
+pub(super) fn warning(system: &System, outcome: &Outcome, recorder: &Recorder) -> Option<Warning> {
+    let n = outcome.x.len();
+    let mut ranges = vec![(f64::INFINITY, f64::NEG_INFINITY); n];
+    for states in recorder.states().chunks_exact(n.max(1)) {
+        for ((low, high), &x) in ranges.iter_mut().zip(states) {
+            (*low, *high) = (low.min(x), high.max(x));
+        }
+    }
+    let values = steepest::values(system, outcome);
+    let value = |e: Expr| e.eval(&|var| values.get(&var).copied().unwrap_or(f64::NAN));
+    let plain = (system.switches.iter()).filter(|switch| {
+        switch.role == Role::Step && !switch.unilateral && switch.slip_of.is_none()
+    });
+    plain.into_iter().find_map(|switch| {
+        let (mut size, mut moves) = (0.0, 0.0);
+        for (state, (low, high)) in system.states.iter().zip(&ranges) {
+            let var = state.var.as_variable()?;
+            let slope = value(switch.psi.diff(var)).abs();
+            size += slope * low.abs().max(high.abs());
+            moves += slope * (high - low);
+        }
+        let band = BAND * size;
+        (band.is_finite() && moves > 0.0 && band > SHARE * moves).then(|| Warning {
+            code: "W0727".into(),
+            message: format!(
+                "`{}` counts as zero within {band:.0e}, and moves by {moves:.0e} in all: its terms are too large for elements",
+                switch.name
+            ),
+            span: switch.spans.first().copied(),
+        })
+    })
+}
