@@ -7,9 +7,8 @@
 use super::directional::Choice;
 use super::system::ComplementaritySystem;
 use super::watch::BAND;
-use super::{Grid, Mode, Run, Simulator};
+use super::{Grid, Run, Simulator};
 use crate::simulate::Note;
-use crate::simulate::merge::are_parallel;
 
 /// Roundings of a member that is zero, and of a rate.
 const ROUNDINGS: f64 = 8.0 * f64::EPSILON;
@@ -42,14 +41,8 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             Grid::Steps { .. } => MATTERS,
         };
         for &at in &met {
-            // Nothing lies between two names of one surface.
-            let mut is_of = |other: usize| other == at || self.is_one(run, [at, other]);
-            let ones: Vec<usize> = met.iter().copied().filter(|&other| is_of(other)).collect();
-            if ones.len() == met.len() {
-                continue;
-            }
             let mut others = bands.to_vec();
-            ones.iter().for_each(|&one| others[one] = f64::NEG_INFINITY);
+            others[at] = f64::NEG_INFINITY;
             let Some(between) = self.only(run, &others, length) else {
                 continue;
             };
@@ -83,34 +76,6 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 return;
             }
         }
-    }
-
-    /// Whether two members that vanish here have one tangent plane, as far as rounding tells.
-    fn is_one(&mut self, run: &Run, both: [usize; 2]) -> bool {
-        let Mode { element, hidden } = &mut self.modes[run.mode];
-        let reduced = element.reduced.clone();
-        let w = run.z_of(&reduced.unknowns);
-        hidden.set(run.t, run.x.iter().copied(), &w);
-        let rows = both.map(|pair| {
-            reduced
-                .watched
-                .iter()
-                .position(|watched| watched.pair == pair)
-        });
-        let mut normals = [(); 2].map(|()| vec![0.0; 1 + run.x.len() + w.len()]);
-        let slopes = hidden.eval(&reduced.member_slopes.tape);
-        for (slope, &(row, input)) in slopes.zip(&reduced.member_slopes.entries) {
-            let size = match input {
-                0 => run.t.abs(),
-                _ => run.scale.get(input - 1).copied().unwrap_or(1.0),
-            };
-            for (normal, of) in normals.iter_mut().zip(rows) {
-                if let Some(entry) = normal.get_mut(input).filter(|_| of == Some(row)) {
-                    *entry += slope * size;
-                }
-            }
-        }
-        are_parallel(&normals[0], &normals[1])
     }
 
     /// The one set that goes on where members below these bands are zero.

@@ -127,9 +127,13 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         }
     }
 
-    /// Whether two surfaces that meet here have one tangent plane, as far as rounding tells.
+    /// Whether two surfaces that meet here have one tangent plane, as far as rounding tells. Planes are compared by their
+    /// numbers before: two of them are two.
     fn is_one(&mut self, state: &State, both: [usize; 2]) -> bool {
         let mode = &mut self.mode;
+        if both.iter().all(|&i| mode.is_watched_affine(i)) {
+            return false;
+        }
         mode.set(state.t, &state.x, &state.alpha);
         mode.linearize(&both);
         let normals = both.map(|i| {
@@ -140,7 +144,11 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             normal[state.x.len()] = mode.time_gradient(i) * state.t.abs();
             normal
         });
-        are_parallel(&normals[0], &normals[1])
+        let sizes = [0, 1].map(|k| normals[k].iter().fold(0.0_f64, |most, g| most.max(g.abs())));
+        let known = [0, 1].map(|k| STILL * f64::EPSILON * state.terms[both[k]] / sizes[k]);
+        let at = [0, 1].map(|k| mode.psi(both[k]).abs() / sizes[k]);
+        at.iter().zip(known).all(|(at, known)| *at <= known)
+            && are_parallel(&normals[0], &normals[1])
     }
 
     /// The mode that these surfaces lead to; nothing where there is none.
@@ -197,7 +205,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
 }
 
 /// Whether two vectors differ by a factor, but for rounding.
-pub(crate) fn are_parallel(a: &[f64], b: &[f64]) -> bool {
+fn are_parallel(a: &[f64], b: &[f64]) -> bool {
     let size = |v: &[f64]| v.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     let rounding = ROUNDINGS * f64::EPSILON * size(a) * size(b);
     // a_i b_j = a_j b_i for the largest a_i.

@@ -40,7 +40,7 @@ mod lead;
 mod lead_tests;
 mod meeting;
 mod mend;
-pub(crate) mod merge;
+mod merge;
 mod mode;
 mod observer;
 mod order;

@@ -137,7 +137,13 @@ fn two_names_of_one_surface_are_met_at_once() {
         );
         for method in ["event", "fesd"] {
             let found = simulate(&model, &format!("horizon 1.5; method {method};"));
-            assert!(codes(&found).is_empty(), "{model}: {:?}", codes(&found));
+            // Elements tell what may lie between.
+            let is_told = method == "fesd" && codes(&found) == ["W0710"];
+            assert!(
+                is_told || codes(&found).is_empty(),
+                "{model}: {:?}",
+                codes(&found)
+            );
             assert!(end(&found, "y")[0].abs() < 1e-8, "{model} by {method}");
         }
     }
