@@ -157,12 +157,11 @@ fn on_samples<'e>(
                 .filter(|change| change.is_finite())
                 .fold(0.0, f64::max);
             // Terms of the function that cancel in its jump leave a few roundings, wherever the point is.
-            let size = || {
-                let values = near.iter().chain([&start]);
-                let values = values.map(|point| sampler.eval(whole, point).abs());
-                values.filter(|value| value.is_finite()).fold(0.0, f64::max)
+            let is_rounding = |point| {
+                let size = sampler.eval(whole, point).abs();
+                size.is_finite() && on.abs() <= CANCELLED * size
             };
-            let is_jump = on.abs() > change && on.abs() > CANCELLED * size();
+            let is_jump = on.abs() > change && !is_rounding(&start) && !is_rounding(&point);
             *is_zero = Some(!is_jump);
             if is_jump {
                 break 'points;
