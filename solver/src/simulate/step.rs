@@ -1,6 +1,7 @@
 //! One step: expand, bound, cut at the first event, and check.
 
 use super::dense::Dense;
+use super::fold::Fold;
 use super::mode::Mode;
 use super::pieces::is_at_end;
 use super::roots::{Root, RootFinder};
@@ -25,6 +26,20 @@ pub(super) struct Step {
 }
 
 impl Step {
+    /// One that ends in a fold, where the point behind it is known.
+    fn to_fold(state: &mut State, fold: Fold) -> Self {
+        std::mem::swap(&mut state.x, &mut state.next);
+        for turn in &fold.turns {
+            state.alpha[turn.switch] = turn.alpha;
+        }
+        let (length, switch) = (fold.after, fold.switch);
+        state.fold = Some(fold);
+        Step {
+            length,
+            ..Step::at_once(switch)
+        }
+    }
+
     /// One without a length, at the end of which a switch changes.
     pub(super) fn at_once(switch: usize) -> Self {
         Step {
@@ -87,7 +102,6 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     }
 
     fn explicit_step(&mut self, state: &mut State, goal: f64, t1: f64) -> Result<Step, Status> {
-        let (order, tolerance) = (self.order, self.settings.local_tolerance());
         let remaining = (goal - state.t) - state.t_low;
         if self.mode.may_rest
             && let Some(step) = self.arrive(state, remaining)
@@ -101,159 +115,230 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         }
         mode.measure_terms(state);
         mode.measure_held(state, remaining);
-        state.stats.rhs_evaluations += order;
+        state.stats.rhs_evaluations += self.order;
         if mode.slides_nonlinearly()
             && let Some(fold) = mode.fold_ahead(state, remaining)
         {
-            std::mem::swap(&mut state.x, &mut state.next);
-            for turn in &fold.turns {
-                state.alpha[turn.switch] = turn.alpha;
-            }
-            let (length, switch) = (fold.after, fold.switch);
-            state.fold = Some(fold);
-            return Ok(Step {
-                length,
-                reaches_end: false,
-                triggers: vec![switch],
-                defect: 0.0,
-                implicit: false,
-                ends: None,
-                departs: false,
-            });
+            return Ok(Step::to_fold(state, fold));
         }
+        let longest = self.longest(state, remaining);
+        let h = self.first_size(state, [remaining, longest]);
+        if self.mode.may_rest
+            && let Some(switch) = self.mode.wakes(state, h)
+        {
+            return Ok(Step::at_once(switch));
+        }
+        let tolerance = self.settings.local_tolerance();
+        let mut h = self.coefficients.expand(&mut self.mode, tolerance, h);
+        for attempt in 0..MAX_HALVINGS {
+            let cut = self.cut(state, h);
+            let moves = cut.length >= remaining || cut.moves(state);
+            if !moves && cut.ends.is_none() && self.mode.is_on_root(state) {
+                return self.step_off(state, remaining);
+            }
+            let defect = match self.judge_step(state, &cut, attempt) {
+                Judged::Accepted(defect) => defect,
+                Judged::Again => continue,
+                Judged::EndsAtRoot => return self.step_off(state, remaining),
+                Judged::Rejected => {
+                    state.stats.rejected += 1;
+                    if attempt == PATIENCE {
+                        self.mode.look_away();
+                    }
+                    h *= 0.5;
+                    continue;
+                }
+            };
+            if !moves && cut.event.is_none() && cut.ends.is_none() {
+                break;
+            }
+            return self.accept(state, cut, [h, longest], [remaining, t1 - state.t], defect);
+        }
+        let rests = self.mode.comes_to_rest(state);
+        rests.ok_or_else(|| self.mode.stuck())
+    }
+
+    /// How long the step may be at most.
+    fn longest(&mut self, state: &State, remaining: f64) -> f64 {
         let longest = if state.last_step > 0.0 {
             remaining.min(MAX_GROWTH * state.last_step)
         } else {
             remaining
         };
-        let longest = match mode.has_idle_contact(state) {
-            true => longest.min(mode.sight(self.system)),
+        match self.mode.has_idle_contact(state) {
+            true => longest.min(self.mode.sight(self.system)),
             false => longest,
-        };
-        // The last term of the series, differentiated, is what the defect shows of the error.
-        let allowed = 10.0 * (order as f64) * tolerance.max(4.0 * f64::EPSILON);
-        let h = mode.step_size_above_rounding(
+        }
+    }
+
+    /// How long it may be by the series of states, directions and ψ.
+    fn first_size(&mut self, state: &mut State, [remaining, longest]: [f64; 2]) -> f64 {
+        let (explicit, tolerance) = (
             self.stiffness.explicit_tolerance(),
-            state,
-            [remaining, longest],
+            self.settings.local_tolerance(),
         );
+        let mode = &mut self.mode;
+        let h = mode.step_size_above_rounding(explicit, state, [remaining, longest]);
         let h = mode.keeps_directions(tolerance, state, h);
         let h = mode.watch(tolerance, state, h);
-        let h = mode.leaves_rest(tolerance, state, h);
-        if mode.may_rest
-            && let Some(switch) = mode.wakes(state, h)
-        {
-            return Ok(Step::at_once(switch));
-        }
-        let mut h = self.coefficients.expand(mode, tolerance, h);
-        for attempt in 0..MAX_HALVINGS {
-            let closeness = self.settings.tolerance;
-            let event = first_event(&mut self.roots, Dense::Taylor(mode), state, h, closeness);
-            let length = event.as_ref().map_or(h, |(root, _)| root.tau);
-            // What slips in two directions stops once it is all but at rest.
-            let short = event.as_ref().and_then(|(root, watch)| match watch {
-                Watch::Surface(i) => mode.stops_short(state, *i, root.tau),
-                _ => None,
-            });
-            let (event, length) = match short {
-                Some(length) => (None, length),
-                None => (event, length),
-            };
-            let left = self.coefficients.leave(&mut self.roots, mode, length);
-            let (event, length) = match &left {
-                Some((tau, _)) => (None, *tau),
-                None => (event, length),
-            };
-            let ends = left.map(|(_, status)| status);
-            let reaches_end = length >= remaining;
-            let moves = reaches_end || state.t + (length + state.t_low) > state.t;
-            if !moves && ends.is_none() && mode.is_on_root(state) {
-                return self.step_off(state, remaining);
-            }
-            // Where it is, the direction of its friction is rounding, or its share of a force that is zero.
-            let is_blurred = |watch| mode.stops(watch) || mode.lets_go(watch);
-            let stops = event.as_ref().is_some_and(|(_, watch)| is_blurred(*watch));
-            let seen = if stops {
-                disc::DIRECTED * length
-            } else {
-                length
-            };
-            let defect = mode.defect(state, seen, tolerance, allowed);
-            if attempt == 0 && !defect.rate.is_finite() && mode.ends_at_root() {
-                return self.step_off(state, remaining);
-            }
-            let inaccurate = defect.rate.is_nan() || defect.rate > allowed;
-            if inaccurate && mode.differs_by_rounding(state, seen, allowed) {
-                continue;
-            }
-            let unseen = event.is_none() && ends.is_none() && mode.on_wrong_side(state);
-            let looked = self.coefficients.agree(mode, state, length, allowed);
-            // Without friction nothing determines a force that sticks.
-            let turned = ends.is_none() && mode.turned_over();
-            let differs = inaccurate || !defect.switches_agree || unseen || !looked || turned;
-            if differs || !self.unseen.vouches(mode, state, length, allowed) {
-                state.stats.rejected += 1;
-                if attempt == PATIENCE {
-                    mode.look_away();
-                }
-                h *= 0.5;
-                continue;
-            }
-            if !moves && event.is_none() && ends.is_none() {
-                let rests = mode.comes_to_rest(state);
-                return rests.ok_or_else(|| mode.stuck());
-            }
-            let (length, triggers) = match event {
-                Some((root, watch)) => {
-                    verify_start(Dense::Taylor(mode), state, root.tau, watch, h)?;
-                    // A double root of ψ is no better known from ψ than from its series.
-                    let tau = if is_at_end(Dense::Taylor(mode), root.tau, h, watch) {
-                        h
-                    } else if root.crosses && !mode.stops(watch) {
-                        mode.polish(state, root.tau, watch, h)?
-                    } else {
-                        root.tau
-                    };
-                    let dense = Dense::Taylor(mode);
-                    (tau, simultaneous(dense, state, tau, h, watch.switch()))
-                }
-                None => (length, Vec::new()),
-            };
-            if triggers.is_empty() && h < longest && ends.is_none() {
-                let motion = mode.motion(state, h);
-                let left = [remaining, t1 - state.t];
-                self.stiffness.after_explicit(mode, h, motion, left);
-            }
-            let dense = Dense::Taylor(mode);
-            let met = met(event).filter(|(i, _)| !mode.is_in_disc(*i));
-            mode.note_approaches(dense, state, length, met, closeness);
-            dense.states_at(length, &mut state.next);
-            std::mem::swap(&mut state.x, &mut state.next);
-            if !state.x.iter().all(|x| x.is_finite()) {
-                std::mem::swap(&mut state.x, &mut state.next);
-                return Err(Status::NotFinite);
-            }
-            dense.alphas_at(length, &mut state.alpha);
-            let reaches_end = length >= remaining;
-            let is_cut = reaches_end || ends.is_some() || !triggers.is_empty();
-            state.last_step = if is_cut && state.last_step > 0.0 {
-                state.last_step.max(length)
-            } else {
-                h
-            };
-            return Ok(Step {
-                length,
-                reaches_end,
-                triggers,
-                defect: defect.rate,
-                implicit: false,
-                ends,
-                departs: false,
-            });
-        }
-        let rests = self.mode.comes_to_rest(state);
-        rests.ok_or_else(|| self.mode.stuck())
+        mode.leaves_rest(tolerance, state, h)
     }
+
+    /// Where the first of what is watched cuts a step h.
+    fn cut(&mut self, state: &mut State, h: f64) -> Cut {
+        let closeness = self.settings.tolerance;
+        let mode = &mut self.mode;
+        let event = first_event(&mut self.roots, Dense::Taylor(mode), state, h, closeness);
+        let length = event.as_ref().map_or(h, |(root, _)| root.tau);
+        // What slips in two directions stops once it is all but at rest.
+        let short = event.as_ref().and_then(|(root, watch)| match watch {
+            Watch::Surface(i) => mode.stops_short(state, *i, root.tau),
+            _ => None,
+        });
+        let (event, length) = match short {
+            Some(length) => (None, length),
+            None => (event, length),
+        };
+        match self.coefficients.leave(&mut self.roots, mode, length) {
+            Some((length, status)) => Cut {
+                event: None,
+                length,
+                ends: Some(status),
+            },
+            None => Cut {
+                event,
+                length,
+                ends: None,
+            },
+        }
+    }
+
+    /// Whether the series of a step that is cut are the solution.
+    fn judge_step(&mut self, state: &mut State, cut: &Cut, attempt: usize) -> Judged {
+        let tolerance = self.settings.local_tolerance();
+        // The last term of the series, differentiated, is what the defect shows of the error.
+        let allowed = 10.0 * (self.order as f64) * tolerance.max(4.0 * f64::EPSILON);
+        let mode = &mut self.mode;
+        // Where it is, the direction of its friction is rounding, or its share of a force that is zero.
+        let is_blurred = |watch| mode.stops(watch) || mode.lets_go(watch);
+        let stops = (cut.event.as_ref()).is_some_and(|(_, watch)| is_blurred(*watch));
+        let seen = if stops {
+            disc::DIRECTED * cut.length
+        } else {
+            cut.length
+        };
+        let defect = mode.defect(state, seen, tolerance, allowed);
+        if attempt == 0 && !defect.rate.is_finite() && mode.ends_at_root() {
+            return Judged::EndsAtRoot;
+        }
+        let inaccurate = defect.rate.is_nan() || defect.rate > allowed;
+        if inaccurate && mode.differs_by_rounding(state, seen, allowed) {
+            return Judged::Again;
+        }
+        let unseen = cut.event.is_none() && cut.ends.is_none() && mode.on_wrong_side(state);
+        let looked = (self.coefficients).agree(mode, state, cut.length, allowed);
+        // Without friction nothing determines a force that sticks.
+        let turned = cut.ends.is_none() && mode.turned_over();
+        let differs = inaccurate || !defect.switches_agree || unseen || !looked || turned;
+        match differs || !self.unseen.vouches(mode, state, cut.length, allowed) {
+            true => Judged::Rejected,
+            false => Judged::Accepted(defect.rate),
+        }
+    }
+
+    /// Moves to the end of a step of size h, at most `longest`, that is cut.
+    fn accept(
+        &mut self,
+        state: &mut State,
+        cut: Cut,
+        [h, longest]: [f64; 2],
+        left: [f64; 2],
+        defect: f64,
+    ) -> Result<Step, Status> {
+        let Cut { event, ends, .. } = cut;
+        let (length, triggers) = match event {
+            Some((root, watch)) => self.polish_event(state, root, watch, h)?,
+            None => (cut.length, Vec::new()),
+        };
+        let mode = &mut self.mode;
+        if triggers.is_empty() && h < longest && ends.is_none() {
+            let motion = mode.motion(state, h);
+            self.stiffness.after_explicit(mode, h, motion, left);
+        }
+        let dense = Dense::Taylor(mode);
+        let met = met(event).filter(|(i, _)| !mode.is_in_disc(*i));
+        mode.note_approaches(dense, state, length, met, self.settings.tolerance);
+        dense.states_at(length, &mut state.next);
+        std::mem::swap(&mut state.x, &mut state.next);
+        if !state.x.iter().all(|x| x.is_finite()) {
+            std::mem::swap(&mut state.x, &mut state.next);
+            return Err(Status::NotFinite);
+        }
+        dense.alphas_at(length, &mut state.alpha);
+        let reaches_end = length >= left[0];
+        let is_cut = reaches_end || ends.is_some() || !triggers.is_empty();
+        state.last_step = if is_cut && state.last_step > 0.0 {
+            state.last_step.max(length)
+        } else {
+            h
+        };
+        Ok(Step {
+            length,
+            reaches_end,
+            triggers,
+            defect,
+            implicit: false,
+            ends,
+            departs: false,
+        })
+    }
+
+    /// When an event is exactly, and all switches that it is of.
+    fn polish_event(
+        &mut self,
+        state: &mut State,
+        root: Root,
+        watch: Watch,
+        h: f64,
+    ) -> Result<(f64, Vec<usize>), Status> {
+        let mode = &mut self.mode;
+        verify_start(Dense::Taylor(mode), state, root.tau, watch, h)?;
+        // A double root of ψ is no better known from ψ than from its series.
+        let tau = if is_at_end(Dense::Taylor(mode), root.tau, h, watch) {
+            h
+        } else if root.crosses && !mode.stops(watch) {
+            mode.polish(state, root.tau, watch, h)?
+        } else {
+            root.tau
+        };
+        let triggers = simultaneous(Dense::Taylor(mode), state, tau, h, watch.switch());
+        Ok((tau, triggers))
+    }
+}
+
+/// What cuts a step: an event, or what ends the run.
+struct Cut {
+    event: Option<(Root, Watch)>,
+    length: f64,
+    ends: Option<Status>,
+}
+
+impl Cut {
+    /// Whether time has digits for its length.
+    fn moves(&self, state: &State) -> bool {
+        state.t + (self.length + state.t_low) > state.t
+    }
+}
+
+/// Whether the series of a step are the solution.
+enum Judged {
+    /// They are, with this defect.
+    Accepted(f64),
+    /// They differ from it by rounding, whose size is known now.
+    Again,
+    /// They are none, at a root.
+    EndsAtRoot,
+    Rejected,
 }
 
 /// The surface that an event meets, and how.
