@@ -22,6 +22,8 @@ pub mod source;
 pub mod syntax;
 pub mod system;
 pub mod table;
+#[cfg(test)]
+mod testing;
 
 use nsd_solver::tableau::Family;
 

@@ -16,9 +16,9 @@ const FOLLOWED: usize = 8;
 const MOST_STEPS: usize = 25;
 /// The first step, in halves of a range.
 const FIRST: f64 = 0.25;
-/// A step that is not downhill is shorter by this, so often at most.
+/// A step that is not downhill is shortened to this share, so often at most.
 const SHORTER: f64 = 0.25;
-const MOST_HALVINGS: usize = 4;
+const MOST_SHORTER: usize = 4;
 /// Behind the first ones a step has to gain this share of what is missing.
 const FREE: usize = 4;
 const LEAST_GAIN: f64 = 0.02;
@@ -130,13 +130,13 @@ impl Search<'_, '_, '_, '_> {
     /// A point below `target` that is downhill, if steps lead there.
     fn downhill(&self, mut point: Candidate, target: f64) -> Option<Candidate> {
         let mut slopes = self.gradient(&point)?;
-        let mut bent = Bent::first(&slopes);
+        let mut hessian = InverseHessian::first(&slopes)?;
         for taken in 1..=MOST_STEPS {
-            let next = match self.step(&point, &bent.times(&self.free(&point, &slopes))) {
+            let next = match self.step(&point, &hessian.times(&self.free(&point, &slopes))) {
                 Some(next) => next,
                 // Behind a kink another Hessian is to be learned.
-                None if !bent.is_new => {
-                    bent = Bent::first(&slopes);
+                None if !hessian.is_new => {
+                    hessian = InverseHessian::first(&slopes)?;
                     continue;
                 }
                 None => return None,
@@ -152,7 +152,7 @@ impl Search<'_, '_, '_, '_> {
                 .bounded()
                 .map(|quantity| (next.w[quantity.index] - point.w[quantity.index]) / quantity.size);
             let bend = behind.iter().zip(&slopes).map(|(to, from)| to - from);
-            bent.learn(&change.collect::<Vec<f64>>(), &bend.collect::<Vec<f64>>());
+            hessian.learn(&change.collect::<Vec<f64>>(), &bend.collect::<Vec<f64>>());
             (point, slopes) = (next, behind);
         }
         None
@@ -182,31 +182,31 @@ impl Search<'_, '_, '_, '_> {
             }
             self.candidate(w)
         };
-        let shares = (0..MOST_HALVINGS).map(|k| SHORTER.powi(k as i32));
+        let shares = (0..MOST_SHORTER).map(|k| SHORTER.powi(k as i32));
         let mut ends = shares.filter_map(at);
         ends.find(|end| end.merit < point.merit)
     }
 }
 
 /// An inverse Hessian that is learned from changes of the gradient: H⁺ = (I - ρ s yᵀ) H (I - ρ y sᵀ) + ρ s sᵀ, ρ = 1/sᵀy.
-struct Bent {
+struct InverseHessian {
     rows: Vec<Vec<f64>>,
     is_new: bool,
 }
 
-impl Bent {
+impl InverseHessian {
     fn new(n: usize, scale: f64) -> Self {
         let row = |i: usize| (0..n).map(|j| if i == j { scale } else { 0.0 }).collect();
-        Bent {
+        InverseHessian {
             rows: (0..n).map(row).collect(),
             is_new: true,
         }
     }
 
-    /// One with which the largest slope gives the first step.
-    fn first(slopes: &[f64]) -> Self {
+    /// One with which the largest slope gives the first step; none where all slopes are zero.
+    fn first(slopes: &[f64]) -> Option<Self> {
         let steepest = slopes.iter().fold(0.0, |m: f64, slope| m.max(slope.abs()));
-        Bent::new(slopes.len(), FIRST / steepest)
+        (steepest > 0.0).then(|| InverseHessian::new(slopes.len(), FIRST / steepest))
     }
 
     fn times(&self, v: &[f64]) -> Vec<f64> {
@@ -219,9 +219,9 @@ impl Bent {
             return;
         }
         if std::mem::take(&mut self.is_new) {
-            *self = Bent {
+            *self = InverseHessian {
                 is_new: false,
-                ..Bent::new(s.len(), bend / dot(y, y))
+                ..InverseHessian::new(s.len(), bend / dot(y, y))
             };
         }
         let h = self.times(y);

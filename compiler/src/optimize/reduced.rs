@@ -394,42 +394,24 @@ mod tests {
     use std::time::Duration;
 
     use super::{Problem, Reduced};
-    use crate::clock::Clock;
-    use crate::compile;
-    use crate::diagnostics::Diagnostics;
-    use crate::expr::Exprs;
-    use crate::source::SourceMap;
-    use crate::syntax::{Item, parse};
+    use crate::testing::with_last;
 
     #[test]
     fn no_run_begins_when_the_time_is_over() {
         let text = "model m { state x = 1; control u in [-1, 1] = 0.5; x' = u*abs(x); }
                     optimize o of m { horizon 1; intervals 2; minimize final(x); }";
-        let mut diags = Diagnostics::new();
-        let file = parse(&SourceMap::new().add("test.nsd", text), &mut diags);
-        let Some(Item::Experiment(experiment)) = file.items.last() else {
-            panic!("the last item is the experiment");
-        };
-        let exprs = Exprs::new();
-        let compiled = compile(
-            &exprs,
-            &file,
-            experiment,
-            &[],
-            &mut Clock::default(),
-            &mut diags,
-        );
-        let compiled = compiled.expect("it is a model");
-        let task = (compiled.settings.optimize.as_ref()).expect("it is an optimization");
-        let problem = Problem::new(&compiled.system, &compiled.settings, task);
-        let problem = problem.expect("it has a program");
-        let (w, _) = problem.start(&[], &|| None);
-        let hour = Duration::from_secs(3600);
-        let mut reduced = Reduced::new(&problem, &w, Some(hour)).expect("it has a task");
-        let run = reduced.at(&w).expect("it reaches its end");
-        assert!((run.cost - 0.5_f64.exp()).abs() < 1e-9, "{}", run.cost);
-        // An hour later the time is over for all runs that follow.
-        reduced.deadline = reduced.deadline.and_then(|end| end.checked_sub(hour));
-        assert!(reduced.at(&w).is_none());
+        with_last(text, |compiled| {
+            let task = (compiled.settings.optimize.as_ref()).expect("it is an optimization");
+            let problem = Problem::new(&compiled.system, &compiled.settings, task);
+            let problem = problem.expect("it has a program");
+            let (w, _) = problem.start(&[], &|| None);
+            let hour = Duration::from_secs(3600);
+            let mut reduced = Reduced::new(&problem, &w, Some(hour)).expect("it has a task");
+            let run = reduced.at(&w).expect("it reaches its end");
+            assert!((run.cost - 0.5_f64.exp()).abs() < 1e-9, "{}", run.cost);
+            // An hour later the time is over for all runs that follow.
+            reduced.deadline = reduced.deadline.and_then(|end| end.checked_sub(hour));
+            assert!(reduced.at(&w).is_none());
+        });
     }
 }

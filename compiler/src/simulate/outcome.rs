@@ -8,6 +8,7 @@ use nsd_solver::simulate::{
 use super::modes::{ModeNames, law_of};
 use super::{rooted, steepest};
 use crate::report::{Averaged, Failure, Warning};
+use crate::source::Span;
 use crate::system::experiment::{Method, Settings};
 use crate::system::{Role, System};
 
@@ -29,21 +30,62 @@ pub(super) fn failure(
         let terms = vec![term];
         return Some(Failure::NotFinite { time, terms });
     }
-    let at = |switches: &[usize]| labels(system, switches);
+    let limit = |what: &'static str| Failure::Limit { time, what, span };
     Some(match &outcome.status {
         Status::Solved | Status::Stopped => return None,
-        Status::StepLimit => Failure::Limit {
-            time,
-            what: "steps",
-            span,
-        },
-        Status::EventLimit => Failure::Limit {
-            time,
-            what: "events",
-            span,
-        },
+        Status::StepLimit => limit("steps"),
+        Status::EventLimit => limit("events"),
         Status::TimeLimit => Failure::TimeLimit { time, span },
         Status::Accumulation => Failure::Accumulation { time, span },
+        Status::StaysInGuard { law } => Failure::StaysInGuard {
+            time,
+            laws: of_laws(system, &[*law]),
+        },
+        Status::EndlessJumps { laws } => Failure::EndlessJumps {
+            time,
+            laws: of_laws(system, laws),
+        },
+        Status::ConflictingJumps { laws, state } => Failure::ConflictingJumps {
+            time,
+            state: system.states[*state].name.clone(),
+            laws: of_laws(system, laws),
+        },
+        Status::Inconsistent { switches } => Failure::Inconsistent {
+            time,
+            rows: rows(system, switches),
+        },
+        Status::HighIndex { switches } => Failure::HighIndex {
+            time,
+            rows: rows(system, switches),
+        },
+        Status::NotFinite => {
+            let label = steepest::label(system, outcome, ahead);
+            let this = || LabeledSpan::new_with_span(Some("this run".to_owned()), span);
+            let terms = vec![label.unwrap_or_else(this)];
+            Failure::NotFinite { time, terms }
+        }
+        Status::Unsolved => Failure::Unsolved { time, span },
+        Status::Chattering { .. }
+        | Status::Restless { .. }
+        | Status::Painleve { .. }
+        | Status::Penetrates { .. }
+        | Status::Coefficient { .. }
+        | Status::NonUnique(_)
+        | Status::NoSolution { .. }
+        | Status::Undetermined { .. }
+        | Status::SingularSliding { .. }
+        | Status::MissedSwitch { .. }
+        | Status::Unweighted { .. }
+        | Status::CannotSlide { .. } => at_surfaces(system, names, outcome, span),
+    })
+}
+
+/// The same of what is told at the surfaces of switches.
+fn at_surfaces(system: &System, names: &ModeNames, outcome: &Outcome, span: Span) -> Failure {
+    let time = outcome.time;
+    let at = |switches: &[usize]| labels(system, switches);
+    let name = |switch: usize| system.switches[switch].name.clone();
+    match &outcome.status {
         Status::Chattering {
             switches,
             spacing,
@@ -58,37 +100,25 @@ pub(super) fn failure(
             time,
             surfaces: at(switches),
         },
-        Status::StaysInGuard { law } => Failure::StaysInGuard {
-            time,
-            laws: of_laws(system, &[*law]),
-        },
-        Status::EndlessJumps { laws } => Failure::EndlessJumps {
-            time,
-            laws: of_laws(system, laws),
-        },
-        Status::ConflictingJumps { laws, state } => Failure::ConflictingJumps {
-            time,
-            state: system.states[*state].name.clone(),
-            laws: of_laws(system, laws),
-        },
         Status::Painleve { switch } => Failure::Painleve {
             time,
-            name: system.switches[*switch].name.clone(),
+            name: name(*switch),
             surfaces: at(&[*switch]),
         },
         Status::Penetrates { switch } => Failure::Penetrates {
             time,
-            name: system.switches[*switch].name.clone(),
+            name: name(*switch),
             surfaces: at(&[*switch]),
         },
         Status::Coefficient {
             switch,
             coefficient,
             value,
-        } => {
-            let name = system.switches[*switch].name.clone();
-            outside((*coefficient, *value), (time, name), at(&[*switch]))
-        }
+        } => outside(
+            (*coefficient, *value),
+            (time, name(*switch)),
+            at(&[*switch]),
+        ),
         Status::NonUnique(candidates) => non_unique(system, names, candidates, time),
         Status::NoSolution { switches } => Failure::NoSolution {
             time,
@@ -100,14 +130,6 @@ pub(super) fn failure(
             contacts: are_contacts(system, switches),
             surfaces: at(switches),
         },
-        Status::Inconsistent { switches } => Failure::Inconsistent {
-            time,
-            rows: rows(system, switches),
-        },
-        Status::HighIndex { switches } => Failure::HighIndex {
-            time,
-            rows: rows(system, switches),
-        },
         Status::SingularSliding { switches } => Failure::SingularSliding {
             time,
             contacts: are_contacts(system, switches),
@@ -117,13 +139,6 @@ pub(super) fn failure(
             time,
             surfaces: at(&[*switch]),
         },
-        Status::NotFinite => {
-            let label = steepest::label(system, outcome, ahead);
-            let this = || LabeledSpan::new_with_span(Some("this run".to_owned()), span);
-            let terms = vec![label.unwrap_or_else(this)];
-            Failure::NotFinite { time, terms }
-        }
-        Status::Unsolved => Failure::Unsolved { time, span },
         Status::Unweighted { switches } => Failure::Unweighted {
             time,
             surfaces: at(switches),
@@ -132,7 +147,8 @@ pub(super) fn failure(
             time,
             surfaces: at(switches),
         },
-    })
+        _ => Failure::Unsolved { time, span },
+    }
 }
 
 /// A number of events in words.

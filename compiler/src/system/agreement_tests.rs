@@ -3,12 +3,9 @@
 use rustc_hash::FxHashMap;
 
 use super::sample::Random;
-use crate::clock::Clock;
-use crate::diagnostics::Diagnostics;
-use crate::expr::{Expr, Exprs, Var};
-use crate::source::SourceMap;
-use crate::syntax::{Item, parse};
-use crate::{Compiled, compile};
+use crate::Compiled;
+use crate::expr::{Expr, Var};
+use crate::testing::with_last;
 
 /// Off the surfaces, the system has the rates and readings of the model as it is written.
 #[test]
@@ -29,68 +26,58 @@ fn systems_agree_with_their_models() {
         let text = format!(
             "model m {{ state x = 0.3; state y = 0.4; {statements} }} simulate run of m {{ horizon 1; }}"
         );
-        let mut diags = Diagnostics::new();
-        let file = parse(&SourceMap::new().add("test.nsd", text), &mut diags);
-        let Some(Item::Experiment(experiment)) = file.items.last() else {
-            panic!("the text ends in an experiment")
-        };
-        let exprs = Exprs::new();
-        let compiled = compile(
-            &exprs,
-            &file,
-            experiment,
-            &[],
-            &mut Clock::default(),
-            &mut diags,
-        );
-        let Compiled { model, system, .. } = compiled.expect("the model is right");
+        with_last(&text, agrees);
+    }
+}
 
-        let mut random = Random(1);
-        for _ in 0..200 {
-            let at = [3.0 * random.symmetric(), 3.0 * random.symmetric()];
-            let mut values: FxHashMap<Var, f64> = FxHashMap::default();
-            let known = system
-                .states
-                .iter()
-                .zip(at)
-                .map(|(state, value)| (state.var, value));
-            let params = system.params.iter().map(|param| (param.var, param.value));
-            for (var, value) in known.chain(params).chain([(system.time, 0.5)]) {
-                values.insert(var.as_variable().unwrap(), value);
-            }
-            let of = |e: Expr<'_>, values: &FxHashMap<Var, f64>| e.eval(&|var| values[&var]);
-            for switch in &model.switches {
-                let sign = of(switch.psi[0], &values).signum();
-                values.insert(switch.vars[0].as_variable().unwrap(), sign);
-            }
-            for switch in &system.switches {
-                let side = f64::from(of(switch.psi, &values) > 0.0);
-                values.insert(switch.alpha.as_variable().unwrap(), side);
-            }
-            for (entry, state) in system.states.iter().enumerate() {
-                let outside = model.dynamics.iter().map(|rate| (rate, 1.0));
-                let inside = model.regions.iter().flat_map(|region| {
-                    let weight = of(region.guard, &values);
-                    region.rates.iter().map(move |rate| (rate, weight))
-                });
-                let terms = outside
-                    .chain(inside)
-                    .filter(|(rate, _)| rate.entry == entry);
-                let written: f64 = terms.map(|(rate, w)| w * of(rate.value, &values)).sum();
-                let lowered = of(state.rate, &values);
+/// Off its surfaces, at random points.
+fn agrees(compiled: &Compiled<'_>) {
+    let Compiled { model, system, .. } = compiled;
+    let mut random = Random(1);
+    for _ in 0..200 {
+        let at = [3.0 * random.symmetric(), 3.0 * random.symmetric()];
+        let mut values: FxHashMap<Var, f64> = FxHashMap::default();
+        let known = system
+            .states
+            .iter()
+            .zip(at)
+            .map(|(state, value)| (state.var, value));
+        let params = system.params.iter().map(|param| (param.var, param.value));
+        for (var, value) in known.chain(params).chain([(system.time, 0.5)]) {
+            values.insert(var.as_variable().unwrap(), value);
+        }
+        let of = |e: Expr<'_>, values: &FxHashMap<Var, f64>| e.eval(&|var| values[&var]);
+        for switch in &model.switches {
+            let sign = of(switch.psi[0], &values).signum();
+            values.insert(switch.vars[0].as_variable().unwrap(), sign);
+        }
+        for switch in &system.switches {
+            let side = f64::from(of(switch.psi, &values) > 0.0);
+            values.insert(switch.alpha.as_variable().unwrap(), side);
+        }
+        for (entry, state) in system.states.iter().enumerate() {
+            let outside = model.dynamics.iter().map(|rate| (rate, 1.0));
+            let inside = model.regions.iter().flat_map(|region| {
+                let weight = of(region.guard, &values);
+                region.rates.iter().map(move |rate| (rate, weight))
+            });
+            let terms = outside
+                .chain(inside)
+                .filter(|(rate, _)| rate.entry == entry);
+            let written: f64 = terms.map(|(rate, w)| w * of(rate.value, &values)).sum();
+            let lowered = of(state.rate, &values);
+            assert!(
+                (written - lowered).abs() < 1e-9,
+                "{} at {at:?}: {written}, {lowered}",
+                state.name
+            );
+            for rate in &model.dynamics {
+                let read = of(system.read(rate.value), &values);
                 assert!(
-                    (written - lowered).abs() < 1e-9,
-                    "{} at {at:?}: {written}, {lowered}",
-                    state.name
+                    (read - of(rate.value, &values)).abs() < 1e-9,
+                    "{} at {at:?}",
+                    rate.value
                 );
-                for rate in &model.dynamics {
-                    let read = of(system.read(rate.value), &values);
-                    assert!(
-                        (read - of(rate.value, &values)).abs() < 1e-9,
-                        "{} at {at:?}",
-                        rate.value
-                    );
-                }
             }
         }
     }

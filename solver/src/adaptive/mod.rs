@@ -12,6 +12,7 @@ mod extrapolation;
 #[cfg(test)]
 mod tests;
 
+use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use crate::simulate::dense::ElementSeries;
@@ -95,127 +96,174 @@ impl<F: Field> Simulator<F> {
     /// Integrates from `x0` at `t0` to `t1`. A change of sides from one end of a step to the other is
     /// told as an event there, wherever in the step it was.
     pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut impl Observer) -> Outcome {
-        let (n, m) = (x0.len(), self.field.n_switches());
-        let mut x = x0.to_vec();
-        let mut scale: Vec<f64> = x0.iter().map(|x| x.abs().max(LEAST_SCALE)).collect();
-        let mut rates = vec![0.0; n];
-        let mut sides = vec![Side::Plus; m];
-        let mut end_sides = vec![Side::Plus; m];
-        let mut stats = Stats::default();
-        let started = Instant::now();
-        let tolerance = (LOCAL * self.settings.tolerance).max(LEAST);
-
-        let mut t = t0;
-        let mut until = self.field.load(t);
-        self.field.sides(t, &x, &mut sides);
-        self.field.rates(t, &x, &mut rates);
-        let mut control = Control::new(tolerance, first_step(&x, &rates, t1 - t0));
-        let mut has_value = true;
+        let mut run = self.begin(t0, t1, x0);
         let status = loop {
-            if t >= t1 {
-                break Status::Solved;
+            if let Some(status) = self.limit(&run, t1) {
+                break status;
             }
-            let attempts = stats.steps + stats.rejected;
-            if attempts >= self.settings.max_steps {
-                break Status::StepLimit;
-            }
-            let is_over = |limit| started.elapsed() > limit;
-            if attempts.is_multiple_of(STEPS) && self.settings.time_limit.is_some_and(is_over) {
-                break Status::TimeLimit;
-            }
-            let limit = if until < t1 - NEAR * t1.abs() {
-                until
+            let limit = if run.until < t1 - NEAR * t1.abs() {
+                run.until
             } else {
                 t1
             };
-            let length = control.step.min(limit - t);
-            if t + length == t {
-                break match has_value {
+            let length = run.control.step.min(limit - run.t);
+            if run.t + length == run.t {
+                break match run.has_value {
                     true => Status::StepLimit,
                     false => Status::NotFinite,
                 };
             }
-
-            // Rows are added until the last two agree, or there is no hope that they will.
-            let table = &mut self.extrapolation;
-            table.begin(length, &x, &rates);
-            let verdict = loop {
-                let row = table.add_row(&mut self.field, t, &x);
-                let error = table.error(&scale, tolerance);
-                has_value = !error.is_nan();
-                match control.judge(row, length, error) {
-                    Verdict::GoOn => {}
-                    verdict => break verdict,
-                }
+            let end = if length == limit - run.t {
+                limit
+            } else {
+                run.t + length
             };
-            stats.rhs_evaluations += table.evaluations();
-            if let Verdict::Reject = verdict {
-                stats.rejected += 1;
-                continue;
-            }
-
-            // Rows may agree on what is wrong where f depends on signs alone, and not on their steps.
-            let (start, end) = (
-                t,
-                if length == limit - t {
-                    limit
-                } else {
-                    t + length
-                },
-            );
-            table.close(&mut self.field, end, m, &mut self.series);
-            let defect = table.defect(&mut self.field, t, &scale, &self.series);
-            stats.rhs_evaluations += 1 + DEFECTS.len();
-            has_value = !defect.is_nan();
-            if !has_value || defect > (DEFECT * tolerance).max(LEAST_DEFECT) {
-                control.shorten(length);
-                stats.rejected += 1;
-                continue;
-            }
-            stats.steps += 1;
-            x.copy_from_slice(table.state());
-            rates.copy_from_slice(table.end_rates());
-            t = end;
-            for (scale, x) in scale.iter_mut().zip(&x) {
-                *scale = scale.max(x.abs());
-            }
-            let segment = Segment {
-                start,
-                length: end - start,
-                until: end,
-                sides: &sides,
-                end: &x,
-                dense: &self.series,
-            };
-            if observer.segment(&segment).is_break() {
+            if !self.attempt(&mut run, length, end) {
+                run.stats.rejected += 1;
+            } else if self.accept(&mut run, end, observer).is_break() {
                 break Status::Stopped;
             }
-            if t == until {
-                until = self.field.load(t);
-                self.field.rates(t, &x, &mut rates);
-            }
-            self.field.sides(t, &x, &mut end_sides);
-            if sides != end_sides {
-                stats.events += 1;
-                observer.event(&Event {
-                    time: t,
-                    x: &x,
-                    before: &x,
-                    jumps: &[],
-                    decisions: &[],
-                    from: &sides,
-                    to: &end_sides,
-                    accumulates: false,
-                });
-                sides.copy_from_slice(&end_sides);
+        };
+        run.outcome(status)
+    }
+
+    fn begin(&mut self, t0: f64, t1: f64, x0: &[f64]) -> Run {
+        let until = self.field.load(t0);
+        let mut sides = vec![Side::Plus; self.field.n_switches()];
+        let mut rates = vec![0.0; x0.len()];
+        self.field.sides(t0, x0, &mut sides);
+        self.field.rates(t0, x0, &mut rates);
+        let tolerance = (LOCAL * self.settings.tolerance).max(LEAST);
+        Run {
+            t: t0,
+            until,
+            x: x0.to_vec(),
+            scale: x0.iter().map(|x| x.abs().max(LEAST_SCALE)).collect(),
+            control: Control::new(tolerance, first_step(x0, &rates, t1 - t0)),
+            rates,
+            end_sides: sides.clone(),
+            sides,
+            tolerance,
+            has_value: true,
+            started: Instant::now(),
+            stats: Stats::default(),
+        }
+    }
+
+    /// Why the run ends before another step, if it does.
+    fn limit(&self, run: &Run, t1: f64) -> Option<Status> {
+        if run.t >= t1 {
+            return Some(Status::Solved);
+        }
+        let attempts = run.stats.steps + run.stats.rejected;
+        if attempts >= self.settings.max_steps {
+            return Some(Status::StepLimit);
+        }
+        let is_over = |limit| run.started.elapsed() > limit;
+        let is_late =
+            attempts.is_multiple_of(STEPS) && self.settings.time_limit.is_some_and(is_over);
+        is_late.then_some(Status::TimeLimit)
+    }
+
+    /// Whether a step is as accurate as it has to be; then the table and the series hold it.
+    fn attempt(&mut self, run: &mut Run, length: f64, end: f64) -> bool {
+        // Rows are added until the last two agree, or there is no hope that they will.
+        let table = &mut self.extrapolation;
+        table.begin(length, &run.x, &run.rates);
+        let verdict = loop {
+            let row = table.add_row(&mut self.field, run.t, &run.x);
+            let error = table.error(&run.scale, run.tolerance);
+            run.has_value = !error.is_nan();
+            match run.control.judge(row, length, error) {
+                Verdict::GoOn => {}
+                verdict => break verdict,
             }
         };
+        run.stats.rhs_evaluations += table.evaluations();
+        if let Verdict::Reject = verdict {
+            return false;
+        }
+        // Rows may agree on what is wrong where f depends on signs alone, and not on their steps.
+        table.close(&mut self.field, end, run.sides.len(), &mut self.series);
+        let defect = table.defect(&mut self.field, run.t, &run.scale, &self.series);
+        run.stats.rhs_evaluations += 1 + DEFECTS.len();
+        run.has_value = !defect.is_nan();
+        let is_accurate = run.has_value && defect <= (DEFECT * run.tolerance).max(LEAST_DEFECT);
+        if !is_accurate {
+            run.control.shorten(length);
+        }
+        is_accurate
+    }
+
+    /// Moves to the end of a step and hands it on.
+    fn accept(&mut self, run: &mut Run, end: f64, observer: &mut impl Observer) -> ControlFlow<()> {
+        let start = std::mem::replace(&mut run.t, end);
+        run.stats.steps += 1;
+        run.x.copy_from_slice(self.extrapolation.state());
+        run.rates.copy_from_slice(self.extrapolation.end_rates());
+        for (scale, x) in run.scale.iter_mut().zip(&run.x) {
+            *scale = scale.max(x.abs());
+        }
+        observer.segment(&Segment {
+            start,
+            length: end - start,
+            until: end,
+            sides: &run.sides,
+            end: &run.x,
+            dense: &self.series,
+        })?;
+        if end == run.until {
+            run.until = self.field.load(end);
+            self.field.rates(end, &run.x, &mut run.rates);
+        }
+        self.field.sides(end, &run.x, &mut run.end_sides);
+        if run.sides != run.end_sides {
+            run.stats.events += 1;
+            observer.event(&Event {
+                time: end,
+                x: &run.x,
+                before: &run.x,
+                jumps: &[],
+                decisions: &[],
+                from: &run.sides,
+                to: &run.end_sides,
+                accumulates: false,
+            });
+            run.sides.copy_from_slice(&run.end_sides);
+        }
+        ControlFlow::Continue(())
+    }
+}
+
+/// Where a run is.
+struct Run {
+    t: f64,
+    /// The next breakpoint.
+    until: f64,
+    x: Vec<f64>,
+    rates: Vec<f64>,
+    /// Largest |x_i| so far.
+    scale: Vec<f64>,
+    sides: Vec<Side>,
+    end_sides: Vec<Side>,
+    control: Control,
+    tolerance: f64,
+    /// Whether the last attempt has led to numbers.
+    has_value: bool,
+    started: Instant,
+    stats: Stats,
+}
+
+impl Run {
+    fn outcome(self, status: Status) -> Outcome {
+        let n = self.x.len();
+        let share = |side: &Side| 0.5 + 0.5 * side.sign();
         Outcome {
             status,
-            time: t,
-            x,
-            alpha: sides.iter().map(|side| 0.5 + 0.5 * side.sign()).collect(),
-            sides,
+            time: self.t,
+            x: self.x,
+            alpha: self.sides.iter().map(share).collect(),
+            sides: self.sides,
             activity: vec![0.0; n],
             moved: vec![0.0; n],
             drift: 0.0,
@@ -223,7 +271,7 @@ impl<F: Field> Simulator<F> {
             complementarity: 0.0,
             notes: Vec::new(),
             approaches: Vec::new(),
-            stats,
+            stats: self.stats,
         }
     }
 }

@@ -5,6 +5,8 @@
 //! mode decide by their first non-negligible term, so that tangencies of any order
 //! are the same rule.
 
+use super::depart::Departure;
+use super::mode::Mode;
 use super::select::Choice;
 use super::state::State;
 use super::{Role, Side, Simulator, SwitchedSystem, disc, series};
@@ -234,6 +236,33 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         factors.factor(&matrix).is_ok().then_some(factors)
     }
 
+    /// Expands a choice in its own mode; nothing where that is singular. True where some of it sets off from rest.
+    fn expand_choice(
+        &mut self,
+        state: &mut State,
+        (sides, alpha): (&[Side], &mut [f64]),
+        departures: &[Departure],
+        root: Option<usize>,
+        t1: f64,
+    ) -> Option<bool> {
+        self.hold(sides, departures);
+        let tolerance = self.settings.local_tolerance();
+        let left = t1 - state.t;
+        if !departures.is_empty()
+            && (self.mode).expand_departures(state, alpha, departures, tolerance, left)
+        {
+            return Some(true);
+        }
+        let mut x = match root {
+            Some(i) => self.mode.onto_surface(state, i),
+            None => state.x.clone(),
+        };
+        self.depart(state, &mut x, departures, t1);
+        self.mode.enter(self.system, sides);
+        self.mode.expand(state.t, &x, alpha).ok()?;
+        Some(false)
+    }
+
     /// What the series in the choice's own mode say; nothing where that mode is singular.
     pub(super) fn verdict(
         &mut self,
@@ -248,23 +277,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             sides[i] = choice.sides[at];
             alpha[i] = choice.alpha[at];
         }
-        let (order, tolerance) = (self.order, self.settings.local_tolerance());
+        let tolerance = self.settings.local_tolerance();
         let departures = self.departures(state, group, choice);
-        self.hold(&sides, &departures);
-        let departs = !departures.is_empty() && {
-            let mode = &mut self.mode;
-            mode.expand_departures(state, &alpha, &departures, tolerance, t1 - state.t)
-        };
         let root = group.iter().copied().find(|&i| self.system.has_root(i));
-        if !departs {
-            let mut x = match root {
-                Some(i) => self.mode.onto_surface(state, i),
-                None => state.x.clone(),
-            };
-            self.depart(state, &mut x, &departures, t1);
-            self.mode.enter(self.system, &sides);
-            self.mode.expand(state.t, &x, &mut alpha).ok()?;
-        }
+        let departs = self.expand_choice(state, (&sides, &mut alpha), &departures, root, t1)?;
         let sets_off = |i: usize| departs && departures.iter().any(|d| d.switches.contains(&i));
         let mode = &mut self.mode;
         // At a root nothing but rates is known. Without roots, a series that is no number speaks against its mode.
@@ -311,19 +327,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let stays = |((&i, side), unit): ((&usize, &Side), &f64)| match side {
             _ if mode.is_idle(i, &sides) => true,
             _ if mode.is_second(i) || sets_off(i) => true,
-            Side::Slide if mode.roles[i] != Role::Step => true,
-            Side::Slide if mode.is_in_disc(i) => disc::goes_on(mode, i, h),
-            Side::Slide => {
-                let (series, tie) = (mode.alpha_series(i), TIE * unit);
-                let inward = if series[0] <= tie && !mode.is_unilateral(i) {
-                    1.0
-                } else if series[0] >= 1.0 - tie {
-                    -1.0
-                } else {
-                    return true;
-                };
-                series::leading(series, h, tie).is_none_or(|k| series[k] * inward > 0.0)
-            }
+            Side::Slide => mode.keeps_sliding(i, h, TIE * unit),
             _ if comes(i) => true,
             side => {
                 let series = mode.psi_series(i);
@@ -332,14 +336,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             }
         };
         let agrees = (group.iter().zip(&choice.sides).zip(units)).all(stays);
-        let mut terms = Vec::with_capacity(state.x.len() * order);
-        for i in 0..state.x.len() {
-            let mut power = 1.0;
-            terms.extend(mode.x_series(i)[1..=order].iter().map(|c| {
-                power *= h;
-                c * power
-            }));
-        }
+        let terms = mode.terms_of_step(h);
         let spread = self.spread(state, group, units, h);
         Some(Verdict {
             agrees,
@@ -347,5 +344,41 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             terms,
             rounding: spread.iter().map(|a| ROUNDINGS * a * h).collect(),
         })
+    }
+}
+
+impl Mode {
+    /// Whether the series of a sliding switch keep it on its surface for a time h: an α within a tie of its bound goes
+    /// inward.
+    fn keeps_sliding(&self, switch: usize, h: f64, tie: f64) -> bool {
+        if self.roles[switch] != Role::Step {
+            return true;
+        }
+        if self.is_in_disc(switch) {
+            return disc::goes_on(self, switch, h);
+        }
+        let series = self.alpha_series(switch);
+        let inward = if series[0] <= tie && !self.is_unilateral(switch) {
+            1.0
+        } else if series[0] >= 1.0 - tie {
+            -1.0
+        } else {
+            return true;
+        };
+        series::leading(series, h, tie).is_none_or(|k| series[k] * inward > 0.0)
+    }
+
+    /// Terms c_k hᵏ of the states, k from 1, one state after another.
+    fn terms_of_step(&self, h: f64) -> Vec<f64> {
+        let order = self.order;
+        let mut terms = Vec::with_capacity(self.n * order);
+        for i in 0..self.n {
+            let mut power = 1.0;
+            terms.extend(self.x_series(i)[1..=order].iter().map(|c| {
+                power *= h;
+                c * power
+            }));
+        }
+        terms
     }
 }

@@ -10,6 +10,7 @@ mod law;
 mod method;
 mod optimize;
 mod perturb;
+mod said;
 mod with;
 
 use rustc_hash::FxHashMap;
@@ -19,19 +20,19 @@ use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Var};
 use crate::model::{Model, TargetKind};
 use crate::source::Span;
-use crate::syntax::{self, Bind, Expect, ExperimentKind, OutputWhen, SettingKind, Sliding};
+use crate::syntax::{self, Bind, Expect, OutputWhen, SettingKind, Sliding};
 
 pub use branches::beside_branches;
 pub use error::ExperimentError;
 pub use fesd::{Cross, Equilibration, FesdOptions, Form, SteppingOptions};
 pub use law::Law;
 pub use method::{Branch, EventOptions, Lowering, Method, SmoothingOptions};
-use optimize::Draft;
 pub use optimize::{
     At, Freed, Integral, MpccOptions, Optimize, Row, Shape, Starts, Tied, relaxation_word,
     steering_word,
 };
 pub use perturb::Perturbation;
+use said::Said;
 
 /// What an experiment asks for.
 #[derive(Clone, Debug)]
@@ -165,140 +166,35 @@ pub fn evaluate<'e>(
         failed: false,
     };
 
-    let usual = match experiment.kind {
-        ExperimentKind::Simulate => DEFAULT_TOLERANCE,
-        ExperimentKind::Optimize => DEFAULT_OPTIMIZE_TOLERANCE,
-    };
-    let mut draft = (experiment.kind == ExperimentKind::Optimize).then(|| Draft::new(model));
-    let (mut horizon, mut tolerance, mut method) = (None, usual, Method::Auto);
-    let (mut kicks, mut runs, mut averages) = (None, None, None);
-    let (mut lowerings, mut outputs, mut sampling, mut expects) =
-        (vec![], None, Sampling::Method, vec![]);
+    let mut said = Said::new(model, experiment.kind);
     // The horizon bounds what others may be, wherever it stands.
     let is_horizon =
         |setting: &&syntax::ExperimentSetting| matches!(setting.kind, SettingKind::Horizon { .. });
     let all = || experiment.settings.iter();
     let others = all().filter(|setting| !is_horizon(setting));
     for setting in all().filter(is_horizon).chain(others) {
-        let span = setting.span;
-        match &setting.kind {
-            SettingKind::With(_) | SettingKind::Bad => {}
-            SettingKind::Expect(expect) => expects.push((expect.clone(), span)),
-            SettingKind::Horizon {
-                free: true,
-                range,
-                value,
-            } => {
-                reader.once("`horizon`", span);
-                match &mut draft {
-                    None => reader.not_for_simulate("horizon free", span),
-                    Some(draft) => {
-                        let guess = draft.free_horizon(&mut reader, range.as_ref(), value.as_ref());
-                        horizon = Some((guess, span));
-                    }
-                }
-            }
-            SettingKind::Horizon { value, .. } => {
-                reader.once("`horizon`", span);
-                horizon = value
-                    .as_ref()
-                    .map(|value| (reader.horizon(draft.as_mut(), value), value.span));
-            }
-            SettingKind::Value { name, value } if name.name == "tolerance" => {
-                reader.once("`tolerance`", span);
-                if let Some(number) =
-                    reader.within("the tolerance", value, "between 0 and 1", |x| {
-                        0.0 < x && x < 1.0
-                    })
-                {
-                    tolerance = number;
-                }
-            }
-            SettingKind::Value { name, value } if name.name == "runs" => match draft {
-                Some(_) => reader.not_for_optimize("runs", span),
-                None => {
-                    reader.once("`runs`", span);
-                    runs = reader.count("`runs`", value, MOST_RUNS).map(|n| (n, span));
-                }
-            },
-            SettingKind::OnChattering => {
-                reader.once("`on chattering`", span);
-                match draft {
-                    Some(_) => reader.not_for_optimize("on chattering", span),
-                    None => averages = Some(span),
-                }
-            }
-            SettingKind::Perturb { every, by, seed } => {
-                reader.once("`perturb`", span);
-                match draft {
-                    Some(_) => reader.not_for_optimize("perturb", span),
-                    None => kicks = reader.kicks(every, by.as_ref(), seed.as_ref(), span),
-                }
-            }
-            SettingKind::Method { name, options } => {
-                reader.once("`method`", span);
-                if let Some(draft) = &mut draft {
-                    draft.method(&mut reader, name, options);
-                } else if let Some(chosen) = method::method(&mut reader, name, options) {
-                    method = chosen;
-                }
-            }
-            SettingKind::Lower(names) => lowerings.extend(
-                names
-                    .iter()
-                    .filter_map(|name| method::lowering(&mut reader, name)),
-            ),
-            SettingKind::Output { paths, when } => {
-                reader.once("`output`", span);
-                if !paths.is_empty() {
-                    outputs = Some(paths.iter().filter_map(|path| reader.kept(path)).collect());
-                }
-                sampling = reader
-                    .sampling(when, horizon.and_then(|(end, _)| end))
-                    .unwrap_or(Sampling::Method);
-            }
-            kind => match &mut draft {
-                Some(draft) => {
-                    let horizon = horizon.and_then(|(end, _)| end);
-                    draft.setting(&mut reader, kind, span, horizon);
-                }
-                None => reader.not_for_simulate(&word_of(kind), span),
-            },
-        }
+        said.setting(&mut reader, &setting.kind, setting.span);
     }
-    if horizon.is_none() {
-        reader.error(ExperimentError::NoHorizon {
-            name: experiment.name.name.clone(),
-            span: experiment.name.span,
-        });
-    }
-    let disturbs =
-        |setting: &syntax::ExperimentSetting| matches!(setting.kind, SettingKind::Perturb { .. });
-    if let Some((_, span)) = runs.filter(|_| !all().any(disturbs)) {
-        reader.error(ExperimentError::SameRuns { span });
-    }
-    let is_by_events = matches!(method, Method::Auto | Method::Event(_));
-    if let Some(span) = averages.filter(|_| !is_by_events) {
-        reader.error(ExperimentError::NoChattering { span });
-    }
-    let is_optimize = draft.is_some();
+    said.check(&mut reader, experiment);
+    let is_optimize = said.draft.is_some();
+    let draft = said.draft.take();
     let optimize = draft.and_then(|draft| draft.finish(&mut reader, experiment));
     let failed = reader.failed || optimize.is_some() != is_optimize;
-    let (horizon, _) = horizon?;
+    let (horizon, _) = said.horizon?;
     let settings = Settings {
         name: experiment.name.name.clone(),
         model: model.name.clone(),
         horizon: horizon?,
-        tolerance,
-        method,
-        lowerings,
-        outputs,
-        sampling,
+        tolerance: said.tolerance,
+        method: said.method,
+        lowerings: said.lowerings,
+        outputs: said.outputs,
+        sampling: said.sampling,
         optimize,
-        kicks,
-        averages: averages.is_some(),
-        runs: runs.map(|(n, _)| n),
-        expects,
+        kicks: said.kicks,
+        averages: said.averages.is_some(),
+        runs: said.runs.map(|(n, _)| n),
+        expects: said.expects,
         span: experiment.span,
         values,
         sliding: given?.sliding,

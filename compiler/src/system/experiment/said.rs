@@ -1,0 +1,170 @@
+//! What the settings of an experiment say, read one by one.
+
+use super::optimize::Draft;
+use super::{
+    DEFAULT_OPTIMIZE_TOLERANCE, DEFAULT_TOLERANCE, ExperimentError, Kept, Lowering, MOST_RUNS,
+    Method, Perturbation, Reader, Sampling, method, word_of,
+};
+use crate::model::Model;
+use crate::source::Span;
+use crate::syntax::{self, Expect, ExperimentKind, SettingKind};
+
+/// What has been read so far; spans where a later check may complain.
+pub(super) struct Said<'m, 'e> {
+    /// Of an optimization, what only that has.
+    pub draft: Option<Draft<'m, 'e>>,
+    pub horizon: Option<(Option<f64>, Span)>,
+    pub tolerance: f64,
+    pub method: Method<'e>,
+    pub lowerings: Vec<Lowering>,
+    pub outputs: Option<Vec<Kept<'e>>>,
+    pub sampling: Sampling,
+    pub kicks: Option<Perturbation>,
+    pub runs: Option<(usize, Span)>,
+    pub averages: Option<Span>,
+    pub expects: Vec<(Expect, Span)>,
+}
+
+impl<'m, 'e> Said<'m, 'e> {
+    /// What holds where nothing is said.
+    pub fn new(model: &'m Model<'e>, kind: ExperimentKind) -> Self {
+        let (draft, tolerance) = match kind {
+            ExperimentKind::Simulate => (None, DEFAULT_TOLERANCE),
+            ExperimentKind::Optimize => (Some(Draft::new(model)), DEFAULT_OPTIMIZE_TOLERANCE),
+        };
+        Said {
+            draft,
+            horizon: None,
+            tolerance,
+            method: Method::Auto,
+            lowerings: Vec::new(),
+            outputs: None,
+            sampling: Sampling::Method,
+            kicks: None,
+            runs: None,
+            averages: None,
+            expects: Vec::new(),
+        }
+    }
+
+    pub fn setting(&mut self, reader: &mut Reader<'_, 'e>, kind: &SettingKind, span: Span) {
+        match kind {
+            SettingKind::With(_) | SettingKind::Bad => {}
+            SettingKind::Expect(expect) => self.expects.push((expect.clone(), span)),
+            SettingKind::Horizon { free, range, value } => {
+                reader.once("`horizon`", span);
+                self.horizon(reader, (*free, range.as_ref(), value.as_ref()), span);
+            }
+            SettingKind::Value { name, value } if name.name == "tolerance" => {
+                reader.once("`tolerance`", span);
+                let fits = |x| 0.0 < x && x < 1.0;
+                let number = reader.within("the tolerance", value, "between 0 and 1", fits);
+                self.tolerance = number.unwrap_or(self.tolerance);
+            }
+            SettingKind::Method { name, options } => {
+                reader.once("`method`", span);
+                if let Some(draft) = &mut self.draft {
+                    draft.method(reader, name, options);
+                } else if let Some(chosen) = method::method(reader, name, options) {
+                    self.method = chosen;
+                }
+            }
+            SettingKind::Lower(names) => {
+                let named = names
+                    .iter()
+                    .filter_map(|name| method::lowering(reader, name));
+                self.lowerings.extend(named);
+            }
+            SettingKind::Output { paths, when } => {
+                reader.once("`output`", span);
+                if !paths.is_empty() {
+                    let kept = paths.iter().filter_map(|path| reader.kept(path));
+                    self.outputs = Some(kept.collect());
+                }
+                let end = self.horizon.and_then(|(end, _)| end);
+                let sampling = reader.sampling(when, end);
+                self.sampling = sampling.unwrap_or(Sampling::Method);
+            }
+            kind => self.of_one_kind(reader, kind, span),
+        }
+    }
+
+    /// A setting of simulations alone, or of optimizations alone.
+    fn of_one_kind(&mut self, reader: &mut Reader<'_, 'e>, kind: &SettingKind, span: Span) {
+        let is_optimize = self.draft.is_some();
+        match kind {
+            SettingKind::Value { name, .. } if name.name == "runs" && is_optimize => {
+                reader.not_for_optimize("runs", span);
+            }
+            SettingKind::Value { name, value } if name.name == "runs" => {
+                reader.once("`runs`", span);
+                let runs = reader.count("`runs`", value, MOST_RUNS);
+                self.runs = runs.map(|n| (n, span));
+            }
+            SettingKind::OnChattering => {
+                reader.once("`on chattering`", span);
+                match is_optimize {
+                    true => reader.not_for_optimize("on chattering", span),
+                    false => self.averages = Some(span),
+                }
+            }
+            SettingKind::Perturb { every, by, seed } => {
+                reader.once("`perturb`", span);
+                match is_optimize {
+                    true => reader.not_for_optimize("perturb", span),
+                    false => self.kicks = reader.kicks(every, by.as_ref(), seed.as_ref(), span),
+                }
+            }
+            kind => match &mut self.draft {
+                Some(draft) => {
+                    let end = self.horizon.and_then(|(end, _)| end);
+                    draft.setting(reader, kind, span, end);
+                }
+                None => reader.not_for_simulate(&word_of(kind), span),
+            },
+        }
+    }
+
+    /// The horizon, or the range and the guess of a free one.
+    fn horizon(
+        &mut self,
+        reader: &mut Reader<'_, 'e>,
+        (free, range, value): (
+            bool,
+            Option<&(syntax::Expr, syntax::Expr)>,
+            Option<&syntax::Expr>,
+        ),
+        span: Span,
+    ) {
+        match (&mut self.draft, free) {
+            (None, true) => reader.not_for_simulate("horizon free", span),
+            (Some(draft), true) => {
+                self.horizon = Some((draft.free_horizon(reader, range, value), span));
+            }
+            (draft, false) => {
+                self.horizon =
+                    value.map(|value| (reader.horizon(draft.as_mut(), value), value.span));
+            }
+        }
+    }
+
+    /// What settings must not say together, or leave out.
+    pub fn check(&self, reader: &mut Reader<'_, 'e>, experiment: &syntax::Experiment) {
+        if self.horizon.is_none() {
+            reader.error(ExperimentError::NoHorizon {
+                name: experiment.name.name.clone(),
+                span: experiment.name.span,
+            });
+        }
+        let disturbs = |setting: &syntax::ExperimentSetting| {
+            matches!(setting.kind, SettingKind::Perturb { .. })
+        };
+        if let Some((_, span)) = (self.runs).filter(|_| !experiment.settings.iter().any(disturbs)) {
+            reader.error(ExperimentError::SameRuns { span });
+        }
+        let is_by_events = matches!(self.method, Method::Auto | Method::Event(_));
+        if let Some(span) = self.averages.filter(|_| !is_by_events) {
+            reader.error(ExperimentError::NoChattering { span });
+        }
+    }
+}
