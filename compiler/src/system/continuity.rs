@@ -156,12 +156,11 @@ fn on_samples<'e>(
             let change = (near.iter().map(|near| (sampler.eval(e, near) - on).abs()))
                 .filter(|change| change.is_finite())
                 .fold(0.0, f64::max);
-            // Terms of the function that cancel in its jump leave a few roundings, wherever the point is.
-            let is_rounding = |point| {
-                let size = sampler.eval(whole, point).abs();
-                size.is_finite() && on.abs() <= CANCELLED * size
-            };
-            let is_jump = on.abs() > change && !is_rounding(&start) && !is_rounding(&point);
+            // Terms of the function that cancel in its jump leave a few roundings of what it is there: far from the
+            // surface it may be larger, and says nothing about a jump.
+            let size = sampler.eval(whole, &point).abs();
+            let is_rounding = size.is_finite() && on.abs() <= CANCELLED * size;
+            let is_jump = on.abs() > change && !is_rounding;
             *is_zero = Some(!is_jump);
             if is_jump {
                 break 'points;
