@@ -75,10 +75,7 @@ fn section(family: &Family, tally: &mut Tally) {
         if !methods.contains(&case.method.as_str()) {
             methods.push(&case.method);
         }
-        if rows
-            .last()
-            .is_none_or(|(hardness, _)| *hardness != case.hardness)
-        {
+        if rows.iter().all(|(hardness, _)| *hardness != case.hardness) {
             rows.push((&case.hardness, case.promised()));
         }
     }

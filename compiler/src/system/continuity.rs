@@ -19,9 +19,6 @@ const ROUNDING: f64 = 1e-10;
 /// The same for kinks, which are continuous by construction unless something divides by them.
 const ROUNDING_OF_KINKS: f64 = 1e-6;
 
-/// What is left of terms that cancel, as a share of the function that they are of.
-const CANCELLED: f64 = 16.0 * f64::EPSILON;
-
 /// What is known about a switch α ∈ step(ψ) in the functions `f`.
 pub(super) fn classify<'e>(
     f: &[Expr<'e>],
@@ -29,15 +26,17 @@ pub(super) fn classify<'e>(
     is_kink: bool,
     sampler: &Sampler<'e>,
 ) -> Continuity {
-    let of_f = f.iter().map(|&f| (jump(f, alpha), f));
-    let (jumps, wholes): (Vec<Expr<'e>>, Vec<Expr<'e>>) =
-        of_f.filter(|(jump, _)| !jump.is_zero()).unzip();
+    let jumps: Vec<Expr<'e>> = f
+        .iter()
+        .map(|&f| jump(f, alpha))
+        .filter(|jump| !jump.is_zero())
+        .collect();
     if jumps.iter().any(|jump| jump.as_constant().is_some()) {
         return Continuity::Discontinuous;
     }
     let sampler = &sampler.only(&[jumps.as_slice(), &[psi]].concat());
     let rounding = if is_kink { ROUNDING_OF_KINKS } else { ROUNDING };
-    let sampled = on_samples(&jumps, &wholes, (psi, rounding), sampler);
+    let sampled = on_samples(&jumps, psi, rounding, sampler);
     let mut known = jumps.iter().zip(&sampled);
     if sampled.contains(&Some(false)) {
         return Continuity::Discontinuous;
@@ -119,7 +118,7 @@ fn vanishes_after_solving<'e>(e: Expr<'e>, psi: Expr<'e>) -> bool {
 
 /// Whether e is zero at every sampled point of the surface; without doubt, that is found at some.
 pub(super) fn vanishes_at_samples<'e>(e: Expr<'e>, psi: Expr<'e>, sampler: &Sampler<'e>) -> bool {
-    on_samples(&[e], &[e], (psi, ROUNDING), sampler) == [Some(true)]
+    on_samples(&[e], psi, ROUNDING, sampler) == [Some(true)]
 }
 
 /// Whether e is zero wherever ψ is, as its form shows, or at all sampled points.
@@ -130,16 +129,16 @@ pub(super) fn is_zero_on<'e>(e: Expr<'e>, psi: Expr<'e>, sampler: &Sampler<'e>) 
     }
 }
 
-/// Whether jumps of functions are zero, to rounding, at the sampled points of the surface where they are defined; `None`
+/// Whether functions are zero, to rounding, at the sampled points of the surface where they are defined; `None`
 /// without such points. The first one that is not ends the search.
 fn on_samples<'e>(
-    jumps: &[Expr<'e>],
-    wholes: &[Expr<'e>],
-    (psi, rounding): (Expr<'e>, f64),
+    functions: &[Expr<'e>],
+    psi: Expr<'e>,
+    rounding: f64,
     sampler: &Sampler<'e>,
 ) -> Vec<Option<bool>> {
-    let mut is_zero = vec![None; jumps.len()];
-    if jumps.is_empty() {
+    let mut is_zero = vec![None; functions.len()];
+    if functions.is_empty() {
         return is_zero;
     }
     'points: for start in sampler.points(N_POINTS) {
@@ -147,7 +146,7 @@ fn on_samples<'e>(
             continue;
         };
         let near = OnceCell::new();
-        for ((&e, &whole), is_zero) in jumps.iter().zip(wholes).zip(&mut is_zero) {
+        for (&e, is_zero) in functions.iter().zip(&mut is_zero) {
             let on = sampler.eval(e, &point);
             if !on.is_finite() {
                 continue;
@@ -156,11 +155,8 @@ fn on_samples<'e>(
             let change = (near.iter().map(|near| (sampler.eval(e, near) - on).abs()))
                 .filter(|change| change.is_finite())
                 .fold(0.0, f64::max);
-            // Terms of the function that cancel in its jump leave a few roundings of what it is there: far from the
-            // surface it may be larger, and says nothing about a jump.
-            let size = sampler.eval(whole, &point).abs();
-            let is_rounding = size.is_finite() && on.abs() <= CANCELLED * size;
-            let is_jump = on.abs() > change && !is_rounding;
+            // Terms that cancel in a jump leave their roundings.
+            let is_jump = on.abs() > change && on.abs() > sampler.rounding(e, &point);
             *is_zero = Some(!is_jump);
             if is_jump {
                 break 'points;

@@ -166,6 +166,14 @@ impl<'e> Sampler<'e> {
         evaluator.eval(&|var| point.get(var))
     }
 
+    /// How far rounding may have taken that value from the exact one; 0 where that is not known.
+    pub fn rounding(&self, e: Expr<'e>, point: &Point) -> f64 {
+        let mut evaluators = self.evaluators.borrow_mut();
+        let evaluator = evaluators.entry(e).or_insert_with(|| Evaluator::new(e));
+        let error = evaluator.running_error(&|var| point.get(var));
+        if error.is_finite() { error } else { 0.0 }
+    }
+
     /// `count` points at distances from 1e-3 to 10 times the initial state's size, the initial point first.
     pub fn points(&self, count: usize) -> impl Iterator<Item = Point> + '_ {
         const SCALES: [f64; 5] = [1.0, 0.1, 10.0, 1e-2, 1e-3];

@@ -5,6 +5,7 @@
 use std::f64::consts::PI;
 
 use super::{Case, Extent, Family};
+use crate::random::Random;
 
 /// Instances in all.
 const COUNT: usize = 240;
@@ -27,25 +28,6 @@ pub fn families(extent: Extent) -> Vec<Family> {
     }]
 }
 
-/// Marsaglia's xorshift generator with 64 bits.
-struct Random(u64);
-
-impl Random {
-    /// A number between two others.
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        low + (high - low) * (self.0 >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    /// One of some.
-    fn of<T: Copy>(&mut self, all: &[T]) -> T {
-        let at = self.between(0.0, all.len() as f64) as usize;
-        all[at.min(all.len() - 1)]
-    }
-}
-
 /// s, its rate, and where it ends after 10.
 fn laws() -> [(f64, &'static str, f64); 4] {
     [
@@ -65,8 +47,8 @@ fn bump(at: usize, random: &mut Random) -> Case {
     let (from, rate, to) = random.of(&laws());
     let (low, high) = (f64::min(from, to), f64::max(from, to));
     // Tails of exp(-100) are cut off.
-    let center = random.between(low + 1.5, high - 1.5);
-    let width = 10_f64.powf(random.between(-6.0, -1.0));
+    let center = low + 1.5 + (high - low - 3.0) * random.unit();
+    let width = 10_f64.powf(-6.0 + 5.0 * random.unit());
     let tolerance = random.of(&[1e-4, 1e-6, 1e-8, 1e-10]);
     let start = random.of(&[0.0, 1.0]);
     let u = |s: f64| (s - center) / width;

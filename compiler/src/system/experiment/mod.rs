@@ -10,7 +10,7 @@ mod law;
 mod method;
 mod optimize;
 mod perturb;
-mod said;
+mod statements;
 mod with;
 
 use rustc_hash::FxHashMap;
@@ -32,7 +32,7 @@ pub use optimize::{
     steering_word,
 };
 pub use perturb::Perturbation;
-use said::Said;
+use statements::Statements;
 
 /// What an experiment asks for.
 #[derive(Clone, Debug)]
@@ -166,35 +166,35 @@ pub fn evaluate<'e>(
         failed: false,
     };
 
-    let mut said = Said::new(model, experiment.kind);
+    let mut statements = Statements::new(model, experiment.kind);
     // The horizon bounds what others may be, wherever it stands.
     let is_horizon =
         |setting: &&syntax::ExperimentSetting| matches!(setting.kind, SettingKind::Horizon { .. });
     let all = || experiment.settings.iter();
     let others = all().filter(|setting| !is_horizon(setting));
     for setting in all().filter(is_horizon).chain(others) {
-        said.setting(&mut reader, &setting.kind, setting.span);
+        statements.setting(&mut reader, &setting.kind, setting.span);
     }
-    said.check(&mut reader, experiment);
-    let is_optimize = said.draft.is_some();
-    let draft = said.draft.take();
+    statements.check(&mut reader, experiment);
+    let is_optimize = statements.draft.is_some();
+    let draft = statements.draft.take();
     let optimize = draft.and_then(|draft| draft.finish(&mut reader, experiment));
     let failed = reader.failed || optimize.is_some() != is_optimize;
-    let (horizon, _) = said.horizon?;
+    let (horizon, _) = statements.horizon?;
     let settings = Settings {
         name: experiment.name.name.clone(),
         model: model.name.clone(),
         horizon: horizon?,
-        tolerance: said.tolerance,
-        method: said.method,
-        lowerings: said.lowerings,
-        outputs: said.outputs,
-        sampling: said.sampling,
+        tolerance: statements.tolerance,
+        method: statements.method,
+        lowerings: statements.lowerings,
+        outputs: statements.outputs,
+        sampling: statements.sampling,
         optimize,
-        kicks: said.kicks,
-        averages: said.averages.is_some(),
-        runs: said.runs.map(|(n, _)| n),
-        expects: said.expects,
+        kicks: statements.kicks,
+        averages: statements.averages.is_some(),
+        runs: statements.runs.map(|(n, _)| n),
+        expects: statements.expects,
         span: experiment.span,
         values,
         sliding: given?.sliding,

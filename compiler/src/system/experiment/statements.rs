@@ -9,8 +9,8 @@ use crate::model::Model;
 use crate::source::Span;
 use crate::syntax::{self, Expect, ExperimentKind, SettingKind};
 
-/// What has been read so far; spans where a later check may complain.
-pub(super) struct Said<'m, 'e> {
+/// What settings have said so far; spans where a later check may complain.
+pub(super) struct Statements<'m, 'e> {
     /// Of an optimization, what only that has.
     pub draft: Option<Draft<'m, 'e>>,
     pub horizon: Option<(Option<f64>, Span)>,
@@ -25,14 +25,14 @@ pub(super) struct Said<'m, 'e> {
     pub expects: Vec<(Expect, Span)>,
 }
 
-impl<'m, 'e> Said<'m, 'e> {
+impl<'m, 'e> Statements<'m, 'e> {
     /// What holds where nothing is said.
     pub fn new(model: &'m Model<'e>, kind: ExperimentKind) -> Self {
         let (draft, tolerance) = match kind {
             ExperimentKind::Simulate => (None, DEFAULT_TOLERANCE),
             ExperimentKind::Optimize => (Some(Draft::new(model)), DEFAULT_OPTIMIZE_TOLERANCE),
         };
-        Said {
+        Statements {
             draft,
             horizon: None,
             tolerance,
