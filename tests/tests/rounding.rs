@@ -94,6 +94,23 @@ fn rates_that_are_rounding_move_nothing() {
     assert!(missed.is_empty(), "{} {}", missed.len(), missed.join("\n"));
 }
 
+/// a' = -1000 a + I with an I that is zero, e' = a e: a stays 0 and e stays 1, whatever accuracy elements have to have.
+#[test]
+fn rounding_shortens_no_elements() {
+    let text = "model m {
+           state a = 0; state b = 0.3; state e = 1;
+           a' = -1e3*a + exp(b)*log(exp(b)) - b*exp(b); b' = cos(time)*e; e' = a*e;
+         }
+         simulate r of m { horizon 5; tolerance 1e-11; method fesd; }";
+    let found = solved(text, "r");
+    let exact = [("a", 0.0), ("b", 0.3 + 5_f64.sin()), ("e", 1.0)];
+    for (name, exact) in exact {
+        let value = end(&found, name)[0];
+        assert!((value - exact).abs() < 1e-10, "{name}: {value}");
+    }
+    assert!(found.stats.steps < 60, "{} elements", found.stats.steps);
+}
+
 /// Two rods on a joint, in free fall: joint, angles and their rates.
 fn chain(settings: &str) -> String {
     format!(

@@ -1,8 +1,8 @@
 //! Enclosures: what a function may be while its inputs stay within radii of their values.
 //!
 //! A ball m ± r holds every number within r of m. Each operation gives a ball that holds all its
-//! results, but for rounding. Where a function has no simple bound the radius is infinite. A root of a negative number
-//! is none: √ of a ball around zero holds those of the others.
+//! results, but for rounding. Where a function has no simple bound the radius is infinite. A power of a
+//! negative number is none: that of a ball around zero holds those of the others.
 
 use std::f64::consts::PI;
 use std::ops::{Add, Div, Mul, Neg, Sub};
@@ -132,9 +132,8 @@ impl Lane for Ball {
 
     fn sqrt(self) -> Self {
         let root = self.middle.sqrt();
-        // √a - √(a - r) is the larger of the two differences, where a - r is no less than zero. Below it there are none.
-        let below = root - self.low().max(0.0).sqrt();
-        Ball::new(root, below.max(self.high().sqrt() - root)).only_if(self.middle >= 0.0)
+        // √a - √(a - r) is the larger of the two differences.
+        Ball::new(root, root - self.low().max(0.0).sqrt()).only_if(self.low() > 0.0)
     }
 
     fn exp(self) -> Self {
