@@ -273,17 +273,6 @@ impl Element {
         if let (Some(keeper), Some(kept)) = (&mut self.keeper, &self.reduced.kept) {
             keeper.start(kept, t, x0, scale, &self.numbers);
         }
-        match self.iterate(scheme, scale) {
-            Err(Unsolved::Diverged) if self.sees_rounding(scheme, scale) => {
-                self.iterate(scheme, scale)
-            }
-            solved => solved,
-        }
-    }
-
-    /// Newton's method at a length that is given.
-    fn iterate(&mut self, scheme: &Scheme, scale: &[f64]) -> Result<(), Unsolved> {
-        let h = self.h;
         let mut fresh = self.prepare(scheme, h)?;
         let (mut last, mut chords) = (f64::INFINITY, 0);
         for _ in 0..MAX_NEWTON {

@@ -1,10 +1,10 @@
 //! Rates that are rounding: terms that cancel within an expression, which no derivative shows.
 //!
-//! Where |f_i - V_i| at every node is no larger than the running error δ_i of f_i, no iteration makes it smaller, and
-//! where |f_i - x_i'| is no larger between them, no shorter element does: δ_i/ε is the size of the terms of f_i.
+//! Where |f_i - x_i'| between the nodes is no larger than the running error δ_i of f_i, no shorter element makes it
+//! smaller: δ_i/ε is the size of the terms of f_i.
 
 use super::element::Element;
-use super::scheme::{Scheme, WIDTH};
+use super::scheme::Scheme;
 use super::system::ComplementaritySystem;
 use super::{Mode, Run, Simulator};
 use crate::simulate::series;
@@ -45,17 +45,6 @@ impl Rounding {
 }
 
 impl Element {
-    /// Whether the residuals of some rates are rounding, and their terms larger than was known of them.
-    pub(super) fn sees_rounding(&mut self, scheme: &Scheme, scale: &[f64]) -> bool {
-        self.place(scheme);
-        self.raise(scale, |element, rounding| {
-            for node in 0..scheme.s {
-                let v = &element.unknowns[node * element.per_node()..][..element.n];
-                element.see_node(scheme, node, v.iter().copied(), rounding);
-            }
-        })
-    }
-
     /// Raises the sizes of terms where running errors that `see` takes note of are larger.
     fn raise(&mut self, scale: &[f64], mut see: impl FnMut(&Self, &mut Rounding)) -> bool {
         let mut rounding = std::mem::replace(&mut self.rounding, Rounding::new(0));
@@ -104,13 +93,11 @@ impl Element {
         }
         let mut rounding = std::mem::replace(&mut self.rounding, Rounding::new(0));
         rounding.errors.fill(0.0);
+        let x = |i: usize| self.x[i * scheme.groups].as_array()[0];
+        let t = self.t + scheme.tableau.nodes[0] * self.h;
         // Whatever the rate is.
-        self.see_node(
-            scheme,
-            0,
-            std::iter::repeat_n(f64::NAN, self.n),
-            &mut rounding,
-        );
+        let any = std::iter::repeat_n(f64::NAN, self.n);
+        self.see(t, (0..self.n).map(x), self.w(0), any, &mut rounding);
         let rates = rounding.errors.iter().zip(&rounding.found);
         for (activity, (error, _)) in
             (self.activity.iter_mut().zip(rates)).filter(|(_, (_, found))| **found)
@@ -120,20 +107,7 @@ impl Element {
         self.rounding = rounding;
     }
 
-    /// Takes note of running errors at a node, where the rates are to be `v`.
-    fn see_node(
-        &self,
-        scheme: &Scheme,
-        node: usize,
-        v: impl Iterator<Item = f64>,
-        rounding: &mut Rounding,
-    ) {
-        let x = |i: usize| self.x[i * scheme.groups + node / WIDTH].as_array()[node % WIDTH];
-        let t = self.t + scheme.tableau.nodes[node] * self.h;
-        self.see(t, (0..self.n).map(x), self.w(node), v, rounding);
-    }
-
-    /// The same at a point.
+    /// Takes note of running errors at a point, where the rates are to be `v`.
     fn see(
         &self,
         t: f64,
