@@ -130,6 +130,11 @@ fn not_shown(solution: &Solution) -> String {
         Class::None => {
             "a feasible point was reached that was not shown to be stationary".to_owned()
         }
+        _ if solution.b_stationary == Some(true) => {
+            "a feasible point was reached that is stationary and no minimum: the objective curves down there along the \
+             constraints, and no lower point was found"
+                .to_owned()
+        }
         class => format!(
             "a feasible point was reached that is {class:?}-stationary, which does not exclude descent to first order"
         ),

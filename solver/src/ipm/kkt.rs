@@ -208,6 +208,11 @@ impl Kkt {
         self.regularization > 2.0 * PERMANENT
     }
 
+    /// The next matrix is factored without a guess of its correction first.
+    pub fn forget_correction(&mut self) {
+        self.was_corrected = false;
+    }
+
     /// Takes over entries; the diagonal of H is kept apart.
     fn fill(&mut self, hessian: &[f64], jacobian: &[f64]) {
         self.values.fill(0.0);

@@ -4,6 +4,7 @@
 //! nonlinear programming*; the names are theirs. See the crate's README for the notation.
 
 mod barrier;
+mod curvature;
 mod direction;
 mod evaluation;
 mod filter;
@@ -77,6 +78,7 @@ pub fn solve(
             // Only inner runs are restored.
             Exit::Restored => Status::NumericalFailure(Failure::Restoration),
         };
+        let falling = run.falling(status);
         let factor_entries = run.kkt.n_entries();
         let has_lost_pivots = run.kkt.has_lost_pivots;
         let Point { w, y, z_l, z_u, mu } = point;
@@ -93,6 +95,7 @@ pub fn solve(
             iterations: done,
             factor_entries,
             has_lost_pivots,
+            falling,
         };
     }
 }

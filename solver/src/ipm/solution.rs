@@ -92,4 +92,7 @@ pub struct Solution {
     pub factor_entries: usize,
     /// Whether the static order has lost a pivot, so that there may have been corrections without need.
     pub has_lost_pivots: bool,
+    /// Where the point satisfies the optimality conditions and is no minimum to second order: a direction along the rows
+    /// and the active bounds in which the Lagrangian curves down, with a largest entry of 1.
+    pub falling: Option<Vec<f64>>,
 }

@@ -12,6 +12,7 @@
 mod branch;
 mod certificate;
 mod class;
+mod curvature;
 mod dual;
 mod forcing;
 mod least;
@@ -163,12 +164,14 @@ impl Work<'_> {
             zeros: Vec::new(),
             residuals,
             is_optimal: found.status.is_solved(),
+            falling: found.falling,
             point,
         };
         let best = match polish(lifted, &polished.point, &[], Goal::Solution, self) {
             Ok(finer) if finer.is_optimal => finer,
             _ => polished,
         };
+        let best = self.fall(lifted, best);
         let certificate = self.certify(lifted, &best.point);
         let candidate = Candidate {
             best,
@@ -241,7 +244,10 @@ impl Work<'_> {
             lifted.settle(Some(&best.zeros));
             let certificate = match known.take() {
                 Some(certificate) => certificate,
-                None => self.certify(lifted, &best.point),
+                None => {
+                    best = self.fall(lifted, best);
+                    self.certify(lifted, &best.point)
+                }
             };
             self.tell(&best, &certificate);
             let Some(step) = &certificate.descent else {
@@ -374,6 +380,7 @@ impl Work<'_> {
             status: match certificate.class {
                 Class::None if best.objective < UNBOUNDED => Status::Unbounded,
                 Class::None => Status::Feasible,
+                _ if best.falling.is_some() => Status::Feasible,
                 Class::S => Status::Solved,
                 Class::M if certificate.b_stationary.is_none() => Status::Solved,
                 _ if certificate.b_stationary == Some(true) => Status::Solved,

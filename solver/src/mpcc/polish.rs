@@ -33,6 +33,8 @@ pub struct Polished {
     pub residuals: Residuals,
     /// Whether the optimality conditions of the branch are met.
     pub is_optimal: bool,
+    /// A direction of negative curvature, in the vertical form.
+    pub falling: Option<Vec<f64>>,
 }
 
 /// μ and the largest number of iterations of a run that starts from the point of a relaxation, and of one that starts
@@ -145,6 +147,7 @@ pub fn polish(
                     w: found.w.clone(),
                     y: found.y.clone(),
                 },
+                falling: found.falling,
             };
             if polished.is_optimal {
                 return Ok(polished);

@@ -7,7 +7,7 @@ use super::class::Class;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
     /// The point is feasible, all pairs are complementary, and descent to first order is excluded: it is S-stationary,
-    /// or of another class and B-stationary.
+    /// or of another class and B-stationary. Where the Lagrangian is seen to curve down along the constraints, it is not.
     Solved,
     /// The point is feasible and all pairs are complementary, but descent was not excluded.
     Feasible,

@@ -1,5 +1,8 @@
 //! Whole runs on problems with known solutions.
 
+use nalgebra::DMatrix;
+use proptest::prelude::*;
+
 use super::{
     Class, Form, Homotopy, Observer, Options, Program, Relaxation, Solution, Status, Steering,
     solve, solve_observed,
@@ -309,5 +312,60 @@ fn effort_is_for_other_minima_and_patience_for_stationary_points() {
         let solution = solve(&mut problem, &options);
         check_at(&solution, &[1.0, 0.0], 1e-9);
         assert_eq!(solution.stats.restarts, restarts);
+    }
+}
+
+/// A maximum in the middle of its bounds: nothing that is symmetric leaves it.
+#[test]
+fn a_maximum_is_left() {
+    let hill = Function::default().product(0, 0, -1.0);
+    let solution = run(Quadratic::new(1, hill, Vec::new()).bound(0, -2.0, 2.0));
+    assert_eq!(solution.status, Status::Solved, "{solution:?}");
+    assert!((solution.w[0].abs() - 2.0).abs() < 1e-8, "{solution:?}");
+}
+
+#[test]
+fn a_saddle_is_left_in_its_branch() {
+    // a + b - z² with 0 <= a ⟂ b >= 0, z in [-2, 2].
+    let objective = linear(&[1.0, 1.0]).product(2, 2, -1.0);
+    let solution = run(pair(
+        Quadratic::new(3, objective, Vec::new()).bound(2, -2.0, 2.0),
+    ));
+    assert_eq!(solution.status, Status::Solved, "{solution:?}");
+    assert!((solution.objective + 4.0).abs() < 1e-7, "{solution:?}");
+}
+
+proptest! {
+    #[test]
+    fn quadratic_forms_end_where_they_are_convex(
+        n in 2_usize..6,
+        has_row: bool,
+        entries in prop::collection::vec(-1.0..1.0_f64, 15),
+    ) {
+        // wᵀ H w over a cube, or where Σ w = 0 in it, from its middle.
+        let mut h = DMatrix::zeros(n, n);
+        let mut form = Function::default();
+        let pairs = (0..n).flat_map(|i| (0..=i).map(move |j| (i, j)));
+        for ((i, j), &entry) in pairs.zip(&entries) {
+            (h[(i, j)], h[(j, i)]) = (entry, entry);
+            let factor = if i == j { entry } else { 2.0 * entry };
+            form = form.product(i as u32, j as u32, factor);
+        }
+        let row = has_row.then(|| (linear(&vec![1.0; n]), 0.0, 0.0));
+        let problem = Quadratic::new(n, form, row.into_iter().collect());
+        let solution = run((0..n).fold(problem, |problem, i| problem.bound(i, -1.0, 1.0)));
+        prop_assert_eq!(solution.status, Status::Solved);
+        let free: Vec<usize> = (0..n).filter(|&i| solution.w[i].abs() < 1.0 - 1e-6).collect();
+        if free.is_empty() {
+            return Ok(());
+        }
+        let k = free.len();
+        let along = match has_row {
+            true => DMatrix::identity(k, k) - DMatrix::from_element(k, k, 1.0 / k as f64),
+            false => DMatrix::identity(k, k),
+        };
+        let face = &along * h.select_rows(&free).select_columns(&free) * &along;
+        let least = face.symmetric_eigenvalues().min();
+        prop_assert!(least > -1e-6, "{} at {:?}", least, solution.w);
     }
 }
