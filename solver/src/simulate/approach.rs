@@ -82,8 +82,8 @@ const MOST: usize = 256;
 impl Approach {
     /// How long the other side is visited where the run misses the surface by `depth`, in truth beyond it.
     pub fn visit(&self, depth: f64) -> Visit {
-        let reaches = |k: usize| (depth / self.along[k - 1].abs()).powf(1.0 / k as f64);
-        let half = (2..=DERIVATIVES).map(reaches).fold(f64::INFINITY, f64::min);
+        let terms = (2..=DERIVATIVES).map(|k| (k, self.along[k - 1]));
+        let half = series::soonest(depth, terms).map_or(f64::INFINITY, |(_, half)| half);
         if self.strikes {
             // |ψ'| ≤ k d/half for the power k that d is reached with; a rebound may double it.
             return Visit::Strikes(2.0 * DERIVATIVES as f64 * depth / half);
@@ -172,7 +172,8 @@ impl Mode {
             return;
         }
         let (c, side) = (dense.psi(switch), self.sides[switch].sign());
-        let along: [f64; DERIVATIVES] = std::array::from_fn(|k| side * series::term(c, tau, k + 1));
+        let [_, along @ ..]: [f64; 1 + DERIVATIVES] = series::around(c, tau);
+        let along: [f64; DERIVATIVES] = along.map(|term| side * term);
         let crosses = event == Some(true);
         let distance = if crosses {
             -0.25 * along[0] * along[0] / along[1]

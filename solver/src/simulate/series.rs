@@ -62,11 +62,16 @@ pub(crate) fn curvature(c: &[f64], tau: f64) -> f64 {
         .fold(0.0, |sum, (k, c)| sum * tau + (k * (k - 1)) as f64 * c)
 }
 
-/// Coefficient k of Σ c[j] τʲ as a series around τ.
-pub(crate) fn term(c: &[f64], tau: f64, k: usize) -> f64 {
-    let binomial = |j: usize| (0..k).fold(1.0, |b, i| b * (j - i) as f64 / (i + 1) as f64);
-    let terms = c.iter().enumerate().skip(k).rev();
-    terms.fold(0.0, |sum, (j, c)| sum * tau + binomial(j) * c)
+/// The first N coefficients of Σ c[j] τʲ as a series around τ, by Horner's scheme for all of them at once.
+pub(crate) fn around<const N: usize>(c: &[f64], tau: f64) -> [f64; N] {
+    let mut around = [0.0; N];
+    for c in c.iter().rev() {
+        for k in (1..N).rev() {
+            around[k] = around[k] * tau + around[k - 1];
+        }
+        around[0] = around[0] * tau + c;
+    }
+    around
 }
 
 /// Largest |c[k]| hᵏ from k = `from`.
@@ -100,8 +105,25 @@ pub(crate) fn leading(c: &[f64], h: f64, band: f64) -> Option<usize> {
         return None;
     }
     let level = band.max(NEGLIGIBLE * largest);
-    let leaves = |k: usize| (level / c[k].abs()).powf(1.0 / k as f64);
-    (1..c.len()).min_by(|&a, &b| leaves(a).total_cmp(&leaves(b)))
+    let terms = c.iter().copied().enumerate().skip(1);
+    soonest(level, terms).map(|(k, _)| k)
+}
+
+/// The k for which |c_k| τᵏ comes to a level first, and that τ.
+pub(crate) fn soonest(
+    level: f64,
+    terms: impl Iterator<Item = (usize, f64)>,
+) -> Option<(usize, f64)> {
+    let mut found = None;
+    let mut first = f64::INFINITY;
+    for (k, c) in terms {
+        // A root is taken only of what is there before the others.
+        if c.abs() * first.powi(k as i32) > level {
+            first = (level / c.abs()).powf(1.0 / k as f64);
+            found = Some((k, first));
+        }
+    }
+    found
 }
 
 #[cfg(test)]
@@ -137,9 +159,6 @@ mod tests {
         let parabola = [1.0, -2.0, 1.0];
         assert!((motion(&parabola, 0.99, 0.01) - 3e-4).abs() < 1e-15);
         assert_eq!(motion(&[1.0, -2.0], 0.5, 0.25), 0.5);
-        assert_eq!(
-            [0, 1, 2, 3].map(|k| term(&c, 2.0, k)),
-            [17.0, 14.0, 3.0, 0.0]
-        );
+        assert_eq!(around::<4>(&c, 2.0), [17.0, 14.0, 3.0, 0.0]);
     }
 }

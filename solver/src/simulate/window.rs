@@ -25,9 +25,9 @@ impl Mode {
             let sizes = c.iter().rev().fold(0.0, |sum, c| sum * tau + c.abs());
             let past = self.weigh(i, |j| state.scale[j]);
             let rounding = ROUNDINGS * f64::EPSILON * state.terms[i].max(sizes).max(past);
-            let reaches =
-                |k: usize| (rounding / series::term(c, tau, k).abs()).powf(1.0 / k as f64);
-            (1..=DERIVATIVES).map(reaches).fold(f64::INFINITY, f64::min)
+            let around: [f64; 1 + DERIVATIVES] = series::around(c, tau);
+            let terms = around.into_iter().enumerate().skip(1);
+            series::soonest(rounding, terms).map_or(f64::INFINITY, |(_, length)| length)
         });
         let window = windows.fold(0.0, f64::max);
         state.window = if window.is_finite() { window } else { 0.0 };
