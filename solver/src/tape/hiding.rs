@@ -13,9 +13,6 @@ const RISE: f64 = 25.0;
 /// The logarithm of what a power may grow by as its base falls towards zero; its series shows 2^p of that.
 const GROWTH: f64 = 4.6;
 
-/// The largest argument of sinh and cosh whose series are numbers.
-const LARGEST: f64 = 700.0;
-
 /// The least and the largest value of Σ c_k τᵏ in [0, h], or beyond.
 fn range(c: &[f64], h: f64) -> [f64; 2] {
     let mut range = [0.0, 0.0];
@@ -81,11 +78,9 @@ impl Step {
             }
             Kind::Power => nears(self.a, self.c.abs().max(1.0)),
             Kind::Pow => nears(self.a, 1.0) || rises(self.out + 2 * stride, RISE),
-            // Where it falls from what is no number, its inverse rises from nothing.
             Kind::SinhCosh => {
-                let [least, most] = distances(row(self.a), h);
-                let here = data[self.a].abs();
-                let is_slow = most - here <= RISE && (here - least <= RISE || here <= LARGEST);
+                let [_, most] = distances(row(self.a), h);
+                let is_slow = most - data[self.a].abs() <= RISE;
                 !is_slow
             }
             // 1 - tanh u falls off as exp(-2 |u|).
