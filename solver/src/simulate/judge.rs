@@ -81,7 +81,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             values.fold(state.activity[component], f64::max)
         };
         let rate = |i: &usize| {
-            let terms = mode.weigh(*i, &largest);
+            let terms = mode.weigh(*i, largest);
             let size = mode.weigh(*i, |j| state.size(j));
             let within_a_step = if state.last_step > 0.0 {
                 size / state.last_step
@@ -93,7 +93,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             terms + mode.time_gradient(*i).abs() + within_a_step + NO_FORCE / TIE * push
         };
         let rates: Vec<f64> = group.iter().map(rate).collect();
-        let rounded = |(&i, rate)| rate + mode.running_error_of_phi(i, &largest) / TIE;
+        let rounded = |(&i, rate)| rate + mode.running_error_of_phi(i, largest) / TIE;
         group.iter().zip(rates).map(rounded).collect()
     }
 
