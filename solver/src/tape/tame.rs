@@ -303,9 +303,12 @@ mod tests {
         };
         // cos(0.1)^20000 is e^-100.
         assert_eq!(tame(0.5, 0.6), [false, true, false, true]);
-        assert_eq!(tame(0.5, 0.1), [true; 4]);
+        // Of what is raised to a power the least value is known in narrow parts only.
+        assert_eq!(tame(0.5, 0.1), [true, true, false, true]);
+        assert_eq!(tame(0.5, 0.0004), [true; 4]);
         assert_eq!(tame(0.01, 0.001), [true; 4]);
-        assert_eq!(tame(2000.0, 1000.0), [false, true, true, true]);
+        assert_eq!(tame(2000.0, 1.0), [false, true, true, true]);
+        assert!(tame(2000.0, 1000.0)[3]);
     }
 
     #[test]
