@@ -69,3 +69,24 @@ fn a_surface_bends_for_an_instant() {
     // x climbs with slope 2 from where it leaves until the bump is over, 2e-3 at most for a few widths, and falls back.
     assert!(found > 1e-6 && found < 1e-4, "{found}");
 }
+
+/// High powers are bumps, however small their base is between them: ∫ cosᵖ over one of them is √π Γ((p + 1)/2)/Γ(p/2 + 1),
+/// by mpmath in 25 digits.
+#[test]
+fn high_powers_are_not_passed_over() {
+    let even = |power: f64| match power {
+        20_000.0 => 0.017_724_316_953_708_613,
+        _ => 0.007_926_634_778_600_305,
+    };
+    // All of those whose middle lies within the horizon, with their tails.
+    for (rate, horizon, exact) in [
+        ("cos(s - 70)^20000", 100.0, 32.0 * even(2e4)),
+        ("cos(s + 1)^20000", 100.0, 32.0 * even(2e4)),
+        ("sin(s)^100000", 9.0, 3.0 * even(1e5)),
+        // cos²(s/2) to this power.
+        ("((1 + cos(s - 70))/2)^10000", 100.0, 16.0 * 2.0 * even(2e4)),
+    ] {
+        let model = format!("state s = 0; state y = 0; s' = 1; y' = {rate};");
+        close(y(&model, &format!("horizon {horizon:?};")), exact, 1e-7);
+    }
+}

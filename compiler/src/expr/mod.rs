@@ -15,6 +15,7 @@ mod degree;
 mod derivative;
 mod evaluate;
 mod function;
+mod identity;
 mod interval;
 mod layout;
 mod operators;

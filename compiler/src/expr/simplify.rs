@@ -19,7 +19,7 @@ fn as_good(result: f64, operand: f64) -> Option<f64> {
 }
 
 /// A number of at most 12 digits that differs by no more than the rounding of `size`, else the value itself.
-fn nearby_decimal(value: f64, size: f64) -> f64 {
+pub(super) fn nearby_decimal(value: f64, size: f64) -> f64 {
     let short = format!("{value:.11e}").parse().unwrap_or(value);
     let near: f64 = value - short;
     if near.abs() <= 2.0 * f64::EPSILON * size.abs() {

@@ -50,7 +50,10 @@ pub(super) fn builtin<'e>(
         return filled(lowering, call);
     }
     let varied = std::mem::replace(&mut lowering.varies, false);
-    let values = lowering.all_numbers(call.args.iter().copied())?;
+    let mut values = lowering.all_numbers(call.args.iter().copied())?;
+    if matches!(call.name, "sign" | "step" | "abs") {
+        values[0] = values[0].map(Expr::cancelled);
+    }
     if matches!(call.name, "sign" | "step") {
         lowering.record_zeros(call.args[0], &values[0]);
     }

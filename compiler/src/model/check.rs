@@ -70,7 +70,7 @@ impl<'e> Lowering<'_, 'e> {
         (right, b): (&syntax::Expr, Expr<'e>),
     ) -> Result<Expr<'e>, Reported> {
         let above = matches!(relation, Relation::Greater | Relation::GreaterEqual);
-        let difference = a - b;
+        let difference = (a - b).cancelled();
         if let Some(value) = difference.as_constant() {
             let holds = match relation {
                 Relation::Less => value < 0.0,
@@ -85,8 +85,8 @@ impl<'e> Lowering<'_, 'e> {
             }
             // What is made of more than structural constants was meant to switch.
             if value == 0.0 && self.varies {
-                let (psi, name) = self.difference((left, a), (right, b));
-                let span = left.span.to(right.span);
+                let (_, name) = self.difference((left, a), (right, b));
+                let (psi, span) = (difference, left.span.to(right.span));
                 self.surfaces.push(Surface { name, psi, span });
             }
             return Ok(self.constant(if holds { 1.0 } else { 0.0 }));

@@ -141,7 +141,7 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
         let mut found: Vec<(Vec<i64>, Tensor<'e>, SwitchKind<'e>)> = vec![];
         self.lowering(|lowering| {
             in_frames(lowering, frames, &mut |lowering| {
-                let psi = lowering.numbers(arg)?;
+                let psi = lowering.numbers(arg)?.map(Expr::cancelled);
                 if let Some(value) = psi.data.iter().find_map(|entry| entry.as_constant()) {
                     let span = arg.span;
                     return lowering.error(match is_relay {

@@ -370,8 +370,9 @@ pub enum Failure {
     Limit {
         time: f64,
         what: &'static str,
-        #[label("this run")]
-        span: Span,
+        /// The line of a term that turns over within a step, or the run.
+        #[label(collection)]
+        terms: Vec<LabeledSpan>,
     },
 
     /// Constraints that contradict each other.

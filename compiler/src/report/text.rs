@@ -374,7 +374,6 @@ impl Display for Value<'_> {
 mod tests {
     use super::{significant, write};
     use crate::report::{Failure, Status, sample};
-    use crate::source::Span;
 
     #[test]
     fn a_run_that_went_well() {
@@ -445,7 +444,7 @@ crossing of oscillator: solved
         trajectory.failure = Some(Failure::Limit {
             time: 1.0,
             what: "events",
-            span: Span::default(),
+            terms: Vec::new(),
         });
         insta::assert_snapshot!(write(&trajectory), @"
 turn of body: iteration_limit

@@ -30,11 +30,16 @@ pub(super) fn failure(
         let terms = vec![term];
         return Some(Failure::NotFinite { time, terms });
     }
-    let limit = |what: &'static str| Failure::Limit { time, what, span };
+    let this = || LabeledSpan::new_with_span(Some("this run".to_owned()), span);
+    let limit = |what: &'static str, term: Option<LabeledSpan>| Failure::Limit {
+        time,
+        what,
+        terms: vec![term.unwrap_or_else(this)],
+    };
     Some(match &outcome.status {
         Status::Solved | Status::Stopped => return None,
-        Status::StepLimit => limit("steps"),
-        Status::EventLimit => limit("events"),
+        Status::StepLimit => limit("steps", steepest::turning(system, outcome, ahead)),
+        Status::EventLimit => limit("events", None),
         Status::TimeLimit => Failure::TimeLimit { time, span },
         Status::Accumulation => Failure::Accumulation { time, span },
         Status::StaysInGuard { law } => Failure::StaysInGuard {
@@ -60,7 +65,6 @@ pub(super) fn failure(
         },
         Status::NotFinite => {
             let label = steepest::label(system, outcome, ahead);
-            let this = || LabeledSpan::new_with_span(Some("this run".to_owned()), span);
             let terms = vec![label.unwrap_or_else(this)];
             Failure::NotFinite { time, terms }
         }

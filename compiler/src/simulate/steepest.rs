@@ -18,6 +18,10 @@ use crate::system::roots::{Root, Vanishing};
 const SHARE: f64 = 1e-3;
 /// The base of a root below this is at its end.
 const AT_END: f64 = 1e-6;
+/// A rate turns over where it changes by more than this share of itself.
+const TURNING: f64 = 0.1;
+/// A longer term is not written out.
+const LONGEST: usize = 60;
 /// Slopes below this are nothing special.
 const STEEP: f64 = 1e6;
 /// Where on the tangent it is looked, as shares of what is ahead.
@@ -94,6 +98,31 @@ fn steepest<'e>(system: &System<'e>, outcome: &Outcome) -> Option<LabeledSpan> {
         false => format!("`{term}` has no slope along `{name}`"),
     };
     let text = text + &below_zero(system, term, &value);
+    Some(LabeledSpan::new_with_span(Some(text), span))
+}
+
+/// The line of the rate that changes most in some time from where the run has ended, as states go on there, with the
+/// innermost term that does it; none where no rate changes by a share of what it is.
+pub(super) fn turning<'e>(
+    system: &System<'e>,
+    outcome: &Outcome,
+    ahead: f64,
+) -> Option<LabeledSpan> {
+    let [here, there] = [0.0, ahead].map(|tau| on_tangent(system, outcome, tau));
+    let change = |e: Expr<'e>| (at(&there, e) - at(&here, e)).abs();
+    let rates = system.states.iter().map(|state| (state.rate, state.span));
+    let (rate, span) = rates.max_by(|a, b| change(a.0).total_cmp(&change(b.0)))?;
+    let most = change(rate);
+    if most.is_nan() || most <= TURNING * at(&here, rate).abs() {
+        return None;
+    }
+    let term = innermost(rate, &|e| f64::from(u8::from(change(e) >= 0.5 * most)));
+    let [from, to] = [&here, &there].map(|values| at(values, term));
+    let name = match term.to_string() {
+        long if long.len() > LONGEST => "this rate".to_owned(),
+        term => format!("`{term}`"),
+    };
+    let text = format!("{name} goes from {from:.1e} to {to:.1e} within {ahead:.0e}");
     Some(LabeledSpan::new_with_span(Some(text), span))
 }
 

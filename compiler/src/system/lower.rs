@@ -182,7 +182,7 @@ impl<'m, 'e> Lowering<'m, 'e> {
         for surface in surfaces {
             let psi = self.replace(surface.psi, surface.span);
             let psi = self.switches.merged(psi);
-            if psi.is_zero() {
+            if psi.cancels() {
                 let (name, span) = (surface.name.clone(), surface.span);
                 diags.push(SystemError::ZeroSwitch { name, span });
                 continue;

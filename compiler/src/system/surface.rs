@@ -42,7 +42,7 @@ pub(super) enum Form<'e> {
 
 /// The form of ψ for given parameters.
 pub(super) fn form<'e>(psi: Expr<'e>, params: &Known) -> Form<'e> {
-    if let Some(value) = psi.as_constant() {
+    if let Some(value) = psi.cancelled().as_constant() {
         return Form::Constant(value);
     }
     if let Some(value) = parameter(psi, params) {

@@ -149,6 +149,10 @@ impl<'e> Switches<'e> {
         let Some((psi, entry)) = compared(e) else {
             return e;
         };
+        // A condition is decided there where the model states it; here is what controls make of it.
+        if entry != Entry::Kink && self.merged(psi).cancels() {
+            return at_alpha(e, self.exprs.constant(0.5));
+        }
         let written = compared(written).map_or(psi, |(written, _)| written);
         at_alpha(e, self.enter(psi, written, entry))
     }

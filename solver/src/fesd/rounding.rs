@@ -118,17 +118,18 @@ impl Element {
     ) {
         let tape = &self.reduced.equations;
         let registers = &mut rounding.registers;
-        let exactly = |value: f64| Rounded(Ball::new(value, 0.0));
+        let exactly = |value: f64| Rounded::from(Ball::new(value, 0.0));
         registers.clear();
         registers.push(exactly(t));
         let states = x.zip(&rounding.moved);
-        registers.extend(states.map(|(x, moved)| Rounded(Ball::new(x, *moved))));
+        registers.extend(states.map(|(x, moved)| Rounded::from(Ball::new(x, *moved))));
         registers.extend(w.iter().chain(&self.numbers).map(|value| exactly(*value)));
         let wanted = tape.n_registers().max(registers.len());
         registers.resize(wanted, exactly(0.0));
         tape.run(registers);
         let rates = tape.results(registers).take(self.n).zip(v);
-        for (error, (Rounded(rate), v)) in rounding.errors.iter_mut().zip(rates) {
+        for (error, (rate, v)) in rounding.errors.iter_mut().zip(rates) {
+            let rate = rate.ball();
             let differs = (rate.middle - v).abs();
             *error = match differs > SHARED * rate.radius {
                 true => f64::INFINITY,

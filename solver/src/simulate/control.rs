@@ -166,7 +166,12 @@ impl Mode {
     pub(super) fn measure_terms_of_psi(&mut self, switch: usize, state: &mut State) {
         let perturbed = [&self.perturbed[..], &self.perturbed_again];
         let (values, share) = (&self.memory.values, self.perturbation);
-        state.terms[switch] = self.surfaces.terms(switch, values, perturbed, share);
+        let terms = self.surfaces.terms(switch, values, perturbed, share);
+        // No change of its inputs shows what cancels within a ψ that is zero.
+        state.terms[switch] = match state.armed[switch] && self.is_plain(switch) {
+            true => terms.max(self.running_error(switch) / f64::EPSILON),
+            false => terms,
+        };
     }
 
     /// Measures the same of what contacts hold at zero in the run up to here, or in a first step of length h: its

@@ -69,15 +69,14 @@ impl Verdict {
 impl<S: SwitchedSystem> Simulator<'_, S> {
     /// Size of each rate of the group: |∇ψ|·|f| + |∂ψ/∂t| over all choices, with the terms of f that
     /// cancel, and what would move ψ by its own size within a step. Where nothing acts, what rounding of forces that are
-    /// zero does is a tie.
+    /// zero does is a tie, and so is a rate that is rounding of what cancels within a gradient.
     pub(super) fn rates(&mut self, state: &State, group: &[usize], choices: &[Choice]) -> Vec<f64> {
         let mode = &mut self.mode;
         mode.vary(&state.alpha);
         mode.linearize(group);
+        let states = mode.states_in_focus().to_vec();
         let largest = |component: usize| {
-            let at = mode
-                .states_in_focus()
-                .partition_point(|&state| state < component);
+            let at = states.partition_point(|&state| state < component);
             let values = choices.iter().map(|choice| choice.f[at].abs());
             values.fold(state.activity[component], f64::max)
         };
@@ -93,7 +92,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             let push: f64 = contacts.map(|&j| mode.coupling(*i, j).abs()).sum();
             terms + mode.time_gradient(*i).abs() + within_a_step + NO_FORCE / TIE * push
         };
-        group.iter().map(rate).collect()
+        let rates: Vec<f64> = group.iter().map(rate).collect();
+        let rounded = |(&i, rate)| rate + mode.running_error_of_phi(i, largest) / TIE;
+        group.iter().zip(rates).map(rounded).collect()
     }
 
     /// What the rates and α say, in the mode where the group is free.

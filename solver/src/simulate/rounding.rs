@@ -97,6 +97,35 @@ impl Mode {
         raised
     }
 
+    /// How far rounding may take ψ of a switch from what it is, where the point is.
+    pub(super) fn running_error(&mut self, switch: usize) -> f64 {
+        let registers = &mut self.rounding.registers;
+        (self.surfaces).running_error(switch, &self.memory.values, registers)
+    }
+
+    /// How far rounding of the gradient of ψ of a switch may take its rate, with rates of these sizes.
+    pub(super) fn running_error_of_phi(
+        &mut self,
+        switch: usize,
+        size: impl Fn(usize) -> f64,
+    ) -> f64 {
+        if !self.is_plain(switch) {
+            return 0.0;
+        }
+        let registers = &mut self.rounding.registers;
+        let mut error = 0.0;
+        let see = |state: Option<usize>, radius: f64| {
+            error += radius * state.map_or(1.0, &size);
+        };
+        (self.surfaces).running_errors_of_gradient(switch, &self.memory.values, registers, see);
+        if error.is_finite() { error } else { 0.0 }
+    }
+
+    /// Whether ψ of a switch is zero within rounding where the point is.
+    pub(super) fn is_rounding(&mut self, switch: usize) -> bool {
+        self.is_plain(switch) && self.psi(switch).abs() <= self.running_error(switch)
+    }
+
     /// Raises the activity of states in doubt whose rates are the given ones within rounding at all of some points.
     fn raise(&self, state: &mut State, h: f64, points: usize, rounding: &mut Rounding) -> bool {
         rounding.errors.clear();
@@ -148,7 +177,8 @@ impl Mode {
                 Ball::new(values[slot], moved)
             };
             for block in 0..self.field.n_blocks() {
-                let see = |state: usize, Rounded(rate): Rounded| {
+                let see = |state: usize, rate: Rounded| {
+                    let rate = rate.ball();
                     let differs = (rate.middle - rates[state]).abs();
                     let is_zero = rate.radius.is_finite() && differs <= SHARED * rate.radius;
                     next[state] = match is_zero {

@@ -14,6 +14,17 @@ use super::{
 /// Events in a row without progress in time that count as an accumulation.
 const MAX_STALLED: usize = 100;
 
+/// Steps in a row without an event after which it is asked whether a run can come to its end.
+const PACED: usize = 4096;
+
+/// Where such steps begin.
+#[derive(Clone, Copy, Default)]
+struct Pace {
+    time: f64,
+    steps: usize,
+    events: usize,
+}
+
 /// What a run remembers of the steps and events behind it.
 #[derive(Default)]
 struct History {
@@ -23,6 +34,7 @@ struct History {
     limit: Option<(Box<[Side]>, f64)>,
     drift: f64,
     defect: f64,
+    pace: Pace,
 }
 
 /// What a step meets at its end besides its triggers.
@@ -101,6 +113,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 Status::EventLimit => history.chatter.at_limit(t1 - state.t),
                 status => status,
             });
+        }
+        if self.falls_short(state, &mut history.pace, t1) {
+            return Err(Status::StepLimit);
         }
 
         // Find the solution in the current mode and cut it at its first event.
@@ -351,6 +366,28 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         (due && state.is_late()).then_some(Status::TimeLimit)
     }
 
+    /// Whether the limit of steps comes before the end at the pace of the last ones: where rates turn over within what a
+    /// tolerance tells apart, a run creeps from one side to the other.
+    fn falls_short(&self, state: &State, pace: &mut Pace, t1: f64) -> bool {
+        let Pace {
+            time,
+            steps,
+            events,
+        } = *pace;
+        let taken = state.stats.steps - steps;
+        let is_uneventful = state.stats.events == events;
+        if is_uneventful && taken < PACED {
+            return false;
+        }
+        *pace = Pace {
+            time: state.t,
+            steps: state.stats.steps,
+            events: state.stats.events,
+        };
+        let left = (t1 - state.t) / (state.t - time) * taken as f64;
+        is_uneventful && left > self.settings.max_steps as f64
+    }
+
     /// The polynomials of the last step.
     fn dense(&self, implicit: bool) -> Dense<'_> {
         match self.stiffness.method() {
@@ -368,7 +405,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         self.mode.set(state.t, &state.x, &state.alpha);
         for i in 0..state.armed.len() {
             if state.armed[i] && state.sides[i] != Side::Slide {
-                state.armed[i] = self.mode.is_near(i, state);
+                state.armed[i] = self.mode.is_near(i, state) || self.mode.is_rounding(i);
             }
         }
     }

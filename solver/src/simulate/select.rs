@@ -48,14 +48,17 @@ pub(super) struct Choices {
 impl Mode {
     /// Below what |ψ| is the surface, where the point is. The switch stands for ψ afterwards.
     pub(super) fn band(&mut self, switch: usize, state: &State, horizon: f64) -> f64 {
-        self.surfaces.stand_for(switch, 0);
-        self.surfaces.linearize(switch, &self.memory.values);
+        let rounding = self.rounding(switch, state);
+        self.band_above(rounding, switch, state, horizon)
+    }
+
+    /// The same of a ψ that was linearized there, and has this rounding.
+    fn band_above(&self, rounding: f64, switch: usize, state: &State, horizon: f64) -> f64 {
         let by_time = self.time_gradient(switch).abs();
         if !self.is_plain(switch) {
             let size = self.weigh(switch, |j| state.size(j));
             return BAND * (size + by_time * horizon);
         }
-        let rounding = self.rounding(switch, state);
         if !state.begun {
             return AT_START * rounding;
         }
@@ -63,10 +66,17 @@ impl Mode {
         (LATER * rounding).max(BAND * (motion + by_time * state.t.abs()))
     }
 
-    /// One rounding of every term of ψ of a switch, where it was last linearized.
-    fn rounding(&self, switch: usize, state: &State) -> f64 {
+    /// One rounding of every term of ψ of a switch where the point is, be it one that cancels within ψ. The switch
+    /// stands for ψ afterwards, and is linearized.
+    fn rounding(&mut self, switch: usize, state: &State) -> f64 {
+        self.surfaces.stand_for(switch, 0);
+        self.surfaces.linearize(switch, &self.memory.values);
         let size = self.weigh(switch, |j| state.size(j));
-        f64::EPSILON * (size + self.time_gradient(switch).abs() * state.t.abs())
+        let of_inputs = f64::EPSILON * (size + self.time_gradient(switch).abs() * state.t.abs());
+        match self.is_plain(switch) {
+            true => of_inputs.max(self.running_error(switch)),
+            false => of_inputs,
+        }
     }
 
     /// True for a switch whose surface nothing but a sign of ψ tells: none of a contact, a projection or an equation.
@@ -213,8 +223,9 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     pub(super) fn measure_bands(&mut self, state: &mut State, switches: &[usize], horizon: f64) {
         self.mode.set(state.t, &state.x, &state.alpha);
         for &i in switches {
-            state.band[i] = self.mode.band(i, state, horizon);
-            state.rounding[i] = LEFT * self.mode.rounding(i, state);
+            let rounding = self.mode.rounding(i, state);
+            state.band[i] = self.mode.band_above(rounding, i, state, horizon);
+            state.rounding[i] = LEFT * rounding;
         }
     }
 
@@ -222,6 +233,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     fn select(&mut self, state: &mut State, triggers: &[usize], t1: f64) -> Result<(), Status> {
         let mut triggers = triggers.to_vec();
         self.wake_free(state, &mut triggers, t1);
+        // What made no difference may make one behind this event.
+        triggers.extend((0..state.open.len()).filter(|&i| state.open[i] && state.armed[i]));
         let others = triggers.iter().filter_map(|&i| self.system.across(i));
         let others: Vec<usize> = others.collect();
         triggers.extend(others);
@@ -346,6 +359,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let mut sides = state.sides.clone();
         for &i in group {
             sides[i] = Side::Slide;
+            state.open[i] = false;
         }
         self.mode.enter(self.system, &sides);
         for &i in group {
@@ -489,7 +503,14 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             };
             let slides =
                 |choice: &Choice| choice.sides.iter().filter(|s| **s == Side::Slide).count();
-            match valid.iter().position(known) {
+            let known = valid.iter().position(known).filter(|_| consistent);
+            if let Some(at) = known {
+                let sides = choice.sides.iter().zip(&valid[at].0.sides);
+                for (&i, (side, other)) in group.iter().zip(sides) {
+                    state.open[i] |= side != other && !self.system.is_continuous(i);
+                }
+            }
+            match known {
                 _ if !consistent => {}
                 None => valid.push((choice, verdict)),
                 // Where a surface is kept by what keeps another one, it slides as well.

@@ -46,6 +46,8 @@ pub(super) struct State {
     pub terms: Vec<f64>,
     /// Switches whose ψ or α starts a step at the value that would be an event.
     pub armed: Vec<bool>,
+    /// Switches on their surface whose sides mean the same motion, so far.
+    pub open: Vec<bool>,
     /// Below this |ψ| is zero, and below that it is rounding.
     pub band: Vec<f64>,
     pub rounding: Vec<f64>,
@@ -139,6 +141,7 @@ impl State {
         refill(&mut self.alpha, n_switches, 1.0);
         refill(&mut self.crossed, n_switches, [f64::INFINITY; 2]);
         refill(&mut self.armed, n_switches, false);
+        refill(&mut self.open, n_switches, false);
         refill(&mut self.entry, n_switches, Entry::Present);
         (self.fold, self.begun) = (None, false);
         self.decisions.clear();

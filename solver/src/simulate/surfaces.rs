@@ -7,7 +7,7 @@ use super::layout::Memory;
 use super::psi::{Compiled, Form, run};
 use super::system::Smooth;
 use super::{Side, SwitchedSystem};
-use crate::tape::{self, Ball, Lane, Tame};
+use crate::tape::{self, Ball, Lane, Rounded, Tame};
 
 pub(super) struct Surfaces {
     /// All ψ, and behind them the derivatives of those of higher relative degree.
@@ -236,6 +236,47 @@ impl Surfaces {
                 let mut results = tapes.functions.psi.results(&self.registers);
                 results.next().unwrap_or(f64::NAN)
             }
+        }
+    }
+
+    /// How far rounding may take ψ from what exact arithmetic gives; 0 where ψ is affine, or no bound is known.
+    pub(super) fn running_error(
+        &self,
+        switch: usize,
+        values: &[f64],
+        registers: &mut Vec<Rounded>,
+    ) -> f64 {
+        let Form::Smooth(tapes) = &self.now(switch).form else {
+            return 0.0;
+        };
+        let tape = &tapes.functions.psi;
+        let input = |slot: usize| Ball::splat(values[slot]);
+        run_balls(tape, &tapes.gather, input, registers);
+        let error = tape.results(registers).next();
+        let error = error.map_or(0.0, |psi| psi.ball().radius);
+        if error.is_finite() { error } else { 0.0 }
+    }
+
+    /// The same of ∂ψ/∂x and ∂ψ/∂t: calls `see` with the state, or none for time, and its error.
+    pub(super) fn running_errors_of_gradient(
+        &self,
+        switch: usize,
+        values: &[f64],
+        registers: &mut Vec<Rounded>,
+        mut see: impl FnMut(Option<usize>, f64),
+    ) {
+        let compiled = self.now(switch);
+        let Form::Smooth(tapes) = &compiled.form else {
+            return;
+        };
+        let tape = &tapes.functions.gradient.tape;
+        let input = |slot: usize| Ball::splat(values[slot]);
+        run_balls(tape, &tapes.gather, input, registers);
+        for (place, slope) in tapes.places.iter().zip(tape.results(registers)) {
+            see(
+                place.map(|place| compiled.gradient[place].0),
+                slope.ball().radius,
+            );
         }
     }
 

@@ -2,10 +2,10 @@
 //!
 //! Far from its middle a pulse e^u vanishes with all its derivatives, and 1/(1 + v²) is as small as rounding: the series
 //! at the start of a step know nothing of it. Whether u rises, or v falls towards zero, within the step is seen from
-//! their own series; polynomials and sines hide nothing.
+//! their own series; polynomials and sines hide nothing, but their high powers do.
 
 use super::steps::{Kind, Step};
-use super::tame::{SATURATED, VANISHED};
+use super::tame::{FEW, SATURATED, VANISHED};
 
 /// What an exponent may rise by within a step: beyond, the series of e^u shows at its start in spite of its size.
 const RISE: f64 = 25.0;
@@ -35,6 +35,7 @@ impl Step {
     pub(crate) fn can_hide(&self) -> bool {
         match self.kind {
             Kind::Div => self.short > 0,
+            Kind::Mul | Kind::Square => self.c > f64::from(FEW),
             Kind::Recip | Kind::Sqrt | Kind::Power | Kind::Pow | Kind::Exp | Kind::Log => true,
             Kind::SinhCosh | Kind::Tanh | Kind::Atan | Kind::Atan2 => true,
             _ => false,
@@ -55,13 +56,24 @@ impl Step {
             let is_far = power * (data[start].abs() / least).ln() <= GROWTH;
             !is_far && data[start] != 0.0
         };
+        let growth = |start: usize| {
+            let [_, most] = distances(row(start), h);
+            (most / data[start].abs()).ln()
+        };
         match self.kind {
+            Kind::Mul | Kind::Square => {
+                let other = match self.kind {
+                    Kind::Mul => self.b,
+                    _ => self.a,
+                };
+                let is_slow = growth(self.a) + growth(other) <= RISE;
+                !is_slow
+            }
             Kind::Exp => rises(self.a, RISE),
             Kind::Div => nears(self.b, 1.0),
             Kind::Recip | Kind::Sqrt | Kind::Log => nears(self.a, 1.0),
             Kind::Power if self.c > 0.0 => {
-                let [_, most] = distances(row(self.a), h);
-                let is_slow = self.c * (most / data[self.a].abs()).ln() <= RISE;
+                let is_slow = self.c * growth(self.a) <= RISE;
                 nears(self.a, 1.0) || !is_slow
             }
             Kind::Power => nears(self.a, self.c.abs().max(1.0)),

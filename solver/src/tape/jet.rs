@@ -74,6 +74,7 @@ impl Recurrences {
         };
         let mut row_of = inputs.to_vec();
         row_of.resize(tape.n_values, unknown);
+        let mut factors = vec![1.0; tape.n_values];
         let mut end = base;
         let (mut timed, mut moving, mut by_alpha) = (Vec::new(), Vec::new(), Vec::new());
         for instruction in &tape.values {
@@ -82,7 +83,15 @@ impl Recurrences {
                 UNUSED => unknown,
                 _ => row_of[value as usize],
             };
-            let step = Step::new(Kind::of(instruction.op), end, [row(a), row(b)], c);
+            let kind = Kind::of(instruction.op);
+            let of = |value: Slot| match value {
+                UNUSED => 0.0,
+                _ => factors[value as usize],
+            };
+            let count = kind.factors([of(a), of(b)]);
+            let c = if kind.is_product() { count } else { c };
+            factors[instruction.out as usize] = count;
+            let step = Step::new(kind, end, [row(a), row(b)], c);
             let depends = row(a).depends.max(row(b).depends);
             let result = |start: usize| Row {
                 start,

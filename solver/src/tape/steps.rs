@@ -44,6 +44,7 @@ pub(crate) struct Step {
     pub(super) out: usize,
     pub(super) a: usize,
     pub(super) b: usize,
+    /// The number of an operation that has one; how many factors the result of a product has.
     pub(super) c: f64,
     /// The result is a polynomial in time of this degree at most: higher orders stay zero.
     pub(super) degree: u32,
@@ -268,6 +269,22 @@ pub(super) fn advance(step: &Step, data: &mut [f64], weights: &[f64], k: usize, 
 }
 
 impl Kind {
+    pub(super) fn is_product(self) -> bool {
+        matches!(self, Self::Mul | Self::Square)
+    }
+
+    /// How many factors the terms of a result have at most, where those of the operands have so many.
+    pub(super) fn factors(self, [a, b]: [f64; 2]) -> f64 {
+        match self {
+            Self::Constant => 0.0,
+            Self::Neg | Self::Scale | Self::Offset | Self::SubtractFrom | Self::Div => a,
+            Self::Add | Self::Sub | Self::AddScaled => f64::max(a, b),
+            Self::Mul => a + b,
+            Self::Square => 2.0 * a,
+            _ => 1.0,
+        }
+    }
+
     pub(super) fn of(op: Op) -> Self {
         match op {
             Op::Constant(_) => Self::Constant,

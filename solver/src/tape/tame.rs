@@ -2,7 +2,8 @@
 //!
 //! e^u is narrow beside its argument where u moves by more than 1, and 1/v where v comes close to zero: then what a
 //! function is in the middle of a part says nothing of the rest. A composition of functions none of which does so
-//! within its argument's ball is *tame* there. Where e^u vanishes, or tanh u has reached its limit, it is tame, too.
+//! within its argument's ball is *tame* there. So is v^p where v moves by less than its p-th part: products of many
+//! factors are powers, whatever these are. Where a function vanishes, or tanh u has reached its limit, it is tame, too.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -10,6 +11,15 @@ use super::{Ball, Lane};
 
 /// Below e to this a number adds nothing to any other that a model has.
 pub(super) const VANISHED: f64 = -100.0;
+
+/// e to that.
+const NOTHING: f64 = 3.7e-44;
+
+/// The inverse of a number beyond this one is nothing, too; larger ones are not told apart.
+const ENORMOUS: f64 = 1e150;
+
+/// A product of more factors is a power.
+pub(super) const FEW: u32 = 16;
 
 /// Beyond this |u| tanh u is ±1.
 pub(super) const SATURATED: f64 = 20.0;
@@ -20,11 +30,12 @@ const RISE: f64 = 1.5;
 /// What v in 1/v may fall to, as a share of its middle.
 const FALL: f64 = 0.25;
 
-/// A ball, and whether all functions on the way to it are tame.
+/// A ball, whether all functions on the way to it are tame, and how many factors it is a product of.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Tame {
     pub ball: Ball,
     pub is_tame: bool,
+    factors: u32,
 }
 
 impl Tame {
@@ -32,6 +43,7 @@ impl Tame {
         Tame {
             ball,
             is_tame: true,
+            factors: 1,
         }
     }
 
@@ -40,6 +52,16 @@ impl Tame {
         Tame {
             ball,
             is_tame: self.is_tame && is_tame,
+            factors: 1,
+        }
+    }
+
+    /// A sum with another one.
+    fn joins(self, other: Tame, ball: Ball) -> Self {
+        Tame {
+            ball,
+            is_tame: self.is_tame && other.is_tame,
+            factors: self.factors.max(other.factors),
         }
     }
 }
@@ -56,6 +78,24 @@ impl Ball {
         (self.middle.abs() - self.radius).max(0.0)
     }
 
+    /// The largest absolute value in it.
+    fn most(self) -> f64 {
+        self.middle.abs() + self.radius
+    }
+
+    /// Whether nothing is in it, to the last number.
+    fn vanishes(self) -> bool {
+        self.most() <= NOTHING
+    }
+
+    /// The same with numbers that are not told apart as one, where all are at least as large as `least`.
+    fn above(self, least: f64) -> Self {
+        match least >= ENORMOUS {
+            true => Ball::new(ENORMOUS.copysign(self.middle), 0.0),
+            false => self,
+        }
+    }
+
     /// Whether a function with a pole, or a root, at zero is tame in it.
     fn keeps_distance(self) -> bool {
         self.radius == 0.0 || self.least() >= FALL * self.middle.abs() && self.radius.is_finite()
@@ -66,7 +106,10 @@ impl Neg for Tame {
     type Output = Tame;
 
     fn neg(self) -> Tame {
-        self.becomes(-self.ball, true)
+        Tame {
+            ball: -self.ball,
+            ..self
+        }
     }
 }
 
@@ -74,7 +117,7 @@ impl Add for Tame {
     type Output = Tame;
 
     fn add(self, other: Tame) -> Tame {
-        self.becomes(self.ball + other.ball, other.is_tame)
+        self.joins(other, self.ball + other.ball)
     }
 }
 
@@ -82,7 +125,7 @@ impl Sub for Tame {
     type Output = Tame;
 
     fn sub(self, other: Tame) -> Tame {
-        self.becomes(self.ball - other.ball, other.is_tame)
+        self.joins(other, self.ball - other.ball)
     }
 }
 
@@ -90,7 +133,15 @@ impl Mul for Tame {
     type Output = Tame;
 
     fn mul(self, other: Tame) -> Tame {
-        self.becomes(self.ball * other.ball, other.is_tame)
+        let least = self.ball.least() * other.ball.least();
+        let ball = (self.ball * other.ball).above(least);
+        let factors = self.factors.saturating_add(other.factors);
+        let is_slow = factors <= FEW || ball.most() <= RISE.exp() * ball.middle.abs();
+        Tame {
+            ball,
+            is_tame: ball.vanishes() || self.is_tame && other.is_tame && is_slow,
+            factors,
+        }
     }
 }
 
@@ -98,8 +149,13 @@ impl Div for Tame {
     type Output = Tame;
 
     fn div(self, other: Tame) -> Tame {
-        let is_tame = other.is_tame && other.ball.keeps_distance();
-        self.becomes(self.ball / other.ball, is_tame)
+        let ball = self.ball / other.ball;
+        let is_near = self.is_tame && other.is_tame && other.ball.keeps_distance();
+        Tame {
+            ball,
+            is_tame: self.ball.most() <= NOTHING * other.ball.least() || is_near,
+            factors: self.factors,
+        }
     }
 }
 
@@ -107,7 +163,10 @@ impl Lane for Tame {
     const WIDTH: usize = 1;
 
     fn splat(value: f64) -> Self {
-        Tame::new(Ball::splat(value))
+        Tame {
+            factors: 0,
+            ..Tame::new(Ball::splat(value))
+        }
     }
 
     fn load(from: &[f64]) -> Self {
@@ -132,7 +191,7 @@ impl Lane for Tame {
 
     fn exp(self) -> Self {
         let is_tame = self.ball.radius <= RISE || self.ball.high() <= VANISHED;
-        self.becomes(self.ball.exp(), is_tame)
+        self.becomes(self.ball.exp().above(self.ball.low().exp()), is_tame)
     }
 
     fn log(self) -> Self {
@@ -146,8 +205,9 @@ impl Lane for Tame {
 
     fn sinh_cosh(self) -> (Self, Self) {
         let (sine, cosine) = self.ball.sinh_cosh();
-        let is_tame = self.ball.radius <= RISE;
-        (self.becomes(sine, is_tame), self.becomes(cosine, is_tame))
+        let (is_tame, least) = (self.ball.radius <= RISE, self.ball.least().sinh());
+        let becomes = |ball: Ball| self.becomes(ball.above(least), is_tame);
+        (becomes(sine), becomes(cosine))
     }
 
     fn tan(self) -> Self {
@@ -217,6 +277,38 @@ mod tests {
         let part = [Tame::new(Ball::new(middle, radius))];
         tape.eval_lanes(&part, &mut results, &mut registers);
         results.map(|result| result.is_tame)
+    }
+
+    #[test]
+    fn powers_are_tame_where_they_hardly_move_or_vanish() {
+        let mut tape = Tape::builder(1);
+        let s = tape.input(0);
+        let (_, cosine) = tape.sin_cos(s);
+        let high = tape.powi(cosine, 20_000);
+        let low = tape.powi(cosine, 3);
+        let one = tape.constant(1.0);
+        let square = tape.square(s);
+        let sum = tape.add(one, square);
+        let power = tape.powi(sum, 20_000);
+        let inverse = tape.recip(power);
+        let (_, wide) = tape.sinh_cosh(s);
+        let secant = tape.recip(wide);
+        let tape = tape.finish(&[high, low, inverse, secant]);
+        let mut registers = vec![Tame::splat(0.0); tape.n_registers()];
+        let mut tame = |middle: f64, radius: f64| {
+            let mut results = [Tame::splat(0.0); 4];
+            let part = [Tame::new(Ball::new(middle, radius))];
+            tape.eval_lanes(&part, &mut results, &mut registers);
+            results.map(|result| result.is_tame)
+        };
+        // cos(0.1)^20000 is e^-100.
+        assert_eq!(tame(0.5, 0.6), [false, true, false, true]);
+        // Of what is raised to a power the least value is known in narrow parts only.
+        assert_eq!(tame(0.5, 0.1), [true, true, false, true]);
+        assert_eq!(tame(0.5, 0.0004), [true; 4]);
+        assert_eq!(tame(0.01, 0.001), [true; 4]);
+        assert_eq!(tame(2000.0, 1.0), [false, true, true, true]);
+        assert!(tame(2000.0, 1000.0)[3]);
     }
 
     #[test]
