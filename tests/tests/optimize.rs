@@ -584,3 +584,19 @@ fn another_well_is_found_downhill_from_points_all_over_the_ranges() {
     let objective = found.objective.expect("an optimum");
     assert!((objective - least).abs() < 1e-9, "{objective}");
 }
+
+/// With u₁ = 0 a ball from 1 strikes at the end of the first interval, and comes back to x(2) = 2e - 1 + u₂/2. With e = 3/4
+/// ∂x(2)/∂u₁ is 1/2 - e = -1/4 below that and -9/8 - 7/16 (u₂ - 2) above it. At u₂ = -4/5 the latter is 1/10, and x(2) too, so
+/// that the optimum is on the kink. A program has no impacts shortly behind the end of an interval.
+#[test]
+fn an_impact_stays_at_the_end_of_an_interval() {
+    for guess in [-0.3, 0.3, 1.0] {
+        let found = confirmed(&format!(
+            "model m {{ control U in [-5, 5] = {guess:?}; state x = 1; state v = 0; x' = v;
+               mechanics x, v {{ mass = 1; force = U - 2; contact floor {{ gap = x; restitution = 0.75; }} }} }}
+             optimize o of m {{ horizon 2; intervals 2; elements 3; lower impact;
+               minimize final((x - 0.02)^2) + integral(0.05*U^2); }}"
+        ));
+        close(found, 0.08 * 0.08 + 0.05 * 0.64, 1e-9);
+    }
+}
