@@ -216,13 +216,25 @@ impl Search<'_, '_, '_, '_> {
         };
         for (row, room) in rows {
             let changes = columns.iter().map(|column| column.rows[row]);
-            let reach: f64 = changes.clone().map(f64::abs).sum();
-            if reach == 0.0 || room.iter().all(|room| *room > reach) {
+            let [down, up] = [-1.0, 1.0].map(|sign| {
+                changes
+                    .clone()
+                    .map(|change| (sign * change).max(0.0))
+                    .sum::<f64>()
+            });
+            let reach = down + up;
+            // A bound that all changes together do not reach is none.
+            let bound = |room: f64, most: f64| match room < most {
+                true => room / reach,
+                false => f64::INFINITY,
+            };
+            let [lower, upper] = [bound(room[0], down), bound(room[1], up)];
+            if lower.min(upper) == f64::INFINITY {
                 continue;
             }
             let place = program.row_lower.len();
-            program.row_lower.push(-room[0] / reach);
-            program.row_upper.push(room[1] / reach);
+            program.row_lower.push(-lower);
+            program.row_upper.push(upper);
             let entries = changes.enumerate().filter(|(_, change)| *change != 0.0);
             program
                 .entries
