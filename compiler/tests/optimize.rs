@@ -3,6 +3,8 @@
 use std::fs;
 use std::path::PathBuf;
 
+use insta::assert_snapshot;
+
 use crate::terminal::{folder, nsdc};
 
 /// ∫ u² with x(1) = 1: u = 1, and a sliding mode that starts where x is zero.
@@ -160,4 +162,35 @@ fn nothing_is_written_after_an_error() {
         "{}",
         ran.err
     );
+}
+
+/// At the bound of u there are three modes, for which two elements have no room.
+#[test]
+fn a_minimum_that_is_not_reached_is_told_with_its_experiment() {
+    let folder = folder("optimize_elsewhere");
+    let model = "\
+model m {
+  state x = 0;
+  state y = 0;
+  control u in [0, 4] = 0;
+  x' = u;
+  y' = if x > 2 then -10 else (if x > 1 then 1 else 0);
+}
+optimize o of m { horizon 1; intervals 1; elements 2; minimize final(y + 1); }
+";
+    fs::write(folder.join("m.nsd"), model).expect("the folder is writable");
+    let ran = nsdc(&folder, &["run", "m.nsd", "--log", "off"]);
+    assert_eq!((ran.status, ran.out.as_str()), (0, ""));
+    assert_snapshot!(ran.err, @r"
+    W0724
+
+      ⚠ a simulation with other controls has the objective -3.750000, and the solver does not get
+      │ there; another `guess`, or several `starts`, may
+       ╭─[m.nsd:8:1]
+     7 │ }
+     8 │ optimize o of m { horizon 1; intervals 1; elements 2; minimize final(y + 1); }
+       · ───────────────────────────────────────┬──────────────────────────────────────
+       ·                                        ╰── about this
+       ╰────
+    ");
 }

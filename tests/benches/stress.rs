@@ -3,18 +3,27 @@
 #[allow(dead_code, reason = "other benchmarks use all of it")]
 mod support;
 
+use std::ops::Range;
 use std::process::ExitCode;
 use std::time::Instant;
 
 use nsd_tests::stress::{Case, Extent, Family, Outcome, families, free};
 use support::print;
 
-/// A first argument chooses families by a part of their name.
+/// A first argument chooses families by a part of their name, a second one, like 20..40, cases by their numbers.
 fn main() -> ExitCode {
-    let chosen = std::env::args().skip(1).find(|word| !word.starts_with('-'));
+    let mut words = std::env::args()
+        .skip(1)
+        .filter(|word| !word.starts_with('-'));
+    let (chosen, cases) = (words.next(), words.next());
+    let cases = cases.map(|range| numbers(&range).expect("a range of cases is like 20..40"));
     let started = Instant::now();
     let mut tally = Tally::default();
-    for family in families(Extent::Long) {
+    for mut family in families(Extent::Long) {
+        if let Some(Range { start, end }) = cases {
+            family.cases.truncate(end);
+            family.cases.drain(..start.min(family.cases.len()));
+        }
         if chosen
             .as_ref()
             .is_none_or(|part| family.name.contains(part.as_str()))
@@ -44,6 +53,11 @@ fn main() -> ExitCode {
     } else {
         ExitCode::FAILURE
     }
+}
+
+fn numbers(range: &str) -> Option<Range<usize>> {
+    let (start, end) = range.split_once("..")?;
+    Some(start.parse().ok()?..end.parse().ok()?)
 }
 
 /// Optimizations against simulations beside the optimum.

@@ -584,3 +584,45 @@ fn another_well_is_found_downhill_from_points_all_over_the_ranges() {
     let objective = found.objective.expect("an optimum");
     assert!((objective - least).abs() < 1e-9, "{objective}");
 }
+
+/// With u the surfaces are passed at 1/u and 2/u, so that J(u) = -7 + 17/u + u²/4 from u = 2 on: least at u³ = 34, where
+/// it is -7 + 3 u²/4. Two elements have no room for three modes, and u = 0 stays, with J = 1.
+#[test]
+fn a_well_that_elements_cannot_follow_is_told() {
+    let found = solved(
+        "model m {
+           state x = 0; state y = 0; control u in [0, 16] = 0;
+           x' = u; y' = if x > 2 then -8 else (if x > 1 then 1 else 0);
+         }
+         optimize o of m {
+           horizon 1; intervals 1; elements 2; minimize final(y + 1) + integral(0.25*u^2);
+         }",
+    );
+    close(objective(&found), 1.0, 1e-9);
+    let [warning] = &found.warnings[..] else {
+        panic!("one warning: {:?}", found.warnings)
+    };
+    assert_eq!(warning.code, "W0724");
+    let told = warning
+        .message
+        .split(' ')
+        .find_map(|word| word.strip_suffix(','));
+    let told: f64 = told.expect("a number").parse().expect("a number");
+    close(told, -7.0 + 0.75 * 34_f64.powf(2.0 / 3.0), 1e-3);
+}
+
+/// With u₁ = 0 a ball from 1 strikes at the end of the first interval, and comes back to x(2) = 2e - 1 + u₂/2. With e = 3/4
+/// ∂x(2)/∂u₁ is 1/2 - e = -1/4 below that and -9/8 - 7/16 (u₂ - 2) above it. At u₂ = -4/5 the latter is 1/10, and x(2) too, so
+/// that the optimum is on the kink. A program has no impacts shortly behind the end of an interval.
+#[test]
+fn an_impact_stays_at_the_end_of_an_interval() {
+    for guess in [-0.3, 0.3, 1.0] {
+        let found = confirmed(&format!(
+            "model m {{ control U in [-5, 5] = {guess:?}; state x = 1; state v = 0; x' = v;
+               mechanics x, v {{ mass = 1; force = U - 2; contact floor {{ gap = x; restitution = 0.75; }} }} }}
+             optimize o of m {{ horizon 2; intervals 2; elements 3; lower impact;
+               minimize final((x - 0.02)^2) + integral(0.05*U^2); }}"
+        ));
+        close(found, 0.08 * 0.08 + 0.05 * 0.64, 1e-9);
+    }
+}

@@ -27,7 +27,18 @@ const WEIGHT: f64 = 2.0;
 /// Errors of derivatives are so many times those of the objective, at most.
 const DOUBT: f64 = 10.0;
 
-/// A better point, if there is one near.
+/// Where a better point is looked for, in this order: what curves, and switches that are near, show in larger changes.
+const LOOKS: [Look; 3] = [Look::Around(SMALL), Look::Around(LARGE), Look::Elsewhere];
+
+#[derive(Clone, Copy)]
+enum Look {
+    /// In changes of such a share of the sizes of quantities.
+    Around(f64),
+    /// All over the ranges.
+    Elsewhere,
+}
+
+/// A better point, if there is one.
 struct Better {
     w: Vec<f64>,
     /// By how much the objective falls per size of a free quantity.
@@ -36,6 +47,8 @@ struct Better {
     objective: f64,
     /// Whether it falls to first order.
     is_descent: bool,
+    /// The looks that are left.
+    left: &'static [Look],
 }
 
 /// Confirms a solution by simulations, or replaces it by a better one as long as there is descent. Where a simulation
@@ -48,36 +61,31 @@ pub(super) fn confirm(
     watch: &mut dyn Watch,
 ) -> (Confirmation, Option<f64>) {
     let mut rounds = 0..MAX_ROUNDS;
+    let (mut looks, mut unfollowed) = (&LOOKS[..], None);
     loop {
-        let better = match look(problem, solution, left()) {
+        let better = match look(problem, solution, looks, left()) {
             Ok(better) => better,
-            Err(confirmation) => return (confirmation, None),
+            Err(confirmation) => return (confirmation, unfollowed),
         };
-        // What is only better at some distance is another minimum.
-        let unfollowed = match better.is_descent {
-            true => (Confirmation::Descent(better.rate), None),
-            false => {
-                let is_worth =
-                    solution.objective - better.objective > WORTH * solution.objective.abs();
-                (
-                    Confirmation::Confirmed,
-                    is_worth.then_some(better.objective),
-                )
-            }
-        };
-        if rounds.next().is_none() {
-            return unfollowed;
-        }
-        let Some(found) = from(problem, better.w, options, left, watch) else {
-            return unfollowed;
-        };
+        let found = (rounds.next()).and_then(|_| from(problem, better.w, options, left, watch));
         let gain = NO_GAIN * solution.objective.abs().max(NO_GAIN);
-        if !found.is_feasible() || found.objective >= solution.objective - gain {
-            return unfollowed;
+        let is_better =
+            |found: &Solution| found.is_feasible() && found.objective < solution.objective - gain;
+        if let Some(found) = found.filter(is_better) {
+            let iterations = solution.stats.iterations;
+            *solution = found;
+            solution.stats.iterations += iterations;
+            (looks, unfollowed) = (&LOOKS[..], None);
+            continue;
         }
-        let iterations = solution.stats.iterations;
-        *solution = found;
-        solution.stats.iterations += iterations;
+        if better.is_descent {
+            return (Confirmation::Descent(better.rate), None);
+        }
+        // What is only better at some distance is another minimum.
+        let worth = solution.objective - WORTH * solution.objective.abs();
+        let best = unfollowed.unwrap_or(worth).min(better.objective);
+        unfollowed = (best < worth).then_some(best);
+        looks = better.left;
     }
 }
 
@@ -110,10 +118,11 @@ fn from(
     ))
 }
 
-/// A better point near a solution, or what else simulations say.
+/// A better point by the first of these looks that shows one, or what else simulations say.
 fn look(
     problem: &Problem,
     solution: &Solution,
+    looks: &'static [Look],
     time_limit: Option<Duration>,
 ) -> Result<Better, Confirmation> {
     let w = &solution.w;
@@ -151,34 +160,33 @@ fn look(
         doubt: DOUBT * error,
         room: largest * terminal,
     };
-    // First to first order; curvature, and switches that are near, show in larger changes.
-    let found = match search.descent(SMALL) {
-        Found::Nothing => match search.descent(LARGE) {
-            Found::Descent { w, rate, merit, .. } => Found::Descent {
+    for (i, look) in looks.iter().enumerate() {
+        let found = match look {
+            Look::Around(change) => search.descent(*change),
+            Look::Elsewhere => search.elsewhere(),
+        };
+        match found {
+            Found::Descent {
                 w,
                 rate,
                 merit,
-                is_first_order: false,
-            },
-            _ => search.elsewhere(),
-        },
-        found => found,
-    };
-    match found {
-        Found::Nothing => Err(Confirmation::Confirmed),
-        Found::Unknown => Err(Confirmation::Unfinished),
-        Found::Descent {
-            w,
-            rate,
-            merit,
-            is_first_order,
-        } => Ok(Better {
-            w,
-            rate,
-            objective: merit,
-            is_descent: is_first_order,
-        }),
+                is_first_order,
+            } => {
+                return Ok(Better {
+                    w,
+                    rate,
+                    objective: merit,
+                    is_descent: is_first_order,
+                    left: &looks[i + 1..],
+                });
+            }
+            Found::Unknown if matches!(look, Look::Around(SMALL)) => {
+                return Err(Confirmation::Unfinished);
+            }
+            Found::Unknown | Found::Nothing => {}
+        }
     }
+    Err(Confirmation::Confirmed)
 }
 
 /// How far the end of a simulation is from that of the program.

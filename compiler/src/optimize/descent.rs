@@ -94,6 +94,11 @@ impl Search<'_, '_, '_, '_> {
                     None => is_complete = false,
                 }
             }
+            let between = match &columns[first..] {
+                [up, down] => self.between(up, down, change),
+                _ => None,
+            };
+            columns.extend(between);
             // At a maximum either way is down, and both together are none.
             if let [up, down] = &columns[first..]
                 && up.cost < 0.0
@@ -114,7 +119,11 @@ impl Search<'_, '_, '_, '_> {
         let Some(direction) = self.direction(&columns, change) else {
             return nothing();
         };
-        match self.follow(&direction, change) {
+        // Where the objective curves, changes that are downhill one by one may lead too far together.
+        let best = columns.iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
+        let alone = best.map(|column| [(column.index, column.step)]);
+        let joint = self.follow(&direction, change);
+        match joint.or_else(|| self.follow(&alone?, change)) {
             Some((w, rate, merit)) => Found::Descent {
                 w,
                 rate,
@@ -123,6 +132,19 @@ impl Search<'_, '_, '_, '_> {
             },
             None => nothing(),
         }
+    }
+
+    /// The change to the minimum of the parabola through two that are opposite and uphill, if it is downhill: where the
+    /// objective curves, it falls less far than they reach.
+    fn between(&self, up: &Column, down: &Column, change: f64) -> Option<Column> {
+        let [slope, bend] = [-1.0, 1.0].map(|sign| 0.5 * (up.cost + sign * down.cost));
+        let least = self.threshold(change) * change;
+        let is_uphill = up.cost >= 0.0 && down.cost >= 0.0 && up.step == -down.step;
+        if !is_uphill || slope * slope <= 4.0 * bend * least {
+            return None;
+        }
+        let column = self.column(up.index, -0.5 * slope / bend * up.step)?;
+        (column.cost < 0.0).then_some(column)
     }
 
     /// What one change does. Where the point itself has no simulation, it is the difference of two changes.
@@ -216,13 +238,25 @@ impl Search<'_, '_, '_, '_> {
         };
         for (row, room) in rows {
             let changes = columns.iter().map(|column| column.rows[row]);
-            let reach: f64 = changes.clone().map(f64::abs).sum();
-            if reach == 0.0 || room.iter().all(|room| *room > reach) {
+            let [down, up] = [-1.0, 1.0].map(|sign| {
+                changes
+                    .clone()
+                    .map(|change| (sign * change).max(0.0))
+                    .sum::<f64>()
+            });
+            let reach = down + up;
+            // A bound that all changes together do not reach is none.
+            let bound = |room: f64, most: f64| match room < most {
+                true => room / reach,
+                false => f64::INFINITY,
+            };
+            let [lower, upper] = [bound(room[0], down), bound(room[1], up)];
+            if lower.min(upper) == f64::INFINITY {
                 continue;
             }
             let place = program.row_lower.len();
-            program.row_lower.push(-room[0] / reach);
-            program.row_upper.push(room[1] / reach);
+            program.row_lower.push(-lower);
+            program.row_upper.push(upper);
             let entries = changes.enumerate().filter(|(_, change)| *change != 0.0);
             program
                 .entries
@@ -287,5 +321,41 @@ impl Search<'_, '_, '_, '_> {
             (best, point) = (merit, w);
         }
         Some((point, rate, best))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Problem;
+    use super::super::reduced::Reduced;
+    use super::{Found, SMALL, Search};
+    use crate::testing::with_last;
+
+    /// J = 1 + 100 (u - 1)², with changes of u by 2e-4, from 5e-5 beside the minimum: uphill on both sides.
+    #[test]
+    fn curvature_hides_no_slope() {
+        let text = "model m { state x = 0; control u in [-1, 3] = 0.99995; x' = u; }
+                    optimize o of m { horizon 1; intervals 1; minimize final(1 + 100*(x - 1)^2); }";
+        with_last(text, |compiled| {
+            let task = (compiled.settings.optimize.as_ref()).expect("it is an optimization");
+            let problem = Problem::new(&compiled.system, &compiled.settings, task);
+            let problem = problem.expect("it has a program");
+            let (w, _) = problem.start(&[], &|| None);
+            let reduced = Reduced::new(&problem, &w, None).expect("it has a task");
+            let base = reduced.at(&w).expect("it reaches its end");
+            let search = Search {
+                reduced: &reduced,
+                w: &w,
+                objective: base.cost,
+                base: Some(&base),
+                weight: 1.0,
+                doubt: 0.0,
+                room: 0.0,
+            };
+            let Found::Descent { merit, .. } = search.descent(SMALL) else {
+                panic!("there is a slope");
+            };
+            assert!((merit - 1.0).abs() < 1e-12, "{merit}");
+        });
     }
 }

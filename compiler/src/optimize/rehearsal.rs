@@ -9,6 +9,7 @@ use std::time::Duration;
 
 use super::{Problem, Sampled, solved};
 use crate::dcs::{directed, solve_in_mode};
+use crate::discretize::WINDOW;
 use crate::expr::Var;
 use crate::report::{Dense, Status, Trajectory};
 use crate::simulate::{self, Rehearsed, Request, cut};
@@ -167,13 +168,16 @@ pub(super) fn sample(
 }
 
 /// Gives lengths, states and multipliers the values of a run to a horizon.
+///
+/// The program has no impacts at gaps below τ (v⁺ + e v⁻), e <= 1, behind the end of an interval. Such a one is at the end.
 fn follow(problem: &Problem, run: &Rehearsed, horizon: f64, w: &mut [f64]) {
     let layout = &problem.layout;
+    let window = 2.0 * WINDOW * horizon / (layout.steps * layout.elements) as f64;
     let bounds = problem.mpcc.bounds();
     for k in 1..=layout.steps {
         let instant = |k: usize| horizon * k as f64 / layout.steps as f64;
         let interval = (instant(k - 1), instant(k));
-        run.fill((&problem.dcs, layout, &bounds), k, interval, w);
+        run.fill((&problem.dcs, layout, &bounds), k, interval, window, w);
     }
 }
 

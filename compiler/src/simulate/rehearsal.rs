@@ -159,12 +159,14 @@ impl<'e> Rehearsed<'e> {
         cuts(start, end, &self.switches).len() - 1
     }
 
-    /// Gives the lengths, states, impulses and multipliers of step k the values of the run in an interval.
+    /// Gives the lengths, states, impulses and multipliers of step k the values of the run in an interval. An impact that
+    /// follows its start within a `window` is at its start.
     pub fn fill(
         &self,
         (dcs, layout, bounds): (&Dcs<'e>, &Layout, &[Bounds]),
         k: usize,
         (mut start, end): (f64, f64),
+        window: f64,
         w: &mut [f64],
     ) {
         let mut set = |index: usize, value: f64| {
@@ -173,7 +175,11 @@ impl<'e> Rehearsed<'e> {
             }
         };
         let near = CLOSEST * (end - start);
-        for (j, h) in (1..).zip(cut(start, end, &self.switches, layout.elements)) {
+        let behind = self.last_strike(start, window);
+        let switches: Vec<f64> = (self.switches.iter().copied())
+            .filter(|t| !(start..=behind).contains(t))
+            .collect();
+        for (j, h) in (1..).zip(cut(start, end, &switches, layout.elements)) {
             set(layout.h(k, j), h);
             if let Some(t) = layout.t(k, j) {
                 set(t, start);
@@ -181,6 +187,7 @@ impl<'e> Rehearsed<'e> {
             let first = layout.impulses(k, j);
             for (m, c) in layout.points.iter().enumerate() {
                 let inside = start + c.clamp(INSIDE, 1.0 - INSIDE) * h;
+                let inside = inside.max(behind + INSIDE * h);
                 let Some((row, within)) = self.at(start + c * h, inside) else {
                     continue;
                 };
@@ -197,7 +204,8 @@ impl<'e> Rehearsed<'e> {
                     continue;
                 };
                 let mut sides = first + dcs.impacts.len();
-                let strikes = |(t, _): &&(f64, String)| (t - start).abs() <= near;
+                let until = if j == 1 { behind } else { start };
+                let strikes = |(t, _): &&(f64, String)| (start - near..=until + near).contains(t);
                 let struck: Vec<&String> =
                     (self.strikes.iter().filter(strikes).map(|strike| &strike.1)).collect();
                 // Of contacts that are closed already, those push whose law holds as an equation.
@@ -229,6 +237,13 @@ impl<'e> Rehearsed<'e> {
             }
             start += h;
         }
+    }
+
+    /// The last impact that follows an instant within a window, or that instant.
+    fn last_strike(&self, start: f64, window: f64) -> f64 {
+        let times = self.strikes.iter().map(|strike| strike.0);
+        let times = times.filter(|t| (start..=start + window).contains(t));
+        times.fold(start, f64::max)
     }
 
     /// All rows at an instant, by the polynomial around another one; and there.

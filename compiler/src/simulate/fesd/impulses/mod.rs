@@ -331,6 +331,7 @@ impl<'s, 'e> Run<'s, 'e> {
                 (&self.dcs, &layout, &bounds),
                 1,
                 (start, start + length),
+                0.0,
                 &mut w,
             );
         }
