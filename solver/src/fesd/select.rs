@@ -1,5 +1,6 @@
 //! The active set that goes on from the start or from a switch.
 
+use super::adaptive::ROUNDING;
 use super::directional::{self, Choice, Found};
 use super::emit::Observer;
 use super::system::{ComplementaritySystem, Member, NEGLIGIBLE, Pair, Zero};
@@ -197,12 +198,17 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         let found = self
             .directional
             .choices(self.system, point, &run.zeros, bands, least);
-        // Choices with the same rates are one solution.
+        // Choices with the same rates are one solution; what moves a state by no more than rounding within a step is none.
+        let known = run.scale.iter().map(|scale| ROUNDING * scale / length);
+        let sizes = known
+            .zip(&found.sizes)
+            .map(|(known, size)| known.max(*size));
+        let sizes: Vec<f64> = sizes.collect();
         let mut classes: Vec<Vec<Choice>> = Vec::new();
         for choice in found.choices.iter().cloned() {
             match classes
                 .iter_mut()
-                .find(|class| directional::agree(&class[0], &choice, least))
+                .find(|class| directional::agree(&class[0], &choice, &sizes))
             {
                 Some(class) => class.push(choice),
                 None => classes.push(vec![choice]),

@@ -24,8 +24,17 @@ pub fn families(extent: Extent) -> Vec<Family> {
         about: "y' = B(s) s' with a Gauss or Lorentz curve, a hyperbolic secant, or a difference of two tanh, in the rate \
                 or in a switching function, at a random place, width, tolerance and law of s; integrals of B over s.",
         hardness: "width",
-        cases: (0..count).map(|at| bump(at, &mut random)).collect(),
+        cases: (0..count)
+            .flat_map(|at| by_all(bump(at, &mut random)))
+            .collect(),
     }]
+}
+
+/// By events, which find them, and by methods that have to say that they may have passed over something.
+fn by_all(case: Case) -> [Case; 5] {
+    let others = ["fesd", "fesd { steps = 20; }", "adaptive"];
+    let [elements, grid, adaptive] = others.map(|method| case.clone().by(method));
+    [case.clone(), elements, grid, adaptive, case.in_steps(50)]
 }
 
 /// s, its rate, and where it ends after 10.
