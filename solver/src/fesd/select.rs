@@ -24,6 +24,14 @@ enum Trial {
     Passes,
 }
 
+/// What differences between rates of states are none next to: the largest rate by any set that was tried, or what
+/// moves the state by no more than rounding within a step.
+fn sizes_of_rates(run: &Run, found: &Found, length: f64) -> Vec<f64> {
+    let states = run.scale.iter().zip(&found.sizes);
+    let size = |(scale, size): (&f64, &f64)| size.max(ROUNDING * scale / length);
+    states.map(size).collect()
+}
+
 impl<S: ComplementaritySystem> Simulator<'_, S> {
     /// The only one of several modes in which the switches that are to be below their surfaces are.
     pub(super) fn preferred(&self, modes: &[usize]) -> Option<usize> {
@@ -198,12 +206,8 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         let found = self
             .directional
             .choices(self.system, point, &run.zeros, bands, least);
-        // Choices with the same rates are one solution; what moves a state by no more than rounding within a step is none.
-        let known = run.scale.iter().map(|scale| ROUNDING * scale / length);
-        let sizes = known
-            .zip(&found.sizes)
-            .map(|(known, size)| known.max(*size));
-        let sizes: Vec<f64> = sizes.collect();
+        // Choices with the same rates are one solution.
+        let sizes = sizes_of_rates(run, &found, length);
         let mut classes: Vec<Vec<Choice>> = Vec::new();
         for choice in found.choices.iter().cloned() {
             match classes

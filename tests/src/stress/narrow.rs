@@ -4,7 +4,7 @@
 
 use std::f64::consts::PI;
 
-use super::{Case, Extent, Family};
+use super::{Case, Extent, Family, Promise};
 use crate::random::Random;
 
 /// Instances in all.
@@ -30,11 +30,13 @@ pub fn families(extent: Extent) -> Vec<Family> {
     }]
 }
 
-/// By events, which find them, and by methods that have to say that they may have passed over something.
+/// By events, which find them, and by methods that have to say what they have passed over.
 fn by_all(case: Case) -> [Case; 5] {
-    let others = ["fesd", "fesd { steps = 20; }", "adaptive"];
-    let [elements, grid, adaptive] = others.map(|method| case.clone().by(method));
-    [case.clone(), elements, grid, adaptive, case.in_steps(50)]
+    let [elements, adaptive] = ["fesd", "adaptive"].map(|method| case.clone().by(method));
+    let grid = case.clone().by("fesd { steps = 20; }");
+    let grid = grid.promises(Promise::Grid(20));
+    let steps = case.clone().in_steps(50);
+    [case, elements, grid, adaptive, steps]
 }
 
 /// s, its rate, and where it ends after 10.

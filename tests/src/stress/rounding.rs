@@ -80,7 +80,7 @@ pub fn families(extent: Extent) -> Vec<Family> {
     }]
 }
 
-fn case(identity: &str, law: &Law, size: f64) -> [Case; 2] {
+fn case(identity: &str, law: &Law, size: f64) -> [Case; 3] {
     // The second law comes back behind the horizon.
     let beyond = HORIZON - law.passes;
     let model = format!(
@@ -88,12 +88,14 @@ fn case(identity: &str, law: &Law, size: f64) -> [Case; 2] {
          a' = {size:?}*({identity}); d' = -d + a; e' = a; f' = e; y' = if a + b > 1 then 1 else 0;",
         law.text
     );
-    Case::new(format!("{size:.0e}"), model, HORIZON)
+    let case = Case::new(format!("{size:.0e}"), model, HORIZON)
         .ends_each("a", &[0.0], &[size])
         .ends("d", &[(-HORIZON).exp()], 1.0)
         .ends("e", &[0.0], size)
         .ends("f", &[0.0], size)
         .ends("y", &[beyond], beyond)
-        .switches(1)
-        .both()
+        .switches(1);
+    let grid = case.clone().by("fesd { steps = 40; }");
+    let [events, elements] = case.both();
+    [events, elements, grid]
 }

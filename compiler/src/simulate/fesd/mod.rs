@@ -43,6 +43,9 @@ const COARSE: f64 = 0.01;
 /// trial).
 const FINEST: f64 = 1e-13;
 
+/// The part of the defect that it is allowed which an element has at least, as the safety of its length leaves it.
+const USED: f64 = 0.5;
+
 /// The largest share of an error that the finer run is taken to have, too: next to rounding both runs allow the same.
 const MOST_SHARE: f64 = 0.5;
 
@@ -139,8 +142,7 @@ pub(super) fn run(
             let fine = second.run(0.0, settings.horizon, &x0, &mut keeper);
             let outcomes = [&solution.outcome, &fine.outcome];
             let mut found = estimate(system, &comparison, outcomes);
-            let allowed = [&first, &second].map(Simulator::allowed_defect);
-            found.error /= 1.0 - share_of_finer(allowed);
+            found.error /= 1.0 - share_of_finer(&first, &second);
             if let Some(turns) = turns {
                 found.touches = turns.judge(found.error, solution.outcome.time);
             }
@@ -243,11 +245,9 @@ fn finer(grid: Grid) -> Grid {
 
 /// What the finer run may itself be off by, as a share of the error of the other. Where a rate has no derivative an
 /// element has no order, and is off by about its defect.
-fn share_of_finer([allowed, of_finer]: [Option<f64>; 2]) -> f64 {
-    let share = allowed
-        .zip(of_finer)
-        .map(|(allowed, of_finer)| of_finer / allowed);
-    share.map_or(0.0, |share| share.min(MOST_SHARE))
+fn share_of_finer(run: &Simulator<Complementarity>, finer: &Simulator<Complementarity>) -> f64 {
+    let allowed = run.allowed_defect().zip(finer.allowed_defect());
+    allowed.map_or(0.0, |(run, finer)| (finer / (USED * run)).min(MOST_SHARE))
 }
 
 /// Its nodes: with a tolerance one more, where the scheme has it, so that its rounding is another.
