@@ -37,18 +37,9 @@ impl Directional {
         open: &[usize],
         is_last: impl Fn(usize) -> bool,
     ) -> Option<Solved> {
-        let weight = |pair: usize, u: &[f64]| {
-            let Pair { left, right, .. } = &system.pairs()[pair];
-            let jumping = [left, right]
-                .into_iter()
-                .find(|m| !system.is_continuous(m.variable));
-            jumping.map_or(0.0, |member| member.value(u))
-        };
-        let is_positive = |pair: &usize| {
-            let (zero, other) = system.pairs()[*pair].split(zeros[*pair]);
-            system.is_continuous(zero.variable) && !system.is_continuous(other.variable)
-        };
-        let mut positive: Vec<usize> = open.iter().copied().filter(is_positive).collect();
+        let weight = |pair: usize, u: &[f64]| weight(system, pair, u);
+        let mut positive: Vec<usize> = open.to_vec();
+        positive.retain(|&pair| has_weight(system, &zeros, pair));
         positive.sort_by(|a, b| {
             let by_weight = weight(*b, &u).total_cmp(&weight(*a, &u));
             is_last(*a).cmp(&is_last(*b)).then(by_weight)
@@ -108,4 +99,28 @@ impl Directional {
         }
         Some((zeros, u))
     }
+}
+
+/// The member of a pair that jumps.
+fn weight(system: &impl ComplementaritySystem, pair: usize, u: &[f64]) -> f64 {
+    let Pair { left, right, .. } = &system.pairs()[pair];
+    let mut members = [left, right].into_iter();
+    let jumping = members.find(|member| !system.is_continuous(member.variable));
+    jumping.map_or(0.0, |member| member.value(u))
+}
+
+/// Whether that is a weight that may be positive. α is none, which is in two pairs: at an end of its range its switch
+/// would not be where the solution has it.
+fn has_weight(system: &impl ComplementaritySystem, zeros: &[Zero], pair: usize) -> bool {
+    let all = system.pairs();
+    let (zero, other) = all[pair].split(zeros[pair]);
+    let has_it = |pair: &&Pair| {
+        [pair.left, pair.right]
+            .iter()
+            .any(|m| m.variable == other.variable)
+    };
+    system.is_continuous(zero.variable)
+        && !system.is_continuous(other.variable)
+        && all[pair].is_bounded
+        && all.iter().filter(has_it).count() == 1
 }

@@ -242,19 +242,10 @@ impl Directional {
             let (a, b) = self.members(system, pair, &u);
             zeros[pair] = if a <= b { Zero::Left } else { Zero::Right };
         }
-        let solved = self.solve(system, &zeros, u.clone());
-        // Equations that are singular but for rounding lead anywhere.
-        let is_same = |v: &Vec<f64>| {
-            let mut jumping = (0..u.len()).filter(|i| !system.is_continuous(*i));
-            jumping.all(|i| is_near(&v[i..=i], &u[i..=i]))
-        };
-        if !solved.as_ref().is_some_and(is_same) {
-            let corners = self.corners(system, (zeros.clone(), u), open, before);
-            if !corners.is_empty() {
-                return corners;
-            }
+        match self.solve(system, &zeros, u.clone()) {
+            Some(u) => vec![(zeros, u)],
+            None => self.corners(system, (zeros, u), open, before),
         }
-        solved.map(|u| (zeros, u)).into_iter().collect()
     }
 
     /// The largest sum of terms that what jumps adds to the rate of what is continuous: next to these a rate is zero

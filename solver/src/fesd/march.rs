@@ -109,10 +109,11 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         Ok(())
     }
 
-    /// Looks once in every mode which rates are rounding: on a grid no element is rejected for them, and states that are
-    /// nothing else have no error to be relative to.
+    /// Looks in every new mode, and ever more seldom later, which rates are rounding: on a grid no element is rejected
+    /// for them, and states that are nothing else have no error to be relative to.
     fn know_rounding(&mut self, run: &Run) {
-        if !self.modes[run.mode].element.rounding.has_looked && self.solved[0].h > 0.0 {
+        let is_new = !self.modes[run.mode].element.rounding.has_looked;
+        if (is_new || run.stats.steps.is_power_of_two()) && self.solved[0].h > 0.0 {
             self.series(run, 0);
             self.misses_by_rounding(run);
         }
