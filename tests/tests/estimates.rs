@@ -439,3 +439,25 @@ fn crossings_that_are_hardly_any() {
         });
     }
 }
+
+/// Elements have no order beside a root: the finer run is not much better there.
+#[test]
+fn an_estimate_covers_the_error_beside_a_root() {
+    for (power, start, rate, factor, horizon) in [
+        (0.5_f64, 0.91, 1.86, 0.78, 1.0215),
+        (0.25, 0.35, 1.1, 2.2, 0.3200),
+        (0.75, 0.66, 1.5, 1.3, 0.4405),
+        (1.5, 0.91, 1.86, 0.78, 1.0215),
+    ] {
+        let text = format!(
+            "model m {{ state x = -{start:?}; state y = 0; x' = {rate:?}; y' = {factor:?}*abs(x)^({power:?}); }}
+             simulate run of m {{ horizon {horizon:?}; method fesd; }}"
+        );
+        let area = |x: f64| x.signum() * x.abs().powf(power + 1.0) / (power + 1.0);
+        let exact = |t: f64| {
+            let x = rate * t - start;
+            vec![x, factor / rate * (area(x) - area(-start))]
+        };
+        check(&text, "run", exact);
+    }
+}

@@ -90,3 +90,56 @@ fn high_powers_are_not_passed_over() {
         close(y(&model, &format!("horizon {horizon:?};")), exact, 1e-7);
     }
 }
+
+/// Methods that do not look for it themselves, with a horizon of 100.
+const OTHERS: [&str; 4] = [
+    "fesd;",
+    "fesd { steps = 50; }",
+    "adaptive;",
+    "timestepping { steps = 200; }",
+];
+
+/// The spans of W0719 in a run by a method.
+fn passed_over(model: &str, method: &str) -> Vec<String> {
+    let text =
+        format!("model m {{ {model} }}\nsimulate run of m {{ horizon 100; method {method} }}");
+    let found = run(&text, "run");
+    let warnings = found.warnings.iter().filter(|w| w.code == "W0719");
+    warnings.map(|w| w.message.clone()).collect()
+}
+
+#[test]
+fn other_methods_tell_what_they_pass_over() {
+    let gauss = "exp(-((s - 70.123)/0.001)^2)";
+    let rate = format!("state s = 0; state y = 0; s' = 1; y' = {gauss}/0.001;");
+    let surface = format!("state s = 0; state y = 0; s' = 1; y' = if {gauss} > 0.5 then 1 else 0;");
+    let power = "state s = 0; state y = 0; s' = 1/4; y' = cos(s - 9)^200000;";
+    for method in OTHERS {
+        assert_eq!(passed_over(power, method).len(), 1, "{method}");
+        let of_rate = passed_over(&rate, method);
+        assert!(
+            of_rate.len() == 1 && of_rate[0].contains("rate of `y`"),
+            "{method} {of_rate:?}"
+        );
+        let of_surface = passed_over(&surface, method);
+        let is_told = of_surface.iter().any(|w| w.contains("switching function"));
+        assert!(is_told, "{method} {of_surface:?}");
+    }
+}
+
+/// Exponentials, roots and quotients that are no narrower than the steps.
+#[test]
+fn nothing_is_told_of_functions_that_steps_see() {
+    let models = [
+        "state s = 0; state y = 0; s' = 1; y' = exp(sin(s/10));",
+        "state s = 1; state y = 0; s' = 0.1*sqrt(s); y' = 1/(1 + s);",
+        "state s = 0; state y = 0; s' = 1; y' = exp(-((s - 70.123)/20)^2);",
+        "state s = 1; state y = 0; s' = -0.1*s; y' = tanh(s)*exp(-s);",
+    ];
+    for model in models {
+        for method in OTHERS {
+            let told = passed_over(model, method);
+            assert!(told.is_empty(), "{model} {method} {told:?}");
+        }
+    }
+}

@@ -8,7 +8,7 @@ use std::thread;
 
 use nsd_tests::affine::Affine;
 use nsd_tests::affine::exact::{End, Solution, solve};
-use nsd_tests::run;
+use nsd_tests::{end, run};
 use nsdc::report::{Side, Status, Trajectory};
 
 /// What the systems of one test have been about.
@@ -213,4 +213,48 @@ fn units_change_nothing() {
 fn surfaces_may_be_nearly_parallel() {
     let seen = compare(Affine::nearly_parallel, as_they_are, 5000, 25);
     assert!(seen.events >= 50 && seen.codimensions[2] >= 5);
+}
+
+/// Sixteen weights for five equations: elements hold any that do.
+#[test]
+fn elements_slide_on_four_surfaces_between_sixteen_regions() {
+    for seed in [84, 177, 358] {
+        let system = Affine::random(seed);
+        let solution = solve(&system);
+        assert!(
+            solution.legs.iter().any(|leg| leg.sides == [0; 4]),
+            "{seed}"
+        );
+        let text = format!(
+            "model m {{\n{}}}\nsimulate run of m {{ horizon {:?}; method fesd; }}",
+            system.model(),
+            system.horizon
+        );
+        let trajectory = run(&text, "run");
+        assert_eq!(trajectory.status, Status::Solved, "{seed}");
+        let exact = solution.state(system.horizon);
+        for (found, exact) in end(&trajectory, "x").iter().zip(exact.iter()) {
+            assert!(
+                (found - exact).abs() <= 1e-8,
+                "{seed}: {found}, not {exact}"
+            );
+        }
+    }
+}
+
+/// On two surfaces two states stand still: all weights that do so have rates that are rounding.
+#[test]
+fn elements_rest_where_weights_are_not_unique() {
+    let system = Affine::random(273);
+    let exact = solve(&system).state(system.horizon);
+    let text = format!(
+        "model m {{\n{}}}\nsimulate run of m {{ horizon {:?}; method fesd; }}",
+        system.model(),
+        system.horizon
+    );
+    let trajectory = run(&text, "run");
+    assert_eq!(trajectory.status, Status::Solved);
+    for (found, exact) in end(&trajectory, "x").iter().zip(exact.iter()) {
+        assert!((found - exact).abs() <= 1e-8, "{found}, not {exact}");
+    }
 }

@@ -13,6 +13,7 @@ use super::data::Pieces;
 use super::fesd::estimate;
 use super::functions::tape;
 use super::instants::Pulses;
+use super::overlooked::Looking;
 use super::schedule::scheduled;
 use super::substituted::variable;
 use super::watch::{Progress, Watched};
@@ -45,8 +46,10 @@ pub(super) fn run(
         Simulator::new(field, settings)
     };
     let mut recorder = Recorder::new(system, settings, settings.tolerance, request.dense);
-    let mut watched = Watched::new(&mut recorder, settings.horizon, false, watch);
-    let outcome = simulator(settings.tolerance).run(0.0, settings.horizon, &x0, &mut watched);
+    let mut looking = Looking::new(system, settings, &mut recorder);
+    let mut watched = Watched::new(&mut looking, settings.horizon, false, watch);
+    let mut outcome = simulator(settings.tolerance).run(0.0, settings.horizon, &x0, &mut watched);
+    outcome.notes.extend(looking.notes());
     let wanted = request.estimate && outcome.status == Status::Solved;
     let estimate = wanted.then(|| {
         let mut comparison = Comparison::new(&recorder, &x0);

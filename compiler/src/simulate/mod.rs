@@ -20,6 +20,7 @@ mod limits;
 mod modes;
 pub mod moreau;
 mod outcome;
+mod overlooked;
 mod parting;
 mod pieces;
 mod record;

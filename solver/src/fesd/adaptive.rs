@@ -9,7 +9,7 @@ use super::emit::Observer;
 use super::fold::Length;
 use super::system::ComplementaritySystem;
 use super::watch::BAND;
-use super::{Run, Simulator};
+use super::{Grid, Run, Simulator};
 use crate::simulate::Status;
 
 /// A hundredth of the global aim, which the growth of errors along well-conditioned runs does not
@@ -36,6 +36,20 @@ const MAX_STALLED: usize = 100;
 const SHORTEST: f64 = 1e-14;
 
 impl<S: ComplementaritySystem> Simulator<'_, S> {
+    /// What elements may miss their equations by between the nodes; none on a grid of steps.
+    pub fn allowed_defect(&self) -> Option<f64> {
+        match self.settings.grid {
+            Grid::Steps { .. } => None,
+            Grid::Adaptive { tolerance } => Some(self.target(tolerance)),
+        }
+    }
+
+    fn target(&self, tolerance: f64) -> f64 {
+        let order = self.scheme.tableau.order as f64;
+        let local = (LOCAL * tolerance).max(f64::EPSILON);
+        local.powf((self.scheme.s + 1) as f64 / (order + 1.0))
+    }
+
     /// Integrates to `t1` with a global error of about `tolerance`.
     pub(super) fn adapt(
         &mut self,
@@ -44,10 +58,8 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         tolerance: f64,
         observer: &mut impl Observer,
     ) -> Result<(), Status> {
-        let order = self.scheme.tableau.order as f64;
+        let target = self.target(tolerance);
         let exponent = (self.scheme.s + 1) as f64;
-        let local = (LOCAL * tolerance).max(f64::EPSILON);
-        let target = local.powf(exponent / (order + 1.0));
         let horizon = run.left(t1);
         let mut h = match run.next {
             0.0 => 0.01 * horizon,

@@ -49,6 +49,8 @@ pub(super) struct Found {
     pub complete: bool,
     /// The pairs that meet.
     pub open: Vec<usize>,
+    /// The largest rate of each state by any set that was tried, where there are several.
+    pub sizes: Vec<f64>,
 }
 
 /// Solves the directional problem.
@@ -59,6 +61,8 @@ pub(super) struct Directional {
     pub(super) matrix: Blocks,
     pub(super) rhs: Vec<f64>,
     residual: Vec<f64>,
+    /// What the member of each pair is that is zero by its set, while it is not.
+    pub(super) held: Vec<f64>,
     n: usize,
 }
 
@@ -83,6 +87,7 @@ impl Directional {
             matrix: Blocks::new(n_z, entries.chain(members)),
             rhs: vec![0.0; n_z],
             residual: vec![0.0; n_equations],
+            held: vec![0.0; system.pairs().len()],
             n,
         }
     }
@@ -112,9 +117,18 @@ impl Directional {
         } else if let Some((found, scale)) = each(self) {
             (found, scale, true)
         } else {
-            (self.one(system, zeros, z, &open), 0.0, false)
+            let found = self.one(system, zeros, z, &open);
+            let terms = found.iter().map(|(_, u)| self.terms(system, u));
+            let scale = terms.fold(0.0, f64::max);
+            (found, scale, false)
         };
         let rate_scale = rate_scale(system, &found).max(scale).max(least);
+        let mut sizes = vec![0.0_f64; self.n];
+        for (_, u) in found.iter().filter(|_| found.len() > 1) {
+            for (size, rate) in sizes.iter_mut().zip(self.rates(system, u)) {
+                *size = size.max(rate.abs());
+            }
+        }
         let choices = found
             .into_iter()
             .filter_map(|(zeros, u)| self.choice_of(system, (zeros, u), z, bands, rate_scale));
@@ -122,6 +136,7 @@ impl Directional {
             choices: choices.collect(),
             complete,
             open,
+            sizes,
         }
     }
 
@@ -209,7 +224,7 @@ impl Directional {
         found
     }
 
-    /// One solution, where there are too many choices to try them all.
+    /// One solution, where there are too many choices to try them all; corners of it where it is a face.
     pub(super) fn one(
         &mut self,
         system: &impl ComplementaritySystem,
@@ -221,13 +236,35 @@ impl Directional {
         let Some(u) = self.smooth(system, zeros, open, start) else {
             return Vec::new();
         };
+        let before = zeros;
         let mut zeros = zeros.to_vec();
         for &pair in open {
             let (a, b) = self.members(system, pair, &u);
             zeros[pair] = if a <= b { Zero::Left } else { Zero::Right };
         }
-        let solved = self.solve(system, &zeros, u);
-        solved.map(|u| vec![(zeros, u)]).unwrap_or_default()
+        match self.solve(system, &zeros, u.clone()) {
+            Some(u) => vec![(zeros, u)],
+            None => self.corners(system, (zeros, u), open, before),
+        }
+    }
+
+    /// The largest sum of terms that what jumps adds to the rate of what is continuous: next to these a rate is zero
+    /// where they cancel.
+    fn terms(&mut self, system: &impl ComplementaritySystem, u: &[f64]) -> f64 {
+        self.linearize(system, u);
+        let first = 1 + self.n + u.len();
+        let n_rows = self.residual.len();
+        let (mut terms, mut slopes) = (vec![0.0; n_rows], vec![0.0_f64; n_rows]);
+        for &(row, input) in &system.full().directional_slopes.entries {
+            let i = input - first;
+            let slope = self.matrix.entry(row, i).abs();
+            match system.is_continuous(i) {
+                true => slopes[row] = slopes[row].max(slope),
+                false => terms[row] += slope * u[i].abs(),
+            }
+        }
+        let rows = terms.iter().zip(&slopes).filter(|(_, slope)| **slope > 0.0);
+        rows.fold(0.0, |most, (terms, slope)| most.max(terms / slope))
     }
 
     /// Where Newton's method starts: what is open stands at `guess`, every other pair at the second.
@@ -337,7 +374,7 @@ impl Directional {
             let (member, _) = system.pairs()[row].split(zero);
             let (left, right) = self.members(system, row, u);
             let at = n_equations + row;
-            self.rhs[at] = -if zero == Zero::Left { left } else { right };
+            self.rhs[at] = self.held[row] - if zero == Zero::Left { left } else { right };
             self.matrix.clear_row(at);
             *self.matrix.entry(at, member.variable) = member.slope();
         }
@@ -431,18 +468,18 @@ fn from_directions(
     })
 }
 
-fn is_near(a: &[f64], b: &[f64]) -> bool {
+pub(super) fn is_near(a: &[f64], b: &[f64]) -> bool {
     let difference = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-8 * (1.0 + a.abs());
     a.iter().zip(b).all(difference)
 }
 
-/// True when two choices have the same rates: they are one solution, as far as first derivatives say.
-/// Rates below those that are zero next to `least` are the same.
-pub(super) fn agree(a: &Choice, b: &Choice, least: f64) -> bool {
-    let rates = a.rates.iter().chain(&b.rates);
-    let size = rates.fold(least, |s, r| s.max(r.abs()));
-    let near = |(a, b): (&f64, &f64)| (a - b).abs() <= TIE * size;
-    a.rates.iter().zip(&b.rates).all(near)
+/// True when two choices have the same rates next to the sizes of these: they are one solution, as far as first
+/// derivatives say.
+pub(super) fn agree(a: &Choice, b: &Choice, sizes: &[f64]) -> bool {
+    let rates = a.rates.iter().zip(&b.rates).zip(sizes);
+    rates
+        .into_iter()
+        .all(|((a, b), size)| (a - b).abs() <= TIE * size)
 }
 
 /// Pairs whose continuous member is zero, of the groups in which such a pair could be on another

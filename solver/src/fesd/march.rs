@@ -95,6 +95,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 }
             }
             let piece = self.piece(run, end, left, length)?;
+            self.know_rounding(run);
             let count = piece.elements;
             // A step with more switches than elements less one has elements added.
             run.added += (count + usize::from(piece.event.is_some())).saturating_sub(left);
@@ -106,6 +107,16 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             }
         }
         Ok(())
+    }
+
+    /// Looks in every new mode, and ever more seldom later, which rates are rounding: on a grid no element is rejected
+    /// for them, and states that are nothing else have no error to be relative to.
+    fn know_rounding(&mut self, run: &Run) {
+        let is_new = !self.modes[run.mode].element.rounding.has_looked;
+        if (is_new || run.stats.steps.is_power_of_two()) && self.solved[0].h > 0.0 {
+            self.series(run, 0);
+            self.misses_by_rounding(run);
+        }
     }
 
     /// Solves for up to `left` elements of equal length that end with the step, or with a switch.

@@ -13,6 +13,7 @@ mod adaptive;
 mod banded;
 mod blocks;
 mod collocation;
+mod corner;
 mod directional;
 mod element;
 mod emit;

@@ -31,6 +31,8 @@ pub(super) struct Rounding {
     errors: Vec<f64>,
     /// How far rounding moves states that are nothing else.
     moved: Vec<f64>,
+    /// Whether any element has been looked at.
+    pub(super) has_looked: bool,
 }
 
 impl Rounding {
@@ -40,6 +42,7 @@ impl Rounding {
             found: vec![false; n],
             errors: vec![0.0; n],
             moved: vec![0.0; n],
+            has_looked: false,
         }
     }
 }
@@ -66,6 +69,7 @@ impl Element {
                 break;
             }
         }
+        rounding.has_looked = true;
         self.rounding = rounding;
         is_new
     }

@@ -1,5 +1,6 @@
 //! The active set that goes on from the start or from a switch.
 
+use super::adaptive::ROUNDING;
 use super::directional::{self, Choice, Found};
 use super::emit::Observer;
 use super::system::{ComplementaritySystem, Member, NEGLIGIBLE, Pair, Zero};
@@ -21,6 +22,14 @@ enum Trial {
     Tied,
     /// All members stay positive, or leave later.
     Passes,
+}
+
+/// What differences between rates of states are none next to: the largest rate by any set that was tried, or what
+/// moves the state by no more than rounding within a step.
+fn sizes_of_rates(run: &Run, found: &Found, length: f64) -> Vec<f64> {
+    let states = run.scale.iter().zip(&found.sizes);
+    let size = |(scale, size): (&f64, &f64)| size.max(ROUNDING * scale / length);
+    states.map(size).collect()
 }
 
 impl<S: ComplementaritySystem> Simulator<'_, S> {
@@ -198,11 +207,12 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             .directional
             .choices(self.system, point, &run.zeros, bands, least);
         // Choices with the same rates are one solution.
+        let sizes = sizes_of_rates(run, &found, length);
         let mut classes: Vec<Vec<Choice>> = Vec::new();
         for choice in found.choices.iter().cloned() {
             match classes
                 .iter_mut()
-                .find(|class| directional::agree(&class[0], &choice, least))
+                .find(|class| directional::agree(&class[0], &choice, &sizes))
             {
                 Some(class) => class.push(choice),
                 None => classes.push(vec![choice]),

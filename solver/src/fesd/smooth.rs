@@ -40,7 +40,10 @@ impl Directional {
                 }
                 let start = u.clone();
                 let mut share = 1.0;
-                self.step(&mut u, share)?;
+                if self.step(&mut u, share).is_none() {
+                    // In the middle of a face of solutions the equations without σ determine none of them.
+                    return start.iter().all(|u| u.is_finite()).then_some(start);
+                }
                 let step: Vec<f64> = u.iter().zip(&start).map(|(u, start)| u - start).collect();
                 for _ in 0..MAX_HALVINGS {
                     if self.assemble(system, zeros, open, &u, size, sigma)

@@ -4,8 +4,11 @@
 //! at the start of a step know nothing of it. Whether u rises, or v falls towards zero, within the step is seen from
 //! their own series; polynomials and sines hide nothing, but their high powers do.
 
+use std::ops::Range;
+
 use super::steps::{Kind, Step};
 use super::tame::{FEW, SATURATED, VANISHED};
+use super::{Slot, Tape, UNUSED};
 
 /// What an exponent may rise by within a step: beyond, the series of e^u shows at its start in spite of its size.
 const RISE: f64 = 25.0;
@@ -30,15 +33,55 @@ fn distances(c: &[f64], h: f64) -> [f64; 2] {
     [least, low.abs().max(high.abs())]
 }
 
+impl Kind {
+    /// Whether it may hide something of what it reads, a divisor in a division, where its terms have so many factors.
+    fn can_hide(self, factors: f64) -> bool {
+        match self {
+            Kind::Mul | Kind::Square => factors > f64::from(FEW),
+            Kind::Div | Kind::Recip | Kind::Sqrt | Kind::Power | Kind::Pow | Kind::Exp => true,
+            Kind::Log | Kind::SinhCosh | Kind::Tanh | Kind::Atan | Kind::Atan2 => true,
+            _ => false,
+        }
+    }
+}
+
+impl Tape {
+    /// Whether an operation may hide something that depends on some of the inputs.
+    pub fn can_hide(&self, of: Range<usize>) -> bool {
+        let mut depends = vec![false; self.n_values];
+        depends[of].fill(true);
+        let mut factors = vec![1.0; self.n_values];
+        self.values.iter().any(|instruction| {
+            let ([a, b], _) = instruction.op.parts();
+            let moves = |value: Slot| value != UNUSED && depends[value as usize];
+            let of = |value: Slot| match value {
+                UNUSED => 0.0,
+                _ => factors[value as usize],
+            };
+            let (kind, reads) = (Kind::of(instruction.op), [moves(a), moves(b)]);
+            let count = kind.factors([of(a), of(b)]);
+            let depends_on = reads.contains(&true);
+            let is_read = match kind {
+                Kind::Div => reads[1],
+                _ => depends_on,
+            };
+            for result in [instruction.out, instruction.second] {
+                if result != UNUSED {
+                    depends[result as usize] = depends_on;
+                    factors[result as usize] = count;
+                }
+            }
+            kind.can_hide(count) && is_read
+        })
+    }
+}
+
 impl Step {
     /// Whether any function of its kind may hide something.
     pub(crate) fn can_hide(&self) -> bool {
         match self.kind {
             Kind::Div => self.short > 0,
-            Kind::Mul | Kind::Square => self.c > f64::from(FEW),
-            Kind::Recip | Kind::Sqrt | Kind::Power | Kind::Pow | Kind::Exp | Kind::Log => true,
-            Kind::SinhCosh | Kind::Tanh | Kind::Atan | Kind::Atan2 => true,
-            _ => false,
+            kind => kind.can_hide(self.c),
         }
     }
 

@@ -4,7 +4,7 @@
 
 use std::f64::consts::PI;
 
-use super::{Case, Extent, Family};
+use super::{Case, Extent, Family, Promise};
 use crate::random::Random;
 
 /// Instances in all.
@@ -24,8 +24,19 @@ pub fn families(extent: Extent) -> Vec<Family> {
         about: "y' = B(s) s' with a Gauss or Lorentz curve, a hyperbolic secant, or a difference of two tanh, in the rate \
                 or in a switching function, at a random place, width, tolerance and law of s; integrals of B over s.",
         hardness: "width",
-        cases: (0..count).map(|at| bump(at, &mut random)).collect(),
+        cases: (0..count)
+            .flat_map(|at| by_all(bump(at, &mut random)))
+            .collect(),
     }]
+}
+
+/// By events, which find them, and by methods that have to say what they have passed over.
+fn by_all(case: Case) -> [Case; 5] {
+    let [elements, adaptive] = ["fesd", "adaptive"].map(|method| case.clone().by(method));
+    let grid = case.clone().by("fesd { steps = 20; }");
+    let grid = grid.promises(Promise::Grid(20));
+    let steps = case.clone().in_steps(50);
+    [case, elements, grid, adaptive, steps]
 }
 
 /// s, its rate, and where it ends after 10.

@@ -12,7 +12,7 @@ const POWERS: [(&str, f64); 5] = [
 ];
 
 pub fn families(extent: Extent) -> Vec<Family> {
-    vec![at_zero(extent), spirals(extent)]
+    vec![at_zero(extent), behind_zero(extent), spirals(extent)]
 }
 
 /// Numbers between 0 and 1, the same in every run.
@@ -54,6 +54,32 @@ fn at_zero(extent: Extent) -> Family {
         about: "Laws c |u|^p or c max(u, 0)^p, p in {1/3, 1/2, 2/3, 1.5, 2.5}: integrated across a transversal zero, from \
                 one, and from rest; emptied in finite time; impacts without loss. Closed forms, the duration of an impact \
                 by Simpson's rule.",
+        hardness: "number",
+        cases: cases.collect(),
+    }
+}
+
+/// y' = c |x|^p, up to just behind the zero of x and farther on.
+fn behind_zero(extent: Extent) -> Family {
+    let mut numbers = Numbers(27);
+    let n = match extent {
+        Extent::Short => 6,
+        Extent::Long => 200,
+    };
+    let cases = (0..n).map(|k| {
+        let p = [0.25, 0.5, 0.75, 1.5][k % 4];
+        let [a, v, c] = [(0.2, 1.0), (0.5, 2.0), (0.5, 3.0)].map(|(l, h)| numbers.between(l, h));
+        let b = numbers.between(0.01, 1.0) * [1.0, 1e-2, 1e-4][k % 3];
+        let model =
+            format!("state x = -{a:?}; state y = 0; x' = {v:?}; y' = {c:?}*abs(x)^({p:?});");
+        let exact = c / v * (a.powf(p + 1.0) + b.powf(p + 1.0)) / (p + 1.0);
+        let case = Case::new(k, model, (a + b) / v).ends("y", &[exact], exact);
+        case.by("fesd").within(20)
+    });
+    Family {
+        name: "just behind a root",
+        about: "y' = c |x|^p across a transversal zero of x, p in {0.25, 0.5, 0.75, 1.5}, to 1e-6 to 1 behind it: what elements \
+                that have no order there are off by, closed forms.",
         hardness: "number",
         cases: cases.collect(),
     }

@@ -25,6 +25,7 @@ pub use complementarity::Complementarity;
 use turns::Turns;
 
 use super::instants::Pulses;
+use super::overlooked::Looking;
 use super::watch::{Progress, Watched};
 use super::{
     Comparison, Estimate, HELD, REFINEMENT, Recorder, Request, Switched, Touches, assemble, judge,
@@ -41,6 +42,12 @@ const COARSE: f64 = 0.01;
 /// Tolerances below this, in relation to rounding, make no other elements, so that a finer run says nothing (chosen by
 /// trial).
 const FINEST: f64 = 1e-13;
+
+/// The part of the defect that it is allowed which an element has at least, as the safety of its length leaves it.
+const USED: f64 = 0.5;
+
+/// The largest share of an error that the finer run is taken to have, too: next to rounding both runs allow the same.
+const MOST_SHARE: f64 = 0.5;
 
 /// Nodes of the largest schemes of Radau IIA and Gauss.
 const MOST_NODES: usize = 9;
@@ -114,13 +121,15 @@ pub(super) fn run(
         let grid = grid(options, tolerance);
         let mut first = on(grid, options.scheme.1);
         let mut recorder = Recorder::new(system, settings, tolerance, request.dense);
+        let mut looking = Looking::new(system, settings, &mut recorder);
         let mut keeper = Keeper {
-            observer: Watched::new(&mut recorder, settings.horizon, false, watch),
+            observer: Watched::new(&mut looking, settings.horizon, false, watch),
             kept: request.multipliers.then(|| empty(&complementarity)),
             turns: request.estimate.then(|| Turns::new(system)),
         };
-        let solution = first.run(0.0, settings.horizon, &x0, &mut keeper);
+        let mut solution = first.run(0.0, settings.horizon, &x0, &mut keeper);
         let (kept, turns) = (keeper.kept, keeper.turns);
+        solution.outcome.notes.extend(looking.notes());
         let wanted = request.estimate && solution.outcome.status != Status::TimeLimit;
         let estimate = wanted.then(|| {
             let mut comparison = Comparison::new(&recorder, &x0);
@@ -129,14 +138,11 @@ pub(super) fn run(
                 kept: None,
                 turns: None,
             };
-            let fine = on(finer(grid), nodes_of_finer(options)).run(
-                0.0,
-                settings.horizon,
-                &x0,
-                &mut keeper,
-            );
+            let mut second = on(finer(grid), nodes_of_finer(options));
+            let fine = second.run(0.0, settings.horizon, &x0, &mut keeper);
             let outcomes = [&solution.outcome, &fine.outcome];
             let mut found = estimate(system, &comparison, outcomes);
+            found.error /= 1.0 - share_of_finer(&first, &second);
             if let Some(turns) = turns {
                 found.touches = turns.judge(found.error, solution.outcome.time);
             }
@@ -235,6 +241,13 @@ fn finer(grid: Grid) -> Grid {
             tolerance: REFINEMENT * tolerance,
         },
     }
+}
+
+/// What the finer run may itself be off by, as a share of the error of the other. Where a rate has no derivative an
+/// element has no order, and is off by about its defect.
+fn share_of_finer(run: &Simulator<Complementarity>, finer: &Simulator<Complementarity>) -> f64 {
+    let allowed = run.allowed_defect().zip(finer.allowed_defect());
+    allowed.map_or(0.0, |(run, finer)| (finer / (USED * run)).min(MOST_SHARE))
 }
 
 /// Its nodes: with a tolerance one more, where the scheme has it, so that its rounding is another.

@@ -8,6 +8,7 @@ use nsd_solver::simulate::Status;
 use super::{estimate, lower};
 use crate::report::{Method, MethodOption, Trajectory};
 use crate::simulate::instants::Pulses;
+use crate::simulate::overlooked::Looking;
 use crate::simulate::schedule::scheduled;
 use crate::simulate::watch::{Progress, Watched};
 use crate::simulate::{Comparison, Recorder, Request, assemble};
@@ -40,8 +41,10 @@ pub(in crate::simulate) fn run(
     };
     let mut first = stepper(options.steps);
     let mut recorder = Recorder::new(system, settings, settings.tolerance, request.dense);
-    let mut watched = Watched::new(&mut recorder, settings.horizon, false, watch);
-    let outcome = first.run(0.0, settings.horizon, &x0, &mut watched);
+    let mut looking = Looking::new(system, settings, &mut recorder);
+    let mut watched = Watched::new(&mut looking, settings.horizon, false, watch);
+    let mut outcome = first.run(0.0, settings.horizon, &x0, &mut watched);
+    outcome.notes.extend(looking.notes());
     // Across switches the order is one, so that halving the steps removes half of the error.
     let error = (request.estimate && outcome.status == Status::Solved).then(|| {
         let mut comparison = Comparison::new(&recorder, &x0);

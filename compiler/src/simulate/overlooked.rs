@@ -1,0 +1,66 @@
+//! Looks for narrow functions of states that a method without such a check of its own passes over.
+
+use std::ops::ControlFlow;
+
+use nsd_solver::simulate::{Event, Function, Note, Observer, Overlooked, Segment};
+
+use super::limits::tape_of;
+use crate::system::System;
+use crate::system::experiment::Settings;
+
+/// Passes on what a run does, and looks at its steps, where a function of the system may hide something from them.
+pub(super) struct Looking<'s, 'e, 'o, O> {
+    system: &'s System<'e>,
+    observer: &'o mut O,
+    overlooked: Option<Overlooked>,
+}
+
+impl<'s, 'e, 'o, O: Observer> Looking<'s, 'e, 'o, O> {
+    pub fn new(system: &'s System<'e>, settings: &Settings, observer: &'o mut O) -> Self {
+        let n = system.states.len();
+        let rates = system.states.iter().enumerate();
+        let rates = rates.map(|(i, state)| (Function::Rate(i), state.rate));
+        let surfaces = system.switches.iter().enumerate();
+        let surfaces = surfaces.map(|(i, switch)| (Function::Surface(i), switch.psi));
+        let hides = |expr| tape_of(system, &[expr]).0.can_hide(1..1 + n);
+        let hiding = rates.chain(surfaces).filter(|(_, expr)| hides(*expr));
+        let (functions, exprs): (Vec<_>, Vec<_>) = hiding.unzip();
+        let looks = || {
+            let (tape, _) = tape_of(system, &exprs);
+            Overlooked::new(
+                functions,
+                tape,
+                [n, system.switches.len()],
+                settings.tolerance,
+            )
+        };
+        Looking {
+            system,
+            observer,
+            overlooked: (!exprs.is_empty()).then(looks),
+        }
+    }
+
+    /// What has been passed over.
+    pub fn notes(self) -> Vec<Note> {
+        self.overlooked.map(Overlooked::notes).unwrap_or_default()
+    }
+}
+
+impl<O: Observer> Observer for Looking<'_, '_, '_, O> {
+    fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
+        if let Some(overlooked) = &mut self.overlooked {
+            let data = &self.system.data;
+            overlooked.look(segment, |time, values| {
+                for (value, data) in values.iter_mut().zip(data) {
+                    *value = data.table.piece(time).value(time);
+                }
+            });
+        }
+        self.observer.segment(segment)
+    }
+
+    fn event(&mut self, event: &Event) {
+        self.observer.event(event);
+    }
+}
