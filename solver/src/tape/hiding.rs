@@ -36,11 +36,20 @@ fn distances(c: &[f64], h: f64) -> [f64; 2] {
 impl Kind {
     /// Whether it may hide something of what it reads, a divisor in a division.
     fn can_hide(self) -> bool {
-        match self {
-            Kind::Div | Kind::Recip | Kind::Sqrt | Kind::Power | Kind::Pow | Kind::Exp => true,
-            Kind::Log | Kind::SinhCosh | Kind::Tanh | Kind::Atan | Kind::Atan2 => true,
-            _ => false,
-        }
+        matches!(
+            self,
+            Kind::Div
+                | Kind::Recip
+                | Kind::Sqrt
+                | Kind::Power
+                | Kind::Pow
+                | Kind::Exp
+                | Kind::Log
+                | Kind::SinhCosh
+                | Kind::Tanh
+                | Kind::Atan
+                | Kind::Atan2
+        )
     }
 }
 
