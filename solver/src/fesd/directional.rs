@@ -117,9 +117,7 @@ impl Directional {
         } else if let Some((found, scale)) = each(self) {
             (found, scale, true)
         } else {
-            let found = self.one(system, zeros, z, &open);
-            let terms = found.iter().map(|(_, u)| self.terms(system, u));
-            let scale = terms.fold(0.0, f64::max);
+            let (found, scale) = self.one(system, zeros, z, &open);
             (found, scale, false)
         };
         let rate_scale = rate_scale(system, &found).max(scale).max(least);
@@ -224,17 +222,18 @@ impl Directional {
         found
     }
 
-    /// One solution, where there are too many choices to try them all; corners of it where it is a face.
+    /// One solution, where there are too many choices to try them all; where it is a face, corners of that, and the size
+    /// of the terms that cancel in all of its rates.
     pub(super) fn one(
         &mut self,
         system: &impl ComplementaritySystem,
         zeros: &[Zero],
         z: &[f64],
         open: &[usize],
-    ) -> Vec<Solved> {
+    ) -> (Vec<Solved>, f64) {
         let start = self.start(system, z, open, [0.5, 0.5]);
         let Some(u) = self.smooth(system, zeros, open, start) else {
-            return Vec::new();
+            return (Vec::new(), 0.0);
         };
         let before = zeros;
         let mut zeros = zeros.to_vec();
@@ -242,10 +241,13 @@ impl Directional {
             let (a, b) = self.members(system, pair, &u);
             zeros[pair] = if a <= b { Zero::Left } else { Zero::Right };
         }
-        match self.solve(system, &zeros, u.clone()) {
-            Some(u) => vec![(zeros, u)],
-            None => self.corners(system, (zeros, u), open, before),
+        if let Some(u) = self.solve(system, &zeros, u.clone()) {
+            return (vec![(zeros, u)], 0.0);
         }
+        let found = self.corners(system, (zeros, u), open, before);
+        let terms = found.iter().map(|(_, u)| self.terms(system, u));
+        let scale = terms.fold(0.0, f64::max);
+        (found, scale)
     }
 
     /// The largest sum of terms that what jumps adds to the rate of what is continuous: next to these a rate is zero

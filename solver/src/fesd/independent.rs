@@ -28,7 +28,7 @@ impl Directional {
         if groups.iter().any(|group| group.len() > MAX_OPEN) {
             return None;
         }
-        let base = self.one(system, zeros, z, open).pop();
+        let base = self.one(system, zeros, z, open).0.pop();
         let (zeros, u) = base.unwrap_or_else(|| {
             let u = self.start(system, z, open, [0.5, 0.5]);
             (zeros.to_vec(), u)
