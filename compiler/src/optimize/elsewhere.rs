@@ -5,6 +5,8 @@
 //! where J is smaller there, and half of s where no eᵢ leads to a smaller one. It asks for no slopes: where a switch meets
 //! the end of an interval J has a kink, and steps along gradients come to rest beside it.
 
+use std::ops::Range;
+
 use super::descent::{Found, Search};
 use super::reduced::Quantity;
 
@@ -17,6 +19,8 @@ const FOLLOWED: usize = 16;
 const FIRST: f64 = 0.25;
 const LAST: f64 = 0.002;
 const MOST_SWEEPS: usize = 20;
+/// How many simulations all descents together may take.
+const MOST_RUNS: usize = 6000;
 /// From this s on one has to gain such a share of what is missing.
 const FREE: f64 = 0.07;
 const LEAST_GAIN: f64 = 0.1;
@@ -35,8 +39,9 @@ impl Search<'_, '_, '_, '_> {
         let mut best = edge.filter(|best| best.merit < target);
         if self.has_branches() {
             let inside = self.candidates(self.inside()).into_iter();
+            let mut runs = 0..MOST_RUNS;
             for point in best.take().into_iter().chain(inside.take(FOLLOWED)) {
-                if let Some(better) = self.downhill(point, target) {
+                if let Some(better) = self.downhill(point, target, &mut runs) {
                     target = better.merit;
                     best = Some(better);
                 }
@@ -115,12 +120,17 @@ impl Search<'_, '_, '_, '_> {
     }
 
     /// The end of a descent, if it is below `target`.
-    fn downhill(&self, mut point: Candidate, target: f64) -> Option<Candidate> {
+    fn downhill(
+        &self,
+        mut point: Candidate,
+        target: f64,
+        runs: &mut Range<usize>,
+    ) -> Option<Candidate> {
         let mut step = FIRST;
         while step >= LAST {
             let before = point.merit;
             let mut sweeps = 0..MOST_SWEEPS;
-            while sweeps.next().is_some() && self.sweep(&mut point, step) {}
+            while sweeps.next().is_some() && self.sweep(&mut point, step, runs) {}
             if step < FREE && before - point.merit < LEAST_GAIN * (point.merit - target) {
                 return None;
             }
@@ -130,7 +140,7 @@ impl Search<'_, '_, '_, '_> {
     }
 
     /// Changes every quantity by a step where the merit is smaller behind it; whether there was one.
-    fn sweep(&self, point: &mut Candidate, step: f64) -> bool {
+    fn sweep(&self, point: &mut Candidate, step: f64, runs: &mut Range<usize>) -> bool {
         let before = point.merit;
         for quantity in self.bounded() {
             let value = point.w[quantity.index];
@@ -138,6 +148,7 @@ impl Search<'_, '_, '_, '_> {
             let ends = ends.map(|end| end.max(quantity.lower).min(quantity.upper));
             let mut ends = ends.into_iter().filter(|end| *end != value);
             let better = ends.find_map(|end| {
+                runs.next()?;
                 let mut w = point.w.clone();
                 w[quantity.index] = end;
                 self.candidate(w).filter(|next| next.merit < point.merit)

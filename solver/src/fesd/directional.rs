@@ -475,13 +475,14 @@ pub(super) fn is_near(a: &[f64], b: &[f64]) -> bool {
     a.iter().zip(b).all(difference)
 }
 
-/// True when two choices have the same rates next to the sizes of these: they are one solution, as far as first
-/// derivatives say.
-pub(super) fn agree(a: &Choice, b: &Choice, sizes: &[f64]) -> bool {
+/// True when two choices have the same rates: they are one solution, as far as first derivatives say.
+/// Rates below those that are zero next to `least`, or to the size that rates of their state have, are the same.
+pub(super) fn agree(a: &Choice, b: &Choice, least: f64, sizes: &[f64]) -> bool {
+    let rates = a.rates.iter().chain(&b.rates);
+    let largest = rates.fold(least, |s, r| s.max(r.abs()));
     let rates = a.rates.iter().zip(&b.rates).zip(sizes);
-    rates
-        .into_iter()
-        .all(|((a, b), size)| (a - b).abs() <= TIE * size)
+    let is_near = |((a, b), size): ((&f64, &f64), &f64)| (a - b).abs() <= TIE * size.max(largest);
+    rates.into_iter().all(is_near)
 }
 
 /// Pairs whose continuous member is zero, of the groups in which such a pair could be on another

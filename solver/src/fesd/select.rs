@@ -212,7 +212,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         for choice in found.choices.iter().cloned() {
             match classes
                 .iter_mut()
-                .find(|class| directional::agree(&class[0], &choice, &sizes))
+                .find(|class| directional::agree(&class[0], &choice, least, &sizes))
             {
                 Some(class) => class.push(choice),
                 None => classes.push(vec![choice]),

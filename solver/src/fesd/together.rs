@@ -86,7 +86,8 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         let found = (self.directional).choices(self.system, point, &run.zeros, bands, least);
         let mut choices = found.choices.into_iter().filter(|choice| choice.strict);
         let first = choices.next()?;
-        let is_same = |other: Choice| super::directional::agree(&first, &other, &found.sizes);
+        let is_same =
+            |other: Choice| super::directional::agree(&first, &other, least, &found.sizes);
         choices.all(is_same).then_some(first)
     }
 }
