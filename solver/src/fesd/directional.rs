@@ -121,8 +121,9 @@ impl Directional {
             (found, scale, false)
         };
         let rate_scale = rate_scale(system, &found).max(scale).max(least);
-        let mut sizes = vec![0.0_f64; self.n];
-        for (_, u) in found.iter().filter(|_| found.len() > 1) {
+        let has_several = found.len() > 1;
+        let mut sizes = vec![0.0_f64; if has_several { self.n } else { 0 }];
+        for (_, u) in found.iter().filter(|_| has_several) {
             for (size, rate) in sizes.iter_mut().zip(self.rates(system, u)) {
                 *size = size.max(rate.abs());
             }

@@ -8,6 +8,9 @@ use super::watch::{BAND, Verdict};
 use super::{Run, Simulator};
 use crate::simulate::{Side, Status};
 
+/// Below this share of the largest state one may be rounding of terms that cancel.
+const SMALL: f64 = 1e-8;
+
 /// An element that is solved.
 #[derive(Default)]
 pub(super) struct Solved {
@@ -109,11 +112,16 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         Ok(())
     }
 
-    /// Looks in every new mode, and ever more seldom later, which rates are rounding: on a grid no element is rejected
-    /// for them, and states that are nothing else have no error to be relative to.
+    /// Looks in every new mode which rates are rounding, where a state is small enough next to others to be nothing
+    /// else: on a grid no element is rejected for it, and such states have no error to be relative to.
     fn know_rounding(&mut self, run: &Run) {
-        let is_new = !self.modes[run.mode].element.rounding.has_looked;
-        if (is_new || run.stats.steps.is_power_of_two()) && self.solved[0].h > 0.0 {
+        let rounding = &mut self.modes[run.mode].element.rounding;
+        if rounding.has_looked || self.solved[0].h == 0.0 {
+            return;
+        }
+        rounding.has_looked = true;
+        let largest = run.scale.iter().fold(0.0_f64, |size, x| size.max(*x));
+        if run.scale.iter().any(|size| *size <= SMALL * largest) {
             self.series(run, 0);
             self.misses_by_rounding(run);
         }

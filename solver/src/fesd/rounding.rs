@@ -69,7 +69,6 @@ impl Element {
                 break;
             }
         }
-        rounding.has_looked = true;
         self.rounding = rounding;
         is_new
     }
