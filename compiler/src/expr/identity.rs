@@ -154,7 +154,6 @@ mod tests {
             (x + y).powi(2) - square,
             (x - 1.0) * (x + 1.0) - x.powi(2) + 1.0,
             (x + 0.1).powi(2) - x.powi(2) - 0.2 * x - 0.01,
-            0.1 * 3.0 * x - 0.3 * x,
             1.0 / (x + 1.0) - 1.0 / (x - 1.0) + 2.0 / (x.powi(2) - 1.0),
             (x + y).powi(2).sin() - square.sin(),
             x * ((x + y).powi(2) - square).tanh(),
