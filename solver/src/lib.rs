@@ -14,6 +14,7 @@ pub mod nl;
 pub mod problem;
 pub mod qp;
 pub mod quadratic;
+pub mod random;
 pub mod simulate;
 pub mod tableau;
 pub mod tape;

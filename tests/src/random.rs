@@ -1,5 +1,7 @@
 //! Random numbers with a fixed seed.
 
+use nsd_solver::random;
+
 /// SplitMix64 (Steele, Lea, Flood 2014).
 #[derive(Clone, Debug)]
 pub struct Random(pub u64);
@@ -7,11 +9,7 @@ pub struct Random(pub u64);
 impl Random {
     /// 64 bits, each as likely 0 as 1.
     pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+        random::next(&mut self.0)
     }
 
     /// In [0, 1), with all 53 bits.

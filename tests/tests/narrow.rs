@@ -91,6 +91,23 @@ fn high_powers_are_not_passed_over() {
     }
 }
 
+/// Off the bump these overflow, and so do their series: a step without one passes over nothing either. The integral of
+/// (1 + u²)⁻²⁰⁰⁰⁰ is √π Γ(19999.5)/Γ(20000), by mpmath in 25 digits.
+#[test]
+fn what_overflows_off_a_bump_is_not_passed_over() {
+    let power = 0.012_533_376_375_675_608;
+    for (rate, exact) in [
+        ("1/cosh(1000*(s - 70))", 1e-3 * PI),
+        ("(1 + (s - 70)^2)^(-20000)", power),
+        ("(1/(1 + (s - 70)^2))^20000", power),
+        ("1/(1 + (s - 70)^2)^20000", power),
+        ("1/(exp(1000*(s - 70)) + exp(1000*(70 - s)))", 5e-4 * PI),
+    ] {
+        let model = format!("state s = 0; state y = 0; s' = 1; y' = {rate};");
+        close(y(&model, "horizon 100;"), exact, 1e-8);
+    }
+}
+
 /// Methods that do not look for it themselves, with a horizon of 100.
 const OTHERS: [&str; 4] = [
     "fesd;",

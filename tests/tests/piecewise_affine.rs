@@ -7,7 +7,7 @@
 use std::thread;
 
 use nsd_tests::affine::Affine;
-use nsd_tests::affine::exact::{End, Solution, solve};
+use nsd_tests::affine::exact::{End, Leg, Solution, solve};
 use nsd_tests::{end, run};
 use nsdc::report::{Side, Status, Trajectory};
 
@@ -98,6 +98,28 @@ fn far_apart(seed: u64, n: usize) -> (Vec<f64>, f64) {
 
 /// Compares modes, then times and states; the reason when they differ.
 fn agrees(trajectory: &Trajectory, solution: &Solution, tolerance: f64) -> Result<(), String> {
+    ends_as_due(trajectory, solution, tolerance)?;
+    let modes = modes(trajectory);
+    let exact: Vec<_> = solution.legs.iter().map(|leg| leg.sides.clone()).collect();
+    let found: Vec<_> = modes.iter().map(|(_, sides)| sides.clone()).collect();
+    if found != exact && !exact.is_empty() {
+        return Err(format!("modes {found:?} instead of {exact:?}"));
+    }
+    for ((t, _), leg) in modes.iter().zip(&solution.legs) {
+        // An error of the states moves what crosses zero by as much.
+        let shift = (t - leg.start).abs();
+        if shift * leg.transversality > tolerance {
+            return Err(format!("event at {t} instead of {}", leg.start));
+        }
+    }
+    if exact.is_empty() {
+        return Ok(());
+    }
+    is_accurate(trajectory, solution, tolerance)
+}
+
+/// Whether the run is solved, or ends where the solution does and says why.
+fn ends_as_due(trajectory: &Trajectory, solution: &Solution, tolerance: f64) -> Result<(), String> {
     let reason = trajectory
         .failure
         .as_ref()
@@ -124,7 +146,11 @@ fn agrees(trajectory: &Trajectory, solution: &Solution, tolerance: f64) -> Resul
         _ if trajectory.status != Status::Solved => return Err(reason),
         _ => {}
     }
+    Ok(())
+}
 
+/// Where modes begin, and the sides of their surfaces: -1, 0 and 1, or 2 where there is none.
+fn modes(trajectory: &Trajectory) -> Vec<(f64, Vec<i8>)> {
     // Surfaces are numbered by the last character of their names.
     let number = |name: &String| {
         name.bytes()
@@ -142,23 +168,11 @@ fn agrees(trajectory: &Trajectory, solution: &Solution, tolerance: f64) -> Resul
         }
         (interval.from, sides)
     });
-    let modes: Vec<(f64, Vec<i8>)> = modes.collect();
-    let exact: Vec<_> = solution.legs.iter().map(|leg| leg.sides.clone()).collect();
-    let found: Vec<_> = modes.iter().map(|(_, sides)| sides.clone()).collect();
-    if found != exact && !exact.is_empty() {
-        return Err(format!("modes {found:?} instead of {exact:?}"));
-    }
-    for ((t, _), leg) in modes.iter().zip(&solution.legs) {
-        // An error of the states moves what crosses zero by as much.
-        let shift = (t - leg.start).abs();
-        if shift * leg.transversality > tolerance {
-            return Err(format!("event at {t} instead of {}", leg.start));
-        }
-    }
-    if exact.is_empty() {
-        return Ok(());
-    }
+    modes.collect()
+}
 
+/// Whether the states are, and the estimate of their error.
+fn is_accurate(trajectory: &Trajectory, solution: &Solution, tolerance: f64) -> Result<(), String> {
     let states = &trajectory.states[0];
     let n = states.n_entries();
     let (mut error, mut scale) = (vec![0.0_f64; n], vec![0.0_f64; n]);
@@ -215,46 +229,39 @@ fn surfaces_may_be_nearly_parallel() {
     assert!(seen.events >= 50 && seen.codimensions[2] >= 5);
 }
 
-/// Sixteen weights for five equations: elements hold any that do.
-#[test]
-fn elements_slide_on_four_surfaces_between_sixteen_regions() {
-    for seed in [84, 177, 358] {
-        let system = Affine::random(seed);
-        let solution = solve(&system);
-        assert!(
-            solution.legs.iter().any(|leg| leg.sides == [0; 4]),
-            "{seed}"
-        );
-        let text = format!(
-            "model m {{\n{}}}\nsimulate run of m {{ horizon {:?}; method fesd; }}",
-            system.model(),
-            system.horizon
-        );
-        let trajectory = run(&text, "run");
-        assert_eq!(trajectory.status, Status::Solved, "{seed}");
-        let exact = solution.state(system.horizon);
-        for (found, exact) in end(&trajectory, "x").iter().zip(exact.iter()) {
-            assert!(
-                (found - exact).abs() <= 1e-8,
-                "{seed}: {found}, not {exact}"
-            );
-        }
-    }
-}
-
-/// On two surfaces two states stand still: all weights that do so have rates that are rounding.
-#[test]
-fn elements_rest_where_weights_are_not_unique() {
-    let system = Affine::random(273);
-    let exact = solve(&system).state(system.horizon);
+/// Compares the end of a run by elements with the solution.
+fn ends_by_elements(seed: u64) -> Solution {
+    let system = Affine::random(seed);
+    let solution = solve(&system);
     let text = format!(
         "model m {{\n{}}}\nsimulate run of m {{ horizon {:?}; method fesd; }}",
         system.model(),
         system.horizon
     );
     let trajectory = run(&text, "run");
-    assert_eq!(trajectory.status, Status::Solved);
+    assert_eq!(trajectory.status, Status::Solved, "{seed}");
+    let exact = solution.state(system.horizon);
     for (found, exact) in end(&trajectory, "x").iter().zip(exact.iter()) {
-        assert!((found - exact).abs() <= 1e-8, "{found}, not {exact}");
+        assert!(
+            (found - exact).abs() <= 1e-8,
+            "{seed}: {found}, not {exact}"
+        );
     }
+    solution
+}
+
+/// Sixteen weights for five equations: elements hold any that do.
+#[test]
+fn elements_slide_on_four_surfaces_between_sixteen_regions() {
+    for seed in [84, 177, 358] {
+        let solution = ends_by_elements(seed);
+        let slides = |leg: &Leg| leg.sides == [0; 4];
+        assert!(solution.legs.iter().any(slides), "{seed}");
+    }
+}
+
+/// On two surfaces two states stand still: all weights that do so have rates that are rounding.
+#[test]
+fn elements_rest_where_weights_are_not_unique() {
+    ends_by_elements(273);
 }

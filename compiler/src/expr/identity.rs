@@ -5,6 +5,8 @@
 //! with one residue. What is proven so holds as an identity of polynomials, however it is written; identities of the
 //! functions themselves, as sin² + cos² = 1, are not known here.
 
+use nsd_solver::random::mix;
+
 use super::Expr;
 use super::arena::{Arena, Data, Id};
 use super::simplify::nearby_decimal;
@@ -64,11 +66,9 @@ fn number(value: f64) -> Option<u64> {
     })
 }
 
-/// A point of the field that looks random (Steele, Lea, Flood 2014).
+/// A point of the field that looks random.
 fn mixed(seed: u64) -> u64 {
-    let z = (seed ^ (seed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    (z ^ (z >> 31)) % PRIME
+    mix(seed) % PRIME
 }
 
 impl Arena {

@@ -144,59 +144,39 @@ fn apply<'e>(
         "sum" => Ok(Tensor::scalar(
             lowering.scope.exprs.sum(first.data.iter().copied()),
         )),
-        "len" => {
-            let count = match first.shape {
-                Shape::Matrix(rows, columns) if rows > 1 => {
-                    let what = "the argument of `len`".to_owned();
-                    return lowering.error(ModelError::WrongShape {
-                        what,
-                        expected: "a vector".to_owned(),
-                        found: format!("a {rows} by {columns} matrix"),
-                        span: call.args[0].span,
-                        help: None,
-                    });
-                }
-                shape => shape.len(),
-            };
-            Ok(Tensor::scalar(lowering.constant(count as f64)))
-        }
+        "len" => length(lowering, call, &first),
+        _ => of_arrays(lowering, call, &first, &values[1..]),
+    }
+}
+
+/// Functions of vectors and matrices.
+fn of_arrays<'e>(
+    lowering: &mut Lowering<'_, 'e>,
+    call: &Call,
+    first: &Tensor<'e>,
+    others: &[Tensor<'e>],
+) -> Result<Tensor<'e>, Reported> {
+    match call.name {
         "transpose" => Ok(first.transpose()),
-        "norm" => {
-            if let Shape::Matrix(rows, columns) = first.shape
-                && rows > 1
-            {
-                return wrong(
-                    lowering,
-                    call,
-                    "a vector",
-                    &format!("a {rows} by {columns} matrix"),
-                );
-            }
-            if first.shape == Shape::Scalar {
-                lowering.record_surfaces(call.args[0], &first);
-                return Ok(first.map(Expr::abs));
-            }
-            let squares = first.data.iter().map(|entry| entry.powi(2));
-            Ok(Tensor::scalar(lowering.scope.exprs.sum(squares).sqrt()))
-        }
-        "dot" => match vectors(&first, &values[1]) {
+        "norm" => norm(lowering, call, first),
+        "dot" => match vectors(first, &others[0]) {
             true => Ok(Tensor::scalar(
-                lowering.scope.exprs.dot(&first.data, &values[1].data),
+                lowering.scope.exprs.dot(&first.data, &others[0].data),
             )),
-            false => mismatch(lowering, call, &first, &values[1]),
+            false => mismatch(lowering, call, first, &others[0]),
         },
-        "cross" => match vectors(&first, &values[1]) && first.data.len() == 3 {
+        "cross" => match vectors(first, &others[0]) && first.data.len() == 3 {
             true => {
-                let (a, b) = (&first.data, &values[1].data);
+                let (a, b) = (&first.data, &others[0].data);
                 let entry = |i: usize, j: usize| a[i] * b[j] - a[j] * b[i];
                 Ok(Tensor::vector(vec![entry(1, 2), entry(2, 0), entry(0, 1)]))
             }
-            false => mismatch(lowering, call, &first, &values[1]),
+            false => mismatch(lowering, call, first, &others[0]),
         },
-        "diag" => diagonal(lowering, &first, call.span),
-        "inv" => algebra::inverse(lowering, &first, call.span),
-        "solve" => algebra::solve(lowering, &first, &values[1], call.span),
-        "grad" | "jacobian" => derivative(lowering, call, &first, &values[1]),
+        "diag" => diagonal(lowering, first, call.span),
+        "inv" => algebra::inverse(lowering, first, call.span),
+        "solve" => algebra::solve(lowering, first, &others[0], call.span),
+        "grad" | "jacobian" => derivative(lowering, call, first, &others[0]),
         _ => {
             let (name, span) = (call.name.to_owned(), call.span);
             lowering.error(ModelError::UnknownFunction {
@@ -206,6 +186,52 @@ fn apply<'e>(
             })
         }
     }
+}
+
+/// The number of entries of a vector.
+fn length<'e>(
+    lowering: &mut Lowering<'_, 'e>,
+    call: &Call,
+    first: &Tensor<'e>,
+) -> Result<Tensor<'e>, Reported> {
+    let count = match first.shape {
+        Shape::Matrix(rows, columns) if rows > 1 => {
+            let what = "the argument of `len`".to_owned();
+            return lowering.error(ModelError::WrongShape {
+                what,
+                expected: "a vector".to_owned(),
+                found: format!("a {rows} by {columns} matrix"),
+                span: call.args[0].span,
+                help: None,
+            });
+        }
+        shape => shape.len(),
+    };
+    Ok(Tensor::scalar(lowering.constant(count as f64)))
+}
+
+/// The Euclidean norm of a vector.
+fn norm<'e>(
+    lowering: &mut Lowering<'_, 'e>,
+    call: &Call,
+    first: &Tensor<'e>,
+) -> Result<Tensor<'e>, Reported> {
+    if let Shape::Matrix(rows, columns) = first.shape
+        && rows > 1
+    {
+        return wrong(
+            lowering,
+            call,
+            "a vector",
+            &format!("a {rows} by {columns} matrix"),
+        );
+    }
+    if first.shape == Shape::Scalar {
+        lowering.record_surfaces(call.args[0], first);
+        return Ok(first.map(Expr::abs));
+    }
+    let squares = first.data.iter().map(|entry| entry.powi(2));
+    Ok(Tensor::scalar(lowering.scope.exprs.sum(squares).sqrt()))
 }
 
 /// True for two vectors (columns or rows) of one length.

@@ -126,16 +126,8 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
             }
         };
         let is_relay = matches!(form, Form::Relay { .. });
-        if let (true, Some(sliding)) = (is_relay, switch.sliding) {
-            let word = match sliding {
-                Sliding::Linear => "linear",
-                Sliding::Nonlinear => "nonlinear",
-            };
-            self.diags.push(DynamicsError::RelayForm {
-                what: format!("it never slides, so `sliding {word}` has no meaning"),
-                span: switch.span,
-            });
-            return Err(Reported);
+        if is_relay && switch.sliding.is_some() {
+            return self.sliding_relay(switch);
         }
         let arg = form.argument();
         let mut found: Vec<(Vec<i64>, Tensor<'e>, SwitchKind<'e>)> = vec![];
@@ -165,36 +157,8 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
         }
         let mut members = BTreeMap::new();
         for (indices, psi, kind) in found {
-            let suffix = indices
-                .iter()
-                .map(i64::to_string)
-                .collect::<Vec<_>>()
-                .join(",");
-            let name = match indices.is_empty() {
-                true => self.whole_name(&switch.name.name),
-                false => self.whole_name(&format!("{}[{suffix}]", switch.name.name)),
-            };
-            let shape = psi.shape;
-            let vars: Vec<Expr<'e>> = (0..shape.len())
-                .map(|k| self.model.exprs.variable(&shape.entry_name(&name, k)))
-                .collect();
-            let value = Value::from(Tensor {
-                shape,
-                data: vars.clone(),
-            });
-            members.insert(
-                indices,
-                (value, TargetKind::Switch(self.model.switches.len())),
-            );
-            self.model.switches.push(NamedSwitch {
-                name,
-                kind,
-                shape,
-                psi: psi.data,
-                vars,
-                sliding: switch.sliding,
-                span: switch.span,
-            });
+            let meaning = self.named_switch(switch, &indices, psi, kind);
+            members.insert(indices, meaning);
         }
         if !frames.is_empty() {
             let binders = frames.iter().flat_map(|frame| frame.binders);
@@ -204,6 +168,53 @@ impl<'f, 'e> Declaring<'_, 'f, 'e> {
         let only = members.into_values().next();
         only.map(|(value, kind)| Meaning::Value(value, kind))
             .ok_or(Reported)
+    }
+
+    /// A relay never slides.
+    fn sliding_relay(&mut self, switch: &syntax::Switch) -> Result<Meaning<'e>, Reported> {
+        let word = match switch.sliding {
+            Some(Sliding::Nonlinear) => "nonlinear",
+            _ => "linear",
+        };
+        self.diags.push(DynamicsError::RelayForm {
+            what: format!("it never slides, so `sliding {word}` has no meaning"),
+            span: switch.span,
+        });
+        Err(Reported)
+    }
+
+    /// Adds a switch, of these indices in the loops around it, to the model.
+    fn named_switch(
+        &mut self,
+        switch: &syntax::Switch,
+        indices: &[i64],
+        psi: Tensor<'e>,
+        kind: SwitchKind<'e>,
+    ) -> (Value<'e>, TargetKind) {
+        let suffix: Vec<String> = indices.iter().map(i64::to_string).collect();
+        let name = match indices.is_empty() {
+            true => self.whole_name(&switch.name.name),
+            false => self.whole_name(&format!("{}[{}]", switch.name.name, suffix.join(","))),
+        };
+        let shape = psi.shape;
+        let vars: Vec<Expr<'e>> = (0..shape.len())
+            .map(|k| self.model.exprs.variable(&shape.entry_name(&name, k)))
+            .collect();
+        let value = Value::from(Tensor {
+            shape,
+            data: vars.clone(),
+        });
+        let target = TargetKind::Switch(self.model.switches.len());
+        self.model.switches.push(NamedSwitch {
+            name,
+            kind,
+            shape,
+            psi: psi.data,
+            vars,
+            sliding: switch.sliding,
+            span: switch.span,
+        });
+        (value, target)
     }
 
     /// The thresholds of a relay do not move.

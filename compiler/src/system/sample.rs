@@ -4,6 +4,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::Arc;
 
+use nsd_solver::random;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::expr::{Evaluator, Expr, Interval, Var, variables_of};
@@ -468,11 +469,6 @@ pub(super) struct Random(pub u64);
 impl Random {
     /// Uniform in [-1, 1).
     pub fn symmetric(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^= z >> 31;
-        (z >> 11) as f64 * (2.0 / (1u64 << 53) as f64) - 1.0
+        (random::next(&mut self.0) >> 11) as f64 * (2.0 / (1u64 << 53) as f64) - 1.0
     }
 }

@@ -17,7 +17,7 @@ use super::solution::Status;
 const FLAT: f64 = 1e-6;
 /// The largest number of inverse iterations: the first correction may be a hundred times what is missing.
 const MAX_ITERATIONS: usize = 200;
-/// A quotient that changes by less than this, relative to itself, has settled.
+/// A negative quotient that changes by less than this, relative to itself, has settled.
 const SETTLED: f64 = 1e-3;
 
 impl Run<'_> {
@@ -41,14 +41,7 @@ impl Run<'_> {
         }
         let mut quotient = f64::INFINITY;
         for _ in 0..MAX_ITERATIONS {
-            let solved = self.kkt.solve(
-                &self.form,
-                &self.hessian,
-                &self.jacobian,
-                &self.rhs,
-                &mut self.reduced,
-            );
-            solved.ok()?;
+            self.solve_reduced().ok()?;
             // K (d⁺, ·) = (d, 0): the quotient of d⁺ is dᵀd⁺ / d⁺ᵀd⁺ - δ_w.
             let product =
                 |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
@@ -60,7 +53,8 @@ impl Run<'_> {
             }
             let has_settled = (now - quotient).abs() <= SETTLED * now.abs();
             quotient = now;
-            if has_settled {
+            // A quotient that is not negative yet may stay where it is for long.
+            if has_settled && quotient < -FLAT {
                 break;
             }
         }

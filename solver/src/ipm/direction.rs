@@ -53,6 +53,17 @@ impl Run<'_> {
         )
     }
 
+    /// Solves the linear system for the right-hand side by the matrix factored last.
+    pub(super) fn solve_reduced(&mut self) -> Result<(), Failure> {
+        self.kkt.solve(
+            &self.form,
+            &self.hessian,
+            &self.jacobian,
+            &self.rhs,
+            &mut self.reduced,
+        )
+    }
+
     /// The derivative of the barrier terms of variable i with μ.
     pub(super) fn barrier_slope(&self, i: usize) -> f64 {
         let (lower, upper) = (self.v[i] - self.lower[i], self.upper[i] - self.v[i]);
@@ -91,13 +102,7 @@ impl Run<'_> {
             step.v[i] = slope;
             self.rhs[n + attached.row as usize] += attached.sign * slope / (self.sigma[i] + delta);
         }
-        self.kkt.solve(
-            &self.form,
-            &self.hessian,
-            &self.jacobian,
-            &self.rhs,
-            &mut self.reduced,
-        )?;
+        self.solve_reduced()?;
         step.v[..n].copy_from_slice(&self.reduced[..n]);
         step.y.copy_from_slice(&self.reduced[n..]);
         for i in n..nv {

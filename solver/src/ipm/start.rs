@@ -162,14 +162,7 @@ impl Run<'_> {
                 self.rhs[n + attached.row as usize] += attached.sign * slope / (1.0 + delta);
             }
         }
-        let solved = self.kkt.solve(
-            &self.form,
-            &self.hessian,
-            &self.jacobian,
-            &self.rhs,
-            &mut self.reduced,
-        );
-        if solved.is_ok() && largest(&self.reduced[n..]) <= Y_MAX {
+        if self.solve_reduced().is_ok() && largest(&self.reduced[n..]) <= Y_MAX {
             self.y.copy_from_slice(&self.reduced[n..]);
         }
     }

@@ -7,6 +7,7 @@ use std::time::Instant;
 use super::solution::{Solution, Status};
 use super::{Options, solve_from};
 use crate::problem::Mpcc;
+use crate::random;
 
 /// What came of many starts.
 #[derive(Clone, Debug)]
@@ -133,33 +134,25 @@ pub fn multistart<P: Mpcc + Clone + Sync>(
 /// Start number k depends on the seed and k only, so that more starts leave the first ones as they are. The numbers
 /// are those of SplitMix64 (Steele, Lea and Flood 2014), made normal by Box and Muller 1958.
 pub fn perturbed(guess: &[f64], deviation: f64, seed: u64, number: u64) -> Vec<f64> {
-    let mut state = mix(seed).wrapping_add(mix(!number));
+    let mut state = random::mix(seed).wrapping_add(random::mix(!number));
     let moved = guess.iter().map(|w| w + deviation * normal(&mut state));
     moved.collect()
 }
 
 /// A normal deviate that depends on a seed, a number and a stream only: those of several streams are independent.
 pub fn deviate(seed: u64, number: u64, stream: u64) -> f64 {
-    let start = mix(seed).wrapping_add(mix(!number));
-    normal(&mut mix(start ^ mix(stream)))
+    let start = random::mix(seed).wrapping_add(random::mix(!number));
+    normal(&mut random::mix(start ^ random::mix(stream)))
 }
 
 /// The next normal deviate of a generator in this state.
 fn normal(state: &mut u64) -> f64 {
     let mut uniform = || {
-        *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
         // In (0, 1]: 53 bits.
-        ((mix(*state) >> 11) + 1) as f64 / (1u64 << 53) as f64
+        ((random::next(state) >> 11) + 1) as f64 / (1u64 << 53) as f64
     };
     let (radius, angle) = (uniform(), uniform());
     (-2.0 * radius.ln()).sqrt() * (2.0 * std::f64::consts::PI * angle).cos()
-}
-
-/// The output function of SplitMix64.
-fn mix(state: u64) -> u64 {
-    let z = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
 }
 
 #[cfg(test)]

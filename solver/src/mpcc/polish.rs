@@ -93,59 +93,36 @@ pub fn polish(
         };
         // Where lost pivots keep a feasible point from becoming optimal, the run goes on without them.
         for pairs_pivots in [false, true] {
-            work.stats.branches += 1;
-            let mut branch = Branch::new(lifted, zeros, &start.w);
             let settings = ipm::Options {
-                tolerance: work.options.tolerance,
                 max_iterations: if pairs_pivots {
                     MAX_PAIRED
                 } else {
                     max_iterations
                 },
-                bound_relaxation: 0.0,
                 pairs_pivots,
                 ..ipm::Options::default()
             };
-            let mut is_lost = false;
-            let mut hopeless = |progress: &ipm::Progress<'_>| {
-                let Some(below) = goal.below() else {
-                    return ControlFlow::Continue(());
-                };
-                // What restoration minimizes is not the objective.
-                let is_settled =
-                    !progress.is_restoration && progress.primal.max(progress.dual) <= SETTLED;
-                is_lost = is_near && progress.is_restoration;
-                match is_lost || is_settled && progress.objective - progress.gap > below {
-                    true => ControlFlow::Break(()),
-                    false => ControlFlow::Continue(()),
-                }
-            };
-            let found = work.minimize(
-                Program::Branch,
-                &mut branch,
-                settings,
-                Some(&start),
-                &mut hopeless,
-            );
-            if found.status == ipm::Status::Stopped {
-                return Err(match is_lost {
-                    true => ipm::Status::LocallyInfeasible,
-                    false => ipm::Status::Stopped,
-                });
-            }
+            let found = solve(lifted, zeros, &start, goal, settings, work)?;
             let residuals = Residuals::new(lifted, &found.w);
             if residuals.violation > work.options.feasibility || !found.objective.is_finite() {
                 best = best.map_err(|_| found.status);
                 break;
             }
+            start = ipm::Point {
+                w: found.w,
+                y: found.y,
+                z_l: found.z_l,
+                z_u: found.z_u,
+                mu: found.mu,
+            };
             let polished = Polished {
-                objective: lifted.objective(&found.w),
+                objective: lifted.objective(&start.w),
                 zeros: zeros.to_vec(),
                 residuals,
                 is_optimal: matches!(found.status, ipm::Status::Solved | ipm::Status::Acceptable),
                 point: Guess {
-                    w: found.w.clone(),
-                    y: found.y.clone(),
+                    w: start.w.clone(),
+                    y: start.y.clone(),
                 },
                 falling: found.falling,
             };
@@ -159,14 +136,51 @@ pub fn polish(
             if !found.has_lost_pivots {
                 break;
             }
-            start = ipm::Point {
-                w: found.w,
-                y: found.y,
-                z_l: found.z_l,
-                z_u: found.z_u,
-                mu: found.mu,
-            };
         }
     }
     best
+}
+
+/// One run on the branch, or why it is of no use to the goal.
+fn solve(
+    lifted: &mut Lifted<'_>,
+    zeros: &[Member],
+    start: &ipm::Point,
+    goal: Goal,
+    settings: ipm::Options,
+    work: &mut Work<'_>,
+) -> Result<ipm::Solution, ipm::Status> {
+    work.stats.branches += 1;
+    let mut branch = Branch::new(lifted, zeros, &start.w);
+    let settings = ipm::Options {
+        tolerance: work.options.tolerance,
+        bound_relaxation: 0.0,
+        ..settings
+    };
+    let is_near = matches!(goal, Goal::Near(_));
+    let mut is_lost = false;
+    let mut hopeless = |progress: &ipm::Progress<'_>| {
+        let Some(below) = goal.below() else {
+            return ControlFlow::Continue(());
+        };
+        // What restoration minimizes is not the objective.
+        let is_settled = !progress.is_restoration && progress.primal.max(progress.dual) <= SETTLED;
+        is_lost = is_near && progress.is_restoration;
+        match is_lost || is_settled && progress.objective - progress.gap > below {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        }
+    };
+    let found = work.minimize(
+        Program::Branch,
+        &mut branch,
+        settings,
+        Some(start),
+        &mut hopeless,
+    );
+    match found.status {
+        ipm::Status::Stopped if is_lost => Err(ipm::Status::LocallyInfeasible),
+        ipm::Status::Stopped => Err(ipm::Status::Stopped),
+        _ => Ok(found),
+    }
 }

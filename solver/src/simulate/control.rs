@@ -29,7 +29,7 @@ const LEAST_PERTURBATION: f64 = 64.0 * f64::EPSILON;
 const HELD: f64 = 8.0;
 
 /// Magnitudes below this are zero: products of such numbers lose their digits to underflow.
-const SMALLEST: f64 = 1e-250;
+pub(super) const SMALLEST: f64 = 1e-250;
 
 /// Where in a step the series are compared with the functions: what the expansion at the start
 /// does not know of must be seen in between.
@@ -417,6 +417,11 @@ impl Mode {
             probed.values[1 + self.n + i] = series::values(self.alpha_series(i), at);
         }
         self.probed = probed;
+    }
+
+    /// Takes what differences of states from their series are relative to.
+    pub(super) fn take_scales(&mut self, scales: &[f64]) {
+        self.probed.scales.copy_from_slice(scales);
     }
 
     /// What differences of a state from its series are relative to, in the step probed last.

@@ -25,10 +25,14 @@ const UNLIKE: f64 = 10.0;
 /// What is known of one of the functions in a step.
 #[derive(Clone, Copy, Default)]
 struct Look {
-    /// The second largest difference of the samples.
-    usual: f64,
+    /// The two largest differences of the samples, the larger one first.
+    usual: [f64; 2],
     /// ∫ of larger differences.
     missed: f64,
+    /// The sides of a ψ at the ends of the step; none where it is not finite.
+    ends: [Option<Side>; 2],
+    /// Whether it was on another side than at both of these.
+    changes: bool,
 }
 
 /// Looks at the steps of a run.
@@ -100,13 +104,16 @@ impl Overlooked {
                 self.parts.extend([(from, middle), (middle, to)]);
             } else {
                 self.tell_untamed(segment);
-                return;
+                break;
             }
         }
         for k in 0..self.functions.len() {
-            if let Function::Rate(i) = self.functions[k]
-                && self.looks[k].missed > self.tolerance * self.scale[i]
-            {
+            let look = &self.looks[k];
+            let has_passed = match self.functions[k] {
+                Function::Rate(i) => look.missed > self.tolerance * self.scale[i],
+                Function::Surface(_) => look.changes,
+            };
+            if has_passed {
                 self.tell(segment, k);
             }
         }
@@ -169,53 +176,28 @@ impl Overlooked {
         })
     }
 
-    /// What the rates differ by from the polynomials anywhere in a step.
+    /// What the rates differ by from the polynomials anywhere in a step, and the sides of every ψ at its ends.
     fn sample(&mut self, segment: &Segment, data: &impl Fn(f64, &mut [f64])) {
-        let mut largest = [0.0_f64; 2];
-        for k in 0..self.functions.len() {
-            self.looks[k] = Look::default();
-            largest.fill(0.0);
-            for share in SAMPLES {
-                let difference = self.difference(segment, k, share * segment.length, data);
-                if difference > largest[0] {
-                    largest = [difference, largest[0]];
-                } else {
-                    largest[1] = largest[1].max(difference);
-                }
+        self.looks.fill(Look::default());
+        for share in SAMPLES {
+            let tau = share * segment.length;
+            self.evaluate(segment, tau, data);
+            for (k, value) in self.tape.results(&self.scalars).enumerate() {
+                let difference = difference(segment, self.functions[k], tau, value);
+                let [first, second] = self.looks[k].usual;
+                self.looks[k].usual = match difference > first {
+                    true => [difference, first],
+                    false => [first, second.max(difference)],
+                };
             }
-            self.looks[k].usual = largest[1];
         }
-    }
-
-    /// |x' - f| of a rate, zero for other functions.
-    fn difference(
-        &mut self,
-        segment: &Segment,
-        k: usize,
-        tau: f64,
-        data: &impl Fn(f64, &mut [f64]),
-    ) -> f64 {
-        let Function::Rate(i) = self.functions[k] else {
-            return 0.0;
-        };
-        self.value(segment, k, tau, data).map_or(0.0, |value| {
-            (series::slope(segment.state_series(i), tau) - value).abs()
-        })
-    }
-
-    /// A function at an instant of a step; none where it is not finite.
-    fn value(
-        &mut self,
-        segment: &Segment,
-        k: usize,
-        tau: f64,
-        data: &impl Fn(f64, &mut [f64]),
-    ) -> Option<f64> {
-        self.set(segment, tau, data);
-        self.scalars[..self.inputs.len()].copy_from_slice(&self.inputs);
-        self.tape.run(&mut self.scalars);
-        let value = self.tape.results(&self.scalars).nth(k);
-        value.filter(|value| value.is_finite())
+        for (end, tau) in [0.0, segment.length].into_iter().enumerate() {
+            self.evaluate(segment, tau, data);
+            let values = self.tape.results(&self.scalars);
+            for (look, value) in self.looks.iter_mut().zip(values) {
+                look.ends[end] = side(value);
+            }
+        }
     }
 
     /// Compares the functions with the step in the middle of a part.
@@ -226,27 +208,31 @@ impl Overlooked {
         width: f64,
         data: &impl Fn(f64, &mut [f64]),
     ) {
-        for k in 0..self.functions.len() {
-            match self.functions[k] {
+        self.evaluate(segment, tau, data);
+        let values = self.tape.results(&self.scalars).zip(&self.functions);
+        for (look, (value, function)) in self.looks.iter_mut().zip(values) {
+            match function {
                 Function::Rate(_) => {
-                    let difference = self.difference(segment, k, tau, data);
-                    let look = &mut self.looks[k];
-                    if difference > UNLIKE * look.usual {
+                    let difference = difference(segment, *function, tau, value);
+                    if difference > UNLIKE * look.usual[1] {
                         look.missed += width * difference;
                     }
                 }
                 Function::Surface(_) => {
-                    let sides = [0.0, tau, segment.length];
-                    let sides = sides.map(|tau| self.value(segment, k, tau, data).map(Side::of));
-                    if let [Some(start), Some(side), Some(end)] = sides
-                        && side != start
-                        && side != end
-                    {
-                        self.tell(segment, k);
-                    }
+                    let differs = |end: Option<Side>| {
+                        end.zip(side(value)).is_some_and(|(end, side)| end != side)
+                    };
+                    look.changes |= look.ends.into_iter().all(differs);
                 }
             }
         }
+    }
+
+    /// Evaluates all functions at an instant of a step.
+    fn evaluate(&mut self, segment: &Segment, tau: f64, data: &impl Fn(f64, &mut [f64])) {
+        self.set(segment, tau, data);
+        self.scalars[..self.inputs.len()].copy_from_slice(&self.inputs);
+        self.tape.run(&mut self.scalars);
     }
 
     /// Puts an instant of a step into the inputs.
@@ -266,4 +252,19 @@ impl Overlooked {
         let first = 1 + n + self.m;
         data(self.inputs[0], &mut self.inputs[first..]);
     }
+}
+
+/// |x' - f| of a rate with this value, zero for other functions, and where it is not finite.
+fn difference(segment: &Segment, function: Function, tau: f64, value: f64) -> f64 {
+    match function {
+        Function::Rate(i) if value.is_finite() => {
+            (series::slope(segment.state_series(i), tau) - value).abs()
+        }
+        _ => 0.0,
+    }
+}
+
+/// The side of a ψ with this value.
+fn side(value: f64) -> Option<Side> {
+    value.is_finite().then(|| Side::of(value))
 }

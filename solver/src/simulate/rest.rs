@@ -199,7 +199,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             return Ok(None);
         }
         // What drives it has no series either: its rate a moment later tells.
-        let Some(Line { length, rates, .. }) = mode.line(state, tolerance, t1 - state.t) else {
+        let found = mode.line(state, tolerance, t1 - state.t);
+        let Some(Line { length, rates, .. }) = found.map(|found| found.line) else {
             return Err(mode.stuck());
         };
         let ahead = state.x.iter().zip(&rates);

@@ -8,6 +8,7 @@
 use super::judge::{Check, Verdict};
 use super::jump::{Met, TOUCH};
 use super::mode::Mode;
+use super::rest::Settling;
 use super::state::{Entry, State};
 use super::{Note, Role, Settings, Side, Simulator, Status, SwitchedSystem};
 
@@ -394,13 +395,26 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 }),
             }
         }
-        let mut valid = self.confirm(state, group, checked, t1);
+        let valid = self.confirm(state, group, checked, t1);
         if !choices.all && valid.len() == 1 {
             state.note(Note::Unsearched {
                 time: state.t,
                 switches: group.to_vec(),
             });
         }
+        let choice = self.only(group, wanted, valid, choices.singular)?;
+        self.adopt(state, group, &choice, settling);
+        Ok(true)
+    }
+
+    /// The choice that goes on: the only one, or the only one of several that is asked for.
+    fn only(
+        &self,
+        group: &[usize],
+        wanted: &[Option<Side>],
+        mut valid: Vec<Choice>,
+        is_singular: bool,
+    ) -> Result<Choice, Status> {
         if valid.len() > 1 {
             let matches = |choice: &Choice| {
                 let mut pairs = choice.sides.iter().zip(wanted);
@@ -415,17 +429,27 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             }
             valid.retain(matches);
         }
-        let Some(choice) = valid.pop() else {
+        valid.pop().ok_or_else(|| {
             let switches = group.to_vec();
             let is_equation = |&i: &usize| self.system.role(i) != Role::Step;
-            return Err(if group.iter().any(is_equation) {
+            if group.iter().any(is_equation) {
                 Status::Inconsistent { switches }
-            } else if choices.singular {
+            } else if is_singular {
                 Status::Undetermined { switches }
             } else {
                 Status::NoSolution { switches }
-            });
-        };
+            }
+        })
+    }
+
+    /// Sets the sides and α of a choice, and what they depart from.
+    fn adopt(
+        &mut self,
+        state: &mut State,
+        group: &[usize],
+        choice: &Choice,
+        settling: Vec<Settling>,
+    ) {
         let mut sides = state.sides.clone();
         for (&i, &side) in group.iter().zip(&choice.sides) {
             sides[i] = side;
@@ -443,9 +467,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         state
             .departures
             .retain(|one| !group.contains(&one.switches[0]));
-        let departures = self.departures(state, group, &choice);
+        let departures = self.departures(state, group, choice);
         state.departures.extend(departures);
-        Ok(true)
     }
 
     /// Lets a switch of higher relative degree that is free be decided by its highest derivative where

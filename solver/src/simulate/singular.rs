@@ -9,6 +9,7 @@
 //! so short that f changes in it by less than the tolerance of x over h: the error is a fraction of that, since f - f₀
 //! grows like a power of time.
 
+use super::control::SMALLEST;
 use super::dense::Dense;
 use super::mode::Mode;
 use super::state::State;
@@ -43,6 +44,15 @@ pub(super) struct Line {
     pub rates: Vec<f64>,
     /// α there.
     pub alpha: Vec<f64>,
+}
+
+/// The longest straight step that f hardly changes in.
+pub(super) struct Longest {
+    pub line: Line,
+    /// What errors of the states are relative to.
+    sizes: Vec<f64>,
+    /// Whether it is too short to move anything that matters.
+    is_shortest: bool,
 }
 
 /// Terms of series below this do not overflow by the next one.
@@ -89,7 +99,7 @@ impl Mode {
     }
 
     /// The longest straight step up to `longest` that is accurate; none where f is not finite.
-    pub(super) fn line(&mut self, state: &State, tolerance: f64, longest: f64) -> Option<Line> {
+    pub(super) fn line(&mut self, state: &State, tolerance: f64, longest: f64) -> Option<Longest> {
         let mut alpha = state.alpha.clone();
         let (t, x) = (state.t, &state.x);
         self.solve_alpha(t, x, &mut alpha).ok()?;
@@ -107,10 +117,18 @@ impl Mode {
             last if last > 0.0 => longest.min(MAX_GROWTH * last),
             _ => longest,
         };
-        let early = ahead(EARLY * longest, &start);
-        self.solve_alpha(t + EARLY * longest, &early, &mut alpha)
+        let soon = ahead(EARLY * longest, &start);
+        self.solve_alpha(t + EARLY * longest, &soon, &mut alpha)
             .ok()?;
         let early = self.f().to_vec();
+        // What starts at zero is as large as its rate makes it.
+        let sizes = |f: &[f64]| -> Vec<f64> {
+            let size = |(i, early): (usize, &f64)| match state.scale[i].max(x[i].abs()) {
+                0.0 => (early.abs().max(f[i].abs()) * longest).max(SMALLEST),
+                size => size.max(SMALLEST),
+            };
+            early.iter().enumerate().map(size).collect()
+        };
         for _ in 0..MAX_TRIES {
             let middle = ahead(0.5 * h, &start);
             self.solve_alpha(t + 0.5 * h, &middle, &mut alpha).ok()?;
@@ -118,26 +136,26 @@ impl Mode {
             let of_middle = alpha.clone();
             let end = ahead(h, &rates);
             self.solve_alpha(t + h, &end, &mut alpha).ok()?;
+            let sizes = sizes(self.f());
             let is_accurate = (0..self.n).all(|i| {
                 let change = (self.f()[i] - start[i])
                     .abs()
                     .max((rates[i] - start[i]).abs());
-                // What starts at zero is as large as its rate makes it.
-                let size = match state.scale[i].max(x[i].abs()) {
-                    0.0 => early[i].abs().max(self.f()[i].abs()) * longest,
-                    size => size,
-                };
-                SHARE * h * change <= tolerance * size
+                SHARE * h * change <= tolerance * sizes[i]
             });
             let keeps = |(i, before): &(usize, f64)| {
                 let change = self.along(*i, &rates) - before;
                 *before == 0.0 || change.abs() <= STEADY * before.abs()
             };
             if is_accurate && left.iter().all(keeps) || h <= shortest {
-                return Some(Line {
-                    length: h,
-                    rates,
-                    alpha: of_middle,
+                return Some(Longest {
+                    line: Line {
+                        length: h,
+                        rates,
+                        alpha: of_middle,
+                    },
+                    sizes,
+                    is_shortest: h <= shortest,
                 });
             }
             h = f64::max(SHORTER * h, shortest);
@@ -171,7 +189,7 @@ impl Mode {
         tolerance: f64,
         longest: f64,
     ) -> Vec<f64> {
-        let Some(line) = self.line(state, tolerance, longest) else {
+        let Some(Longest { line, .. }) = self.line(state, tolerance, longest) else {
             return vec![f64::NAN; switches.len()];
         };
         let middle = state.x.iter().zip(&line.rates);
@@ -214,13 +232,8 @@ impl Mode {
 impl<S: SwitchedSystem> Simulator<'_, S> {
     /// The step off a point at which f has no series.
     pub(super) fn step_off(&mut self, state: &mut State, remaining: f64) -> Result<Step, Status> {
-        let tolerance = self.settings.local_tolerance();
+        let line = self.lay_line(state, remaining)?;
         let mode = &mut self.mode;
-        let Some(line) = mode.line(state, tolerance, remaining) else {
-            return Err(mode.stuck());
-        };
-        mode.lay(state, &line);
-        mode.watch(tolerance, state, line.length);
         let (dense, closeness) = (Dense::Taylor(mode), self.settings.tolerance);
         let event = first_event(&mut self.roots, dense, state, line.length, closeness);
         let (length, triggers) = match event {
@@ -246,5 +259,26 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             ends: None,
             departs: false,
         })
+    }
+
+    /// Takes the longest straight line that passes over nothing as the series of the step.
+    fn lay_line(&mut self, state: &mut State, remaining: f64) -> Result<Line, Status> {
+        let (tolerance, allowed) = (self.settings.local_tolerance(), self.allowed_defect());
+        let mut longest = remaining;
+        for _ in 0..MAX_TRIES {
+            let Some(found) = self.mode.line(state, tolerance, longest) else {
+                break;
+            };
+            let line = found.line;
+            self.mode.lay(state, &line);
+            self.mode.watch(tolerance, state, line.length);
+            self.mode.take_scales(&found.sizes);
+            let (mode, unseen) = (&mut self.mode, &mut self.unseen);
+            if found.is_shortest || unseen.vouches_straight(mode, state, line.length, allowed) {
+                return Ok(line);
+            }
+            longest = SHORTER * line.length;
+        }
+        Err(self.mode.stuck())
     }
 }

@@ -213,11 +213,15 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         }
     }
 
+    /// The defect of a step: the last term of the series, differentiated, is what it shows of the error.
+    pub(super) fn allowed_defect(&self) -> f64 {
+        let tolerance = self.settings.local_tolerance();
+        10.0 * (self.order as f64) * tolerance.max(4.0 * f64::EPSILON)
+    }
+
     /// Whether the series of a step that is cut are the solution.
     fn judge_step(&mut self, state: &mut State, cut: &Cut, attempt: usize) -> Judged {
-        let tolerance = self.settings.local_tolerance();
-        // The last term of the series, differentiated, is what the defect shows of the error.
-        let allowed = 10.0 * (self.order as f64) * tolerance.max(4.0 * f64::EPSILON);
+        let (tolerance, allowed) = (self.settings.local_tolerance(), self.allowed_defect());
         let mode = &mut self.mode;
         // Where it is, the direction of its friction is rounding, or its share of a force that is zero.
         let is_blurred = |watch| mode.stops(watch) || mode.lets_go(watch);

@@ -55,6 +55,22 @@ impl Unseen {
         allowed: f64,
     ) -> bool {
         self.suspect(mode, length);
+        self.agree(mode, state, length, allowed)
+    }
+
+    /// The same of a straight step, which knows nothing of any function.
+    pub(super) fn vouches_straight(
+        &mut self,
+        mode: &mut Mode,
+        state: &mut State,
+        length: f64,
+        allowed: f64,
+    ) -> bool {
+        self.suspect_all(mode);
+        self.agree(mode, state, length, allowed)
+    }
+
+    fn agree(&mut self, mode: &mut Mode, state: &mut State, length: f64, allowed: f64) -> bool {
         if self.suspects.is_empty() {
             return true;
         }
@@ -72,6 +88,15 @@ impl Unseen {
 
     /// Begins to look at the polynomials of an implicit step.
     pub(super) fn begin_implicit(&mut self, mode: &mut Mode, radau: &Radau, length: f64) {
+        self.suspect_all(mode);
+        if !self.suspects.is_empty() {
+            self.copy(Dense::Collocation(mode, radau));
+        }
+        self.begin(length);
+    }
+
+    /// Where there are no series, any function of those kinds may hide something.
+    fn suspect_all(&mut self, mode: &mut Mode) {
         mode.field.list();
         self.suspects.clear();
         let blocks = mode.field.hiding().iter().map(|(block, _)| *block);
@@ -79,10 +104,6 @@ impl Unseen {
         let surfaces = mode.watched.iter().copied();
         self.suspects.extend(surfaces.map(Suspect::Surface));
         self.suspects.dedup();
-        if !self.suspects.is_empty() {
-            self.copy(Dense::Collocation(mode, radau));
-        }
-        self.begin(length);
     }
 
     /// Looks which functions may hide something from their Taylor series.

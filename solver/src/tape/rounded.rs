@@ -12,6 +12,7 @@ use std::array::from_fn;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::{Ball, Lane};
+use crate::random::mix;
 
 /// Evaluations with other roundings.
 const DISTURBED: usize = 4;
@@ -76,10 +77,7 @@ impl Rounded {
 
 /// Between a half and all of a rounding, up or down: the same for the same seed, else as if at random.
 fn share(seed: u64, k: usize) -> f64 {
-    let mixed = (seed ^ (seed >> 31)).wrapping_add(k as u64);
-    let mixed = mixed.wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    let mixed = (mixed ^ (mixed >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let unit = (mixed >> 11) as f64 / (1_u64 << 53) as f64;
+    let unit = (mix(seed.wrapping_add(k as u64)) >> 11) as f64 / (1_u64 << 53) as f64;
     if unit < 0.5 { unit - 1.0 } else { unit }
 }
 

@@ -227,12 +227,8 @@ pub(super) fn advance(step: &Step, data: &mut [f64], weights: &[f64], k: usize, 
         // a w' = a'
         Kind::Log => w[k] = (done[a + k] - inner(w, row(a)) / order) / done[a],
         // s' = c a',  c' = -s a'
-        Kind::SinCos => {
-            (w[k], helpers[k]) = (chain(helpers) / order, -chain(w) / order);
-        }
-        Kind::SinhCosh => {
-            (w[k], helpers[k]) = (chain(helpers) / order, chain(w) / order);
-        }
+        Kind::SinCos => (w[k], helpers[k]) = (chain(helpers) / order, -chain(w) / order),
+        Kind::SinhCosh => (w[k], helpers[k]) = (chain(helpers) / order, chain(w) / order),
         // w' = q a',  q = 1 ± w²
         Kind::Tan => {
             w[k] = chain(helpers) / order;
@@ -244,11 +240,7 @@ pub(super) fn advance(step: &Step, data: &mut [f64], weights: &[f64], k: usize, 
         }
         // q w' = ± a',  q² = 1 - a²
         Kind::Asin | Kind::Acos => {
-            let sign = if let Kind::Asin = step.kind {
-                1.0
-            } else {
-                -1.0
-            };
+            let sign = [-1.0, 1.0][usize::from(matches!(step.kind, Kind::Asin))];
             helpers[k] = (-square(row(a)) - square(&helpers[1..k])) / (2.0 * helpers[0]);
             w[k] = (sign * done[a + k] - inner(w, helpers) / order) / helpers[0];
         }
@@ -273,13 +265,13 @@ impl Kind {
         matches!(self, Self::Mul | Self::Square)
     }
 
-    /// How many factors the terms of a result have at most, where those of the operands have so many.
+    /// How many factors and divisors the terms of a result have at most, where those of the operands have so many.
     pub(super) fn factors(self, [a, b]: [f64; 2]) -> f64 {
         match self {
             Self::Constant => 0.0,
-            Self::Neg | Self::Scale | Self::Offset | Self::SubtractFrom | Self::Div => a,
+            Self::Neg | Self::Scale | Self::Offset | Self::SubtractFrom | Self::Recip => a,
             Self::Add | Self::Sub | Self::AddScaled => f64::max(a, b),
-            Self::Mul => a + b,
+            Self::Mul | Self::Div => a + b,
             Self::Square => 2.0 * a,
             _ => 1.0,
         }

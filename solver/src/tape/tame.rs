@@ -154,7 +154,7 @@ impl Div for Tame {
         Tame {
             ball,
             is_tame: self.ball.most() <= NOTHING * other.ball.least() || is_near,
-            factors: self.factors,
+            factors: self.factors.saturating_add(other.factors),
         }
     }
 }

@@ -11,10 +11,7 @@ pub fn families(extent: Extent) -> Vec<Family> {
 
 /// Relays behind a lag, and networks of two genes: the number of events grows as an exponential of time.
 fn endless(extent: Extent) -> Family {
-    let (lags, networks) = match extent {
-        Extent::Short => (2, 1),
-        Extent::Long => (80, 60),
-    };
+    let (lags, networks) = extent.of((2, 1), (80, 60));
     let mut random = Random(17);
     let lags = (0..lags).map(|_| lag(&mut random)).collect::<Vec<_>>();
     let networks = (0..networks).map(|_| network(&mut random));

@@ -45,10 +45,7 @@ pub struct Instance {
 
 /// Some instances, or all 240.
 pub fn instances(extent: Extent) -> Vec<Instance> {
-    let count = match extent {
-        Extent::Short => 2 * PLACES.len(),
-        Extent::Long => 30 * PLACES.len(),
-    };
+    let count = extent.of(2 * PLACES.len(), 30 * PLACES.len());
     (0..count).map(instance).collect()
 }
 

@@ -49,12 +49,17 @@ pub enum Extent {
 }
 
 impl Extent {
+    /// One of two values.
+    fn of<T>(self, short: T, long: T) -> T {
+        match self {
+            Extent::Short => short,
+            Extent::Long => long,
+        }
+    }
+
     /// The values of a sweep.
     fn sweep<T: Clone>(self, short: &[T], long: &[T]) -> Vec<T> {
-        match self {
-            Extent::Short => short.to_vec(),
-            Extent::Long => long.to_vec(),
-        }
+        self.of(short, long).to_vec()
     }
 }
 

@@ -11,18 +11,19 @@ use crate::random::Random;
 const COUNT: usize = 240;
 
 /// Those of a normal test.
-const FEW: usize = 8;
+const FEW: usize = 12;
+
+/// That of a Lorentz curve: ∫ (1 + u²)⁻ᵖ du = π (2p - 3)!!/(2p - 2)!!.
+const POWER: u32 = 2000;
 
 pub fn families(extent: Extent) -> Vec<Family> {
-    let count = match extent {
-        Extent::Short => FEW,
-        Extent::Long => COUNT,
-    };
+    let count = extent.of(FEW, COUNT);
     let mut random = Random(20_250_117);
     vec![Family {
         name: "narrow functions of states",
-        about: "y' = B(s) s' with a Gauss or Lorentz curve, a hyperbolic secant, or a difference of two tanh, in the rate \
-                or in a switching function, at a random place, width, tolerance and law of s; integrals of B over s.",
+        about: "y' = B(s) s' with a Gauss or Lorentz curve, a power of the latter, a hyperbolic secant with or without \
+                overflow, or a difference of two tanh, in the rate or in a switching function, at a random place, width, \
+                tolerance and law of s; integrals of B over s.",
         hardness: "width",
         cases: (0..count)
             .flat_map(|at| by_all(bump(at, &mut random)))
@@ -66,7 +67,7 @@ fn bump(at: usize, random: &mut Random) -> Case {
     let far = format!("((s - {center:?})/{width:?})");
     // The curve, its integral in widths, and half of its width at half of its height.
     let root = 2_f64.ln().sqrt();
-    let (curve, area, half) = match at % 4 {
+    let (curve, area, half) = match at % 6 {
         0 => (format!("exp(-{far}^2)"), PI.sqrt(), root),
         1 => (
             format!("1/(1 + {far}^2)"),
@@ -77,6 +78,12 @@ fn bump(at: usize, random: &mut Random) -> Case {
             format!("2*exp(-abs({far}))/(1 + exp(-2*abs({far})))"),
             PI,
             2.0_f64.acosh(),
+        ),
+        3 => (format!("1/cosh({far})"), PI, 2.0_f64.acosh()),
+        4 => (
+            format!("(1 + {far}^2)^(-{POWER})"),
+            (1..POWER).fold(PI, |area, k| area * f64::from(2 * k - 1) / f64::from(2 * k)),
+            (2_f64.ln() / f64::from(POWER)).exp_m1().sqrt(),
         ),
         _ => (
             format!("0.5*(tanh({far} + 3) - tanh({far} - 3))"),

@@ -41,10 +41,7 @@ fn at_zero(extent: Extent) -> Family {
     let kinds: [fn(usize, &mut Numbers) -> Case; 6] =
         [crossed, reached, left, left_from_rest, struck, never_left];
     let mut numbers = Numbers(25);
-    let n = match extent {
-        Extent::Short => 6,
-        Extent::Long => 240,
-    };
+    let n = extent.of(6, 240);
     let cases = (0..n).flat_map(|k| {
         let case = kinds[k % kinds.len()](k, &mut numbers).within(20);
         [case.clone(), case.accurate_if(false).by("fesd")]
@@ -62,10 +59,7 @@ fn at_zero(extent: Extent) -> Family {
 /// y' = c |x|^p, up to just behind the zero of x and farther on.
 fn behind_zero(extent: Extent) -> Family {
     let mut numbers = Numbers(27);
-    let n = match extent {
-        Extent::Short => 6,
-        Extent::Long => 200,
-    };
+    let n = extent.of(6, 200);
     let cases = (0..n).map(|k| {
         let p = [0.25, 0.5, 0.75, 1.5][k % 4];
         let [a, v, c] = [(0.2, 1.0), (0.5, 2.0), (0.5, 3.0)].map(|(l, h)| numbers.between(l, h));
@@ -88,10 +82,7 @@ fn behind_zero(extent: Extent) -> Family {
 /// Super-twisting that comes to its origin.
 fn spirals(extent: Extent) -> Family {
     let mut numbers = Numbers(26);
-    let n = match extent {
-        Extent::Short => 2,
-        Extent::Long => 60,
-    };
+    let n = extent.of(2, 60);
     let cases = (0..n).flat_map(|k| {
         let case = twisted(k, &mut numbers).within(20).accurate_if(false);
         case.both()

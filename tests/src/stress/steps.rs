@@ -34,10 +34,7 @@ pub fn families(extent: Extent) -> Vec<Family> {
 
 /// One to three loops with relays, saturations and integral action, coupled.
 fn set_points(extent: Extent) -> Family {
-    let seeds = match extent {
-        Extent::Short => 1,
-        Extent::Long => 60,
-    };
+    let seeds = extent.of(1, 60);
     let mut cases = Vec::new();
     for seed in 0..seeds {
         for (written, hardness) in WRITTEN {

@@ -8,10 +8,7 @@ use crate::affine::exact::{End, Solution, solve};
 pub fn families(extent: Extent) -> Vec<Family> {
     let states = extent.sweep(&[-27, 27], &[-27, -20, -13, -7, 0, 7, 13, 20, 27]);
     let times = extent.sweep(&[-20, 20], &[-20, -13, -7, 0, 7, 13, 20]);
-    let count = match extent {
-        Extent::Short => 2,
-        Extent::Long => 14,
-    };
+    let count = extent.of(2, 14);
     let systems: Vec<_> = systems().take(count).collect();
     let cases = |powers: &[i32], units: fn(i32, usize) -> (Vec<f64>, f64)| {
         let in_units = |power: &i32| {

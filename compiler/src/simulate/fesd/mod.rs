@@ -150,16 +150,11 @@ pub(super) fn run(
         });
         // A grid is taken as it is.
         let judged = estimate.as_ref().filter(|_| options.steps.is_none());
-        let next = tightened(judged, settings, tolerance, attempt);
-        let next = next
-            .map(|next| next.max(FINEST))
-            .filter(|next| *next < tolerance);
-        if let Some(next) = next {
-            tolerance = next;
-            attempt += 1;
-            continue;
+        let next = tightened(judged, settings, tolerance, attempt).map(|next| next.max(FINEST));
+        match next.filter(|next| *next < tolerance) {
+            Some(next) => (tolerance, attempt) = (next, attempt + 1),
+            None => break (first.order(), solution, recorder, kept, estimate),
         }
-        break (first.order(), solution, recorder, kept, estimate);
     };
     let blurred = blurred::warning(system, &solution.outcome, &recorder);
     let mut trajectory = assemble(system, settings, &solution.outcome, recorder);
@@ -172,16 +167,26 @@ pub(super) fn run(
         trajectory.warnings.extend(pulses.warning(length, settings));
     }
     if let Some(estimate) = estimate {
-        match options.steps {
-            None => judge(&mut trajectory, &estimate, settings),
-            Some(_) => judge_grid(&mut trajectory, &estimate, settings),
-        }
-        let warning = estimate.touches.warning(system, settings.tolerance);
-        let told = trajectory.failure.is_none() && estimate.same_modes;
-        trajectory.warnings.extend(warning.filter(|_| told));
+        tell(&mut trajectory, &estimate, system, (settings, options));
     }
     trajectory.stats.solve_s = started.elapsed().as_secs_f64();
     trajectory
+}
+
+/// Tells what an estimate says of a run: whether it is accurate, and what it may have touched.
+fn tell(
+    trajectory: &mut Trajectory,
+    estimate: &Estimate,
+    system: &System,
+    (settings, options): (&Settings, &FesdOptions),
+) {
+    match options.steps {
+        None => judge(trajectory, estimate, settings),
+        Some(_) => judge_grid(trajectory, estimate, settings),
+    }
+    let warning = estimate.touches.warning(system, settings.tolerance);
+    let is_told = trajectory.failure.is_none() && estimate.same_modes;
+    trajectory.warnings.extend(warning.filter(|_| is_told));
 }
 
 /// A simulator whose number of nodes has been checked. Where switches are nonlinear, complementarity does not say which
