@@ -17,8 +17,10 @@ use super::solution::Status;
 const FLAT: f64 = 1e-6;
 /// The largest number of inverse iterations: the first correction may be a hundred times what is missing.
 const MAX_ITERATIONS: usize = 200;
-/// A negative quotient that changes by less than this, relative to itself, has settled.
+/// A quotient that changes by less than this, relative to itself, has settled.
 const SETTLED: f64 = 1e-3;
+/// By how much a direction of negative curvature has outgrown any other one that an iteration has settled on.
+const OUTGROWN: f64 = 1e6;
 
 impl Run<'_> {
     /// A direction of negative curvature at a solution, in the units of the variables, with a largest entry of 1. `None`
@@ -39,22 +41,24 @@ impl Run<'_> {
         for (i, d) in self.rhs[..n].iter_mut().enumerate() {
             *d = 1.0 + (i as f64 * 0.618_033_988_749_895).fract();
         }
-        let mut quotient = f64::INFINITY;
+        let (mut quotient, mut growth) = (f64::INFINITY, 1.0);
         for _ in 0..MAX_ITERATIONS {
             self.solve_reduced().ok()?;
             // K (d⁺, ·) = (d, 0): the quotient of d⁺ is dᵀd⁺ / d⁺ᵀd⁺ - δ_w.
             let product =
                 |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
             let next = &self.reduced[..n];
-            let now = product(&self.rhs[..n], next) / product(next, next) - self.kkt.regularization;
+            let delta = self.kkt.regularization;
+            let now = product(&self.rhs[..n], next) / product(next, next) - delta;
             let size = largest(next);
             for (d, next) in self.rhs[..n].iter_mut().zip(next) {
                 *d = next / size;
             }
             let has_settled = (now - quotient).abs() <= SETTLED * now.abs();
             quotient = now;
-            // A quotient that is not negative yet may stay where it is for long.
-            if has_settled && quotient < -FLAT {
+            // One that is not negative may stay where it is for long: d⁺ grows by 1/(δ_w + the curvature) in each.
+            growth *= (quotient + delta) / (delta - FLAT).max(0.0);
+            if has_settled && (quotient < -FLAT || growth > OUTGROWN) {
                 break;
             }
         }
