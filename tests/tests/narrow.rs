@@ -108,6 +108,20 @@ fn what_overflows_off_a_bump_is_not_passed_over() {
     }
 }
 
+/// The series of what is divided by it are zero, so that steps are as long as the others allow.
+#[test]
+fn a_divisor_that_overflows_costs_no_steps() {
+    let logistic = "state s = 0.1; state y = 0; s' = s*(1 - s/10);";
+    for rate in ["1/cosh(1000*(s - 7))", "(1 + 100*(s - 7)^2)^(-2000)"] {
+        let text =
+            format!("model m {{ {logistic} y' = {rate}; }}\nsimulate run of m {{ horizon 4; }}");
+        let found = run(&text, "run");
+        assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
+        assert_eq!(end(&found, "y"), [0.0]);
+        assert!(found.stats.steps < 20, "{} steps", found.stats.steps);
+    }
+}
+
 /// Methods that do not look for it themselves, with a horizon of 100.
 const OTHERS: [&str; 4] = [
     "fesd;",

@@ -128,6 +128,9 @@ impl Step {
     }
 }
 
+/// The inverse of a larger number is nothing beside the smallest state that counts.
+const BEYOND: f64 = 1e270;
+
 /// Order 0: the values themselves.
 pub(super) fn start(step: &Step, data: &mut [f64], stride: usize) {
     let (done, open) = data.split_at_mut(step.out);
@@ -201,6 +204,9 @@ pub(super) fn advance(step: &Step, data: &mut [f64], weights: &[f64], k: usize, 
         Kind::Add | Kind::Sub | Kind::AddScaled => {}
         // w_k = Σ a_j b_{k-j}; b is the shorter one.
         Kind::Mul => w[k] = convolve(&done[b..=b + d], &row(a)[k - d..]),
+        // Nothing, however its divisor moves: what terms beyond the largest number leave is none.
+        Kind::Recip if done[a].abs() > BEYOND => w[k] = 0.0,
+        Kind::Div if done[b].abs() > BEYOND && w[0].abs() < 1.0 / BEYOND => w[k] = 0.0,
         // w b = a:  w_k = (a_k - Σ_{j=1..k} b_j w_{k-j}) / b_0
         Kind::Div => {
             w[k] = (done[a + k] - convolve(&done[b + 1..=b + d], &w[k - d..k])) / done[b];

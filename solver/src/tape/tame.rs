@@ -35,6 +35,9 @@ const FALL: f64 = 0.25;
 pub(crate) struct Tame {
     pub ball: Ball,
     pub is_tame: bool,
+    /// No absolute value of it is below this: of a power of v this is that of the least |v|, where the ball, whose
+    /// radius doubles with each square, already holds zero.
+    least: f64,
     factors: u32,
 }
 
@@ -43,6 +46,7 @@ impl Tame {
         Tame {
             ball,
             is_tame: true,
+            least: ball.least(),
             factors: 1,
         }
     }
@@ -50,18 +54,17 @@ impl Tame {
     /// What becomes of it by a function that is tame here, or is not.
     fn becomes(self, ball: Ball, is_tame: bool) -> Self {
         Tame {
-            ball,
             is_tame: self.is_tame && is_tame,
-            factors: 1,
+            ..Tame::new(ball)
         }
     }
 
     /// A sum with another one.
     fn joins(self, other: Tame, ball: Ball) -> Self {
         Tame {
-            ball,
             is_tame: self.is_tame && other.is_tame,
             factors: self.factors.max(other.factors),
+            ..Tame::new(ball)
         }
     }
 }
@@ -133,13 +136,14 @@ impl Mul for Tame {
     type Output = Tame;
 
     fn mul(self, other: Tame) -> Tame {
-        let least = self.ball.least() * other.ball.least();
+        let least = self.least * other.least;
         let ball = (self.ball * other.ball).above(least);
         let factors = self.factors.saturating_add(other.factors);
         let is_slow = factors <= FEW || ball.most() <= RISE.exp() * ball.middle.abs();
         Tame {
             ball,
             is_tame: ball.vanishes() || self.is_tame && other.is_tame && is_slow,
+            least: least.min(ENORMOUS),
             factors,
         }
     }
@@ -153,7 +157,8 @@ impl Div for Tame {
         let is_near = self.is_tame && other.is_tame && other.ball.keeps_distance();
         Tame {
             ball,
-            is_tame: self.ball.most() <= NOTHING * other.ball.least() || is_near,
+            is_tame: self.ball.most() <= NOTHING * other.least || is_near,
+            least: (self.least / other.ball.most()).max(0.0),
             factors: self.factors.saturating_add(other.factors),
         }
     }
@@ -303,8 +308,9 @@ mod tests {
         };
         // cos(0.1)^20000 is e^-100.
         assert_eq!(tame(0.5, 0.6), [false, true, false, true]);
-        // Of what is raised to a power the least value is known in narrow parts only.
-        assert_eq!(tame(0.5, 0.1), [true, true, false, true]);
+        // 1.14 to this power overflows.
+        assert_eq!(tame(0.5, 0.1), [true; 4]);
+        assert_eq!(tame(0.1, 0.09), [false, true, false, true]);
         assert_eq!(tame(0.5, 0.0004), [true; 4]);
         assert_eq!(tame(0.01, 0.001), [true; 4]);
         assert_eq!(tame(2000.0, 1.0), [false, true, true, true]);
