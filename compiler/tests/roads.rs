@@ -103,7 +103,7 @@ simulate cycles of relay { horizon 3; }
 const CURVED: &str = "
 model curved {
   state x[2] = [0.5, 0];
-  let c = dot(x, x) - 1;
+  let c = x[1]^2 + 2*x[2]^2 + x[1]/4 - 1;
   x' = [-0.5, 1; -1, -0.5]*x - x*sign(c) + x;
 }
 simulate slides of curved { horizon 2; }
