@@ -54,6 +54,7 @@ mod piecewise_affine;
 mod piles;
 mod projections;
 mod rods;
+mod rolling;
 mod roots;
 mod rounding;
 mod set_points;

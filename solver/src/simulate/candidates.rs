@@ -288,6 +288,9 @@ impl<'m> Zeros<'m> {
                 false => Search::Singular,
             };
         }
+        if self.unknowns.iter().any(|&i| self.mode.is_unilateral(i)) {
+            return self.solve_forces();
+        }
         match self.subdivide() {
             true => Search::Complete,
             false => Search::Bounded,
@@ -323,6 +326,57 @@ impl<'m> Zeros<'m> {
             self.found.push(vec![start - change]);
         }
         Search::Complete
+    }
+
+    /// The zero of rates that are affine in the forces λ = 1 - α of contacts and in their friction λ (2 α - 1), and in the α
+    /// of others. Rates are linearized at λ = 1 without friction; Newton's method shows whether they are affine.
+    fn solve_forces(&mut self) -> Search {
+        let k = self.unknowns.len();
+        let force_of = |&i: &usize| {
+            let contact = self.mode.slip_of[i]?;
+            self.unknowns.iter().position(|&j| j == contact)
+        };
+        let forces: Vec<Option<usize>> = self.unknowns.iter().map(force_of).collect();
+        let starts = self
+            .unknowns
+            .iter()
+            .map(|&i| match self.mode.is_unilateral(i) {
+                true => 0.0,
+                false => 0.5,
+            });
+        let mut values: Vec<f64> = starts.collect();
+        self.set(&values);
+        let mut rhs: Vec<f64> = self
+            .unknowns
+            .iter()
+            .map(|&row| self.residual(row))
+            .collect();
+        let mut lu = DenseLu::new(k);
+        if lu.factor(&self.matrix()).is_err() {
+            return Search::Singular;
+        }
+        lu.solve(&mut rhs);
+        for (value, change) in values.iter_mut().zip(&rhs) {
+            *value -= change;
+        }
+        let linear = values.clone();
+        for (at, force) in forces.iter().enumerate() {
+            if let Some(force) = force {
+                values[at] = 0.5 + (linear[at] - 0.5) / (1.0 - linear[*force]);
+            }
+        }
+        let known = self.found.len();
+        if !self.newton(&values) {
+            return Search::Singular;
+        }
+        let is_affine = self.found.get(known).is_none_or(|found| {
+            let mut pairs = found.iter().zip(&values);
+            pairs.all(|(found, value)| (found - value).abs() <= ROUNDED * (1.0 + value.abs()))
+        });
+        match is_affine {
+            true => Search::Complete,
+            false => Search::Bounded,
+        }
     }
 
     fn values(&self) -> Vec<f64> {
