@@ -173,3 +173,40 @@ fn a_time_limit_bounds_all_starts() {
     let optimum = found.optimum.expect("what is known of the starts");
     assert_eq!((optimum.starts, optimum.check), (1, None));
 }
+
+/// Rows of values of the whole run hold at the end, in whatever block they stand: ∫ u² is least with u = 0.6.
+#[test]
+fn rows_of_the_whole_run_hold_at_the_end() {
+    for rows in [
+        "subject to { integral(u) >= 0.6; }",
+        "subject to { final(z) >= 0.6; }",
+        "subject to { final(z) = 0.6; } at nodes;",
+        "initial { 2*final(z) - integral(u) >= 0.6; }",
+        "final { integral(u) = 0.6; z <= 1; }",
+    ] {
+        let text = format!(
+            "model m {{ control u in [0, 1] = 0; state z = 0; z' = u; }}
+             optimize o of m {{ horizon 1; intervals 3; minimize integral(u^2); {rows} }}"
+        );
+        let found = solved_optimum(&text, "o");
+        close(found.objective.expect("an optimum has one"), 0.36, 1e-6);
+    }
+}
+
+/// The report says what free parameters are at the optimum: e^(-2p) = 0.6.
+#[test]
+fn the_optimum_tells_their_values() {
+    let text = "model m { param p in [0.1, 3] = 1.3; param k[2] in [0, 2] = [1, 1]; state y = 1; state z = 0;
+          y' = -2*p*y; z' = k[2]; }
+        optimize o of m { horizon 1; intervals 2; minimize (k[2] - 0.5)^2 + k[1]^2 + p;
+          subject to { final(y) <= 0.6; } free { p; k; } }";
+    let found = solved_optimum(text, "o");
+    let optimum = found.optimum.as_ref().expect("how it was found");
+    let names: Vec<&str> = optimum.free.iter().map(|(name, _)| &name[..]).collect();
+    assert_eq!(names, ["p", "k[1]", "k[2]"]);
+    for ((_, value), exact) in optimum.free.iter().zip([-0.5 * 0.6_f64.ln(), 0.0, 0.5]) {
+        close(*value, exact, 1e-6);
+    }
+    let report = nsdc::report::text::write(&found);
+    assert!(report.contains("p    = 0.25541"), "{report}");
+}

@@ -37,7 +37,7 @@ struct Object<'a> {
     stats: &'a Stats,
     certificate: Certificate<'a>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    optimum: Option<Found>,
+    optimum: Option<Found<'a>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     ensemble: Option<Many<'a>>,
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
@@ -93,9 +93,16 @@ impl Serialize for Quantiles<'_> {
     }
 }
 
+/// Numbers by their names, in order.
+fn as_map<S: Serializer>(numbers: &[(String, f64)], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(numbers.iter().map(|(name, value)| (name, value)))
+}
+
 /// How an optimum was found; what is not known is `null`.
 #[derive(serde::Serialize)]
-struct Found {
+struct Found<'a> {
+    #[serde(serialize_with = "as_map")]
+    free: &'a [(String, f64)],
     starts: usize,
     feasible: usize,
     at_best: usize,
@@ -110,10 +117,11 @@ struct Found {
     objective_error: Option<f64>,
 }
 
-impl Found {
-    fn of(optimum: &Optimum) -> Self {
+impl<'a> Found<'a> {
+    fn of(optimum: &'a Optimum) -> Self {
         let (spread, check) = (optimum.spread.as_ref(), optimum.check.as_ref());
         Found {
+            free: &optimum.free,
             starts: optimum.starts,
             feasible: spread.map_or(0, |spread| spread.n_feasible),
             at_best: spread.map_or(0, |spread| spread.n_best),

@@ -5,6 +5,8 @@ use nsd_solver::mpcc::Spread;
 /// What is known about an optimum besides its certificate.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Optimum {
+    /// Free parameters, by their names with index, and what they are at the optimum.
+    pub free: Vec<(String, f64)>,
     /// Seconds from the system to a compiled program.
     pub built_s: f64,
     /// Entries of the largest triangular factor: what memory and the time of an iteration grow with.

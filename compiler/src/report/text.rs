@@ -33,6 +33,7 @@ fn report(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
     if let Some(objective) = trajectory.objective {
         writeln!(text, "  objective {}", significant(objective, 12))?;
     }
+    free(trajectory, text)?;
     end(trajectory, text)?;
     events(trajectory, text)?;
     modes(trajectory, text)?;
@@ -44,6 +45,20 @@ fn report(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
     }
     for warning in &trajectory.warnings {
         writeln!(text, "  warning {}: {}", warning.code, warning.message)?;
+    }
+    Ok(())
+}
+
+/// Free parameters at an optimum.
+fn free(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
+    let free = trajectory.optimum.iter().flat_map(|found| &found.free);
+    let width = free.clone().map(|(name, _)| chars(name)).max();
+    let Some(width) = width else {
+        return Ok(());
+    };
+    writeln!(text, "\n  free parameters")?;
+    for (name, value) in free {
+        writeln!(text, "    {name:width$} = {}", significant(*value, 12))?;
     }
     Ok(())
 }

@@ -152,7 +152,7 @@ pub enum ExperimentError {
     },
 
     /// A quantity that changes in time where one number is asked for.
-    #[error("the cost contains `{name}` at no instant")]
+    #[error("{what} contains `{name}` at no instant")]
     #[diagnostic(
         code(E0514),
         help(
@@ -160,6 +160,7 @@ pub enum ExperimentError {
         )
     )]
     NoInstant {
+        what: &'static str,
         name: String,
         #[label("`{name}` changes in time")]
         span: Span,

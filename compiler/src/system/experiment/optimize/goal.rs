@@ -3,9 +3,9 @@
 use std::cell::RefCell;
 
 use super::super::{ExperimentError, Reader};
-use super::Integral;
+use super::{At, Integral};
 use crate::diagnostics::Diagnostics;
-use crate::expr::{Expr, Substitution, variables_of};
+use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::model::{Comparison, Model, Tensor};
 use crate::source::Span;
 use crate::syntax::{self, Arg, ExprKind, Row};
@@ -36,6 +36,30 @@ impl<'m, 'e> Words<'m, 'e> {
     /// The integrals of all expressions so far.
     pub fn into_integrals(self) -> Vec<Integral<'e>> {
         self.found.into_inner().integrals
+    }
+
+    /// Whether some values of the whole run are in expressions.
+    fn are_in(&self, exprs: &[Expr<'e>]) -> bool {
+        let (known, exprs) = (self.of_run(), variables_of(exprs));
+        exprs
+            .into_iter()
+            .any(|var| known.contains(&self.model.exprs.expr(var)))
+    }
+
+    /// The name of a quantity in expressions that is neither a value of the whole run nor a parameter.
+    fn changing(&self, exprs: &[Expr<'e>]) -> Option<String> {
+        let params = self.model.params.iter().flat_map(|param| &param.vars);
+        let mut known = self.of_run();
+        known.extend(params.copied());
+        let is_known = |var: &Var| known.contains(&self.model.exprs.expr(*var));
+        let stranger = variables_of(exprs).into_iter().find(|var| !is_known(var))?;
+        Some(self.model.exprs.name(stranger))
+    }
+
+    fn of_run(&self) -> Vec<Expr<'e>> {
+        let found = self.found.borrow();
+        let integrals = found.integrals.iter().map(|integral| integral.var);
+        integrals.chain(found.marks.iter().copied()).collect()
     }
 
     fn meaning(&self, expr: &syntax::Expr) -> Option<Tensor<'e>> {
@@ -131,44 +155,49 @@ impl<'e> Reader<'_, 'e> {
             });
             return None;
         };
-        let found = words.found.borrow();
-        let model = self.model;
-        let known = found.integrals.iter().map(|integral| integral.var);
-        let params = model.params.iter().flat_map(|param| &param.vars);
-        let known: Vec<Expr<'e>> = known
-            .chain(found.marks.iter().copied())
-            .chain(params.copied())
-            .collect();
-        let is_known = |var: &crate::expr::Var| known.contains(&model.exprs.expr(*var));
-        let stranger = variables_of(&[cost]).into_iter().find(|var| !is_known(var));
-        if let Some(var) = stranger {
-            let name = model.exprs.name(var);
-            drop(found);
+        if let Some(name) = words.changing(&[cost]) {
             self.error(ExperimentError::NoInstant {
+                what: "the cost",
                 name,
                 span: value.span,
             });
             return None;
         }
-        let cost = cost.substitute(&found.finals);
+        let cost = cost.substitute(&words.found.borrow().finals);
         (!failed).then_some(cost)
     }
 
-    /// Constraints, with values at the end where the words say so.
+    /// Constraints and when they hold: `at`, or at the end where they are of values of the whole run.
     pub(super) fn comparisons(
         &mut self,
         words: &Words<'_, 'e>,
         rows: &[Row],
-    ) -> Option<Vec<Comparison<'e>>> {
+        at: At,
+    ) -> Vec<(At, Comparison<'e>)> {
         let hook = |e: &syntax::Expr| words.meaning(e);
         let rows = self.model.scope.rows(rows, Some(&hook), self.diags);
         let failed = self.take_mistakes(words);
         self.failed |= rows.is_none();
-        let finals = &words.found.borrow().finals;
-        let mut rows = rows.filter(|_| !failed)?;
-        for member in rows.iter_mut().flat_map(|row| &mut row.members) {
-            *member = member.substitute(finals);
+        let mut found = Vec::new();
+        for mut row in rows.filter(|_| !failed).into_iter().flatten() {
+            let is_of_run = words.are_in(&row.members);
+            if is_of_run
+                && at != At::End
+                && let Some(name) = words.changing(&row.members)
+            {
+                self.error(ExperimentError::NoInstant {
+                    what: "the constraint",
+                    name,
+                    span: row.span,
+                });
+                continue;
+            }
+            let finals = &words.found.borrow().finals;
+            for member in &mut row.members {
+                *member = member.substitute(finals);
+            }
+            found.push((if is_of_run { At::End } else { at }, row));
         }
-        Some(rows)
+        found
     }
 }

@@ -302,8 +302,8 @@ impl<'m, 'e> Draft<'m, 'e> {
     }
 
     fn rows(&mut self, reader: &mut Reader<'_, 'e>, rows: &[Row], at: At) {
-        let found = reader.comparisons(&self.words, rows).into_iter().flatten();
-        self.comparisons.extend(found.map(|row| (at, row)));
+        let found = reader.comparisons(&self.words, rows, at);
+        self.comparisons.extend(found);
     }
 
     fn value(
