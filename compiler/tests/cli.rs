@@ -40,6 +40,22 @@ fn json(line: &str) -> serde_json::Value {
 }
 
 #[test]
+fn shells_complete_the_commands() {
+    for shell in ["bash", "elvish", "fish", "powershell", "zsh"] {
+        let ran = nsdc(&folder("completions"), &["completions", shell]);
+        assert_eq!(ran.status, 0, "{}", ran.err);
+        assert!(
+            ran.out.contains("explain") && ran.out.contains("time-limit"),
+            "{shell}"
+        );
+    }
+    assert_eq!(
+        nsdc(&folder("completions"), &["completions", "bsh"]).status,
+        64
+    );
+}
+
+#[test]
 fn help_names_the_commands() {
     let ran = nsdc(&folder("help"), &["--help"]);
     assert_eq!(ran.status, 0);
@@ -49,18 +65,19 @@ fn help_names_the_commands() {
     Usage: nsdc <COMMAND>
 
     Commands:
-      check    Check models and experiments, and print what is wrong with them
-      emit     Print what the compiler makes of a model
-      run      Run experiments and report what came out
-      test     Run every `expect` of files and folders
-      verify   Run or solve experiments by every method and lowering that takes them, and compare
-      order    Measure the error of every method over step size and time
-      modes    Map the sliding modes of a nonlinear switch over one or two states
-      solve    Solve AMPL .nl files with complementarity conditions
-      fmt      Lay files out in the standard way
-      new      Make a folder with a small model, its tests and a README
-      explain  Explain a diagnostic by its code, or list all codes
-      help     Print this message or the help of the given subcommand(s)
+      check        Check models and experiments, and print what is wrong with them
+      emit         Print what the compiler makes of a model
+      run          Run experiments and report what came out
+      test         Run every `expect` of files and folders
+      verify       Run or solve experiments by every method and lowering that takes them, and compare
+      order        Measure the error of every method over step size and time
+      modes        Map the sliding modes of a nonlinear switch over one or two states
+      solve        Solve AMPL .nl files with complementarity conditions
+      fmt          Lay files out in the standard way
+      new          Make a folder with a small model, its tests and a README
+      explain      Explain a diagnostic by its code, or list all codes
+      completions  Print what a shell needs to complete commands and options
+      help         Print this message or the help of the given subcommand(s)
 
     Options:
       -h, --help     Print help

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{Args as Arguments, Parser, Subcommand, ValueEnum};
+use clap_complete::Shell;
 
 use super::files::is_standard;
 use crate::nl;
@@ -70,6 +71,12 @@ pub enum Command {
     Explain {
         /// The code, such as E0203
         code: Option<String>,
+    },
+    /// Print what a shell needs to complete commands and options
+    Completions {
+        /// The shell
+        #[arg(value_enum)]
+        shell: Shell,
     },
 }
 

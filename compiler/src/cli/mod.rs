@@ -5,6 +5,7 @@
 
 mod args;
 mod check;
+mod completions;
 mod emit;
 mod explain;
 mod figure;
@@ -90,6 +91,7 @@ fn dispatch(args: Args, streams: &mut Streams<'_>) -> io::Result<Exit> {
         Command::Fmt { files, check } => fmt::run(&files, check, streams),
         Command::New { path } => new::run(&path, streams),
         Command::Explain { code } => explain::run(code.as_deref(), streams),
+        Command::Completions { shell } => completions::run(shell, streams),
     }
 }
 
