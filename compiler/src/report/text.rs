@@ -10,6 +10,8 @@ use super::{
 const MAX_ROWS: usize = 12;
 /// Characters of a mode before its switches are counted instead of named.
 const MAX_MODE: usize = 60;
+/// Characters of a switching function without a name before the rest is left out.
+const MAX_NAME: usize = 60;
 /// Entries of a vector before the rest is left out.
 const MAX_ENTRIES: usize = 8;
 
@@ -102,7 +104,7 @@ fn events(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
         [
             significant(event.time, 12),
             event.kind.as_str().to_owned(),
-            event.surface.clone(),
+            shortened(&event.surface),
             trajectory.change(event, MAX_MODE),
         ]
     });
@@ -126,7 +128,7 @@ fn sliding_modes(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
                 };
                 [
                     significant(event.time, 12),
-                    event.surface.clone(),
+                    shortened(&event.surface),
                     significant(mode.value, 8),
                     significant(mode.stability, 4),
                     match mode.taken {
@@ -321,6 +323,14 @@ fn chars(text: &str) -> usize {
     text.chars().count()
 }
 
+/// The beginning of a long name.
+fn shortened(name: &str) -> String {
+    match name.char_indices().nth(MAX_NAME) {
+        Some((end, _)) => format!("{}..", &name[..end]),
+        None => name.to_owned(),
+    }
+}
+
 /// `1 event`, `2 events`; nothing irregular is counted.
 pub fn counted(count: usize, noun: &str) -> String {
     match count {
@@ -450,6 +460,16 @@ crossing of oscillator: solved
   12 steps, 204 evaluations, 1.0 ms
   warning W0501: a bound was left
 ");
+    }
+
+    #[test]
+    fn long_names_of_surfaces_are_cut() {
+        let mut trajectory = sample::oscillator();
+        trajectory.events[0].surface = format!("max({})", "ä + ".repeat(100));
+        let text = write(&trajectory);
+        let longest = text.lines().map(|line| line.chars().count()).max();
+        assert!(longest.is_some_and(|longest| longest < 120), "{text}");
+        assert!(text.contains("ä + ä + .."), "{text}");
     }
 
     #[test]
