@@ -28,6 +28,9 @@ const MOST_UNKNOWNS: usize = 1000;
 /// Difference of a polynomial of ψ from ψ, in tolerances.
 const UNSEEN: f64 = 100.0;
 
+/// Rounding of ψ, relative to its terms.
+const ROUNDING: f64 = 64.0 * f64::EPSILON;
+
 /// Relative length of a difference along the flow.
 const NUDGE: f64 = 1e-7;
 
@@ -308,8 +311,13 @@ impl Mode {
             let i = self.watched[at];
             let psi = self.watched_psi(i);
             let polynomial = self.interpolant(i, s);
-            let size = state.terms[i] + series::magnitude(polynomial, h, 0);
-            (series::value(polynomial, tau) - psi).abs() <= allowed * size
+            let (terms, magnitude) = (state.terms[i], series::magnitude(polynomial, h, 0));
+            let value = series::value(polynomial, tau);
+            let difference = (value - psi).abs();
+            // Where ψ is steep its terms are large beside itself, and say nothing of a side that it is on for an instant.
+            let is_small = difference <= allowed * magnitude + ROUNDING * terms;
+            let is_one_side = Side::of(value) == Side::of(psi);
+            difference <= allowed * (terms + magnitude) && (is_small || is_one_side)
         })
     }
 
