@@ -122,6 +122,21 @@ fn a_divisor_that_overflows_costs_no_steps() {
     }
 }
 
+/// Where ψ is steep, its terms say nothing of its size: a window of 1.4e-6 behind such a place.
+#[test]
+fn a_steep_window_is_not_stepped_over() {
+    let width = 3.883_624_206_066_842e-5;
+    let half = width * (2_f64.ln() / 2000.0).exp_m1().sqrt();
+    let model = format!(
+        "state s = 0; state y = 0; s' = 1;
+         y' = if (1 + ((s - 5.3991365648138725)/{width:?})^2)^(-2000) > 0.5 then 1/{width:?} else 0;"
+    );
+    for tolerance in ["1e-3", "1e-4", "1e-6", "1e-8"] {
+        let experiment = format!("horizon 10; tolerance {tolerance};");
+        close(y(&model, &experiment), 2.0 * half / width, 1e-8);
+    }
+}
+
 /// Methods that do not look for it themselves, with a horizon of 100.
 const OTHERS: [&str; 4] = [
     "fesd;",
