@@ -70,7 +70,7 @@ pub fn families(extent: Extent) -> Vec<Family> {
             .map(|seed| Case::optimal(Problem::random(seed, asks), seed))
             .collect(),
     };
-    let [certificates, optima] = extent.of([4, 0], [500, 100]);
+    let [certificates, optima] = extent.of([4, 0], [500, 500]);
     let mut families = vec![family(
         "certificates of optimal controls",
         "Switches, relays, kinks, friction, impacts and time as a surface, at ends of control intervals: descent per \
