@@ -122,6 +122,14 @@ fn a_divisor_that_overflows_costs_no_steps() {
     }
 }
 
+/// A step off a root, which has no series of any state, passes over no bump of another one.
+#[test]
+fn a_step_off_a_root_passes_over_nothing() {
+    let model = "state s = 0; state y = 0; state z = 1; s' = 1; z' = 1e-14*sqrt(time);
+        y' = exp(-((s - 70.123)/0.001)^2)/0.001;";
+    close(y(model, "horizon 100;"), PI.sqrt(), 1e-7);
+}
+
 /// Where ψ is steep, its terms say nothing of its size: a window of 1.4e-6 behind such a place.
 #[test]
 fn a_steep_window_is_not_stepped_over() {

@@ -4,6 +4,7 @@
 //! that ends on it, so that it is as accurate as a step's end.
 
 use super::dense::Dense;
+use super::judge::ROUNDINGS;
 use super::mode::Mode;
 use super::pieces::is_at_end;
 use super::radau::{Implicit, Radau, Shape, Start};
@@ -27,9 +28,6 @@ const MOST_UNKNOWNS: usize = 1000;
 
 /// Difference of a polynomial of ψ from ψ, in tolerances.
 const UNSEEN: f64 = 100.0;
-
-/// Rounding of ψ, relative to its terms.
-const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
 /// Relative length of a difference along the flow.
 const NUDGE: f64 = 1e-7;
@@ -315,7 +313,7 @@ impl Mode {
             let value = series::value(polynomial, tau);
             let difference = (value - psi).abs();
             // Where ψ is steep its terms are large beside itself, and say nothing of a side that it is on for an instant.
-            let is_small = difference <= allowed * magnitude + ROUNDING * terms;
+            let is_small = difference <= allowed * magnitude + ROUNDINGS * terms;
             let is_one_side = Side::of(value) == Side::of(psi);
             difference <= allowed * (terms + magnitude) && (is_small || is_one_side)
         })

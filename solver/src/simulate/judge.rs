@@ -19,7 +19,7 @@ pub(super) const TIE: f64 = 1e-9;
 const SAME: f64 = 1e-9;
 
 /// Rounding of the terms of a rate.
-const ROUNDINGS: f64 = 64.0 * f64::EPSILON;
+pub(super) const ROUNDINGS: f64 = 64.0 * f64::EPSILON;
 
 /// Rounding of α = 1, which is no force.
 const NO_FORCE: f64 = 8.0 * f64::EPSILON;

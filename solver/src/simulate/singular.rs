@@ -274,7 +274,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             self.mode.watch(tolerance, state, line.length);
             self.mode.take_scales(&found.sizes);
             let (mode, unseen) = (&mut self.mode, &mut self.unseen);
-            if found.is_shortest || unseen.vouches_straight(mode, state, line.length, allowed) {
+            unseen.suspect_all(mode);
+            if found.is_shortest || unseen.vouches(mode, state, line.length, allowed) {
                 return Ok(line);
             }
             longest = SHORTER * line.length;

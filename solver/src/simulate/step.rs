@@ -244,9 +244,13 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         // Without friction nothing determines a force that sticks.
         let turned = cut.ends.is_none() && mode.turned_over();
         let differs = inaccurate || !defect.switches_agree || unseen || !looked || turned;
-        match differs || !self.unseen.vouches(mode, state, cut.length, allowed) {
-            true => Judged::Rejected,
-            false => Judged::Accepted(defect.rate),
+        if differs {
+            return Judged::Rejected;
+        }
+        self.unseen.suspect(mode, cut.length);
+        match self.unseen.vouches(mode, state, cut.length, allowed) {
+            true => Judged::Accepted(defect.rate),
+            false => Judged::Rejected,
         }
     }
 

@@ -45,8 +45,8 @@ pub(super) struct Unseen {
 }
 
 impl Unseen {
-    /// True where the Taylor series of a step of this length are what they stand for between the probes, too, up to
-    /// `allowed`. Leaves any point behind.
+    /// True where the series of a step of this length are what they stand for between the probes, too, up to `allowed`,
+    /// as far as functions are under suspicion. Leaves any point behind.
     pub(super) fn vouches(
         &mut self,
         mode: &mut Mode,
@@ -54,23 +54,6 @@ impl Unseen {
         length: f64,
         allowed: f64,
     ) -> bool {
-        self.suspect(mode, length);
-        self.agree(mode, state, length, allowed)
-    }
-
-    /// The same of a straight step, which knows nothing of any function.
-    pub(super) fn vouches_straight(
-        &mut self,
-        mode: &mut Mode,
-        state: &mut State,
-        length: f64,
-        allowed: f64,
-    ) -> bool {
-        self.suspect_all(mode);
-        self.agree(mode, state, length, allowed)
-    }
-
-    fn agree(&mut self, mode: &mut Mode, state: &mut State, length: f64, allowed: f64) -> bool {
         if self.suspects.is_empty() {
             return true;
         }
@@ -96,7 +79,7 @@ impl Unseen {
     }
 
     /// Where there are no series, any function of those kinds may hide something.
-    fn suspect_all(&mut self, mode: &mut Mode) {
+    pub(super) fn suspect_all(&mut self, mode: &mut Mode) {
         mode.field.list();
         self.suspects.clear();
         let blocks = mode.field.hiding().iter().map(|(block, _)| *block);
@@ -107,7 +90,7 @@ impl Unseen {
     }
 
     /// Looks which functions may hide something from their Taylor series.
-    fn suspect(&mut self, mode: &Mode, length: f64) {
+    pub(super) fn suspect(&mut self, mode: &Mode, length: f64) {
         self.suspects.clear();
         // Friction along w/|w| has a divisor that falls to zero at rest, and its own steps towards that.
         if mode.slips_in_a_plane() {

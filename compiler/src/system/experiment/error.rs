@@ -152,7 +152,7 @@ pub enum ExperimentError {
     },
 
     /// A quantity that changes in time where one number is asked for.
-    #[error("{what} contains `{name}` at no instant")]
+    #[error("the cost contains `{name}` at no instant")]
     #[diagnostic(
         code(E0514),
         help(
@@ -160,9 +160,20 @@ pub enum ExperimentError {
         )
     )]
     NoInstant {
-        what: &'static str,
         name: String,
         #[label("`{name}` changes in time")]
+        span: Span,
+    },
+
+    /// A quantity that changes in time in a constraint of values of the whole run.
+    #[error("the constraint compares `{name}` at an instant with values of the whole run")]
+    #[diagnostic(
+        code(E0514),
+        help("write `final({name})` for its value at the end, where the constraint holds then")
+    )]
+    TwoInstants {
+        name: String,
+        #[label("`{name}` changes in time, `final(..)` and `integral(..)` do not")]
         span: Span,
     },
 

@@ -157,7 +157,6 @@ impl<'e> Reader<'_, 'e> {
         };
         if let Some(name) = words.changing(&[cost]) {
             self.error(ExperimentError::NoInstant {
-                what: "the cost",
                 name,
                 span: value.span,
             });
@@ -185,11 +184,8 @@ impl<'e> Reader<'_, 'e> {
                 && at != At::End
                 && let Some(name) = words.changing(&row.members)
             {
-                self.error(ExperimentError::NoInstant {
-                    what: "the constraint",
-                    name,
-                    span: row.span,
-                });
+                let span = row.span;
+                self.error(ExperimentError::TwoInstants { name, span });
                 continue;
             }
             let finals = &words.found.borrow().finals;
