@@ -197,3 +197,19 @@ fn nothing_is_told_of_functions_that_steps_see() {
         }
     }
 }
+
+/// A stage that hits a bump makes a state of it that finer steps do not know.
+#[test]
+fn steps_that_hit_a_bump_once_are_told() {
+    let curve = "1/(1 + ((s - 7.281779286481416)/0.0006864944251660795)^2)/0.0006864944251660795";
+    let model = format!("state s = 0; state y = 1; s' = 1; y' = {curve};");
+    let codes = |steps: usize| {
+        let text = format!(
+            "model m {{ {model} }}\nsimulate run of m {{ horizon 10; method timestepping {{ steps = {steps}; }} }}"
+        );
+        let warnings = run(&text, "run").warnings;
+        warnings.into_iter().map(|w| w.code).collect::<Vec<_>>()
+    };
+    assert_eq!(codes(50), ["W0702"]);
+    assert!(codes(100_000).is_empty());
+}

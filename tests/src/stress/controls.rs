@@ -19,12 +19,24 @@ const RELATIVE: f64 = 1e-3;
 const ABSOLUTE: f64 = 1e-4;
 /// An optimum is as good as another one that is better by no more than this share.
 const AS_GOOD: f64 = 1e-2;
+/// What is nonsmooth.
+const KINDS: [&str; 7] = [
+    "switch",
+    "relay",
+    "kink",
+    "friction",
+    "time",
+    "stiffness",
+    "impacts",
+];
 /// How many starts an optimum is compared with.
 const STARTS: usize = 20;
 
 /// A problem with 2 to 8 controls.
 #[derive(Clone, Debug)]
 pub struct Problem {
+    /// What is nonsmooth in it.
+    pub kind: &'static str,
     /// Equations, with `U` for the control and perhaps `p` for a parameter.
     body: String,
     /// Bounds of the control are plus and minus this.
@@ -65,9 +77,9 @@ pub fn families(extent: Extent) -> Vec<Family> {
     let family = |name, about, asks, count: u64| Family {
         name,
         about,
-        hardness: "seed",
+        hardness: "kind",
         cases: (0..count)
-            .map(|seed| Case::optimal(Problem::random(seed, asks), seed))
+            .map(|seed| Case::optimal(Problem::random(seed, asks)))
             .collect(),
     };
     let [certificates, optima] = extent.of([4, 0], [500, 500]);
@@ -93,7 +105,7 @@ impl Problem {
     /// The problem of a seed: in half of them the default meets the surface at the end of an interval.
     fn random(seed: u64, asks: Asks) -> Self {
         let mut random = Random(seed);
-        let kind = random.below(7);
+        let kind = KINDS[random.below(KINDS.len())];
         let mut number = |from: f64, to: f64| {
             let value = from + (to - from) * 0.5 * (random.dyadic() + 1.0);
             (value * 1000.0).round() / 1000.0
@@ -109,6 +121,7 @@ impl Problem {
         let horizon = [1.0, 2.0, 3.0][random.below(3)];
         let instant = horizon * (1 + random.below(intervals)) as f64 / intervals as f64;
         let mut problem = Problem {
+            kind,
             body: String::new(),
             bound: 1.0,
             default,
@@ -121,51 +134,51 @@ impl Problem {
             options: "",
             asks,
         };
-        problem.state(kind, rates, start, meets.then_some(instant));
+        problem.state(rates, start, meets.then_some(instant));
         if problem.body.contains("state v") {
             problem.speed = speed;
         }
         problem
     }
 
-    /// States the equations of a kind. `meets` is when the default meets the surface.
-    fn state(&mut self, kind: usize, [a, b, c, d]: [f64; 4], start: f64, meets: Option<f64>) {
+    /// States the equations of its kind. `meets` is when the default meets the surface.
+    fn state(&mut self, [a, b, c, d]: [f64; 4], start: f64, meets: Option<f64>) {
         let default = self.default;
         // The start from which this rate leads to zero.
         let from = |rate: f64| meets.map_or(start, |instant| -rate * instant);
-        self.body = match kind {
+        self.body = match self.kind {
             // Another constant on each side.
-            0 => format!(
+            "switch" => format!(
                 "state x = {:?}; x' = U + (if x > 0 then {a:?} else -{b:?});",
                 from(default - b)
             ),
             // A relay, which may be held.
-            1 => format!(
+            "relay" => format!(
                 "state x = {:?}; x' = U - {a:?}*sign(x);",
                 from(default - a * start.signum())
             ),
             // A kink in a rate.
-            2 => {
+            "kink" => {
                 let v0 = meets.map_or(default, |instant| -start / instant);
                 format!(
                     "state x = {start:?}; state v = {v0:?}; x' = v; v' = U - {c:?}*abs(x) + {a:?}*x;"
                 )
             }
             // Dry friction.
-            3 => {
+            "friction" => {
                 self.bound = 5.0;
                 let v0 = from(default - d);
                 format!("state x = {start:?}; state v = {v0:?}; x' = v; v' = U - {d:?}*sign(v);")
             }
             // A surface in time, at a parameter.
-            4 => {
+            "time" => {
                 let [first, last] = [0.1, 0.9].map(|share| share * self.horizon);
                 let guess = meets.unwrap_or(0.4).clamp(first, last);
                 self.param = Some([first, last, guess]);
                 format!("state x = {start:?}; x' = U + {c:?}*abs(time - p) - {a:?}*sign(time - p);")
             }
             // A stiffness, with friction.
-            5 => {
+            "stiffness" => {
                 self.param = Some([1.0, 9.0, 3.0 + a]);
                 let x0 = 1.0 + c;
                 format!("state x = {x0:?}; state v = 0; x' = v; v' = U - p*x - {d:?}*sign(v);")

@@ -76,6 +76,14 @@ pub struct Family {
     pub cases: Vec<Case>,
 }
 
+/// In ascending order of a hardness that is a number.
+fn by_hardness(cases: impl Iterator<Item = Case>) -> Vec<Case> {
+    let mut cases: Vec<Case> = cases.collect();
+    let value = |case: &Case| case.hardness.parse::<f64>().expect("hardness is a number");
+    cases.sort_by(|one, other| value(one).total_cmp(&value(other)));
+    cases
+}
+
 /// What a case promises.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Promise {
@@ -150,12 +158,11 @@ impl Case {
     }
 
     /// A problem of optimal control, which has an experiment of its own.
-    fn optimal(problem: controls::Problem, hardness: impl fmt::Display) -> Self {
+    fn optimal(problem: controls::Problem) -> Self {
+        let case = Case::new(problem.kind, "", 0.0).by("optimize");
         Case {
             optimal: Some(problem),
-            ..Case::new(hardness, "", 0.0)
-                .by("optimize")
-                .promises(Promise::AccuracyOrReport)
+            ..case.promises(Promise::AccuracyOrReport)
         }
     }
 
@@ -410,6 +417,20 @@ pub enum Outcome {
 }
 
 impl Outcome {
+    /// Whether it differs in the error at most.
+    #[must_use]
+    pub fn is_like(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Outcome::Met { .. }, Outcome::Met { .. })
+            | (Outcome::Wrong { .. }, Outcome::Wrong { .. }) => true,
+            (Outcome::Warned { codes, .. }, Outcome::Warned { codes: others, .. }) => {
+                codes == others
+            }
+            (Outcome::Refused(code), Outcome::Refused(other)) => code == other,
+            _ => false,
+        }
+    }
+
     /// The worse one of two.
     #[must_use]
     pub fn worse(self, other: Self) -> Self {

@@ -4,7 +4,7 @@
 
 use std::f64::consts::PI;
 
-use super::{Case, Extent, Family, Promise};
+use super::{Case, Extent, Family, Promise, by_hardness};
 use crate::random::Random;
 
 /// Instances in all.
@@ -24,10 +24,8 @@ pub fn families(extent: Extent) -> Vec<Family> {
         about: "y' = B(s) s' with a Gauss or Lorentz curve, a power of the latter, a hyperbolic secant with or without \
                 overflow, or a difference of two tanh, in the rate or in a switching function, at a random place, width, \
                 tolerance and law of s; integrals of B over s.",
-        hardness: "width",
-        cases: (0..count)
-            .flat_map(|at| by_all(bump(at, &mut random)))
-            .collect(),
+        hardness: "width from",
+        cases: by_hardness((0..count).flat_map(|at| by_all(bump(at, &mut random)))),
     }]
 }
 
@@ -105,7 +103,8 @@ fn bump(at: usize, random: &mut Random) -> Case {
     let exact = start + integral;
     // The place is known to a rounding of s, which the ends of the plateau are from zero.
     let rounding = 16.0 * f64::EPSILON * 10.0 / width;
-    let mut case = Case::new(format!("{width:.0e}"), model, 10.0)
+    let decade = 10_f64.powf(width.log10().floor());
+    let mut case = Case::new(format!("{decade:.0e}"), model, 10.0)
         .ends("y", &[exact], exact.abs().max(1.0))
         .rounds(rounding)
         .accurate_if(false);

@@ -1,6 +1,6 @@
 //! Powers without a derivative at zero.
 
-use super::{Case, Extent, Family};
+use super::{Case, Extent, Family, by_hardness};
 
 /// The exponents.
 const POWERS: [(&str, f64); 5] = [
@@ -10,6 +10,11 @@ const POWERS: [(&str, f64); 5] = [
     ("1.5", 1.5),
     ("2.5", 2.5),
 ];
+
+/// The table's word for an exponent.
+fn word_of(p: f64) -> String {
+    format!("{:?}", (100.0 * p).round() / 100.0)
+}
 
 pub fn families(extent: Extent) -> Vec<Family> {
     vec![at_zero(extent), behind_zero(extent), spirals(extent)]
@@ -38,12 +43,12 @@ impl Numbers {
 
 /// c |u|^p with random c and p that is crossed, reached in finite time, left, left from rest, or struck.
 fn at_zero(extent: Extent) -> Family {
-    let kinds: [fn(usize, &mut Numbers) -> Case; 6] =
+    let kinds: [fn(&mut Numbers) -> Case; 6] =
         [crossed, reached, left, left_from_rest, struck, never_left];
     let mut numbers = Numbers(25);
     let n = extent.of(6, 240);
     let cases = (0..n).flat_map(|k| {
-        let case = kinds[k % kinds.len()](k, &mut numbers).within(20);
+        let case = kinds[k % kinds.len()](&mut numbers).within(20);
         [case.clone(), case.accurate_if(false).by("fesd")]
     });
     Family {
@@ -51,8 +56,8 @@ fn at_zero(extent: Extent) -> Family {
         about: "Laws c |u|^p or c max(u, 0)^p, p in {1/3, 1/2, 2/3, 1.5, 2.5}: integrated across a transversal zero, from \
                 one, and from rest; emptied in finite time; impacts without loss. Closed forms, the duration of an impact \
                 by Simpson's rule.",
-        hardness: "number",
-        cases: cases.collect(),
+        hardness: "p",
+        cases: by_hardness(cases),
     }
 }
 
@@ -67,15 +72,15 @@ fn behind_zero(extent: Extent) -> Family {
         let model =
             format!("state x = -{a:?}; state y = 0; x' = {v:?}; y' = {c:?}*abs(x)^({p:?});");
         let exact = c / v * (a.powf(p + 1.0) + b.powf(p + 1.0)) / (p + 1.0);
-        let case = Case::new(k, model, (a + b) / v).ends("y", &[exact], exact);
+        let case = Case::new(word_of(p), model, (a + b) / v).ends("y", &[exact], exact);
         case.by("fesd").within(20)
     });
     Family {
         name: "just behind a root",
         about: "y' = c |x|^p across a transversal zero of x, p in {0.25, 0.5, 0.75, 1.5}, to 1e-6 to 1 behind it: what elements \
                 that have no order there are off by, closed forms.",
-        hardness: "number",
-        cases: cases.collect(),
+        hardness: "p",
+        cases: by_hardness(cases),
     }
 }
 
@@ -83,21 +88,21 @@ fn behind_zero(extent: Extent) -> Family {
 fn spirals(extent: Extent) -> Family {
     let mut numbers = Numbers(26);
     let n = extent.of(2, 60);
-    let cases = (0..n).flat_map(|k| {
-        let case = twisted(k, &mut numbers).within(20).accurate_if(false);
+    let cases = (0..n).flat_map(|_| {
+        let case = twisted(&mut numbers).within(20).accurate_if(false);
         case.both()
     });
     Family {
         name: "spirals of super-twisting",
         about: "x' = -k sqrt(abs(x)) sign(x) + w, w' = -l sign(x), which comes to its origin by infinitely many crossings \
                 and stays there, and a state that is moved by the sign. Linear between crossings in the root of x.",
-        hardness: "number",
-        cases: cases.collect(),
+        hardness: "speed kept",
+        cases: by_hardness(cases),
     }
 }
 
 /// x' = v from -a: y' = c |x|^p, or of its positive part.
-fn crossed(k: usize, numbers: &mut Numbers) -> Case {
+fn crossed(numbers: &mut Numbers) -> Case {
     let (word, p) = numbers.power();
     let [a, v, c] = [(0.2, 1.0), (0.5, 2.0), (0.5, 3.0)].map(|(l, h)| numbers.between(l, h));
     let b = numbers.between(0.2, 1.0);
@@ -107,12 +112,12 @@ fn crossed(k: usize, numbers: &mut Numbers) -> Case {
     let model = format!("state x = -{a:?}; state y = 0; x' = {v:?}; y' = {c:?}*{law}^({word});");
     let of = |u: f64| c / v * u.powf(p + 1.0) / (p + 1.0);
     let exact = of(b) + if is_even { of(a) } else { 0.0 };
-    let case = Case::new(k, model, horizon).ends("y", &[exact], exact);
+    let case = Case::new(word_of(p), model, horizon).ends("y", &[exact], exact);
     case.switches_at(&[a / v])
 }
 
 /// h' = -c h^p with p < 1, and its integral.
-fn reached(k: usize, numbers: &mut Numbers) -> Case {
+fn reached(numbers: &mut Numbers) -> Case {
     let (word, p) = POWERS[(3.0 * numbers.next()) as usize];
     let [start, c] = [(0.3, 2.0), (0.5, 3.0)].map(|(l, h)| numbers.between(l, h));
     let sign = if numbers.next() < 0.5 { 1.0 } else { -1.0 };
@@ -126,12 +131,12 @@ fn reached(k: usize, numbers: &mut Numbers) -> Case {
         sign * start
     );
     let area = sign * start.powf(2.0 - p) / (c * (2.0 - p));
-    let case = Case::new(k, model, 1.5 * until).ends("h", &[0.0], start);
+    let case = Case::new(word_of(p), model, 1.5 * until).ends("h", &[0.0], start);
     case.ends("y", &[area], area.abs()).switches(1)
 }
 
 /// x' = v from zero.
-fn left(k: usize, numbers: &mut Numbers) -> Case {
+fn left(numbers: &mut Numbers) -> Case {
     let (word, p) = numbers.power();
     let [v, c, horizon] = [(0.5, 2.0), (0.5, 3.0), (0.5, 2.0)].map(|(l, h)| numbers.between(l, h));
     let law = if numbers.next() < 0.5 {
@@ -141,11 +146,11 @@ fn left(k: usize, numbers: &mut Numbers) -> Case {
     };
     let model = format!("state x = 0; state y = 0; x' = {v:?}; y' = {c:?}*{law}^({word});");
     let exact = c / v * (v * horizon).powf(p + 1.0) / (p + 1.0);
-    Case::new(k, model, horizon).ends("y", &[exact], exact)
+    Case::new(word_of(p), model, horizon).ends("y", &[exact], exact)
 }
 
 /// x'' = g from rest.
-fn left_from_rest(k: usize, numbers: &mut Numbers) -> Case {
+fn left_from_rest(numbers: &mut Numbers) -> Case {
     let (word, p) = numbers.power();
     let [g, c, horizon] = [(0.5, 3.0), (0.5, 3.0), (0.5, 2.0)].map(|(l, h)| numbers.between(l, h));
     let model = format!(
@@ -153,12 +158,12 @@ fn left_from_rest(k: usize, numbers: &mut Numbers) -> Case {
     );
     let n = 2.0 * p + 1.0;
     let exact = c * (0.5 * g).powf(p) * horizon.powf(n) / n;
-    Case::new(k, model, horizon).ends("y", &[exact], exact)
+    Case::new(word_of(p), model, horizon).ends("y", &[exact], exact)
 }
 
 /// q'' = k max(-q, 0)^p: the speed at the exit is that at the entry, and the duration of an impact that goes as deep
 /// as d is 2 d/v ∫ ds/√(1 - s^(p + 1)) over [0, 1].
-fn struck(k: usize, numbers: &mut Numbers) -> Case {
+fn struck(numbers: &mut Numbers) -> Case {
     let (word, p) = numbers.power();
     let [v, stiff, gap] = [(0.5, 3.0), (1.0, 50.0), (0.2, 1.0)].map(|(l, h)| numbers.between(l, h));
     let n = p + 1.0;
@@ -179,15 +184,15 @@ fn struck(k: usize, numbers: &mut Numbers) -> Case {
     let model =
         format!("state q = {gap:?}; state v = -{v:?}; q' = v; v' = {stiff:?}*max(-q, 0)^({word});");
     let after = 0.5;
-    Case::new(k, model, enters + lasts + after)
+    Case::new(word_of(p), model, enters + lasts + after)
         .ends("v", &[v], v)
         .ends("q", &[v * after], f64::max(gap, v * after))
         .switches_at(&[enters, enters + lasts])
 }
 
 /// What is empty stays empty, or at the level of what it is joined to.
-fn never_left(k: usize, numbers: &mut Numbers) -> Case {
-    let (word, _) = POWERS[(3.0 * numbers.next()) as usize];
+fn never_left(numbers: &mut Numbers) -> Case {
+    let (word, p) = POWERS[(3.0 * numbers.next()) as usize];
     let [c, level, rise] = [(0.5, 3.0), (0.5, 3.0), (0.1, 1.0)].map(|(l, h)| numbers.between(l, h));
     let model = format!(
         "state a = {level:?}; state b = {level:?}; state h = 0; let p = a - b;
@@ -195,13 +200,13 @@ fn never_left(k: usize, numbers: &mut Numbers) -> Case {
          h' = -{c:?}*max(h, 0)^({word});"
     );
     let ends = level + 2.0 * rise;
-    let case = Case::new(k, model, 2.0).ends("h", &[0.0], 1.0);
+    let case = Case::new(word_of(p), model, 2.0).ends("h", &[0.0], 1.0);
     case.ends("a", &[ends], ends).ends("b", &[ends], ends)
 }
 
 /// x' = -k √|x| sign x + w, w' = -l sign x, y' = t sign x from x = a, w = 0. With ζ = √|x| and dt = 2ζ dτ these are the
 /// linear ζ' = w - k ζ, w' = -2l ζ between crossings, with ω² = 2l - k²/4: each |w| is e^(-kπ/(2ω)) times the one before.
-fn twisted(k: usize, numbers: &mut Numbers) -> Case {
+fn twisted(numbers: &mut Numbers) -> Case {
     let [start, l, share] =
         [(0.3, 2.0), (0.5, 3.0), (0.3, 0.9)].map(|(l, h)| numbers.between(l, h));
     let gain = (100.0 * share * (8.0 * l).sqrt()).round() / 100.0;
@@ -220,7 +225,7 @@ fn twisted(k: usize, numbers: &mut Numbers) -> Case {
         "state x = {start:?}; state w = 0; state y = 0;
          x' = -{gain:?}*sqrt(abs(x))*sign(x) + w; w' = -{l:?}*sign(x); y' = time*sign(x);"
     );
-    let case = Case::new(k, model, 1.5 * ends);
+    let case = Case::new(format!("{ratio:.1}"), model, 1.5 * ends);
     let case = case.ends("x", &[0.0], start).ends("w", &[0.0], 1.0);
     case.ends("y", &[moment], ends * ends)
 }

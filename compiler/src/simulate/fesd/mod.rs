@@ -32,7 +32,7 @@ use super::{
     tightened,
 };
 use crate::dcs::{self, Formulation};
-use crate::report::{Failure, Method, MethodOption, Multipliers, Series, Trajectory};
+use crate::report::{Failure, Method, MethodOption, Multipliers, Series, Trajectory, Warning};
 use crate::system::System;
 use crate::system::experiment::{FesdOptions, Settings};
 
@@ -364,5 +364,20 @@ pub(super) fn judge_grid(trajectory: &mut Trajectory, estimate: &Estimate, setti
         };
         trajectory.status = failure.status();
         trajectory.failure = Some(failure);
+    }
+}
+
+/// What steps without detection of switches are worth: their order is one across switches and impacts, so that large errors
+/// are what they were chosen for; but an error as large as a state is no solution.
+pub(super) fn judge_steps(trajectory: &mut Trajectory, error: Option<f64>, settings: &Settings) {
+    trajectory.error_estimate = error;
+    if let Some(error) = error.filter(|&error| error > 1.0) {
+        trajectory.warnings.push(Warning {
+            code: "W0702".into(),
+            message: format!(
+                "the estimated error {error:.1e} is above the size of a state: more `steps` are needed"
+            ),
+            span: Some(settings.span),
+        });
     }
 }

@@ -5,7 +5,7 @@ use std::time::Instant;
 use nsd_solver::fesd::{Stepper, SteppingSettings};
 use nsd_solver::simulate::Status;
 
-use super::{estimate, lower};
+use super::{estimate, judge_steps, lower};
 use crate::report::{Method, MethodOption, Trajectory};
 use crate::simulate::instants::Pulses;
 use crate::simulate::overlooked::Looking;
@@ -66,7 +66,7 @@ pub(in crate::simulate) fn run(
     let length = settings.horizon / options.steps as f64;
     let pulses = Pulses::of(system, settings.horizon);
     trajectory.warnings.extend(pulses.warning(length, settings));
-    trajectory.error_estimate = error;
+    judge_steps(&mut trajectory, error, settings);
     trajectory.stats.solve_s = started.elapsed().as_secs_f64();
     trajectory
 }

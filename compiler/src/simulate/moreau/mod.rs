@@ -14,7 +14,7 @@ use nsd_solver::simulate::Status as End;
 use self::free::Free;
 use self::record::Told;
 use super::adaptive::Inputs;
-use super::fesd::estimate_with;
+use super::fesd::{estimate_with, judge_steps};
 use super::instants::Pulses;
 use super::outcome::outside;
 use super::watch::{Progress, Watched};
@@ -106,7 +106,7 @@ pub(super) fn run(
     let length = settings.horizon / options.steps as f64;
     let pulses = Pulses::of(system, settings.horizon);
     trajectory.warnings.extend(pulses.warning(length, settings));
-    trajectory.error_estimate = error;
+    judge_steps(&mut trajectory, error, settings);
     trajectory.stats.solve_s = started.elapsed().as_secs_f64();
     trajectory
 }
