@@ -7,7 +7,6 @@ pub mod diagnostics;
 pub mod discretize;
 pub mod ensemble;
 pub mod explain;
-pub mod expr;
 pub mod golden;
 pub mod imports;
 pub mod model;
@@ -25,6 +24,7 @@ pub mod table;
 #[cfg(test)]
 mod testing;
 
+pub use nsd_expr as expr;
 use nsd_solver::tableau::Family;
 
 use self::clock::Clock;

@@ -1,8 +1,8 @@
 //! Instructions that a few workloads take, counted by Valgrind: the same on a busy machine as on an idle one.
 //!
 //! ```sh
-//! cargo run --release -p nsd-tests --example instructions              # compares with tests/instructions.csv
-//! cargo run --release -p nsd-tests --example instructions -- --accept  # writes it
+//! cargo run --profile dist -p nsd-tests --example instructions              # compares with tests/instructions.csv
+//! cargo run --profile dist -p nsd-tests --example instructions -- --accept  # writes it
 //! ```
 //!
 //! Each workload runs in two processes, once and several times; the difference is what one run takes, without start and

@@ -1,6 +1,6 @@
 //! What experiments leave out, and what that saves: writes `tests/SKIPPED.md`.
 //!
-//! `cargo run --release -p nsd-tests --example skipped`
+//! `cargo run --profile dist -p nsd-tests --example skipped`
 //!
 //! Off is on with one difference: without its `output` list an experiment keeps the whole model. So each experiment of
 //! the examples is run as it stands, without its list, and for one state alone, by the method that it names.
@@ -219,7 +219,7 @@ impl Measured {
 fn page(examples: &[Example]) -> String {
     let mut page = String::from(
         "# What is skipped\n\n\
-         Made by `cargo run --release -p nsd-tests --example skipped`.\n\
+         Made by `cargo run --profile dist -p nsd-tests --example skipped`.\n\
          Times are those of the fastest of several runs, from the parsed text to the end, without an estimate of the error; counts are the same on every machine.\n\n",
     );
     page.push_str(&asked(examples));

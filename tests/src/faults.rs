@@ -108,6 +108,7 @@ impl Test {
     /// The folder of its package, from the root of the workspace.
     pub fn folder(&self) -> &'static str {
         match &self.package[..] {
+            "nsd-expr" => "compiler/expr",
             "nsd-solver" => "solver",
             "nsdc" => "compiler",
             _ => "tests",

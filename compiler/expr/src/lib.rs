@@ -37,8 +37,7 @@ pub use evaluate::Evaluator;
 pub use function::{BinaryFunction, Function};
 pub use interval::Interval;
 pub use operators::{dot, sum};
-pub(crate) use rewrite::transform;
-pub use rewrite::{Reach, Substitution, n_nodes_of, rewrite, rewrite_all, variables_of};
+pub use rewrite::{Reach, Substitution, n_nodes_of, rewrite, rewrite_all, transform, variables_of};
 
 /// The owner of all nodes.
 #[derive(Debug, Default)]

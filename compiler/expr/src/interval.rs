@@ -253,7 +253,7 @@ impl Mul for Interval {
 #[cfg(test)]
 mod tests {
     use super::Interval;
-    use crate::expr::{BinaryFunction, Function};
+    use crate::{BinaryFunction, Function};
 
     /// Numbers of [0, 1) without a pattern.
     fn noise(k: usize) -> f64 {

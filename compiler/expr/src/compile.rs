@@ -193,7 +193,7 @@ mod tests {
     use insta::assert_snapshot;
 
     use super::*;
-    use crate::expr::Exprs;
+    use crate::Exprs;
 
     fn tape(inputs: &[Expr], outputs: &[Expr]) -> Tape {
         let inputs: Vec<Var> = inputs

@@ -135,7 +135,7 @@ impl Expr<'_> {
 #[cfg(test)]
 mod tests {
     use super::Evaluator;
-    use crate::expr::Exprs;
+    use crate::Exprs;
 
     #[test]
     fn what_cancels_is_no_larger_than_its_running_error() {

@@ -142,7 +142,7 @@ impl<'e> Expr<'e> {
 
 #[cfg(test)]
 mod tests {
-    use crate::expr::Exprs;
+    use crate::Exprs;
 
     #[test]
     fn identities_cancel_however_they_are_written() {

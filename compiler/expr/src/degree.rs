@@ -52,7 +52,7 @@ impl Expr<'_> {
 
 #[cfg(test)]
 mod tests {
-    use crate::expr::Exprs;
+    use crate::Exprs;
 
     #[test]
     fn degrees_are_read_off_the_form() {

@@ -2,7 +2,7 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use crate::expr::Function;
+use crate::Function;
 
 const EPSILON: f64 = f64::EPSILON;
 

@@ -256,7 +256,7 @@ mod tests {
     use insta::assert_snapshot;
 
     use super::*;
-    use crate::expr::{Exprs, variables_of};
+    use crate::{Exprs, variables_of};
 
     fn show(jacobian: &SparseJacobian) -> String {
         let line = |(i, j, entry): &(usize, usize, Expr)| format!("{i} {j}: {entry}\n");

@@ -78,7 +78,7 @@ pub fn rewrite_all<'e>(
 }
 
 /// Rewrites bottom-up by a function of a node and of that node over rewritten children.
-pub(crate) fn transform<'e>(
+pub fn transform<'e>(
     roots: &[Expr<'e>],
     f: &mut impl FnMut(Expr<'e>, Expr<'e>) -> Expr<'e>,
 ) -> Vec<Expr<'e>> {
