@@ -352,3 +352,64 @@ proptest! {
         );
     }
 }
+
+proptest! {
+    /// A tape with numbers in place of inputs is the same function of the others, and of those that it reads only.
+    #[test]
+    fn a_specialized_tape_is_the_same_function(
+        choices in prop::collection::vec((any::<u8>(), 0..50usize, 0..50usize, -1.5..1.5f64), 1..25),
+        point in prop::array::uniform3(-1.0..1.0f64),
+        known in prop::array::uniform3(prop::option::of(prop::sample::select(vec![0.0, 0.5, 1.0]))),
+    ) {
+        let tape = build(&choices);
+        let whole: Vec<f64> = (0..3).map(|i| known[i].unwrap_or(point[i])).collect();
+        let (special, inputs) = tape.specialize(|input| known[input]);
+        prop_assert!(inputs.iter().all(|&input| known[input].is_none()));
+        let reduced: Vec<f64> = inputs.iter().map(|&input| whole[input]).collect();
+        for (found, expected) in eval(&special, &reduced).iter().zip(eval(&tape, &whole)) {
+            prop_assert!((found - expected).abs() <= 1e-10 * (1.0 + expected.abs()), "{}\n{}", tape, special);
+        }
+    }
+
+    /// Partial derivatives by some inputs are columns of the Jacobian.
+    #[test]
+    fn partials_are_columns_of_the_jacobian(
+        choices in prop::collection::vec((any::<u8>(), 0..50usize, 0..50usize, -1.5..1.5f64), 1..25),
+        point in prop::array::uniform3(-1.0..1.0f64),
+        by in prop::array::uniform3(any::<bool>()),
+    ) {
+        let tape = build(&choices);
+        let (entries, partials) = tape.partials(|input| by[input]);
+        prop_assert!(entries.is_sorted());
+        let of_all = sorted(values(&tape.jacobian(3), &point));
+        let columns: Vec<_> = of_all.iter().filter(|((_, j), _)| by[*j as usize]).collect();
+        prop_assert_eq!(entries.len(), columns.len());
+        for ((&(i, j), found), ((row, column), expected)) in entries.iter().zip(eval(&partials, &point)).zip(columns) {
+            prop_assert_eq!((i, j), (*row as usize, *column as usize));
+            prop_assert!((found - expected).abs() <= 1e-12 * (1.0 + expected.abs()), "{}", tape);
+        }
+    }
+}
+
+/// f = a x + b² t - (x - 3)/4: with numbers for a and b it is a sum of multiples of x and t.
+#[test]
+fn what_is_linear_by_its_structure_is_told() {
+    let mut b = Tape::builder(4);
+    let [x, t, a, k] = [0, 1, 2, 3].map(|input| b.input(input));
+    let (ax, square) = (b.mul(a, x), b.square(k));
+    let steady = b.mul(square, t);
+    let shifted = b.offset(-3.0, x);
+    let four = b.constant(4.0);
+    let quarter = b.div(shifted, four);
+    let sum = b.add(ax, steady);
+    let f = b.sub(sum, quarter);
+    let tape = b.finish(&[f]);
+    let known = |input: usize| [None, None, Some(2.0), Some(3.0)][input];
+    let linear = tape.linear(known).unwrap();
+    assert_eq!(linear.terms, [(0, 1.75), (1, 9.0)]);
+    assert_eq!(linear.constant, 0.75);
+    assert!(tape.linear(|input| known(input).filter(|_| input == 2)).is_none());
+    // Where a = 1/4 the terms of x cancel.
+    let cancelled = tape.linear(|input| [None, None, Some(0.25), Some(3.0)][input]);
+    assert_eq!(cancelled.unwrap().terms, [(1, 9.0)]);
+}

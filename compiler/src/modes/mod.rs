@@ -30,15 +30,15 @@ const HALVINGS: usize = 60;
 const FLAT: f64 = 1e-3;
 
 /// Finds the sliding modes of a switch for values of some states.
-struct Sampler<'s, 'e> {
-    simulator: Simulator<'s, Switched<'e>>,
+struct Sampler<'s> {
+    simulator: Simulator<'s, Switched>,
     start: Vec<f64>,
     switch: usize,
     reading: Option<&'s NamedReading>,
 }
 
-impl<'s, 'e> Sampler<'s, 'e> {
-    fn new(system: &'s System<'e>, switched: &'s Switched<'e>, switch: usize) -> Self {
+impl<'s> Sampler<'s> {
+    fn new(system: &'s System, switched: &'s Switched, switch: usize) -> Self {
         Sampler {
             simulator: Simulator::new(switched, Settings::default()),
             start: system.states.iter().map(|state| state.initial).collect(),

@@ -78,7 +78,7 @@ pub(super) struct Reduced<'r, 'p, 'e> {
     at_place: Vec<Vec<usize>>,
     /// The parameters and the horizon that `prepared` is made with.
     params: Vec<f64>,
-    prepared: Prepared<'e>,
+    prepared: Prepared,
     /// When no more runs begin.
     deadline: Option<Instant>,
 }
@@ -341,7 +341,7 @@ fn initial(problem: &Problem, w: &[f64]) -> Vec<f64> {
     x0
 }
 
-fn prepared<'e>(problem: &Problem<'_, 'e>, w: &[f64]) -> Prepared<'e> {
+fn prepared(problem: &Problem, w: &[f64]) -> Prepared {
     let system = solved::system(problem, w);
     Prepared::new(&system, problem.horizon(w), TOLERANCE)
 }

@@ -13,8 +13,8 @@ use crate::system::System;
 use crate::table::Table;
 
 /// A system that is ready to be run.
-pub(crate) struct Prepared<'e> {
-    switched: Switched<'e>,
+pub(crate) struct Prepared {
+    switched: Switched,
     tolerance: f64,
 }
 
@@ -29,9 +29,9 @@ pub(crate) struct Values {
     pub steps: usize,
 }
 
-impl<'e> Prepared<'e> {
+impl Prepared {
     /// A system as it stands, for runs to about this horizon.
-    pub fn new(system: &System<'e>, horizon: f64, tolerance: f64) -> Self {
+    pub fn new(system: &System, horizon: f64, tolerance: f64) -> Self {
         Prepared {
             switched: Switched::new(system).over(system, horizon),
             tolerance,
@@ -39,7 +39,7 @@ impl<'e> Prepared<'e> {
     }
 
     /// A simulator of it, for several runs that take no longer than this each.
-    pub fn simulator(&self, time_limit: Option<Duration>) -> Simulator<'_, Switched<'e>> {
+    pub fn simulator(&self, time_limit: Option<Duration>) -> Simulator<'_, Switched> {
         let settings = solver::Settings {
             tolerance: self.tolerance,
             time_limit,
@@ -56,7 +56,7 @@ impl<'e> Prepared<'e> {
 
 /// A run to the horizon, with values at ascending instants; nothing where it ends before.
 pub(crate) fn values(
-    simulator: &mut Simulator<'_, Switched<'_>>,
+    simulator: &mut Simulator<'_, Switched>,
     x0: &[f64],
     horizon: f64,
     instants: &[f64],

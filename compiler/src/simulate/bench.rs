@@ -78,7 +78,7 @@ pub struct Bench<'s, 'e> {
     system: &'s System<'e>,
     settings: &'s Settings<'e>,
     x0: Vec<f64>,
-    switched: Switched<'e>,
+    switched: Switched,
     /// Or why there is none.
     complementarity: Result<Complementarity<'e>, String>,
     /// Solves that are timed, at most.

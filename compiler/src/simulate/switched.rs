@@ -1,9 +1,8 @@
-//! A [`System`] as the simulator sees it: blocks of rates and surfaces, compiled for local sides.
+//! A [`System`] as the simulator sees it: blocks of rates and surfaces, for local sides.
 //!
-//! Parameters are numbers by now, and α of a switch that does not slide is 0 or 1. Both are
-//! substituted before anything is compiled, so that a function holds what its sides need and
-//! nothing else. What was compiled is kept: it serves every simulator of the system, and all blocks
-//! and surfaces of one form.
+//! Functions are compiled once, with numbers for parameters and α as inputs. α of a switch that does not slide is 0 or 1:
+//! tapes are specialized to that, so that a function holds what its sides need and nothing else, and differentiated as
+//! tapes. What was made is kept: it serves every simulator of the system, and all blocks and surfaces of one form.
 
 use std::cell::RefCell;
 use std::ops::Range;
@@ -16,21 +15,18 @@ use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::blocks;
 use super::data::Pieces;
-use super::forms::{self, Copy, Form};
-use super::functions::{
-    CompiledRates, CompiledSurface, Known, Place, affine, kept, partials, tape,
-};
+use super::forms::{self, Copy};
+use super::functions::{Argument, FormRates, FormSurface, Generic, Known, kept};
 use super::instants::Pulses;
 use super::laws;
 use super::structure::{self, Structure};
 use super::substituted::{numbers, variable, with_directions, with_numbers, with_roots};
-use crate::expr::{self, Expr, Exprs, Node, Substitution, Var};
+use crate::expr::{Expr, Var};
 use crate::system::{self, System};
 use crate::table::Table;
 
 /// x' = f(t, x, α) with the parameters of one experiment.
-pub struct Switched<'e> {
-    exprs: &'e Exprs,
+pub struct Switched {
     /// What every variable stands for.
     inputs: FxHashMap<Var, Input>,
     continuous: Vec<bool>,
@@ -39,9 +35,6 @@ pub struct Switched<'e> {
     across: Vec<Option<usize>>,
     /// Switches on whose upper side slip velocities with two entries are in no rate.
     idle_above: Vec<Vec<usize>>,
-    /// The variables σ, and the α of switches that rest where they slide.
-    sticking: FxHashSet<Var>,
-    resting: FxHashSet<Var>,
     /// Whether rates contain roots of ψ.
     roots: Vec<bool>,
     roles: Vec<Role>,
@@ -64,23 +57,23 @@ pub struct Switched<'e> {
     /// Where the derivatives of ψ_i along the solution stand in `switching`, up to the one whose rate
     /// contains an α.
     derivatives: Vec<Range<usize>>,
-    rates: Shared<'e>,
+    rates: Shared,
     /// All ψ, and behind them their derivatives.
-    switching: Shared<'e>,
-    known_rates: Known<CompiledRates>,
-    known_surfaces: Known<CompiledSurface>,
+    switching: Shared,
+    known_rates: Known<FormRates>,
+    known_surfaces: Known<FormSurface>,
     known_jacobians: Known<Arc<Partials>>,
 }
 
 /// Functions by their forms.
-struct Shared<'e> {
-    forms: Vec<Form<'e>>,
+struct Shared {
+    forms: Vec<Generic>,
     copies: Vec<Copy>,
 }
 
-impl<'e> Switched<'e> {
-    /// Substitutes the parameters and the polynomials of data.
-    pub fn new(system: &System<'e>) -> Self {
+impl Switched {
+    /// Substitutes the parameters and the polynomials of data, and compiles what is left.
+    pub fn new(system: &System) -> Self {
         let exprs = system.exprs;
         let [folded, switching] = with_numbers(system);
         let idle_above = structure::idle_above(system, &folded);
@@ -127,17 +120,26 @@ impl<'e> Switched<'e> {
         let resting = rooted.iter().filter(|(i, _)| continuous[*i]);
         let resting: FxHashSet<Var> = resting.map(|&(i, _)| alphas[i]).collect();
         let sticks: FxHashSet<Var> = sticking.iter().map(|&(_, sigma)| sigma).collect();
-        let kind = |var: Var| match inputs[&var] {
-            Input::Time => 0,
-            Input::Alpha(_) if sticks.contains(&var) => 5,
-            Input::Alpha(_) if resting.contains(&var) => 6,
-            Input::Alpha(switch) => 1 + u64::from(continuous[switch]),
-            Input::Coefficient(_) => 4,
-            _ => 3,
+        let argument = |var: Var| match inputs[&var] {
+            Input::Time => Argument::Time,
+            Input::Coefficient(_) => Argument::Coefficient,
+            Input::Alpha(_) if sticks.contains(&var) => Argument::Sticking,
+            Input::Alpha(_) if resting.contains(&var) => Argument::Resting,
+            Input::Alpha(_) => Argument::Alpha,
+            _ => Argument::State,
         };
-        let share = |groups: &[Vec<Expr<'e>>]| {
+        // Only continuous switches stay inputs of ψ.
+        let kind = |var: Var| match inputs[&var] {
+            Input::Alpha(switch) => 8 * u64::from(continuous[switch]) + argument(var) as u64,
+            _ => argument(var) as u64,
+        };
+        let share = |groups: &[Vec<Expr>]| {
             let (forms, copies) = forms::share(exprs, groups, kind);
-            Shared { forms, copies }
+            let forms = forms.iter().map(|form| Generic::new(form, argument));
+            Shared {
+                forms: forms.collect(),
+                copies,
+            }
         };
         let groups = blocks.iter().map(|block| {
             let states = block.states.iter();
@@ -160,7 +162,6 @@ impl<'e> Switched<'e> {
             rates: share(&groups),
             switching: share(&surfaces),
             derivatives,
-            exprs,
             couplings,
             blocks,
             continuous,
@@ -176,8 +177,6 @@ impl<'e> Switched<'e> {
                 .map(|switch| switch.across)
                 .collect(),
             idle_above,
-            sticking: sticks,
-            resting,
             roots,
             roles: (system.switches.iter())
                 .map(|switch| match switch.role {
@@ -200,7 +199,7 @@ impl<'e> Switched<'e> {
     }
 
     /// Lets no step pass over where functions of time are narrow, in a run from 0 to the horizon.
-    pub fn over(mut self, system: &System<'e>, horizon: f64) -> Self {
+    pub fn over(mut self, system: &System, horizon: f64) -> Self {
         self.pulses = Pulses::of(system, horizon);
         self
     }
@@ -215,15 +214,6 @@ impl<'e> Switched<'e> {
         self.known_rates.borrow().len() + self.known_surfaces.borrow().len()
     }
 
-    /// What a variable of a form stands for in the first of its copies; none for a hole.
-    fn input(&self, var: Var) -> Option<Input> {
-        self.inputs.get(&var).copied()
-    }
-
-    fn is_alpha(&self, var: Var) -> bool {
-        matches!(self.input(var), Some(Input::Alpha(_)))
-    }
-
     /// The key of what is compiled for a copy whose `switches` are on these sides: its form, and the
     /// sides in the order of the form.
     fn key(&self, copy: &Copy, switches: &[usize], sides: &[Side]) -> (usize, Box<[Side]>) {
@@ -234,162 +224,36 @@ impl<'e> Switched<'e> {
         (copy.form, copy.vars.iter().filter_map(side).collect())
     }
 
-    /// The functions of a form on certain sides.
-    fn on_sides(&self, form: &Form<'e>, sides: &[Side]) -> Vec<Expr<'e>> {
-        let alphas = form.vars.iter().filter(|var| self.is_alpha(**var));
-        let mut fixed = Substitution::new();
-        for (&alpha, side) in alphas.zip(sides) {
-            match side {
-                Side::Minus => fixed.insert(alpha, self.exprs.constant(0.0)),
-                Side::Plus if self.sticking.contains(&alpha) => {
-                    fixed.insert(alpha, self.exprs.constant(0.0));
-                }
-                Side::Plus => fixed.insert(alpha, self.exprs.constant(1.0)),
-                Side::Slide if self.sticking.contains(&alpha) => {
-                    fixed.insert(alpha, self.exprs.constant(1.0));
-                }
-                // Where it rests nothing depends on it.
-                Side::Slide if self.resting.contains(&alpha) => {
-                    fixed.insert(alpha, self.exprs.constant(0.5));
-                }
-                Side::Slide => {}
-            }
-        }
-        fixed.apply(&form.functions)
-    }
-
-    /// Where the variables of a function are in its form.
-    fn places(&self, form: &Form, vars: &[Var]) -> Vec<Place> {
-        let of_vars = form.vars.iter().enumerate();
-        let of_vars = of_vars.map(|(at, &var)| (var, Place::Var(at)));
-        let of_holes = form.holes.iter().enumerate();
-        let of_holes = of_holes.map(|(at, &var)| (var, Place::Hole(at)));
-        let places: FxHashMap<Var, Place> = of_vars.chain(of_holes).collect();
-        vars.iter().map(|var| places[var]).collect()
-    }
-
     /// What inputs of a form stand for in a copy.
-    fn resolve(&self, copy: &Copy, places: &[Place]) -> Vec<Input> {
-        let resolve = |place: &Place| match place {
-            Place::Var(at) => self.inputs[&copy.vars[*at]],
-            Place::Hole(at) => Input::Number(copy.numbers[*at]),
+    fn resolve(&self, copy: &Copy, places: impl IntoIterator<Item = usize>) -> Vec<Input> {
+        let resolve = |place: usize| match copy.vars.get(place) {
+            Some(var) => self.inputs[var],
+            None => Input::Number(copy.numbers[place - copy.vars.len()]),
         };
-        places.iter().map(resolve).collect()
-    }
-
-    fn compile_rates(&self, form: &Form<'e>, sides: &[Side]) -> CompiledRates {
-        let rates = self.on_sides(form, sides);
-        let vars = expr::variables_of(&rates);
-        let (sliding, _) = self.split(&vars);
-        CompiledRates {
-            inputs: self.places(form, &vars),
-            field: Arc::new(tape(&vars, &rates)),
-            by_alpha: Arc::new(partials(&vars, &rates, &sliding)),
-        }
-    }
-
-    fn compile_jacobian(&self, form: &Form<'e>, sides: &[Side]) -> Arc<Partials> {
-        let rates = self.on_sides(form, sides);
-        let vars = expr::variables_of(&rates);
-        let states = vars.iter().copied();
-        let states = states.filter(|&var| matches!(self.input(var), Some(Input::State(_))));
-        let states: Vec<Var> = states.collect();
-        Arc::new(partials(&vars, &rates, &states))
-    }
-
-    /// α, and states and time, among the variables of a form.
-    fn split(&self, vars: &[Var]) -> (Vec<Var>, Vec<Var>) {
-        let varies = |var: &Var| {
-            let input = self.input(*var);
-            input.is_some_and(|input| !matches!(input, Input::Coefficient(_)))
-        };
-        let varying = vars.iter().copied().filter(varies);
-        varying.partition(|&var| self.is_alpha(var))
-    }
-
-    fn compile_surface(&self, form: &Form<'e>, sides: &[Side]) -> CompiledSurface {
-        let psi = self.on_sides(form, sides)[0];
-        if let Some(terms) = self.affine(form, psi) {
-            return CompiledSurface::Affine(terms);
-        }
-        let vars = expr::variables_of(&[psi]);
-        let (alphas, smooth) = self.split(&vars);
-        let entries = expr::jacobian(&[psi], &smooth).entries;
-        let slopes: Vec<_> = entries.iter().map(|&(.., entry)| entry).collect();
-        let gradient = partials(&vars, &[psi], &smooth);
-        let mut mixed = partials(&vars, &slopes, &alphas);
-        for (function, _) in &mut mixed.entries {
-            *function = gradient.entries[*function].1;
-        }
-        CompiledSurface::Smooth {
-            inputs: self.places(form, &vars),
-            psi: Arc::new(tape(&vars, &[psi])),
-            gradient: Arc::new(gradient),
-            mixed: Arc::new(mixed),
-        }
+        places.into_iter().map(resolve).collect()
     }
 
     /// A ψ, or a derivative of one, with the switches in it on these sides.
     fn function(&self, at: usize, switches: &[usize], sides: &[Side]) -> Surface {
         let copy = &self.switching.copies[at];
         let key = self.key(copy, switches, sides);
-        let mut known = self.known_surfaces.borrow_mut();
         let form = &self.switching.forms[copy.form];
-        let surface = kept(&mut known, key, |sides| self.compile_surface(form, sides));
-        match surface {
-            CompiledSurface::Affine(terms) => {
-                let terms = terms
-                    .iter()
-                    .map(|(factors, c)| (self.resolve(copy, factors), *c));
-                Surface::Affine(affine(terms))
-            }
-            CompiledSurface::Smooth {
-                inputs,
-                psi,
-                gradient,
-                mixed,
-            } => Surface::Smooth(Smooth {
-                inputs: self.resolve(copy, inputs),
-                psi: psi.clone(),
-                gradient: gradient.clone(),
-                mixed: mixed.clone(),
-            }),
+        let inputs = self.resolve(copy, 0..copy.vars.len() + copy.numbers.len());
+        if let Some(affine) = form.affine(&key.1, &inputs) {
+            return Surface::Affine(affine);
         }
-    }
-
-    /// ψ as a sum of fixed multiples of states and time, where it is one.
-    fn affine(&self, form: &Form<'e>, psi: Expr<'e>) -> Option<Vec<(Vec<Place>, f64)>> {
-        let (constant, terms) = match psi.node() {
-            Node::Constant(constant) => (constant, Vec::new()),
-            Node::Sum { constant, terms } => (constant, terms),
-            _ => (0.0, vec![(1.0, psi)]),
-        };
-        let mut found = vec![(Vec::new(), constant)];
-        for (c, term) in terms {
-            let factors = match term.node() {
-                Node::Variable(var) => vec![var],
-                Node::Product(factors) => {
-                    let linear =
-                        |(factor, power): (Expr, i32)| factor.as_variable().filter(|_| power == 1);
-                    factors.into_iter().map(linear).collect::<Option<_>>()?
-                }
-                _ => return None,
-            };
-            let moving = factors.iter().filter(|&&var| self.input(var).is_some());
-            let changes = |&var: &Var| {
-                let input = self.input(var);
-                matches!(input, Some(Input::Alpha(_) | Input::Coefficient(_)))
-            };
-            if moving.count() > 1 || factors.iter().any(changes) {
-                return None;
-            }
-            found.push((self.places(form, &factors), c));
-        }
-        Some(found)
+        let mut known = self.known_surfaces.borrow_mut();
+        let surface = kept(&mut known, key, |sides| form.surface(sides));
+        Surface::Smooth(Smooth {
+            inputs: self.resolve(copy, surface.inputs.iter().copied()),
+            psi: surface.psi.clone(),
+            gradient: surface.gradient.clone(),
+            mixed: surface.mixed.clone(),
+        })
     }
 }
 
-impl SwitchedSystem for Switched<'_> {
+impl SwitchedSystem for Switched {
     fn n_states(&self) -> usize {
         self.blocks.iter().map(|block| block.states.len()).sum()
     }
@@ -484,9 +348,9 @@ impl SwitchedSystem for Switched<'_> {
         let key = self.key(copy, &self.blocks[block].switches, sides);
         let mut known = self.known_rates.borrow_mut();
         let form = &self.rates.forms[copy.form];
-        let rates = kept(&mut known, key, |sides| self.compile_rates(form, sides));
+        let rates = kept(&mut known, key, |sides| form.rates(sides));
         Rates {
-            inputs: self.resolve(copy, &rates.inputs),
+            inputs: self.resolve(copy, rates.inputs.iter().copied()),
             field: rates.field.clone(),
             by_alpha: rates.by_alpha.clone(),
         }
@@ -509,8 +373,10 @@ impl SwitchedSystem for Switched<'_> {
     fn jacobian(&self, block: usize, sides: &[Side]) -> Arc<Partials> {
         let copy = &self.rates.copies[block];
         let key = self.key(copy, &self.blocks[block].switches, sides);
-        let mut known = self.known_jacobians.borrow_mut();
         let form = &self.rates.forms[copy.form];
-        kept(&mut known, key, |sides| self.compile_jacobian(form, sides)).clone()
+        let mut rates = self.known_rates.borrow_mut();
+        let rates = kept(&mut rates, key.clone(), |sides| form.rates(sides));
+        let mut known = self.known_jacobians.borrow_mut();
+        kept(&mut known, key, |_| Arc::new(form.jacobian(rates))).clone()
     }
 }

@@ -33,22 +33,37 @@ pub struct Derivative {
 }
 
 impl Tape {
+    /// The Jacobian of the outputs by some of the inputs, as a tape of the same inputs with one output per entry that is
+    /// not structurally zero; output and input of each, in order.
+    pub fn partials(&self, by: impl Fn(usize) -> bool) -> (Vec<(usize, usize)>, Self) {
+        let mut sweep = Sweep::new(self, by, 0);
+        let (mut entries, mut terms) = (Vec::new(), Vec::new());
+        for i in 0..self.n_outputs() {
+            let adjoints = sweep.gradient(sweep.outputs[i]).into_iter();
+            for (j, term) in adjoints.filter(|(_, term)| !term.is_zero()) {
+                entries.push((i, j as usize));
+                terms.push(term.place(&mut sweep.builder));
+            }
+        }
+        (entries, sweep.builder.finish(&terms))
+    }
+
     /// The Jacobian of the outputs by the first `n` inputs, as functions of all inputs.
     pub fn jacobian(&self, n: usize) -> Derivative {
-        let mut sweep = Sweep::new(self, n, 0);
+        let mut sweep = Sweep::new(self, |input| input < n, 0);
         let mut entries = Vec::new();
         for i in 0..self.n_outputs() {
             let adjoints = sweep.gradient(sweep.outputs[i]);
             entries.extend(adjoints.into_iter().map(|(j, term)| ((i as u32, j), term)));
         }
-        sweep.finish(entries)
+        sweep.finish(n, entries)
     }
 
     /// The lower triangle of the Hessian of Σ y_i out_i by the first `n` inputs; y are inputs behind those of the tape.
     pub fn hessian(&self, n: usize) -> Derivative {
-        let mut sweep = Sweep::new(self, n, self.n_outputs());
+        let mut sweep = Sweep::new(self, |input| input < n, self.n_outputs());
         let entries = sweep.curvature();
-        sweep.finish(entries)
+        sweep.finish(n, entries)
     }
 }
 
@@ -58,8 +73,6 @@ struct Sweep<'t> {
     /// Its instructions and outputs, depth first.
     instructions: Vec<Instruction>,
     outputs: Vec<Slot>,
-    /// How many inputs are differentiated by; they come first.
-    n: u32,
     builder: TapeBuilder,
     /// The tape's values in the new one.
     terms: Vec<Term>,
@@ -73,12 +86,13 @@ struct Sweep<'t> {
 type Adjoints = BTreeMap<Slot, Term>;
 
 impl<'t> Sweep<'t> {
-    fn new(tape: &'t Tape, n: usize, n_weights: usize) -> Self {
-        assert!(n <= tape.n_inputs, "derivatives are by inputs of the tape");
+    fn new(tape: &'t Tape, by: impl Fn(usize) -> bool, n_weights: usize) -> Self {
         let mut builder = Tape::builder(tape.n_inputs + n_weights);
         let mut terms = vec![Term::ZERO; tape.n_values];
         let mut active = vec![false; tape.n_values];
-        active[..n].fill(true);
+        for (input, active) in active[..tape.n_inputs].iter_mut().enumerate() {
+            *active = by(input);
+        }
         for (i, term) in terms[..tape.n_inputs].iter_mut().enumerate() {
             *term = Term::value(builder.input(i));
         }
@@ -100,7 +114,6 @@ impl<'t> Sweep<'t> {
             tape,
             instructions,
             outputs,
-            n: n as u32,
             builder,
             terms,
             makers,
@@ -196,7 +209,7 @@ impl<'t> Sweep<'t> {
                 accumulate(&mut adjoints, operand, term, b);
             }
         }
-        let inputs = pairs.into_iter().take(self.n as usize).enumerate();
+        let inputs = pairs.into_iter().take(self.tape.n_inputs).enumerate();
         let entries = inputs.flat_map(|(i, row)| {
             let row = row.into_iter();
             row.map(move |(j, term)| ((i as u32, j), term))
@@ -205,14 +218,14 @@ impl<'t> Sweep<'t> {
     }
 
     /// Splits the entries by what they depend on.
-    fn finish(self, entries: Vec<((u32, u32), Term)>) -> Derivative {
+    fn finish(self, n: usize, entries: Vec<((u32, u32), Term)>) -> Derivative {
         let mut builder = self.builder;
         let entries = entries.into_iter().filter(|(_, term)| !term.is_zero());
         let placed: Vec<((u32, u32), Value)> = entries
             .map(|(entry, term)| (entry, term.place(&mut builder)))
             .collect();
         let n_inputs = self.tape.n_inputs;
-        let changes = builder.depends(|input| input < self.n as usize || input >= n_inputs);
+        let changes = builder.depends(|input| input < n || input >= n_inputs);
         let (changing, fixed): (Vec<_>, Vec<_>) =
             placed.into_iter().partition(|&(_, value)| changes(value));
         let values = |entries: &[((u32, u32), Value)]| -> Vec<Value> {

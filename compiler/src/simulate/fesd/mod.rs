@@ -193,7 +193,7 @@ fn tell(
 /// of several sliding modes is taken: `guide` does.
 pub(super) fn simulator<'s, 'e>(
     complementarity: &'s Complementarity<'e>,
-    guide: Option<&'s Switched<'e>>,
+    guide: Option<&'s Switched>,
     settings: fesd::Settings,
 ) -> Simulator<'s, Complementarity<'e>> {
     let simulator = Simulator::new(complementarity, settings);

@@ -29,7 +29,7 @@ const ROUNDING: f64 = 1e-9;
 
 /// How a frozen system is run.
 enum Road<'e> {
-    Events(Box<Switched<'e>>),
+    Events(Box<Switched>),
     Elements(Box<Complementarity<'e>>, FesdOptions, Formulation),
 }
 
