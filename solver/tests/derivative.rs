@@ -408,7 +408,10 @@ fn what_is_linear_by_its_structure_is_told() {
     let linear = tape.linear(known).unwrap();
     assert_eq!(linear.terms, [(0, 1.75), (1, 9.0)]);
     assert_eq!(linear.constant, 0.75);
-    assert!(tape.linear(|input| known(input).filter(|_| input == 2)).is_none());
+    assert!(
+        tape.linear(|input| known(input).filter(|_| input == 2))
+            .is_none()
+    );
     // Where a = 1/4 the terms of x cancel.
     let cancelled = tape.linear(|input| [None, None, Some(0.25), Some(3.0)][input]);
     assert_eq!(cancelled.unwrap().terms, [(1, 9.0)]);

@@ -33,9 +33,9 @@ pub struct Derivative {
 }
 
 impl Tape {
-    /// The Jacobian of the outputs by some of the inputs, as a tape of the same inputs with one output per entry that is
-    /// not structurally zero; output and input of each, in order.
-    pub fn partials(&self, by: impl Fn(usize) -> bool) -> (Vec<(usize, usize)>, Self) {
+    /// The derivatives of the outputs by some of the inputs, as a tape of the same inputs, with output and input of each,
+    /// in order.
+    pub(super) fn slopes(&self, by: impl Fn(usize) -> bool) -> (Vec<(usize, usize)>, Self) {
         let mut sweep = Sweep::new(self, by, 0);
         let (mut entries, mut terms) = (Vec::new(), Vec::new());
         for i in 0..self.n_outputs() {

@@ -1,14 +1,17 @@
 //! A tape with numbers in place of some of its inputs: what they decide is computed once, and what they cancel is gone.
+//!
+//! Sums are collected: values are c + Σ c_i v_i over results of other operations, so that terms that cancel leave nothing,
+//! rounding included, and are computed where another operation or an output reads them.
 
 use super::partial::replay;
 use super::term::Term;
-use super::{Op, Slot, Tape, UNUSED};
+use super::{Op, Slot, Tape, TapeBuilder, UNUSED, Value};
 
-/// A sum of multiples of inputs and a number.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Linear {
-    /// Inputs in order, with coefficients that are not zero.
-    pub terms: Vec<(usize, f64)>,
+/// A sum of multiples of inputs, or of values, and a number.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Linear<K = usize> {
+    /// What is summed, in order, with coefficients that are not zero.
+    pub terms: Vec<(K, f64)>,
     /// The number.
     pub constant: f64,
 }
@@ -16,38 +19,83 @@ pub struct Linear {
 impl Tape {
     /// The tape with these numbers, as a function of the inputs that it still needs; which ones, in order.
     pub fn specialize(&self, number: impl Fn(usize) -> Option<f64>) -> (Self, Vec<usize>) {
-        let builder = Tape::builder(self.n_inputs);
-        let input = |i: usize| match number(i) {
-            Some(number) => Term::Number(number),
-            None => Term::value(builder.input(i)),
-        };
-        let tape = self.replayed(self.n_inputs, input);
+        let mut builder = Self::builder(self.n_inputs);
+        let outputs = self.collect(&mut builder, |i, b| match number(i) {
+            Some(number) => Linear::number(number),
+            None => Linear::of(b.input(i)),
+        });
+        let tape = finish(builder, &outputs);
         let needed = tape.needed_inputs();
-        let place = |i: usize| match needed.binary_search(&i) {
-            Ok(at) => Term::value(builder.input(at)),
-            Err(_) => Term::ZERO,
-        };
-        (tape.replayed(needed.len(), place), needed)
+        let mut builder = Self::builder(needed.len());
+        let outputs = tape.collect(&mut builder, |i, b| match needed.binary_search(&i) {
+            Ok(at) => Linear::of(b.input(at)),
+            Err(_) => Linear::number(0.0),
+        });
+        (finish(builder, &outputs), needed)
     }
 
-    /// The tape with terms of another one's inputs in place of its own.
-    fn replayed(&self, n_inputs: usize, input: impl Fn(usize) -> Term) -> Self {
-        let mut builder = Tape::builder(n_inputs);
-        let mut terms: Vec<Term> = (0..self.n_inputs).map(input).collect();
-        terms.resize(self.n_values, Term::ZERO);
+    /// The Jacobian of the outputs by some of the inputs, as a tape of the same inputs with one output per entry that is
+    /// not zero by its structure; output and input of each, in order.
+    pub fn partials(&self, by: impl Fn(usize) -> bool) -> (Vec<(usize, usize)>, Self) {
+        let (mut entries, tape) = self.slopes(by);
+        let mut builder = Self::builder(self.n_inputs);
+        let mut outputs = tape.collect(&mut builder, |i, b| Linear::of(b.input(i)));
+        let mut is_there = outputs.iter().map(|slope| slope.as_number() != Some(0.0));
+        entries.retain(|_| is_there.next() == Some(true));
+        outputs.retain(|slope| slope.as_number() != Some(0.0));
+        (entries, finish(builder, &outputs))
+    }
+
+    /// The first output as a sum of multiples of inputs, where it is one by its structure once some inputs are numbers.
+    pub fn linear(&self, number: impl Fn(usize) -> Option<f64>) -> Option<Linear> {
+        let input = |i: usize| match number(i) {
+            Some(number) => Linear::number(number),
+            None => Linear::of(i),
+        };
+        let mut sums: Vec<Option<Linear>> = (0..self.n_inputs).map(|i| Some(input(i))).collect();
+        sums.resize(self.n_values, None);
         for instruction in &self.values {
-            let made = replay(instruction.op, |slot| terms[slot as usize], &mut builder);
-            for (slot, term) in [instruction.out, instruction.second].into_iter().zip(made) {
+            let sum = instruction.op.linear(|slot| sums[slot as usize].as_ref());
+            if instruction.out != UNUSED {
+                sums[instruction.out as usize] = sum;
+            }
+        }
+        sums.swap_remove(self.outputs[0] as usize)
+    }
+
+    /// The outputs in another tape, with sums of its values in place of inputs.
+    fn collect(
+        &self,
+        builder: &mut TapeBuilder,
+        input: impl Fn(usize, &TapeBuilder) -> Linear<Value>,
+    ) -> Vec<Linear<Value>> {
+        let mut sums: Vec<_> = (0..self.n_inputs).map(|i| input(i, builder)).collect();
+        sums.resize(self.n_values, Linear::number(0.0));
+        for instruction in &self.values {
+            let made = match instruction.op.linear(|slot| Some(&sums[slot as usize])) {
+                Some(sum) => [sum, Linear::number(0.0)],
+                None => {
+                    let op = instruction.op;
+                    let operands: Vec<Slot> = op.operands().collect();
+                    let terms = operands
+                        .iter()
+                        .map(|&slot| sums[slot as usize].term(builder));
+                    let terms: Vec<Term> = terms.collect();
+                    let at = |slot: Slot| {
+                        let place = operands.iter().position(|&operand| operand == slot);
+                        terms[place.expect("an operation reads its operands")]
+                    };
+                    replay(op, at, builder).map(Linear::from)
+                }
+            };
+            for (slot, sum) in [instruction.out, instruction.second].into_iter().zip(made) {
                 if slot != UNUSED {
-                    terms[slot as usize] = term;
+                    sums[slot as usize] = sum;
                 }
             }
         }
         let outputs = self.outputs.iter();
-        let outputs: Vec<_> = outputs
-            .map(|&slot| terms[slot as usize].place(&mut builder))
-            .collect();
-        builder.finish(&outputs)
+        outputs.map(|&slot| sums[slot as usize].clone()).collect()
     }
 
     /// The inputs that an instruction or an output reads.
@@ -62,20 +110,35 @@ impl Tape {
     }
 }
 
-impl Linear {
+fn finish(mut builder: TapeBuilder, outputs: &[Linear<Value>]) -> Tape {
+    let outputs = outputs.iter();
+    let placed: Vec<Value> = outputs
+        .map(|sum| sum.term(&mut builder).place(&mut builder))
+        .collect();
+    builder.finish(&placed)
+}
+
+impl<K: Copy + Ord> Linear<K> {
     fn number(constant: f64) -> Self {
         Linear {
+            terms: Vec::new(),
             constant,
-            ..Linear::default()
+        }
+    }
+
+    fn of(key: K) -> Self {
+        Linear {
+            terms: vec![(key, 1.0)],
+            constant: 0.0,
         }
     }
 
     /// `self + c * other`.
     fn plus(mut self, c: f64, other: &Self) -> Self {
-        for &(input, factor) in &other.terms {
-            match self.terms.binary_search_by_key(&input, |term| term.0) {
+        for &(key, factor) in &other.terms {
+            match self.terms.binary_search_by_key(&key, |term| term.0) {
                 Ok(at) => self.terms[at].1 += c * factor,
-                Err(at) => self.terms.insert(at, (input, c * factor)),
+                Err(at) => self.terms.insert(at, (key, c * factor)),
             }
         }
         self.terms.retain(|term| term.1 != 0.0);
@@ -84,7 +147,7 @@ impl Linear {
     }
 
     fn times(&self, c: f64) -> Self {
-        Linear::default().plus(c, self)
+        Linear::number(0.0).plus(c, self)
     }
 
     fn as_number(&self) -> Option<f64> {
@@ -92,34 +155,53 @@ impl Linear {
     }
 }
 
-impl Tape {
-    /// The first output as a sum of multiples of inputs, where it is one by its structure once some inputs are numbers.
-    pub fn linear(&self, number: impl Fn(usize) -> Option<f64>) -> Option<Linear> {
-        let mut sums: Vec<Option<Linear>> = (0..self.n_inputs)
-            .map(|input| {
-                Some(match number(input) {
-                    Some(number) => Linear::number(number),
-                    None => Linear {
-                        terms: vec![(input, 1.0)],
-                        constant: 0.0,
-                    },
-                })
-            })
-            .collect();
-        sums.resize(self.n_values, None);
-        for instruction in &self.values {
-            let sum = instruction.op.linear(|slot| sums[slot as usize].as_ref());
-            if instruction.out != UNUSED {
-                sums[instruction.out as usize] = sum;
+impl Linear<Value> {
+    /// It as one term, computed where it is a sum.
+    fn term(&self, b: &mut TapeBuilder) -> Term {
+        match self.terms[..] {
+            [] => Term::Number(self.constant),
+            [(value, factor)] if self.constant == 0.0 => Term::Multiple(factor, value),
+            _ => Term::value(self.place(b)),
+        }
+    }
+
+    /// Starts with a term that needs no multiplication.
+    fn place(&self, b: &mut TapeBuilder) -> Value {
+        let start = self.terms.iter().position(|term| term.1 == 1.0);
+        let start = start.unwrap_or(0);
+        let mut constant = self.constant;
+        let (value, factor) = self.terms[start];
+        let mut total = match factor == -1.0 {
+            true => b.subtract_from(std::mem::take(&mut constant), value),
+            false => b.scale(factor, value),
+        };
+        for (i, &(value, factor)) in self.terms.iter().enumerate() {
+            if i != start {
+                total = b.add_scaled(total, factor, value);
             }
         }
-        sums.swap_remove(self.outputs[0] as usize)
+        b.offset(constant, total)
+    }
+}
+
+impl From<Term> for Linear<Value> {
+    fn from(term: Term) -> Self {
+        match term {
+            Term::Number(constant) => Linear::number(constant),
+            Term::Multiple(factor, value) => Linear {
+                terms: vec![(value, factor)],
+                constant: 0.0,
+            },
+        }
     }
 }
 
 impl Op {
     /// The result as a sum of multiples, where it is one.
-    fn linear<'s>(self, at: impl Fn(Slot) -> Option<&'s Linear>) -> Option<Linear> {
+    fn linear<'s, K: Copy + Ord + 's>(
+        self,
+        at: impl Fn(Slot) -> Option<&'s Linear<K>>,
+    ) -> Option<Linear<K>> {
         Some(match self {
             Self::Constant(c) => Linear::number(c),
             Self::Neg(a) => at(a)?.times(-1.0),
