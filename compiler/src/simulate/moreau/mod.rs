@@ -17,6 +17,7 @@ use super::adaptive::Inputs;
 use super::fesd::{estimate_with, judge_steps};
 use super::instants::Pulses;
 use super::outcome::outside;
+use super::overlooked::Looking;
 use super::watch::{Progress, Watched};
 use super::{Comparison, Recorder, Request, assemble};
 use crate::report::{Failure, Method, MethodOption, Trajectory, Warning};
@@ -44,12 +45,14 @@ pub(super) fn run(
         stepper(system, settings.horizon, steps, left)
     };
     let mut recorder = Recorder::new(system, settings, settings.tolerance, request.dense);
+    let mut looking = Looking::new(system, settings, &mut recorder);
     let mut told = Told {
-        watched: Watched::new(&mut recorder, settings.horizon, false, watch),
+        watched: Watched::new(&mut looking, settings.horizon, false, watch),
         changes: Vec::new(),
     };
     let solution = stepper(options.steps).run(0.0, settings.horizon, &x0, &mut told);
     let changes = told.changes;
+    let overlooked = looking.notes();
     let solved = solution.outcome.status == End::Solved;
     let error = (request.estimate && solved).then(|| {
         let mut comparison = Comparison::new(&recorder, &x0);
@@ -67,6 +70,7 @@ pub(super) fn run(
     });
     let failure = failure(system, &solution);
     let mut outcome = solution.outcome.clone();
+    outcome.notes.extend(overlooked);
     if failure.is_some() {
         outcome.status = End::Stopped;
     }
