@@ -115,135 +115,160 @@ fn compile_to<'e>(
         missing_guesses(file, &settings, diags)?;
         model::check_experiment(file, home, definition, experiment, overrides, diags)?;
         // What cannot be run is refused before it is lowered, which may be long.
-        let contact = model.contacts.first();
-        let takes_contacts = settings.method.takes_jumps() || settings.steps_through_contacts();
-        let (freezes, strikes) = (settings.freezes(), settings.takes_impulses());
-        if let Some(error) = without_impulses(&settings) {
-            diags.push(error);
-            return None;
-        }
-        if freezes && !settings.method.takes_frozen_time() {
-            diags.push(ExperimentError::Lowering {
-                name: "timefreezing".to_owned(),
-                with: "by this method ",
-                help: "leave the method out, or write `method fesd;`",
-                span: settings.span,
-            });
-            return None;
-        }
-        if let Some(contact) = contact.filter(|_| !takes_contacts && !freezes && !strikes) {
-            diags.push(ExperimentError::Contact {
-                method: settings.method.word(),
-                help: settings.method.way_with_contacts(),
-                name: contact.name.clone(),
-                span: contact.span,
-            });
-            return None;
-        }
-        let mut system = system::lower(&model, &settings, extent, diags)?;
-        if let Some(error) = line_of_choices(&system, &settings) {
-            diags.push(error);
-            return None;
-        }
-        let refused = settings.refuses_branches(&system);
-        if let Some(error) = refused.or_else(|| settings.kicks_too_much(&system)) {
-            diags.push(error);
-            return None;
-        }
-        if freezes {
+        pass(refused_contacts(&model, &settings), diags)?;
+        let system = system::lower(&model, &settings, extent, diags)?;
+        let refused = line_of_choices(&system, &settings)
+            .or_else(|| settings.refuses_branches(&system))
+            .or_else(|| settings.kicks_too_much(&system));
+        pass(refused, diags)?;
+        if settings.freezes() {
             return frozen(model, settings, system, diags);
         }
-        let method = &settings.method;
-        let relay = system.switches.iter().find(|switch| switch.relay.is_some());
-        if let Some(relay) = relay.filter(|_| method.is_without_memory()) {
-            diags.push(ExperimentError::Relay {
-                method: method.word(),
-                name: relay.name.clone(),
-                span: relay.spans.first().copied().unwrap_or(settings.span),
-            });
-            return None;
-        }
-        let steps = !system.impulsive.is_empty();
-        let jump = match steps {
-            true => (system.laws.first()).map(|law| (law.name.as_str(), law.span)),
-            false => system.first_jump(),
-        };
-        // Jumps that are no contacts are refused with the lowering.
-        let jump = jump.filter(|_| !method.takes_jumps() && !strikes);
-        if let Some((name, span)) = jump {
-            diags.push(ExperimentError::Jump {
-                method: method.word(),
-                help: method.way_with_jumps(),
-                name: name.to_owned(),
-                span,
-            });
-            return None;
-        }
-        let projected = (0..system.switches.len()).find(|&k| system.is_projected(k));
-        if let Some(k) = projected.filter(|_| method.is_without_memory()) {
-            diags.push(ExperimentError::Projection {
-                method: method.word(),
-                span: system.switches[k].spans[0],
-            });
-            return None;
-        }
-        let kept = system.switches.iter().find(|k| k.role != Role::Step);
-        if let Some(kept) = kept.filter(|_| method.is_without_memory()) {
-            diags.push(ExperimentError::Algebraic {
-                method: method.word(),
-                span: kept.spans[0],
-            });
-            return None;
-        }
-        if let Some(error) = beside_contacts(&system, &settings).filter(|_| steps) {
-            diags.push(error);
-            return None;
-        }
-        if let Method::Smoothing(options) = method {
-            system = system::smoothing::smooth(&system, options);
-        }
-        let needs = method.needs_dcs() && !steps || settings.optimize.is_some();
-        for data in settings.optimize.iter().flat_map(|_| &system.data) {
-            bends(data, &settings)
-                .map_err(|error| diags.push(error))
-                .ok()?;
-        }
-        if needs && system.switches.iter().any(|k| k.role != Role::Step) {
-            if let Some(error) = open_algebraics(&system, &settings) {
-                diags.push(error);
-                return None;
-            }
-            if let Err(failure) = simulate::settle(&mut system, settings.horizon) {
-                diags.push(failure);
-                return None;
-            }
-        }
-        let lowerings = dcs::check(&system, &settings.lowerings, needs);
-        lowerings.map_err(|error| diags.push(error)).ok()?;
-        let is_run = settings.optimize.is_none();
-        if let Some(data) = system.data.first().filter(|_| strikes && is_run) {
-            diags.push(ExperimentError::Lowering {
-                name: "impact".to_owned(),
-                with: "for a run with signals from tables ",
-                help: "write the signal as a formula in `time`, or leave out `lower impact` and the method",
-                span: data.span,
-            });
-            return None;
-        }
-        if let Some(contact) = switching_law(&system).filter(|_| strikes) {
-            diags.push(ExperimentError::Lowering {
-                name: "impact".to_owned(),
-                with: "for a contact whose law switches ",
-                help: "give it a restitution, a friction and a mass without `step`, `sign` or `abs`",
-                span: contact.span,
-            });
-            return None;
-        }
+        pass(refused_switches(&system, &settings), diags)?;
+        let system = discretizable(system, &settings, diags)?;
+        pass(refused_impulses(&system, &settings), diags)?;
         Some(Compiled {
             model,
             settings,
             system,
         })
+    })
+}
+
+/// Goes on unless something is refused.
+fn pass(refused: Option<ExperimentError>, diags: &mut Diagnostics) -> Option<()> {
+    match refused {
+        Some(error) => {
+            diags.push(error);
+            None
+        }
+        None => Some(()),
+    }
+}
+
+/// Lowerings of contacts that the method does not take, and contacts without one that it does.
+fn refused_contacts(model: &Model, settings: &Settings) -> Option<ExperimentError> {
+    if let Some(error) = without_impulses(settings) {
+        return Some(error);
+    }
+    let method = &settings.method;
+    let (freezes, strikes) = (settings.freezes(), settings.takes_impulses());
+    if freezes && !method.takes_frozen_time() {
+        return Some(ExperimentError::Lowering {
+            name: "timefreezing".to_owned(),
+            with: "by this method ",
+            help: "leave the method out, or write `method fesd;`",
+            span: settings.span,
+        });
+    }
+    let is_taken = method.takes_jumps() || settings.steps_through_contacts() || freezes || strikes;
+    let contact = model.contacts.first().filter(|_| !is_taken)?;
+    Some(ExperimentError::Contact {
+        method: method.word(),
+        help: method.way_with_contacts(),
+        name: contact.name.clone(),
+        span: contact.span,
+    })
+}
+
+/// Relays, jumps, projections, algebraic states and switches beside contacts that the method does not take.
+fn refused_switches(system: &System, settings: &Settings) -> Option<ExperimentError> {
+    let method = &settings.method;
+    let mut switches = system.switches.iter();
+    let relay = switches.find(|switch| switch.relay.is_some());
+    if let Some(relay) = relay.filter(|_| method.is_without_memory()) {
+        return Some(ExperimentError::Relay {
+            method: method.word(),
+            name: relay.name.clone(),
+            span: relay.spans.first().copied().unwrap_or(settings.span),
+        });
+    }
+    let steps = !system.impulsive.is_empty();
+    let jump = match steps {
+        true => (system.laws.first()).map(|law| (law.name.as_str(), law.span)),
+        false => system.first_jump(),
+    };
+    // Jumps that are no contacts are refused with the lowering.
+    let is_taken = method.takes_jumps() || settings.takes_impulses();
+    if let Some((name, span)) = jump.filter(|_| !is_taken) {
+        return Some(ExperimentError::Jump {
+            method: method.word(),
+            help: method.way_with_jumps(),
+            name: name.to_owned(),
+            span,
+        });
+    }
+    if method.is_without_memory() {
+        let projected = (0..system.switches.len()).find(|&k| system.is_projected(k));
+        if let Some(k) = projected {
+            return Some(ExperimentError::Projection {
+                method: method.word(),
+                span: system.switches[k].spans[0],
+            });
+        }
+        if let Some(kept) = system.switches.iter().find(|k| k.role != Role::Step) {
+            return Some(ExperimentError::Algebraic {
+                method: method.word(),
+                span: kept.spans[0],
+            });
+        }
+    }
+    beside_contacts(system, settings).filter(|_| steps)
+}
+
+/// The system as the discretization of the method takes it: smoothed where that is the method, with consistent algebraic
+/// states, and with a lowering where one is needed.
+fn discretizable<'e>(
+    system: System<'e>,
+    settings: &Settings<'e>,
+    diags: &mut Diagnostics,
+) -> Option<System<'e>> {
+    let mut system = match &settings.method {
+        Method::Smoothing(options) => system::smoothing::smooth(&system, options),
+        _ => system,
+    };
+    let steps = !system.impulsive.is_empty();
+    let needs = settings.method.needs_dcs() && !steps || settings.optimize.is_some();
+    for data in settings.optimize.iter().flat_map(|_| &system.data) {
+        pass(bends(data, settings).err(), diags)?;
+    }
+    if needs && system.switches.iter().any(|k| k.role != Role::Step) {
+        pass(open_algebraics(&system, settings), diags)?;
+        if let Err(failure) = simulate::settle(&mut system, settings.horizon) {
+            diags.push(failure);
+            return None;
+        }
+    }
+    let lowerings = dcs::check(&system, &settings.lowerings, needs);
+    lowerings.map_err(|error| diags.push(error)).ok()?;
+    Some(system)
+}
+
+/// What `lower impact` does not take.
+fn refused_impulses(system: &System, settings: &Settings) -> Option<ExperimentError> {
+    if !settings.takes_impulses() {
+        return None;
+    }
+    let refused = |with, help, span| ExperimentError::Lowering {
+        name: "impact".to_owned(),
+        with,
+        help,
+        span,
+    };
+    let is_run = settings.optimize.is_none();
+    if let Some(data) = system.data.first().filter(|_| is_run) {
+        return Some(refused(
+            "for a run with signals from tables ",
+            "write the signal as a formula in `time`, or leave out `lower impact` and the method",
+            data.span,
+        ));
+    }
+    switching_law(system).map(|contact| {
+        refused(
+            "for a contact whose law switches ",
+            "give it a restitution, a friction and a mass without `step`, `sign` or `abs`",
+            contact.span,
+        )
     })
 }
 

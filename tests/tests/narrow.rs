@@ -198,18 +198,59 @@ fn nothing_is_told_of_functions_that_steps_see() {
     }
 }
 
+/// Methods that take contacts and do not look for it themselves.
+const WITH_CONTACTS: [&str; 5] = [
+    "method timestepping { steps = 50; }",
+    "lower impact; method fesd;",
+    "lower impact; method fesd { steps = 20; }",
+    "lower timefreezing; method fesd;",
+    "lower timefreezing; method fesd { steps = 20; }",
+];
+
+/// The codes of a run over a curve of s beside a body that strikes a wall.
+fn beside_a_contact(curve: &str, road: &str) -> Vec<String> {
+    let text = format!(
+        "model m {{
+           state s = 0; state y = 1; s' = 1; y' = {curve};
+           state q = 0; state v = 1; q' = v;
+           mechanics q, v {{ mass = 1; force = 0; contact wall {{ gap = 9 - q; restitution = 0.5; }} }}
+         }}
+         simulate run of m {{ horizon 10; {road} }}"
+    );
+    let warnings = run(&text, "run").warnings;
+    warnings.into_iter().map(|warning| warning.code).collect()
+}
+
+#[test]
+fn contacts_hide_no_bump() {
+    for road in WITH_CONTACTS {
+        let narrow = beside_a_contact("exp(-((s - 7.2031)/0.0007)^2)/0.0007", road);
+        assert!(narrow.contains(&"W0719".to_owned()), "{road} {narrow:?}");
+        let wide = beside_a_contact("exp(-((s - 7.2031)/2)^2)", road);
+        assert!(wide.is_empty(), "{road} {wide:?}");
+    }
+}
+
 /// A stage that hits a bump makes a state of it that finer steps do not know.
 #[test]
 fn steps_that_hit_a_bump_once_are_told() {
-    let curve = "1/(1 + ((s - 7.281779286481416)/0.0006864944251660795)^2)/0.0006864944251660795";
-    let model = format!("state s = 0; state y = 1; s' = 1; y' = {curve};");
-    let codes = |steps: usize| {
+    let curve = |at: f64| format!("1/(1 + ((s - {at:?})/0.0007)^2)/0.0007");
+    let beside = |steps: usize| {
+        let road = format!("method timestepping {{ steps = {steps}; }}");
+        beside_a_contact(&curve(7.3), &road)
+    };
+    let alone = |steps: usize| {
         let text = format!(
-            "model m {{ {model} }}\nsimulate run of m {{ horizon 10; method timestepping {{ steps = {steps}; }} }}"
+            "model m {{ state s = 0; state y = 1; s' = 1; y' = {}; }}
+             simulate run of m {{ horizon 10; method timestepping {{ steps = {steps}; }} }}",
+            curve(7.281779286481416)
         );
         let warnings = run(&text, "run").warnings;
-        warnings.into_iter().map(|w| w.code).collect::<Vec<_>>()
+        warnings.into_iter().map(|warning| warning.code).collect()
     };
-    assert_eq!(codes(50), ["W0702"]);
-    assert!(codes(100_000).is_empty());
+    let all: [&dyn Fn(usize) -> Vec<String>; 2] = [&alone, &beside];
+    for codes in all {
+        assert_eq!(codes(50), ["W0702"]);
+        assert!(codes(100_000).is_empty());
+    }
 }

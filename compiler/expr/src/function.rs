@@ -35,6 +35,25 @@ pub enum BinaryFunction {
 }
 
 impl Function {
+    /// All of them, in order: the smooth ones, then those with a kink or a jump.
+    pub const ALL: [Self; 15] = [
+        Self::Sqrt,
+        Self::Exp,
+        Self::Log,
+        Self::Sin,
+        Self::Cos,
+        Self::Tan,
+        Self::Asin,
+        Self::Acos,
+        Self::Atan,
+        Self::Sinh,
+        Self::Cosh,
+        Self::Tanh,
+        Self::Step,
+        Self::Sign,
+        Self::Abs,
+    ];
+
     /// Whether the function has a kink or a jump; `system` replaces these.
     pub fn is_nonsmooth(self) -> bool {
         matches!(self, Self::Step | Self::Sign | Self::Abs)

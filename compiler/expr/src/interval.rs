@@ -260,24 +260,6 @@ mod tests {
         ((k as f64 * 12.9898).sin() * 43758.5453).rem_euclid(1.0)
     }
 
-    const FUNCTIONS: [Function; 15] = [
-        Function::Sqrt,
-        Function::Exp,
-        Function::Log,
-        Function::Sin,
-        Function::Cos,
-        Function::Tan,
-        Function::Asin,
-        Function::Acos,
-        Function::Atan,
-        Function::Sinh,
-        Function::Cosh,
-        Function::Tanh,
-        Function::Step,
-        Function::Sign,
-        Function::Abs,
-    ];
-
     #[test]
     fn values_lie_in_their_enclosures() {
         for k in 0..20_000 {
@@ -294,7 +276,7 @@ mod tests {
                     "{what:?}: {value} of {interval:?} {other:?} not in {found:?}"
                 );
             };
-            for function in FUNCTIONS {
+            for function in Function::ALL {
                 holds(interval.unary(function), function.value(x), &function);
             }
             for power in -4..=5 {
@@ -319,7 +301,7 @@ mod tests {
         for k in 0..1000 {
             let x = 0.05 + 0.9 * noise(k);
             let interval = Interval::new(x, x);
-            for function in FUNCTIONS {
+            for function in Function::ALL {
                 let found = interval.unary(function);
                 assert!(found.width() < 1e-13, "{function:?} of {x}: {found:?}");
             }

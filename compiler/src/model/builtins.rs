@@ -8,24 +8,9 @@ use crate::expr::{BinaryFunction, Expr, Function};
 use crate::source::Span;
 
 fn elementary(name: &str) -> Option<Function> {
-    Some(match name {
-        "sin" => Function::Sin,
-        "cos" => Function::Cos,
-        "tan" => Function::Tan,
-        "asin" => Function::Asin,
-        "acos" => Function::Acos,
-        "atan" => Function::Atan,
-        "sinh" => Function::Sinh,
-        "cosh" => Function::Cosh,
-        "tanh" => Function::Tanh,
-        "exp" => Function::Exp,
-        "log" => Function::Log,
-        "sqrt" => Function::Sqrt,
-        "sign" => Function::Sign,
-        "step" => Function::Step,
-        "abs" => Function::Abs,
-        _ => return None,
-    })
+    Function::ALL
+        .into_iter()
+        .find(|function| function.name() == name)
 }
 
 /// Least and greatest number of arguments.

@@ -5,8 +5,9 @@
 //! their 2α - 1 is inside of it, and are above where it is on the edge at all nodes. Where states have jumped there are
 //! two values at one time.
 
-use nsd_solver::simulate::Side;
+use nsd_solver::simulate::{Note, Polynomials, Segment, Side};
 
+use super::overlooked::Look;
 use super::{Points, recorded};
 use crate::expr::{Expr, Var};
 use crate::report::{Dense, Piece, Trajectory};
@@ -131,6 +132,22 @@ impl<'s, 'e> Elements<'s, 'e> {
         changes.map(|pair| &pair[1]).collect()
     }
 
+    /// Narrow functions of states that the elements have passed over.
+    pub fn overlooked(&self, settings: &Settings) -> Vec<Note> {
+        let mut look = Look::new(self.system, settings);
+        for (piece, (_, sides)) in self.pieces.iter().zip(&self.sides) {
+            let rows = Rows {
+                piece,
+                n: self.system.states.len(),
+            };
+            let end = piece.at(piece.to);
+            let length = piece.to - piece.from;
+            let segment = Segment::new(piece.from, length, piece.to, sides, &end, &rows);
+            look.at(&segment);
+        }
+        look.notes()
+    }
+
     /// The trajectory to the horizon.
     pub fn finish(mut self, settings: &Settings, horizon: f64) -> Trajectory {
         if let Some(piece) = self.pieces.last_mut() {
@@ -147,6 +164,33 @@ impl<'s, 'e> Elements<'s, 'e> {
             _ => sampled(&dense, &settings.sampling, horizon, (n, m), self.points),
         };
         recorded(self.system, settings, points, dense.pieces, &self.sides)
+    }
+}
+
+/// The polynomials of an element, those of n states first.
+struct Rows<'p> {
+    piece: &'p Piece,
+    n: usize,
+}
+
+impl Rows<'_> {
+    fn row(&self, at: usize) -> &[f64] {
+        let n = self.piece.n_coefficients;
+        &self.piece.coefficients[at * n..(at + 1) * n]
+    }
+}
+
+impl Polynomials for Rows<'_> {
+    fn degree(&self) -> usize {
+        self.piece.n_coefficients - 1
+    }
+
+    fn x(&self, i: usize) -> &[f64] {
+        self.row(i)
+    }
+
+    fn alpha(&self, switch: usize) -> &[f64] {
+        self.row(self.n + switch)
     }
 }
 

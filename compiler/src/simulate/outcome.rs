@@ -241,6 +241,13 @@ pub fn sampled(system: &System) -> impl Iterator<Item = Warning> {
 
 /// What the run went on from although it could not be sure.
 pub(super) fn warnings(system: &System, outcome: &Outcome) -> Vec<Warning> {
+    let notes = outcome.notes.iter().map(|note| warning(system, note));
+    let root = rooted::warning(system, outcome);
+    sampled(system).chain(notes).chain(root).collect()
+}
+
+/// What a run has noted, in words.
+pub(super) fn warning(system: &System, note: &Note) -> Warning {
     let names_of = |switches: &[usize]| {
         let names = (switches.iter().take(MAX_SHOWN))
             .map(|&i| format!("`{}`", system.switches[i].name))
@@ -258,7 +265,7 @@ pub(super) fn warnings(system: &System, outcome: &Outcome) -> Vec<Warning> {
             .first()
             .and_then(|&i| system.switches[i].spans.first().copied()),
     };
-    let warning = |note: &Note| match note {
+    match note {
         Note::Unsearched { time, switches } => about(
             "W0706",
             switches,
@@ -302,10 +309,7 @@ pub(super) fn warnings(system: &System, outcome: &Outcome) -> Vec<Warning> {
             )
         }
         Note::Unseen { time, function } => unseen(system, *time, *function),
-    };
-    let notes = outcome.notes.iter().map(warning);
-    let root = rooted::warning(system, outcome);
-    sampled(system).chain(notes).chain(root).collect()
+    }
 }
 
 /// Chattering that goes on as sliding.

@@ -8,15 +8,14 @@ use super::limits::tape_of;
 use crate::system::System;
 use crate::system::experiment::Settings;
 
-/// Passes on what a run does, and looks at its steps, where a function of the system may hide something from them.
-pub(super) struct Looking<'s, 'e, 'o, O> {
+/// Looks at steps, where a function of the system may hide something from them.
+pub(super) struct Look<'s, 'e> {
     system: &'s System<'e>,
-    observer: &'o mut O,
     overlooked: Option<Overlooked>,
 }
 
-impl<'s, 'e, 'o, O: Observer> Looking<'s, 'e, 'o, O> {
-    pub fn new(system: &'s System<'e>, settings: &Settings, observer: &'o mut O) -> Self {
+impl<'s, 'e> Look<'s, 'e> {
+    pub fn new(system: &'s System<'e>, settings: &Settings) -> Self {
         let n = system.states.len();
         let rates = system.states.iter().enumerate();
         let rates = rates.map(|(i, state)| (Function::Rate(i), state.rate));
@@ -34,10 +33,20 @@ impl<'s, 'e, 'o, O: Observer> Looking<'s, 'e, 'o, O> {
                 settings.tolerance,
             )
         };
-        Looking {
+        Look {
             system,
-            observer,
             overlooked: (!exprs.is_empty()).then(looks),
+        }
+    }
+
+    pub fn at(&mut self, segment: &Segment) {
+        if let Some(overlooked) = &mut self.overlooked {
+            let data = &self.system.data;
+            overlooked.look(segment, |time, values| {
+                for (value, data) in values.iter_mut().zip(data) {
+                    *value = data.table.piece(time).value(time);
+                }
+            });
         }
     }
 
@@ -47,16 +56,29 @@ impl<'s, 'e, 'o, O: Observer> Looking<'s, 'e, 'o, O> {
     }
 }
 
+/// Passes on what a run does, and looks at its steps.
+pub(super) struct Looking<'s, 'e, 'o, O> {
+    observer: &'o mut O,
+    look: Look<'s, 'e>,
+}
+
+impl<'s, 'e, 'o, O: Observer> Looking<'s, 'e, 'o, O> {
+    pub fn new(system: &'s System<'e>, settings: &Settings, observer: &'o mut O) -> Self {
+        Looking {
+            observer,
+            look: Look::new(system, settings),
+        }
+    }
+
+    /// What has been passed over.
+    pub fn notes(self) -> Vec<Note> {
+        self.look.notes()
+    }
+}
+
 impl<O: Observer> Observer for Looking<'_, '_, '_, O> {
     fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
-        if let Some(overlooked) = &mut self.overlooked {
-            let data = &self.system.data;
-            overlooked.look(segment, |time, values| {
-                for (value, data) in values.iter_mut().zip(data) {
-                    *value = data.table.piece(time).value(time);
-                }
-            });
-        }
+        self.look.at(segment);
         self.observer.segment(segment)
     }
 

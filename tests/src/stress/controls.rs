@@ -19,24 +19,31 @@ const RELATIVE: f64 = 1e-3;
 const ABSOLUTE: f64 = 1e-4;
 /// An optimum is as good as another one that is better by no more than this share.
 const AS_GOOD: f64 = 1e-2;
-/// What is nonsmooth.
-const KINDS: [&str; 7] = [
-    "switch",
-    "relay",
-    "kink",
-    "friction",
-    "time",
-    "stiffness",
-    "impacts",
-];
 /// How many starts an optimum is compared with.
 const STARTS: usize = 20;
+
+/// What is nonsmooth.
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    /// Another constant on each side.
+    Switch,
+    /// A relay, which may be held.
+    Relay,
+    /// A kink in a rate.
+    Kink,
+    /// Dry friction.
+    Friction,
+    /// A surface in time, at a parameter.
+    Time,
+    /// A stiffness, with friction.
+    Stiffness,
+    Impacts,
+}
 
 /// A problem with 2 to 8 controls.
 #[derive(Clone, Debug)]
 pub struct Problem {
-    /// What is nonsmooth in it.
-    pub kind: &'static str,
+    kind: Kind,
     /// Equations, with `U` for the control and perhaps `p` for a parameter.
     body: String,
     /// Bounds of the control are plus and minus this.
@@ -105,7 +112,15 @@ impl Problem {
     /// The problem of a seed: in half of them the default meets the surface at the end of an interval.
     fn random(seed: u64, asks: Asks) -> Self {
         let mut random = Random(seed);
-        let kind = KINDS[random.below(KINDS.len())];
+        let kind = random.of(&[
+            Kind::Switch,
+            Kind::Relay,
+            Kind::Kink,
+            Kind::Friction,
+            Kind::Time,
+            Kind::Stiffness,
+            Kind::Impacts,
+        ]);
         let mut number = |from: f64, to: f64| {
             let value = from + (to - from) * 0.5 * (random.dyadic() + 1.0);
             (value * 1000.0).round() / 1000.0
@@ -147,44 +162,37 @@ impl Problem {
         // The start from which this rate leads to zero.
         let from = |rate: f64| meets.map_or(start, |instant| -rate * instant);
         self.body = match self.kind {
-            // Another constant on each side.
-            "switch" => format!(
+            Kind::Switch => format!(
                 "state x = {:?}; x' = U + (if x > 0 then {a:?} else -{b:?});",
                 from(default - b)
             ),
-            // A relay, which may be held.
-            "relay" => format!(
+            Kind::Relay => format!(
                 "state x = {:?}; x' = U - {a:?}*sign(x);",
                 from(default - a * start.signum())
             ),
-            // A kink in a rate.
-            "kink" => {
+            Kind::Kink => {
                 let v0 = meets.map_or(default, |instant| -start / instant);
                 format!(
                     "state x = {start:?}; state v = {v0:?}; x' = v; v' = U - {c:?}*abs(x) + {a:?}*x;"
                 )
             }
-            // Dry friction.
-            "friction" => {
+            Kind::Friction => {
                 self.bound = 5.0;
                 let v0 = from(default - d);
                 format!("state x = {start:?}; state v = {v0:?}; x' = v; v' = U - {d:?}*sign(v);")
             }
-            // A surface in time, at a parameter.
-            "time" => {
+            Kind::Time => {
                 let [first, last] = [0.1, 0.9].map(|share| share * self.horizon);
                 let guess = meets.unwrap_or(0.4).clamp(first, last);
                 self.param = Some([first, last, guess]);
                 format!("state x = {start:?}; x' = U + {c:?}*abs(time - p) - {a:?}*sign(time - p);")
             }
-            // A stiffness, with friction.
-            "stiffness" => {
+            Kind::Stiffness => {
                 self.param = Some([1.0, 9.0, 3.0 + a]);
                 let x0 = 1.0 + c;
                 format!("state x = {x0:?}; state v = 0; x' = v; v' = U - p*x - {d:?}*sign(v);")
             }
-            // Impacts.
-            _ => {
+            Kind::Impacts => {
                 self.bound = 5.0;
                 self.options = "lower impact;";
                 let (x0, v0, e) = (c + 0.2, -start.abs(), 0.4 + 0.5 * a);
@@ -194,6 +202,11 @@ impl Problem {
                 )
             }
         };
+    }
+
+    /// The word for what is nonsmooth.
+    pub fn kind(&self) -> String {
+        format!("{:?}", self.kind).to_lowercase()
     }
 
     /// The model and its experiment.

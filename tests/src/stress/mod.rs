@@ -159,7 +159,7 @@ impl Case {
 
     /// A problem of optimal control, which has an experiment of its own.
     fn optimal(problem: controls::Problem) -> Self {
-        let case = Case::new(problem.kind, "", 0.0).by("optimize");
+        let case = Case::new(problem.kind(), "", 0.0).by("optimize");
         Case {
             optimal: Some(problem),
             ..case.promises(Promise::AccuracyOrReport)

@@ -29,13 +29,25 @@ pub fn families(extent: Extent) -> Vec<Family> {
     }]
 }
 
+/// A body that strikes a wall, for methods that take contacts.
+const CONTACT: &str = "state q = 0; state v = 1; q' = v;
+    mechanics q, v { mass = 1; force = 0; contact wall { gap = 9 - q; restitution = 0.5; } }";
+
 /// By events, which find them, and by methods that have to say what they have passed over.
-fn by_all(case: Case) -> [Case; 5] {
+fn by_all(case: Case) -> Vec<Case> {
     let [elements, adaptive] = ["fesd", "adaptive"].map(|method| case.clone().by(method));
     let grid = case.clone().by("fesd { steps = 20; }");
     let grid = grid.promises(Promise::Grid(20));
     let steps = case.clone().in_steps(50);
-    [case, elements, grid, adaptive, steps]
+    let mut beside = case.clone().within(20);
+    beside.model = format!("{} {CONTACT}", beside.model);
+    let frozen = beside.clone().by("fesd; lower timefreezing");
+    let impulses = beside.clone().by("fesd { steps = 20; } lower impact");
+    let impulses = impulses.promises(Promise::Grid(20));
+    // These take no switches that jump.
+    let impacts = Some(beside.in_steps(50)).filter(|case| !case.model.contains("if "));
+    let all = [case, elements, grid, adaptive, steps, frozen, impulses];
+    all.into_iter().chain(impacts).collect()
 }
 
 /// s, its rate, and where it ends after 10.

@@ -11,8 +11,8 @@ const POWERS: [(&str, f64); 5] = [
     ("2.5", 2.5),
 ];
 
-/// The table's word for an exponent.
-fn word_of(p: f64) -> String {
+/// An exponent with two decimals.
+fn rounded(p: f64) -> String {
     format!("{:?}", (100.0 * p).round() / 100.0)
 }
 
@@ -72,7 +72,7 @@ fn behind_zero(extent: Extent) -> Family {
         let model =
             format!("state x = -{a:?}; state y = 0; x' = {v:?}; y' = {c:?}*abs(x)^({p:?});");
         let exact = c / v * (a.powf(p + 1.0) + b.powf(p + 1.0)) / (p + 1.0);
-        let case = Case::new(word_of(p), model, (a + b) / v).ends("y", &[exact], exact);
+        let case = Case::new(rounded(p), model, (a + b) / v).ends("y", &[exact], exact);
         case.by("fesd").within(20)
     });
     Family {
@@ -96,7 +96,7 @@ fn spirals(extent: Extent) -> Family {
         name: "spirals of super-twisting",
         about: "x' = -k sqrt(abs(x)) sign(x) + w, w' = -l sign(x), which comes to its origin by infinitely many crossings \
                 and stays there, and a state that is moved by the sign. Linear between crossings in the root of x.",
-        hardness: "speed kept",
+        hardness: "ratio of speeds",
         cases: by_hardness(cases),
     }
 }
@@ -112,7 +112,7 @@ fn crossed(numbers: &mut Numbers) -> Case {
     let model = format!("state x = -{a:?}; state y = 0; x' = {v:?}; y' = {c:?}*{law}^({word});");
     let of = |u: f64| c / v * u.powf(p + 1.0) / (p + 1.0);
     let exact = of(b) + if is_even { of(a) } else { 0.0 };
-    let case = Case::new(word_of(p), model, horizon).ends("y", &[exact], exact);
+    let case = Case::new(rounded(p), model, horizon).ends("y", &[exact], exact);
     case.switches_at(&[a / v])
 }
 
@@ -131,7 +131,7 @@ fn reached(numbers: &mut Numbers) -> Case {
         sign * start
     );
     let area = sign * start.powf(2.0 - p) / (c * (2.0 - p));
-    let case = Case::new(word_of(p), model, 1.5 * until).ends("h", &[0.0], start);
+    let case = Case::new(rounded(p), model, 1.5 * until).ends("h", &[0.0], start);
     case.ends("y", &[area], area.abs()).switches(1)
 }
 
@@ -146,7 +146,7 @@ fn left(numbers: &mut Numbers) -> Case {
     };
     let model = format!("state x = 0; state y = 0; x' = {v:?}; y' = {c:?}*{law}^({word});");
     let exact = c / v * (v * horizon).powf(p + 1.0) / (p + 1.0);
-    Case::new(word_of(p), model, horizon).ends("y", &[exact], exact)
+    Case::new(rounded(p), model, horizon).ends("y", &[exact], exact)
 }
 
 /// x'' = g from rest.
@@ -158,7 +158,7 @@ fn left_from_rest(numbers: &mut Numbers) -> Case {
     );
     let n = 2.0 * p + 1.0;
     let exact = c * (0.5 * g).powf(p) * horizon.powf(n) / n;
-    Case::new(word_of(p), model, horizon).ends("y", &[exact], exact)
+    Case::new(rounded(p), model, horizon).ends("y", &[exact], exact)
 }
 
 /// q'' = k max(-q, 0)^p: the speed at the exit is that at the entry, and the duration of an impact that goes as deep
@@ -184,7 +184,7 @@ fn struck(numbers: &mut Numbers) -> Case {
     let model =
         format!("state q = {gap:?}; state v = -{v:?}; q' = v; v' = {stiff:?}*max(-q, 0)^({word});");
     let after = 0.5;
-    Case::new(word_of(p), model, enters + lasts + after)
+    Case::new(rounded(p), model, enters + lasts + after)
         .ends("v", &[v], v)
         .ends("q", &[v * after], f64::max(gap, v * after))
         .switches_at(&[enters, enters + lasts])
@@ -200,7 +200,7 @@ fn never_left(numbers: &mut Numbers) -> Case {
          h' = -{c:?}*max(h, 0)^({word});"
     );
     let ends = level + 2.0 * rise;
-    let case = Case::new(word_of(p), model, 2.0).ends("h", &[0.0], 1.0);
+    let case = Case::new(rounded(p), model, 2.0).ends("h", &[0.0], 1.0);
     case.ends("a", &[ends], ends).ends("b", &[ends], ends)
 }
 

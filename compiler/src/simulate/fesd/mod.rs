@@ -368,8 +368,17 @@ pub(super) fn judge_grid(trajectory: &mut Trajectory, estimate: &Estimate, setti
 }
 
 /// What steps without detection of switches are worth: their order is one across switches and impacts, so that large errors
-/// are what they were chosen for; but an error as large as a state is no solution.
-pub(super) fn judge_steps(trajectory: &mut Trajectory, error: Option<f64>, settings: &Settings) {
+/// are what they were chosen for; but steps longer than a pulse are told, and an error as large as a state is no solution.
+pub(super) fn judge_steps(
+    trajectory: &mut Trajectory,
+    system: &System,
+    settings: &Settings,
+    steps: usize,
+    error: Option<f64>,
+) {
+    let pulses = Pulses::of(system, settings.horizon);
+    let unseen = pulses.warning(settings.horizon / steps as f64, settings);
+    trajectory.warnings.extend(unseen);
     trajectory.error_estimate = error;
     if let Some(error) = error.filter(|&error| error > 1.0) {
         trajectory.warnings.push(Warning {

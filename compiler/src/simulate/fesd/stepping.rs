@@ -7,7 +7,6 @@ use nsd_solver::simulate::Status;
 
 use super::{estimate, judge_steps, lower};
 use crate::report::{Method, MethodOption, Trajectory};
-use crate::simulate::instants::Pulses;
 use crate::simulate::overlooked::Looking;
 use crate::simulate::schedule::scheduled;
 use crate::simulate::watch::{Progress, Watched};
@@ -63,10 +62,7 @@ pub(in crate::simulate) fn run(
             ("steps".into(), MethodOption::Number(options.steps as f64)),
         ],
     };
-    let length = settings.horizon / options.steps as f64;
-    let pulses = Pulses::of(system, settings.horizon);
-    trajectory.warnings.extend(pulses.warning(length, settings));
-    judge_steps(&mut trajectory, error, settings);
+    judge_steps(&mut trajectory, system, settings, options.steps, error);
     trajectory.stats.solve_s = started.elapsed().as_secs_f64();
     trajectory
 }

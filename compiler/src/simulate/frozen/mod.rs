@@ -13,6 +13,7 @@ use thaw::{End, Law, drive};
 
 use super::fesd::{Complementarity, estimate, judge_grid};
 use super::modes::ModeNames;
+use super::overlooked::Looking;
 use super::watch::{Progress, Watched};
 use super::{
     Comparison, REFINEMENT, Recorder, Request, Switched, assemble, finer, judge, outcome,
@@ -64,15 +65,17 @@ pub(super) fn run(
     let (mut tolerance, mut attempt) = (settings.tolerance, 1);
     let (found, recorder, estimated) = loop {
         let mut recorder = Recorder::new(system, settings, tolerance, request.dense);
-        let mut watched = Watched::new(&mut recorder, horizon, false, watch);
+        let mut looking = Looking::new(system, settings, &mut recorder);
+        let mut watched = Watched::new(&mut looking, horizon, false, watch);
         let run = (tolerance, false);
-        let found = road.run(
+        let mut found = road.run(
             (&frozen, jumping.as_ref()),
             settings,
             run,
             left(),
             &mut watched,
         );
+        found.outcome.notes.extend(looking.notes());
         let wanted = request.estimate && found.outcome.status != Status::TimeLimit;
         let estimated = wanted.then(|| {
             let mut comparison = Comparison::new(&recorder, &x0);

@@ -17,6 +17,7 @@ use super::adaptive::Inputs;
 use super::fesd::{estimate_with, judge_steps};
 use super::instants::Pulses;
 use super::outcome::outside;
+use super::overlooked::Looking;
 use super::watch::{Progress, Watched};
 use super::{Comparison, Recorder, Request, assemble};
 use crate::report::{Failure, Method, MethodOption, Trajectory, Warning};
@@ -44,12 +45,14 @@ pub(super) fn run(
         stepper(system, settings.horizon, steps, left)
     };
     let mut recorder = Recorder::new(system, settings, settings.tolerance, request.dense);
+    let mut looking = Looking::new(system, settings, &mut recorder);
     let mut told = Told {
-        watched: Watched::new(&mut recorder, settings.horizon, false, watch),
+        watched: Watched::new(&mut looking, settings.horizon, false, watch),
         changes: Vec::new(),
     };
     let solution = stepper(options.steps).run(0.0, settings.horizon, &x0, &mut told);
     let changes = told.changes;
+    let overlooked = looking.notes();
     let solved = solution.outcome.status == End::Solved;
     let error = (request.estimate && solved).then(|| {
         let mut comparison = Comparison::new(&recorder, &x0);
@@ -58,21 +61,16 @@ pub(super) fn run(
             changes: Vec::new(),
         };
         let fine = stepper(2 * options.steps).run(0.0, settings.horizon, &x0, &mut told);
-        let scale = |i: usize| comparison.scale[i].max(solution.outcome.x[i].abs());
-        let mut least = vec![0.0; x0.len()];
-        for group in &system.groups {
-            let entries = group.entries.iter();
-            let largest = entries.map(|&i| scale(i)).fold(0.0, f64::max);
-            for &i in &group.entries {
-                least[i] = SMALL * largest;
-            }
-        }
+        let least = least_sizes(system, |i| {
+            comparison.scale[i].max(solution.outcome.x[i].abs())
+        });
         let outcomes = [&solution.outcome, &fine.outcome];
         // The order is one: halving the steps removes half of the error.
         2.0 * estimate_with(|i| least[i], &comparison, outcomes).error
     });
     let failure = failure(system, &solution);
     let mut outcome = solution.outcome.clone();
+    outcome.notes.extend(overlooked);
     if failure.is_some() {
         outcome.status = End::Stopped;
     }
@@ -103,12 +101,22 @@ pub(super) fn run(
             span: Some(settings.span),
         });
     }
-    let length = settings.horizon / options.steps as f64;
-    let pulses = Pulses::of(system, settings.horizon);
-    trajectory.warnings.extend(pulses.warning(length, settings));
-    judge_steps(&mut trajectory, error, settings);
+    judge_steps(&mut trajectory, system, settings, options.steps, error);
     trajectory.stats.solve_s = started.elapsed().as_secs_f64();
     trajectory
+}
+
+/// What each state is measured by at least: a share of the largest entry of its vector.
+fn least_sizes(system: &System, size: impl Fn(usize) -> f64) -> Vec<f64> {
+    let mut least = vec![0.0; system.states.len()];
+    for group in &system.groups {
+        let sizes = group.entries.iter().map(|&i| size(i));
+        let largest = sizes.fold(0.0, f64::max);
+        for &i in &group.entries {
+            least[i] = SMALL * largest;
+        }
+    }
+    least
 }
 
 /// What steps through a system to a horizon.

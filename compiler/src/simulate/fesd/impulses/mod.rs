@@ -19,7 +19,7 @@ use rustc_hash::FxHashMap;
 
 use super::super::rehearsal::CLOSED;
 use super::super::watch::Progress;
-use super::super::{Elements, Rehearsed, Request, judge};
+use super::super::{Elements, Rehearsed, Request, judge, outcome};
 use super::judge_grid;
 use crate::dcs::{self, Dcs, solve_pointwise};
 use crate::discretize::{self, Detection, Equilibration, Grid, Layout, discretize};
@@ -114,7 +114,10 @@ pub(in crate::simulate) fn run(
         }
         steps *= 2;
     };
+    let overlooked = elements.overlooked(settings);
     let mut trajectory = elements.finish(settings, coarse.reached);
+    let told = overlooked.iter().map(|note| outcome::warning(system, note));
+    trajectory.warnings.extend(told);
     let (family, nodes) = options.scheme;
     let number = |name: &str, value: usize| (name.to_owned(), MethodOption::Number(value as f64));
     let word = |name: &str, value: &str| (name.to_owned(), MethodOption::Text(value.to_owned()));
