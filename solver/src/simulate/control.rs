@@ -174,12 +174,19 @@ impl Mode {
         };
     }
 
+    /// Whether something off its surface has just left it, or waits there.
+    fn waits_at_surface(&self, state: &State) -> bool {
+        let is_off = |i: usize| self.sides[i] != Side::Slide;
+        (0..self.sides.len()).any(|i| state.armed[i] && is_off(i) && self.is_plain(i))
+    }
+
     /// Measures the same of what contacts hold at zero in the run up to here, or in a first step of length h: its
-    /// present value says nothing of how well it is known.
+    /// present value says nothing of how well it is known. So does a surface, of a ψ next to zero.
     pub(crate) fn measure_held(&mut self, state: &mut State, h: f64) {
         state.held.clear();
         state.held.resize(self.n, 0.0);
-        if !self.sliding.iter().any(|&i| self.is_contact(i)) {
+        let keeps = |&i: &usize| self.is_contact(i) || self.waits_at_surface(state);
+        if !self.sliding.iter().any(keeps) {
             return;
         }
         let step = match state.last_step {
@@ -269,7 +276,7 @@ impl Mode {
                 self.blind.push(i);
                 continue;
             }
-            if !self.continuous[i] {
+            if !self.continuous[i] || state.armed[i] {
                 self.surfaces.linearize(i, &self.memory.values);
             }
             self.watched.push(i);

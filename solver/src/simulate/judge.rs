@@ -279,7 +279,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             alpha[i] = choice.alpha[at];
         }
         let tolerance = self.settings.local_tolerance();
-        let departures = self.departures(state, group, choice);
+        let mut departures = self.departures(state, group, choice);
+        // What another group has been found to set off with moves from now on.
+        let others = state.departures.iter();
+        departures.extend(others.filter(|one| !group.contains(&one.switches[0])));
         let root = group.iter().copied().find(|&i| self.system.has_root(i));
         let departs = self.expand_choice(state, (&sides, &mut alpha), &departures, root, t1)?;
         let sets_off = |i: usize| departs && departures.iter().any(|d| d.switches.contains(&i));

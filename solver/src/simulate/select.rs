@@ -80,6 +80,13 @@ impl Mode {
         }
     }
 
+    /// What rounding makes of a ψ that has just left its surface, or waits there, within a step h: its own, and how far
+    /// what follows from states that are held at zero takes it.
+    pub(super) fn rounding_of_motion(&self, switch: usize, state: &State, h: f64) -> f64 {
+        let held = self.weigh(switch, |j| state.held[j]);
+        state.rounding[switch] + LEFT * f64::EPSILON * held * h
+    }
+
     /// True for a switch whose surface nothing but a sign of ψ tells: none of a contact, a projection or an equation.
     pub(super) fn is_plain(&self, switch: usize) -> bool {
         let is_slip = self.slip_of[switch].is_some();

@@ -395,7 +395,7 @@ pub(super) fn first_event(
         let c = dense.psi(i);
         // Contacts close where they open by less than their band.
         let band = state.armed[i].then(|| match mode.is_plain(i) {
-            true => state.rounding[i],
+            true => mode.rounding_of_motion(i, state, h),
             false if mode.is_contact(i) => state.level(i, c, h),
             false => SEEN * state.level(i, c, h),
         });
