@@ -11,7 +11,7 @@
 
 use super::mode::Mode;
 use super::state::State;
-use super::{Candidate, Note, Role, Side, Simulator, Status, SwitchedSystem};
+use super::{Candidate, Note, Role, Side, Simulator, Status};
 use crate::lcp::lemke;
 use crate::linalg::DenseLu;
 
@@ -54,7 +54,7 @@ enum Failure {
 /// α of a sliding mode that is so far outside of [0, 1] is none.
 const ASTRAY: f64 = 0.5;
 
-impl<S: SwitchedSystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// The state with consistent algebraic states, from those in `x` as guesses.
     ///
     /// # Errors
@@ -74,7 +74,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
 
     /// Computes the algebraic states where the others are, and takes the members that are zero there.
     pub(super) fn settle(&mut self, state: &mut State, horizon: f64) -> Result<(), Status> {
-        if self.system.algebraics().is_empty() {
+        if self.system.algebraics.is_empty() {
             return Ok(());
         }
         let (equations, pairs) = self.kept();
@@ -170,7 +170,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
 
     /// True where the equations do not hold as they stand, since something in them has jumped.
     pub(super) fn is_unsettled(&mut self, state: &mut State, t1: f64) -> bool {
-        if self.system.algebraics().is_empty() {
+        if self.system.algebraics.is_empty() {
             return false;
         }
         let kept = |i: &usize| self.system.role(*i) != Role::Step;
@@ -242,19 +242,19 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     /// Whether two solutions are one. Where both members of a pair are zero, two choices have the same solution, up to
     /// the rounding of what z balances.
     fn is_same(&self, a: &[f64], b: &[f64], floor: &[f64]) -> bool {
-        let mut algebraics = self.system.algebraics().iter();
+        let mut algebraics = self.system.algebraics.iter();
         algebraics.all(|&z| (a[z] - b[z]).abs() <= SAME * a[z].abs().max(b[z].abs()).max(floor[z]))
     }
 
     /// Takes note of how large algebraic states are, and of what they balance: z_k = 0 is known to the rounding of the
     /// other terms of its rows, the least of (Σ_{j≠k} |∂ψ/∂x_j x_j| + |ψ - ∇ψ·x|) / |∂ψ/∂z_k|.
     fn measure_algebraics(&mut self, state: &mut State) {
-        if self.system.algebraics().is_empty() {
+        if self.system.algebraics.is_empty() {
             return;
         }
         let mode = &mut self.mode;
         mode.set(state.t, &state.x, &state.alpha);
-        for &z in self.system.algebraics() {
+        for &z in &self.system.algebraics {
             state.scale[z] = state.scale[z].max(state.x[z].abs());
             state.floor[z] = f64::INFINITY;
         }
@@ -274,7 +274,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
                 }
             }
         }
-        for &z in self.system.algebraics() {
+        for &z in &self.system.algebraics {
             if state.floor[z].is_infinite() {
                 state.floor[z] = 0.0;
             }
@@ -331,7 +331,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let members = pairs.iter().zip(choice);
         let members = members.map(|(&(a, b), &second)| if second { b } else { a });
         let rows: Vec<usize> = equations.iter().copied().chain(members).collect();
-        let unknowns = self.system.algebraics();
+        let unknowns = &self.system.algebraics;
         let n = unknowns.len();
         let mut lu = DenseLu::new(n);
         let (mut scales, mut last) = (Vec::new(), f64::INFINITY);
@@ -449,7 +449,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let seconds: Vec<usize> = pairs.iter().map(|pair| pair.1).collect();
         let mut step = self.residuals(state, &rows);
         let others = self.residuals(state, &seconds);
-        let (n, m) = (self.system.algebraics().len(), pairs.len());
+        let (n, m) = (self.system.algebraics.len(), pairs.len());
         let mut lu = DenseLu::new(n);
         lu.factor(&self.jacobian_of(&rows)).ok()?;
         lu.solve(&mut step);
@@ -471,7 +471,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let matrix: Vec<f64> = entries.map(|(row, d)| along(row, d)).collect();
         let s = lemke(&matrix, &q, &vec![1.0; m]).ok()?;
         let mut x = state.x.clone();
-        for (at, &z) in self.system.algebraics().iter().enumerate() {
+        for (at, &z) in self.system.algebraics.iter().enumerate() {
             let moved = by_member.iter().zip(&s).map(|(d, s)| d[at] * s);
             x[z] -= step[at] + moved.sum::<f64>();
         }
@@ -480,7 +480,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
 
     /// ∂ψ/∂z of some switches where the point is, row by row.
     fn jacobian_of(&mut self, rows: &[usize]) -> Vec<f64> {
-        let unknowns = self.system.algebraics();
+        let unknowns = &self.system.algebraics;
         let n = unknowns.len();
         let mut matrix = vec![0.0; rows.len() * n];
         for (row, &i) in rows.iter().enumerate() {

@@ -10,7 +10,7 @@ use super::dense::Dense;
 use super::mode::Mode;
 use super::roots::Root;
 use super::state::State;
-use super::{Side, Simulator, SwitchedSystem, series};
+use super::{Side, Simulator, series};
 
 /// A surface that came close.
 #[derive(Clone, Debug)]
@@ -209,7 +209,7 @@ impl Mode {
     }
 }
 
-impl<S: SwitchedSystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// Looks behind the surfaces that came close in the last step.
     pub(super) fn look_behind(&mut self, state: &mut State) {
         let mut pending = std::mem::take(&mut state.pending);

@@ -6,20 +6,20 @@
 
 use super::mode::Mode;
 use super::state::State;
-use super::{Effect, Guard, Input, Role, Side, Simulator, SwitchedSystem};
+use super::{Effect, Guard, HybridSystem, Input, Role, Side, Simulator};
 
 /// Steps as short as this share of the longest one are not taken for an output.
 const LEAST: f64 = 1e-6;
 
 /// The switches that no rate and no law contains, nor any ψ but those of others of this kind.
-pub(super) fn observers(system: &impl SwitchedSystem) -> Vec<bool> {
+pub(super) fn observers(system: &HybridSystem) -> Vec<bool> {
     let n = system.n_switches();
     let is_own = |i: usize| system.role(i) == Role::Step && system.relay(i).is_none();
     let is_free = |i: usize| !system.is_unilateral(i) && system.slip_of(i).is_none();
     let mut used: Vec<bool> = (0..n).map(|i| !(is_own(i) && is_free(i))).collect();
-    let of_blocks = system.blocks().iter().flat_map(|block| &block.switches);
+    let of_blocks = system.blocks.iter().flat_map(|block| &block.switches);
     of_blocks.for_each(|&i| used[i] = true);
-    for law in system.laws() {
+    for law in &system.laws {
         match &law.guard {
             Guard::Sides { switches, .. } => switches.iter().for_each(|&i| used[i] = true),
             Guard::Strikes(switch) => used[*switch] = true,
@@ -36,10 +36,8 @@ pub(super) fn observers(system: &impl SwitchedSystem) -> Vec<bool> {
     }
     // Inner switches come before what they are inside of.
     for i in (0..n).rev().filter(|&i| used[i]).collect::<Vec<_>>() {
-        system
-            .inside(i)
-            .iter()
-            .for_each(|&inner| used[inner] = true);
+        let inside = system.switches[i].inside.iter();
+        inside.for_each(|&inner| used[inner] = true);
     }
     used.into_iter().map(|used| !used).collect()
 }
@@ -65,7 +63,7 @@ impl Mode {
     }
 }
 
-impl<S: SwitchedSystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// Takes the sides of switches that were not watched in the last step.
     pub(super) fn look_again(&mut self, state: &mut State) {
         for at in 0..self.mode.blind.len() {

@@ -12,7 +12,7 @@ use super::pivot::Problem;
 use super::select::{Choice, Choices};
 use super::sliding::held;
 use super::state::State;
-use super::{Role, Side, Simulator, Status, SwitchedSystem};
+use super::{Role, Side, Simulator, Status};
 use crate::linalg::DenseLu;
 
 /// Beyond this many interacting surfaces, Lemke's method replaces enumeration.
@@ -32,7 +32,7 @@ pub(super) const FAR: f64 = 1e6;
 /// The same for forces, 1 - α, which have no bound and the unit of the model.
 const FAR_FORCE: f64 = 1e12;
 
-impl<S: SwitchedSystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// All choices of sides with their α.
     pub(super) fn choices(
         &mut self,

@@ -9,7 +9,7 @@
 //! finite sum: no mode comes after them, and their number at a time to come is known long before.
 
 use super::state::State;
-use super::{Note, Side, Simulator, Status, SwitchedSystem};
+use super::{Note, Side, Simulator, Status};
 
 /// Events of a cycle, at most.
 const MAX_CYCLE: usize = 12;
@@ -134,7 +134,7 @@ impl Chatter {
     }
 }
 
-impl<S: SwitchedSystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// How a run ends behind an event of a cycle that goes on until the run has met as many events as it may, if
     /// nothing but events comes before `goal`.
     pub(super) fn chatters(

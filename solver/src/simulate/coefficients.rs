@@ -14,7 +14,7 @@ use super::mode::Mode;
 use super::roots::RootFinder;
 use super::state::State;
 use super::system::{Effect, Guard, Impact, Input};
-use super::{Coefficient, Side, Status, SwitchedSystem, series};
+use super::{Coefficient, HybridSystem, Side, Status, series};
 use crate::tape::{self, Ball, Recurrences};
 
 /// Below zero by less than this is rounding: coefficients have no unit, and one is large.
@@ -59,9 +59,9 @@ struct Watched {
 }
 
 impl Coefficients {
-    pub(super) fn of(system: &impl SwitchedSystem) -> Self {
+    pub(super) fn of(system: &HybridSystem) -> Self {
         let varies = |input: &Input| !matches!(input, Input::Number(_));
-        let laws = system.laws().iter();
+        let laws = system.laws.iter();
         let watched = laws.filter_map(|law| match (&law.guard, &law.effect) {
             (Guard::Strikes(switch), Effect::Impact(impact))
                 if impact.inputs.iter().any(varies) =>

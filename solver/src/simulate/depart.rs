@@ -18,7 +18,7 @@ use super::mode::Mode;
 use super::select::Choice;
 use super::state::State;
 use super::step::{Step, Watch, first_event};
-use super::{Side, Simulator, SwitchedSystem, series};
+use super::{Side, Simulator, series};
 use crate::linalg::DenseLu;
 
 /// Rounds of Newton's method for the direction of a force that leaves its cone.
@@ -303,7 +303,7 @@ impl Mode {
     }
 }
 
-impl<S: SwitchedSystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// The switches of a group that slip from where they may be at rest, with their directions.
     pub(super) fn departures(
         &self,

@@ -15,7 +15,7 @@ use super::roots::{Root, RootFinder};
 use super::select::BAND;
 use super::state::State;
 use super::step::Step;
-use super::{Side, Simulator, SwitchedSystem, series};
+use super::{HybridSystem, Side, Simulator, series};
 
 /// Of the way to w = 0, what a step leaves.
 const LEFT: f64 = 1.0 / 64.0;
@@ -67,11 +67,11 @@ pub(super) struct Discs {
 }
 
 impl Discs {
-    pub(super) fn new(system: &impl SwitchedSystem) -> Self {
+    pub(super) fn new(system: &HybridSystem) -> Self {
         let disc = |i: usize| {
             let other = system.across(i).filter(|other| *other > i)?;
             let rubs = |switch: &usize| [i, other].contains(switch);
-            let blocks = system.blocks().iter();
+            let blocks = system.blocks.iter();
             let blocks = blocks.filter(|block| block.switches.iter().any(rubs));
             Some(Disc {
                 other,
@@ -398,7 +398,7 @@ pub(super) fn leaves(
     super::step::first_root(roots, series[0], series, h, 1.0, band, 0.0)
 }
 
-impl<S: SwitchedSystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// Gives slip velocities that are none a length that is rounding, in the mode in which they stick: by friction, which
     /// acts on velocities, and not on places where these occur in w.
     pub(super) fn depart(

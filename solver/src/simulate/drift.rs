@@ -1,6 +1,6 @@
 //! The drift off the surfaces that a mode slides on, projected away after each step.
 
-use super::SwitchedSystem;
+use super::HybridSystem;
 use super::mode::Mode;
 use super::state::State;
 use crate::linalg::Singular;
@@ -17,7 +17,7 @@ impl Mode {
     /// Projects x onto the sliding surfaces, those of higher relative degree from ψ to its highest derivative, and returns
     /// the largest |ψ| found, relative to the size of its terms: contacts in the metric of the mass, others in the norm of
     /// the states' sizes.
-    pub(crate) fn project(&mut self, system: &impl SwitchedSystem, state: &mut State) -> f64 {
+    pub(crate) fn project(&mut self, system: &HybridSystem, state: &mut State) -> f64 {
         let mut drift = 0.0_f64;
         if self.sliding.is_empty() {
             return drift;

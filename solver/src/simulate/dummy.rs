@@ -9,7 +9,7 @@ use super::hidden::{Decision, SlidingMode};
 use super::judge::TIE;
 use super::select::Choice;
 use super::state::{Entry, State};
-use super::{Side, Simulator, Status, SwitchedSystem};
+use super::{Side, Simulator, Status};
 
 /// How the dummy system starts.
 #[derive(Clone, Copy, PartialEq)]
@@ -32,7 +32,7 @@ enum End {
 /// From a double zero the next one is at least this far away.
 const APART: f64 = 1e-4;
 
-impl<S: SwitchedSystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// Decides a nonlinear switch that interacts with no other one here; false, with nothing set, where that takes
     /// series and `series` does not allow it.
     pub(super) fn decide_nonlinear(

@@ -5,9 +5,10 @@ use std::sync::Arc;
 use rustc_hash::FxHashMap;
 use wide::f64x4;
 
+use super::form::{Library, Partials};
 use super::layout::Memory;
-use super::system::{Block, Input, Partials};
-use super::{Side, SwitchedSystem};
+use super::system::{Block, Input};
+use super::{HybridSystem, Side};
 use crate::tape::{Ball, Lane, Recurrences, Step, Tape};
 
 pub(super) struct Field {
@@ -71,11 +72,11 @@ impl Compiled {
 
 impl Field {
     /// All blocks, without functions yet.
-    pub(super) fn new(system: &impl SwitchedSystem) -> Self {
+    pub(super) fn new(system: &HybridSystem) -> Self {
         let n = system.n_states();
         let mut place = vec![(0, 0); n];
         let mut of_switch = vec![Vec::new(); system.n_switches()];
-        for (b, block) in system.blocks().iter().enumerate() {
+        for (b, block) in system.blocks.iter().enumerate() {
             for (at, &state) in block.states.iter().enumerate() {
                 place[state] = (b, at);
             }
@@ -90,7 +91,7 @@ impl Field {
             now: 0,
         };
         Field {
-            blocks: system.blocks().iter().map(local).collect(),
+            blocks: system.blocks.iter().map(local).collect(),
             place,
             of_switch,
             f: vec![0.0; n],
@@ -137,7 +138,7 @@ impl Field {
     /// Takes the function of a block on the present sides, compiling it at its first use.
     pub(super) fn enter(
         &mut self,
-        system: &impl SwitchedSystem,
+        (system, library): (&HybridSystem, &mut Library),
         memory: &mut Memory,
         block: usize,
         sides: &[Side],
@@ -148,7 +149,7 @@ impl Field {
         local.now = match local.index.get(&sides) {
             Some(&known) => known,
             None => {
-                let rates = system.rates(block, &sides);
+                let rates = library.rates(system, block, &sides);
                 self.n_functions += 1;
                 let inputs: Vec<_> = rates.inputs.iter().map(|&i| memory.row(i)).collect();
                 let base = memory.rows.len();
@@ -314,19 +315,19 @@ impl Field {
     /// `values` say; compiles what is missing.
     pub(super) fn jacobian(
         &mut self,
-        system: &impl SwitchedSystem,
+        (system, library): (&HybridSystem, &mut Library),
         values: &[f64],
         mut entry: impl FnMut(usize, usize, f64),
     ) {
         for block in 0..self.blocks.len() {
-            self.jacobian_of(system, block, values, &mut entry);
+            self.jacobian_of((system, library), block, values, &mut entry);
         }
     }
 
     /// The same for the rates of one block.
     pub(super) fn jacobian_of(
         &mut self,
-        system: &impl SwitchedSystem,
+        (system, library): (&HybridSystem, &mut Library),
         block: usize,
         values: &[f64],
         mut entry: impl FnMut(usize, usize, f64),
@@ -336,7 +337,7 @@ impl Field {
         let sides = &compiled.sides;
         let registers = &mut self.registers;
         let (partials, numbers) = compiled.jacobian.get_or_insert_with(|| {
-            let partials = system.jacobian(block, sides);
+            let partials = library.jacobian(system, block, sides);
             if registers.len() < partials.tape.n_registers() {
                 registers.resize(partials.tape.n_registers(), 0.0);
             }

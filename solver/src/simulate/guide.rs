@@ -6,7 +6,7 @@
 
 use super::fold::{Fold, Turn};
 use super::state::State;
-use super::{Decision, Side, Simulator, Status, SwitchedSystem};
+use super::{Decision, Side, Simulator, Status};
 
 /// Where a method stands that asks.
 #[derive(Clone, Copy, Debug)]
@@ -44,7 +44,7 @@ pub trait Guide {
     fn next(&mut self, standing: Standing) -> Result<Next, Status>;
 }
 
-impl<S: SwitchedSystem> Guide for Simulator<'_, S> {
+impl Guide for Simulator<'_> {
     fn next(&mut self, standing: Standing) -> Result<Next, Status> {
         let mut state = std::mem::take(&mut self.state);
         let found = self.next_from(&mut state, standing);
@@ -58,7 +58,7 @@ impl<S: SwitchedSystem> Guide for Simulator<'_, S> {
     }
 }
 
-impl<S: SwitchedSystem> Simulator<'_, S> {
+impl Simulator<'_> {
     fn next_from(&mut self, state: &mut State, standing: Standing) -> Result<(), Status> {
         let Standing { t, t1, x, .. } = standing;
         state.begin(t, x, self.system.n_switches());

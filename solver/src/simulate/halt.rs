@@ -9,9 +9,9 @@
 
 use super::rank::eliminate;
 use super::state::State;
-use super::{Side, Simulator, SwitchedSystem};
+use super::{Side, Simulator};
 
-impl<S: SwitchedSystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// Stops what is closed or sticks.
     pub(super) fn halt(&mut self, state: &mut State) {
         let (mut sides, mut alpha) = (state.sides.clone(), state.alpha.clone());

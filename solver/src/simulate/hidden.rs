@@ -6,7 +6,7 @@
 //! enclosure of S does.
 
 use super::mode::Mode;
-use super::{Side, Simulator, SwitchedSystem};
+use super::{Side, Simulator};
 use crate::tape::Ball;
 
 /// An α that keeps the state on the surface.
@@ -169,7 +169,7 @@ impl Mode {
     }
 }
 
-impl<S: SwitchedSystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// All sliding modes of a switch where the state is on its surface, other switches being on the sides that their ψ
     /// have. States that are not `held` are moved onto the surface first; none where that does not succeed, or where
     /// the modes cannot be told apart.

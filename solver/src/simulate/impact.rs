@@ -8,12 +8,12 @@
 use super::meeting::{Meeting, NoForces, Touch};
 use super::state::State;
 use super::system::{Effect, Guard, Impact, Input};
-use super::{Coefficient, Note, Side, Simulator, Status, SwitchedSystem};
+use super::{Coefficient, HybridSystem, Note, Side, Simulator, Status};
 
 /// Energy that is gained by less than this fraction of what is exchanged is rounding.
 const GAIN: f64 = 1e-9;
 
-impl<S: SwitchedSystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// Lets velocities jump by the impulses of the contacts that `laws` strike, and all that they act on.
     pub(super) fn impact(&mut self, state: &mut State, laws: &[usize]) -> Result<(), Status> {
         let system = self.system;
@@ -42,7 +42,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         near: &[usize],
     ) -> Result<(), Status> {
         let system = self.system;
-        let laws = 0..system.laws().len();
+        let laws = 0..system.laws.len();
         let impacts = laws.filter_map(|law| impact_of(system, law));
         let impacts: Vec<_> = impacts
             .filter(|(normal, _)| near.contains(normal))
@@ -174,8 +174,8 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
 }
 
 /// The switch and the impact of a law that is one.
-pub(super) fn impact_of(system: &impl SwitchedSystem, law: usize) -> Option<(usize, &Impact)> {
-    match &system.laws()[law] {
+pub(super) fn impact_of(system: &HybridSystem, law: usize) -> Option<(usize, &Impact)> {
+    match &system.laws[law] {
         super::Law {
             guard: Guard::Strikes(normal),
             effect: Effect::Impact(impact),

@@ -12,7 +12,7 @@ use super::roots::Root;
 use super::state::State;
 use super::step::{Step, Watch, first_event, met, simultaneous, verify_start};
 use super::unseen::Unseen;
-use super::{Side, Simulator, Status, SwitchedSystem, series};
+use super::{HybridSystem, Side, Simulator, Status, series};
 
 /// Steps rejected in a row, for what their polynomials missed, before the method is given up.
 const MAX_REJECTED: usize = 30;
@@ -47,7 +47,7 @@ pub(super) struct Workspace {
     f: Vec<f64>,
 }
 
-impl<S: SwitchedSystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// Takes an implicit step; none where that is not possible.
     pub(super) fn implicit_step(
         &mut self,
@@ -336,12 +336,12 @@ impl Mode {
 }
 
 /// A mode as the implicit method sees it.
-struct Stiff<'a, S> {
+struct Stiff<'a> {
     mode: &'a mut Mode,
-    system: &'a S,
+    system: &'a HybridSystem,
 }
 
-impl<S: SwitchedSystem> Stiff<'_, S> {
+impl Stiff<'_> {
     /// True where the polynomials of the step solved last are what they stand for between the nodes and probes, too.
     fn vouches(
         &mut self,
@@ -469,7 +469,7 @@ impl<S: SwitchedSystem> Stiff<'_, S> {
     }
 }
 
-impl<S: SwitchedSystem> Implicit for Stiff<'_, S> {
+impl Implicit for Stiff<'_> {
     fn eval(&mut self, t: f64, y: &[f64], values: &mut [f64]) {
         let mode = &mut *self.mode;
         mode.place(t, y);

@@ -9,7 +9,7 @@ use super::depart::Departure;
 use super::mode::Mode;
 use super::select::Choice;
 use super::state::State;
-use super::{Role, Side, Simulator, SwitchedSystem, disc, series};
+use super::{Role, Side, Simulator, disc, series};
 use crate::linalg::DenseLu;
 
 /// Rates and distances to a bound below this fraction of their scale are ties.
@@ -66,7 +66,7 @@ impl Verdict {
     }
 }
 
-impl<S: SwitchedSystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// Size of each rate of the group: |∇ψ|·|f| + |∂ψ/∂t| over all choices, with the terms of f that
     /// cancel, and what would move ψ by its own size within a step. Where nothing acts, what rounding of forces that are
     /// zero does is a tie, and so is a rate that is rounding of what cancels within a gradient.
@@ -283,7 +283,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         // What another group has been found to set off with moves from now on.
         let others = state.departures.iter();
         departures.extend(others.filter(|one| !group.contains(&one.switches[0])));
-        let root = group.iter().copied().find(|&i| self.system.has_root(i));
+        let root = group
+            .iter()
+            .copied()
+            .find(|&i| self.system.switches[i].has_root);
         let departs = self.expand_choice(state, (&sides, &mut alpha), &departures, root, t1)?;
         let sets_off = |i: usize| departs && departures.iter().any(|d| d.switches.contains(&i));
         let mode = &mut self.mode;

@@ -23,7 +23,7 @@ use super::mode::Mode;
 use super::select::BAND;
 use super::state::State;
 use super::system::{Effect, Guard, Input, Law};
-use super::{Side, Simulator, Status, SwitchedSystem};
+use super::{Side, Simulator, Status};
 
 /// Jumps at one instant before they count as endless.
 const MAX_ROUNDS: usize = 100;
@@ -117,10 +117,10 @@ impl Mode {
     }
 }
 
-impl<S: SwitchedSystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// True for a system with laws by which it jumps.
     pub(super) fn has_jumps(&self) -> bool {
-        !self.system.laws().is_empty()
+        !self.system.laws.is_empty()
     }
 
     /// Lets everything jump that jumps here, and finds the mode that goes on.
@@ -162,7 +162,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             }
             // What one impact sets in motion may strike the same contact again.
             let again = |law: &&usize| {
-                let effect = &self.system.laws()[**law].effect;
+                let effect = &self.system.laws[**law].effect;
                 last.contains(law) && matches!(effect, Effect::Reset(_))
             };
             if let Some(&law) = fired.iter().find(again) {
@@ -170,7 +170,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             }
             self.apply(state, &fired)?;
             self.impact(state, &fired)?;
-            let moves = |law: &usize| matches!(self.system.laws()[*law].effect, Effect::Reset(_));
+            let moves = |law: &usize| matches!(self.system.laws[*law].effect, Effect::Reset(_));
             let moves = fired.iter().any(moves);
             if moves {
                 self.jumps.kept.clear();
@@ -217,18 +217,12 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     fn find_near(&mut self, state: &mut State, met: &[usize], t1: f64) {
         let mut near = std::mem::take(&mut self.jumps.near);
         near.clear();
-        near.extend(
-            self.system
-                .laws()
-                .iter()
-                .enumerate()
-                .filter_map(|(l, law)| {
-                    let Guard::Strikes(switch) = law.guard else {
-                        return None;
-                    };
-                    Some((l, switch))
-                }),
-        );
+        near.extend(self.system.laws.iter().enumerate().filter_map(|(l, law)| {
+            let Guard::Strikes(switch) = law.guard else {
+                return None;
+            };
+            Some((l, switch))
+        }));
         let kept = &mut self.jumps.kept;
         kept.clear();
         let mode = &mut self.mode;
@@ -263,7 +257,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         }
         self.jumps.grazed.clear();
         struck.retain(|&law| {
-            let Some(switch) = self.system.laws()[law].closes() else {
+            let Some(switch) = self.system.laws[law].closes() else {
                 return true;
             };
             let grazes = state.sides[switch] != Side::Slide && self.grazes(state, switch);
@@ -393,8 +387,13 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         }
         let blocks = mode.field.of_switch(switch).to_vec();
         for &block in &blocks {
-            let Mode { field, memory, .. } = mode;
-            field.enter(self.system, memory, block, &sides);
+            let Mode {
+                field,
+                memory,
+                library,
+                ..
+            } = mode;
+            field.enter((self.system, library), memory, block, &sides);
             field.linearize_block(block, &memory.values);
         }
         let slope = |i: usize| {
@@ -409,10 +408,11 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             let Mode {
                 field,
                 memory,
+                library,
                 sides,
                 ..
             } = mode;
-            field.enter(self.system, memory, block, sides);
+            field.enter((self.system, library), memory, block, sides);
         }
         slopes
     }
@@ -420,7 +420,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
     /// The laws whose guards hold on the present sides.
     fn holding(&mut self, state: &State) -> Vec<usize> {
         let mut holding = Vec::new();
-        for (l, law) in self.system.laws().iter().enumerate() {
+        for (l, law) in self.system.laws.iter().enumerate() {
             let Guard::Sides { switches, holds } = &law.guard else {
                 continue;
             };
@@ -448,7 +448,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         } = &mut self.jumps;
         values.clear();
         for &l in laws {
-            let Effect::Reset(reset) = &self.system.laws()[l].effect else {
+            let Effect::Reset(reset) = &self.system.laws[l].effect else {
                 continue;
             };
             let (inputs, states, tape) = (&reset.inputs, &reset.states, &reset.values);

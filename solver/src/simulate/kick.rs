@@ -1,7 +1,7 @@
 //! Unmodelled errors: random vectors that are added to the state at equal intervals of time.
 
 use super::state::State;
-use super::{Simulator, Status, SwitchedSystem};
+use super::{Simulator, Status};
 use crate::mpcc::deviate;
 
 /// Random vectors d_k, added to the state at k times a period, k = 1, 2, ..
@@ -58,7 +58,7 @@ impl Kicks {
     }
 }
 
-impl<S: SwitchedSystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// The next instant after the present one at which the state is kicked.
     pub(super) fn next_kick(&self, t: f64) -> f64 {
         let kicks = self.settings.kicks.as_ref();

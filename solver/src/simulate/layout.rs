@@ -2,8 +2,10 @@
 //! for series, and behind them what functions need for themselves.
 
 use std::ops::Range;
+use std::sync::Arc;
 
-use super::system::{Input, SwitchedSystem};
+use super::data::Piecewise;
+use super::system::{HybridSystem, Input};
 use crate::tape::{self, Depends, Row, UNBOUNDED};
 
 /// The order to which ψ is needed beyond that of α, which follows from it.
@@ -14,6 +16,8 @@ pub(super) struct Memory {
     pub n_states: usize,
     n_switches: usize,
     n_coefficients: usize,
+    /// Functions of time that are made of pieces.
+    pub data: Vec<Arc<Piecewise>>,
     /// Length of a row: the orders of a series.
     pub stride: usize,
     /// t, x, α, the coefficients of pieces, and then numbers of functions.
@@ -25,7 +29,7 @@ pub(super) struct Memory {
 }
 
 impl Memory {
-    pub(super) fn new(system: &impl SwitchedSystem, order: usize) -> Self {
+    pub(super) fn new(system: &HybridSystem, order: usize) -> Self {
         let (n_states, n_switches) = (system.n_states(), system.n_switches());
         let n_coefficients = system.n_coefficients();
         let stride = order + LOOKAHEAD + 1;
@@ -34,6 +38,7 @@ impl Memory {
             n_states,
             n_switches,
             n_coefficients,
+            data: system.data.clone(),
             stride,
             values: vec![0.0; n_slots],
             rows: vec![0.0; n_slots * stride],
@@ -104,9 +109,18 @@ impl Memory {
     }
 
     /// Takes the coefficients that hold from `t` on, and gives the instant at which they change.
-    pub(super) fn load(&mut self, system: &impl SwitchedSystem, t: f64) -> f64 {
+    pub(super) fn load(&mut self, system: &HybridSystem, t: f64) -> f64 {
         let places = self.coefficients();
-        let until = system.coefficients(t, &mut self.values[places.clone()]);
+        let mut numbers = self.values[places.clone()].iter_mut();
+        let mut until = system.next_stop(t);
+        for data in &self.data {
+            let piece = data.piece(t);
+            let of_piece = std::iter::once(piece.start).chain(piece.coefficients.iter().copied());
+            for (number, place) in of_piece.zip(numbers.by_ref()) {
+                *place = number;
+            }
+            until = until.min(piece.end);
+        }
         for place in places {
             self.rows[place * self.stride] = self.values[place];
         }

@@ -7,7 +7,7 @@
 //! turn; all that is due at one time happens together.
 
 use super::state::State;
-use super::{Role, Side, Simulator, Status, SwitchedSystem, series};
+use super::{Role, Side, Simulator, Status, series};
 
 /// The switches on another side.
 fn changes(before: &[Side], after: &[Side]) -> Vec<usize> {
@@ -16,10 +16,10 @@ fn changes(before: &[Side], after: &[Side]) -> Vec<usize> {
         .collect()
 }
 
-impl<S: SwitchedSystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// True for switches that are decided before the others.
     pub(super) fn leads(&self, switch: usize) -> bool {
-        self.system.is_timed(switch) || self.system.relay(switch).is_some()
+        self.system.switches[switch].is_timed || self.system.relay(switch).is_some()
     }
 
     /// Decides what leads among `triggers`, and all that jumps with it. Returns the switches that
@@ -43,7 +43,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             .collect();
         for &i in &leading {
             state.armed[i] = true;
-            if self.system.is_timed(i) {
+            if self.system.switches[i].is_timed {
                 let wanted = self.wanted(&[i], &[i]);
                 self.choose(state, &[i], &wanted, t1, true)?;
             }
@@ -53,7 +53,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let changed = changes(&before, &state.sides);
         open.extend((0..before.len()).filter(|&i| {
             let meets = state.sides[i] == Side::Slide || state.armed[i];
-            let couplings = self.system.couplings(i);
+            let couplings = &self.system.switches[i].couplings;
             let coupled = || changed.iter().any(|j| couplings.binary_search(j).is_ok());
             meets && !self.leads(i) && coupled()
         }));
@@ -85,7 +85,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
             seen.push(state.sides.clone());
             let last = std::mem::replace(&mut psi, self.psi(state));
             let holds = |&i: &usize| {
-                let inside = self.system.inside(i);
+                let inside = &self.system.switches[i].inside;
                 (changed.iter()).any(|j| *j != i && inside.binary_search(j).is_ok())
             };
             let held: Vec<usize> = (0..before.len()).filter(holds).collect();

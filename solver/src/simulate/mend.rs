@@ -9,7 +9,7 @@
 //! where a contact slips. Sizes of states are no measure here: what has always rested at zero is as small as its
 //! rounding, and measured by that a body may turn by any angle for a gap of 1e-17.
 
-use super::SwitchedSystem;
+use super::HybridSystem;
 use super::mode::Mode;
 use super::rank::eliminate;
 use super::sliding::Sliding;
@@ -67,7 +67,7 @@ impl Mode {
     /// to the size of its terms.
     pub(super) fn mend_gaps(
         &mut self,
-        system: &impl SwitchedSystem,
+        system: &HybridSystem,
         state: &mut State,
         placed: &mut [bool],
     ) -> f64 {
@@ -77,7 +77,7 @@ impl Mode {
     /// Stops closed contacts, and what sticks; the largest rate before, relative to the size of its terms.
     pub(super) fn mend_rates(
         &mut self,
-        system: &impl SwitchedSystem,
+        system: &HybridSystem,
         state: &mut State,
         placed: &mut [bool],
     ) -> f64 {
@@ -86,7 +86,7 @@ impl Mode {
 
     fn mend(
         &mut self,
-        system: &impl SwitchedSystem,
+        system: &HybridSystem,
         state: &mut State,
         placed: &mut [bool],
         left: Left,
@@ -215,7 +215,7 @@ impl Mode {
     /// q - ∂q'/∂v P δ.
     fn shift_positions(
         &mut self,
-        system: &impl SwitchedSystem,
+        system: &HybridSystem,
         state: &mut State,
         mend: &mut Mend,
         placed: &[bool],
@@ -229,7 +229,8 @@ impl Mode {
                     state.x[of] -= value * mend.push[by];
                 }
             };
-            self.field.jacobian_of(system, block, values, moves);
+            let functions = (system, &mut self.library);
+            self.field.jacobian_of(functions, block, values, moves);
         }
         mend.pushed.iter().for_each(|&j| mend.push[j] = 0.0);
     }

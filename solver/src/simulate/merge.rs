@@ -7,7 +7,7 @@
 
 use super::mode::Mode;
 use super::state::State;
-use super::{Note, Side, Simulator, SwitchedSystem};
+use super::{Note, Side, Simulator};
 
 /// Roundings of its terms below which ψ is zero.
 const ROUNDINGS: f64 = 64.0;
@@ -25,7 +25,7 @@ struct Between {
     f: Vec<f64>,
 }
 
-impl<S: SwitchedSystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// Takes out of `triggers`, which meet here, those whose surfaces are reached later, where that makes
     /// a difference to a state above its tolerance.
     pub(super) fn tell_apart(&mut self, state: &mut State, triggers: &mut Vec<usize>, t1: f64) {

@@ -18,6 +18,7 @@ mod chatter;
 mod coefficients;
 mod cones;
 mod control;
+mod data;
 pub(crate) mod dense;
 mod depart;
 mod disc;
@@ -26,6 +27,7 @@ mod dummy;
 mod expansion;
 mod field;
 mod fold;
+mod form;
 mod guide;
 mod halt;
 mod hidden;
@@ -77,9 +79,13 @@ mod unseen;
 mod window;
 pub(crate) mod zeno;
 
+use std::sync::Arc;
+
 pub use approach::{Approach, Visit};
 use coefficients::Coefficients;
+pub use data::{Piece, Piecewise};
 pub use dense::Polynomials;
+pub use form::{Argument, Form, Instance, Partials};
 pub use guide::{Guide, Next, Standing};
 pub use hidden::{Decision, SlidingMode};
 use jump::Jumps;
@@ -95,8 +101,7 @@ use state::State;
 pub use status::{Coefficient, Function, Note, Stats, Status};
 use stiffness::Stiffness;
 pub use system::{
-    Affine, Block, Effect, Guard, Impact, Input, Law, Partials, Rates, Reset, Role, Smooth,
-    Surface, SwitchedSystem,
+    Block, Effect, Guard, HybridSystem, Impact, Input, Law, Reset, Role, Switch, SwitchKind,
 };
 use unseen::Unseen;
 
@@ -160,8 +165,8 @@ pub struct Outcome {
 }
 
 /// Runs a system, keeping the functions it has met from one run to the next.
-pub struct Simulator<'s, S> {
-    system: &'s S,
+pub struct Simulator<'s> {
+    system: &'s HybridSystem,
     settings: Settings,
     order: usize,
     mode: Mode,
@@ -177,13 +182,13 @@ pub struct Simulator<'s, S> {
     state: State,
 }
 
-impl<'s, S: SwitchedSystem> Simulator<'s, S> {
+impl<'s> Simulator<'s> {
     /// A simulator without any mode yet.
-    pub fn new(system: &'s S, settings: Settings) -> Self {
+    pub fn new(system: &'s HybridSystem, settings: Settings) -> Self {
         let order = settings.series_order();
         let mut coupled_by = vec![Vec::new(); system.n_switches()];
         for rate in 0..system.n_switches() {
-            for &alpha in system.couplings(rate) {
+            for &alpha in &system.switches[rate].couplings {
                 coupled_by[alpha].push(rate);
             }
         }
@@ -201,6 +206,33 @@ impl<'s, S: SwitchedSystem> Simulator<'s, S> {
             unseen: Unseen::default(),
             state: State::default(),
         }
+    }
+
+    /// One with other settings, which knows what this one has met.
+    pub fn with(&self, settings: Settings) -> Self {
+        let mut other = Simulator::new(self.system, settings);
+        other.mode.library.clone_from(&self.mode.library);
+        other.mode.memory.data.clone_from(&self.mode.memory.data);
+        other
+    }
+
+    /// Gives data from number `first` on other values, by as many coefficients a piece.
+    pub fn set_data(&mut self, first: usize, data: &[Arc<Piecewise>]) {
+        let known = &mut self.mode.memory.data[first..first + data.len()];
+        for (known, data) in known.iter_mut().zip(data) {
+            assert_eq!(
+                known.n_coefficients(),
+                data.n_coefficients(),
+                "the same fit"
+            );
+            known.clone_from(data);
+        }
+    }
+
+    /// The number of functions that were made so far, of all sides that runs have met: blocks and surfaces of one form
+    /// share them.
+    pub fn n_functions(&self) -> usize {
+        self.mode.library.len()
     }
 
     /// The settings in force.

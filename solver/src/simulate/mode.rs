@@ -13,12 +13,13 @@ use super::blind;
 use super::control::Probed;
 use super::disc::Discs;
 use super::field::Field;
+use super::form::Library;
 use super::implicit::Workspace;
 use super::layout::Memory;
 use super::sliding::Sliding;
 use super::state::State;
 use super::surfaces::Surfaces;
-use super::{Role, Side, SwitchedSystem};
+use super::{HybridSystem, Role, Side};
 use crate::linalg::Singular;
 
 pub(crate) struct Mode {
@@ -30,6 +31,8 @@ pub(crate) struct Mode {
     pub n: usize,
     pub order: usize,
     pub(super) memory: Memory,
+    /// What has been made of forms.
+    pub(super) library: Library,
     pub(super) field: Field,
     pub(super) surfaces: Surfaces,
     pub(super) equations: Sliding,
@@ -96,12 +99,14 @@ const MAX_NEWTON: usize = 30;
 
 impl Mode {
     /// No mode yet: `enter` takes one.
-    pub(crate) fn new(system: &impl SwitchedSystem, order: usize) -> Self {
+    pub(crate) fn new(system: &HybridSystem, order: usize) -> Self {
         let (n, m) = (system.n_states(), system.n_switches());
-        let rests = |i: usize| system.has_root(i) && system.is_continuous(i);
+        let rests = |i: usize| system.switches[i].has_root && system.is_continuous(i);
         let rests: Vec<bool> = (0..m).map(rests).collect();
         Mode {
-            roots: (0..m).map(|i| system.has_root(i)).collect(),
+            roots: (system.switches.iter())
+                .map(|switch| switch.has_root)
+                .collect(),
             may_rest: rests.contains(&true),
             rests,
             sides: vec![Side::Plus; m].into(),
@@ -112,18 +117,23 @@ impl Mode {
             n,
             order,
             memory: Memory::new(system, order),
+            library: Library::default(),
             field: Field::new(system),
             surfaces: Surfaces::new(system),
             equations: Sliding::new(n, m),
             roles: (0..m).map(|i| system.role(i)).collect(),
             is_algebraic: (0..n)
-                .map(|i| system.algebraics().binary_search(&i).is_ok())
+                .map(|i| system.algebraics.binary_search(&i).is_ok())
                 .collect(),
             still: vec![false; n],
             unilateral: (0..m).map(|i| system.is_unilateral(i)).collect(),
-            nonlinear: (0..m).map(|i| system.is_nonlinear(i)).collect(),
+            nonlinear: (system.switches.iter())
+                .map(|switch| switch.is_nonlinear)
+                .collect(),
             slip_of: (0..m).map(|i| system.slip_of(i)).collect(),
-            idle_above: (0..m).map(|i| system.idle_above(i).to_vec()).collect(),
+            idle_above: (system.switches.iter())
+                .map(|switch| switch.idle_above.clone())
+                .collect(),
             discs: Discs::new(system),
             arranged: false,
             entered: false,
@@ -146,7 +156,7 @@ impl Mode {
     }
 
     /// Takes the functions of these sides.
-    pub(crate) fn enter(&mut self, system: &impl SwitchedSystem, sides: &[Side]) {
+    pub(crate) fn enter(&mut self, system: &HybridSystem, sides: &[Side]) {
         self.enter_surfaces(system, sides);
         self.surfaces.stand(sides);
         if self.entered && *self.sides == *sides {
@@ -157,13 +167,15 @@ impl Mode {
                 if self.sides[i] != *side {
                     for at in 0..self.field.of_switch(i).len() {
                         let block = self.field.of_switch(i)[at];
-                        self.field.enter(system, &mut self.memory, block, sides);
+                        let functions = (system, &mut self.library);
+                        self.field.enter(functions, &mut self.memory, block, sides);
                     }
                 }
             }
         } else {
             for block in 0..self.field.n_blocks() {
-                self.field.enter(system, &mut self.memory, block, sides);
+                let functions = (system, &mut self.library);
+                self.field.enter(functions, &mut self.memory, block, sides);
             }
             self.entered = true;
         }
@@ -211,8 +223,9 @@ impl Mode {
     }
 
     /// Takes the switching functions of these sides, and no rates.
-    pub(crate) fn enter_surfaces(&mut self, system: &impl SwitchedSystem, sides: &[Side]) {
-        self.surfaces.enter(system, &mut self.memory, sides);
+    pub(crate) fn enter_surfaces(&mut self, system: &HybridSystem, sides: &[Side]) {
+        let functions = (system, &mut self.library);
+        self.surfaces.enter(functions, &mut self.memory, sides);
     }
 
     /// Functions taken up so far.
@@ -222,7 +235,7 @@ impl Mode {
 
     /// Takes the coefficients of the pieces that hold from `t` on, and gives the instant at which
     /// they change.
-    pub(super) fn load(&mut self, system: &impl SwitchedSystem, t: f64) -> f64 {
+    pub(super) fn load(&mut self, system: &HybridSystem, t: f64) -> f64 {
         let until = self.memory.load(system, t);
         self.probed.load(&self.memory);
         until
@@ -252,12 +265,9 @@ impl Mode {
 
     /// Calls `entry(row, column, value)` for every ∂f/∂x that is not structurally zero where the point is; compiles
     /// what is missing. ∂f/∂α comes from `linearize` as slopes of the field, ∂ψ/∂x as gradients of the surfaces.
-    pub(crate) fn jacobian(
-        &mut self,
-        system: &impl SwitchedSystem,
-        entry: impl FnMut(usize, usize, f64),
-    ) {
-        self.field.jacobian(system, &self.memory.values, entry);
+    pub(crate) fn jacobian(&mut self, system: &HybridSystem, entry: impl FnMut(usize, usize, f64)) {
+        let functions = (system, &mut self.library);
+        self.field.jacobian(functions, &self.memory.values, entry);
     }
 
     /// f where it was last evaluated.

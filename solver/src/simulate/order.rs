@@ -8,7 +8,7 @@
 use super::impact::impact_of;
 use super::select::BAND;
 use super::state::State;
-use super::{Note, Side, Simulator, Status, SwitchedSystem};
+use super::{Note, Side, Simulator, Status};
 
 /// Roundings of their terms by which equal gaps differ.
 const ROUNDINGS: f64 = 64.0;
@@ -19,11 +19,11 @@ const MOST: usize = 8;
 /// Impacts one after the other, before they count as endless.
 const MAX_ROUNDS: usize = 20;
 
-impl<S: SwitchedSystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// Takes note of contacts that are struck with those of `struck`, or almost, where it matters which one is first.
     /// `near` are the contacts without a gap.
     pub(super) fn note_order(&mut self, state: &mut State, struck: &[usize], near: &[usize]) {
-        let laws = 0..self.system.laws().len();
+        let laws = 0..self.system.laws.len();
         let normals = laws.filter_map(|law| impact_of(self.system, law));
         let normals: Vec<usize> = normals.map(|(normal, _)| normal).collect();
         let mut gaps: Vec<(usize, f64)> = Vec::new();

@@ -12,7 +12,7 @@ use super::mode::Mode;
 use super::select::{Choice, Choices};
 use super::state::State;
 use super::system::{Guard, Law};
-use super::{Role, Side, Simulator, Status, SwitchedSystem};
+use super::{Role, Side, Simulator, Status};
 
 /// Forces and accelerations below this fraction of their scale are tried both ways.
 const NEAR: f64 = 1e-7;
@@ -39,12 +39,12 @@ struct Found {
     near: f64,
 }
 
-impl<S: SwitchedSystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// True for a unilateral switch whose surface is struck; what keeps the others, as the constraints of
     /// projections, acts on their rate itself.
     pub(super) fn is_contact(&self, switch: usize) -> bool {
         let strikes = |law: &Law| matches!(law.guard, Guard::Strikes(struck) if struck == switch);
-        self.system.laws().iter().any(strikes)
+        self.system.laws.iter().any(strikes)
     }
 
     /// True for a group that nothing but contacts and their friction belong to.

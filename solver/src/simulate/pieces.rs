@@ -7,7 +7,7 @@
 use super::dense::Dense;
 use super::state::State;
 use super::step::{TOGETHER, Watch};
-use super::{Side, Simulator, Status, SwitchedSystem, series};
+use super::{HybridSystem, Side, Simulator, Status, series};
 
 /// Which switches the data of pieces concerns.
 pub(super) struct Pieces {
@@ -20,12 +20,14 @@ pub(super) struct Pieces {
 }
 
 impl Pieces {
-    pub(super) fn new(system: &impl SwitchedSystem) -> Self {
+    pub(super) fn new(system: &HybridSystem) -> Self {
         let all = 0..system.n_switches();
         Pieces {
             until: f64::INFINITY,
-            switches: (all.clone()).filter(|&i| system.is_piecewise(i)).collect(),
-            rates: all.filter(|&i| system.has_piecewise_rate(i)).collect(),
+            switches: (all.clone())
+                .filter(|&i| system.switches[i].has_data[0])
+                .collect(),
+            rates: all.filter(|&i| system.switches[i].has_data[1]).collect(),
         }
     }
 }
@@ -33,7 +35,7 @@ impl Pieces {
 /// An event that is closer to the end of a step, as a fraction of the step, may be there.
 const NEAR: f64 = 1e-6;
 
-impl<S: SwitchedSystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// Takes the pieces that hold from the present time on.
     pub(super) fn load(&mut self, state: &State) {
         self.pieces.until = self.mode.load(self.system, state.t);

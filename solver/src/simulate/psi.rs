@@ -1,8 +1,9 @@
 //! One ψ, compiled for the sides of the switches inside it.
 
 use super::field::gather;
+use super::form::{Affine, Smooth, Surface};
 use super::layout::Memory;
-use super::system::{Affine, Input, Smooth, Surface};
+use super::system::Input;
 use crate::tape::{self, Recurrences, Step, Tape};
 
 /// ψ for certain sides inside it.

@@ -18,7 +18,7 @@ use super::select::BAND;
 use super::singular::Line;
 use super::state::State;
 use super::step::Step;
-use super::{Side, Simulator, Status, SwitchedSystem, series};
+use super::{Side, Simulator, Status, series};
 
 /// How far from the surface a root is looked at, relative to the size of ψ, and how much closer again.
 const NEAR: f64 = 1e-6;
@@ -99,7 +99,7 @@ impl Mode {
     }
 }
 
-impl<S: SwitchedSystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// Decides a group of which some switches may rest: the others first, whose rates do not depend on the sides of these,
     /// and then these, one after another until none changes. False, with nothing settled, where that takes series and
     /// `series` does not allow it.

@@ -6,10 +6,7 @@ use super::dense::Dense;
 use super::jump::Met;
 use super::state::State;
 use super::step::Step;
-use super::{
-    Approach, Event, Observer, Outcome, Segment, Side, Simulator, Status, SwitchedSystem, chatter,
-    zeno,
-};
+use super::{Approach, Event, Observer, Outcome, Segment, Side, Simulator, Status, chatter, zeno};
 
 /// Events in a row without progress in time that count as an accumulation.
 const MAX_STALLED: usize = 100;
@@ -44,7 +41,7 @@ struct Meets {
     kick: Option<f64>,
 }
 
-impl<S: SwitchedSystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// Integrates from `x0` at `t0` to `t1`.
     pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut impl Observer) -> Outcome {
         let limit = self.settings.time_limit;

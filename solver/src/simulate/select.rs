@@ -10,7 +10,7 @@ use super::jump::{Met, TOUCH};
 use super::mode::Mode;
 use super::rest::Settling;
 use super::state::{Entry, State};
-use super::{Note, Role, Settings, Side, Simulator, Status, SwitchedSystem};
+use super::{Note, Role, Settings, Side, Simulator, Status};
 
 /// One way to go on: the sides of the switches that meet.
 pub type Candidate = Vec<(usize, Side)>;
@@ -101,7 +101,7 @@ struct Checked {
     units: Vec<f64>,
 }
 
-impl<S: SwitchedSystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// Finds the mode at the start, taking every surface that holds the state as meeting there.
     pub(super) fn start(&mut self, state: &mut State, horizon: f64) -> Result<(), Status> {
         self.load(state);
@@ -264,7 +264,7 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         }
         // What only looks at others is decided behind them.
         for &i in meeting.iter().filter(|i| self.only_watches(**i)) {
-            let watches = |j: &usize| self.system.couplings(i).contains(j);
+            let watches = |j: &usize| self.system.switches[i].couplings.contains(j);
             let known = |group: &Vec<usize>| group.contains(&i);
             if groups.iter().flatten().any(watches) && !groups.iter().any(known) {
                 groups.push(vec![i]);
@@ -332,7 +332,10 @@ impl<S: SwitchedSystem> Simulator<'_, S> {
         let mut next = 0;
         while next < group.len() {
             let i = group[next];
-            let linked = self.system.couplings(i).iter().chain(&self.coupled_by[i]);
+            let linked = self.system.switches[i]
+                .couplings
+                .iter()
+                .chain(&self.coupled_by[i]);
             let partner = match self.system.role(i) {
                 Role::Member(partner) => Some(partner),
                 Role::Step | Role::Equation => None,

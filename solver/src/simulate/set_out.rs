@@ -12,7 +12,7 @@ use super::candidates::{FAR, MAX_ENUMERATED, Search, alternatives};
 use super::mode::Mode;
 use super::select::{Choice, Choices};
 use super::state::State;
-use super::{Role, Side, Simulator, Status, SwitchedSystem};
+use super::{Role, Side, Simulator, Status};
 use crate::linalg::DenseLu;
 
 /// Directions from which one to set off in is looked for.
@@ -32,7 +32,7 @@ const SAME: f64 = 1e-8;
 /// A rate against its own direction by less than this, relative to friction, is none.
 const NEAR: f64 = 1e-7;
 
-impl<S: SwitchedSystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// True for steps that meet with a slip velocity with two entries.
     pub(super) fn holds_disc(&self, group: &[usize]) -> bool {
         let is_step = |&i: &usize| self.mode.roles[i] == Role::Step;

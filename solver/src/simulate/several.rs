@@ -9,7 +9,7 @@ use super::hidden::Decision;
 use super::judge::TIE;
 use super::select::{Candidate, Choice};
 use super::state::{Entry, State};
-use super::{Role, Side, Simulator, Status, SwitchedSystem};
+use super::{Role, Side, Simulator, Status};
 use crate::linalg::DenseLu;
 
 /// Steepness of one switch relative to that of the others.
@@ -169,7 +169,7 @@ impl Dummy<'_> {
     }
 }
 
-impl<S: SwitchedSystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// Decides a group of switches that interact, nonlinear ones among them.
     pub(super) fn decide_several(
         &mut self,

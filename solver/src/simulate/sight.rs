@@ -6,7 +6,7 @@
 use super::judge::TIE;
 use super::mode::Mode;
 use super::state::State;
-use super::{Side, SwitchedSystem};
+use super::{HybridSystem, Side};
 
 /// What rounding grows by, at most.
 const GROWTH: f64 = 100.0;
@@ -16,7 +16,7 @@ const ROUNDS: usize = 12;
 
 impl Mode {
     /// The time in which errors grow by so much, where the point is: ln `GROWTH` over the largest eigenvalue of |∂f/∂x|.
-    pub(super) fn sight(&mut self, system: &impl SwitchedSystem) -> f64 {
+    pub(super) fn sight(&mut self, system: &HybridSystem) -> f64 {
         let mut entries = Vec::new();
         self.jacobian(system, |row, column, value: f64| {
             entries.push((row, column, value.abs()));

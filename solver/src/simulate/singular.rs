@@ -14,7 +14,7 @@ use super::dense::Dense;
 use super::mode::Mode;
 use super::state::State;
 use super::step::{Step, first_event, simultaneous};
-use super::{Side, Simulator, Status, SwitchedSystem};
+use super::{Side, Simulator, Status};
 
 /// What the error of a straight step is of h times the change of f: 1/(1 + p) - 1/2ᵖ is no larger for 0 < p ≤ 1.
 const SHARE: f64 = 0.1;
@@ -229,7 +229,7 @@ impl Mode {
     }
 }
 
-impl<S: SwitchedSystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// The step off a point at which f has no series.
     pub(super) fn step_off(&mut self, state: &mut State, remaining: f64) -> Result<Step, Status> {
         let line = self.lay_line(state, remaining)?;

@@ -7,7 +7,7 @@ use super::pieces::is_at_end;
 use super::roots::{Root, RootFinder};
 use super::select::BAND;
 use super::state::State;
-use super::{Simulator, Status, SwitchedSystem, disc, series};
+use super::{Simulator, Status, disc, series};
 
 /// An accepted step. `State::x` holds its end.
 pub(super) struct Step {
@@ -81,7 +81,7 @@ const PATIENCE: usize = 20;
 /// Steps grow at most by this factor, which bounds the search for their size.
 const MAX_GROWTH: f64 = 10.0;
 
-impl<S: SwitchedSystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// Takes the longest step up to `goal` that the tolerance and the next event allow; the run goes
     /// on to `t1`.
     pub(super) fn step(&mut self, state: &mut State, goal: f64, t1: f64) -> Result<Step, Status> {

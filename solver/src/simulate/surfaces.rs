@@ -3,10 +3,10 @@
 use rustc_hash::FxHashMap;
 
 use super::field::run_balls;
+use super::form::{Library, Smooth};
 use super::layout::Memory;
 use super::psi::{Compiled, Form, run};
-use super::system::Smooth;
-use super::{Side, SwitchedSystem};
+use super::{HybridSystem, Side};
 use crate::tape::{self, Ball, Lane, Rounded, Tame};
 
 pub(super) struct Surfaces {
@@ -43,11 +43,11 @@ struct Local {
 
 impl Surfaces {
     /// All ψ, without functions yet.
-    pub(super) fn new(system: &impl SwitchedSystem) -> Self {
+    pub(super) fn new(system: &HybridSystem) -> Self {
         let m = system.n_switches();
         let mut around = vec![Vec::new(); m];
         for i in 0..m {
-            for &inner in system.inside(i) {
+            for &inner in &system.switches[i].inside {
                 around[inner].push(i);
             }
         }
@@ -60,11 +60,11 @@ impl Surfaces {
         let mut derivatives = Vec::new();
         let mut of_switch = Vec::new();
         for i in 0..m {
-            let count = system.n_derivatives(i);
+            let count = system.switches[i].derivatives.len();
             of_switch.push((m + derivatives.len(), count));
             derivatives.extend((1..=count).map(|order| (i, order)));
         }
-        let own = (0..m).map(|i| local(system.inside(i)));
+        let own = (0..m).map(|i| local(&system.switches[i].inside));
         let surfaces: Vec<Local> = own.chain(derivatives.iter().map(|_| local(&[]))).collect();
         Surfaces {
             surfaces,
@@ -85,14 +85,14 @@ impl Surfaces {
     /// Takes the functions of these sides, compiling what is new.
     pub(super) fn enter(
         &mut self,
-        system: &impl SwitchedSystem,
+        (system, library): (&HybridSystem, &mut Library),
         memory: &mut Memory,
         sides: &[Side],
     ) {
         match self.sides.take() {
             None => {
                 for i in 0..self.surfaces.len() {
-                    self.enter_one(system, memory, i, sides);
+                    self.enter_one((system, library), memory, i, sides);
                 }
                 self.sides = Some(sides.into());
             }
@@ -102,7 +102,7 @@ impl Surfaces {
                     if present[i] != sides[i] {
                         present[i] = sides[i];
                         for at in 0..self.around[i].len() {
-                            self.enter_one(system, memory, self.around[i][at], sides);
+                            self.enter_one((system, library), memory, self.around[i][at], sides);
                         }
                     }
                 }
@@ -113,7 +113,7 @@ impl Surfaces {
 
     fn enter_one(
         &mut self,
-        system: &impl SwitchedSystem,
+        (system, library): (&HybridSystem, &mut Library),
         memory: &mut Memory,
         switch: usize,
         sides: &[Side],
@@ -125,10 +125,10 @@ impl Surfaces {
             return;
         }
         let surface = match switch.checked_sub(self.slot.len()) {
-            None => system.surface(switch, &sides),
+            None => library.surface(system, switch, &sides),
             Some(at) => {
                 let (switch, order) = self.derivatives[at];
-                system.derivative(switch, order)
+                library.derivative(system, switch, order)
             }
         };
         let compiled = Compiled::new(surface, memory);

@@ -1,4 +1,4 @@
-//! A system with switches, cut into functions that are compiled where and when they are needed.
+//! A system with switches as plain data: x' = f(t, x, α), α_i ∈ step(ψ_i(t, x)).
 //!
 //! The rates x' = f come in *blocks*: groups of rates that are computed together. A block knows
 //! the switches whose α occur in it; their sides are its *local* sides, and for each combination of
@@ -6,133 +6,220 @@
 //! at `Slide`. So a switch that changes sides concerns the blocks that contain its α and no others.
 //! The same holds for every ψ, which may contain α of earlier switches.
 //!
-//! A function of time that is made of pieces, each a polynomial in t, has their coefficients as inputs:
-//! they change at breakpoints, and no step goes beyond one.
+//! Blocks and ψ are *instances* of *forms*: what differs between instances of one form in numbers alone is compiled once.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use super::Side;
+use super::data::Piecewise;
+use super::form::{Argument, Form, Instance};
 use crate::tape::Tape;
 
-/// A system with switches, as the simulator sees it.
-///
-/// The same function is asked for once per simulator, so implementations that serve several
-/// simulators keep what they have compiled.
-pub trait SwitchedSystem {
-    /// Length of x.
-    fn n_states(&self) -> usize;
-    /// Length of ψ and α.
-    fn n_switches(&self) -> usize;
-    /// True when f is continuous across the surface, so that it never slides.
-    fn is_continuous(&self, switch: usize) -> bool;
-    /// True when ψ depends on time only: its side is decided before those of the others.
-    fn is_timed(&self, _switch: usize) -> bool {
-        false
-    }
-    /// The side at the start of a relay, none for other switches. A relay has memory: it never
-    /// slides, and ψ, which contains its own α, has the sign of its side until it leaves it.
-    fn relay(&self, _switch: usize) -> Option<Side> {
-        None
-    }
-    /// How many derivatives of ψ along the solution contain no α, so that sliding keeps them at zero
-    /// too: the relative degree less one.
-    fn n_derivatives(&self, _switch: usize) -> usize {
-        0
-    }
-    /// The derivative of ψ of an order from 1 to `n_derivatives`.
-    fn derivative(&self, switch: usize, order: usize) -> Surface {
-        debug_assert_eq!(order, 0, "a switch without derivatives has none");
-        self.surface(switch, &[])
-    }
-    /// The switches whose α the rate φ of a switch may contain, in order; where the relative degree
-    /// is higher, those in the rate of its highest derivative.
-    fn couplings(&self, switch: usize) -> &[usize];
-    /// The blocks; every state belongs to exactly one.
-    fn blocks(&self) -> &[Block];
-    /// The switches whose α occur in ψ of a switch, in order. With α of relays and switches of time
-    /// ψ may jump, with that of others it is continuous.
-    fn inside(&self, switch: usize) -> &[usize];
-    /// The rates of a block on its local sides.
-    fn rates(&self, block: usize, sides: &[Side]) -> Rates;
-    /// ψ of a switch, given the sides of the switches inside it. α of one that slides is 1: ψ is
-    /// continuous there. Only a continuous switch makes its α an input.
-    fn surface(&self, switch: usize, sides: &[Side]) -> Surface;
-    /// ∂f/∂x of a block on its local sides, by the inputs of its [`Rates`]. Only implicit methods
-    /// ask for it.
-    fn jacobian(&self, block: usize, sides: &[Side]) -> Arc<Partials>;
-    /// How many numbers change at given instants only: the coefficients of functions of time that are
-    /// made of pieces.
-    fn n_coefficients(&self) -> usize {
-        0
-    }
-    /// The coefficients from `t` on, and how long they hold: the next instant at which one of them
-    /// changes, infinity where there is none.
-    fn coefficients(&self, _t: f64, _coefficients: &mut [f64]) -> f64 {
-        f64::INFINITY
-    }
-    /// Whether ψ of a switch contains a coefficient, so that it may jump or bend where they change.
-    fn is_piecewise(&self, _switch: usize) -> bool {
-        false
-    }
-    /// True for a switch that is never below its surface: it is above, or kept on it by an α that may
-    /// have any value up to 1. Its relative degree is two where a law strikes it, else one.
-    fn is_unilateral(&self, _switch: usize) -> bool {
-        false
-    }
-    /// The switch of the other entry of a slip velocity w with two: both slide, where w = 0, with u = 2α - 1 in the unit
-    /// disc, or neither does, and rates have u = w/|w| in place of both α.
-    fn across(&self, _switch: usize) -> Option<usize> {
-        None
-    }
-    /// Switches, in order, of which one on its upper side takes the α of a slip velocity with two entries out of all
-    /// rates: these entries mean nothing there.
-    fn idle_above(&self, _switch: usize) -> &[usize] {
-        &[]
-    }
-    /// The unilateral switch α_n of which the α of a switch is a factor: it means nothing where that one does
-    /// not slide.
-    fn slip_of(&self, _switch: usize) -> Option<usize> {
-        None
-    }
-    /// Whether rates contain the α of a switch in another way than affine. It is a step of its ψ then, and its rate φ
-    /// contains its α.
-    fn is_nonlinear(&self, _switch: usize) -> bool {
-        false
-    }
-    /// Whether rates contain powers of ψ without a derivative at ψ = 0, which are zero there and in no rate on `Slide`.
-    /// Where such a switch is continuous it is said to rest on its surface, and its α is in no rate either.
-    fn has_root(&self, _switch: usize) -> bool {
-        false
-    }
-    /// What α of a switch is.
-    fn role(&self, _switch: usize) -> Role {
-        Role::Step
-    }
+/// A system with switches. All of it is known before a run: nothing is compiled or asked for elsewhere in the middle of one.
+#[derive(Clone, Debug, Default)]
+pub struct HybridSystem {
+    /// ψ and α.
+    pub switches: Vec<Switch>,
+    /// Every state belongs to exactly one.
+    pub blocks: Vec<Block>,
+    /// Functions of time, states and α.
+    pub forms: Vec<Form>,
+    /// The rates of each block.
+    pub rates: Vec<Instance>,
+    /// All ψ, and behind them derivatives along the solution.
+    pub surfaces: Vec<Instance>,
     /// The algebraic states z, in order: their rates are made of α of equations and members, which keep what
     /// determines z. Equations and pairs are as many as they are.
-    fn algebraics(&self) -> &[usize] {
-        &[]
-    }
+    pub algebraics: Vec<usize>,
     /// How the state jumps.
-    fn laws(&self) -> &[Law] {
-        &[]
-    }
-    /// Whether the rate φ of a switch, or that of its last derivative, contains a coefficient.
-    fn has_piecewise_rate(&self, _switch: usize) -> bool {
-        false
-    }
+    pub laws: Vec<Law>,
+    /// Functions of time that are made of pieces. For each in turn, where the present piece begins and its coefficients
+    /// are inputs of functions.
+    pub data: Vec<Arc<Piecewise>>,
+    /// Instants that no step passes over, in order.
+    pub stops: Vec<f64>,
+}
+
+/// A switch: ψ and α.
+#[derive(Clone, Debug)]
+pub struct Switch {
+    /// What α is.
+    pub kind: SwitchKind,
+    /// Whether f is continuous across the surface, so that it never slides.
+    pub is_continuous: bool,
+    /// Whether ψ depends on time only: its side is decided before those of the others.
+    pub is_timed: bool,
+    /// Whether rates contain the α in another way than affine. It is a step of its ψ then, and its rate φ contains its α.
+    pub is_nonlinear: bool,
+    /// Whether rates contain powers of ψ without a derivative at ψ = 0, which are zero there and in no rate on `Slide`.
+    /// Where such a switch is continuous it is said to rest on its surface, and its α is in no rate either.
+    pub has_root: bool,
+    /// Whether ψ contains data, so that it may jump or bend where they do; and whether its rate φ does, or that of its
+    /// last derivative.
+    pub has_data: [bool; 2],
+    /// The switches whose α the rate φ may contain, in order; where the relative degree is higher, those in the rate of
+    /// its highest derivative.
+    pub couplings: Vec<usize>,
+    /// The switches whose α occur in ψ, in order. With α of relays and switches of time ψ may jump, with that of others
+    /// it is continuous.
+    pub inside: Vec<usize>,
+    /// Where the derivatives of ψ along the solution that contain no α stand among the surfaces, so that sliding keeps
+    /// them at zero too: as many as the relative degree less one.
+    pub derivatives: Range<usize>,
+    /// Switches, in order, of which one on its upper side takes the α of a slip velocity with two entries out of all
+    /// rates: these entries mean nothing there.
+    pub idle_above: Vec<usize>,
 }
 
 /// What α of a switch is.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Role {
-    /// A step of ψ, or the force of a unilateral surface.
+pub enum SwitchKind {
+    /// A step of ψ.
     Step,
+    /// A step of ψ with memory, which starts on this side: it never slides, and ψ, which contains its own α, has the
+    /// sign of its side until it leaves it.
+    Relay(Side),
+    /// The force of a unilateral surface: ψ is above, or kept on it by an α that may have any value up to 1. Its
+    /// relative degree is two where a law strikes it, else one.
+    Unilateral,
+    /// The friction of a slip velocity.
+    Slip {
+        /// The unilateral switch α_n of which α is a factor: it means nothing where that one does not slide.
+        of: Option<usize>,
+        /// The switch of the other entry of a slip velocity w with two: both slide, where w = 0, with u = 2α - 1 in the
+        /// unit disc, or neither does, and rates have u = w/|w| in place of both α.
+        across: Option<usize>,
+    },
     /// The rate of an algebraic state that keeps an equation ψ = 0; it always slides, and α is any number.
     Equation,
     /// A member of a complementarity 0 ≤ -ψ_i ⟂ -ψ_j ≥ 0, of which this is the other one. One of both slides,
     /// with any α, and the other one is below its surface, with α = 0.
     Member(usize),
+}
+
+/// How α of a switch is determined.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Role {
+    /// By ψ or its force.
+    Step,
+    /// [`SwitchKind::Equation`].
+    Equation,
+    /// [`SwitchKind::Member`].
+    Member(usize),
+}
+
+impl Switch {
+    /// One of a kind that is in no other ψ, across whose surface f jumps.
+    pub fn new(kind: SwitchKind) -> Self {
+        Switch {
+            kind,
+            is_continuous: false,
+            is_timed: false,
+            is_nonlinear: false,
+            has_root: false,
+            has_data: [false; 2],
+            couplings: Vec::new(),
+            inside: Vec::new(),
+            derivatives: 0..0,
+            idle_above: Vec::new(),
+        }
+    }
+}
+
+impl HybridSystem {
+    /// Adds a block with the rates of some states, in order, as a form of its own.
+    pub fn add_block(&mut self, states: Vec<usize>, rates: Tape, inputs: Vec<Input>) {
+        let alpha = |input: &Input| match input {
+            Input::Alpha(switch) => Some(*switch),
+            _ => None,
+        };
+        let mut switches: Vec<usize> = inputs.iter().filter_map(alpha).collect();
+        switches.sort_unstable();
+        switches.dedup();
+        let rates = self.add_form(rates, inputs);
+        self.rates.push(rates);
+        self.blocks.push(Block { states, switches });
+    }
+
+    /// Adds a switch without derivatives, with its ψ as a form of its own.
+    pub fn add_switch(&mut self, switch: Switch, psi: Tape, inputs: Vec<Input>) {
+        let psi = self.add_form(psi, inputs);
+        self.surfaces.insert(self.switches.len(), psi);
+        self.switches.push(switch);
+    }
+
+    fn add_form(&mut self, tape: Tape, inputs: Vec<Input>) -> Instance {
+        let arguments = inputs.iter().map(|input| input.argument()).collect();
+        self.forms.push(Form { tape, arguments });
+        let form = self.forms.len() - 1;
+        Instance { form, inputs }
+    }
+
+    /// Length of x.
+    pub fn n_states(&self) -> usize {
+        self.blocks.iter().map(|block| block.states.len()).sum()
+    }
+
+    /// Length of ψ and α.
+    pub fn n_switches(&self) -> usize {
+        self.switches.len()
+    }
+
+    /// How many inputs change at given instants only.
+    pub fn n_coefficients(&self) -> usize {
+        let of_each = self.data.iter().map(|data| 1 + data.n_coefficients());
+        of_each.sum()
+    }
+
+    /// The next instant behind `t` that no step passes over; infinity where there is none.
+    pub(super) fn next_stop(&self, t: f64) -> f64 {
+        let next = self.stops.partition_point(|stop| *stop <= t);
+        self.stops.get(next).copied().unwrap_or(f64::INFINITY)
+    }
+
+    /// Whether f is continuous across the surface of a switch.
+    pub fn is_continuous(&self, switch: usize) -> bool {
+        self.switches[switch].is_continuous
+    }
+
+    /// The side at the start of a relay, none for other switches.
+    pub fn relay(&self, switch: usize) -> Option<Side> {
+        match self.switches[switch].kind {
+            SwitchKind::Relay(start) => Some(start),
+            _ => None,
+        }
+    }
+
+    /// Whether a switch is that of a unilateral surface.
+    pub fn is_unilateral(&self, switch: usize) -> bool {
+        self.switches[switch].kind == SwitchKind::Unilateral
+    }
+
+    /// The switch of the other entry of a slip velocity with two.
+    pub fn across(&self, switch: usize) -> Option<usize> {
+        match self.switches[switch].kind {
+            SwitchKind::Slip { across, .. } => across,
+            _ => None,
+        }
+    }
+
+    /// The unilateral switch of whose contact a switch is the friction.
+    pub fn slip_of(&self, switch: usize) -> Option<usize> {
+        match self.switches[switch].kind {
+            SwitchKind::Slip { of, .. } => of,
+            _ => None,
+        }
+    }
+
+    /// How α of a switch is determined.
+    pub fn role(&self, switch: usize) -> Role {
+        match self.switches[switch].kind {
+            SwitchKind::Equation => Role::Equation,
+            SwitchKind::Member(other) => Role::Member(other),
+            _ => Role::Step,
+        }
+    }
 }
 
 /// A law by which states jump.
@@ -161,7 +248,7 @@ pub struct Impact {
     /// To the coefficients of restitution and of friction.
     pub numbers: Tape,
     /// The switches α_t of the entries of the slip velocity: none without friction, one, or two that are
-    /// [`across`](SwitchedSystem::across).
+    /// [`across`](SwitchKind::Slip).
     pub slips: Vec<usize>,
 }
 
@@ -214,66 +301,14 @@ pub enum Input {
     Number(f64),
 }
 
-/// The rates of a block on certain local sides.
-#[derive(Clone, Debug)]
-pub struct Rates {
-    /// What the inputs of both tapes are.
-    pub inputs: Vec<Input>,
-    /// To f of the states of the block.
-    pub field: Arc<Tape>,
-    /// ∂f/∂α of the switches that slide.
-    pub by_alpha: Arc<Partials>,
-}
-
-/// Partial derivatives that are not structurally zero, as one tape.
-#[derive(Clone, Debug)]
-pub struct Partials {
-    /// One output per entry.
-    pub tape: Tape,
-    /// (function, input) of every output, ordered by function.
-    pub entries: Vec<(usize, usize)>,
-}
-
-impl Partials {
-    /// No partial derivatives of functions with this many inputs.
-    pub fn none(n_inputs: usize) -> Self {
-        Partials {
-            tape: Tape::builder(n_inputs).finish(&[]),
-            entries: Vec::new(),
+impl Input {
+    fn argument(self) -> Argument {
+        match self {
+            Self::Time => Argument::Time,
+            Self::State(_) => Argument::State,
+            Self::Alpha(_) => Argument::Alpha,
+            Self::Coefficient(_) => Argument::Coefficient,
+            Self::Number(_) => Argument::Number,
         }
     }
-}
-
-/// A switching function.
-#[derive(Clone, Debug)]
-pub enum Surface {
-    /// Affine with constant coefficients, the common case: it needs no tape, and its series follows
-    /// from those of the states.
-    Affine(Affine),
-    /// Any other.
-    Smooth(Smooth),
-}
-
-/// ψ = Σ c_j x_j + d t + e.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Affine {
-    /// (j, c_j), ordered by state.
-    pub terms: Vec<(usize, f64)>,
-    /// d.
-    pub time: f64,
-    /// e.
-    pub constant: f64,
-}
-
-/// ψ as a tape.
-#[derive(Clone, Debug)]
-pub struct Smooth {
-    /// What the inputs of all tapes are.
-    pub inputs: Vec<Input>,
-    /// To ψ.
-    pub psi: Arc<Tape>,
-    /// ∂ψ/∂x and ∂ψ/∂t: entries (0, input).
-    pub gradient: Arc<Partials>,
-    /// ∂²ψ/∂x∂α and ∂²ψ/∂t∂α of α that are inputs: entries (input x or t, input α).
-    pub mixed: Arc<Partials>,
 }

@@ -1,13 +1,12 @@
 //! Systems with surfaces on the coordinate planes: x' = c + d t + Lx + Bα, ψ_i = x_i.
 
 use std::ops::ControlFlow;
-use std::sync::Arc;
 
 use proptest::prelude::*;
 
 use super::{
-    Affine, Block, Event, Input, Observer, Outcome, Partials, Rates, Segment, Settings, Side,
-    Simulator, Status, Surface, SwitchedSystem,
+    Block, Event, HybridSystem, Input, Observer, Outcome, Segment, Settings, Side, Simulator,
+    Status, Switch, SwitchKind,
 };
 use crate::tape::Tape;
 
@@ -64,38 +63,29 @@ impl Planes {
 
     fn run(&self, t1: f64, x0: &[f64], settings: Settings) -> (Outcome, Vec<f64>) {
         let mut times = Times::default();
-        let outcome = Simulator::new(self, settings).run(0.0, t1, x0, &mut times);
+        let outcome = Simulator::new(&self.system(), settings).run(0.0, t1, x0, &mut times);
         (outcome, times.0)
     }
 }
 
-impl SwitchedSystem for Planes {
-    fn n_states(&self) -> usize {
-        self.n
+impl Planes {
+    fn system(&self) -> HybridSystem {
+        let mut system = HybridSystem::default();
+        for Block { states, switches } in &self.blocks {
+            let (rates, inputs) = self.rates(states, switches);
+            system.add_block(states.clone(), rates, inputs);
+        }
+        for (i, couplings) in self.couplings.iter().enumerate() {
+            let mut switch = Switch::new(SwitchKind::Step);
+            switch.couplings.clone_from(couplings);
+            let plane = Tape::builder(1);
+            let coordinate = plane.input(0);
+            system.add_switch(switch, plane.finish(&[coordinate]), vec![Input::State(i)]);
+        }
+        system
     }
 
-    fn n_switches(&self) -> usize {
-        self.m
-    }
-
-    fn is_continuous(&self, _: usize) -> bool {
-        false
-    }
-
-    fn couplings(&self, switch: usize) -> &[usize] {
-        &self.couplings[switch]
-    }
-
-    fn blocks(&self) -> &[Block] {
-        &self.blocks
-    }
-
-    fn inside(&self, _: usize) -> &[usize] {
-        &[]
-    }
-
-    fn rates(&self, block: usize, sides: &[Side]) -> Rates {
-        let Block { states, switches } = &self.blocks[block];
+    fn rates(&self, states: &[usize], switches: &[usize]) -> (Tape, Vec<Input>) {
         let mut inputs = vec![Input::Time];
         inputs.extend((0..self.n).map(Input::State));
         inputs.extend(switches.iter().map(|&i| Input::Alpha(i)));
@@ -106,56 +96,14 @@ impl SwitchedSystem for Planes {
             for k in 0..self.n {
                 sum = tape.add_scaled(sum, self.l[row * self.n + k], tape.input(1 + k));
             }
-            for (at, (i, side)) in switches.iter().zip(sides).enumerate() {
+            for (at, i) in switches.iter().enumerate() {
                 let b = self.b[row * self.m + i];
-                sum = match side {
-                    Side::Minus => sum,
-                    Side::Slide => tape.add_scaled(sum, b, tape.input(1 + self.n + at)),
-                    Side::Plus => tape.offset(b, sum),
-                };
+                sum = tape.add_scaled(sum, b, tape.input(1 + self.n + at));
             }
             sum
         };
         let rates: Vec<_> = states.iter().map(&mut rate).collect();
-        let field = Arc::new(tape.finish(&rates));
-
-        let mut slopes = Tape::builder(inputs.len());
-        let (mut entries, mut values) = (Vec::new(), Vec::new());
-        for (at, row) in states.iter().enumerate() {
-            for (k, (i, side)) in switches.iter().zip(sides).enumerate() {
-                if *side == Side::Slide {
-                    entries.push((at, 1 + self.n + k));
-                    values.push(slopes.constant(self.b[row * self.m + i]));
-                }
-            }
-        }
-        let tape = slopes.finish(&values);
-        Rates {
-            inputs,
-            field,
-            by_alpha: Arc::new(Partials { tape, entries }),
-        }
-    }
-
-    fn surface(&self, switch: usize, _: &[Side]) -> Surface {
-        Surface::Affine(Affine {
-            terms: vec![(switch, 1.0)],
-            ..Affine::default()
-        })
-    }
-
-    fn jacobian(&self, block: usize, _: &[Side]) -> Arc<Partials> {
-        let Block { states, switches } = &self.blocks[block];
-        let mut tape = Tape::builder(1 + self.n + switches.len());
-        let (mut entries, mut values) = (Vec::new(), Vec::new());
-        for (at, row) in states.iter().enumerate() {
-            for k in 0..self.n {
-                entries.push((at, 1 + k));
-                values.push(tape.constant(self.l[row * self.n + k]));
-            }
-        }
-        let tape = tape.finish(&values);
-        Arc::new(Partials { tape, entries })
+        (tape.finish(&rates), inputs)
     }
 }
 
@@ -422,7 +370,8 @@ proptest! {
 #[test]
 fn the_jacobian_is_that_of_the_linear_part() {
     let l = [0.5, -2.0, 0.0, 3.0];
-    let system = Planes::new(2, &[1.0, -1.0], &[0.0; 2], &l, &[-2.0, 0.0, 0.0, -1.0]).cut();
+    let planes = Planes::new(2, &[1.0, -1.0], &[0.0; 2], &l, &[-2.0, 0.0, 0.0, -1.0]);
+    let system = planes.cut().system();
     let mut simulator = Simulator::new(&system, Settings::default());
     let sides = [Side::Plus, Side::Slide];
     let mut found = [0.0; 4];
