@@ -8,6 +8,7 @@ pub mod discretize;
 pub mod ensemble;
 pub mod explain;
 pub mod golden;
+pub mod hybrid;
 pub mod imports;
 pub mod model;
 pub mod modes;

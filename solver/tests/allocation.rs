@@ -1,6 +1,7 @@
 //! Steps allocate nothing.
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 use nsd_solver::ipm::{BarrierRule, Options, solve};
 use nsd_solver::problem::{Bounds, Nlp, Pattern};
@@ -91,9 +92,9 @@ impl Observer for Count {
 
 #[test]
 fn steps_off_and_on_a_surface_allocate_nothing() {
-    let system = rotation();
+    let system = Arc::new(rotation());
     for (start, slides) in [(1e3, false), (0.0, true)] {
-        let mut simulator = Simulator::new(&system, Settings::default());
+        let mut simulator = Simulator::new(system.clone(), Settings::default());
         let mut measure = |horizon: f64| {
             let mut count = Count::default();
             let allocations = allocation_counter::measure(|| {
@@ -114,9 +115,9 @@ fn steps_off_and_on_a_surface_allocate_nothing() {
 
 #[test]
 fn implicit_steps_allocate_nothing() {
-    let system = stiff();
+    let system = Arc::new(stiff());
     for start in [1e3, 0.0] {
-        let mut simulator = Simulator::new(&system, Settings::default());
+        let mut simulator = Simulator::new(system.clone(), Settings::default());
         let mut measure = |horizon: f64| {
             let mut steps = 0;
             let allocations = allocation_counter::measure(|| {

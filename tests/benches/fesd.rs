@@ -10,7 +10,7 @@ use nsd_solver::fesd::{Grid, Observer, Settings, Simulator};
 use nsd_solver::tableau::Family;
 use nsd_tests::with_experiment;
 use nsdc::dcs;
-use nsdc::simulate::Switched;
+use nsdc::hybrid;
 use nsdc::simulate::fesd::Complementarity;
 use serde_json::json;
 use support::{Silent, median, print, start};
@@ -83,8 +83,8 @@ fn main() {
                 bencher.iter(&mut call)
             });
             let time = 1e6 * median(call);
-            let switched = Switched::new(&compiled.system);
-            let mut events = support::simulator(&switched, wanted);
+            let hybrid = hybrid::lower(&compiled.system);
+            let mut events = support::simulator(&hybrid, wanted);
             let beside = 1e6
                 * median(|| {
                     events.run(0.0, horizon, &x0, &mut Silent);

@@ -18,7 +18,7 @@ use nalgebra::{DMatrix, DVector};
 use nsd_solver::simulate::Status;
 use nsd_tests::with_experiment;
 use nsdc::Compiled;
-use nsdc::simulate::Switched;
+use nsdc::hybrid;
 use peers::{Row, Script};
 use records::record;
 use serde_json::{Value, json};
@@ -123,11 +123,11 @@ fn compare(name: &str, compiled: &Compiled<'_>, exact: &[f64], criterion: &mut C
 
 /// Runs from event to event at the tolerances 10^-k.
 fn ours(name: &str, compiled: &Compiled<'_>, exact: &[f64], criterion: &mut Criterion) -> Vec<Row> {
-    let switched = Switched::new(&compiled.system);
+    let hybrid = hybrid::lower(&compiled.system);
     let (horizon, x0) = (compiled.settings.horizon, start(compiled));
     let mut rows = Vec::new();
     for k in 2..=13 {
-        let mut simulator = simulator(&switched, 10.0_f64.powi(-k));
+        let mut simulator = simulator(&hybrid, 10.0_f64.powi(-k));
         let outcome = simulator.run(0.0, horizon, &x0, &mut Silent);
         if outcome.status != Status::Solved {
             continue;

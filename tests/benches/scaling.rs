@@ -5,7 +5,7 @@ mod support;
 
 use criterion::Criterion;
 use nsd_tests::with_experiment;
-use nsdc::simulate::Switched;
+use nsdc::hybrid;
 use support::{Silent, median, print, simulator, start};
 
 fn main() {
@@ -94,8 +94,8 @@ fn parts(n: usize) -> String {
 /// Seconds of a run, after compilation.
 fn run(criterion: &mut Criterion, name: &str, text: &str) -> f64 {
     with_experiment(text, "bench", |compiled| {
-        let switched = Switched::new(&compiled.system);
-        let (mut simulator, x0) = (simulator(&switched, 1e-8), start(compiled));
+        let hybrid = hybrid::lower(&compiled.system);
+        let (mut simulator, x0) = (simulator(&hybrid, 1e-8), start(compiled));
         let mut call = || {
             simulator.run(0.0, compiled.settings.horizon, &x0, &mut Silent);
         };
@@ -108,8 +108,8 @@ fn run(criterion: &mut Criterion, name: &str, text: &str) -> f64 {
 fn compile(criterion: &mut Criterion, name: &str, text: &str) -> f64 {
     let mut call = || {
         with_experiment(text, "bench", |compiled| {
-            let switched = Switched::new(&compiled.system);
-            let mut simulator = simulator(&switched, 1e-8);
+            let hybrid = hybrid::lower(&compiled.system);
+            let mut simulator = simulator(&hybrid, 1e-8);
             simulator.run(0.0, 1e-9, &start(compiled), &mut Silent);
         });
     };

@@ -20,9 +20,10 @@ use nsd_solver::moreau::{self, Change};
 use nsd_solver::simulate::{Event, Observer, Segment, Settings, Simulator};
 use nsd_solver::tableau::Family;
 use nsd_tests::with_experiment;
+use nsdc::hybrid;
+use nsdc::simulate::Request;
 use nsdc::simulate::fesd::Complementarity;
 use nsdc::simulate::moreau::stepper;
-use nsdc::simulate::{Request, Switched};
 use nsdc::{Compiled, dcs, optimize};
 
 /// By how much a count may be above the one that is kept.
@@ -221,12 +222,12 @@ fn start(compiled: &Compiled<'_>) -> Vec<f64> {
 
 fn by_events(file: &str, experiment: &str, runs: usize) {
     with_experiment(&example(file), experiment, |compiled| {
-        let switched = Switched::new(&compiled.system);
+        let hybrid = hybrid::lower(&compiled.system);
         let settings = Settings {
             tolerance: 1e-10,
             ..Settings::default()
         };
-        let mut simulator = Simulator::new(&switched, settings);
+        let mut simulator = Simulator::new(hybrid, settings);
         for _ in 0..runs {
             simulator.run(
                 0.0,

@@ -13,8 +13,8 @@ use std::ops::Range;
 
 use nsd_solver::simulate::{Settings, Simulator};
 
+use crate::hybrid;
 use crate::report::{self, Boundary, Change, Map, Sample};
-use crate::simulate::Switched;
 use crate::system::{NamedReading, System};
 
 pub use plane::plane;
@@ -31,16 +31,16 @@ const FLAT: f64 = 1e-3;
 
 /// Finds the sliding modes of a switch for values of some states.
 struct Sampler<'s> {
-    simulator: Simulator<'s, Switched>,
+    simulator: Simulator,
     start: Vec<f64>,
     switch: usize,
     reading: Option<&'s NamedReading>,
 }
 
 impl<'s> Sampler<'s> {
-    fn new(system: &'s System, switched: &'s Switched, switch: usize) -> Self {
+    fn new(system: &'s System, switch: usize) -> Self {
         Sampler {
-            simulator: Simulator::new(switched, Settings::default()),
+            simulator: Simulator::new(hybrid::lower(system), Settings::default()),
             start: system.states.iter().map(|state| state.initial).collect(),
             switch,
             reading: system.switches[switch].named.first(),
@@ -83,8 +83,7 @@ impl<'s> Sampler<'s> {
 
 /// Follows the modes of a nonlinear switch while a state goes through a range.
 pub fn map(system: &System, switch: usize, state: usize, range: Range<f64>) -> Map {
-    let switched = Switched::new(system);
-    let mut sampler = Sampler::new(system, &switched, switch);
+    let mut sampler = Sampler::new(system, switch);
     let sides = sampler.sides();
     let mut sample = |at: f64| sampler.sample(at, &[(state, at)]);
     let width = range.end - range.start;

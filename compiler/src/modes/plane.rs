@@ -9,7 +9,6 @@ use std::ops::Range;
 
 use super::{HALVINGS, Sampler, boundary};
 use crate::report::{Boundary, Change, Plane, PlaneCurve, Sample};
-use crate::simulate::Switched;
 use crate::system::System;
 
 /// Cells of the grid in each direction.
@@ -20,8 +19,7 @@ type Edge = (usize, usize, bool);
 
 /// Maps the modes of a nonlinear switch while two states go through ranges.
 pub fn plane(system: &System, switch: usize, states: [usize; 2], ranges: [Range<f64>; 2]) -> Plane {
-    let switched = Switched::new(system);
-    let mut sampler = Sampler::new(system, &switched, switch);
+    let mut sampler = Sampler::new(system, switch);
     let at = ranges.map(|range| {
         let width = range.end - range.start;
         let node = |k: usize| range.start + width * k as f64 / CELLS as f64;

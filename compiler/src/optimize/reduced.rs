@@ -9,7 +9,7 @@ use rustc_hash::FxHashMap;
 
 use super::{Problem, solved};
 use crate::expr::{Evaluator, Expr, Var};
-use crate::simulate::again::{self, Prepared};
+use crate::simulate::again::Prepared;
 use crate::system::System;
 use crate::system::experiment::At;
 use crate::system::task::Shape;
@@ -238,7 +238,7 @@ impl<'r, 'p, 'e> Reduced<'r, 'p, 'e> {
         let x0 = initial(problem, w);
         let instants = self.places.iter().map(|place| place.share * horizon);
         let instants: Vec<f64> = instants.map(|t| t.min(horizon)).collect();
-        let run = again::values(&mut prepared.simulator(left), &x0, horizon, &instants)?;
+        let run = prepared.values(&x0, horizon, &instants, left)?;
         let system = problem.system;
         let mut known = Known::new(problem, w);
         known.set(system, horizon, &run.end);

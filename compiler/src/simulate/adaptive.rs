@@ -3,19 +3,18 @@
 //! α_i is 0 or 1 by the sign of ψ_i wherever the method looks, and nothing locates where it changes.
 //! A second run with a hundredth of the tolerance gives the estimate of the error.
 
+use crate::hybrid::{Polynomials, Pulses, data_of, tape, variable};
+use nsd_solver::simulate::{Piecewise, write_pieces};
+use std::sync::Arc;
 use std::time::Instant;
 
 use nsd_solver::adaptive::{self, Field, Simulator};
 use nsd_solver::simulate::{Side, Status};
 use nsd_solver::tape::{Scratch, Tape};
 
-use super::data::Pieces;
 use super::fesd::estimate;
-use super::functions::tape;
-use super::instants::Pulses;
 use super::overlooked::Looking;
 use super::schedule::scheduled;
-use super::substituted::variable;
 use super::watch::{Progress, Watched};
 use super::{Comparison, REFINEMENT, Recorder, Request, assemble, judge};
 use crate::expr::{Expr, Substitution, Var, variables_of};
@@ -92,7 +91,7 @@ pub(super) struct Jumping {
     rounds: usize,
     n: usize,
     m: usize,
-    pieces: Pieces,
+    data: Vec<Arc<Piecewise>>,
     pulses: Pulses,
     /// t, x, α, and the coefficients of data.
     inputs: Vec<f64>,
@@ -105,7 +104,7 @@ pub(super) struct Inputs<'e> {
     pub vars: Vec<Var>,
     /// What takes the place of parameters and data.
     pub numbers: Substitution<'e>,
-    pieces: Pieces,
+    data: Vec<Arc<Piecewise>>,
 }
 
 impl<'e> Inputs<'e> {
@@ -114,9 +113,12 @@ impl<'e> Inputs<'e> {
         let mut numbers: Substitution = params
             .map(|param| (variable(param.var), system.exprs.constant(param.value)))
             .collect();
-        let (pieces, coefficients, polynomials) = Pieces::new(system);
+        let Polynomials {
+            coefficients,
+            instead,
+        } = Polynomials::of(system);
         for data in system.data.iter().map(|data| variable(data.var)) {
-            if let Some(polynomial) = polynomials.get(data) {
+            if let Some(polynomial) = instead.get(data) {
                 numbers.insert(data, polynomial);
             }
         }
@@ -127,7 +129,7 @@ impl<'e> Inputs<'e> {
         Inputs {
             vars,
             numbers,
-            pieces,
+            data: data_of(system),
         }
     }
 }
@@ -167,7 +169,7 @@ impl Jumping {
             rounds: depth.into_iter().max().map_or(0, |depth| depth + 1),
             n: system.states.len(),
             m: alphas.len(),
-            pieces: inputs.pieces.clone(),
+            data: inputs.data.clone(),
             pulses,
             inputs: vec![0.0; inputs.vars.len()],
             psi: vec![0.0; alphas.len()],
@@ -232,7 +234,7 @@ impl Field for Jumping {
 
     fn load(&mut self, t: f64) -> f64 {
         let first = 1 + self.n + self.m;
-        let breakpoint = self.pieces.write(t, &mut self.inputs[first..]);
+        let breakpoint = write_pieces(&self.data, t, &mut self.inputs[first..]);
         breakpoint.min(self.pulses.after(t))
     }
 

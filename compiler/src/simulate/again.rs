@@ -2,20 +2,20 @@
 //!
 //! Its functions are compiled once, as they are met.
 
+use std::cell::RefCell;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Duration;
 
 use nsd_solver::simulate::{self as solver, Observer, Segment, Simulator, Status};
 
-use super::switched::Switched;
+use crate::hybrid;
 use crate::system::System;
 use crate::table::Table;
 
 /// A system that is ready to be run.
 pub(crate) struct Prepared {
-    switched: Switched,
-    tolerance: f64,
+    simulator: RefCell<Simulator>,
 }
 
 /// What a run gives.
@@ -32,54 +32,54 @@ pub(crate) struct Values {
 impl Prepared {
     /// A system as it stands, for runs to about this horizon.
     pub fn new(system: &System, horizon: f64, tolerance: f64) -> Self {
-        Prepared {
-            switched: Switched::new(system).over(system, horizon),
-            tolerance,
-        }
-    }
-
-    /// A simulator of it, for several runs that take no longer than this each.
-    pub fn simulator(&self, time_limit: Option<Duration>) -> Simulator<'_, Switched> {
         let settings = solver::Settings {
-            tolerance: self.tolerance,
-            time_limit,
+            tolerance,
             ..solver::Settings::default()
         };
-        Simulator::new(&self.switched, settings)
+        let simulator = Simulator::new(hybrid::lower_over(system, horizon), settings);
+        Prepared {
+            simulator: simulator.into(),
+        }
     }
 
     /// Gives the data from number `first` on other values, of the same fits.
     pub fn replace_data(&self, first: usize, tables: &[Arc<Table>]) {
-        self.switched.replace_data(first, tables);
+        let pieces = tables.iter().map(|table| table.pieces.clone());
+        let pieces: Vec<_> = pieces.collect();
+        self.simulator.borrow_mut().set_data(first, &pieces);
     }
-}
 
-/// A run to the horizon, with values at ascending instants; nothing where it ends before.
-pub(crate) fn values(
-    simulator: &mut Simulator<'_, Switched>,
-    x0: &[f64],
-    horizon: f64,
-    instants: &[f64],
-) -> Option<Values> {
-    let mut seen = Seen {
-        instants,
-        at: Vec::with_capacity(instants.len()),
-        row: vec![0.0; x0.len()],
-        alpha: Vec::new(),
-    };
-    let outcome = simulator.run(0.0, horizon, x0, &mut seen);
-    if outcome.status != Status::Solved {
-        return None;
+    /// A run to the horizon, with values at ascending instants; nothing where it ends before, or takes longer than the
+    /// limit.
+    pub fn values(
+        &self,
+        x0: &[f64],
+        horizon: f64,
+        instants: &[f64],
+        time_limit: Option<Duration>,
+    ) -> Option<Values> {
+        let mut seen = Seen {
+            instants,
+            at: Vec::with_capacity(instants.len()),
+            row: vec![0.0; x0.len()],
+            alpha: Vec::new(),
+        };
+        let mut simulator = self.simulator.borrow_mut();
+        simulator.set_time_limit(time_limit);
+        let outcome = simulator.run(0.0, horizon, x0, &mut seen);
+        if outcome.status != Status::Solved {
+            return None;
+        }
+        let end: Vec<f64> = outcome.x.into_iter().chain(outcome.alpha).collect();
+        // The last instants may be beyond the last step by rounding.
+        let missing = instants.len() - seen.at.len();
+        seen.at.extend((0..missing).map(|_| end.clone()));
+        Some(Values {
+            end,
+            at: seen.at,
+            steps: outcome.stats.steps,
+        })
     }
-    let end: Vec<f64> = outcome.x.into_iter().chain(outcome.alpha).collect();
-    // The last instants may be beyond the last step by rounding.
-    let missing = instants.len() - seen.at.len();
-    seen.at.extend((0..missing).map(|_| end.clone()));
-    Some(Values {
-        end,
-        at: seen.at,
-        steps: outcome.stats.steps,
-    })
 }
 
 /// The rows at instants of a run.

@@ -3,7 +3,10 @@
 //! The first run of a solver compiles its functions. Those after it are timed: they are the solve
 //! and nothing else.
 
+use crate::hybrid::{self, Pulses};
+use nsd_solver::simulate::HybridSystem;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use nsd_solver::adaptive;
@@ -14,9 +17,7 @@ use solver::{Observer, Outcome, Segment, Simulator, Status};
 
 use super::adaptive::Jumping;
 use super::fesd::{self as elements, Complementarity};
-use super::instants::Pulses;
 use super::modes::ModeNames;
-use super::switched::Switched;
 use super::{Request, outcome, solver_settings};
 use crate::dcs;
 use crate::system::experiment::{
@@ -78,7 +79,7 @@ pub struct Bench<'s, 'e> {
     system: &'s System<'e>,
     settings: &'s Settings<'e>,
     x0: Vec<f64>,
-    switched: Switched,
+    hybrid: Arc<HybridSystem>,
     /// Or why there is none.
     complementarity: Result<Complementarity<'e>, String>,
     /// Solves that are timed, at most.
@@ -99,7 +100,7 @@ impl<'s, 'e> Bench<'s, 'e> {
             system,
             settings,
             x0: system.states.iter().map(|state| state.initial).collect(),
-            switched: Switched::new(system).over(system, settings.horizon),
+            hybrid: hybrid::lower_over(system, settings.horizon),
             complementarity: complementarity(system, settings),
             repetitions: MOST_REPETITIONS,
         }
@@ -159,10 +160,10 @@ impl<'s, 'e> Bench<'s, 'e> {
             } => {
                 let mut settings = solver_settings(&self.settings.method, tolerance, Some(limit));
                 if more_orders > 0 {
-                    let order = Simulator::new(&self.switched, settings.clone()).order();
+                    let order = Simulator::new(self.hybrid.clone(), settings.clone()).order();
                     settings.order = Some(order + more_orders);
                 }
-                let mut simulator = Simulator::new(&self.switched, settings);
+                let mut simulator = Simulator::new(self.hybrid.clone(), settings);
                 self.measure(|| simulator.run(0.0, horizon, &self.x0, &mut Unseen))
             }
             Variant::Fesd {
@@ -177,7 +178,7 @@ impl<'s, 'e> Bench<'s, 'e> {
                 };
                 let system = self.complementarity.as_ref();
                 let system = system.expect("only systems with finite elements are run by them");
-                let guide = self.system.first_nonlinear().map(|_| &self.switched);
+                let guide = self.system.first_nonlinear().map(|_| &self.hybrid);
                 let mut simulator = elements::simulator(system, guide, settings);
                 self.measure(|| {
                     let solution = simulator.run(0.0, horizon, &self.x0, &mut Unseen);
@@ -202,13 +203,13 @@ impl<'s, 'e> Bench<'s, 'e> {
             }
             Variant::Smoothing(options) => {
                 let smoothed = smoothing::smooth(self.system, &options);
-                let switched = Switched::new(&smoothed).over(&smoothed, horizon);
+                let hybrid = hybrid::lower_over(&smoothed, horizon);
                 let settings = solver::Settings {
                     tolerance: SMOOTHED_TOLERANCE,
                     time_limit: Some(limit),
                     ..solver::Settings::default()
                 };
-                let mut simulator = Simulator::new(&switched, settings);
+                let mut simulator = Simulator::new(hybrid, settings);
                 let (mut outcome, seconds) =
                     self.measure(|| simulator.run(0.0, horizon, &self.x0, &mut Unseen));
                 // Its switches are others.

@@ -7,15 +7,9 @@
 mod adaptive;
 pub(crate) mod again;
 mod bench;
-mod blocks;
-mod data;
 mod elements;
 pub mod fesd;
-mod forms;
 mod frozen;
-mod functions;
-mod instants;
-mod laws;
 mod limits;
 mod modes;
 pub mod moreau;
@@ -31,11 +25,6 @@ mod schedule;
 mod settle;
 mod smoothed;
 mod steepest;
-mod structure;
-mod substituted;
-mod switched;
-#[cfg(test)]
-mod switched_tests;
 mod touches;
 mod watch;
 
@@ -45,6 +34,7 @@ use std::time::{Duration, Instant};
 use nsd_solver::simulate as solver;
 use solver::{Approach, Observer, Outcome, Segment, Simulator};
 
+use crate::hybrid;
 use crate::report::{
     Certificate, Failure, Kind, Method, MethodOption, Stats, Status, Trajectory, Warning,
 };
@@ -59,7 +49,6 @@ use record::{Points, recorded};
 pub(crate) use rehearsal::{Rehearsed, cut};
 pub use request::Request;
 pub use settle::settle;
-pub use switched::Switched;
 use touches::Touches;
 pub use watch::Progress;
 use watch::Watched;
@@ -116,7 +105,7 @@ fn run_events(
     watch: &mut dyn FnMut(Progress),
 ) -> Trajectory {
     let started = Instant::now();
-    let switched = Switched::new(system).over(system, settings.horizon);
+    let hybrid = hybrid::lower_over(system, settings.horizon);
     let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
     let mut tolerance: f64 = settings.tolerance;
     let mut attempt = 1;
@@ -131,7 +120,7 @@ fn run_events(
             averages: settings.averages,
             ..solver_settings(&settings.method, tolerance, left())
         };
-        let mut simulator = Simulator::new(&switched, solver_settings);
+        let mut simulator = Simulator::new(hybrid.clone(), solver_settings);
         let mut recorder = Recorder::new(system, settings, tolerance, request.dense);
         let mut watched = Watched::new(&mut recorder, settings.horizon, false, watch);
         let outcome = simulator.run(0.0, settings.horizon, &x0, &mut watched);
@@ -139,8 +128,14 @@ fn run_events(
         let estimate = wanted.then(|| {
             let mut finer = finer(simulator.settings(), simulator.order(), tolerance);
             finer.time_limit = left();
-            let simulator = Simulator::new(&switched, finer);
-            Estimate::of(simulator, settings.horizon, &x0, &recorder, &outcome, watch)
+            Estimate::of(
+                simulator.with(finer),
+                settings.horizon,
+                &x0,
+                &recorder,
+                &outcome,
+                watch,
+            )
         });
         let estimate = estimate.flatten();
         if let Some(next) = tightened(estimate.as_ref(), settings, tolerance, attempt) {
@@ -264,7 +259,7 @@ struct Estimate {
 impl Estimate {
     /// Nothing when the time was too short.
     fn of(
-        mut finer: Simulator<Switched>,
+        mut finer: Simulator,
         horizon: f64,
         x0: &[f64],
         run: &Recorder,

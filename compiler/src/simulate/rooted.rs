@@ -3,10 +3,10 @@
 //! A method that takes rates to be smooth between switches may find no way on where u^p, p no integer, comes to u = 0:
 //! there its slope has no bound, or one of its slopes has none. What it says of elements and steps is not the cause then.
 
+use crate::hybrid::with_numbers;
 use nsd_solver::simulate::{Outcome, Status};
 
 use super::steepest;
-use super::substituted::with_numbers;
 use crate::expr::{Expr, rewrite};
 use crate::report::Warning;
 use crate::system::System;

@@ -5,13 +5,12 @@
 //! Where ψ of other switches jump with α_i, a method that does not look for switches has a point on either side of the
 //! jump in one step. With data in its place steps end there, and each has the piece that holds in it.
 
+use crate::hybrid::{self, variable};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use nsd_solver::simulate::{Event, Observer, Segment, Settings, Side, Simulator, Status};
 
-use super::Switched;
-use super::substituted::variable;
 use crate::expr::{Expr, Substitution, Var};
 use crate::model::Data;
 use crate::source::Span;
@@ -138,12 +137,11 @@ fn changes(system: &System, horizon: f64) -> Option<Changes> {
         bodies: Vec::new(),
         ..system.clone()
     };
-    let switched = Switched::new(&alone).over(&alone, horizon);
+    let mut simulator = Simulator::new(hybrid::lower_over(&alone, horizon), Settings::default());
     let mut changes = Changes {
         switches,
         sides: Vec::new(),
     };
-    let outcome =
-        Simulator::new(&switched, Settings::default()).run(0.0, horizon, &[0.0], &mut changes);
+    let outcome = simulator.run(0.0, horizon, &[0.0], &mut changes);
     (outcome.status == Status::Solved && !changes.sides.is_empty()).then_some(changes)
 }

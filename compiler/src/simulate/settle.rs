@@ -1,9 +1,9 @@
 //! Algebraic states at the start.
 
+use crate::hybrid;
 use nsd_solver::simulate::Simulator;
 
 use super::outcome;
-use super::switched::Switched;
 use crate::expr::Substitution;
 use crate::report::Failure;
 use crate::system::System;
@@ -35,8 +35,7 @@ pub fn settle(system: &mut System, horizon: f64) -> Result<(), Failure> {
     let start: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
     let found = {
         let known = with_guesses(system);
-        let switched = Switched::new(&known);
-        let mut simulator = Simulator::new(&switched, Default::default());
+        let mut simulator = Simulator::new(hybrid::lower(&known), Default::default());
         simulator.consistent(0.0, &start, horizon)
     };
     let found = found.map_err(|status| outcome::of_start(system, &status))?;

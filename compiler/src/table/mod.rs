@@ -11,6 +11,9 @@ mod spline;
 mod tests;
 
 use std::fmt;
+use std::sync::Arc;
+
+use nsd_solver::simulate::{Piece, Piecewise};
 
 pub use read::Fault;
 pub use source::{MAX_BYTES, Source, Sources};
@@ -72,41 +75,8 @@ pub struct Table {
     pub n_rows: usize,
     /// Times of the first and the last row.
     pub range: (f64, f64),
-    /// Where pieces begin.
-    starts: Vec<f64>,
-    /// Their coefficients, one after another, constant terms first.
-    coefficients: Vec<f64>,
-}
-
-/// A polynomial in `t - start`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Piece<'t> {
-    /// Where it begins.
-    pub start: f64,
-    /// Where the next one begins; infinity for the last one.
-    pub end: f64,
-    /// Its coefficients, constant term first.
-    pub coefficients: &'t [f64],
-}
-
-impl Piece<'_> {
-    /// The value at `t`.
-    pub fn value(&self, t: f64) -> f64 {
-        let s = t - self.start;
-        (self.coefficients.iter().rev()).fold(0.0, |sum, c| sum * s + c)
-    }
-
-    /// The coefficients around another instant.
-    pub fn around(&self, t: f64) -> Vec<f64> {
-        let (s, mut c) = (t - self.start, self.coefficients.to_vec());
-        // Horner's scheme, again and again.
-        for first in 0..c.len() {
-            for k in (first + 1..c.len()).rev() {
-                c[k - 1] += s * c[k];
-            }
-        }
-        c
-    }
+    /// The function.
+    pub pieces: Arc<Piecewise>,
 }
 
 impl Table {
@@ -132,8 +102,7 @@ impl Table {
             fit,
             n_rows: n,
             range: (times[0], times[n - 1]),
-            starts,
-            coefficients,
+            pieces: Arc::new(Piecewise::new(starts, coefficients)),
         }
     }
 
@@ -152,24 +121,12 @@ impl Table {
 
     /// The piece that holds from `t` on; beyond the data, the nearest one.
     pub fn piece(&self, t: f64) -> Piece<'_> {
-        let after = self.starts.partition_point(|&start| start <= t);
-        let k = after.max(1) - 1;
-        let n = self.n_coefficients();
-        Piece {
-            start: self.starts[k],
-            end: self.starts.get(k + 1).copied().unwrap_or(f64::INFINITY),
-            coefficients: &self.coefficients[k * n..(k + 1) * n],
-        }
+        self.pieces.piece(t)
     }
 
     /// The value at `t`.
     pub fn value(&self, t: f64) -> f64 {
         self.piece(t).value(t)
-    }
-
-    /// Whether all coefficients are finite.
-    fn is_finite(&self) -> bool {
-        self.coefficients.iter().all(|c| c.is_finite())
     }
 }
 

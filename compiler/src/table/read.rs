@@ -136,7 +136,7 @@ pub(super) fn table(bytes: &[u8], column: &str, fit: Fit) -> Result<Table, Fault
         });
     }
     let table = Table::new(fit, &times, &values);
-    match table.is_finite() {
+    match table.pieces.is_finite() {
         true => Ok(table),
         false => Err(Fault::Steep),
     }

@@ -54,7 +54,7 @@ enum Failure {
 /// α of a sliding mode that is so far outside of [0, 1] is none.
 const ASTRAY: f64 = 0.5;
 
-impl Simulator<'_> {
+impl Simulator {
     /// The state with consistent algebraic states, from those in `x` as guesses.
     ///
     /// # Errors
@@ -175,7 +175,7 @@ impl Simulator<'_> {
         }
         let kept = |i: &usize| self.system.role(*i) != Role::Step;
         let kept: Vec<usize> = (0..state.sides.len()).filter(kept).collect();
-        self.mode.enter_surfaces(self.system, &state.sides);
+        self.mode.enter_surfaces(&self.system, &state.sides);
         self.measure_algebraics(state);
         self.measure_bands(state, &kept, t1 - state.t);
         kept.into_iter().any(|i| {
@@ -229,7 +229,7 @@ impl Simulator<'_> {
         let mut others: Vec<usize> = others.collect();
         self.measure_bands(state, &others, horizon);
         others.retain(|&i| self.mode.psi(i).abs() <= state.band[i]);
-        self.mode.enter(self.system, &state.sides);
+        self.mode.enter(&self.system, &state.sides);
         let mut alpha = state.alpha.clone();
         if self.mode.solve_alpha(state.t, x, &mut alpha).is_err() {
             return false;
@@ -331,7 +331,8 @@ impl Simulator<'_> {
         let members = pairs.iter().zip(choice);
         let members = members.map(|(&(a, b), &second)| if second { b } else { a });
         let rows: Vec<usize> = equations.iter().copied().chain(members).collect();
-        let unknowns = &self.system.algebraics;
+        let system = self.system.clone();
+        let unknowns = &system.algebraics;
         let n = unknowns.len();
         let mut lu = DenseLu::new(n);
         let (mut scales, mut last) = (Vec::new(), f64::INFINITY);

@@ -209,7 +209,7 @@ impl Mode {
     }
 }
 
-impl Simulator<'_> {
+impl Simulator {
     /// Looks behind the surfaces that came close in the last step.
     pub(super) fn look_behind(&mut self, state: &mut State) {
         let mut pending = std::mem::take(&mut state.pending);
@@ -235,7 +235,7 @@ impl Simulator<'_> {
             sides[switch] = other;
             alpha[switch] = if other == Side::Plus { 1.0 } else { 0.0 };
             let mode = &mut self.mode;
-            mode.enter(self.system, &sides);
+            mode.enter(&self.system, &sides);
             let exists = mode.expand(approach.time, &approach.x, &mut alpha).is_ok();
             mode.surfaces.linearize(switch, &mode.memory.values);
             approach.gradient.extend_from_slice(mode.gradient(switch));

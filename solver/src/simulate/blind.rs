@@ -63,7 +63,7 @@ impl Mode {
     }
 }
 
-impl Simulator<'_> {
+impl Simulator {
     /// Takes the sides of switches that were not watched in the last step.
     pub(super) fn look_again(&mut self, state: &mut State) {
         for at in 0..self.mode.blind.len() {

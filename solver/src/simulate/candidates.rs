@@ -32,7 +32,7 @@ pub(super) const FAR: f64 = 1e6;
 /// The same for forces, 1 - α, which have no bound and the unit of the model.
 const FAR_FORCE: f64 = 1e12;
 
-impl Simulator<'_> {
+impl Simulator {
     /// All choices of sides with their α.
     pub(super) fn choices(
         &mut self,
@@ -79,7 +79,7 @@ impl Simulator<'_> {
         for (&i, &side) in group.iter().zip(choice) {
             sides[i] = side;
         }
-        self.mode.enter_surfaces(self.system, &sides);
+        self.mode.enter_surfaces(&self.system, &sides);
     }
 
     /// The sides of a switch on its surface, the present one first.

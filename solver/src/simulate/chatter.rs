@@ -134,7 +134,7 @@ impl Chatter {
     }
 }
 
-impl Simulator<'_> {
+impl Simulator {
     /// How a run ends behind an event of a cycle that goes on until the run has met as many events as it may, if
     /// nothing but events comes before `goal`.
     pub(super) fn chatters(
@@ -183,11 +183,11 @@ impl Simulator<'_> {
         let (time, x, mut sides) = (state.t, state.x.clone(), state.sides.clone());
         last.switches.iter().for_each(|&i| sides[i] = Side::Slide);
         state.set_sides(sides);
-        self.mode.enter(self.system, &state.sides);
+        self.mode.enter(&self.system, &state.sides);
         let solved = self.mode.solve_alpha(time, &x, &mut state.alpha);
         let mut slides = solved.is_ok() && self.is_affine(state);
         if slides {
-            self.mode.project(self.system, state);
+            self.mode.project(&self.system, state);
             let on = self.place(state, t1 - time, &[])?;
             self.enter(state, on, t1)?;
             slides = last.switches.iter().all(|&i| state.sides[i] == Side::Slide);

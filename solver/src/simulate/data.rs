@@ -3,6 +3,8 @@
 //! r = c_0 + s (c_1 + s (c_2 + s c_3)), s = t - q: the coefficients and q, where the piece begins, are numbers
 //! that change at breakpoints.
 
+use std::sync::Arc;
+
 /// A function of time that is made of pieces, each a polynomial in t of the same degree.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Piecewise {
@@ -77,4 +79,20 @@ impl Piecewise {
     pub fn is_finite(&self) -> bool {
         self.coefficients.iter().all(|c| c.is_finite())
     }
+}
+
+/// Writes for each of some data in turn where its piece that holds from `t` on begins, and its coefficients; the next
+/// instant at which one of them changes, infinity where there is none.
+pub fn write_pieces(data: &[Arc<Piecewise>], t: f64, coefficients: &mut [f64]) -> f64 {
+    let mut places = coefficients.iter_mut();
+    let mut until = f64::INFINITY;
+    for data in data {
+        let piece = data.piece(t);
+        let numbers = std::iter::once(piece.start).chain(piece.coefficients.iter().copied());
+        for (number, place) in numbers.zip(places.by_ref()) {
+            *place = number;
+        }
+        until = until.min(piece.end);
+    }
+    until
 }

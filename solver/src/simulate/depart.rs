@@ -303,7 +303,7 @@ impl Mode {
     }
 }
 
-impl Simulator<'_> {
+impl Simulator {
     /// The switches of a group that slip from where they may be at rest, with their directions.
     pub(super) fn departures(
         &self,
@@ -350,7 +350,7 @@ impl Simulator<'_> {
         for i in departures.iter().flat_map(|one| one.switches) {
             held[i] = Side::Slide;
         }
-        self.mode.enter(self.system, &held);
+        self.mode.enter(&self.system, &held);
     }
 
     /// The first step of what sets off from rest; nothing where there is none, or where it has to be taken from a speed
@@ -375,7 +375,7 @@ impl Simulator<'_> {
             let mut x = state.x.clone();
             self.depart(state, &mut x, &departures, t1);
             state.x = x;
-            self.mode.enter(self.system, &state.sides);
+            self.mode.enter(&self.system, &state.sides);
         }
         step
     }

@@ -398,7 +398,7 @@ pub(super) fn leaves(
     super::step::first_root(roots, series[0], series, h, 1.0, band, 0.0)
 }
 
-impl Simulator<'_> {
+impl Simulator {
     /// Gives slip velocities that are none a length that is rounding, in the mode in which they stick: by friction, which
     /// acts on velocities, and not on places where these occur in w.
     pub(super) fn depart(

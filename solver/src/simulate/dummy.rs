@@ -32,7 +32,7 @@ enum End {
 /// From a double zero the next one is at least this far away.
 const APART: f64 = 1e-4;
 
-impl Simulator<'_> {
+impl Simulator {
     /// Decides a nonlinear switch that interacts with no other one here; false, with nothing set, where that takes
     /// series and `series` does not allow it.
     pub(super) fn decide_nonlinear(
@@ -208,7 +208,7 @@ impl Simulator<'_> {
     pub(super) fn look_at(&mut self, state: &State, switch: usize) {
         let mut sides = state.sides.clone();
         sides[switch] = Side::Slide;
-        self.mode.enter(self.system, &sides);
+        self.mode.enter(&self.system, &sides);
         self.mode.focus(state.t, &state.x, &state.alpha, &[switch]);
     }
 }

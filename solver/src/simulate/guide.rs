@@ -44,7 +44,7 @@ pub trait Guide {
     fn next(&mut self, standing: Standing) -> Result<Next, Status>;
 }
 
-impl Guide for Simulator<'_> {
+impl Guide for Simulator {
     fn next(&mut self, standing: Standing) -> Result<Next, Status> {
         let mut state = std::mem::take(&mut self.state);
         let found = self.next_from(&mut state, standing);
@@ -58,7 +58,7 @@ impl Guide for Simulator<'_> {
     }
 }
 
-impl Simulator<'_> {
+impl Simulator {
     fn next_from(&mut self, state: &mut State, standing: Standing) -> Result<(), Status> {
         let Standing { t, t1, x, .. } = standing;
         state.begin(t, x, self.system.n_switches());
@@ -70,7 +70,7 @@ impl Simulator<'_> {
         self.load(state);
         state.set_sides(sides.into());
         state.alpha.copy_from_slice(alpha);
-        self.mode.enter(self.system, &state.sides);
+        self.mode.enter(&self.system, &state.sides);
         state.fold = match standing.fold {
             None => None,
             Some(switch) => Some(self.fold_at(state, switch)?),

@@ -11,7 +11,7 @@ use super::rank::eliminate;
 use super::state::State;
 use super::{Side, Simulator};
 
-impl Simulator<'_> {
+impl Simulator {
     /// Stops what is closed or sticks.
     pub(super) fn halt(&mut self, state: &mut State) {
         let (mut sides, mut alpha) = (state.sides.clone(), state.alpha.clone());
@@ -33,7 +33,7 @@ impl Simulator<'_> {
             }
         }
         let mode = &mut self.mode;
-        mode.enter(self.system, &sides);
+        mode.enter(&self.system, &sides);
         mode.eval(state.t, &state.x, &alpha);
         mode.linearize_impulses(&rows);
         let mut matrix = Vec::with_capacity(rows.len() * rows.len());

@@ -169,7 +169,7 @@ impl Mode {
     }
 }
 
-impl Simulator<'_> {
+impl Simulator {
     /// All sliding modes of a switch where the state is on its surface, other switches being on the sides that their ψ
     /// have. States that are not `held` are moved onto the surface first; none where that does not succeed, or where
     /// the modes cannot be told apart.
@@ -180,12 +180,12 @@ impl Simulator<'_> {
         switch: usize,
         held: &[usize],
     ) -> Option<Vec<SlidingMode>> {
-        self.pieces.until = self.mode.load(self.system, t);
+        self.pieces.until = self.mode.load(&self.system, t);
         let mut alphas = vec![1.0; self.system.n_switches()];
         let mut sides = vec![Side::Plus; alphas.len()];
         sides[switch] = Side::Slide;
         for _ in 0..MAX_MOVES {
-            self.mode.enter(self.system, &sides);
+            self.mode.enter(&self.system, &sides);
             self.mode.set(t, x, &alphas);
             for i in 0..sides.len() {
                 if i != switch {
@@ -193,7 +193,7 @@ impl Simulator<'_> {
                     alphas[i] = 0.5 + 0.5 * sides[i].sign();
                 }
             }
-            self.mode.enter(self.system, &sides);
+            self.mode.enter(&self.system, &sides);
             self.mode.focus(t, x, &alphas, &[switch]);
             self.mode.linearize(&[switch]);
             let psi = self.mode.psi(switch);

@@ -13,11 +13,11 @@ use super::{Coefficient, HybridSystem, Note, Side, Simulator, Status};
 /// Energy that is gained by less than this fraction of what is exchanged is rounding.
 const GAIN: f64 = 1e-9;
 
-impl Simulator<'_> {
+impl Simulator {
     /// Lets velocities jump by the impulses of the contacts that `laws` strike, and all that they act on.
     pub(super) fn impact(&mut self, state: &mut State, laws: &[usize]) -> Result<(), Status> {
-        let system = self.system;
-        let struck = laws.iter().filter_map(|&law| impact_of(system, law));
+        let struck = laws.iter();
+        let struck = struck.filter_map(|&law| impact_of(&self.system, law));
         let struck: Vec<usize> = struck.map(|(normal, _)| normal).collect();
         if struck.is_empty() {
             return Ok(());
@@ -41,9 +41,9 @@ impl Simulator<'_> {
         struck: &[usize],
         near: &[usize],
     ) -> Result<(), Status> {
-        let system = self.system;
+        let system = self.system.clone();
         let laws = 0..system.laws.len();
-        let impacts = laws.filter_map(|law| impact_of(system, law));
+        let impacts = laws.filter_map(|law| impact_of(&system, law));
         let impacts: Vec<_> = impacts
             .filter(|(normal, _)| near.contains(normal))
             .collect();
@@ -82,7 +82,7 @@ impl Simulator<'_> {
                 state.alpha[slip] = 0.5;
             }
         }
-        self.mode.enter(self.system, &sides);
+        self.mode.enter(&self.system, &sides);
         self.mode.eval(state.t, &state.x, &state.alpha);
         let numbers: Vec<[f64; 2]> = impacts.iter().map(|(_, i)| self.numbers(i)).collect();
         for (&[e, mu], &(switch, _)) in numbers.iter().zip(impacts) {

@@ -47,7 +47,7 @@ pub(super) struct Workspace {
     f: Vec<f64>,
 }
 
-impl Simulator<'_> {
+impl Simulator {
     /// Takes an implicit step; none where that is not possible.
     pub(super) fn implicit_step(
         &mut self,
@@ -99,7 +99,7 @@ impl Simulator<'_> {
         }
         let mut stiff = Stiff {
             mode: &mut self.mode,
-            system: self.system,
+            system: &self.system,
         };
         for _ in 0..MAX_REJECTED {
             // The longest step that the tolerance allows, and the first event within it.
@@ -490,7 +490,7 @@ impl Implicit for Stiff<'_> {
         let n = mode.n;
         matrix.fill(0.0);
         mode.place(t, y);
-        mode.jacobian(self.system, |row, column, value| {
+        mode.jacobian(&self.system, |row, column, value| {
             matrix[row * width + column] += value;
         });
         if width == n {

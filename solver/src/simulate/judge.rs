@@ -66,7 +66,7 @@ impl Verdict {
     }
 }
 
-impl Simulator<'_> {
+impl Simulator {
     /// Size of each rate of the group: |∇ψ|·|f| + |∂ψ/∂t| over all choices, with the terms of f that
     /// cancel, and what would move ψ by its own size within a step. Where nothing acts, what rounding of forces that are
     /// zero does is a tie, and so is a rate that is rounding of what cancels within a gradient.
@@ -157,7 +157,7 @@ impl Simulator<'_> {
     fn spread(&mut self, state: &State, group: &[usize], units: &[f64], h: f64) -> Vec<f64> {
         let mut entries = Vec::new();
         let keep = |row, column, value: f64| entries.push((row, column, value.abs() * h));
-        self.mode.jacobian(self.system, keep);
+        self.mode.jacobian(&self.system, keep);
         let mut spread = state.activity.clone();
         let forces = group.iter().zip(units);
         let forces: Vec<_> = forces.filter(|(i, _)| self.mode.is_contact(**i)).collect();
@@ -259,7 +259,7 @@ impl Simulator<'_> {
             None => state.x.clone(),
         };
         self.depart(state, &mut x, departures, t1);
-        self.mode.enter(self.system, sides);
+        self.mode.enter(&self.system, sides);
         self.mode.expand(state.t, &x, alpha).ok()?;
         Some(false)
     }
@@ -306,7 +306,7 @@ impl Simulator<'_> {
         }
         let mut longest = t1 - state.t;
         if group.len() > 1 && group.iter().any(|&i| mode.is_contact(i)) {
-            longest = longest.min(mode.sight(self.system));
+            longest = longest.min(mode.sight(&self.system));
         }
         let h = mode.step_size(tolerance, state, longest);
         let h = mode.step_size_of_psi(tolerance, state, h);

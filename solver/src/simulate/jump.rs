@@ -117,7 +117,7 @@ impl Mode {
     }
 }
 
-impl Simulator<'_> {
+impl Simulator {
     /// True for a system with laws by which it jumps.
     pub(super) fn has_jumps(&self) -> bool {
         !self.system.laws.is_empty()
@@ -275,7 +275,7 @@ impl Simulator<'_> {
     /// Whether a contact that is approached turns back before its ψ is known to be negative.
     fn grazes(&mut self, state: &mut State, switch: usize) -> bool {
         let Bent { speed, bend, .. } = self.bent(state, switch);
-        self.mode.enter(self.system, &state.sides);
+        self.mode.enter(&self.system, &state.sides);
         bend > 0.0 && speed * speed <= 0.25 * bend * state.band[switch]
     }
 
@@ -283,7 +283,7 @@ impl Simulator<'_> {
     fn bent(&mut self, state: &mut State, switch: usize) -> Bent {
         let mut sides = state.sides.clone();
         sides[switch] = Side::Slide;
-        self.mode.enter(self.system, &sides);
+        self.mode.enter(&self.system, &sides);
         let mode = &mut self.mode;
         mode.surfaces.stand_for(switch, 1);
         let alpha = std::mem::replace(&mut state.alpha[switch], 1.0);
@@ -393,7 +393,7 @@ impl Simulator<'_> {
                 library,
                 ..
             } = mode;
-            field.enter((self.system, library), memory, block, &sides);
+            field.enter((&*self.system, library), memory, block, &sides);
             field.linearize_block(block, &memory.values);
         }
         let slope = |i: usize| {
@@ -412,7 +412,7 @@ impl Simulator<'_> {
                 sides,
                 ..
             } = mode;
-            field.enter((self.system, library), memory, block, sides);
+            field.enter((&*self.system, library), memory, block, sides);
         }
         slopes
     }

@@ -58,7 +58,7 @@ impl Kicks {
     }
 }
 
-impl Simulator<'_> {
+impl Simulator {
     /// The next instant after the present one at which the state is kicked.
     pub(super) fn next_kick(&self, t: f64) -> f64 {
         let kicks = self.settings.kicks.as_ref();

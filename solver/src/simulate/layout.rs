@@ -4,7 +4,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::data::Piecewise;
+use super::data::{Piecewise, write_pieces};
 use super::system::{HybridSystem, Input};
 use crate::tape::{self, Depends, Row, UNBOUNDED};
 
@@ -111,20 +111,11 @@ impl Memory {
     /// Takes the coefficients that hold from `t` on, and gives the instant at which they change.
     pub(super) fn load(&mut self, system: &HybridSystem, t: f64) -> f64 {
         let places = self.coefficients();
-        let mut numbers = self.values[places.clone()].iter_mut();
-        let mut until = system.next_stop(t);
-        for data in &self.data {
-            let piece = data.piece(t);
-            let of_piece = std::iter::once(piece.start).chain(piece.coefficients.iter().copied());
-            for (number, place) in of_piece.zip(numbers.by_ref()) {
-                *place = number;
-            }
-            until = until.min(piece.end);
-        }
+        let until = write_pieces(&self.data, t, &mut self.values[places.clone()]);
         for place in places {
             self.rows[place * self.stride] = self.values[place];
         }
-        until
+        until.min(system.next_stop(t))
     }
 
     /// Sets t, x and α at a point.

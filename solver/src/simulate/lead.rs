@@ -16,7 +16,7 @@ fn changes(before: &[Side], after: &[Side]) -> Vec<usize> {
         .collect()
 }
 
-impl Simulator<'_> {
+impl Simulator {
     /// True for switches that are decided before the others.
     pub(super) fn leads(&self, switch: usize) -> bool {
         self.system.switches[switch].is_timed || self.system.relay(switch).is_some()
@@ -142,7 +142,7 @@ impl Simulator<'_> {
     /// ψ of all switches.
     pub(super) fn psi(&mut self, state: &State) -> Vec<f64> {
         self.mode.set(state.t, &state.x, &state.alpha);
-        self.mode.enter_surfaces(self.system, &state.sides);
+        self.mode.enter_surfaces(&self.system, &state.sides);
         (0..state.sides.len()).map(|i| self.mode.psi(i)).collect()
     }
 
@@ -151,7 +151,7 @@ impl Simulator<'_> {
         let tolerance = self.settings.local_tolerance();
         let mut alpha = state.alpha.clone();
         let mode = &mut self.mode;
-        mode.enter(self.system, &state.sides);
+        mode.enter(&self.system, &state.sides);
         if mode.expand(state.t, &state.x, &mut alpha).is_err() {
             return true;
         }

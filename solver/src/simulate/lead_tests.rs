@@ -29,7 +29,7 @@ fn pair(c: [f64; 2], b: [[f64; 2]; 2]) -> HybridSystem {
 fn relays_that_undo_each_other_end_the_run() {
     // The first is on above 1 and off where the second is on, which follows the first at once.
     let system = pair([-1.0, -0.6], [[1.0, -10.0], [1.0, 0.2]]);
-    let mut simulator = Simulator::new(&system, Settings::default());
+    let mut simulator = Simulator::new(system.into(), Settings::default());
     let outcome = simulator.run(0.0, 2.0, &[0.0], &mut Times::default());
     let switches = vec![0, 1];
     assert_eq!(outcome.status, Status::Restless { switches });
@@ -40,7 +40,8 @@ fn relays_that_undo_each_other_end_the_run() {
 fn a_relay_makes_the_next_one_switch_at_the_same_instant() {
     let system = pair([-1.0, -0.6], [[0.5, 0.0], [1.0, 0.2]]);
     let mut times = Times::default();
-    let outcome = Simulator::new(&system, Settings::default()).run(0.0, 2.0, &[0.0], &mut times);
+    let outcome =
+        Simulator::new(system.into(), Settings::default()).run(0.0, 2.0, &[0.0], &mut times);
     assert_eq!(
         (outcome.status, outcome.sides),
         (Status::Solved, vec![Side::Plus; 2])

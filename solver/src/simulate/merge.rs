@@ -25,7 +25,7 @@ struct Between {
     f: Vec<f64>,
 }
 
-impl Simulator<'_> {
+impl Simulator {
     /// Takes out of `triggers`, which meet here, those whose surfaces are reached later, where that makes
     /// a difference to a state above its tolerance.
     pub(super) fn tell_apart(&mut self, state: &mut State, triggers: &mut Vec<usize>, t1: f64) {
@@ -79,7 +79,7 @@ impl Simulator<'_> {
         }
         mode.eval(state.t, &state.x, &state.alpha);
         let before = mode.f().to_vec();
-        mode.enter(self.system, &sides);
+        mode.enter(&self.system, &sides);
         mode.eval(state.t, &state.x, &alpha);
         mode.linearize(later);
         let lasts = later.iter().map(|&i| {
@@ -93,7 +93,7 @@ impl Simulator<'_> {
                 let size = state.scale[j].max(state.x[j].abs());
                 (f - before).abs() * lasts > self.settings.tolerance * size
             });
-        mode.enter(self.system, &state.sides);
+        mode.enter(&self.system, &state.sides);
         matters
     }
 
@@ -164,7 +164,7 @@ impl Simulator<'_> {
         let changed = self.change(state, met, t1);
         let found = changed.is_ok().then(|| {
             let (sides, alpha) = (state.sides.clone(), state.alpha.clone());
-            self.mode.enter(self.system, &sides);
+            self.mode.enter(&self.system, &sides);
             self.mode.eval(state.t, &state.x, &alpha);
             let f = self.mode.f().to_vec();
             Between { sides, alpha, f }
@@ -177,20 +177,20 @@ impl Simulator<'_> {
             state.band,
             state.notes,
         ) = kept;
-        self.mode.enter(self.system, &state.sides);
+        self.mode.enter(&self.system, &state.sides);
         found
     }
 
     /// Whether a surface is come to so slowly in the mode between that a state moves otherwise until it is met.
     fn is_slow(&mut self, state: &State, i: usize, [between, all]: [&Between; 2], t1: f64) -> bool {
         let mode = &mut self.mode;
-        mode.enter(self.system, &between.sides);
+        mode.enter(&self.system, &between.sides);
         mode.eval(state.t, &state.x, &between.alpha);
         mode.linearize(&[i]);
         let still = STILL * f64::EPSILON * mode.terms_of_phi(i);
         let approach = -mode.phi(i) * between.sides[i].sign();
         let distance = (mode.psi(i).abs()).max(STILL * f64::EPSILON * state.terms[i]);
-        mode.enter(self.system, &state.sides);
+        mode.enter(&self.system, &state.sides);
         if approach < -still {
             return false;
         }

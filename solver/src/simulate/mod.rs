@@ -80,10 +80,11 @@ mod window;
 pub(crate) mod zeno;
 
 use std::sync::Arc;
+use std::time::Duration;
 
 pub use approach::{Approach, Visit};
 use coefficients::Coefficients;
-pub use data::{Piece, Piecewise};
+pub use data::{Piece, Piecewise, write_pieces};
 pub use dense::Polynomials;
 pub use form::{Argument, Form, Instance, Partials};
 pub use guide::{Guide, Next, Standing};
@@ -165,8 +166,8 @@ pub struct Outcome {
 }
 
 /// Runs a system, keeping the functions it has met from one run to the next.
-pub struct Simulator<'s> {
-    system: &'s HybridSystem,
+pub struct Simulator {
+    system: Arc<HybridSystem>,
     settings: Settings,
     order: usize,
     mode: Mode,
@@ -182,9 +183,9 @@ pub struct Simulator<'s> {
     state: State,
 }
 
-impl<'s> Simulator<'s> {
+impl Simulator {
     /// A simulator without any mode yet.
-    pub fn new(system: &'s HybridSystem, settings: Settings) -> Self {
+    pub fn new(system: Arc<HybridSystem>, settings: Settings) -> Self {
         let order = settings.series_order();
         let mut coupled_by = vec![Vec::new(); system.n_switches()];
         for rate in 0..system.n_switches() {
@@ -193,24 +194,24 @@ impl<'s> Simulator<'s> {
             }
         }
         Simulator {
-            system,
             order,
             stiffness: Stiffness::new(settings.local_tolerance()),
             settings,
-            mode: Mode::new(system, order),
+            mode: Mode::new(&system, order),
             coupled_by,
-            pieces: Pieces::new(system),
+            pieces: Pieces::new(&system),
             roots: RootFinder::new(order.max(stiffness::MOST_NODES)),
             jumps: Jumps::default(),
-            coefficients: Coefficients::of(system),
+            coefficients: Coefficients::of(&system),
             unseen: Unseen::default(),
             state: State::default(),
+            system,
         }
     }
 
     /// One with other settings, which knows what this one has met.
     pub fn with(&self, settings: Settings) -> Self {
-        let mut other = Simulator::new(self.system, settings);
+        let mut other = Simulator::new(self.system.clone(), settings);
         other.mode.library.clone_from(&self.mode.library);
         other.mode.memory.data.clone_from(&self.mode.memory.data);
         other
@@ -227,6 +228,11 @@ impl<'s> Simulator<'s> {
             );
             known.clone_from(data);
         }
+    }
+
+    /// Lets runs take no longer than this each.
+    pub fn set_time_limit(&mut self, limit: Option<Duration>) {
+        self.settings.time_limit = limit;
     }
 
     /// The number of functions that were made so far, of all sides that runs have met: blocks and surfaces of one form
@@ -260,8 +266,8 @@ impl<'s> Simulator<'s> {
         alpha: &[f64],
         entry: impl FnMut(usize, usize, f64),
     ) {
-        self.mode.enter(self.system, sides);
+        self.mode.enter(&self.system, sides);
         self.mode.set(t, x, alpha);
-        self.mode.jacobian(self.system, entry);
+        self.mode.jacobian(&self.system, entry);
     }
 }

@@ -19,12 +19,12 @@ const MOST: usize = 8;
 /// Impacts one after the other, before they count as endless.
 const MAX_ROUNDS: usize = 20;
 
-impl Simulator<'_> {
+impl Simulator {
     /// Takes note of contacts that are struck with those of `struck`, or almost, where it matters which one is first.
     /// `near` are the contacts without a gap.
     pub(super) fn note_order(&mut self, state: &mut State, struck: &[usize], near: &[usize]) {
         let laws = 0..self.system.laws.len();
-        let normals = laws.filter_map(|law| impact_of(self.system, law));
+        let normals = laws.filter_map(|law| impact_of(&self.system, law));
         let normals: Vec<usize> = normals.map(|(normal, _)| normal).collect();
         let mut gaps: Vec<(usize, f64)> = Vec::new();
         self.mode.set(state.t, &state.x, &state.alpha);
@@ -35,7 +35,7 @@ impl Simulator<'_> {
             }
         }
         if gaps.len() < 2 {
-            self.mode.enter(self.system, &state.sides);
+            self.mode.enter(&self.system, &state.sides);
             return;
         }
         let mut all: Vec<usize> = near
@@ -67,7 +67,7 @@ impl Simulator<'_> {
                 switches: members,
             });
         }
-        self.mode.enter(self.system, &state.sides);
+        self.mode.enter(&self.system, &state.sides);
         self.mode.set(state.t, &state.x, &state.alpha);
     }
 

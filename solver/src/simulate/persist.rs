@@ -39,7 +39,7 @@ struct Found {
     near: f64,
 }
 
-impl Simulator<'_> {
+impl Simulator {
     /// True for a unilateral switch whose surface is struck; what keeps the others, as the constraints of
     /// projections, acts on their rate itself.
     pub(super) fn is_contact(&self, switch: usize) -> bool {
@@ -181,7 +181,7 @@ impl Simulator<'_> {
 
     /// The forces of the contacts of a group that do not open with a speed of their own.
     fn contact_forces(&mut self, state: &mut State, group: &[usize]) -> Result<Found, Status> {
-        let system = self.system;
+        let system = self.system.clone();
         let normals = group.iter().copied().filter(|&i| system.is_unilateral(i));
         let (meets, leaves): (Vec<usize>, Vec<usize>) =
             normals.partition(|&i| self.mode.surfaces.is_deep(i));

@@ -35,10 +35,10 @@ impl Pieces {
 /// An event that is closer to the end of a step, as a fraction of the step, may be there.
 const NEAR: f64 = 1e-6;
 
-impl Simulator<'_> {
+impl Simulator {
     /// Takes the pieces that hold from the present time on.
     pub(super) fn load(&mut self, state: &State) {
-        self.pieces.until = self.mode.load(self.system, state.t);
+        self.pieces.until = self.mode.load(&self.system, state.t);
     }
 
     /// Goes on with the next pieces, and finds the mode that begins there; `triggers` have an event at
@@ -51,7 +51,7 @@ impl Simulator<'_> {
     ) -> Result<(), Status> {
         let switches = std::mem::take(&mut self.pieces.switches);
         self.mode.set(state.t, &state.x, &state.alpha);
-        self.mode.enter_surfaces(self.system, &state.sides);
+        self.mode.enter_surfaces(&self.system, &state.sides);
         for &i in &switches {
             self.mode.surfaces.stand_for(i, 0);
         }

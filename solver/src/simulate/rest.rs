@@ -99,7 +99,7 @@ impl Mode {
     }
 }
 
-impl Simulator<'_> {
+impl Simulator {
     /// Decides a group of which some switches may rest: the others first, whose rates do not depend on the sides of these,
     /// and then these, one after another until none changes. False, with nothing settled, where that takes series and
     /// `series` does not allow it.
@@ -179,7 +179,7 @@ impl Simulator<'_> {
         sides[switch] = Side::Slide;
         let tolerance = self.settings.local_tolerance();
         let mode = &mut self.mode;
-        mode.enter(self.system, &sides);
+        mode.enter(&self.system, &sides);
         let mut alpha = state.alpha.clone();
         if mode.expand(state.t, &state.x, &mut alpha).is_err() {
             return Err(mode.stuck());
@@ -214,7 +214,7 @@ impl Simulator<'_> {
     fn root_at(&mut self, state: &State, switch: usize, by: f64) -> f64 {
         let mut sides = state.sides.clone();
         sides[switch] = Side::Slide;
-        self.mode.enter(self.system, &sides);
+        self.mode.enter(&self.system, &sides);
         self.mode.set(state.t, &state.x, &state.alpha);
         self.mode
             .surfaces
@@ -224,7 +224,7 @@ impl Simulator<'_> {
         let moved: Vec<f64> = moved.map(|(x, d)| x + by * d).collect();
         let smooth = self.mode.rate_from(switch, state.t, &moved, &state.alpha);
         sides[switch] = Side::of(by);
-        self.mode.enter(self.system, &sides);
+        self.mode.enter(&self.system, &sides);
         let mut alpha = state.alpha.clone();
         alpha[switch] = f64::from(u8::from(by > 0.0));
         self.mode.rate_from(switch, state.t, &moved, &alpha) - smooth
@@ -260,7 +260,7 @@ impl Simulator<'_> {
         let mut sides = state.sides.clone();
         sides[switch] = Side::Slide;
         let mode = &mut self.mode;
-        mode.enter(self.system, &sides);
+        mode.enter(&self.system, &sides);
         let mut alpha = state.alpha.clone();
         let [(below, minus), (above, plus)] = [0.0, 1.0].map(|value| {
             alpha[switch] = value;
@@ -286,7 +286,7 @@ impl Simulator<'_> {
         let attracts = [Side::Minus, Side::Plus].into_iter().all(|side| {
             sides[switch] = side;
             alpha[switch] = f64::from(u8::from(side == Side::Plus));
-            self.mode.enter(self.system, &sides);
+            self.mode.enter(&self.system, &sides);
             let moved = state.x.iter().zip(&across);
             let moved: Vec<f64> = moved.map(|(x, d)| x + side.sign() * near * d).collect();
             let rate = self.mode.rate_from(switch, state.t, &moved, &alpha);
@@ -322,13 +322,13 @@ impl Simulator<'_> {
             }
             let mut sides = state.sides.clone();
             sides[i] = Side::Slide;
-            self.mode.enter(self.system, &sides);
+            self.mode.enter(&self.system, &sides);
             let smooth = self.mode.rate_from(i, t, &x, &state.alpha);
             let at_rest = self.mode.f().to_vec();
-            self.mode.enter(self.system, &state.sides);
+            self.mode.enter(&self.system, &state.sides);
             let closer = CLOSER * psi - psi;
             let ratio = (self.root_at(state, i, closer)) / (rate - smooth);
-            self.mode.enter(self.system, &state.sides);
+            self.mode.enter(&self.system, &state.sides);
             if smooth.abs() > SMALL * rate.abs() {
                 continue;
             }

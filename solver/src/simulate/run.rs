@@ -41,7 +41,7 @@ struct Meets {
     kick: Option<f64>,
 }
 
-impl Simulator<'_> {
+impl Simulator {
     /// Integrates from `x0` at `t0` to `t1`.
     pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut impl Observer) -> Outcome {
         let limit = self.settings.time_limit;
@@ -116,7 +116,7 @@ impl Simulator<'_> {
         }
 
         // Find the solution in the current mode and cut it at its first event.
-        self.mode.enter(self.system, &state.sides);
+        self.mode.enter(&self.system, &state.sides);
         let kick = self.next_kick(state.t);
         let goal = history.limit.as_ref().map_or(t1, |(_, end)| *end);
         let goal = goal.min(self.pieces.until).min(kick);
@@ -165,7 +165,7 @@ impl Simulator<'_> {
             state.advance(step.length);
         }
         if !step.departs {
-            history.drift = f64::max(history.drift, self.mode.project(self.system, state));
+            history.drift = f64::max(history.drift, self.mode.project(&self.system, state));
         }
         state.record(step.length);
         state.stats.steps += 1;

@@ -101,7 +101,7 @@ struct Checked {
     units: Vec<f64>,
 }
 
-impl Simulator<'_> {
+impl Simulator {
     /// Finds the mode at the start, taking every surface that holds the state as meeting there.
     pub(super) fn start(&mut self, state: &mut State, horizon: f64) -> Result<(), Status> {
         self.load(state);
@@ -295,9 +295,9 @@ impl Simulator<'_> {
             if meeting.iter().any(|&i| self.mode.is_contact(i)) {
                 self.halt(state);
             }
-            self.mode.enter(self.system, &state.sides);
+            self.mode.enter(&self.system, &state.sides);
             self.mode.start_equations(state);
-            self.mode.project(self.system, state);
+            self.mode.project(&self.system, state);
         }
         Ok(())
     }
@@ -372,7 +372,7 @@ impl Simulator<'_> {
             sides[i] = Side::Slide;
             state.open[i] = false;
         }
-        self.mode.enter(self.system, &sides);
+        self.mode.enter(&self.system, &sides);
         for &i in group {
             let settles = settling.iter().any(|one| one.switch == i);
             self.take_order(state, i, settles);

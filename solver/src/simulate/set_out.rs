@@ -32,7 +32,7 @@ const SAME: f64 = 1e-8;
 /// A rate against its own direction by less than this, relative to friction, is none.
 const NEAR: f64 = 1e-7;
 
-impl Simulator<'_> {
+impl Simulator {
     /// True for steps that meet with a slip velocity with two entries.
     pub(super) fn holds_disc(&self, group: &[usize]) -> bool {
         let is_step = |&i: &usize| self.mode.roles[i] == Role::Step;

@@ -169,7 +169,7 @@ impl Dummy<'_> {
     }
 }
 
-impl Simulator<'_> {
+impl Simulator {
     /// Decides a group of switches that interact, nonlinear ones among them.
     pub(super) fn decide_several(
         &mut self,
@@ -289,7 +289,7 @@ impl Simulator<'_> {
         for &i in group {
             sides[i] = Side::Slide;
         }
-        self.mode.enter(self.system, &sides);
+        self.mode.enter(&self.system, &sides);
         self.mode.focus(state.t, &state.x, &state.alpha, group);
         found
     }

@@ -229,7 +229,7 @@ impl Mode {
     }
 }
 
-impl Simulator<'_> {
+impl Simulator {
     /// The step off a point at which f has no series.
     pub(super) fn step_off(&mut self, state: &mut State, remaining: f64) -> Result<Step, Status> {
         let line = self.lay_line(state, remaining)?;

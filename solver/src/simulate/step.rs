@@ -81,7 +81,7 @@ const PATIENCE: usize = 20;
 /// Steps grow at most by this factor, which bounds the search for their size.
 const MAX_GROWTH: f64 = 10.0;
 
-impl Simulator<'_> {
+impl Simulator {
     /// Takes the longest step up to `goal` that the tolerance and the next event allow; the run goes
     /// on to `t1`.
     pub(super) fn step(&mut self, state: &mut State, goal: f64, t1: f64) -> Result<Step, Status> {
@@ -166,7 +166,7 @@ impl Simulator<'_> {
             remaining
         };
         match self.mode.has_idle_contact(state) {
-            true => longest.min(self.mode.sight(self.system)),
+            true => longest.min(self.mode.sight(&self.system)),
             false => longest,
         }
     }

@@ -63,7 +63,7 @@ impl Planes {
 
     fn run(&self, t1: f64, x0: &[f64], settings: Settings) -> (Outcome, Vec<f64>) {
         let mut times = Times::default();
-        let outcome = Simulator::new(&self.system(), settings).run(0.0, t1, x0, &mut times);
+        let outcome = Simulator::new(self.system().into(), settings).run(0.0, t1, x0, &mut times);
         (outcome, times.0)
     }
 }
@@ -371,8 +371,7 @@ proptest! {
 fn the_jacobian_is_that_of_the_linear_part() {
     let l = [0.5, -2.0, 0.0, 3.0];
     let planes = Planes::new(2, &[1.0, -1.0], &[0.0; 2], &l, &[-2.0, 0.0, 0.0, -1.0]);
-    let system = planes.cut().system();
-    let mut simulator = Simulator::new(&system, Settings::default());
+    let mut simulator = Simulator::new(planes.cut().system().into(), Settings::default());
     let sides = [Side::Plus, Side::Slide];
     let mut found = [0.0; 4];
     simulator.jacobian(0.0, &[1.0, 0.0], &sides, &[1.0, 0.5], |row, col, value| {

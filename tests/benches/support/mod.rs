@@ -1,18 +1,20 @@
 //! What all benchmarks share.
 
+use std::sync::Arc;
+
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-use nsd_solver::simulate::{Event, Observer, Segment, Settings, Simulator, SwitchedSystem};
+use nsd_solver::simulate::{Event, HybridSystem, Observer, Segment, Settings, Simulator};
 use nsdc::Compiled;
 
 /// A simulator at a tolerance, otherwise as `nsdc` sets it.
-pub fn simulator<'s, S: SwitchedSystem>(system: &'s S, tolerance: f64) -> Simulator<'s, S> {
+pub fn simulator(system: &Arc<HybridSystem>, tolerance: f64) -> Simulator {
     let settings = Settings {
         tolerance,
         ..Settings::default()
     };
-    Simulator::new(system, settings)
+    Simulator::new(system.clone(), settings)
 }
 
 /// Initial state.

@@ -10,7 +10,10 @@ use std::hint::black_box;
 use criterion::Criterion;
 use nsd_solver::simulate::Status;
 use nsdc::Compiled;
-use nsdc::simulate::Switched;
+use std::sync::Arc;
+
+use nsd_solver::simulate::HybridSystem;
+use nsdc::hybrid;
 use serde_json::{Value, json};
 
 use peers::{Row, Script};
@@ -33,8 +36,8 @@ pub struct Problem<'a> {
 impl Problem<'_> {
     /// Measures, and prints the cheapest run of each solver for each error.
     pub fn compare(&self, criterion: &mut Criterion) {
-        let switched = Switched::new(&self.compiled.system);
-        let ours = self.ours(&switched, criterion);
+        let hybrid = hybrid::lower(&self.compiled.system);
+        let ours = self.ours(&hybrid, criterion);
         let peers = peers::run(
             &Script::new(self.script),
             self.compiled,
@@ -100,12 +103,12 @@ impl Problem<'_> {
     }
 
     /// Our cheapest run for each error, over the tolerances 10^-k.
-    fn ours(&self, switched: &Switched, criterion: &mut Criterion) -> Vec<Option<Row>> {
+    fn ours(&self, hybrid: &Arc<HybridSystem>, criterion: &mut Criterion) -> Vec<Option<Row>> {
         let (horizon, x0) = (self.compiled.settings.horizon, start(self.compiled));
         let mut runs: Vec<(Row, f64)> = Vec::new();
         for k in 2..=14 {
             let tolerance = 10.0_f64.powi(-k);
-            let mut simulator = simulator(switched, tolerance);
+            let mut simulator = simulator(hybrid, tolerance);
             let outcome = simulator.run(0.0, horizon, &x0, &mut Silent);
             let row = Row {
                 solver: "nsdc".into(),
@@ -122,7 +125,7 @@ impl Problem<'_> {
             let reaching = runs.iter().filter(|(row, _)| row.error <= error);
             let (row, tolerance) =
                 reaching.min_by(|(a, _), (b, _)| a.seconds.total_cmp(&b.seconds))?;
-            let mut simulator = simulator(switched, *tolerance);
+            let mut simulator = simulator(hybrid, *tolerance);
             let label = format!("{}, error {error:.0e}", self.name);
             criterion.bench_function(&label, |bencher| {
                 bencher.iter(|| black_box(simulator.run(0.0, horizon, &x0, &mut Silent)));

@@ -3,6 +3,8 @@
 //! Parameters are numbers by now. What all active sets share is compiled at once, the functions of
 //! one active set when it is met first.
 
+use crate::hybrid::{Polynomials, Pulses, data_of};
+use nsd_solver::simulate::{Piecewise, write_pieces};
 use std::cell::RefCell;
 use std::sync::Arc;
 
@@ -11,8 +13,6 @@ use nsd_solver::simulate::{Partials, Side};
 use nsd_solver::tape::Tape;
 use rustc_hash::FxHashMap;
 
-use super::super::data::Pieces;
-use super::super::instants::Pulses;
 use crate::dcs::{self, Cause, Dcs, Origin};
 use crate::expr::{self, Expr, Exprs, Substitution, Var, variables_of};
 use crate::system::{Role, System};
@@ -36,7 +36,7 @@ pub struct Complementarity<'e> {
     full: Full,
     /// Coefficients of data, the last inputs of all functions.
     coefficients: Vec<Var>,
-    pieces: Pieces,
+    data: Vec<Arc<Piecewise>>,
     /// Where functions of time are narrow.
     pulses: Pulses,
     /// ψ of all switches.
@@ -81,9 +81,12 @@ impl<'e> Complementarity<'e> {
         let gaps = system.switches.iter().zip(&surfaces).enumerate();
         let gaps = gaps.filter(|(_, (switch, _))| switch.unilateral);
         let gaps: Vec<(usize, Expr<'e>)> = gaps.map(|(k, (_, psi))| (k, *psi)).collect();
-        let (pieces, coefficients, polynomials) = Pieces::new(system);
+        let Polynomials {
+            coefficients,
+            instead,
+        } = Polynomials::of(system);
         for data in system.data.iter().map(|data| variable(data.var)) {
-            if let Some(polynomial) = polynomials.get(data) {
+            if let Some(polynomial) = instead.get(data) {
                 numbers.insert(data, polynomial);
             }
         }
@@ -174,7 +177,7 @@ impl<'e> Complementarity<'e> {
             rates,
             equations,
             coefficients,
-            pieces,
+            data: data_of(system),
             pulses: Pulses::default(),
             surfaces,
             followers: Vec::new(),
@@ -352,7 +355,7 @@ impl ComplementaritySystem for Complementarity<'_> {
     }
 
     fn numbers(&self, t: f64, numbers: &mut [f64]) -> f64 {
-        self.pieces.write(t, numbers)
+        write_pieces(&self.data, t, numbers)
     }
 
     fn stop(&self, t: f64) -> f64 {

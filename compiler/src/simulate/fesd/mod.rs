@@ -3,6 +3,9 @@
 //! A second run, on a grid twice as fine or with a smaller tolerance, gives the estimate of the
 //! global error.
 
+use crate::hybrid::{self, Pulses};
+use nsd_solver::simulate::HybridSystem;
+use std::sync::Arc;
 mod active;
 mod blurred;
 mod branch;
@@ -24,12 +27,10 @@ use nsd_solver::tableau::Family;
 pub use complementarity::Complementarity;
 use turns::Turns;
 
-use super::instants::Pulses;
 use super::overlooked::Looking;
 use super::watch::{Progress, Watched};
 use super::{
-    Comparison, Estimate, HELD, REFINEMENT, Recorder, Request, Switched, Touches, assemble, judge,
-    tightened,
+    Comparison, Estimate, HELD, REFINEMENT, Recorder, Request, Touches, assemble, judge, tightened,
 };
 use crate::dcs::{self, Formulation};
 use crate::report::{Failure, Method, MethodOption, Multipliers, Series, Trajectory, Warning};
@@ -102,7 +103,7 @@ pub(super) fn run(
     let (formulation, complementarity) = lower(system, settings);
     let pulses = Pulses::of(system, settings.horizon);
     let complementarity = complementarity.over(pulses.clone());
-    let guide = system.first_nonlinear().map(|_| Switched::new(system));
+    let guide = system.first_nonlinear().map(|_| hybrid::lower(system));
     let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
     let left = || {
         let limit = request.time_limit?;
@@ -193,15 +194,16 @@ fn tell(
 /// of several sliding modes is taken: `guide` does.
 pub(super) fn simulator<'s, 'e>(
     complementarity: &'s Complementarity<'e>,
-    guide: Option<&'s Switched>,
+    guide: Option<&'s Arc<HybridSystem>>,
     settings: fesd::Settings,
 ) -> Simulator<'s, Complementarity<'e>> {
     let simulator = Simulator::new(complementarity, settings);
     let simulator = simulator.expect("the number of nodes has been checked");
     match guide {
-        Some(switched) => {
-            simulator.guided(event::Simulator::new(switched, event::Settings::default()))
-        }
+        Some(hybrid) => simulator.guided(event::Simulator::new(
+            hybrid.clone(),
+            event::Settings::default(),
+        )),
         None => simulator,
     }
 }

@@ -2,17 +2,19 @@
 
 use std::ops::ControlFlow;
 
-use nsd_solver::simulate::{Event, Observer, Segment, Settings, Simulator};
-
-use super::super::Switched;
+use nsd_solver::simulate::{Event, Observer, Segment, Simulator};
 
 /// A contact that strikes does so within this share of the horizon.
 const SOON: f64 = 1e-6;
 
 /// The state behind the impact that a system comes to from a state where a gap is zero.
-pub(super) fn impact(system: &Switched, horizon: f64, t: f64, x: &[f64]) -> Option<Vec<f64>> {
+pub(super) fn impact(
+    simulator: &mut Simulator,
+    horizon: f64,
+    t: f64,
+    x: &[f64],
+) -> Option<Vec<f64>> {
     let mut first = First(None);
-    let mut simulator = Simulator::new(system, Settings::default());
     simulator.run(t, t + SOON * horizon, x, &mut first);
     first.0
 }

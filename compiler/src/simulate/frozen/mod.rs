@@ -1,5 +1,8 @@
 //! Runs in numerical time: a system is frozen, run event by event or by finite elements, and thawed.
 
+use crate::hybrid;
+use nsd_solver::simulate::HybridSystem;
+use std::sync::Arc;
 mod law;
 mod stretch;
 mod thaw;
@@ -16,8 +19,8 @@ use super::modes::ModeNames;
 use super::overlooked::Looking;
 use super::watch::{Progress, Watched};
 use super::{
-    Comparison, REFINEMENT, Recorder, Request, Switched, assemble, finer, judge, outcome,
-    solver_settings, tightened,
+    Comparison, REFINEMENT, Recorder, Request, assemble, finer, judge, outcome, solver_settings,
+    tightened,
 };
 use crate::dcs::{self, Formulation};
 use crate::report::{Failure, Method, MethodOption, Trajectory};
@@ -30,7 +33,7 @@ const ROUNDING: f64 = 1e-9;
 
 /// How a frozen system is run.
 enum Road<'e> {
-    Events(Box<Switched>),
+    Events(Arc<HybridSystem>),
     Elements(Box<Complementarity<'e>>, FesdOptions, Formulation),
 }
 
@@ -55,7 +58,7 @@ pub(super) fn run(
     let frozen = freeze(system, settings.pace());
     let frozen = frozen.expect("compilation has checked that the system can be frozen");
     let road = Road::new(&frozen, settings);
-    let jumping = frozen.meeting.is_open.then(|| Switched::new(system));
+    let jumping = frozen.meeting.is_open.then(|| hybrid::lower(system));
     let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
     let left = || {
         let limit = request.time_limit?;
@@ -147,7 +150,7 @@ fn penetration(system: &System) -> Option<Failure> {
 impl<'e> Road<'e> {
     fn new(frozen: &Frozen<'e>, settings: &Settings<'e>) -> Self {
         let experiment::Method::Fesd(options) = &settings.method else {
-            return Road::Events(Box::new(Switched::new(&frozen.system)));
+            return Road::Events(hybrid::lower(&frozen.system));
         };
         let dcs = dcs::lower(&frozen.system, &settings.lowerings);
         let dcs = dcs.expect("compilation has checked that the system can be lowered");
@@ -159,7 +162,7 @@ impl<'e> Road<'e> {
     /// with jumps, if it is given.
     fn run(
         &self,
-        (frozen, jumping): (&Frozen, Option<&Switched>),
+        (frozen, jumping): (&Frozen, Option<&Arc<HybridSystem>>),
         settings: &Settings,
         (tolerance, fine): (f64, bool),
         time_limit: Option<Duration>,
@@ -177,18 +180,22 @@ impl<'e> Road<'e> {
             .map(|contact| contact.switch)
             .collect();
         let law = jumping.map(|jumping| -> Box<Law> {
-            Box::new(move |t: f64, x: &[f64]| impact(jumping, horizon, t, x))
+            let mut simulator = Simulator::new(jumping.clone(), Default::default());
+            Box::new(move |t: f64, x: &[f64]| impact(&mut simulator, horizon, t, x))
         });
         let (outcome, end) = match self {
-            Road::Events(switched) => drive(frozen, horizon, observer, law, |end, x, thaw| {
+            Road::Events(hybrid) => {
                 let mut chosen = solver_settings(&settings.method, tolerance, None);
                 if fine {
                     chosen = finer(&chosen, order, tolerance);
                 }
-                chosen.time_limit = left();
                 chosen.below.clone_from(&below);
-                Simulator::new(&**switched, chosen).run(0.0, end, x, thaw)
-            }),
+                let mut simulator = Simulator::new(hybrid.clone(), chosen);
+                drive(frozen, horizon, observer, law, |end, x, thaw| {
+                    simulator.set_time_limit(left());
+                    simulator.run(0.0, end, x, thaw)
+                })
+            }
             Road::Elements(complementarity, options, _) => {
                 drive(frozen, horizon, observer, law, |end, x, thaw| {
                     let settings = elements::Settings {
@@ -246,9 +253,9 @@ impl<'e> Road<'e> {
     /// Order of the method.
     fn order(&self, settings: &Settings, tolerance: f64) -> usize {
         match self {
-            Road::Events(switched) => {
+            Road::Events(hybrid) => {
                 let chosen = solver_settings(&settings.method, tolerance, None);
-                Simulator::new(&**switched, chosen).order()
+                Simulator::new(hybrid.clone(), chosen).order()
             }
             Road::Elements(complementarity, options, _) => {
                 let chosen = elements::Settings::new(options.scheme.0, options.scheme.1);

@@ -6,9 +6,8 @@ use nsd_solver::simulate::Side;
 use nsd_solver::tape::{Scratch, Tape};
 
 use crate::expr::{self, Expr, variables_of};
+use crate::hybrid::{Pulses, tape};
 use crate::simulate::adaptive::{Inputs, Jumping};
-use crate::simulate::functions::tape;
-use crate::simulate::instants::Pulses;
 use crate::system::System;
 
 /// f, ∂f/∂x and M.

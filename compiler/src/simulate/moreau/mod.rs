@@ -2,6 +2,7 @@
 //!
 //! A second run with twice as many steps gives the estimate of the error.
 
+use crate::hybrid::Pulses;
 mod free;
 mod record;
 mod scene;
@@ -15,7 +16,6 @@ use self::free::Free;
 use self::record::Told;
 use super::adaptive::Inputs;
 use super::fesd::{estimate_with, judge_steps};
-use super::instants::Pulses;
 use super::outcome::outside;
 use super::overlooked::Looking;
 use super::watch::{Progress, Watched};

@@ -5,10 +5,8 @@ use nsd_solver::simulate::Input;
 use rustc_hash::FxHashMap;
 
 use crate::expr::{Expr, Substitution, Var};
+use crate::hybrid::{self, Copy, ExprForm, tape, variable};
 use crate::simulate::adaptive::Inputs;
-use crate::simulate::forms::{self, Copy, Form};
-use crate::simulate::functions::tape;
-use crate::simulate::substituted::variable;
 use crate::system::System;
 
 /// Where everything is that contacts depend on.
@@ -63,7 +61,7 @@ pub(super) fn scene<'e>(system: &System<'e>, inputs: &Inputs<'e>) -> Scene {
         _ if places.is_velocity(var) => 5,
         _ => 3,
     };
-    let (forms, copies) = forms::share(system.exprs, &groups, kind);
+    let (forms, copies) = hybrid::share(system.exprs, &groups, kind);
     let time = variable(system.time);
     let mut families: Vec<Family> = forms
         .iter()
@@ -137,7 +135,7 @@ fn places_of(copy: &Copy, places: &Places, numbers: &mut Numbers, found: &mut Ve
 }
 
 /// The functions of a form.
-fn family<'e>(form: &Form<'e>, places: &Places, time: Var, zero: Expr<'e>) -> Family {
+fn family<'e>(form: &ExprForm<'e>, places: &Places, time: Var, zero: Expr<'e>) -> Family {
     let inputs: Vec<Var> = form.vars.iter().chain(&form.holes).copied().collect();
     let (gap, restitution) = (form.functions[0], form.functions[1]);
     let friction = form.functions.get(2).copied().unwrap_or(zero);

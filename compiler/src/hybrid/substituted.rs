@@ -17,7 +17,7 @@ pub(super) fn numbers<'e>(system: &System<'e>) -> Substitution<'e> {
 }
 
 /// All rates, and all ψ, with the values of the parameters.
-pub(super) fn with_numbers<'e>(system: &System<'e>) -> [Vec<Expr<'e>>; 2] {
+pub(crate) fn with_numbers<'e>(system: &System<'e>) -> [Vec<Expr<'e>>; 2] {
     let numbers = numbers(system);
     let rates: Vec<_> = system.states.iter().map(|state| state.rate).collect();
     let switching: Vec<_> = system.switches.iter().map(|switch| switch.psi).collect();
@@ -77,7 +77,7 @@ pub(super) fn with_roots<'e>(
     (rates, resting.collect())
 }
 
-pub(super) fn variable(expr: Expr) -> Var {
+pub(crate) fn variable(expr: Expr) -> Var {
     expr.as_variable()
         .expect("a declared quantity is a variable")
 }

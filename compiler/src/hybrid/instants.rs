@@ -29,7 +29,7 @@ pub(super) struct Pulse {
 
 /// Where functions of time are narrow within the horizon, in order.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Pulses {
+pub(crate) struct Pulses {
     pulses: Vec<Pulse>,
     /// Instants that no step passes over, in order.
     stops: Vec<f64>,
@@ -66,12 +66,9 @@ impl Pulses {
         Pulses { pulses, stops }
     }
 
-    /// The next pulse behind `t`, for steps by Taylor series: from there these see all of it.
-    pub fn next(&self, t: f64) -> f64 {
-        let next = self.pulses.partition_point(|pulse| pulse.at <= t);
-        self.pulses
-            .get(next)
-            .map_or(f64::INFINITY, |pulse| pulse.at)
+    /// Where they are, for steps by Taylor series: from there these see all of a pulse.
+    pub fn instants(&self) -> Vec<f64> {
+        self.pulses.iter().map(|pulse| pulse.at).collect()
     }
 
     /// The next instant behind `t` that no step passes over; infinity where there is none.

@@ -31,8 +31,7 @@ impl<'e> Structure<'e> {
     pub fn of(
         system: &System<'e>,
         inputs: &FxHashMap<Var, Input>,
-        rates: &[Expr<'e>],
-        switching: &[Expr<'e>],
+        [rates, switching]: [&[Expr<'e>]; 2],
         resting: &[(usize, Var)],
     ) -> Self {
         let occurring = |e: &Expr<'e>| {

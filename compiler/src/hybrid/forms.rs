@@ -9,7 +9,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use crate::expr::{self, BinaryFunction, Expr, Exprs, Function, Node, Var};
 
 /// Functions that stand for all of their form.
-pub(super) struct Form<'e> {
+pub(crate) struct ExprForm<'e> {
     /// The functions.
     pub functions: Vec<Expr<'e>>,
     /// Their variables, in order of first occurrence.
@@ -19,7 +19,7 @@ pub(super) struct Form<'e> {
 }
 
 /// Functions as one of their form.
-pub(super) struct Copy {
+pub(crate) struct Copy {
     /// Which form.
     pub form: usize,
     /// The variables in the places of those of the form.
@@ -29,11 +29,11 @@ pub(super) struct Copy {
 }
 
 /// Finds the forms of groups of functions. Variables of different `kind` do not stand for each other.
-pub(super) fn share<'e>(
+pub(crate) fn share<'e>(
     exprs: &'e Exprs,
     groups: &[Vec<Expr<'e>>],
     kind: impl Fn(Var) -> u64,
-) -> (Vec<Form<'e>>, Vec<Copy>) {
+) -> (Vec<ExprForm<'e>>, Vec<Copy>) {
     let mut known: FxHashMap<Vec<u64>, usize> = FxHashMap::default();
     let mut members: Vec<Vec<usize>> = Vec::new();
     let mut copies = Vec::with_capacity(groups.len());
@@ -65,7 +65,7 @@ pub(super) fn share<'e>(
             numbers[k] = hole;
         }
         let functions = &groups[members[0]];
-        forms.push(Form {
+        forms.push(ExprForm {
             functions: match holes.is_empty() {
                 true => functions.clone(),
                 false => fill(exprs, functions, &numbers),

@@ -3,7 +3,7 @@
 use nsd_solver::simulate::{Effect, Guard, Impact, Input, Law, Reset};
 use rustc_hash::FxHashMap;
 
-use super::functions::tape;
+use super::tape;
 use crate::expr::{self, Expr, Substitution, Var};
 use crate::system::{self, System};
 

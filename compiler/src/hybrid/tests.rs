@@ -1,15 +1,16 @@
 //! Blocks, and what they share.
 
-use nsd_solver::simulate::{Settings, Side, Simulator, SwitchedSystem};
+use std::sync::Arc;
 
-use super::Switched;
+use nsd_solver::simulate::{HybridSystem, Settings, Simulator};
+
 use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
 use crate::source::SourceMap;
 use crate::syntax::{self, Item};
 
-fn with_switched<T>(text: &str, use_it: impl FnOnce(&Switched, &[f64]) -> T) -> T {
+fn lowered(text: &str) -> (Arc<HybridSystem>, Vec<f64>) {
     let (mut sources, mut diags) = (SourceMap::new(), Diagnostics::new());
     let source = sources.add("test.nsd", text);
     let file = syntax::parse(&source, &mut diags);
@@ -22,8 +23,8 @@ fn with_switched<T>(text: &str, use_it: impl FnOnce(&Switched, &[f64]) -> T) -> 
     let clock = &mut Clock::default();
     let compiled = crate::compile(&exprs, &file, experiment, &[], clock, &mut diags);
     let system = compiled.expect("the text compiles").system;
-    let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
-    use_it(&Switched::new(&system), &x0)
+    let x0 = system.states.iter().map(|state| state.initial).collect();
+    (super::lower(&system), x0)
 }
 
 /// 30 instances of a part with other numbers in each, whose friction is a nonlinear function.
@@ -38,28 +39,24 @@ const PARTS: &str = "
 
 #[test]
 fn instances_of_one_part_share_their_functions() {
-    with_switched(PARTS, |switched, x0| {
-        assert_eq!(switched.blocks().len(), 60);
-        let rates = [Side::Plus, Side::Minus].map(|side| switched.rates(1, &[side]));
-        let other = switched.rates(3, &[Side::Plus]);
-        assert!(std::sync::Arc::ptr_eq(&rates[0].field, &other.field));
-        assert_ne!(rates[0].inputs, other.inputs);
-        let compiled = switched.n_compiled();
-        assert_eq!(compiled, 2);
-        // A run meets q', v' on each side and sliding, and ψ.
-        let mut simulator = Simulator::new(switched, Settings::default());
-        let outcome = simulator.run(0.0, 1.0, x0, &mut Silent);
-        assert!(outcome.stats.functions >= 90);
-        assert!(switched.n_compiled() <= 5);
-        // A second run, with another order, meets nothing new.
-        let compiled = switched.n_compiled();
-        let settings = Settings {
-            order: Some(20),
-            ..Settings::default()
-        };
-        Simulator::new(switched, settings).run(0.0, 1.0, x0, &mut Silent);
-        assert_eq!(switched.n_compiled(), compiled);
+    let (hybrid, x0) = lowered(PARTS);
+    assert_eq!(hybrid.blocks.len(), 60);
+    let [first, other] = [1, 3].map(|block| &hybrid.rates[block]);
+    assert_eq!(first.form, other.form);
+    assert_ne!(first.inputs, other.inputs);
+    // A run meets q', v' on each side and sliding, and ψ.
+    let mut simulator = Simulator::new(hybrid, Settings::default());
+    let outcome = simulator.run(0.0, 1.0, &x0, &mut Silent);
+    assert!(outcome.stats.functions >= 90);
+    let made = simulator.n_functions();
+    assert!(made <= 5, "{made}");
+    // A second run, with another order, meets nothing new.
+    let mut other = simulator.with(Settings {
+        order: Some(20),
+        ..Settings::default()
     });
+    other.run(0.0, 1.0, &x0, &mut Silent);
+    assert_eq!(other.n_functions(), made);
 }
 
 struct Silent;
@@ -83,11 +80,9 @@ fn a_switch_concerns_the_rates_that_contain_it() {
           y' = sign(x[1]) + sign(x[6]);
         }
         simulate a of m { horizon 1; }";
-    with_switched(text, |switched, _| {
-        let blocks = switched.blocks().iter();
-        let blocks: Vec<_> = blocks
-            .map(|b| (b.states.clone(), b.switches.clone()))
-            .collect();
-        insta::assert_snapshot!(format!("{blocks:?}"), @"[([0], [0]), ([1, 2], []), ([3], [1]), ([4], [1]), ([5], []), ([6], [0, 2])]");
-    });
+    let blocks = lowered(text).0.blocks.clone();
+    let blocks: Vec<_> = (blocks.iter())
+        .map(|b| (b.states.clone(), b.switches.clone()))
+        .collect();
+    insta::assert_snapshot!(format!("{blocks:?}"), @"[([0], [0]), ([1, 2], []), ([3], [1]), ([4], [1]), ([5], []), ([6], [0, 2])]");
 }

@@ -1,0 +1,261 @@
+//! Lowering to a [`HybridSystem`]: blocks of rates and surfaces, as plain data for the solver.
+//!
+//! Parameters are numbers, functions of time from data are polynomials whose coefficients are inputs, and so are α: what
+//! a run needs of functions on certain sides the solver makes of these.
+
+mod blocks;
+mod data;
+mod forms;
+mod instants;
+mod laws;
+mod structure;
+mod substituted;
+#[cfg(test)]
+mod tests;
+
+use std::sync::Arc;
+
+use nsd_solver::simulate::{
+    Argument, Block, Form, HybridSystem, Input, Instance, Piecewise, Side, Switch, SwitchKind,
+};
+use nsd_solver::tape::Tape;
+use rustc_hash::{FxHashMap, FxHashSet};
+
+use crate::expr::{self, Expr, Var};
+use crate::system::{self, Role, System};
+pub(crate) use data::Polynomials;
+pub(crate) use forms::{Copy, ExprForm, share};
+pub(crate) use instants::Pulses;
+use structure::Structure;
+use substituted::{numbers, with_directions, with_roots};
+pub(crate) use substituted::{variable, with_numbers};
+
+/// A system with the values of its parameters.
+pub fn lower(system: &System) -> Arc<HybridSystem> {
+    Arc::new(Lowering::of(system).finish(system))
+}
+
+/// The same for runs from 0 to the horizon, of which no step passes over where functions of time are narrow.
+pub fn lower_over(system: &System, horizon: f64) -> Arc<HybridSystem> {
+    let mut lowered = Lowering::of(system).finish(system);
+    lowered.stops = Pulses::of(system, horizon).instants();
+    Arc::new(lowered)
+}
+
+/// The pieces of all data.
+pub(crate) fn data_of(system: &System) -> Vec<Arc<Piecewise>> {
+    let tables = system.data.iter().map(|data| &data.table);
+    tables.map(|table| table.pieces.clone()).collect()
+}
+
+/// A tape of functions of some variables.
+pub(crate) fn tape(inputs: &[Var], outputs: &[Expr]) -> Tape {
+    expr::compile(inputs, outputs)
+        .expect("a verified system holds smooth functions of time, states and α only")
+}
+
+/// Functions of time, states, α and coefficients, and what their variables stand for.
+struct Lowering<'e> {
+    /// Rates, without and with directions of slip in place of their switches.
+    folded: Vec<Expr<'e>>,
+    rates: Vec<Expr<'e>>,
+    switching: Vec<Expr<'e>>,
+    polynomials: Polynomials<'e>,
+    /// What every variable stands for.
+    inputs: FxHashMap<Var, Input>,
+    /// σ of switches.
+    sticking: Vec<(usize, Var)>,
+    /// σ of those of which rates contain roots.
+    rooted: Vec<(usize, Var)>,
+    /// Of each switch the switches on whose upper side it is in no rate.
+    idle_above: Vec<Vec<usize>>,
+}
+
+impl<'e> Lowering<'e> {
+    /// Puts numbers in place of parameters, and polynomials in place of data.
+    fn of(system: &System<'e>) -> Self {
+        let [folded, switching] = with_numbers(system);
+        let idle_above = structure::idle_above(system, &folded);
+        let (folded, mut sticking) = with_directions(system, folded, &switching);
+        let (folded, rooted) = with_roots(system, folded, &switching);
+        sticking.extend(&rooted);
+        let polynomials = Polynomials::of(system);
+        let mut inputs = FxHashMap::default();
+        inputs.insert(variable(system.time), Input::Time);
+        for (i, state) in system.states.iter().enumerate() {
+            inputs.insert(variable(state.var), Input::State(i));
+        }
+        for (i, switch) in system.switches.iter().enumerate() {
+            inputs.insert(variable(switch.alpha), Input::Alpha(i));
+        }
+        inputs.extend(sticking.iter().map(|&(i, sigma)| (sigma, Input::Alpha(i))));
+        for (i, &coefficient) in polynomials.coefficients.iter().enumerate() {
+            inputs.insert(coefficient, Input::Coefficient(i));
+        }
+        Lowering {
+            rates: polynomials.instead.apply(&folded),
+            switching: polynomials.instead.apply(&switching),
+            folded,
+            polynomials,
+            inputs,
+            sticking,
+            rooted,
+            idle_above,
+        }
+    }
+
+    fn finish(self, system: &System<'e>) -> HybridSystem {
+        let structure = Structure::of(
+            system,
+            &self.inputs,
+            [&self.rates, &self.switching],
+            &self.rooted,
+        );
+        let alphas = system.switches.iter().map(|switch| variable(switch.alpha));
+        let alphas: Vec<Var> = alphas.collect();
+        // To have data in common is no reason to be in one block.
+        let blocks = blocks::cut(&self.folded, &structure.in_rates, &alphas);
+        let instead = [&numbers(system), &self.polynomials.instead];
+        let mut lowered = HybridSystem {
+            algebraics: system.algebraic_states(),
+            laws: laws::compile(system, &self.inputs, &instead),
+            data: data_of(system),
+            ..HybridSystem::default()
+        };
+        let functions = Functions::of(system, &self);
+        lowered.rates = functions.share(&mut lowered.forms, &rates_of(&blocks, &self.rates));
+        let chains = structure.chains.iter().flatten();
+        let surfaces: Vec<_> = (self.switching.iter().chain(chains))
+            .map(|&psi| vec![psi])
+            .collect();
+        lowered.surfaces = functions.share(&mut lowered.forms, &surfaces);
+        lowered.blocks = blocks;
+        lowered.switches = self.switches(system, structure);
+        lowered
+    }
+
+    fn switches(self, system: &System<'e>, structure: Structure<'e>) -> Vec<Switch> {
+        let Structure {
+            inside,
+            timed,
+            couplings,
+            chains,
+            with_data: [in_psi, in_rate],
+            ..
+        } = structure;
+        let mut end = system.switches.len();
+        let mut switches = Vec::with_capacity(end);
+        let lists = couplings.into_iter().zip(inside).zip(self.idle_above);
+        for (i, ((couplings, inside), idle_above)) in lists.enumerate() {
+            let first = end;
+            end += chains[i].len();
+            let switch = &system.switches[i];
+            switches.push(Switch {
+                kind: kind(switch),
+                is_continuous: switch.continuity.is_continuous(),
+                is_timed: timed[i],
+                is_nonlinear: switch.is_nonlinear,
+                has_root: self.rooted.iter().any(|&(rooted, _)| rooted == i),
+                has_data: [in_psi[i], in_rate[i]],
+                couplings,
+                inside,
+                derivatives: first..end,
+                idle_above,
+            });
+        }
+        switches
+    }
+}
+
+fn kind(switch: &system::Switch) -> SwitchKind {
+    match (&switch.relay, switch.role) {
+        (Some(relay), _) if relay.start => SwitchKind::Relay(Side::Plus),
+        (Some(_), _) => SwitchKind::Relay(Side::Minus),
+        (None, Role::Equation) => SwitchKind::Equation,
+        (None, Role::Member(other)) => SwitchKind::Member(other),
+        (None, Role::Step) if switch.unilateral => SwitchKind::Unilateral,
+        (None, Role::Step) => match (switch.slip_of, switch.across) {
+            (None, None) => SwitchKind::Step,
+            (of, across) => SwitchKind::Slip { of, across },
+        },
+    }
+}
+
+fn rates_of<'e>(blocks: &[Block], rates: &[Expr<'e>]) -> Vec<Vec<Expr<'e>>> {
+    let of = |block: &Block| block.states.iter().map(|&state| rates[state]).collect();
+    blocks.iter().map(of).collect()
+}
+
+/// What functions are made of.
+struct Functions<'s, 'e> {
+    system: &'s System<'e>,
+    inputs: &'s FxHashMap<Var, Input>,
+    continuous: Vec<bool>,
+    /// σ of switches.
+    sticking: FxHashSet<Var>,
+    /// α of switches on whose surface nothing depends on it.
+    resting: FxHashSet<Var>,
+}
+
+impl<'s, 'e> Functions<'s, 'e> {
+    fn of(system: &'s System<'e>, lowering: &'s Lowering<'e>) -> Self {
+        let continuous = system.switches.iter();
+        let continuous: Vec<bool> = continuous
+            .map(|switch| switch.continuity.is_continuous())
+            .collect();
+        let resting = lowering.rooted.iter().filter(|(i, _)| continuous[*i]);
+        Functions {
+            system,
+            inputs: &lowering.inputs,
+            sticking: lowering.sticking.iter().map(|&(_, sigma)| sigma).collect(),
+            resting: resting
+                .map(|&(i, _)| variable(system.switches[i].alpha))
+                .collect(),
+            continuous,
+        }
+    }
+
+    fn argument(&self, var: Var) -> Argument {
+        match self.inputs[&var] {
+            Input::Time => Argument::Time,
+            Input::Coefficient(_) => Argument::Coefficient,
+            Input::Alpha(_) if self.sticking.contains(&var) => Argument::Sticking,
+            Input::Alpha(_) if self.resting.contains(&var) => Argument::Resting,
+            Input::Alpha(_) => Argument::Alpha,
+            _ => Argument::State,
+        }
+    }
+
+    /// Variables of different kinds do not stand for each other; only continuous switches stay inputs of ψ.
+    fn kind(&self, var: Var) -> u64 {
+        let argument = self.argument(var) as u64;
+        match self.inputs[&var] {
+            Input::Alpha(switch) => 8 * u64::from(self.continuous[switch]) + argument,
+            _ => argument,
+        }
+    }
+
+    /// Groups of functions as instances of forms, which are added to others.
+    fn share(&self, forms: &mut Vec<Form>, groups: &[Vec<Expr<'e>>]) -> Vec<Instance> {
+        let first = forms.len();
+        let (new, copies) = share(self.system.exprs, groups, |var| self.kind(var));
+        forms.extend(new.iter().map(|form| {
+            let inputs: Vec<Var> = form.vars.iter().chain(&form.holes).copied().collect();
+            let arguments = form.vars.iter().map(|&var| self.argument(var));
+            let numbers = form.holes.iter().map(|_| Argument::Number);
+            Form {
+                tape: tape(&inputs, &form.functions),
+                arguments: arguments.chain(numbers).collect(),
+            }
+        }));
+        let instance = |copy: Copy| {
+            let variables = copy.vars.iter().map(|var| self.inputs[var]);
+            let numbers = copy.numbers.iter().map(|&number| Input::Number(number));
+            Instance {
+                form: first + copy.form,
+                inputs: variables.chain(numbers).collect(),
+            }
+        };
+        copies.into_iter().map(instance).collect()
+    }
+}
