@@ -3,5 +3,6 @@
 mod allocation;
 mod derivative;
 mod nl_files;
+mod plain;
 mod tape;
 mod taylor;

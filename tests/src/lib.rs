@@ -2,6 +2,7 @@
 
 pub mod affine;
 pub mod bodies;
+mod examples;
 pub mod faults;
 pub mod random;
 pub mod set_points;
@@ -9,6 +10,7 @@ pub mod stress;
 
 use std::path::{Path, PathBuf};
 
+pub use examples::for_each_example;
 use nsdc::cli::{self, Exit, Streams};
 use nsdc::clock::Clock;
 use nsdc::diagnostics::{self, Diagnostics};

@@ -3,14 +3,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use nsd_tests::{DataFolder, with_experiment};
+use nsd_tests::with_experiment;
 use nsdc::dcs::{Dcs, Formulation, Pointwise, lower_as, solve_pointwise};
-use nsdc::diagnostics::{self, Diagnostics};
-use nsdc::expr::{Exprs, Var};
-use nsdc::imports;
+use nsdc::expr::Var;
 use nsdc::optimize;
-use nsdc::source::SourceMap;
-use nsdc::syntax::{DeclKind, Experiment, Item, Model, Stmt};
 use nsdc::system::{Role, System};
 
 const FORMULATIONS: [Formulation; 2] = [Formulation::Stewart, Formulation::Step];
@@ -19,83 +15,15 @@ fn examples() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples")
 }
 
-/// Calls `check` with every example model, in order: the file stem, and the system of a plain experiment.
+/// Calls `check` with the system of every example model that has a complementarity form: without relays, jumps and
+/// contacts.
 fn for_each_example(mut check: impl FnMut(&str, &System)) {
-    let folder = examples();
-    let entries = fs::read_dir(&folder).expect("the examples are there");
-    let mut paths: Vec<PathBuf> = entries
-        .filter_map(|entry| Some(entry.ok()?.path()))
-        .collect();
-    paths.retain(|path| path.extension().is_some_and(|extension| extension == "nsd"));
-    paths.sort();
-    assert!(!paths.is_empty(), "no example in {}", folder.display());
-    for path in paths {
-        let text = fs::read_to_string(&path).expect("an example is text");
-        let stem = path
-            .file_stem()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .into_owned();
-        for_each_model(&stem, &text, &mut check);
-    }
-}
-
-fn for_each_model(stem: &str, text: &str, check: &mut impl FnMut(&str, &System)) {
-    let models = {
-        let mut sources = SourceMap::new();
-        let file = nsdc::syntax::parse(&sources.add(stem, text), &mut Diagnostics::new());
-        // What needs inputs is seen as a part of the others.
-        let needs_inputs = |model: &Model| {
-            let mut missing = model.body.iter().filter_map(|stmt| match stmt {
-                Stmt::Decl(decl) => Some(decl),
-                _ => None,
-            });
-            missing.any(|decl| {
-                matches!(decl.kind, DeclKind::Input | DeclKind::State) && decl.value.is_none()
-            })
-        };
-        let models = file.items.into_iter().filter_map(|item| match item {
-            Item::Model(model) if !needs_inputs(&model) => Some(model.name.name),
-            _ => None,
-        });
-        models.collect::<Vec<String>>()
-    };
-    for model in models {
-        let name = format!("golden_{model}");
-        let with_experiment = format!("{text}\nsimulate {name} of {model} {{ horizon 1; }}\n");
-        let mut sources = SourceMap::new();
-        let mut found = Diagnostics::new();
-        let mut file = nsdc::syntax::parse(&sources.add(stem, with_experiment), &mut found);
-        let mut data = DataFolder(examples());
-        imports::link(&mut file, stem, &mut data, &mut sources, &mut found);
-        let is_it = |item: &&Item| matches!(item, Item::Experiment(experiment) if experiment.name.name == name);
-        let experiment: Option<&Experiment> =
-            file.items.iter().find(is_it).and_then(|item| match item {
-                Item::Experiment(experiment) => Some(experiment),
-                _ => None,
-            });
-        let exprs = Exprs::new();
-        let compiled = experiment.and_then(|experiment| {
-            nsdc::compile(
-                &exprs,
-                &file,
-                experiment,
-                &[],
-                &mut Default::default(),
-                &mut found,
-            )
-        });
-        let Some(compiled) = compiled else {
-            panic!("{}", diagnostics::render(&found, &sources, false, 100));
-        };
-        // Relays, jumps and contacts have no complementarity form.
-        let system = &compiled.system;
+    nsd_tests::for_each_example(|stem, system| {
         let jumps = !system.laws.is_empty() || !system.contacts.is_empty();
-        if jumps || system.switches.iter().any(|k| k.relay.is_some()) {
-            continue;
+        if !jumps && system.switches.iter().all(|k| k.relay.is_none()) {
+            check(stem, system);
         }
-        check(stem, &compiled.system);
-    }
+    });
 }
 
 fn lower<'e>(system: &System<'e>, formulation: Formulation) -> Dcs<'e> {

@@ -29,6 +29,7 @@ mod goldens;
 mod hidden;
 mod hidden_optimal;
 mod hidden_roads;
+mod hybrid;
 mod identities;
 mod impulses;
 mod impulses_space;

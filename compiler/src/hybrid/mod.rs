@@ -21,23 +21,29 @@ use nsd_solver::simulate::{
 use nsd_solver::tape::Tape;
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use crate::expr::{self, Expr, Var};
+use crate::expr::{self, BinaryFunction, Expr, Node, Var, variables_of};
 use crate::system::{self, Role, System};
 pub(crate) use data::Polynomials;
 pub(crate) use forms::{Copy, ExprForm, share};
 pub(crate) use instants::Pulses;
 use structure::Structure;
-use substituted::{numbers, with_directions, with_roots};
+use substituted::{functions, numbers, with_directions, with_roots};
 pub(crate) use substituted::{variable, with_numbers};
 
 /// A system with the values of its parameters.
 pub fn lower(system: &System) -> Arc<HybridSystem> {
-    Arc::new(Lowering::of(system).finish(system))
+    Arc::new(Lowering::of(system, &[]).finish(system, &[]))
+}
+
+/// The same with some parameters, by their numbers, as inputs in this order: runs may have others. They are among
+/// those that [`may_be_open`].
+pub fn lower_open(system: &System, open: &[usize]) -> Arc<HybridSystem> {
+    Arc::new(Lowering::of(system, open).finish(system, open))
 }
 
 /// The same for runs from 0 to the horizon, of which no step passes over where functions of time are narrow.
 pub fn lower_over(system: &System, horizon: f64) -> Arc<HybridSystem> {
-    let mut lowered = Lowering::of(system).finish(system);
+    let mut lowered = Lowering::of(system, &[]).finish(system, &[]);
     lowered.stops = Pulses::of(system, horizon).instants();
     Arc::new(lowered)
 }
@@ -46,6 +52,39 @@ pub fn lower_over(system: &System, horizon: f64) -> Arc<HybridSystem> {
 pub(crate) fn data_of(system: &System) -> Vec<Arc<Piecewise>> {
     let tables = system.data.iter().map(|data| &data.table);
     tables.map(|table| table.pieces.clone()).collect()
+}
+
+/// The parameters that may be inputs, by their numbers. A zero takes terms out of functions, and an exponent decides how
+/// a power is computed: these are compiled in.
+pub fn may_be_open(system: &System) -> Vec<usize> {
+    let laws = system.laws.iter().flat_map(|law| {
+        let values = law.resets.iter().map(|&(_, value)| value);
+        values.chain([law.guard])
+    });
+    let contacts = system.contacts.iter().flat_map(system::Contact::exprs);
+    let all = functions(system).concat().into_iter();
+    let all: Vec<Expr> = all.chain(laws).chain(contacts).collect();
+    let fixed: FxHashSet<Var> = variables_of(&exponents(&all)).into_iter().collect();
+    let params = system.params.iter().enumerate();
+    let open =
+        params.filter(|(_, param)| param.value != 0.0 && !fixed.contains(&variable(param.var)));
+    open.map(|(place, _)| place).collect()
+}
+
+/// What stands in the exponent of a power.
+fn exponents<'e>(functions: &[Expr<'e>]) -> Vec<Expr<'e>> {
+    let (mut found, mut seen) = (Vec::new(), FxHashSet::default());
+    let mut left = functions.to_vec();
+    while let Some(e) = left.pop() {
+        if !seen.insert(e) {
+            continue;
+        }
+        if let Node::Binary(BinaryFunction::Pow, _, exponent) = e.node() {
+            found.push(exponent);
+        }
+        left.extend(blocks::children(e));
+    }
+    found
 }
 
 /// A tape of functions of some variables.
@@ -72,9 +111,10 @@ struct Lowering<'e> {
 }
 
 impl<'e> Lowering<'e> {
-    /// Puts numbers in place of parameters, and polynomials in place of data.
-    fn of(system: &System<'e>) -> Self {
-        let [folded, switching] = with_numbers(system);
+    /// Puts numbers in place of parameters that are not open, and polynomials in place of data.
+    fn of(system: &System<'e>, open: &[usize]) -> Self {
+        let numbers = numbers(system, open);
+        let [folded, switching] = functions(system).map(|functions| numbers.apply(&functions));
         let idle_above = structure::idle_above(system, &folded);
         let (folded, mut sticking) = with_directions(system, folded, &switching);
         let (folded, rooted) = with_roots(system, folded, &switching);
@@ -89,6 +129,9 @@ impl<'e> Lowering<'e> {
             inputs.insert(variable(switch.alpha), Input::Alpha(i));
         }
         inputs.extend(sticking.iter().map(|&(i, sigma)| (sigma, Input::Alpha(i))));
+        for (i, &place) in open.iter().enumerate() {
+            inputs.insert(variable(system.params[place].var), Input::Parameter(i));
+        }
         for (i, &coefficient) in polynomials.coefficients.iter().enumerate() {
             inputs.insert(coefficient, Input::Coefficient(i));
         }
@@ -104,7 +147,7 @@ impl<'e> Lowering<'e> {
         }
     }
 
-    fn finish(self, system: &System<'e>) -> HybridSystem {
+    fn finish(self, system: &System<'e>, open: &[usize]) -> HybridSystem {
         let structure = Structure::of(
             system,
             &self.inputs,
@@ -115,10 +158,14 @@ impl<'e> Lowering<'e> {
         let alphas: Vec<Var> = alphas.collect();
         // To have data in common is no reason to be in one block.
         let blocks = blocks::cut(&self.folded, &structure.in_rates, &alphas);
-        let instead = [&numbers(system), &self.polynomials.instead];
+        let instead = [&numbers(system, open), &self.polynomials.instead];
         let mut lowered = HybridSystem {
             algebraics: system.algebraic_states(),
             laws: laws::compile(system, &self.inputs, &instead),
+            parameters: open
+                .iter()
+                .map(|&place| system.params[place].value)
+                .collect(),
             data: data_of(system),
             ..HybridSystem::default()
         };
@@ -219,6 +266,7 @@ impl<'s, 'e> Functions<'s, 'e> {
         match self.inputs[&var] {
             Input::Time => Argument::Time,
             Input::Coefficient(_) => Argument::Coefficient,
+            Input::Parameter(_) => Argument::Parameter,
             Input::Alpha(_) if self.sticking.contains(&var) => Argument::Sticking,
             Input::Alpha(_) if self.resting.contains(&var) => Argument::Resting,
             Input::Alpha(_) => Argument::Alpha,

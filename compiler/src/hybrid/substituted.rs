@@ -8,20 +8,26 @@
 use crate::expr::{Expr, Substitution, Var, rewrite_all};
 use crate::system::{System, roots};
 
-/// The values of the parameters.
-pub(super) fn numbers<'e>(system: &System<'e>) -> Substitution<'e> {
-    let params = system.params.iter();
+/// The values of the parameters but those that are open, by their numbers.
+pub(super) fn numbers<'e>(system: &System<'e>, open: &[usize]) -> Substitution<'e> {
+    let params = system.params.iter().enumerate();
+    let params = params.filter(|(place, _)| !open.contains(place));
     params
-        .map(|param| (variable(param.var), system.exprs.constant(param.value)))
+        .map(|(_, param)| (variable(param.var), system.exprs.constant(param.value)))
         .collect()
+}
+
+/// All rates, and all ψ.
+pub(super) fn functions<'e>(system: &System<'e>) -> [Vec<Expr<'e>>; 2] {
+    let rates = system.states.iter().map(|state| state.rate).collect();
+    let switching = system.switches.iter().map(|switch| switch.psi).collect();
+    [rates, switching]
 }
 
 /// All rates, and all ψ, with the values of the parameters.
 pub(crate) fn with_numbers<'e>(system: &System<'e>) -> [Vec<Expr<'e>>; 2] {
-    let numbers = numbers(system);
-    let rates: Vec<_> = system.states.iter().map(|state| state.rate).collect();
-    let switching: Vec<_> = system.switches.iter().map(|switch| switch.psi).collect();
-    [numbers.apply(&rates), numbers.apply(&switching)]
+    let numbers = numbers(system, &[]);
+    functions(system).map(|functions| numbers.apply(&functions))
 }
 
 /// Below this the square of a slip velocity has no direction.

@@ -60,7 +60,7 @@ struct Watched {
 
 impl Coefficients {
     pub(super) fn of(system: &HybridSystem) -> Self {
-        let varies = |input: &Input| !matches!(input, Input::Number(_));
+        let varies = |input: &Input| !input.is_constant();
         let laws = system.laws.iter();
         let watched = laws.filter_map(|law| match (&law.guard, &law.effect) {
             (Guard::Strikes(switch), Effect::Impact(impact))
@@ -273,9 +273,10 @@ impl Watched {
                 Input::Alpha(switch) if mode.sides[switch] == Side::Slide => {
                     along(mode.alpha_series(switch))
                 }
-                Input::Alpha(_) | Input::Coefficient(_) | Input::Number(_) => {
-                    Ball::new(mode.memory.values[slot], 0.0)
-                }
+                Input::Alpha(_)
+                | Input::Coefficient(_)
+                | Input::Parameter(_)
+                | Input::Number(_) => Ball::new(mode.memory.values[slot], 0.0),
             };
         }
     }

@@ -54,9 +54,9 @@ impl Probed {
         }
     }
 
-    /// Takes other coefficients of pieces.
+    /// Takes other coefficients of pieces, and parameters.
     pub(super) fn load(&mut self, memory: &Memory) {
-        for place in memory.coefficients() {
+        for place in memory.coefficients().chain(memory.parameters()) {
             if let Some(lanes) = self.values.get_mut(place) {
                 *lanes = f64x4::splat(memory.values[place]);
             }

@@ -5,8 +5,10 @@
 
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 /// A function of time that is made of pieces, each a polynomial in t of the same degree.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Piecewise {
     /// Where pieces begin, in order.
     starts: Vec<f64>,
@@ -56,6 +58,13 @@ impl Piecewise {
             starts,
             coefficients,
         }
+    }
+
+    /// Whether it is what [`Piecewise::new`] makes.
+    pub(super) fn is_sound(&self) -> bool {
+        let is_ordered = self.starts.is_sorted_by(|a, b| a < b);
+        let n = self.starts.len();
+        n > 0 && is_ordered && self.coefficients.len().is_multiple_of(n)
     }
 
     /// Coefficients of every piece.

@@ -7,13 +7,14 @@ use std::collections::hash_map::Entry;
 use std::sync::Arc;
 
 use rustc_hash::FxHashMap;
+use serde::{Deserialize, Serialize};
 
 use super::Side;
 use super::system::{HybridSystem, Input};
 use crate::tape::{Linear, Tape};
 
 /// Functions with α as inputs.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Form {
     /// The functions.
     pub tape: Tape,
@@ -22,7 +23,7 @@ pub struct Form {
 }
 
 /// What an input of a form is in all of its instances.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Argument {
     /// t.
     Time,
@@ -30,6 +31,8 @@ pub enum Argument {
     State,
     /// A coefficient of a piece of data.
     Coefficient,
+    /// A parameter.
+    Parameter,
     /// A number that differs from instance to instance.
     Number,
     /// α of a switch.
@@ -41,7 +44,7 @@ pub enum Argument {
 }
 
 /// A form with what its inputs stand for.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Instance {
     /// Which form.
     pub form: usize,
@@ -85,6 +88,8 @@ pub enum Surface {
     /// Affine with constant coefficients, the common case: it needs no tape, and its series follows
     /// from those of the states.
     Affine(Affine),
+    /// Affine with coefficients that are functions of parameters.
+    Parametric(Smooth),
     /// Any other.
     Smooth(Smooth),
 }
@@ -141,11 +146,18 @@ struct FormSurface {
     psi: Arc<Tape>,
     gradient: Arc<Partials>,
     mixed: Arc<Partials>,
+    /// Whether ψ is affine in states and time, and its coefficients are constant in a run.
+    is_affine: bool,
 }
 
 impl Argument {
     fn is_alpha(self) -> bool {
         matches!(self, Self::Alpha | Self::Sticking | Self::Resting)
+    }
+
+    /// Whether it is the same all through a run.
+    fn is_constant(self) -> bool {
+        matches!(self, Self::Parameter | Self::Number)
     }
 
     /// What functions are differentiated by besides α.
@@ -219,7 +231,12 @@ impl Form {
         for (function, _) in &mut mixed.entries {
             *function = gradient.entries[*function].1;
         }
+        let argument = |&input: &usize| self.arguments[inputs[input]];
+        let moves = gradient.tape.needed_inputs();
+        let is_affine = moves.iter().all(|input| argument(input).is_constant())
+            && (0..inputs.len()).all(|i| argument(&i).is_constant() || argument(&i).is_smooth());
         FormSurface {
+            is_affine,
             inputs,
             psi: Arc::new(psi),
             gradient: Arc::new(gradient),
@@ -325,12 +342,16 @@ impl Library {
             return Surface::Affine(affine);
         }
         let surface = kept(&mut self.surfaces, key, |sides| form.surface(sides));
-        Surface::Smooth(Smooth {
+        let smooth = Smooth {
             inputs: instance.inputs_at(&surface.inputs),
             psi: surface.psi.clone(),
             gradient: surface.gradient.clone(),
             mixed: surface.mixed.clone(),
-        })
+        };
+        match surface.is_affine {
+            true => Surface::Parametric(smooth),
+            false => Surface::Smooth(smooth),
+        }
     }
 }
 

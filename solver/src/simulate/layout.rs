@@ -16,11 +16,12 @@ pub(super) struct Memory {
     pub n_states: usize,
     n_switches: usize,
     n_coefficients: usize,
+    n_parameters: usize,
     /// Functions of time that are made of pieces.
     pub data: Vec<Arc<Piecewise>>,
     /// Length of a row: the orders of a series.
     pub stride: usize,
-    /// t, x, α, the coefficients of pieces, and then numbers of functions.
+    /// t, x, α, the coefficients of pieces, parameters, and then numbers of functions.
     pub values: Vec<f64>,
     /// One row after another, in the same order; then the rows of functions.
     pub rows: Vec<f64>,
@@ -33,17 +34,20 @@ impl Memory {
         let (n_states, n_switches) = (system.n_states(), system.n_switches());
         let n_coefficients = system.n_coefficients();
         let stride = order + LOOKAHEAD + 1;
-        let n_slots = 1 + n_states + n_switches + n_coefficients;
-        Memory {
+        let n_slots = 1 + n_states + n_switches + n_coefficients + system.parameters.len();
+        let mut memory = Memory {
             n_states,
             n_switches,
             n_coefficients,
+            n_parameters: system.parameters.len(),
             data: system.data.clone(),
             stride,
             values: vec![0.0; n_slots],
             rows: vec![0.0; n_slots * stride],
             weights: tape::weights(stride),
-        }
+        };
+        memory.set_parameters(&system.parameters);
+        memory
     }
 
     /// The place of an input among the values; a number gets a new one.
@@ -53,6 +57,7 @@ impl Memory {
             Input::State(state) => 1 + state,
             Input::Alpha(switch) => 1 + self.n_states + switch,
             Input::Coefficient(at) => self.coefficients().start + at,
+            Input::Parameter(at) => self.parameters().start + at,
             Input::Number(number) => {
                 self.values.push(number);
                 self.values.len() - 1
@@ -63,7 +68,9 @@ impl Memory {
     /// The row of an input; a number gets a new one.
     pub(super) fn row(&mut self, input: Input) -> Row {
         let depends = match input {
-            Input::Time | Input::Coefficient(_) | Input::Number(_) => Depends::Time,
+            Input::Time | Input::Coefficient(_) | Input::Parameter(_) | Input::Number(_) => {
+                Depends::Time
+            }
             Input::State(_) => Depends::State,
             Input::Alpha(_) => Depends::Alpha,
         };
@@ -72,6 +79,7 @@ impl Memory {
             Input::State(state) => (self.state(state), UNBOUNDED),
             Input::Alpha(switch) => (self.alpha(switch), UNBOUNDED),
             Input::Coefficient(at) => ((self.coefficients().start + at) * self.stride, 0),
+            Input::Parameter(at) => ((self.parameters().start + at) * self.stride, 0),
             Input::Number(number) => {
                 let start = self.grow(1);
                 self.rows[start] = number;
@@ -106,6 +114,20 @@ impl Memory {
     pub(super) fn coefficients(&self) -> Range<usize> {
         let start = 1 + self.n_states + self.n_switches;
         start..start + self.n_coefficients
+    }
+
+    /// The places of the parameters among the values, and their rows among the rows.
+    pub(super) fn parameters(&self) -> Range<usize> {
+        let start = self.coefficients().end;
+        start..start + self.n_parameters
+    }
+
+    /// Takes other values of the parameters.
+    pub(super) fn set_parameters(&mut self, parameters: &[f64]) {
+        for (place, &parameter) in self.parameters().zip(parameters) {
+            self.values[place] = parameter;
+            self.rows[place * self.stride] = parameter;
+        }
     }
 
     /// Takes the coefficients that hold from `t` on, and gives the instant at which they change.

@@ -15,6 +15,7 @@ mod approach;
 mod blind;
 mod candidates;
 mod chatter;
+mod check;
 mod coefficients;
 mod cones;
 mod control;
@@ -82,6 +83,8 @@ pub(crate) mod zeno;
 use std::sync::Arc;
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
+
 pub use approach::{Approach, Visit};
 use coefficients::Coefficients;
 pub use data::{Piece, Piecewise, write_pieces};
@@ -107,7 +110,7 @@ pub use system::{
 use unseen::Unseen;
 
 /// Where a switch stands relative to its surface ψ = 0.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, Serialize, Deserialize)]
 pub enum Side {
     /// ψ < 0, α = 0.
     Minus,
@@ -214,6 +217,7 @@ impl Simulator {
         let mut other = Simulator::new(self.system.clone(), settings);
         other.mode.library.clone_from(&self.mode.library);
         other.mode.memory.data.clone_from(&self.mode.memory.data);
+        other.set_parameters(&self.mode.memory.values[self.mode.memory.parameters()]);
         other
     }
 
@@ -228,6 +232,19 @@ impl Simulator {
             );
             known.clone_from(data);
         }
+    }
+
+    /// Gives all parameters other values.
+    pub fn set_parameters(&mut self, parameters: &[f64]) {
+        assert_eq!(
+            parameters.len(),
+            self.system.parameters.len(),
+            "one value each"
+        );
+        let mode = &mut self.mode;
+        mode.memory.set_parameters(parameters);
+        mode.surfaces.take_parameters(&mode.memory);
+        mode.probed.load(&mode.memory);
     }
 
     /// Lets runs take no longer than this each.

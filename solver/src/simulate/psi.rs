@@ -15,6 +15,15 @@ pub(super) struct Compiled {
     pub by_time: f64,
     /// Where its series is, once it was needed.
     pub row: Option<usize>,
+    /// What coefficients of an affine function follow from, where they depend on parameters.
+    coefficients: Option<Box<Parametric>>,
+}
+
+/// An affine function with its coefficients as functions of parameters: the derivatives, and its value at zero.
+struct Parametric {
+    functions: Smooth,
+    gather: Vec<usize>,
+    registers: Vec<f64>,
 }
 
 pub(super) enum Form {
@@ -42,7 +51,19 @@ impl Compiled {
                 by_time: affine.time,
                 row: None,
                 form: Form::Affine(affine),
+                coefficients: None,
             },
+            Surface::Parametric(functions) => {
+                let mut surface = Compiled {
+                    gradient: Vec::new(),
+                    by_time: 0.0,
+                    row: None,
+                    form: Form::Affine(Affine::default()),
+                    coefficients: Some(Box::new(Parametric::new(functions, memory))),
+                };
+                surface.take_parameters(memory);
+                surface
+            }
             Surface::Smooth(functions) => {
                 let mut gradient = Vec::new();
                 let mut place_of = vec![None; functions.inputs.len()];
@@ -71,9 +92,21 @@ impl Compiled {
                     by_time: 0.0,
                     row: None,
                     form: Form::Smooth(Box::new(tapes)),
+                    coefficients: None,
                 }
             }
         }
+    }
+
+    /// Takes the coefficients of an affine function that parameters make.
+    pub(super) fn take_parameters(&mut self, memory: &Memory) {
+        let (Some(coefficients), Form::Affine(affine)) = (&mut self.coefficients, &mut self.form)
+        else {
+            return;
+        };
+        coefficients.write(memory, affine);
+        self.gradient.clone_from(&affine.terms);
+        self.by_time = affine.time;
     }
 
     /// The row of ψ, and what computes it where it is not affine.
@@ -156,6 +189,47 @@ impl Compiled {
                 }
             }
         }
+    }
+}
+
+impl Parametric {
+    fn new(functions: Smooth, memory: &mut Memory) -> Self {
+        let n_registers = (functions.psi.n_registers()).max(functions.gradient.tape.n_registers());
+        Parametric {
+            gather: functions.inputs.iter().map(|&i| memory.slot(i)).collect(),
+            registers: vec![0.0; n_registers],
+            functions,
+        }
+    }
+
+    /// Writes the coefficients.
+    fn write(&mut self, memory: &Memory, affine: &mut Affine) {
+        let Smooth {
+            inputs,
+            psi,
+            gradient,
+            ..
+        } = &self.functions;
+        let registers = &mut self.registers;
+        run(&gradient.tape, &self.gather, &memory.values, registers);
+        affine.terms.clear();
+        affine.time = 0.0;
+        let results = gradient.tape.results(registers);
+        for (&(_, input), c) in gradient.entries.iter().zip(results) {
+            match inputs[input] {
+                Input::State(state) => affine.terms.push((state, c)),
+                _ => affine.time = c,
+            }
+        }
+        affine.terms.sort_unstable_by_key(|&(state, _)| state);
+        gather(&self.gather, &memory.values, registers);
+        for (register, input) in registers.iter_mut().zip(inputs) {
+            if !input.is_constant() {
+                *register = 0.0;
+            }
+        }
+        psi.run(registers);
+        affine.constant = psi.results(registers).next().unwrap_or(0.0);
     }
 }
 

@@ -156,6 +156,12 @@ impl Surfaces {
         local.index.insert(sides, local.now);
     }
 
+    /// Takes the coefficients of affine functions that parameters make.
+    pub(super) fn take_parameters(&mut self, memory: &Memory) {
+        let known = self.surfaces.iter_mut().flat_map(|local| &mut local.known);
+        known.for_each(|surface| surface.take_parameters(memory));
+    }
+
     /// Lets every switch that slides stand for its highest derivative without α, the others for
     /// their ψ.
     pub(super) fn stand(&mut self, sides: &[Side]) {

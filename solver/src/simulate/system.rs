@@ -11,13 +11,18 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use super::Side;
 use super::data::Piecewise;
 use super::form::{Argument, Form, Instance};
 use crate::tape::Tape;
 
 /// A system with switches. All of it is known before a run: nothing is compiled or asked for elsewhere in the middle of one.
-#[derive(Clone, Debug, Default)]
+///
+/// It can be written and read, the same bit for bit in formats that keep numbers; what is read is checked.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(remote = "Self")]
 pub struct HybridSystem {
     /// ψ and α.
     pub switches: Vec<Switch>,
@@ -34,6 +39,8 @@ pub struct HybridSystem {
     pub algebraics: Vec<usize>,
     /// How the state jumps.
     pub laws: Vec<Law>,
+    /// Numbers that runs may have others of: inputs of functions.
+    pub parameters: Vec<f64>,
     /// Functions of time that are made of pieces. For each in turn, where the present piece begins and its coefficients
     /// are inputs of functions.
     pub data: Vec<Arc<Piecewise>>,
@@ -42,7 +49,7 @@ pub struct HybridSystem {
 }
 
 /// A switch: ψ and α.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Switch {
     /// What α is.
     pub kind: SwitchKind,
@@ -73,7 +80,7 @@ pub struct Switch {
 }
 
 /// What α of a switch is.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub enum SwitchKind {
     /// A step of ψ.
     Step,
@@ -223,7 +230,7 @@ impl HybridSystem {
 }
 
 /// A law by which states jump.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Law {
     /// When.
     pub guard: Guard,
@@ -232,7 +239,7 @@ pub struct Law {
 }
 
 /// What a law does.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub enum Effect {
     /// Sets states.
     Reset(Reset),
@@ -241,7 +248,7 @@ pub enum Effect {
 }
 
 /// The impulses of a contact x' = f + (1 - α_n)(D - Σ (2α_t - 1) T).
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Impact {
     /// What the inputs of the tape are.
     pub inputs: Vec<Input>,
@@ -253,7 +260,7 @@ pub struct Impact {
 }
 
 /// When a law jumps.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub enum Guard {
     /// When a function of the sides of some switches becomes 1.
     Sides {
@@ -267,7 +274,7 @@ pub enum Guard {
 }
 
 /// New values of states.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Reset {
     /// What the inputs of the tape are.
     pub inputs: Vec<Input>,
@@ -278,7 +285,7 @@ pub struct Reset {
 }
 
 /// Rates that are computed together.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Block {
     /// The states whose rates they are, in order.
     pub states: Vec<usize>,
@@ -287,7 +294,7 @@ pub struct Block {
 }
 
 /// What an input of a function stands for.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub enum Input {
     /// t.
     Time,
@@ -297,17 +304,25 @@ pub enum Input {
     Alpha(usize),
     /// A coefficient of a piece.
     Coefficient(usize),
+    /// A parameter.
+    Parameter(usize),
     /// A number that functions of the same form have different values of.
     Number(f64),
 }
 
 impl Input {
+    /// Whether it is the same all through a run.
+    pub(super) fn is_constant(self) -> bool {
+        matches!(self, Self::Parameter(_) | Self::Number(_))
+    }
+
     fn argument(self) -> Argument {
         match self {
             Self::Time => Argument::Time,
             Self::State(_) => Argument::State,
             Self::Alpha(_) => Argument::Alpha,
             Self::Coefficient(_) => Argument::Coefficient,
+            Self::Parameter(_) => Argument::Parameter,
             Self::Number(_) => Argument::Number,
         }
     }

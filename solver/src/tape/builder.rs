@@ -1,5 +1,6 @@
 //! Building a tape: equal operations are shared, unneeded ones are dropped.
 
+use std::cell::Cell;
 use std::mem::discriminant;
 
 use rustc_hash::FxHashMap;
@@ -245,6 +246,21 @@ impl TapeBuilder {
             }
         }
         move |value| depends[value.0 as usize]
+    }
+
+    /// An operation on values as they are numbered here; none where one of them is not defined.
+    pub(super) fn repeat(&mut self, op: Op) -> Option<Value> {
+        let is_known = Cell::new(true);
+        let _ = op.map(|value| {
+            is_known.set(is_known.get() && (value as usize) < self.n_values);
+            value
+        });
+        is_known.get().then(|| self.push(op))
+    }
+
+    /// The value of a number, if it is defined.
+    pub(super) fn value(&self, number: Slot) -> Option<Value> {
+        ((number as usize) < self.n_values).then_some(Value(number))
     }
 
     fn push(&mut self, op: Op) -> Value {

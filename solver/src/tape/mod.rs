@@ -18,6 +18,7 @@ mod hiding;
 mod jet;
 mod lanes;
 mod partial;
+mod plain;
 mod recurrence;
 mod rounded;
 mod specialize;
@@ -26,6 +27,8 @@ mod tame;
 mod term;
 
 use std::fmt;
+
+use serde::{Deserialize, Serialize};
 
 pub(crate) use ball::Ball;
 pub use builder::{TapeBuilder, Value};
@@ -47,7 +50,7 @@ pub(crate) type Slot = u32;
 const UNUSED: Slot = Slot::MAX;
 
 /// One operation; the operands are values or registers.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) enum Op {
     Constant(f64),
     Neg(Slot),
@@ -94,7 +97,8 @@ pub(crate) struct Instruction {
 }
 
 /// A compiled function of `n_inputs` numbers with `n_outputs` values.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(try_from = "plain::Plain", into = "plain::Plain")]
 pub struct Tape {
     n_inputs: usize,
     n_values: usize,

@@ -99,7 +99,7 @@ impl Tape {
     }
 
     /// The inputs that an instruction or an output reads.
-    fn needed_inputs(&self) -> Vec<usize> {
+    pub(crate) fn needed_inputs(&self) -> Vec<usize> {
         let operands = self.values.iter().flat_map(|one| one.op.operands());
         let read = operands.chain(self.outputs.iter().copied());
         let mut needed: Vec<usize> = read.map(|slot| slot as usize).collect();

@@ -1,0 +1,214 @@
+//! What every [`HybridSystem`] satisfies: whatever one refers to is there, and in order.
+
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use super::form::{Argument, Instance};
+use super::system::{Effect, Guard, HybridSystem, Input, Law, SwitchKind};
+use crate::tape::Tape;
+
+/// Why something is no system.
+type Fault = &'static str;
+
+impl HybridSystem {
+    /// Checks that it is one.
+    ///
+    /// # Errors
+    ///
+    /// What refers to something that is not there, or is out of order.
+    pub fn check(&self) -> Result<(), Fault> {
+        self.check_blocks()?;
+        self.check_switches()?;
+        self.check_surfaces()?;
+        self.laws.iter().try_for_each(|law| self.check_law(law))?;
+        let is_listed = is_listed(&self.algebraics, self.n_states());
+        must(is_listed, "algebraic states are states, in order")?;
+        let are_sound = self.data.iter().all(|data| data.is_sound());
+        must(
+            are_sound,
+            "pieces of data follow each other, with as many coefficients each",
+        )?;
+        let is_sorted = self.stops.is_sorted_by(|a, b| a <= b);
+        must(is_sorted, "stops are in order")
+    }
+
+    fn check_blocks(&self) -> Result<(), Fault> {
+        let mut states: Vec<usize> = Vec::new();
+        let blocks = self.blocks.iter();
+        blocks.for_each(|block| states.extend(&block.states));
+        states.sort_unstable();
+        let is_each = states.iter().enumerate().all(|(i, &state)| i == state);
+        must(is_each, "every state has one rate")?;
+        must(
+            self.rates.len() == self.blocks.len(),
+            "every block has its rates",
+        )?;
+        for (block, rates) in self.blocks.iter().zip(&self.rates) {
+            let is_listed = is_listed(&block.switches, self.n_switches());
+            must(is_listed, "blocks have switches, in order")?;
+            self.check_instance(rates, &block.switches, block.states.len())?;
+        }
+        Ok(())
+    }
+
+    fn check_switches(&self) -> Result<(), Fault> {
+        let n = self.n_switches();
+        let mut end = n;
+        for (i, switch) in self.switches.iter().enumerate() {
+            let lists = [&switch.couplings, &switch.inside, &switch.idle_above];
+            let are_listed = lists.into_iter().all(|list| is_listed(list, n));
+            must(are_listed, "switches refer to switches, in order")?;
+            let derivatives = switch.derivatives.clone();
+            let follow = derivatives.start == end && derivatives.end >= end;
+            must(
+                follow,
+                "derivatives of switching functions follow each other",
+            )?;
+            end = derivatives.end;
+            let is_paired = match switch.kind {
+                SwitchKind::Slip { of, across } => {
+                    of.is_none_or(|of| of < n && self.is_unilateral(of))
+                        && across.is_none_or(|j| j < n && j != i && self.across(j) == Some(i))
+                }
+                SwitchKind::Member(j) => {
+                    j < n && j != i && self.switches[j].kind == SwitchKind::Member(i)
+                }
+                _ => true,
+            };
+            must(is_paired, "switches that belong together name each other")?;
+        }
+        must(self.surfaces.len() == end, "every switch has its functions")
+    }
+
+    fn check_surfaces(&self) -> Result<(), Fault> {
+        let (own, derivatives) = self.surfaces.split_at(self.n_switches());
+        for (switch, psi) in self.switches.iter().zip(own) {
+            self.check_instance(psi, &switch.inside, 1)?;
+        }
+        let mut derivatives = derivatives.iter();
+        derivatives.try_for_each(|derivative| self.check_instance(derivative, &[], 1))
+    }
+
+    /// An instance of a form with this number of functions, and no other α than those of `switches`.
+    fn check_instance(
+        &self,
+        instance: &Instance,
+        switches: &[usize],
+        n_functions: usize,
+    ) -> Result<(), Fault> {
+        let form = self
+            .forms
+            .get(instance.form)
+            .ok_or("instances are of a form")?;
+        must(
+            form.tape.n_outputs() == n_functions,
+            "a form has as many functions as are asked for",
+        )?;
+        let is_fed = |tape: &Tape, n: usize| tape.n_inputs() == n;
+        let n = instance.inputs.len();
+        must(
+            is_fed(&form.tape, n) && form.arguments.len() == n,
+            "a form has all of its inputs",
+        )?;
+        for (&input, &argument) in instance.inputs.iter().zip(&form.arguments) {
+            self.check_input(input)?;
+            let is_alpha = |switch| {
+                let is_argument = matches!(
+                    argument,
+                    Argument::Alpha | Argument::Sticking | Argument::Resting
+                );
+                is_argument && switches.binary_search(&switch).is_ok()
+            };
+            let fits = match input {
+                Input::Time => argument == Argument::Time,
+                Input::State(_) => argument == Argument::State,
+                Input::Alpha(switch) => is_alpha(switch),
+                Input::Coefficient(_) => argument == Argument::Coefficient,
+                Input::Parameter(_) => argument == Argument::Parameter,
+                Input::Number(_) => argument == Argument::Number,
+            };
+            must(fits, "inputs are what a form takes")?;
+        }
+        Ok(())
+    }
+
+    fn check_law(&self, law: &Law) -> Result<(), Fault> {
+        let n = self.n_switches();
+        let strikes = match &law.guard {
+            Guard::Sides { switches, holds } => {
+                let is_of = holds.n_inputs() == switches.len() && holds.n_outputs() == 1;
+                must(
+                    is_of && switches.iter().all(|i| *i < n),
+                    "a guard is a function of sides",
+                )?;
+                None
+            }
+            Guard::Strikes(switch) => {
+                let is_met = *switch < n && self.is_unilateral(*switch);
+                must(is_met, "what is struck is a unilateral surface")?;
+                Some(*switch)
+            }
+        };
+        let (inputs, tape) = match &law.effect {
+            Effect::Reset(reset) => {
+                let is_whole = reset.values.n_outputs() == reset.states.len();
+                let are_states = reset.states.iter().all(|i| *i < self.n_states());
+                must(is_whole && are_states, "a reset sets states")?;
+                (&reset.inputs, &reset.values)
+            }
+            Effect::Impact(impact) => {
+                let slips = &impact.slips;
+                let are_slips = slips.iter().all(|i| *i < n && self.slip_of(*i) == strikes);
+                must(
+                    strikes.is_some() && are_slips,
+                    "an impact is that of a contact",
+                )?;
+                let wanted = 1 + usize::from(!slips.is_empty());
+                must(
+                    impact.numbers.n_outputs() >= wanted,
+                    "an impact has its coefficients",
+                )?;
+                (&impact.inputs, &impact.numbers)
+            }
+        };
+        must(
+            tape.n_inputs() == inputs.len(),
+            "a law has all of its inputs",
+        )?;
+        inputs.iter().try_for_each(|&input| self.check_input(input))
+    }
+
+    fn check_input(&self, input: Input) -> Result<(), Fault> {
+        let is_there = match input {
+            Input::State(i) => i < self.n_states(),
+            Input::Alpha(i) => i < self.n_switches(),
+            Input::Coefficient(i) => i < self.n_coefficients(),
+            Input::Parameter(i) => i < self.parameters.len(),
+            Input::Time | Input::Number(_) => true,
+        };
+        must(is_there, "inputs are there")
+    }
+}
+
+fn must(holds: bool, fault: Fault) -> Result<(), Fault> {
+    if holds { Ok(()) } else { Err(fault) }
+}
+
+/// Whether these are numbers below n, each larger than the one before.
+fn is_listed(list: &[usize], n: usize) -> bool {
+    list.is_sorted_by(|a, b| a < b) && list.last().is_none_or(|last| *last < n)
+}
+
+impl Serialize for HybridSystem {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        HybridSystem::serialize(self, serializer)
+    }
+}
+
+impl<'de> Deserialize<'de> for HybridSystem {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let system = HybridSystem::deserialize(deserializer)?;
+        system.check().map_err(Error::custom)?;
+        Ok(system)
+    }
+}
