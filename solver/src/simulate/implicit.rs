@@ -490,7 +490,7 @@ impl Implicit for Stiff<'_> {
         let n = mode.n;
         matrix.fill(0.0);
         mode.place(t, y);
-        mode.jacobian(&self.system, |row, column, value| {
+        mode.jacobian(self.system, |row, column, value| {
             matrix[row * width + column] += value;
         });
         if width == n {
