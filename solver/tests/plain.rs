@@ -6,8 +6,10 @@ use proptest::prelude::*;
 
 /// x' = -sin(x) (1 - 2α) + r(t) on ψ = x², with data.
 fn system() -> HybridSystem {
-    let mut system = HybridSystem::default();
-    system.data = vec![Piecewise::new(vec![0.0, 1.0], vec![1.0, 2.0, 3.0, 4.0]).into()];
+    let mut system = HybridSystem {
+        data: vec![Piecewise::new(vec![0.0, 1.0], vec![1.0, 2.0, 3.0, 4.0]).into()],
+        ..HybridSystem::default()
+    };
     let mut tape = Tape::builder(4);
     let inputs = vec![
         Input::State(0),
@@ -46,9 +48,11 @@ fn what_is_written_is_read() {
     assert_eq!(written(&read), bytes);
 }
 
+type Change<'c> = &'c dyn Fn(&mut HybridSystem);
+
 #[test]
 fn what_is_missing_is_refused() {
-    let refused = |change: &dyn Fn(&mut HybridSystem)| {
+    let refused = |change: Change| {
         let mut changed = system();
         change(&mut changed);
         let read: Result<HybridSystem, _> = ciborium::from_reader(&written(&changed)[..]);
@@ -56,7 +60,7 @@ fn what_is_missing_is_refused() {
             .map(|error| error.to_string())
             .expect("it is no system")
     };
-    let cases: [(&str, &dyn Fn(&mut HybridSystem)); 7] = [
+    let cases: [(&str, Change); 7] = [
         ("every state", &|system| system.blocks[0].states[0] = 1),
         ("has its rates", &|system| system.rates.clear()),
         ("of a form", &|system| system.rates[0].form = 9),
