@@ -16,6 +16,7 @@ pub mod mpcc;
 pub mod nl;
 pub mod optimize;
 pub mod order;
+pub mod prepared;
 pub mod report;
 pub mod simulate;
 pub mod source;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::thread;
 
 use nsd_solver::simulate::{Event, HybridSystem, Observer, Segment, Settings, Simulator, Status};
-use nsd_tests::for_each_example;
+use nsd_tests::{for_each_example, with_experiment};
 use nsdc::hybrid;
 use nsdc::system::System;
 
@@ -139,4 +139,43 @@ fn parameters_are_inputs() {
         }
     });
     assert!(count >= 90, "{count} runs");
+}
+
+/// The ball with other restitutions: every bounce lasts 2 v/g, and v = e v behind it.
+#[test]
+fn balls_with_other_restitutions() {
+    let text = include_str!("../../examples/bouncing_ball.nsd");
+    with_experiment(text, "bounces", |compiled| {
+        let system = &compiled.system;
+        let open = hybrid::may_be_open(system);
+        let place = |name: &str| {
+            let is_it = |&at: &usize| system.params[open[at]].name == name;
+            (0..open.len()).find(is_it).expect("it is open")
+        };
+        let (g, e) = (place("g"), place("e"));
+        let lowered = hybrid::lower_open(system, &open);
+        let mut parameters = lowered.parameters.clone();
+        let mut simulator = Simulator::new(lowered, Settings::default());
+        for k in 0..1000 {
+            parameters[g] = 9.0 + 0.001 * f64::from(k);
+            parameters[e] = 0.8 + 0.0002 * f64::from(k);
+            simulator.set_parameters(&parameters);
+            let outcome = simulator.run(0.0, 1.5, &[0.5, 0.0], &mut Seen::default());
+            let [q, v] = bounced(parameters[g], parameters[e], 1.5);
+            let error = (outcome.x[0] - q).abs().max((outcome.x[1] - v).abs());
+            assert!(error <= 1e-12, "{k}: {error:e}");
+        }
+    });
+}
+
+/// Where a ball is that falls from 1/2.
+fn bounced(g: f64, e: f64, horizon: f64) -> [f64; 2] {
+    let mut t = (1.0 / g).sqrt();
+    let mut v = e * g * t;
+    while t + 2.0 * v / g <= horizon {
+        t += 2.0 * v / g;
+        v *= e;
+    }
+    let s = horizon - t;
+    [s * (v - 0.5 * g * s), v - g * s]
 }

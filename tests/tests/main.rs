@@ -53,6 +53,7 @@ mod outputs;
 mod perturbed_names;
 mod piecewise_affine;
 mod piles;
+mod prepared;
 mod projections;
 mod rods;
 mod rolling;

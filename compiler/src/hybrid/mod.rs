@@ -27,8 +27,8 @@ pub(crate) use data::Polynomials;
 pub(crate) use forms::{Copy, ExprForm, share};
 pub(crate) use instants::Pulses;
 use structure::Structure;
-use substituted::{functions, numbers, with_directions, with_roots};
-pub(crate) use substituted::{variable, with_numbers};
+use substituted::{functions, with_directions, with_roots};
+pub(crate) use substituted::{numbers, variable, with_numbers};
 
 /// A system with the values of its parameters.
 pub fn lower(system: &System) -> Arc<HybridSystem> {

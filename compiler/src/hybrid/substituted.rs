@@ -9,7 +9,7 @@ use crate::expr::{Expr, Substitution, Var, rewrite_all};
 use crate::system::{System, roots};
 
 /// The values of the parameters but those that are open, by their numbers.
-pub(super) fn numbers<'e>(system: &System<'e>, open: &[usize]) -> Substitution<'e> {
+pub(crate) fn numbers<'e>(system: &System<'e>, open: &[usize]) -> Substitution<'e> {
     let params = system.params.iter().enumerate();
     let params = params.filter(|(place, _)| !open.contains(place));
     params

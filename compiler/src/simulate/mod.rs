@@ -182,7 +182,7 @@ fn run_events(
     trajectory
 }
 
-fn solver_settings(
+pub(crate) fn solver_settings(
     method: &experiment::Method,
     tolerance: f64,
     time_limit: Option<Duration>,

@@ -132,11 +132,13 @@ impl<'m, 'e> Lowering<'m, 'e> {
             .flat_map(|param| &param.vars)
             .filter_map(|var| var.as_variable());
         let freed = settings.optimize.iter().flat_map(|task| &task.params);
+        let freed = freed.map(|freed| (freed.var, Interval::new(freed.lower, freed.upper)));
         let params = Known {
             numbers: params.map(|var| (var, values.numbers[&var])).collect(),
-            ranges: freed
-                .map(|freed| (freed.var, Interval::new(freed.lower, freed.upper)))
-                .collect(),
+            ranges: match settings.optimize.is_some() {
+                true => freed.collect(),
+                false => values.open_ranges(model),
+            },
         };
         let data = model.data.iter().map(|data| data.var);
         let switches = Switches::new(model.exprs, data.chain([model.time]), params);

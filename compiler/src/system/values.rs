@@ -6,13 +6,13 @@ use super::ExperimentError;
 use super::experiment::Given;
 use super::limits::Allowed;
 use crate::diagnostics::Diagnostics;
-use crate::expr::{Expr, Substitution, Var, variables_of};
+use crate::expr::{Expr, Interval, Substitution, Var, variables_of};
 use crate::model::{Model, Quantity};
 use crate::source::Span;
 
 /// What an experiment fixes.
 #[derive(Clone, Debug)]
-pub(super) struct Values<'e> {
+pub(crate) struct Values<'e> {
     /// Parameters and initial states, by variable: of free parameters, and of what is computed from them, guesses.
     pub numbers: FxHashMap<Var, f64>,
     /// Controls and inputs as functions of time, states and parameters, without controls that are decided; and
@@ -24,7 +24,7 @@ pub(super) struct Values<'e> {
 
 /// Free parameters, and what is computed from them.
 #[derive(Clone, Debug, Default)]
-pub(super) struct FreeParams<'e> {
+pub(crate) struct FreeParams<'e> {
     /// p, with where each is freed.
     pub vars: FxHashMap<Var, Span>,
     /// Parameters q(p), as functions of p and of parameters that are numbers.
@@ -67,6 +67,46 @@ impl<'e> Values<'e> {
     pub fn fixed(&self, var: Var) -> Option<f64> {
         let is_free = self.free.vars.contains_key(&var) || self.free.derives(var);
         self.numbers.get(&var).copied().filter(|_| !is_free)
+    }
+
+    /// Where parameters that stay open may be: where they were declared to be, and on their side of zero.
+    pub fn open_ranges(&self, model: &Model<'e>) -> FxHashMap<Var, Interval> {
+        let number =
+            |e: Expr<'e>| e.eval(&|var| self.numbers.get(&var).copied().unwrap_or(f64::NAN));
+        let entries =
+            (model.params.iter()).flat_map(|param| (0..param.vars.len()).map(move |k| (param, k)));
+        let open = entries.filter_map(|(param, k)| {
+            let var = param.vars[k].as_variable()?;
+            let value = self
+                .numbers
+                .get(&var)
+                .filter(|_| self.free.vars.contains_key(&var))?;
+            let side = match *value >= 0.0 {
+                true => [0.0, f64::INFINITY],
+                false => [f64::NEG_INFINITY, 0.0],
+            };
+            let [low, high] = match Allowed::of(param, k, &number) {
+                Some(Allowed::Between(low, high)) => [low.max(side[0]), high.min(side[1])],
+                _ => side,
+            };
+            Some((var, Interval::new(low, high)))
+        });
+        open.collect()
+    }
+
+    /// Whether a parameter is free, or stays open.
+    pub fn is_open(&self, param: Expr<'e>) -> bool {
+        let var = param.as_variable();
+        var.is_some_and(|var| self.free.vars.contains_key(&var))
+    }
+
+    /// x(0), of a state that is given as a function of free parameters.
+    pub fn initial(&self, state: Expr<'e>) -> Option<Expr<'e>> {
+        let var = state.as_variable()?;
+        let mut given = self.free.initial.iter();
+        given
+            .find(|(known, ..)| *known == var)
+            .map(|&(_, value, _)| value)
     }
 
     /// That something which must be known before the run depends on a free parameter.

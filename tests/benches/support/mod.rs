@@ -1,8 +1,7 @@
 //! What all benchmarks share.
 
-use std::sync::Arc;
-
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::time::Instant;
 
 use nsd_solver::simulate::{Event, HybridSystem, Observer, Segment, Settings, Simulator};

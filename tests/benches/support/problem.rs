@@ -6,14 +6,11 @@ mod peers;
 mod records;
 
 use std::hint::black_box;
-
-use criterion::Criterion;
-use nsd_solver::simulate::Status;
-use nsdc::Compiled;
 use std::sync::Arc;
 
-use nsd_solver::simulate::HybridSystem;
-use nsdc::hybrid;
+use criterion::Criterion;
+use nsd_solver::simulate::{HybridSystem, Status};
+use nsdc::{Compiled, hybrid};
 use serde_json::{Value, json};
 
 use peers::{Row, Script};

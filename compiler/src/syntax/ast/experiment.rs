@@ -14,6 +14,8 @@ pub struct Experiment {
     pub model: Path,
     /// Settings in order of appearance.
     pub settings: Vec<ExperimentSetting>,
+    /// Parameters that stay open, for runs with others of their values; no file says so.
+    pub open: Vec<Path>,
     /// The whole item.
     pub span: Span,
 }

@@ -42,6 +42,7 @@ impl Builder<'_> {
             name,
             model,
             settings,
+            open: Vec::new(),
             span,
         }
     }

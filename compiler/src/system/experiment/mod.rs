@@ -66,7 +66,7 @@ pub struct Settings<'e> {
     /// The experiment.
     pub span: Span,
     /// Parameters, initial values, controls and inputs.
-    pub(super) values: Values<'e>,
+    pub(crate) values: Values<'e>,
     /// Readings of named switches, by index into the model's list.
     pub(super) sliding: FxHashMap<usize, Sliding>,
 }

@@ -39,21 +39,23 @@ pub(super) fn given<'e>(
     complete.then_some(given)
 }
 
-/// The parameters that `free` names; what is wrong with it is reported where it is read.
+/// The parameters that `free` names, and those that stay open; what is wrong with it is reported where it is read.
 fn freed(model: &Model<'_>, experiment: &syntax::Experiment) -> FxHashMap<Var, Span> {
     let mut freed = FxHashMap::default();
-    for setting in &experiment.settings {
-        let SettingKind::Free(list) = &setting.kind else {
+    let listed = experiment.settings.iter().flat_map(|setting| {
+        let list = match &setting.kind {
+            SettingKind::Free(list) => &list[..],
+            _ => &[],
+        };
+        list.iter().map(|(path, _)| path)
+    });
+    for path in listed.chain(&experiment.open) {
+        let Some(target) = model.scope.target(path, &mut Diagnostics::new()) else {
             continue;
         };
-        for (path, _) in list {
-            let Some(target) = model.scope.target(path, &mut Diagnostics::new()) else {
-                continue;
-            };
-            if let TargetKind::Param(k) = target.kind {
-                let vars = (target.entries.iter()).filter_map(|&e| model.params[k].vars.get(e));
-                freed.extend(vars.filter_map(|var| Some((var.as_variable()?, path.span))));
-            }
+        if let TargetKind::Param(k) = target.kind {
+            let vars = (target.entries.iter()).filter_map(|&e| model.params[k].vars.get(e));
+            freed.extend(vars.filter_map(|var| Some((var.as_variable()?, path.span))));
         }
     }
     freed

@@ -1,0 +1,203 @@
+//! An experiment that is compiled once and runs many times from event to event, with other parameters and initial values.
+//!
+//! What the parameters that stay open reach is compiled as functions of them: other parameters, initial values, rates,
+//! surfaces and laws. So another value compiles nothing. It has to be on the same side of zero: a zero takes terms out.
+
+use std::sync::Arc;
+
+use nsd_solver::simulate::{self as solver, HybridSystem, Observer, Outcome, Simulator};
+use nsd_solver::tape::{Scratch, Tape};
+
+use crate::Compiled;
+use crate::clock::Clock;
+use crate::diagnostics::Diagnostics;
+use crate::expr::{self, Expr, Exprs, Var};
+use crate::hybrid::{self, variable};
+use crate::simulate::solver_settings;
+use crate::syntax::{Bind, Experiment, File, Path};
+use crate::system::System;
+use crate::system::experiment::Method;
+
+/// An experiment that is ready for runs with other numbers. It is plain data: threads share it.
+#[derive(Clone, Debug)]
+pub struct Prepared {
+    system: Arc<HybridSystem>,
+    settings: solver::Settings,
+    horizon: f64,
+    parameters: Vec<Parameter>,
+    states: Vec<String>,
+    /// From the parameters to x(0).
+    start: Arc<Tape>,
+}
+
+/// A parameter that stays open.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameter {
+    /// Its name, with its index: `k`, `A[1,2]`.
+    pub name: String,
+    /// Its value where a run has no other.
+    pub value: f64,
+}
+
+/// Why an experiment is not prepared.
+#[derive(Debug, thiserror::Error)]
+pub enum NotPrepared {
+    /// It does not compile, or what must be known before a run depends on an open parameter.
+    #[error("the experiment does not compile with parameters that stay open")]
+    NotCompiled(Diagnostics),
+    /// It is not run from event to event.
+    #[error("`{0}` runs with numbers that are compiled in")]
+    Method(&'static str),
+    /// A parameter decides how functions are stated: it is zero, or in an exponent.
+    #[error("`{0}` is zero or in an exponent, which decides how functions are stated")]
+    Structural(String),
+    /// An initial value is not smooth in the parameters.
+    #[error("the initial value of `{0}` is no smooth function of the parameters")]
+    Start(String),
+}
+
+impl Prepared {
+    /// Compiles an experiment with some parameters open; `overrides` replace what `with` says.
+    ///
+    /// # Errors
+    ///
+    /// Where it has to be compiled for each of their values.
+    pub fn new(
+        file: &File,
+        experiment: &Experiment,
+        overrides: &[Bind],
+        open: &[Path],
+    ) -> Result<Self, NotPrepared> {
+        let exprs = Exprs::new();
+        let mut diags = Diagnostics::new();
+        let mut experiment = experiment.clone();
+        experiment.open = open.to_vec();
+        let clock = &mut Clock::default();
+        let compiled = crate::compile(&exprs, file, &experiment, overrides, clock, &mut diags);
+        match compiled {
+            Some(compiled) if !diags.has_errors() => Self::of(&compiled),
+            _ => Err(NotPrepared::NotCompiled(diags)),
+        }
+    }
+
+    /// An experiment that has been compiled with open parameters.
+    fn of(compiled: &Compiled<'_>) -> Result<Self, NotPrepared> {
+        let (system, settings) = (&compiled.system, &compiled.settings);
+        let is_run = settings.optimize.is_none() && !settings.freezes() && settings.kicks.is_none();
+        if !is_run || !matches!(settings.method, Method::Auto | Method::Event(_)) {
+            return Err(NotPrepared::Method(settings.method.word()));
+        }
+        let open = |var: Expr| settings.values.is_open(var);
+        let params = system.params.iter().enumerate();
+        let open: Vec<usize> = params
+            .filter(|(_, p)| open(p.var))
+            .map(|(at, _)| at)
+            .collect();
+        let possible = hybrid::may_be_open(system);
+        if let Some(&fixed) = open.iter().find(|at| !possible.contains(at)) {
+            return Err(NotPrepared::Structural(system.params[fixed].name.clone()));
+        }
+        let parameter = |&at: &usize| Parameter {
+            name: system.params[at].name.clone(),
+            value: system.params[at].value,
+        };
+        let mut chosen = solver_settings(&settings.method, settings.tolerance, None);
+        chosen.averages = settings.averages;
+        Ok(Prepared {
+            start: Arc::new(start(compiled, &open)?),
+            system: hybrid::lower_open(system, &open),
+            settings: chosen,
+            horizon: settings.horizon,
+            parameters: open.iter().map(parameter).collect(),
+            states: system
+                .states
+                .iter()
+                .map(|state| state.name.clone())
+                .collect(),
+        })
+    }
+
+    /// The parameters that stay open, in the order in which runs take their values.
+    pub fn parameters(&self) -> &[Parameter] {
+        &self.parameters
+    }
+
+    /// The names of the states, with their indices, in order.
+    pub fn states(&self) -> &[String] {
+        &self.states
+    }
+
+    /// The horizon of the experiment.
+    pub fn horizon(&self) -> f64 {
+        self.horizon
+    }
+
+    /// The system that is run.
+    pub fn system(&self) -> &Arc<HybridSystem> {
+        &self.system
+    }
+
+    /// Runs one after another, which keep what they compile.
+    pub fn runs(&self) -> Runs {
+        Runs {
+            simulator: Simulator::new(self.system.clone(), self.settings.clone()),
+            scratch: self.start.scratch(),
+            x0: vec![0.0; self.states.len()],
+            start: self.start.clone(),
+        }
+    }
+}
+
+/// Runs of one [`Prepared`] on one thread.
+pub struct Runs {
+    simulator: Simulator,
+    start: Arc<Tape>,
+    scratch: Scratch,
+    x0: Vec<f64>,
+}
+
+impl Runs {
+    /// A run from 0 to a horizon with these values of the parameters, in the order of [`Prepared::parameters`], and from
+    /// an initial state, or the one that they give.
+    pub fn run(
+        &mut self,
+        parameters: &[f64],
+        x0: Option<&[f64]>,
+        horizon: f64,
+        observer: &mut impl Observer,
+    ) -> Outcome {
+        match x0 {
+            Some(x0) => self.x0.copy_from_slice(x0),
+            None => self.start.eval(parameters, &mut self.x0, &mut self.scratch),
+        }
+        self.simulator.set_parameters(parameters);
+        self.simulator.run(0.0, horizon, &self.x0, observer)
+    }
+}
+
+/// x(0) as a function of the open parameters.
+fn start(compiled: &Compiled<'_>, open: &[usize]) -> Result<Tape, NotPrepared> {
+    let (system, values) = (&compiled.system, &compiled.settings.values);
+    let fixed = hybrid::numbers(system, open);
+    let initial = system.states.iter().map(|state| {
+        let given = values
+            .initial(state.var)
+            .map(|value| value.substitute(&fixed));
+        given.unwrap_or_else(|| system.exprs.constant(state.initial))
+    });
+    let initial: Vec<Expr> = initial.collect();
+    let inputs: Vec<Var> = inputs(system, open);
+    let rough = |_| {
+        let is_rough = |e: &Expr| expr::compile(&inputs, &[*e]).is_err();
+        let mut states = system.states.iter().zip(&initial);
+        let state = states.find(|(_, value)| is_rough(value));
+        NotPrepared::Start(state.map_or_else(String::new, |(state, _)| state.name.clone()))
+    };
+    expr::compile(&inputs, &initial).map_err(rough)
+}
+
+fn inputs(system: &System, open: &[usize]) -> Vec<Var> {
+    open.iter()
+        .map(|&at| variable(system.params[at].var))
+        .collect()
+}

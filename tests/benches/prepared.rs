@@ -1,0 +1,139 @@
+//! A system that is lowered once and runs with other parameters and initial states, beside one in which these are
+//! compiled in, and beside a run from the text.
+
+mod support;
+
+use std::hint::black_box;
+use std::sync::Arc;
+use std::thread;
+use std::time::Instant;
+
+use nsd_solver::simulate::{HybridSystem, Settings, Simulator, Status};
+use nsd_tests::with_experiment;
+use nsdc::Compiled;
+use nsdc::hybrid;
+use support::{Silent, median, print, simulator, start};
+
+const OSCILLATOR: &str = include_str!("../../examples/oscillator.nsd");
+const BELT: &str = include_str!("../../examples/stiction.nsd");
+const BALL: &str = include_str!("../../examples/bouncing_ball.nsd");
+const CHAIN: &str = include_str!("../../examples/friction_chain.nsd");
+
+/// Runs of a sweep, per thread.
+const SWEEP: u32 = 500_000;
+
+fn main() {
+    print("| model | tolerance | compiled in, us | other numbers, us | from the text, us |");
+    print("| --- | --- | --- | --- | --- |");
+    let belt = format!("{BELT}\nsimulate bench of belt {{ horizon 20; }}");
+    let ball = format!("{BALL}\nsimulate bench of ball {{ horizon 3; }}");
+    row("oscillator", OSCILLATOR, "crossing", 1e-9);
+    row("belt", &belt, "bench", 1e-9);
+    row("bouncing ball", &ball, "bench", 1e-9);
+    row("friction chain", CHAIN, "to_rest", 1e-8);
+    with_experiment(OSCILLATOR, "crossing", |compiled| sweep(compiled));
+}
+
+fn row(name: &str, text: &str, experiment: &str, tolerance: f64) {
+    let whole = median(|| {
+        with_experiment(text, experiment, |compiled| {
+            let mut simulator = simulator(&hybrid::lower(&compiled.system), tolerance);
+            let horizon = compiled.settings.horizon;
+            black_box(simulator.run(0.0, horizon, &start(compiled), &mut Silent));
+        });
+    });
+    with_experiment(text, experiment, |compiled| {
+        let (x0, horizon) = (start(compiled), compiled.settings.horizon);
+        let mut fixed = simulator(&hybrid::lower(&compiled.system), tolerance);
+        let compiled_in = median(|| {
+            black_box(fixed.run(0.0, horizon, &x0, &mut Silent));
+        });
+        let lowered = lower_open(compiled);
+        let mut open = simulator(&lowered, tolerance);
+        let mut turn = Turn::new(&lowered, &x0);
+        let mut failed = 0;
+        let other = median(|| {
+            let (parameters, x0) = turn.next();
+            open.set_parameters(parameters);
+            let outcome = black_box(open.run(0.0, horizon, x0, &mut Silent));
+            failed += usize::from(outcome.status != Status::Solved);
+        });
+        print(&format!(
+            "| {name} | {tolerance:.0e} | {:.2} | {:.2} | {:.0} |",
+            1e6 * compiled_in,
+            1e6 * other,
+            1e6 * whole
+        ));
+        assert_eq!(failed, 0, "{name}: runs that did not reach their end");
+    });
+}
+
+fn lower_open(compiled: &Compiled) -> Arc<HybridSystem> {
+    let system = &compiled.system;
+    hybrid::lower_open(system, &hybrid::may_be_open(system))
+}
+
+/// Parameters and initial states that differ from run to run.
+struct Turn {
+    count: u32,
+    known: [Vec<f64>; 2],
+    next: [Vec<f64>; 2],
+}
+
+impl Turn {
+    fn new(system: &HybridSystem, x0: &[f64]) -> Self {
+        let known = [system.parameters.clone(), x0.to_vec()];
+        Turn {
+            count: 0,
+            next: known.clone(),
+            known,
+        }
+    }
+
+    fn next(&mut self) -> (&[f64], &[f64]) {
+        self.count += 1;
+        let factor = 1.0 - 1e-4 * f64::from(self.count % 100);
+        for (next, known) in self.next.iter_mut().zip(&self.known) {
+            next.iter_mut()
+                .zip(known)
+                .for_each(|(next, known)| *next = factor * known);
+        }
+        (&self.next[0], &self.next[1])
+    }
+}
+
+/// Many runs on one thread and on two; end values are kept.
+fn sweep(compiled: &Compiled) {
+    let (lowered, x0) = (lower_open(compiled), start(compiled));
+    let horizon = compiled.settings.horizon;
+    let part = || {
+        let settings = Settings {
+            tolerance: 1e-9,
+            ..Settings::default()
+        };
+        let mut simulator = Simulator::new(lowered.clone(), settings);
+        let mut turn = Turn::new(&lowered, &x0);
+        let mut ends = Vec::with_capacity(SWEEP as usize * x0.len());
+        for _ in 0..SWEEP {
+            let (parameters, x0) = turn.next();
+            simulator.set_parameters(parameters);
+            ends.extend(simulator.run(0.0, horizon, x0, &mut Silent).x);
+        }
+        ends
+    };
+    let started = Instant::now();
+    black_box(part());
+    let alone = started.elapsed().as_secs_f64();
+    let started = Instant::now();
+    thread::scope(|scope| {
+        let parts = [(); 2].map(|()| scope.spawn(part));
+        parts.map(|part| black_box(part.join().expect("it ends")));
+    });
+    let both = started.elapsed().as_secs_f64();
+    print(&format!(
+        "\nA sweep of {SWEEP} oscillators on one thread: {:.2} us a run; on two, as many each: {:.2} times as many in the \
+         same time.",
+        1e6 * alone / f64::from(SWEEP),
+        2.0 * alone / both
+    ));
+}
