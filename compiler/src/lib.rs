@@ -20,6 +20,7 @@ pub mod prepared;
 pub mod report;
 pub mod simulate;
 pub mod source;
+pub mod sweep;
 pub mod syntax;
 pub mod system;
 pub mod table;

@@ -48,6 +48,9 @@ pub enum Command {
     /// Map the sliding modes of a nonlinear switch over one or two states
     #[command(after_help = MODES_HELP)]
     Modes(ModesArgs),
+    /// Run an experiment at many values of its parameters, on all cores
+    #[command(after_help = SWEEP_HELP)]
+    Sweep(SweepArgs),
     /// Solve AMPL .nl files with complementarity conditions
     #[command(after_help = SOLVE_HELP)]
     Solve(SolveArgs),
@@ -286,6 +289,58 @@ pub struct OrderArgs {
     /// Begin no more runs after so many seconds; finer grids take longer
     #[arg(long, value_name = "SECONDS", value_parser = seconds, default_value = "8")]
     pub time_limit: Duration,
+}
+
+/// What `sweep --help` ends with.
+const SWEEP_HELP: &str = "\
+Several axes give all combinations of their values, the last one fastest, or with `--zip` their values \
+side by side. Every run is a row: its values, how it ended, states and outputs at the end, objective, \
+number of events, error estimate, and the code of its failure or first warning. Ctrl-C keeps what is \
+finished. The exit status is 2 where a run is not solved.
+
+Example: `nsdc sweep belt.nsd stick_slip --over mu=0.1:0.5:41 --csv belt.csv`.";
+
+/// Arguments of `sweep`.
+#[derive(Debug, Arguments)]
+pub struct SweepArgs {
+    /// The file; `-` is standard input
+    pub file: PathBuf,
+    /// The experiment; may be left out where the file has one
+    pub experiment: Option<String>,
+    /// A parameter, initial value or input with its values, `k=0.1:0.5:41` or `k=[1,2,4]`
+    #[arg(
+        long,
+        required = true,
+        value_name = "NAME=VALUES",
+        allow_hyphen_values = true
+    )]
+    pub over: Vec<String>,
+    /// Take the values of all axes side by side
+    #[arg(long)]
+    pub zip: bool,
+    /// Write the rows as CSV; `-` is standard output, instead of the table
+    #[arg(long, value_name = "PATH")]
+    pub csv: Option<PathBuf>,
+    /// Write the rows as JSON, one object per line; `-` is standard output, instead of the table
+    #[arg(long, value_name = "PATH")]
+    pub json: Option<PathBuf>,
+    /// Override a parameter, initial value or input
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = assignment)]
+    pub set: Vec<String>,
+    /// Run so many at once; on all cores without it
+    #[arg(long, value_name = "N")]
+    pub jobs: Option<NonZeroUsize>,
+    /// Stop each run after so many seconds
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    pub time_limit: Option<Duration>,
+}
+
+impl SweepArgs {
+    /// Whether rows take the place of the table.
+    pub fn to_standard(&self) -> bool {
+        let mut targets = [&self.csv, &self.json].into_iter().flatten();
+        targets.any(|target| is_standard(target))
+    }
 }
 
 /// What `solve --help` ends with.

@@ -20,6 +20,7 @@ mod progress;
 mod project;
 mod run;
 mod solve;
+mod sweep;
 mod test;
 mod verify;
 mod watch;
@@ -88,6 +89,7 @@ fn dispatch(args: Args, streams: &mut Streams<'_>) -> io::Result<Exit> {
         Command::Modes(args) => modes::run(&args, streams),
         Command::Order(args) => order::run(&args, streams),
         Command::Solve(args) => solve::run(&args, streams),
+        Command::Sweep(args) => sweep::run(&args, streams),
         Command::Fmt { files, check } => fmt::run(&files, check, streams),
         Command::New { path } => new::run(&path, streams),
         Command::Explain { code } => explain::run(code.as_deref(), streams),

@@ -76,7 +76,7 @@ impl Project {
                 return Ok(None);
             }
         };
-        let overrides = project.overrides(sets);
+        let overrides = project.bindings("--set", sets);
         let overrides = overrides.filter(|_| !project.diags.has_errors());
         if overrides.is_none() {
             print(&project.diags, &project.sources, streams)?;
@@ -153,10 +153,10 @@ impl Project {
     }
 
     /// Values given on the command line as `name=value`.
-    fn overrides(&mut self, sets: &[String]) -> Option<Vec<Bind>> {
+    pub fn bindings(&mut self, option: &str, sets: &[String]) -> Option<Vec<Bind>> {
         let mut overrides = Vec::new();
         for set in sets {
-            let settings = self.parse_settings("--set", ["with { ", set, "; }"])?;
+            let settings = self.parse_settings(option, ["with { ", set, "; }"])?;
             for setting in settings {
                 match setting.kind {
                     SettingKind::With(binds) => overrides.extend(binds),

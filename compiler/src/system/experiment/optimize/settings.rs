@@ -445,8 +445,11 @@ impl<'e> Reader<'_, 'e> {
         value: &syntax::Expr,
     ) -> Option<f64> {
         let fits = |x: f64| x > 0.0 && x.is_finite();
+        let Some(draft) = draft else {
+            return self.within("the horizon", value, "a positive number", fits);
+        };
         let (number, end) = self.follows("the horizon", value, "a positive number", fits)?;
-        if let Some(draft) = draft.filter(|_| self.values.free.first_in(&[end]).is_some()) {
+        if self.values.free.first_in(&[end]).is_some() {
             draft.horizon = Some((0.0, f64::INFINITY));
             let members = vec![self.model.time, end];
             draft.relate(At::End, members, Relation::Equal, value.span);
