@@ -72,6 +72,7 @@ fn help_names_the_commands() {
       verify       Run or solve experiments by every method and lowering that takes them, and compare
       order        Measure the error of every method over step size and time
       modes        Map the sliding modes of a nonlinear switch over one or two states
+      sweep        Run an experiment at many values of its parameters, on all cores
       solve        Solve AMPL .nl files with complementarity conditions
       fmt          Lay files out in the standard way
       new          Make a folder with a small model, its tests and a README

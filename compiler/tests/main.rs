@@ -13,6 +13,7 @@ mod order;
 mod reports;
 mod roads;
 mod solve;
+mod sweep;
 mod terminal;
 mod test;
 mod verify;

@@ -126,8 +126,9 @@ fn sweep(compiled: &Compiled) {
     let alone = started.elapsed().as_secs_f64();
     let started = Instant::now();
     thread::scope(|scope| {
-        let parts = [(); 2].map(|()| scope.spawn(part));
-        parts.map(|part| black_box(part.join().expect("it ends")));
+        for part in [(); 2].map(|()| scope.spawn(part)) {
+            black_box(part.join().expect("it ends"));
+        }
     });
     let both = started.elapsed().as_secs_f64();
     print(&format!(

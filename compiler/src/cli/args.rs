@@ -324,6 +324,9 @@ pub struct SweepArgs {
     /// Write the rows as JSON, one object per line; `-` is standard output, instead of the table
     #[arg(long, value_name = "PATH")]
     pub json: Option<PathBuf>,
+    /// Draw values at the end as SVG: lines over one axis, maps over two
+    #[arg(long, value_name = "PATH.svg")]
+    pub plot: Option<PathBuf>,
     /// Override a parameter, initial value or input
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = assignment)]
     pub set: Vec<String>,
@@ -338,7 +341,7 @@ pub struct SweepArgs {
 impl SweepArgs {
     /// Whether rows take the place of the table.
     pub fn to_standard(&self) -> bool {
-        let mut targets = [&self.csv, &self.json].into_iter().flatten();
+        let mut targets = [&self.csv, &self.json, &self.plot].into_iter().flatten();
         targets.any(|target| is_standard(target))
     }
 }

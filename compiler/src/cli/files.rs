@@ -89,9 +89,39 @@ pub fn read_if_present(path: &Path) -> Result<Option<String>, FileError> {
     }
 }
 
-/// Replaces a file.
+/// Replaces a file as a whole: it has its old text or the new one, whatever happens meanwhile.
 pub fn write(path: &Path, text: &str) -> Result<(), FileError> {
-    fs::write(path, text).map_err(|error| FileError::new("write", path, &error))
+    replace(path, text).map_err(|error| FileError::new("write", path, &error))
+}
+
+fn replace(path: &Path, text: &str) -> io::Result<()> {
+    // A link stays one; what is no regular file, or protected, is not replaced by another file.
+    let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    let known = fs::metadata(&target).ok();
+    let may_go = |known: &fs::Metadata| known.is_file() && !known.permissions().readonly();
+    let name = target
+        .file_name()
+        .filter(|_| known.as_ref().is_none_or(may_go));
+    let Some(name) = name else {
+        return fs::write(path, text);
+    };
+    let name = format!(".{}.{}", name.to_string_lossy(), std::process::id());
+    let beside = target.with_file_name(name);
+    let written = fs::write(&beside, text).and_then(|()| match &known {
+        Some(known) => fs::set_permissions(&beside, known.permissions()),
+        None => Ok(()),
+    });
+    match written.and_then(|()| fs::rename(&beside, &target)) {
+        Ok(()) => Ok(()),
+        Err(error) => {
+            let _ = fs::remove_file(&beside);
+            // Where the folder takes no other file, the file itself may still be written.
+            match known {
+                Some(_) if error.kind() == io::ErrorKind::PermissionDenied => fs::write(path, text),
+                _ => Err(error),
+            }
+        }
+    }
 }
 
 /// Replaces a file, in a folder that may have to be made; neither of them may be a link that leads elsewhere.

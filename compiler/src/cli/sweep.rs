@@ -146,6 +146,19 @@ fn write(args: &SweepArgs, table: &Table, streams: &mut Streams<'_>) -> io::Resu
             .as_ref()
             .map(|path| Sink::with(path, table.json())),
     );
+    if let Some(path) = &args.plot {
+        match table.figure() {
+            Some(figure) => sinks.push(Sink::with(path, figure)),
+            None => {
+                let why = "a figure has one axis or two";
+                writeln!(
+                    streams.err,
+                    "error: {why}\n  help: leave out `--plot`, or some of `--over`"
+                )?;
+                return Ok(false);
+            }
+        }
+    }
     if !args.to_standard() {
         streams.out.write_all(table.text().as_bytes())?;
     }

@@ -184,6 +184,11 @@ impl Grid {
         &self.axes
     }
 
+    /// Whether values are taken side by side.
+    pub fn is_zipped(&self) -> bool {
+        self.is_zipped
+    }
+
     /// How many points there are.
     pub fn len(&self) -> usize {
         self.count

@@ -4,9 +4,12 @@ use serde_json::{Map, Value, json};
 
 use super::{Grid, Row};
 use crate::report::Status;
+use crate::report::plot::Sweep;
 
 /// Rows that are printed one by one.
 const SHOWN: usize = 24;
+/// Panels of a figure.
+const MOST_PANELS: usize = 12;
 
 /// A sweep that has been run.
 pub struct Table<'s> {
@@ -28,6 +31,11 @@ impl Table<'_> {
         self.grid.axes().iter().map(|axis| axis.name.as_str())
     }
 
+    /// An axis may be an initial value of the same name.
+    fn at_end(&self) -> impl Iterator<Item = String> {
+        self.columns.iter().map(|name| format!("{name} at end"))
+    }
+
     fn has_objective(&self) -> bool {
         self.done().any(|(_, row)| row.objective.is_some())
     }
@@ -38,8 +46,9 @@ impl Table<'_> {
         let has_objective = self.has_objective();
         let mut text = csv::Writer::from_writer(Vec::new());
         let objective = has_objective.then_some("objective");
+        let ends: Vec<String> = self.at_end().collect();
         let header = (self.names().chain(["status", "code"]))
-            .chain(self.columns.iter().map(String::as_str))
+            .chain(ends.iter().map(String::as_str))
             .chain(objective)
             .chain(["events", "error_estimate"]);
         // Writing to memory does not fail and every record has the same length.
@@ -84,6 +93,40 @@ impl Table<'_> {
         text
     }
 
+    /// End values, or objectives where there are any, over one axis or two; none over more.
+    pub fn figure(&self) -> Option<String> {
+        let axes = self.grid.axes();
+        let drawn = match self.grid.is_zipped() {
+            true => &axes[..1],
+            false => axes,
+        };
+        if drawn.len() > 2 {
+            return None;
+        }
+        let of = |value: &dyn Fn(&Row) -> Option<f64>| -> Vec<f64> {
+            let solved = |row: &&Row| row.status == Some(Status::Solved);
+            let rows = self.rows.iter().map(|row| row.as_ref().filter(solved));
+            rows.map(|row| row.and_then(value).unwrap_or(f64::NAN))
+                .collect()
+        };
+        let names: Vec<String> = self.at_end().collect();
+        let ends = names.iter().enumerate();
+        let ends = ends.map(|(k, name)| (name.as_str(), of(&|row| row.end.get(k).copied())));
+        let objective = (self.has_objective()).then(|| ("objective", of(&|row| row.objective)));
+        let figure = Sweep {
+            axes: drawn
+                .iter()
+                .map(|axis| (axis.name.as_str(), &axis.values[..]))
+                .collect(),
+            panels: objective
+                .into_iter()
+                .chain(ends)
+                .take(MOST_PANELS)
+                .collect(),
+        };
+        Some(figure.write())
+    }
+
     /// What became of the runs, and the first of them.
     pub fn text(&self) -> String {
         let mut text = String::new();
@@ -125,7 +168,7 @@ impl Table<'_> {
         let objective = self.has_objective().then(|| "objective".to_owned());
         (self.names().map(str::to_owned))
             .chain(["status".to_owned()])
-            .chain(self.columns.iter().cloned())
+            .chain(self.at_end())
             .chain(objective)
             .chain(["events".to_owned(), "code".to_owned()])
             .collect()

@@ -13,9 +13,11 @@ mod panel;
 mod phase;
 pub mod plane;
 pub mod profile;
+mod sweep;
 
 use self::axis::Axis;
 pub use self::loglog::{Curve, LogLog};
+pub use self::sweep::Sweep;
 
 use self::canvas::{Align, Canvas, INK, Stroke};
 use self::marks::{Bands, Legend};
