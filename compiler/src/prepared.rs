@@ -158,7 +158,8 @@ pub struct Runs {
 
 impl Runs {
     /// A run from 0 to a horizon with these values of the parameters, in the order of [`Prepared::parameters`], and from
-    /// an initial state, or the one that they give.
+    /// an initial state, or the one that they give. A relay that this leaves between its thresholds starts as it does in
+    /// the experiment.
     pub fn run(
         &mut self,
         parameters: &[f64],

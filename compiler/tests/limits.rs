@@ -130,6 +130,19 @@ fn a_limit_of_time_ends_a_run_with_2() {
     assert!(ran.err.contains("E0709"), "{}", ran.err);
 }
 
+/// The first experiment takes all of the time, and the second one, which needs hardly any, has none left.
+#[test]
+fn all_experiments_share_the_time() {
+    let text = "model m { state x = 1; state v = 0; x' = v; v' = -sin(x); }
+        simulate long of m { horizon 1e6; }
+        simulate short of m { horizon 1; }";
+    let args = ["run", "-", "--time-limit", "0.2", "--json", "-"];
+    let ran = nsdc_with_input(&folder("time_shared"), &args, text);
+    assert_eq!(ran.status, 2, "{}", ran.err);
+    let ends: Vec<serde_json::Value> = ran.out.lines().map(json).collect();
+    assert_eq!([&ends[0]["status"], &ends[1]["status"]], ["time_limit"; 2]);
+}
+
 /// The object of a run.
 fn json(line: &str) -> serde_json::Value {
     serde_json::from_str(line).expect("`--json` prints an object")

@@ -173,7 +173,7 @@ pub struct RunArgs {
     /// Use this method instead of the experiment's
     #[arg(long, value_name = "NAME")]
     pub method: Option<String>,
-    /// Stop solving an experiment after so many seconds
+    /// Stop solving after so many seconds, all experiments together
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub time_limit: Option<Duration>,
     /// Add the multipliers of `method fesd` to the JSON

@@ -96,7 +96,11 @@ pub fn write(path: &Path, text: &str) -> Result<(), FileError> {
 
 fn replace(path: &Path, text: &str) -> io::Result<()> {
     // A link stays one; what is no regular file, or protected, is not replaced by another file.
-    let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    let target = match fs::canonicalize(path) {
+        Ok(target) => target,
+        Err(_) if path.is_symlink() => return fs::write(path, text),
+        Err(_) => path.to_owned(),
+    };
     let known = fs::metadata(&target).ok();
     let may_go = |known: &fs::Metadata| known.is_file() && !known.permissions().readonly();
     let name = target

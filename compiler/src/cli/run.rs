@@ -22,6 +22,7 @@ use crate::syntax::{Bind, Experiment};
 
 /// Runs experiments and reports what came out.
 pub fn run(args: &RunArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
+    let started = Instant::now();
     if let Some(message) = misuse(args) {
         writeln!(streams.err, "error: {message}")?;
         return Ok(Exit::Usage);
@@ -49,11 +50,15 @@ pub fn run(args: &RunArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
     let mut outputs = Outputs::new(args, experiments.len() > 1);
     let mut clock = project.clock.clone();
     let mut said = Diagnostics::new();
+    let asked = Asked {
+        project: &project,
+        overrides: &overrides,
+        args,
+        started,
+    };
     for experiment in &experiments {
         let mut own = Clock::default();
-        let result = one(
-            &project, experiment, &overrides, args, &mut own, &mut said, streams,
-        )?;
+        let result = one(&asked, experiment, &mut own, &mut said, streams)?;
         clock.add(&own);
         let Some((trajectory, plot)) = result else {
             exit = exit.max(Exit::Wrong);
@@ -89,16 +94,29 @@ fn misuse(args: &RunArgs) -> Option<String> {
     (!is_svg).then(|| format!("plots are SVG: `{}` must end in `.svg`", plot.display()))
 }
 
+/// What all experiments of a command share.
+struct Asked<'a> {
+    project: &'a Project,
+    overrides: &'a [Bind],
+    args: &'a RunArgs,
+    /// When the command began, which has one limit of time.
+    started: Instant,
+}
+
 /// Compiles and runs one experiment, with its figure where one is asked for; `None` after an error.
 fn one(
-    project: &Project,
+    asked: &Asked<'_>,
     experiment: &Experiment,
-    overrides: &[Bind],
-    args: &RunArgs,
     clock: &mut Clock,
     said: &mut Diagnostics,
     streams: &mut Streams<'_>,
 ) -> io::Result<Option<(Trajectory, Option<String>)>> {
+    let &Asked {
+        project,
+        overrides,
+        args,
+        started,
+    } = asked;
     let exprs = Exprs::new();
     let mut diags = Diagnostics::new();
     let compiled = compile(
@@ -126,7 +144,8 @@ fn one(
         estimate: true,
         multipliers: args.multipliers,
         time_limit: args.time_limit,
-    };
+    }
+    .left(started);
     let name = &compiled.settings.name;
     // A log shows how far the run is.
     let logs = args.log == Log::Iterations && compiled.settings.optimize.is_some();
@@ -142,7 +161,7 @@ fn one(
             Watching::logged(bar, Iterations::new(out))
         }
     };
-    let started = Instant::now();
+    let launching = Instant::now();
     let launched = clock.time("solve", || {
         launch(project, &mut compiled, &request, &mut watching)
     });
@@ -160,7 +179,7 @@ fn one(
         overrides,
     };
     clock.time("solve", || {
-        let request = request.left(started);
+        let request = request.left(launching);
         watching.ensemble(&mut trajectory, source, &compiled.settings, &request);
     });
     drop(watching);

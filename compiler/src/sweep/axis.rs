@@ -135,7 +135,8 @@ fn spaced(from: f64, to: f64, count: usize) -> Vec<f64> {
     let value = |k: usize| match k {
         0 => from,
         k if k + 1 == count => to,
-        k => from + (to - from) * (k as f64 / last),
+        // Round values stay round more often than with a step that is added.
+        k => from * ((last - k as f64) / last) + to * (k as f64 / last),
     };
     (0..count).map(value).collect()
 }
