@@ -31,7 +31,7 @@ fn main() {
     row("belt", &belt, "bench", 1e-9);
     row("bouncing ball", &ball, "bench", 1e-9);
     row("friction chain", CHAIN, "to_rest", 1e-8);
-    with_experiment(OSCILLATOR, "crossing", |compiled| sweep(compiled));
+    with_experiment(OSCILLATOR, "crossing", sweep);
 }
 
 fn row(name: &str, text: &str, experiment: &str, tolerance: f64) {
