@@ -48,8 +48,11 @@ pub enum NotPrepared {
     /// It is not run from event to event.
     #[error("`{0}` runs with numbers that are compiled in")]
     Method(&'static str),
-    /// A parameter decides how functions are stated: it is zero, or in an exponent.
-    #[error("`{0}` is zero or in an exponent, which decides how functions are stated")]
+    /// A parameter decides how functions are stated: it is zero, in an exponent, or where it may make a function of time
+    /// narrow.
+    #[error(
+        "`{0}` is zero, in an exponent, or may make a function of time narrow: another value is another system"
+    )]
     Structural(String),
     /// An initial value is not smooth in the parameters.
     #[error("the initial value of `{0}` is no smooth function of the parameters")]
@@ -105,7 +108,7 @@ impl Prepared {
         chosen.averages = settings.averages;
         Ok(Prepared {
             start: Arc::new(start(compiled, &open)?),
-            system: hybrid::lower_open(system, &open),
+            system: hybrid::lower_open(system, settings.horizon, &open),
             settings: chosen,
             horizon: settings.horizon,
             parameters: open.iter().map(parameter).collect(),
@@ -144,6 +147,7 @@ impl Prepared {
             scratch: self.start.scratch(),
             x0: vec![0.0; self.states.len()],
             start: self.start.clone(),
+            horizon: self.horizon,
         }
     }
 }
@@ -154,12 +158,17 @@ pub struct Runs {
     start: Arc<Tape>,
     scratch: Scratch,
     x0: Vec<f64>,
+    horizon: f64,
 }
 
 impl Runs {
-    /// A run from 0 to a horizon with these values of the parameters, in the order of [`Prepared::parameters`], and from
+    /// A run from 0 to a horizon, no longer than that of the experiment, with these values of the parameters, in the order of [`Prepared::parameters`], and from
     /// an initial state, or the one that they give. A relay that this leaves between its thresholds starts as it does in
     /// the experiment.
+    ///
+    /// # Panics
+    ///
+    /// With a longer horizon: behind its end nobody has looked where functions of time are narrow.
     pub fn run(
         &mut self,
         parameters: &[f64],
@@ -167,6 +176,10 @@ impl Runs {
         horizon: f64,
         observer: &mut impl Observer,
     ) -> Outcome {
+        assert!(
+            horizon <= self.horizon,
+            "no run is longer than the experiment"
+        );
         match x0 {
             Some(x0) => self.x0.copy_from_slice(x0),
             None => self.start.eval(parameters, &mut self.x0, &mut self.scratch),

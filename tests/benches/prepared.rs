@@ -70,7 +70,11 @@ fn row(name: &str, text: &str, experiment: &str, tolerance: f64) {
 
 fn lower_open(compiled: &Compiled) -> Arc<HybridSystem> {
     let system = &compiled.system;
-    hybrid::lower_open(system, &hybrid::may_be_open(system))
+    hybrid::lower_open(
+        system,
+        compiled.settings.horizon,
+        &hybrid::may_be_open(system),
+    )
 }
 
 /// Parameters and initial states that differ from run to run.

@@ -108,7 +108,7 @@ fn parameters_are_inputs() {
             return;
         }
         let x0 = start(system);
-        let mut simulator = Simulator::new(hybrid::lower_open(system, &open), settings());
+        let mut simulator = Simulator::new(hybrid::lower_open(system, 1.5, &open), settings());
         for factor in [1.0, 1.01, 0.97] {
             let mut other = system.clone();
             for &place in &open {
@@ -153,7 +153,7 @@ fn balls_with_other_restitutions() {
             (0..open.len()).find(is_it).expect("it is open")
         };
         let (g, e) = (place("g"), place("e"));
-        let lowered = hybrid::lower_open(system, &open);
+        let lowered = hybrid::lower_open(system, 1.5, &open);
         let mut parameters = lowered.parameters.clone();
         let mut simulator = Simulator::new(lowered, Settings::default());
         for k in 0..1000 {

@@ -146,6 +146,29 @@ fn what_is_continuous_by_chance_is_not_taken_for_granted() {
     both(model, 2.0, &["k"], &[&[1.0], &[3.0], &[1.5]], 1e-9);
 }
 
+/// A narrow function of time, which no parameter moves, and one that a parameter may move.
+#[test]
+fn no_run_passes_over_what_is_narrow() {
+    let text = |of: &str| {
+        format!(
+            "model m {{ param a = 2; param t0 = 5.3; state y = 0; y' = a*exp(-((time - {of})/0.001)^2); }}
+             simulate s of m {{ horizon 10; }}"
+        )
+    };
+    let prepared = prepared(&text("5.3"), &["a"]).expect("it is prepared");
+    let mut runs = prepared.runs();
+    for a in [2.0, 7.0] {
+        let outcome = runs.run(&[a], None, 10.0, &mut Silent);
+        let exact = a * 0.001 * std::f64::consts::PI.sqrt();
+        assert!((outcome.x[0] - exact).abs() <= 1e-9, "{}", outcome.x[0]);
+    }
+    let refused = self::prepared(&text("t0"), &["t0"]).expect_err("it is refused");
+    assert!(matches!(refused, NotPrepared::Structural(name) if name == "t0"));
+    let forced =
+        "model m { param w = 3; state y = 0; y' = sin(w*time)^2; } simulate s of m { horizon 1; }";
+    assert!(self::prepared(forced, &["w"]).is_ok());
+}
+
 #[test]
 fn what_cannot_stay_open_is_refused() {
     let refused = |text: &str, open: &[&str]| prepared(text, open).expect_err("it is refused");

@@ -14,8 +14,11 @@ mod search;
 
 use search::Search;
 
-use super::substituted::{variable, with_numbers};
-use crate::expr::{Expr, Var};
+use rustc_hash::FxHashSet;
+
+use super::blocks::children;
+use super::substituted::{functions, variable, with_numbers};
+use crate::expr::{Expr, Function, Node, Var, variables_of};
 use crate::report::Warning;
 use crate::system::System;
 use crate::system::experiment::Settings;
@@ -95,6 +98,50 @@ impl Pulses {
             ),
             span: Some(settings.span),
         })
+    }
+}
+
+/// Powers from this one on are narrow around their largest values.
+const HIGH_POWER: i32 = 4;
+
+/// The first of some parameters, by their numbers, that may move or make a pulse: it is inside of a function that can be
+/// narrow, together with time.
+pub(crate) fn narrowing(system: &System, open: &[usize]) -> Option<usize> {
+    let data = system.data.iter().map(|data| variable(data.var));
+    let moving: FxHashSet<Var> = data.chain([variable(system.time)]).collect();
+    let (mut seen, mut left) = (FxHashSet::default(), functions(system).concat());
+    while let Some(e) = left.pop() {
+        if !seen.insert(e) {
+            continue;
+        }
+        for inside in sharpened(e) {
+            let vars = variables_of(&[inside]);
+            let of = |place: &&usize| vars.contains(&variable(system.params[**place].var));
+            if vars.iter().any(|var| moving.contains(var))
+                && let Some(found) = open.iter().find(of)
+            {
+                return Some(*found);
+            }
+        }
+        left.extend(children(e));
+    }
+    None
+}
+
+/// What an expression may make narrow.
+fn sharpened(e: Expr<'_>) -> Vec<Expr<'_>> {
+    match e.node() {
+        Node::Unary(Function::Sin | Function::Cos, _) | Node::Constant(_) | Node::Variable(_) => {
+            Vec::new()
+        }
+        Node::Unary(_, a) => vec![a],
+        Node::Binary(_, a, b) => vec![a, b],
+        Node::Sum { .. } => Vec::new(),
+        Node::Product(factors) => {
+            let sharp = |power: i32| !(0..HIGH_POWER).contains(&power);
+            let factors = factors.into_iter().filter(|(_, power)| sharp(*power));
+            factors.map(|(factor, _)| factor).collect()
+        }
     }
 }
 

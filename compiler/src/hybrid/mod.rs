@@ -25,7 +25,7 @@ use crate::expr::{self, BinaryFunction, Expr, Node, Var, variables_of};
 use crate::system::{self, Role, System};
 pub(crate) use data::Polynomials;
 pub(crate) use forms::{Copy, ExprForm, share};
-pub(crate) use instants::Pulses;
+pub(crate) use instants::{Pulses, narrowing};
 use structure::Structure;
 use substituted::{functions, with_directions, with_roots};
 pub(crate) use substituted::{numbers, variable, with_numbers};
@@ -35,15 +35,15 @@ pub fn lower(system: &System) -> Arc<HybridSystem> {
     Arc::new(Lowering::of(system, &[]).finish(system, &[]))
 }
 
-/// The same with some parameters, by their numbers, as inputs in this order: runs may have others. They are among
-/// those that [`may_be_open`].
-pub fn lower_open(system: &System, open: &[usize]) -> Arc<HybridSystem> {
-    Arc::new(Lowering::of(system, open).finish(system, open))
-}
-
 /// The same for runs from 0 to the horizon, of which no step passes over where functions of time are narrow.
 pub fn lower_over(system: &System, horizon: f64) -> Arc<HybridSystem> {
-    let mut lowered = Lowering::of(system, &[]).finish(system, &[]);
+    lower_open(system, horizon, &[])
+}
+
+/// The same with some parameters, by their numbers, as inputs in this order: runs may have others. They are among
+/// those that [`may_be_open`].
+pub fn lower_open(system: &System, horizon: f64, open: &[usize]) -> Arc<HybridSystem> {
+    let mut lowered = Lowering::of(system, open).finish(system, open);
     lowered.stops = Pulses::of(system, horizon).instants();
     Arc::new(lowered)
 }
@@ -54,8 +54,8 @@ pub(crate) fn data_of(system: &System) -> Vec<Arc<Piecewise>> {
     tables.map(|table| table.pieces.clone()).collect()
 }
 
-/// The parameters that may be inputs, by their numbers. A zero takes terms out of functions, and an exponent decides how
-/// a power is computed: these are compiled in.
+/// The parameters that may be inputs, by their numbers. A zero takes terms out of functions, an exponent decides how
+/// a power is computed, and what may move a narrow function of time says where no step passes over: these are compiled in.
 pub fn may_be_open(system: &System) -> Vec<usize> {
     let laws = system.laws.iter().flat_map(|law| {
         let values = law.resets.iter().map(|&(_, value)| value);
@@ -68,7 +68,9 @@ pub fn may_be_open(system: &System) -> Vec<usize> {
     let params = system.params.iter().enumerate();
     let open =
         params.filter(|(_, param)| param.value != 0.0 && !fixed.contains(&variable(param.var)));
-    open.map(|(place, _)| place).collect()
+    let open = open.map(|(place, _)| place);
+    open.filter(|&place| narrowing(system, &[place]).is_none())
+        .collect()
 }
 
 /// What stands in the exponent of a power.

@@ -9,7 +9,7 @@ use rustc_hash::FxHashMap;
 
 use super::{Problem, solved};
 use crate::expr::{Evaluator, Expr, Var};
-use crate::simulate::again::Prepared;
+use crate::simulate::again::Again;
 use crate::system::System;
 use crate::system::experiment::At;
 use crate::system::task::Shape;
@@ -78,7 +78,7 @@ pub(super) struct Reduced<'r, 'p, 'e> {
     at_place: Vec<Vec<usize>>,
     /// The parameters and the horizon that `prepared` is made with.
     params: Vec<f64>,
-    prepared: Prepared,
+    prepared: Again,
     /// When no more runs begin.
     deadline: Option<Instant>,
 }
@@ -341,9 +341,9 @@ fn initial(problem: &Problem, w: &[f64]) -> Vec<f64> {
     x0
 }
 
-fn prepared(problem: &Problem, w: &[f64]) -> Prepared {
+fn prepared(problem: &Problem, w: &[f64]) -> Again {
     let system = solved::system(problem, w);
-    Prepared::new(&system, problem.horizon(w), TOLERANCE)
+    Again::new(&system, problem.horizon(w), TOLERANCE)
 }
 
 /// What is free, with bounds and sizes; controls with finite sets of values are not.

@@ -14,7 +14,7 @@ use crate::system::System;
 use crate::table::Table;
 
 /// A system that is ready to be run.
-pub(crate) struct Prepared {
+pub(crate) struct Again {
     simulator: RefCell<Simulator>,
 }
 
@@ -29,7 +29,7 @@ pub(crate) struct Values {
     pub steps: usize,
 }
 
-impl Prepared {
+impl Again {
     /// A system as it stands, for runs to about this horizon.
     pub fn new(system: &System, horizon: f64, tolerance: f64) -> Self {
         let settings = solver::Settings {
@@ -37,7 +37,7 @@ impl Prepared {
             ..solver::Settings::default()
         };
         let simulator = Simulator::new(hybrid::lower_over(system, horizon), settings);
-        Prepared {
+        Again {
             simulator: simulator.into(),
         }
     }

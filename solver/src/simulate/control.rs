@@ -185,8 +185,8 @@ impl Mode {
     pub(crate) fn measure_held(&mut self, state: &mut State, h: f64) {
         state.held.clear();
         state.held.resize(self.n, 0.0);
-        let keeps = |&i: &usize| self.is_contact(i) || self.waits_at_surface(state);
-        if !self.sliding.iter().any(keeps) {
+        let has_contacts = self.sliding.iter().any(|&i| self.is_contact(i));
+        if !has_contacts && (self.sliding.is_empty() || !self.waits_at_surface(state)) {
             return;
         }
         let step = match state.last_step {
