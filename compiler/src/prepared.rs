@@ -2,6 +2,45 @@
 //!
 //! What the parameters that stay open reach is compiled as functions of them: other parameters, initial values, rates,
 //! surfaces and laws. So another value compiles nothing. It has to be on the same side of zero: a zero takes terms out.
+//!
+//! Runs give what the solver knows: steps and events to an observer, the end, and why it is one. Outputs, bounds of states,
+//! expectations and the second run that estimates the error are those of [`crate::simulate::run`].
+//!
+//! ```
+//! use std::ops::ControlFlow;
+//! use nsd_solver::simulate::{Event, Observer, Segment, Status};
+//! use nsdc::prepared::Prepared;
+//!
+//! let text = "model ball {
+//!   param g = 9.81; param e = 0.9;
+//!   state q = 1; state v = 0;
+//!   q' = v; v' = -g;
+//!   jump floor when q <= 0 and v < 0 { v := -e*v; }
+//! }
+//! simulate falls of ball { horizon 1; }";
+//! let prepared = Prepared::from_text(text, "falls", &["g", "e"]).expect("it compiles");
+//! assert_eq!(prepared.states(), ["q", "v"]);
+//!
+//! /// Counts bounces.
+//! struct Bounces(usize);
+//! impl Observer for Bounces {
+//!     fn segment(&mut self, _: &Segment) -> ControlFlow<()> {
+//!         ControlFlow::Continue(())
+//!     }
+//!     fn event(&mut self, _: &Event) {
+//!         self.0 += 1;
+//!     }
+//! }
+//!
+//! // 2 m/s², and a second is the time of the first fall: q = 1 - t².
+//! let (mut runs, mut bounces) = (prepared.runs(), Bounces(0));
+//! let outcome = runs.run(&[2.0, 0.5], None, 0.5, &mut bounces);
+//! assert_eq!(outcome.status, Status::Solved);
+//! assert!((outcome.x[0] - 0.75).abs() < 1e-12);
+//! // From 1/2 with 9 m/s² it strikes after 1/3 and 2/3 of a second.
+//! let outcome = runs.run(&[9.0, 0.5], Some(&[0.5, 0.0]), 0.7, &mut bounces);
+//! assert_eq!((outcome.status, bounces.0), (Status::Solved, 2));
+//! ```
 
 use std::sync::Arc;
 
@@ -13,8 +52,10 @@ use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
 use crate::expr::{self, Expr, Exprs, Var};
 use crate::hybrid::{self, variable};
+use crate::imports::{self, NoFiles};
 use crate::simulate::solver_settings;
-use crate::syntax::{Bind, Experiment, File, Path};
+use crate::source::SourceMap;
+use crate::syntax::{self, Bind, Experiment, File, Item, Path, SettingKind};
 use crate::system::System;
 use crate::system::experiment::Method;
 
@@ -43,8 +84,14 @@ pub struct Parameter {
 #[derive(Debug, thiserror::Error)]
 pub enum NotPrepared {
     /// It does not compile, or what must be known before a run depends on an open parameter.
-    #[error("the experiment does not compile with parameters that stay open")]
+    #[error("the experiment does not compile with parameters that stay open: {}", first(.0))]
     NotCompiled(Diagnostics),
+    /// There is no experiment of this name.
+    #[error("there is no experiment `{0}`")]
+    NoExperiment(String),
+    /// This is no name of a parameter, or of an entry of one.
+    #[error("`{0}` is no parameter")]
+    NoParameter(String),
     /// It is not run from event to event.
     #[error("`{0}` runs with numbers that are compiled in")]
     Method(&'static str),
@@ -81,6 +128,31 @@ impl Prepared {
             Some(compiled) if !diags.has_errors() => Self::of(&compiled),
             _ => Err(NotPrepared::NotCompiled(diags)),
         }
+    }
+
+    /// An experiment of a text, which uses no other files, with parameters open by their names: `k`, `A[1,2]`.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Prepared::new`], and names that are not there.
+    pub fn from_text(text: &str, experiment: &str, open: &[&str]) -> Result<Self, NotPrepared> {
+        let (mut sources, mut diags) = (SourceMap::new(), Diagnostics::new());
+        let mut file = syntax::parse(&sources.add("text", text), &mut diags);
+        imports::link(&mut file, "text", &mut NoFiles, &mut sources, &mut diags);
+        if diags.has_errors() {
+            return Err(NotPrepared::NotCompiled(diags));
+        }
+        let found = file.items.iter().find_map(|item| match item {
+            Item::Experiment(found) if found.name.name == experiment => Some(found),
+            _ => None,
+        });
+        let found = found.ok_or_else(|| NotPrepared::NoExperiment(experiment.to_owned()))?;
+        let paths = open.iter().map(|name| {
+            let path = path(name, &mut sources);
+            path.ok_or_else(|| NotPrepared::NoParameter((*name).to_owned()))
+        });
+        let paths: Vec<Path> = paths.collect::<Result<_, _>>()?;
+        Self::new(&file, found, &[], &paths)
     }
 
     /// An experiment that has been compiled with open parameters.
@@ -187,6 +259,34 @@ impl Runs {
         self.simulator.set_parameters(parameters);
         self.simulator.run(0.0, horizon, &self.x0, observer)
     }
+}
+
+/// The first error, with its code.
+fn first(diags: &Diagnostics) -> String {
+    let told = diags.errors().next().map(|error| match error.code() {
+        Some(code) => format!("{code}, {error}"),
+        None => error.to_string(),
+    });
+    told.unwrap_or_default()
+}
+
+/// A name as it stands on the left of `=` in `with`.
+fn path(name: &str, sources: &mut SourceMap) -> Option<Path> {
+    let text = format!("simulate x of x {{ with {{ {name} = 0; }} }}");
+    let mut diags = Diagnostics::new();
+    let file = syntax::parse(&sources.add("name", text), &mut diags);
+    let settings = file.items.into_iter().find_map(|item| match item {
+        Item::Experiment(found) => Some(found.settings),
+        _ => None,
+    });
+    let mut binds = settings?
+        .into_iter()
+        .find_map(|setting| match setting.kind {
+            SettingKind::With(binds) => Some(binds),
+            _ => None,
+        })?;
+    let is_one = !diags.has_errors() && binds.len() == 1;
+    is_one.then(|| binds.remove(0).target)
 }
 
 /// x(0) as a function of the open parameters.

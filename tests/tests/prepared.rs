@@ -4,10 +4,7 @@ use std::ops::ControlFlow;
 
 use nsd_solver::simulate::{Event, Observer, Segment, Status};
 use nsd_tests::{end, run};
-use nsdc::diagnostics::Diagnostics;
 use nsdc::prepared::{NotPrepared, Prepared};
-use nsdc::source::SourceMap;
-use nsdc::syntax::{self, Experiment, File, Item, Path, SettingKind};
 
 struct Silent;
 
@@ -19,30 +16,8 @@ impl Observer for Silent {
     fn event(&mut self, _: &Event) {}
 }
 
-fn parsed(text: &str) -> (File, Experiment) {
-    let mut diags = Diagnostics::new();
-    let file = syntax::parse(&SourceMap::new().add("test.nsd", text), &mut diags);
-    assert!(!diags.has_errors(), "{text}");
-    let experiment = file.items.iter().find_map(|item| match item {
-        Item::Experiment(experiment) => Some(experiment.clone()),
-        _ => None,
-    });
-    (file, experiment.expect("the text has an experiment"))
-}
-
-fn path(name: &str) -> Path {
-    let (_, experiment) = parsed(&format!("simulate x of x {{ with {{ {name} = 0; }} }}"));
-    let setting = &experiment.settings[0];
-    match &setting.kind {
-        SettingKind::With(binds) => binds[0].target.clone(),
-        _ => panic!("{name} is no path"),
-    }
-}
-
 fn prepared(text: &str, open: &[&str]) -> Result<Prepared, NotPrepared> {
-    let (file, experiment) = parsed(text);
-    let open: Vec<Path> = open.iter().map(|name| path(name)).collect();
-    Prepared::new(&file, &experiment, &[], &open)
+    Prepared::from_text(text, "s", open)
 }
 
 /// Runs of `model` to the horizon with each of these values, prepared once and compiled for each.
@@ -187,4 +162,22 @@ fn what_cannot_stay_open_is_refused() {
         panic!("the horizon depends on p");
     };
     assert_eq!(diags.codes(), ["E0527"]);
+    // Names that are none, and what is no parameter.
+    for (open, code) in [("pp", "E0101"), ("x", "E0517"), ("p[2]", "E0")] {
+        let error = refused(&plain, &[open]);
+        assert!(
+            matches!(error, NotPrepared::NotCompiled(_)),
+            "{open}: {error}"
+        );
+        assert!(error.to_string().contains(code), "{open}: {error}");
+    }
+    for open in ["", "p; q", "2"] {
+        let error = refused(&plain, &[open]);
+        assert!(
+            matches!(error, NotPrepared::NoParameter(_)),
+            "{open}: {error}"
+        );
+    }
+    let other = Prepared::from_text(&plain, "t", &["p"]).expect_err("there is none");
+    assert!(matches!(other, NotPrepared::NoExperiment(name) if name == "t"));
 }

@@ -22,7 +22,7 @@ pub(super) fn given<'e>(
         span: experiment.span,
         ..Given::default()
     };
-    let mut complete = true;
+    let mut complete = stay_open(model, &experiment.open, diags);
     let binds = experiment
         .settings
         .iter()
@@ -37,6 +37,27 @@ pub(super) fn given<'e>(
         complete &= give(model, bind, true, &mut given, diags).is_some();
     }
     complete.then_some(given)
+}
+
+/// Whether what stays open are parameters.
+fn stay_open(model: &Model<'_>, open: &[Path], diags: &mut Diagnostics) -> bool {
+    let mut complete = true;
+    for path in open {
+        let Some(target) = model.scope.target(path, diags) else {
+            complete = false;
+            continue;
+        };
+        if !matches!(target.kind, TargetKind::Param(_)) {
+            diags.push(ExperimentError::NotFree {
+                name: path_text(model, path, &target),
+                kind: target.kind.word(),
+                expected: "param",
+                span: path.span,
+            });
+            complete = false;
+        }
+    }
+    complete
 }
 
 /// The parameters that `free` names, and those that stay open; what is wrong with it is reported where it is read.
