@@ -4,8 +4,7 @@
 //! expressions belongs to one thread, so that every thread compiles the experiment once for itself.
 
 use std::ops::Range;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::mpsc;
+use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use crate::Compiled;
@@ -17,6 +16,7 @@ use crate::report::{Bands, Ensemble, Failure, Status, Trajectory, Warning};
 use crate::simulate::{self, Request};
 use crate::syntax::{Bind, Experiment, File};
 use crate::system::experiment::{Sampling, Settings};
+use crate::threads::{self, Share};
 
 /// Shares of the runs below the quantiles that are reported.
 pub const LEVELS: [f64; 5] = [0.05, 0.25, 0.5, 0.75, 0.95];
@@ -48,11 +48,6 @@ struct Sample {
     warnings: Vec<Warning>,
 }
 
-/// How many runs go on at once: one on every core.
-pub fn threads() -> usize {
-    std::thread::available_parallelism().map_or(1, usize::from)
-}
-
 /// Calls `work` for every seed, on up to `n_threads` threads, with the experiment compiled and the seed set.
 ///
 /// What it returns comes in the order of the seeds. `heard` is told how many are done. The experiment has compiled
@@ -65,8 +60,7 @@ pub fn over_seeds<T: Send>(
     heard: &mut dyn FnMut(usize),
 ) -> Vec<T> {
     let count = seeds.end.saturating_sub(seeds.start) as usize;
-    let next = AtomicUsize::new(0);
-    let each = |found: mpsc::Sender<(usize, T)>| {
+    let each = |share: Share<'_, T>| {
         let exprs = Exprs::new();
         let (mut clock, mut diags) = (Clock::default(), Diagnostics::new());
         let Source {
@@ -76,32 +70,15 @@ pub fn over_seeds<T: Send>(
         } = source;
         let compiled = compile(&exprs, file, experiment, overrides, &mut clock, &mut diags);
         let mut compiled = compiled.expect("the experiment has compiled before");
-        while let run = next.fetch_add(1, Ordering::Relaxed)
-            && run < count
-        {
+        while let Some(run) = share.next() {
             if let Some(kicks) = &mut compiled.settings.kicks {
                 kicks.seed = seeds.start + run as u64;
             }
-            if found.send((run, work(&compiled))).is_err() {
-                return;
-            }
+            share.finish(run, work(&compiled));
         }
     };
-    let mut results: Vec<(usize, T)> = Vec::with_capacity(count);
-    std::thread::scope(|scope| {
-        let (sender, found) = mpsc::channel();
-        for _ in 0..n_threads.clamp(1, count.max(1)) {
-            let sender = sender.clone();
-            scope.spawn(|| each(sender));
-        }
-        drop(sender);
-        for result in found {
-            results.push(result);
-            heard(results.len());
-        }
-    });
-    results.sort_by_key(|(run, _)| *run);
-    results.into_iter().map(|(_, result)| result).collect()
+    let runs = threads::in_order(count, n_threads, &AtomicBool::new(false), each, heard);
+    runs.into_iter().flatten().collect()
 }
 
 /// The seeds of an experiment with `runs`; none without it.

@@ -26,6 +26,7 @@ pub mod system;
 pub mod table;
 #[cfg(test)]
 mod testing;
+pub mod threads;
 
 pub use nsd_expr as expr;
 use nsd_solver::tableau::Family;
@@ -107,12 +108,10 @@ fn compile_to<'e>(
     diags: &mut Diagnostics,
 ) -> Option<Compiled<'e>> {
     let (home, definition) = model::find(file, &experiment.model, diags)?;
-    let with = given(experiment, overrides);
-    let name = &definition.name.name;
-    let mut model = clock.time("model", || model::resolve(exprs, home, name, &with, diags))?;
-    if !std::ptr::eq(home, file) {
-        model.see_from(file, diags);
-    }
+    let (name, with) = (&definition.name.name, given(experiment, overrides));
+    let model = clock.time("model", || {
+        resolved(exprs, file, (home, name), &with, diags)
+    })?;
     clock.time("system", || {
         let settings = system::experiment::evaluate(&model, experiment, overrides, diags)?;
         missing_guesses(file, &settings, diags)?;
@@ -136,6 +135,42 @@ fn compile_to<'e>(
             system,
         })
     })
+}
+
+/// A model with structural constants of an experiment, as it is seen from the file of that.
+fn resolved<'e>(
+    exprs: &'e Exprs,
+    file: &File,
+    (home, name): (&File, &str),
+    with: &[Bind],
+    diags: &mut Diagnostics,
+) -> Option<Model<'e>> {
+    let mut model = model::resolve(exprs, home, name, with, diags)?;
+    if !std::ptr::eq(home, file) {
+        model.see_from(file, diags);
+    }
+    Some(model)
+}
+
+/// Whether the model of an experiment is sound, and has what overrides name, whatever their values are.
+pub fn check_names(
+    file: &File,
+    experiment: &Experiment,
+    overrides: &[Bind],
+    diags: &mut Diagnostics,
+) -> bool {
+    let exprs = Exprs::new();
+    let Some((home, definition)) = model::find(file, &experiment.model, diags) else {
+        return false;
+    };
+    let (name, with) = (&definition.name.name, given(experiment, overrides));
+    let Some(model) = resolved(&exprs, file, (home, name), &with, diags) else {
+        return false;
+    };
+    for bind in overrides {
+        model.scope.target(&bind.target, diags);
+    }
+    !diags.has_errors()
 }
 
 /// Goes on unless something is refused.

@@ -1,7 +1,8 @@
 //! An experiment that is compiled once and runs many times from event to event, with other parameters and initial values.
 //!
 //! What the parameters that stay open reach is compiled as functions of them: other parameters, initial values, rates,
-//! surfaces and laws. So another value compiles nothing. It has to be on the same side of zero: a zero takes terms out.
+//! surfaces and laws. So another value compiles nothing. It has to be on the same side of zero: a zero takes terms out,
+//! and a sign turns sides of surfaces round.
 //!
 //! Runs give what the solver knows: steps and events to an observer, the end, and why it is one. Outputs, bounds of states,
 //! expectations and the second run that estimates the error are those of [`crate::simulate::run`].
@@ -34,11 +35,13 @@
 //!
 //! // 2 m/s², and a second is the time of the first fall: q = 1 - t².
 //! let (mut runs, mut bounces) = (prepared.runs(), Bounces(0));
-//! let outcome = runs.run(&[2.0, 0.5], None, 0.5, &mut bounces);
+//! let outcome = runs.run(&[2.0, 0.5], None, 0.5, &mut bounces).expect("they are in range");
 //! assert_eq!(outcome.status, Status::Solved);
 //! assert!((outcome.x[0] - 0.75).abs() < 1e-12);
 //! // From 1/2 with 9 m/s² it strikes after 1/3 and 2/3 of a second.
-//! let outcome = runs.run(&[9.0, 0.5], Some(&[0.5, 0.0]), 0.7, &mut bounces);
+//! let outcome = runs.run(&[9.0, 0.5], Some(&[0.5, 0.0]), 0.7, &mut bounces).expect("they are");
+//! // A zero is another system.
+//! assert!(runs.run(&[0.0, 0.5], None, 0.7, &mut bounces).is_err());
 //! assert_eq!((outcome.status, bounces.0), (Status::Solved, 2));
 //! ```
 
@@ -51,7 +54,7 @@ use crate::Compiled;
 use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
 use crate::expr::{self, Expr, Exprs, Var};
-use crate::hybrid::{self, variable};
+use crate::hybrid::{self, Structural, variable};
 use crate::imports::{self, NoFiles};
 use crate::simulate::solver_settings;
 use crate::source::SourceMap;
@@ -76,8 +79,10 @@ pub struct Prepared {
 pub struct Parameter {
     /// Its name, with its index: `k`, `A[1,2]`.
     pub name: String,
-    /// Its value where a run has no other.
+    /// Its value in the experiment.
     pub value: f64,
+    /// What it may be: where it was declared to be, on the same side of zero, which is no value of it.
+    pub range: [f64; 2],
 }
 
 /// Why an experiment is not prepared.
@@ -95,15 +100,43 @@ pub enum NotPrepared {
     /// It is not run from event to event.
     #[error("`{0}` runs with numbers that are compiled in")]
     Method(&'static str),
-    /// A parameter decides how functions are stated: it is zero, in an exponent, or where it may make a function of time
-    /// narrow.
-    #[error(
-        "`{0}` is zero, in an exponent, or may make a function of time narrow: another value is another system"
-    )]
-    Structural(String),
+    /// Another value of this parameter is another system.
+    #[error("`{0}` {1}: it has to be compiled for each of its values")]
+    Structural(String, Structural),
     /// An initial value is not smooth in the parameters.
     #[error("the initial value of `{0}` is no smooth function of the parameters")]
     Start(String),
+}
+
+/// Why there is no run with some numbers.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum NotRun {
+    /// There are not as many numbers as parameters, or as states.
+    #[error("{found} numbers for {wanted} {what}")]
+    Count {
+        /// How many were given.
+        found: usize,
+        /// How many there are.
+        wanted: usize,
+        /// Of what.
+        what: &'static str,
+    },
+    /// A parameter is where the experiment was not prepared for it.
+    #[error("`{}` = {value} is not within {} and {}, or zero", .of.name, .of.range[0], .of.range[1])]
+    Range {
+        /// The parameter.
+        of: Parameter,
+        /// Its value.
+        value: f64,
+    },
+    /// Behind the end of the experiment nobody has looked where functions of time are narrow.
+    #[error("a horizon of {horizon} is not within 0 and {longest}, that of the experiment")]
+    Horizon {
+        /// That of the run.
+        horizon: f64,
+        /// That of the experiment.
+        longest: f64,
+    },
 }
 
 impl Prepared {
@@ -162,19 +195,26 @@ impl Prepared {
         if !is_run || !matches!(settings.method, Method::Auto | Method::Event(_)) {
             return Err(NotPrepared::Method(settings.method.word()));
         }
-        let open = |var: Expr| settings.values.is_open(var);
+        let values = &settings.values;
         let params = system.params.iter().enumerate();
-        let open: Vec<usize> = params
-            .filter(|(_, p)| open(p.var))
-            .map(|(at, _)| at)
-            .collect();
-        let possible = hybrid::may_be_open(system);
-        if let Some(&fixed) = open.iter().find(|at| !possible.contains(at)) {
-            return Err(NotPrepared::Structural(system.params[fixed].name.clone()));
+        let open = params.filter(|(_, param)| values.is_open(param.var));
+        let open: Vec<usize> = open.map(|(at, _)| at).collect();
+        let why = hybrid::structural(system);
+        if let Some((at, why)) = open.iter().find_map(|&at| Some((at, why[at]?))) {
+            return Err(NotPrepared::Structural(system.params[at].name.clone(), why));
         }
-        let parameter = |&at: &usize| Parameter {
-            name: system.params[at].name.clone(),
-            value: system.params[at].value,
+        if let Some(name) = values.moving_range(&compiled.model) {
+            return Err(NotPrepared::Structural(name, Structural::Range));
+        }
+        let ranges = values.open_ranges(&compiled.model);
+        let parameter = |&at: &usize| {
+            let param = &system.params[at];
+            let range = ranges[&variable(param.var)];
+            Parameter {
+                name: param.name.clone(),
+                value: param.value,
+                range: [range.low, range.high],
+            }
         };
         let mut chosen = solver_settings(&settings.method, settings.tolerance, None);
         chosen.averages = settings.averages;
@@ -213,51 +253,82 @@ impl Prepared {
     }
 
     /// Runs one after another, which keep what they compile.
-    pub fn runs(&self) -> Runs {
+    pub fn runs(&self) -> Runs<'_> {
         Runs {
             simulator: Simulator::new(self.system.clone(), self.settings.clone()),
             scratch: self.start.scratch(),
             x0: vec![0.0; self.states.len()],
-            start: self.start.clone(),
-            horizon: self.horizon,
+            prepared: self,
         }
     }
 }
 
 /// Runs of one [`Prepared`] on one thread.
-pub struct Runs {
+pub struct Runs<'p> {
+    prepared: &'p Prepared,
     simulator: Simulator,
-    start: Arc<Tape>,
     scratch: Scratch,
     x0: Vec<f64>,
-    horizon: f64,
 }
 
-impl Runs {
-    /// A run from 0 to a horizon, no longer than that of the experiment, with these values of the parameters, in the order of [`Prepared::parameters`], and from
-    /// an initial state, or the one that they give. A relay that this leaves between its thresholds starts as it does in
-    /// the experiment.
+impl Runs<'_> {
+    /// A run from 0 to a horizon, no longer than that of the experiment, with these values of the parameters, in the order
+    /// of [`Prepared::parameters`], and from an initial state, or the one that they give. A relay that this leaves between
+    /// its thresholds starts as it does in the experiment.
     ///
-    /// # Panics
+    /// # Errors
     ///
-    /// With a longer horizon: behind its end nobody has looked where functions of time are narrow.
+    /// For numbers that the experiment was not prepared for.
     pub fn run(
         &mut self,
         parameters: &[f64],
         x0: Option<&[f64]>,
         horizon: f64,
         observer: &mut impl Observer,
-    ) -> Outcome {
-        assert!(
-            horizon <= self.horizon,
-            "no run is longer than the experiment"
-        );
+    ) -> Result<Outcome, NotRun> {
+        self.check(parameters, x0, horizon)?;
         match x0 {
             Some(x0) => self.x0.copy_from_slice(x0),
-            None => self.start.eval(parameters, &mut self.x0, &mut self.scratch),
+            None => (self.prepared.start).eval(parameters, &mut self.x0, &mut self.scratch),
         }
         self.simulator.set_parameters(parameters);
-        self.simulator.run(0.0, horizon, &self.x0, observer)
+        Ok(self.simulator.run(0.0, horizon, &self.x0, observer))
+    }
+
+    fn check(&self, parameters: &[f64], x0: Option<&[f64]>, horizon: f64) -> Result<(), NotRun> {
+        let Prepared {
+            parameters: known,
+            states,
+            horizon: longest,
+            ..
+        } = self.prepared;
+        let states = x0.map(|x0| (x0.len(), states.len(), "states"));
+        for (found, wanted, what) in [Some((parameters.len(), known.len(), "parameters")), states]
+            .into_iter()
+            .flatten()
+        {
+            if found != wanted {
+                return Err(NotRun::Count {
+                    found,
+                    wanted,
+                    what,
+                });
+            }
+        }
+        for (&value, of) in parameters.iter().zip(known) {
+            let [low, high] = of.range;
+            if !(low <= value && value <= high && value != 0.0 && value.is_finite()) {
+                let of = of.clone();
+                return Err(NotRun::Range { of, value });
+            }
+        }
+        match 0.0 < horizon && horizon <= *longest {
+            true => Ok(()),
+            false => Err(NotRun::Horizon {
+                horizon,
+                longest: *longest,
+            }),
+        }
     }
 }
 

@@ -85,12 +85,50 @@ fn a_run_that_fails_is_a_row_with_its_code() {
     assert!((end - (-1.0_f64).exp()).abs() <= 1e-8);
     assert_eq!(rows[1]["status"], "not_compiled");
     assert_eq!(rows[1]["code"], "E0504");
+    // Wherever it stands; and where no value is right, that is told with its place.
+    let first = sweep(&folder, &["--over", "k=[7,1]", "--csv", "-"]);
+    assert_eq!((first.status, first.err.as_str()), (2, ""));
+    assert!(
+        first.out.contains("7.0,not_compiled,E0504,"),
+        "{}",
+        first.out
+    );
+    let all = sweep(&folder, &["--over", "k=[7,8]", "--csv", "all.csv"]);
+    assert_eq!((all.status, all.out.as_str()), (1, ""));
+    assert!(
+        all.err.contains("E0504") && all.err.contains("k=7.0"),
+        "{}",
+        all.err
+    );
+    assert!(!folder.join("all.csv").exists());
+}
+
+/// x' = x² from 1 is infinite at t = 1: there is no end, and none is told.
+#[test]
+fn a_run_that_does_not_reach_its_end_has_none() {
+    let folder = folder("sweep_no_end");
+    let text =
+        "model m { param k = 1; state x = 1; x' = k*x^2; }\nsimulate s of m { horizon 2; }\n";
+    fs::write(folder.join("decay.nsd"), text).expect("the folder is writable");
+    let ran = sweep(&folder, &["--over", "k=[0.1,1]", "--csv", "-"]);
+    assert_eq!(ran.status, 2, "{}", ran.err);
+    let lines: Vec<Vec<&str>> = ran
+        .out
+        .lines()
+        .map(|line| line.split(',').collect())
+        .collect();
+    assert!((lines[1][3].parse::<f64>().expect("a number") - 1.25).abs() <= 1e-7);
+    assert_ne!(lines[2][1], "solved");
+    assert!(lines[2][2].starts_with('E'), "{}", ran.out);
+    assert_eq!(lines[2][3], "", "{}", ran.out);
 }
 
 #[test]
 fn what_is_no_sweep_is_refused() {
     let folder = with_decay("sweep_refused");
-    let wrong: [(&[&str], i32, &str); 8] = [
+    let axes = ["--over", "k=[1]", "--over", "x=[1]", "--over", "z=[1]"];
+    let (three, two) = ([&axes[..], &["--plot", "f.svg"]].concat(), &axes[..2]);
+    let wrong: [(&[&str], i32, &str); 12] = [
         (&["--over", "k=[]"], 64, "E0811"),
         (&["--over", "k=1:nan:3"], 64, "E0811"),
         (&["--over", "k=[1]", "--over", "k=[2]"], 64, "E0811"),
@@ -111,6 +149,18 @@ fn what_is_no_sweep_is_refused() {
             1,
             "cannot write",
         ),
+        (&three, 64, "one axis or two"),
+        (
+            &[two, &["--csv", "-", "--json", "-"]].concat(),
+            64,
+            "only one of",
+        ),
+        (
+            &[two, &["--plot", "f.png"]].concat(),
+            64,
+            "must end in `.svg`",
+        ),
+        (&[two, &["--json", "."]].concat(), 1, "it is a folder"),
     ];
     for (args, status, says) in wrong {
         let ran = sweep(&folder, args);

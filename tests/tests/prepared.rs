@@ -4,7 +4,8 @@ use std::ops::ControlFlow;
 
 use nsd_solver::simulate::{Event, Observer, Segment, Status};
 use nsd_tests::{end, run};
-use nsdc::prepared::{NotPrepared, Prepared};
+use nsdc::hybrid::Structural;
+use nsdc::prepared::{NotPrepared, NotRun, Prepared};
 
 struct Silent;
 
@@ -43,6 +44,7 @@ fn both(model: &str, horizon: f64, names: &[&str], values: &[&[f64]], within: f6
             .map(|name| values[place(name).expect("it is one of them")])
             .collect();
         let outcome = runs.run(&ordered, None, horizon, &mut Silent);
+        let outcome = outcome.expect("the numbers are in range");
         assert_eq!(outcome.status, Status::Solved, "{model} {values:?}");
         let with = names.iter().zip(*values);
         let with: String = with
@@ -134,11 +136,12 @@ fn no_run_passes_over_what_is_narrow() {
     let mut runs = prepared.runs();
     for a in [2.0, 7.0] {
         let outcome = runs.run(&[a], None, 10.0, &mut Silent);
+        let outcome = outcome.expect("the numbers are in range");
         let exact = a * 0.001 * std::f64::consts::PI.sqrt();
         assert!((outcome.x[0] - exact).abs() <= 1e-9, "{}", outcome.x[0]);
     }
     let refused = self::prepared(&text("t0"), &["t0"]).expect_err("it is refused");
-    assert!(matches!(refused, NotPrepared::Structural(name) if name == "t0"));
+    assert!(matches!(refused, NotPrepared::Structural(name, Structural::Narrow) if name == "t0"));
     let forced =
         "model m { param w = 3; state y = 0; y' = sin(w*time)^2; } simulate s of m { horizon 1; }";
     assert!(self::prepared(forced, &["w"]).is_ok());
@@ -150,8 +153,12 @@ fn what_cannot_stay_open_is_refused() {
     let model =
         "model m { param p = 2; param n = 1.5; param z = 0; state x = 1; x' = -x^n + z - p; }";
     let plain = format!("{model} simulate s of m {{ horizon 1; }}");
-    assert!(matches!(refused(&plain, &["n"]), NotPrepared::Structural(name) if name == "n"));
-    assert!(matches!(refused(&plain, &["z"]), NotPrepared::Structural(name) if name == "z"));
+    assert!(
+        matches!(refused(&plain, &["n"]), NotPrepared::Structural(name, Structural::Exponent) if name == "n")
+    );
+    assert!(
+        matches!(refused(&plain, &["z"]), NotPrepared::Structural(name, Structural::Zero) if name == "z")
+    );
     let elements = format!("{model} simulate s of m {{ horizon 1; method fesd; }}");
     assert!(matches!(
         refused(&elements, &["p"]),
@@ -180,4 +187,47 @@ fn what_cannot_stay_open_is_refused() {
     }
     let other = Prepared::from_text(&plain, "t", &["p"]).expect_err("there is none");
     assert!(matches!(other, NotPrepared::NoExperiment(name) if name == "t"));
+}
+
+/// Numbers that a compilation would refuse, or make another system of.
+#[test]
+fn numbers_outside_of_what_was_prepared_are_refused() {
+    let text = "model m { param p in [-3, -0.5] = -1; state x = 1; x' = p*x + (if p*x > -1 then 1 else 0); }
+                simulate s of m { horizon 1; }";
+    let prepared = prepared(text, &["p"]).expect("it is prepared");
+    assert_eq!(prepared.parameters()[0].range, [-3.0, -0.5]);
+    let mut runs = prepared.runs();
+    for value in [-4.0, -0.4, 0.0, 1.0, f64::NAN, f64::NEG_INFINITY] {
+        let refused = runs.run(&[value], None, 1.0, &mut Silent);
+        assert!(matches!(refused, Err(NotRun::Range { .. })), "{value}");
+    }
+    for (parameters, x0) in [
+        (&[][..], None),
+        (&[-1.0, -1.0], None),
+        (&[-1.0], Some(&[][..])),
+    ] {
+        let refused = runs.run(parameters, x0, 1.0, &mut Silent);
+        assert!(matches!(refused, Err(NotRun::Count { .. })));
+    }
+    for horizon in [1.1, 0.0, -1.0, f64::NAN] {
+        let refused = runs.run(&[-1.0], None, horizon, &mut Silent);
+        assert!(matches!(refused, Err(NotRun::Horizon { .. })), "{horizon}");
+    }
+    assert!(runs.run(&[-0.5], Some(&[2.0]), 0.5, &mut Silent).is_ok());
+}
+
+/// A range that follows from what is open, or a set, would not be looked at in a run.
+#[test]
+fn ranges_that_move_are_refused() {
+    let models = [
+        "param p = 1; param q in [0, 3] = 2*p; state x = 1; x' = -q*x;",
+        "param p = 1; param q in [0, 3*p] = 2; state x = 1; x' = -q*x;",
+        "param p in {1, 2} = 1; state x = 1; x' = -p*x;",
+    ];
+    for model in models {
+        let text = format!("model m {{ {model} }} simulate s of m {{ horizon 1; }}");
+        let refused = prepared(&text, &["p"]).expect_err("it is refused");
+        let is_range = matches!(refused, NotPrepared::Structural(_, Structural::Range));
+        assert!(is_range, "{model}: {refused}");
+    }
 }

@@ -1,7 +1,7 @@
 //! The arguments of each command.
 
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::{Args as Arguments, Parser, Subcommand, ValueEnum};
@@ -188,15 +188,46 @@ pub struct RunArgs {
 }
 
 impl RunArgs {
-    /// How many results go to standard output.
-    pub fn n_to_standard(&self) -> usize {
-        let targets = [&self.json, &self.csv, &self.plot].into_iter().flatten();
-        targets.filter(|target| is_standard(target)).count()
+    /// Where results go.
+    pub fn targets(&self) -> Targets<'_> {
+        Targets {
+            json: self.json.as_deref(),
+            csv: self.csv.as_deref(),
+            plot: self.plot.as_deref(),
+        }
+    }
+}
+
+/// Where results go.
+#[derive(Clone, Copy, Debug)]
+pub struct Targets<'a> {
+    json: Option<&'a Path>,
+    csv: Option<&'a Path>,
+    plot: Option<&'a Path>,
+}
+
+impl<'a> Targets<'a> {
+    /// Those that there are.
+    pub fn all(self) -> impl Iterator<Item = &'a Path> {
+        [self.json, self.csv, self.plot].into_iter().flatten()
     }
 
     /// Whether results take the place of the report.
-    pub fn to_standard(&self) -> bool {
-        self.n_to_standard() > 0
+    pub fn to_standard(self) -> bool {
+        self.all().any(is_standard)
+    }
+
+    /// What is wrong with their combination.
+    pub fn misuse(self) -> Option<String> {
+        if self.all().filter(|target| is_standard(target)).count() > 1 {
+            let all = "`--json`, `--csv`, `--plot`";
+            return Some(format!("only one of {all} can write to standard output"));
+        }
+        let plot = self.plot.filter(|plot| !is_standard(plot))?;
+        let is_svg = plot
+            .extension()
+            .is_some_and(|extension| extension.eq_ignore_ascii_case("svg"));
+        (!is_svg).then(|| format!("plots are SVG: `{}` must end in `.svg`", plot.display()))
     }
 }
 
@@ -339,10 +370,13 @@ pub struct SweepArgs {
 }
 
 impl SweepArgs {
-    /// Whether rows take the place of the table.
-    pub fn to_standard(&self) -> bool {
-        let mut targets = [&self.csv, &self.json, &self.plot].into_iter().flatten();
-        targets.any(|target| is_standard(target))
+    /// Where rows and the figure go.
+    pub fn targets(&self) -> Targets<'_> {
+        Targets {
+            json: self.json.as_deref(),
+            csv: self.csv.as_deref(),
+            plot: self.plot.as_deref(),
+        }
     }
 }
 

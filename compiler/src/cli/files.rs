@@ -89,6 +89,19 @@ pub fn read_if_present(path: &Path) -> Result<Option<String>, FileError> {
     }
 }
 
+/// That a file can hardly be written, for what takes long before it is.
+pub fn foresee(path: &Path) -> Result<(), FileError> {
+    let folder = path
+        .parent()
+        .filter(|folder| !folder.as_os_str().is_empty());
+    let kind = match (is_standard(path), path.is_dir(), folder) {
+        (false, true, _) => io::ErrorKind::IsADirectory,
+        (false, false, Some(folder)) if !folder.is_dir() => io::ErrorKind::NotFound,
+        _ => return Ok(()),
+    };
+    Err(FileError::new("write", path, &kind.into()))
+}
+
 /// Replaces a file as a whole: it has its old text or the new one, whatever happens meanwhile.
 pub fn write(path: &Path, text: &str) -> Result<(), FileError> {
     replace(path, text).map_err(|error| FileError::new("write", path, &error))

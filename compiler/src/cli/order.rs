@@ -20,16 +20,8 @@ pub fn run(args: &OrderArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
     let Some((mut project, overrides)) = Project::open(&args.file, &args.set, streams)? else {
         return Ok(Exit::Wrong);
     };
-    let Some(mut experiments) = project.selected(args.experiment.as_deref(), streams)? else {
-        return Ok(Exit::Wrong);
-    };
-    let [experiment] = &mut experiments[..] else {
-        let names = experiments.iter().map(|e| format!("`{}`", e.name.name));
-        let names = names.collect::<Vec<_>>().join(", ");
-        writeln!(
-            streams.err,
-            "error: `nsdc order` takes one experiment\n  help: name one of {names}"
-        )?;
+    let mut experiment = project.selected_one(args.experiment.as_deref(), "order", streams)?;
+    let Some(experiment) = &mut experiment else {
         return Ok(Exit::Wrong);
     };
 

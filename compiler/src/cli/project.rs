@@ -84,6 +84,27 @@ impl Project {
         Ok(overrides.map(|overrides| (project, overrides)))
     }
 
+    /// The experiment of that name, or the only one, for a command that takes one; nothing where there is none or several,
+    /// which has been printed.
+    pub fn selected_one(
+        &self,
+        name: Option<&str>,
+        command: &str,
+        streams: &mut Streams<'_>,
+    ) -> io::Result<Option<Experiment>> {
+        let mut experiments = self.selected(name, streams)?.unwrap_or_default();
+        if experiments.len() > 1 {
+            let names = experiments.iter().map(|e| format!("`{}`", e.name.name));
+            let names = names.collect::<Vec<_>>().join(", ");
+            writeln!(
+                streams.err,
+                "error: `nsdc {command}` takes one experiment\n  help: name one of {names}"
+            )?;
+            return Ok(None);
+        }
+        Ok(experiments.pop())
+    }
+
     /// The experiment of that name, or all of them; nothing where there are none, which has been
     /// printed.
     pub fn selected(

@@ -23,7 +23,7 @@ use crate::syntax::{Bind, Experiment};
 /// Runs experiments and reports what came out.
 pub fn run(args: &RunArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
     let started = Instant::now();
-    if let Some(message) = misuse(args) {
+    if let Some(message) = args.targets().misuse() {
         writeln!(streams.err, "error: {message}")?;
         return Ok(Exit::Usage);
     }
@@ -80,18 +80,6 @@ pub fn run(args: &RunArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         times(&clock, streams)?;
     }
     Ok(exit)
-}
-
-/// What is wrong with a combination of arguments.
-fn misuse(args: &RunArgs) -> Option<String> {
-    if args.n_to_standard() > 1 {
-        return Some("only one of `--json`, `--csv`, `--plot` can write to standard output".into());
-    }
-    let plot = args.plot.as_deref().filter(|plot| !is_standard(plot))?;
-    let is_svg = plot
-        .extension()
-        .is_some_and(|extension| extension.eq_ignore_ascii_case("svg"));
-    (!is_svg).then(|| format!("plots are SVG: `{}` must end in `.svg`", plot.display()))
 }
 
 /// What all experiments of a command share.
@@ -153,7 +141,7 @@ fn one(
     let mut watching = match logs {
         false => Watching::new(bar),
         true => {
-            let out: &mut dyn io::Write = match args.to_standard() {
+            let out: &mut dyn io::Write = match args.targets().to_standard() {
                 true => &mut *streams.err,
                 false => &mut *streams.out,
             };
@@ -222,7 +210,7 @@ impl Outputs {
     fn new(args: &RunArgs, several: bool) -> Self {
         Outputs {
             report: String::new(),
-            reports: args.log > Log::Off && !args.to_standard(),
+            reports: args.log > Log::Off && !args.targets().to_standard(),
             json: args.json.as_deref().map(Sink::new),
             csv: args.csv.clone(),
             plot: args.plot.clone(),

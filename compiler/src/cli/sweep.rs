@@ -4,22 +4,21 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 
 use super::args::SweepArgs;
-use super::files::Sink;
+use super::files::{self, Sink};
 use super::launch::launch;
 use super::progress::Bar;
 use super::project::{self, Project};
 use super::watch::Watching;
 use super::{Exit, Streams, io};
 use crate::clock::Clock;
-use crate::compile;
 use crate::diagnostics::Diagnostics;
-use crate::ensemble;
 use crate::expr::Exprs;
-use crate::report::{Status, Trajectory};
+use crate::report::{Status, Trajectory, Warning};
 use crate::simulate::Request;
 use crate::sweep::{self, Axis, Grid, Row, SweepError, Table};
 use crate::syntax::{Bind, Experiment, ExprKind};
 use crate::system::experiment::Sampling;
+use crate::{check_names, compile, threads};
 
 /// An experiment with the quantities that are swept.
 struct Swept<'s> {
@@ -42,19 +41,20 @@ pub fn run(args: &SweepArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
             return Ok(Exit::Usage);
         }
     };
+    if let Some(message) = misuse(args, &grid) {
+        writeln!(streams.err, "error: {message}")?;
+        return Ok(Exit::Usage);
+    }
+    // After hours it would be too late.
+    if let Err(error) = args.targets().all().try_for_each(files::foresee) {
+        writeln!(streams.err, "error: {error}")?;
+        return Ok(Exit::Wrong);
+    }
     let Some((mut project, overrides)) = Project::open(&args.file, &args.set, streams)? else {
         return Ok(Exit::Wrong);
     };
-    let Some(experiments) = project.selected(args.experiment.as_deref(), streams)? else {
-        return Ok(Exit::Wrong);
-    };
-    let [experiment] = &experiments[..] else {
-        let names = experiments.iter().map(|e| format!("`{}`", e.name.name));
-        let names = names.collect::<Vec<_>>().join(", ");
-        writeln!(
-            streams.err,
-            "error: `nsdc sweep` takes one experiment\n  help: name one of {names}"
-        )?;
+    let experiment = project.selected_one(args.experiment.as_deref(), "sweep", streams)?;
+    let Some(experiment) = &experiment else {
         return Ok(Exit::Wrong);
     };
     let Some(axes) = project.bindings("--over", &examples(&grid)) else {
@@ -73,43 +73,47 @@ pub fn run(args: &SweepArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
             time_limit: args.time_limit,
         },
     };
-    // What is wrong with all points is told once, with its place.
-    if let Err(diags) = swept.check(&grid.point(0)) {
+    let mut diags = Diagnostics::new();
+    let first = swept.at(&grid.point(0));
+    if !check_names(&project.file, experiment, &first, &mut diags) {
         project::print(&diags, &project.sources, streams)?;
         return Ok(Exit::Wrong);
     }
-    let columns = OnceLock::new();
-    let stop = on_interrupt();
-    let mut bar = Bar::new(&experiment.name.name, streams.progress);
-    let count = grid.len();
-    let rows = sweep::over(
-        &grid,
-        args.jobs.map_or_else(ensemble::threads, usize::from),
-        &stop,
-        |point| swept.row(point, &columns),
-        &mut |done| {
-            bar.show(done as f64 / count as f64, || {
-                format!("{done} of {count} runs")
-            })
-        },
-    );
-    drop(bar);
-    let columns = columns.into_inner().unwrap_or_default();
+    let (rows, columns) = swept.rows(&grid, args, streams.progress);
+    // What is wrong with all points is told once, with its place.
+    let is_refused = |row: &Option<Row>| row.as_ref().is_none_or(|row| row.status.is_none());
+    if rows.iter().all(is_refused)
+        && let Err(diags) = swept.trajectory(&grid.point(0))
+    {
+        project::print(&diags, &project.sources, streams)?;
+        return Ok(Exit::Wrong);
+    }
     let table = Table {
         grid: &grid,
         columns: &columns,
         rows: &rows,
     };
-    let written = write(args, &table, streams)?;
-    let all_solved = rows.iter().all(|row| {
-        row.as_ref()
-            .is_some_and(|row| row.status == Some(Status::Solved))
-    });
-    Ok(match (written, all_solved) {
+    let is_solved = |row: &Option<Row>| {
+        let status = row.as_ref().and_then(|row| row.status);
+        status == Some(Status::Solved)
+    };
+    let all_solved = rows.iter().all(is_solved);
+    Ok(match (write(args, &table, streams)?, all_solved) {
         (false, _) => Exit::Wrong,
         (true, false) => Exit::Failed,
         (true, true) => Exit::Success,
     })
+}
+
+/// What is wrong with a combination of arguments.
+fn misuse(args: &SweepArgs, grid: &Grid) -> Option<String> {
+    let drawn = args.plot.is_some() && grid.drawn().len() > 2;
+    drawn
+        .then(|| {
+            let help = "leave out `--plot`, or some of `--over`";
+            format!("a figure has one axis or two\n  help: {help}")
+        })
+        .or_else(|| args.targets().misuse())
 }
 
 fn grid(args: &SweepArgs) -> Result<Grid, SweepError> {
@@ -146,20 +150,9 @@ fn write(args: &SweepArgs, table: &Table, streams: &mut Streams<'_>) -> io::Resu
             .as_ref()
             .map(|path| Sink::with(path, table.json())),
     );
-    if let Some(path) = &args.plot {
-        match table.figure() {
-            Some(figure) => sinks.push(Sink::with(path, figure)),
-            None => {
-                let why = "a figure has one axis or two";
-                writeln!(
-                    streams.err,
-                    "error: {why}\n  help: leave out `--plot`, or some of `--over`"
-                )?;
-                return Ok(false);
-            }
-        }
-    }
-    if !args.to_standard() {
+    let plot = args.plot.as_ref();
+    sinks.extend(plot.map(|path| Sink::with(path, table.figure())));
+    if !args.targets().to_standard() {
         streams.out.write_all(table.text().as_bytes())?;
     }
     let mut written = true;
@@ -180,16 +173,28 @@ impl Swept<'_> {
         self.overrides.iter().cloned().chain(axes).collect()
     }
 
-    /// Compiles a point.
-    fn check(&self, point: &[f64]) -> Result<(), Diagnostics> {
-        let (exprs, mut diags) = (Exprs::new(), Diagnostics::new());
-        let (file, clock) = (&self.project.file, &mut Clock::default());
-        let overrides = self.at(point);
-        let compiled = compile(&exprs, file, self.experiment, &overrides, clock, &mut diags);
-        match compiled {
-            Some(_) if !diags.has_errors() => Ok(()),
-            _ => Err(diags),
-        }
+    /// All rows, and the names of end values.
+    fn rows(
+        &self,
+        grid: &Grid,
+        args: &SweepArgs,
+        is_shown: bool,
+    ) -> (Vec<Option<Row>>, Vec<String>) {
+        let columns = OnceLock::new();
+        let stop = on_interrupt();
+        let mut bar = Bar::new(&self.experiment.name.name, is_shown);
+        let count = grid.len();
+        let rows = sweep::over(
+            grid,
+            args.jobs.map_or_else(threads::count, usize::from),
+            &stop,
+            |point| self.row(point, &columns),
+            &mut |done| {
+                let share = done as f64 / count as f64;
+                bar.show(share, || format!("{done} of {count} runs"));
+            },
+        );
+        (rows, columns.into_inner().unwrap_or_default())
     }
 
     /// Runs a point.
@@ -203,6 +208,7 @@ impl Swept<'_> {
         }
     }
 
+    /// The run of a point, with the warnings of its compilation.
     fn trajectory(&self, point: &[f64]) -> Result<Trajectory, Diagnostics> {
         let (exprs, mut diags) = (Exprs::new(), Diagnostics::new());
         let (file, clock) = (&self.project.file, &mut Clock::default());
@@ -216,6 +222,11 @@ impl Swept<'_> {
             settings.sampling = Sampling::At(vec![settings.horizon]);
         }
         let mut watching = Watching::new(Bar::new("", false));
-        launch(self.project, &mut compiled, &self.request, &mut watching)
+        let mut run = launch(self.project, &mut compiled, &self.request, &mut watching)?;
+        let warnings = diags
+            .warnings()
+            .map(|warning| Warning::of(warning.as_ref()));
+        run.warnings.splice(0..0, warnings);
+        Ok(run)
     }
 }

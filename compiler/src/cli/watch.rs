@@ -10,6 +10,7 @@ use crate::optimize::{self, Watch};
 use crate::report::Trajectory;
 use crate::simulate::{self, Request};
 use crate::system::experiment::Settings;
+use crate::threads;
 
 /// Sees a run of any kind.
 pub struct Watching<'w> {
@@ -46,7 +47,7 @@ impl<'w> Watching<'w> {
         settings: &Settings<'_>,
         request: &Request,
     ) {
-        let threads = ensemble::threads();
+        let threads = threads::count();
         let runs = settings.runs.unwrap_or(1);
         let mut heard = |done: usize| {
             let share = done as f64 / runs as f64;

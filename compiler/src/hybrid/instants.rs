@@ -101,14 +101,12 @@ impl Pulses {
     }
 }
 
-/// Powers from this one on are narrow around their largest values.
-const HIGH_POWER: i32 = 4;
-
-/// The first of some parameters, by their numbers, that may move or make a pulse: it is inside of a function that can be
-/// narrow, together with time.
-pub(crate) fn narrowing(system: &System, open: &[usize]) -> Option<usize> {
+/// What may move or make a pulse, time and data among it: all that is inside of a function that can be narrow, together
+/// with these.
+pub(super) fn narrowing(system: &System) -> FxHashSet<Var> {
     let data = system.data.iter().map(|data| variable(data.var));
     let moving: FxHashSet<Var> = data.chain([variable(system.time)]).collect();
+    let mut found = FxHashSet::default();
     let (mut seen, mut left) = (FxHashSet::default(), functions(system).concat());
     while let Some(e) = left.pop() {
         if !seen.insert(e) {
@@ -116,16 +114,13 @@ pub(crate) fn narrowing(system: &System, open: &[usize]) -> Option<usize> {
         }
         for inside in sharpened(e) {
             let vars = variables_of(&[inside]);
-            let of = |place: &&usize| vars.contains(&variable(system.params[**place].var));
-            if vars.iter().any(|var| moving.contains(var))
-                && let Some(found) = open.iter().find(of)
-            {
-                return Some(*found);
+            if vars.iter().any(|var| moving.contains(var)) {
+                found.extend(vars);
             }
         }
         left.extend(children(e));
     }
-    None
+    found
 }
 
 /// What an expression may make narrow.
@@ -138,7 +133,7 @@ fn sharpened(e: Expr<'_>) -> Vec<Expr<'_>> {
         Node::Binary(_, a, b) => vec![a, b],
         Node::Sum { .. } => Vec::new(),
         Node::Product(factors) => {
-            let sharp = |power: i32| !(0..HIGH_POWER).contains(&power);
+            let sharp = |power: i32| !(0..search::HIGH_POWER).contains(&power);
             let factors = factors.into_iter().filter(|(_, power)| sharp(*power));
             factors.map(|(factor, _)| factor).collect()
         }

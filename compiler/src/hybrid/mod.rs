@@ -25,7 +25,8 @@ use crate::expr::{self, BinaryFunction, Expr, Node, Var, variables_of};
 use crate::system::{self, Role, System};
 pub(crate) use data::Polynomials;
 pub(crate) use forms::{Copy, ExprForm, share};
-pub(crate) use instants::{Pulses, narrowing};
+pub(crate) use instants::Pulses;
+use instants::narrowing;
 use structure::Structure;
 use substituted::{functions, with_directions, with_roots};
 pub(crate) use substituted::{numbers, variable, with_numbers};
@@ -54,9 +55,25 @@ pub(crate) fn data_of(system: &System) -> Vec<Arc<Piecewise>> {
     tables.map(|table| table.pieces.clone()).collect()
 }
 
-/// The parameters that may be inputs, by their numbers. A zero takes terms out of functions, an exponent decides how
-/// a power is computed, and what may move a narrow function of time says where no step passes over: these are compiled in.
-pub fn may_be_open(system: &System) -> Vec<usize> {
+/// Why another value of a parameter is another system: it is compiled in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Structural {
+    /// Its terms are gone.
+    #[error("is zero")]
+    Zero,
+    /// It decides how a power is computed.
+    #[error("is in an exponent")]
+    Exponent,
+    /// It may decide where no step passes over.
+    #[error("may make a function of time narrow")]
+    Narrow,
+    /// Its values are listed, or bounded by other parameters, or it has bounds and follows from others.
+    #[error("is in a set, or in a range that moves")]
+    Range,
+}
+
+/// For each parameter, why it may be no input.
+pub fn structural(system: &System) -> Vec<Option<Structural>> {
     let laws = system.laws.iter().flat_map(|law| {
         let values = law.resets.iter().map(|&(_, value)| value);
         values.chain([law.guard])
@@ -64,12 +81,21 @@ pub fn may_be_open(system: &System) -> Vec<usize> {
     let contacts = system.contacts.iter().flat_map(system::Contact::exprs);
     let all = functions(system).concat().into_iter();
     let all: Vec<Expr> = all.chain(laws).chain(contacts).collect();
-    let fixed: FxHashSet<Var> = variables_of(&exponents(&all)).into_iter().collect();
-    let params = system.params.iter().enumerate();
-    let open =
-        params.filter(|(_, param)| param.value != 0.0 && !fixed.contains(&variable(param.var)));
-    let open = open.map(|(place, _)| place);
-    open.filter(|&place| narrowing(system, &[place]).is_none())
+    let exponents: FxHashSet<Var> = variables_of(&exponents(&all)).into_iter().collect();
+    let narrowing = narrowing(system);
+    let why = |param: &system::Param| match variable(param.var) {
+        _ if param.value == 0.0 => Some(Structural::Zero),
+        var if exponents.contains(&var) => Some(Structural::Exponent),
+        var if narrowing.contains(&var) => Some(Structural::Narrow),
+        _ => None,
+    };
+    system.params.iter().map(why).collect()
+}
+
+/// The parameters that may be inputs, by their numbers.
+pub fn may_be_open(system: &System) -> Vec<usize> {
+    let why = structural(system).into_iter().enumerate();
+    why.filter_map(|(place, why)| why.is_none().then_some(place))
         .collect()
 }
 
@@ -180,6 +206,7 @@ impl<'e> Lowering<'e> {
         lowered.surfaces = functions.share(&mut lowered.forms, &surfaces);
         lowered.blocks = blocks;
         lowered.switches = self.switches(system, structure);
+        debug_assert_eq!(lowered.check(), Ok(()));
         lowered
     }
 

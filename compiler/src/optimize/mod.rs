@@ -35,7 +35,6 @@ use nsd_solver::problem::Nlp;
 
 use crate::dcs::{self, Dcs};
 use crate::discretize::{self, DiscretizeError, Grid, Layout, discretize};
-use crate::ensemble::threads;
 use crate::expr::Var;
 use crate::mpcc::{Mpcc, Program};
 use crate::report::{
@@ -47,6 +46,7 @@ use crate::system::System;
 use crate::system::experiment::{Optimize, Settings};
 use crate::system::freezing::{Frozen, freeze};
 use crate::system::task::Task;
+use crate::threads;
 
 pub use guess::Sampled;
 use moved::Moved;
@@ -395,7 +395,13 @@ fn solve(
             ..progress
         });
     };
-    mpcc::multistart(&problem.program, &starts, options, threads(), &mut heard)
+    mpcc::multistart(
+        &problem.program,
+        &starts,
+        options,
+        threads::count(),
+        &mut heard,
+    )
 }
 
 /// That the time was over before all starts were done, where some start led to a solution.

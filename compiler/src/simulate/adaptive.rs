@@ -3,7 +3,7 @@
 //! α_i is 0 or 1 by the sign of ψ_i wherever the method looks, and nothing locates where it changes.
 //! A second run with a hundredth of the tolerance gives the estimate of the error.
 
-use crate::hybrid::{Polynomials, Pulses, data_of, tape, variable};
+use crate::hybrid::{self, Polynomials, Pulses, data_of, tape, variable};
 use nsd_solver::simulate::{Piecewise, write_pieces};
 use std::sync::Arc;
 use std::time::Instant;
@@ -109,19 +109,12 @@ pub(super) struct Inputs<'e> {
 
 impl<'e> Inputs<'e> {
     pub(super) fn new(system: &System<'e>) -> Self {
-        let params = system.params.iter();
-        let mut numbers: Substitution = params
-            .map(|param| (variable(param.var), system.exprs.constant(param.value)))
-            .collect();
+        let mut numbers = hybrid::numbers(system, &[]);
         let Polynomials {
             coefficients,
             instead,
         } = Polynomials::of(system);
-        for data in system.data.iter().map(|data| variable(data.var)) {
-            if let Some(polynomial) = instead.get(data) {
-                numbers.insert(data, polynomial);
-            }
-        }
+        numbers.extend(instead.pairs());
         let mut vars = vec![variable(system.time)];
         vars.extend(system.states.iter().map(|state| variable(state.var)));
         vars.extend(system.switches.iter().map(|switch| variable(switch.alpha)));

@@ -1,7 +1,7 @@
 //! The values that a sweep goes through: `mu=0.1:0.5:41` and `k=[1,2,4]`.
 
-/// Most runs of one sweep.
-const MOST: usize = 100_000_000;
+/// Most runs of one sweep, whose rows are kept in memory.
+const MOST: usize = 10_000_000;
 
 /// A quantity and its values.
 #[derive(Clone, Debug, PartialEq)]
@@ -185,9 +185,12 @@ impl Grid {
         &self.axes
     }
 
-    /// Whether values are taken side by side.
-    pub fn is_zipped(&self) -> bool {
-        self.is_zipped
+    /// The axes of a figure: all, or the first one of those whose values are taken side by side.
+    pub fn drawn(&self) -> &[Axis] {
+        match self.is_zipped {
+            true => &self.axes[..1],
+            false => &self.axes,
+        }
     }
 
     /// How many points there are.

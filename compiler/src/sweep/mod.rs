@@ -6,23 +6,22 @@
 mod axis;
 mod table;
 
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::mpsc;
-use std::thread;
+use std::sync::atomic::AtomicBool;
 
 pub use axis::{Axis, Grid, SweepError};
 pub use table::Table;
 
 use crate::report::{Series, Status, Trajectory, Warning};
+use crate::threads::{self, Share};
 
 /// What is kept of one run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Row {
     /// How it ended; none where the experiment does not compile with these values.
     pub status: Option<Status>,
-    /// The code of why it did not end as it should, or of its first warning.
+    /// The code of why it did not end as it should, or of the first warning.
     pub code: Option<String>,
-    /// States and outputs at the end, entry by entry; nothing where the run did not start.
+    /// States and outputs at the end, entry by entry; nothing where the run did not come to it.
     pub end: Vec<f64>,
     /// The value of the cost.
     pub objective: Option<f64>,
@@ -41,15 +40,15 @@ impl Row {
         }
     }
 
-    /// What a run came to.
+    /// What a run came to; one that fails has no end.
     pub fn of(run: &Trajectory) -> Self {
-        let last = run.time.len().checked_sub(1);
-        let reported = || run.states.iter().chain(&run.outputs);
-        let end = last.map(|last| {
-            reported()
-                .flat_map(|series| series.at(last).to_vec())
-                .collect()
-        });
+        let ends = matches!(run.status, Status::Solved | Status::Feasible);
+        let last = run.time.len().checked_sub(1).filter(|_| ends);
+        let entries = |last: usize| {
+            reported(run)
+                .flat_map(move |series| series.at(last))
+                .copied()
+        };
         let failure = run
             .failure
             .as_ref()
@@ -58,18 +57,22 @@ impl Row {
         Row {
             status: Some(run.status),
             code: failure.or_else(warning),
-            end: end.unwrap_or_default(),
-            objective: run.objective,
+            end: last.into_iter().flat_map(entries).collect(),
+            objective: run.objective.filter(|_| ends),
             events: run.events.len(),
-            error_estimate: run.error_estimate,
+            error_estimate: run.error_estimate.filter(|_| ends),
         }
     }
 }
 
+/// What has values at the end.
+fn reported(run: &Trajectory) -> impl Iterator<Item = &Series> {
+    run.states.iter().chain(&run.outputs)
+}
+
 /// The names of what [`Row::end`] holds.
 pub fn columns(run: &Trajectory) -> Vec<String> {
-    let reported = run.states.iter().chain(&run.outputs);
-    reported.flat_map(Series::entry_names).collect()
+    reported(run).flat_map(Series::entry_names).collect()
 }
 
 /// Calls `work` with every point of a grid, on up to `n_threads` threads, until it is told to stop; rows in the order of
@@ -81,30 +84,10 @@ pub fn over(
     work: impl Fn(&[f64]) -> Row + Sync,
     heard: &mut dyn FnMut(usize),
 ) -> Vec<Option<Row>> {
-    let count = grid.len();
-    let next = AtomicUsize::new(0);
-    let each = |found: mpsc::Sender<(usize, Row)>| {
-        while !stop.load(Ordering::Relaxed)
-            && let point = next.fetch_add(1, Ordering::Relaxed)
-            && point < count
-        {
-            if found.send((point, work(&grid.point(point)))).is_err() {
-                return;
-            }
+    let each = |share: Share<'_, Row>| {
+        while let Some(k) = share.next() {
+            share.finish(k, work(&grid.point(k)));
         }
     };
-    let mut rows = vec![None; count];
-    thread::scope(|scope| {
-        let (sender, found) = mpsc::channel();
-        for _ in 0..n_threads.clamp(1, count.max(1)) {
-            let sender = sender.clone();
-            scope.spawn(|| each(sender));
-        }
-        drop(sender);
-        for (done, (point, row)) in found.into_iter().enumerate() {
-            rows[point] = Some(row);
-            heard(done + 1);
-        }
-    });
-    rows
+    threads::in_order(grid.len(), n_threads, stop, each, heard)
 }

@@ -93,21 +93,12 @@ impl Table<'_> {
         text
     }
 
-    /// End values, or objectives where there are any, over one axis or two; none over more.
-    pub fn figure(&self) -> Option<String> {
-        let axes = self.grid.axes();
-        let drawn = match self.grid.is_zipped() {
-            true => &axes[..1],
-            false => axes,
-        };
-        if drawn.len() > 2 {
-            return None;
-        }
+    /// End values, and objectives where there are any, over one axis or two.
+    pub fn figure(&self) -> String {
+        let drawn = self.grid.drawn();
         let of = |value: &dyn Fn(&Row) -> Option<f64>| -> Vec<f64> {
-            let solved = |row: &&Row| row.status == Some(Status::Solved);
-            let rows = self.rows.iter().map(|row| row.as_ref().filter(solved));
-            rows.map(|row| row.and_then(value).unwrap_or(f64::NAN))
-                .collect()
+            let rows = self.rows.iter().map(|row| row.as_ref().and_then(value));
+            rows.map(|value| value.unwrap_or(f64::NAN)).collect()
         };
         let names: Vec<String> = self.at_end().collect();
         let ends = names.iter().enumerate();
@@ -124,7 +115,7 @@ impl Table<'_> {
                 .take(MOST_PANELS)
                 .collect(),
         };
-        Some(figure.write())
+        figure.write()
     }
 
     /// What became of the runs, and the first of them.

@@ -7,7 +7,7 @@ use super::experiment::Given;
 use super::limits::Allowed;
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Interval, Substitution, Var, variables_of};
-use crate::model::{Model, Quantity};
+use crate::model::{Domain, Model, Quantity};
 use crate::source::Span;
 
 /// What an experiment fixes.
@@ -98,6 +98,24 @@ impl<'e> Values<'e> {
     pub fn is_open(&self, param: Expr<'e>) -> bool {
         let var = param.as_variable();
         var.is_some_and(|var| self.free.vars.contains_key(&var))
+    }
+
+    /// The first parameter whose values are bounded by what free parameters move, or that is free and in a finite set.
+    pub fn moving_range(&self, model: &Model<'e>) -> Option<String> {
+        let moves = |var: Expr<'e>, bounds: &[Expr<'e>], is_set: bool| {
+            let derives = var.as_variable().is_some_and(|var| self.free.derives(var));
+            derives || is_set && self.is_open(var) || self.free.first_in(bounds).is_some()
+        };
+        let entries = (model.params.iter()).flat_map(|p| (0..p.vars.len()).map(move |k| (p, k)));
+        let mut found = entries.filter_map(|(param, k)| {
+            let (bounds, is_set) = match param.domain.as_ref()? {
+                Domain::Box(low, high) => (vec![low.data[k], high.data[k]], false),
+                Domain::Set(values) => (values.clone(), true),
+            };
+            let name = || param.shape.entry_name(&param.name, k);
+            moves(param.vars[k], &bounds, is_set).then(name)
+        });
+        found.next()
     }
 
     /// x(0), of a state that is given as a function of free parameters.

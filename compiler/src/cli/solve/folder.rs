@@ -12,10 +12,10 @@ use super::super::progress::Bar;
 use super::super::{Exit, Streams, io};
 use super::{EXTENSION, name_of, solve};
 use crate::diagnostics::Diagnostics;
-use crate::ensemble::threads;
 use crate::nl::{self, Known, Record, Settings, Table};
 use crate::report::plot::profile;
 use crate::source::SourceMap;
+use crate::threads;
 
 /// What is known of the problems, beside them.
 const KNOWN: &str = "results.csv";
@@ -107,7 +107,7 @@ fn solve_all(
     prints: bool,
     streams: &mut Streams<'_>,
 ) -> io::Result<Table> {
-    let n_threads = args.jobs.map_or_else(threads, usize::from);
+    let n_threads = args.jobs.map_or_else(threads::count, usize::from);
     let n_threads = n_threads.min(paths.len());
     let width = paths
         .iter()

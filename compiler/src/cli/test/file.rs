@@ -17,6 +17,7 @@ use crate::report::Warning;
 use crate::report::expect::{self, Findings};
 use crate::simulate::Request;
 use crate::syntax::{Expect, ExpectDiagnostic, Experiment, Item};
+use crate::threads;
 use crate::{Compiled, compile, ensemble, order, simulate};
 
 /// How files are tested.
@@ -378,7 +379,7 @@ fn other_seeds(
         let share = done as f64 / (seeds.end - seeds.start) as f64;
         watching.bar.show(share, || format!("{done} runs"));
     };
-    let threads = ensemble::threads();
+    let threads = threads::count();
     let outcomes = ensemble::over_seeds(source, others.clone(), threads, work, &mut heard);
     let mut failed = others
         .zip(outcomes)

@@ -18,7 +18,7 @@ use super::args::TestArgs;
 use super::files::{self, Sink, is_standard};
 use super::progress::Bar;
 use super::{Exit, Streams, io};
-use crate::ensemble::threads;
+use crate::threads;
 
 /// Of a thread that tests files, in bytes: as much as the main thread has.
 const STACK: usize = 8 << 20;
@@ -89,7 +89,7 @@ fn all(
     tally: &mut Tally,
     streams: &mut Streams<'_>,
 ) -> io::Result<()> {
-    let n_threads = args.jobs.map_or_else(threads, usize::from);
+    let n_threads = args.jobs.map_or_else(threads::count, usize::from);
     let n_threads = n_threads.min(paths.len());
     let options = Options {
         accept: args.accept,

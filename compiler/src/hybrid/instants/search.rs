@@ -21,7 +21,7 @@ const MOST: usize = SAMPLES / 4;
 const HALVINGS: usize = 60;
 
 /// Positive powers below this one make no pulses.
-const HIGH_POWER: i32 = 4;
+pub(super) const HIGH_POWER: i32 = 4;
 
 /// exp(u) is no term of a rate with a u above this one, but divides something.
 const LARGEST: f64 = 100.0;

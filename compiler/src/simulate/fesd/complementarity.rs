@@ -85,11 +85,7 @@ impl<'e> Complementarity<'e> {
             coefficients,
             instead,
         } = Polynomials::of(system);
-        for data in system.data.iter().map(|data| variable(data.var)) {
-            if let Some(polynomial) = instead.get(data) {
-                numbers.insert(data, polynomial);
-            }
-        }
+        numbers.extend(instead.pairs());
         let (rates, equations) = (numbers.apply(&dcs.rates), numbers.apply(&dcs.equations));
         let leading = system.leading();
         let jumps = !coefficients.is_empty() || !leading.is_empty();
