@@ -1,6 +1,7 @@
 //! One scene, several roads: from event to event, in frozen time, and by finite elements with impulses where they meet
 //! come to the same closed form, and say so where a road ends. Printed forms of all of them.
 
+use nsd_tests::random::Random;
 use nsd_tests::{end, run, times, with_experiment};
 use nsdc::dcs::{self, Formulation, lower_as};
 use nsdc::report::{EventKind, Failure, Status, Trajectory};
@@ -222,6 +223,46 @@ fn two_walls_keep_what_falls_on_them() {
         close(&end(found, "q"), &[0.0, 0.0], within);
         close(&end(found, "v"), &[0.0, 0.0], within);
     });
+}
+
+/// The same of other corners: by events of two walls and of three, and of two in frozen time, where what is held at zero is
+/// known to rounding only.
+#[test]
+fn walls_keep_what_falls_on_them() {
+    let mut random = Random(27);
+    for case in 0..24 {
+        let n = if case < 8 { 2 } else { 3 };
+        let mut draw = |low: f64, high: f64| -> Vec<f64> {
+            (0..n).map(|_| random.rounded(low, high)).collect()
+        };
+        let (q, v, g) = (draw(0.1, 1.0), draw(0.0, 2.0), draw(0.5, 12.0));
+        let down = |values: &[f64]| values.iter().map(|x| -x).collect::<Vec<f64>>();
+        let walls: String = (1..=n)
+            .map(|k| format!("contact w{k} {{ gap = q[{k}]; restitution = 0; }}"))
+            .collect();
+        let model = format!(
+            "model m {{
+               state q[{n}] = {q:?}; state v[{n}] = {:?};
+               q' = v;
+               mechanics q, v {{ mass = eye({n}); force = {:?}; {walls} }}
+             }}",
+            down(&v),
+            down(&g)
+        );
+        let reach = |k: usize| ((v[k] * v[k] + 2.0 * g[k] * q[k]).sqrt() - v[k]) / g[k];
+        let mut instants: Vec<f64> = (0..n).map(reach).collect();
+        instants.sort_by(f64::total_cmp);
+        let horizon = instants[n - 1] + 0.5;
+        // Three in frozen time take minutes.
+        let roads = [(EVENTS, 1e-12), (FROZEN[0], 1e-8)].into_iter();
+        for (road, within) in roads.take(4 - n) {
+            let found = by(&model, horizon, road);
+            assert_eq!(found.status, Status::Solved, "{road} {model}");
+            close(&times(&found, EventKind::ContactClose), &instants, within);
+            close(&end(&found, "q"), &vec![0.0; n], within);
+            close(&end(&found, "v"), &vec![0.0; n], within);
+        }
+    }
 }
 
 fn room([q, v]: [[f64; 2]; 2]) -> String {

@@ -2,6 +2,7 @@
 
 use std::f64::consts::PI;
 
+use nsd_tests::random::Random;
 use nsd_tests::{end, solved, times};
 use nsdc::report::{EventKind, Trajectory};
 
@@ -285,6 +286,44 @@ fn two_blocks_set_off_together() {
     let y = slides_off(leaves, 4.0, b);
     close(&end(&found, "q"), &[y[0], y[1], 0.0, y[0], y[1], 0.0], 1e-9);
     close(&end(&found, "v"), &[y[2], y[3], 0.0, y[2], y[3], 0.0], 1e-9);
+}
+
+/// Two to four of them, whose normal forces know each other's velocities, by forces that grow in other ways: each goes
+/// as it would alone, as long as they go together.
+#[test]
+fn any_blocks_set_off_together() {
+    let mut random = Random(26);
+    for _ in 0..24 {
+        let n = 2 + random.below(3);
+        let [a, c] = [0.4, 0.1].map(|least| random.rounded(least, 3.0 * least));
+        let weight = random.rounded(0.1, 2.0);
+        let b = |t: f64| [a * t, c * t * t];
+        let leaves = root(|t| b(t)[0].hypot(b(t)[1]) - 2.0, 0.0, 20.0);
+        let horizon = leaves + 1.5;
+        let last = 3 * n - 2;
+        let force = format!("{a:?}*time, {c:?}*time^2, -10 - {weight:?}*(v[{last}] - v[1])");
+        let forces = vec![force; n].join(", ");
+        let contact = |k: usize| {
+            let (x, y, z) = (3 * k + 1, 3 * k + 2, 3 * k + 3);
+            format!(
+                "contact c{k} {{ gap = q[{z}]; slip = v[{x}..{y}]; restitution = 0; friction = 0.2; }}"
+            )
+        };
+        let contacts: String = (0..n).map(contact).collect();
+        let text = format!(
+            "model blocks {{
+               state q[{m}] = 0; state v[{m}] = 0;
+               q' = v;
+               mechanics q, v {{ mass = eye({m}); force = [{forces}]; {contacts} }}
+             }}
+             simulate this of blocks {{ tolerance 1e-12; horizon {horizon:?}; }}",
+            m = 3 * n
+        );
+        let found = solved(&text, "this");
+        close(&times(&found, EventKind::Slip), &vec![leaves; n], 1e-9);
+        let y = slides_off(leaves, horizon, b);
+        close(&end(&found, "v"), &[y[2], y[3], 0.0].repeat(n), 1e-7);
+    }
 }
 
 /// A block that is exactly at rest at the end of a spring, while one at the other end sets off, as on a spring that is

@@ -12,13 +12,13 @@ use super::project::{self, Project};
 use super::watch::Watching;
 use super::{Exit, Streams, figure, io};
 use crate::clock::Clock;
-use crate::compile;
 use crate::diagnostics::Diagnostics;
 use crate::ensemble;
 use crate::expr::Exprs;
 use crate::report::{Status, Trajectory, Warning, csv, json, text};
 use crate::simulate::Request;
 use crate::syntax::{Bind, Experiment};
+use crate::{Compiled, compile};
 
 /// Runs experiments and reports what came out.
 pub fn run(args: &RunArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
@@ -91,6 +91,41 @@ struct Asked<'a> {
     started: Instant,
 }
 
+/// Compiles one experiment and tells what is new about it; with its warnings, `None` after an error.
+fn compiled<'e>(
+    asked: &Asked<'_>,
+    exprs: &'e Exprs,
+    experiment: &Experiment,
+    (clock, said): (&mut Clock, &mut Diagnostics),
+    streams: &mut Streams<'_>,
+) -> io::Result<Option<(Compiled<'e>, Vec<Warning>)>> {
+    let (file, overrides) = (&asked.project.file, asked.overrides);
+    let mut diags = Diagnostics::new();
+    let compiled = compile(exprs, file, experiment, overrides, clock, &mut diags);
+    let warnings = diags.warnings();
+    let warnings = warnings.map(|warning| Warning::of(warning.as_ref()));
+    let warnings: Vec<Warning> = warnings.collect();
+    // Experiments of one model meet the same mistakes.
+    let failed = diags.has_errors();
+    diags.remove_known(said);
+    project::print(&diags, &asked.project.sources, streams)?;
+    said.append(diags);
+    let compiled = compiled.filter(|_| !failed);
+    Ok(compiled.map(|compiled| (compiled, warnings)))
+}
+
+/// Tells what a run warns of, and why it has ended.
+fn tell(trajectory: &Trajectory, project: &Project, streams: &mut Streams<'_>) -> io::Result<()> {
+    let mut found = Diagnostics::new();
+    for warning in &trajectory.warnings {
+        found.push(warning.clone());
+    }
+    if let Some(failure) = &trajectory.failure {
+        found.push(failure.clone());
+    }
+    project::print(&found, &project.sources, streams)
+}
+
 /// Compiles and runs one experiment, with its figure where one is asked for; `None` after an error.
 fn one(
     asked: &Asked<'_>,
@@ -106,25 +141,8 @@ fn one(
         started,
     } = asked;
     let exprs = Exprs::new();
-    let mut diags = Diagnostics::new();
-    let compiled = compile(
-        &exprs,
-        &project.file,
-        experiment,
-        overrides,
-        clock,
-        &mut diags,
-    );
-    let warnings: Vec<Warning> = diags
-        .warnings()
-        .map(|warning| Warning::of(warning.as_ref()))
-        .collect();
-    // Experiments of one model meet the same mistakes.
-    let failed = diags.has_errors();
-    diags.remove_known(said);
-    project::print(&diags, &project.sources, streams)?;
-    said.append(diags);
-    let Some(mut compiled) = compiled.filter(|_| !failed) else {
+    let compiled = compiled(asked, &exprs, experiment, (clock, said), streams)?;
+    let Some((mut compiled, warnings)) = compiled else {
         return Ok(None);
     };
     let request = Request {
@@ -177,14 +195,7 @@ fn one(
         .filter(|(phase, _)| !solving.contains(phase))
         .map(|(_, seconds)| seconds)
         .sum();
-    let mut found = Diagnostics::new();
-    for warning in &trajectory.warnings {
-        found.push(warning.clone());
-    }
-    if let Some(failure) = &trajectory.failure {
-        found.push(failure.clone());
-    }
-    project::print(&found, &project.sources, streams)?;
+    tell(&trajectory, project, streams)?;
     trajectory.warnings.splice(0..0, warnings);
     let plot = args
         .plot

@@ -43,44 +43,13 @@ impl<'e> Structure<'e> {
         let in_psi: Vec<_> = switching.iter().map(occurring).collect();
         let in_rates: Vec<_> = in_f.iter().map(|inputs| switches_of(inputs)).collect();
         let inside: Vec<_> = in_psi.iter().map(|inputs| switches_of(inputs)).collect();
-        // φ_i = Σ ∂ψ_i/∂x_k f_k + ∂ψ_i/∂t
-        let coupled = |inputs: &[Input], in_rates: &[Vec<usize>]| {
-            let mut found = switches_of(inputs);
-            for input in inputs {
-                if let Input::State(state) = input {
-                    found.extend(&in_rates[*state]);
-                }
-            }
-            found.sort_unstable();
-            found.dedup();
-            found
-        };
         let is_driven = |inputs: &[Input]| {
             inputs.iter().any(|input| match input {
                 Input::State(state) => in_f[*state].iter().any(is_data),
                 input => is_data(input),
             })
         };
-        let mut timed: Vec<bool> = Vec::new();
-        for inputs in &in_psi {
-            // Inner switches come first; a relay holds its own α and is none of time.
-            timed.push(inputs.iter().all(|input| match input {
-                Input::Alpha(k) => timed.get(*k) == Some(&true),
-                Input::State(state) => Some(*state) == system.clock,
-                input => *input == Input::Time || is_data(input),
-            }));
-        }
-        // dψ/dt = Σ ∂ψ/∂x_k f_k + ∂ψ/∂t, again and again until its rate contains an α.
-        let time = variable(system.time);
-        let derivative = |e: Expr<'e>, rates: &[Expr<'e>]| {
-            let by_state = expr::variables_of(&[e]).into_iter().filter_map(|var| {
-                let &Input::State(state) = inputs.get(&var)? else {
-                    return None;
-                };
-                Some(e.diff(var) * rates[state])
-            });
-            system.exprs.sum(by_state) + e.diff(time)
-        };
+        let timed = timed(system, &in_psi);
         let (mut couplings, mut chains, mut driven) = (Vec::new(), Vec::new(), Vec::new());
         let one = system.exprs.constant(1.0);
         for (i, switch) in system.switches.iter().enumerate() {
@@ -103,11 +72,12 @@ impl<'e> Structure<'e> {
                 && !switch.continuity.is_continuous()
                 && !timed[i]
                 && switch.relay.is_none();
+            // Again and again until a rate contains an α.
             while slides && found.is_empty() && chain.len() < MAX_DERIVATIVES {
-                e = derivative(e, rates);
-                let inputs = occurring(&e);
-                found = coupled(&inputs, in_rates);
-                is_among |= is_driven(&inputs);
+                e = derivative(system, inputs, e, rates);
+                let inside = occurring(&e);
+                found = coupled(&inside, in_rates);
+                is_among |= is_driven(&inside);
                 chain.push(e);
             }
             if found.is_empty() {
@@ -127,6 +97,49 @@ impl<'e> Structure<'e> {
             chains,
         }
     }
+}
+
+/// Which ψ depend on physical time and data only.
+fn timed(system: &System, in_psi: &[Vec<Input>]) -> Vec<bool> {
+    let mut timed: Vec<bool> = Vec::new();
+    for inputs in in_psi {
+        // Inner switches come first; a relay holds its own α and is none of time.
+        timed.push(inputs.iter().all(|input| match input {
+            Input::Alpha(k) => timed.get(*k) == Some(&true),
+            Input::State(state) => Some(*state) == system.clock,
+            input => *input == Input::Time || is_data(input),
+        }));
+    }
+    timed
+}
+
+/// The switches whose α are in φ = Σ ∂ψ/∂x_k f_k + ∂ψ/∂t, in order.
+fn coupled(inputs: &[Input], in_rates: &[Vec<usize>]) -> Vec<usize> {
+    let mut found = switches_of(inputs);
+    for input in inputs {
+        if let Input::State(state) = input {
+            found.extend(&in_rates[*state]);
+        }
+    }
+    found.sort_unstable();
+    found.dedup();
+    found
+}
+
+/// dψ/dt = Σ ∂ψ/∂x_k f_k + ∂ψ/∂t.
+fn derivative<'e>(
+    system: &System<'e>,
+    inputs: &FxHashMap<Var, Input>,
+    psi: Expr<'e>,
+    rates: &[Expr<'e>],
+) -> Expr<'e> {
+    let by_state = expr::variables_of(&[psi]).into_iter().filter_map(|var| {
+        let &Input::State(state) = inputs.get(&var)? else {
+            return None;
+        };
+        Some(psi.diff(var) * rates[state])
+    });
+    system.exprs.sum(by_state) + psi.diff(variable(system.time))
 }
 
 fn is_data(input: &Input) -> bool {

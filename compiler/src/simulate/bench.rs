@@ -152,85 +152,19 @@ impl<'s, 'e> Bench<'s, 'e> {
 
     /// Runs to the horizon. A run that takes longer than `limit` fails.
     pub fn run(&self, variant: Variant, limit: Duration) -> End {
-        let horizon = self.settings.horizon;
         let (outcome, seconds) = match variant {
             Variant::Event {
                 tolerance,
                 more_orders,
-            } => {
-                let mut settings = solver_settings(&self.settings.method, tolerance, Some(limit));
-                if more_orders > 0 {
-                    let order = Simulator::new(self.hybrid.clone(), settings.clone()).order();
-                    settings.order = Some(order + more_orders);
-                }
-                let mut simulator = Simulator::new(self.hybrid.clone(), settings);
-                self.measure(|| simulator.run(0.0, horizon, &self.x0, &mut Unseen))
-            }
+            } => self.by_events(tolerance, more_orders, limit),
             Variant::Fesd {
-                scheme: (family, nodes),
+                scheme,
                 steps,
                 elements,
-            } => {
-                let settings = fesd::Settings {
-                    grid: Grid::Steps { steps, elements },
-                    time_limit: Some(limit),
-                    ..fesd::Settings::new(family, nodes)
-                };
-                let system = self.complementarity.as_ref();
-                let system = system.expect("only systems with finite elements are run by them");
-                let guide = self.system.first_nonlinear().map(|_| &self.hybrid);
-                let mut simulator = elements::simulator(system, guide, settings);
-                self.measure(|| {
-                    let solution = simulator.run(0.0, horizon, &self.x0, &mut Unseen);
-                    solution.outcome
-                })
-            }
-            Variant::Timestepping {
-                scheme: (family, nodes),
-                steps,
-            } => {
-                let settings = fesd::SteppingSettings {
-                    family,
-                    nodes,
-                    steps,
-                    time_limit: Some(limit),
-                };
-                let system = self.complementarity.as_ref();
-                let system = system.expect("only systems that are lowered are stepped");
-                let stepper = fesd::Stepper::new(system, settings);
-                let mut stepper = stepper.expect("the number of nodes has been checked");
-                self.measure(|| stepper.run(0.0, horizon, &self.x0, &mut Unseen))
-            }
-            Variant::Smoothing(options) => {
-                let smoothed = smoothing::smooth(self.system, &options);
-                let hybrid = hybrid::lower_over(&smoothed, horizon);
-                let settings = solver::Settings {
-                    tolerance: SMOOTHED_TOLERANCE,
-                    time_limit: Some(limit),
-                    ..solver::Settings::default()
-                };
-                let mut simulator = Simulator::new(hybrid, settings);
-                let (mut outcome, seconds) =
-                    self.measure(|| simulator.run(0.0, horizon, &self.x0, &mut Unseen));
-                // Its switches are others.
-                outcome.status = match outcome.status {
-                    status @ (Status::Solved | Status::TimeLimit | Status::StepLimit) => status,
-                    _ => Status::Unsolved,
-                };
-                (outcome, seconds)
-            }
-            Variant::Adaptive { tolerance } => {
-                let settings = adaptive::Settings {
-                    tolerance,
-                    time_limit: Some(limit),
-                    ..adaptive::Settings::default()
-                };
-                let mut simulator = adaptive::Simulator::new(
-                    Jumping::new(self.system, Pulses::of(self.system, horizon)),
-                    settings,
-                );
-                self.measure(|| simulator.run(0.0, horizon, &self.x0, &mut Unseen))
-            }
+            } => self.by_elements(scheme, Grid::Steps { steps, elements }, limit),
+            Variant::Timestepping { scheme, steps } => self.by_steps(scheme, steps, limit),
+            Variant::Smoothing(options) => self.by_smoothing(&options, limit),
+            Variant::Adaptive { tolerance } => self.by_extrapolation(tolerance, limit),
         };
         let names = ModeNames::new(self.system);
         let failure = outcome::failure(self.system, &names, &outcome, self.settings);
@@ -240,6 +174,90 @@ impl<'s, 'e> Bench<'s, 'e> {
             steps: outcome.stats.steps,
             seconds,
         }
+    }
+
+    fn by_events(&self, tolerance: f64, more_orders: usize, limit: Duration) -> (Outcome, f64) {
+        let mut settings = solver_settings(&self.settings.method, tolerance, Some(limit));
+        if more_orders > 0 {
+            let order = Simulator::new(self.hybrid.clone(), settings.clone()).order();
+            settings.order = Some(order + more_orders);
+        }
+        let mut simulator = Simulator::new(self.hybrid.clone(), settings);
+        let horizon = self.settings.horizon;
+        self.measure(|| simulator.run(0.0, horizon, &self.x0, &mut Unseen))
+    }
+
+    fn by_elements(
+        &self,
+        (family, nodes): (Family, usize),
+        grid: Grid,
+        limit: Duration,
+    ) -> (Outcome, f64) {
+        let settings = fesd::Settings {
+            grid,
+            time_limit: Some(limit),
+            ..fesd::Settings::new(family, nodes)
+        };
+        let system = self.complementarity.as_ref();
+        let system = system.expect("only systems with finite elements are run by them");
+        let guide = self.system.first_nonlinear().map(|_| &self.hybrid);
+        let mut simulator = elements::simulator(system, guide, settings);
+        let horizon = self.settings.horizon;
+        self.measure(|| {
+            let solution = simulator.run(0.0, horizon, &self.x0, &mut Unseen);
+            solution.outcome
+        })
+    }
+
+    fn by_steps(
+        &self,
+        (family, nodes): (Family, usize),
+        steps: usize,
+        limit: Duration,
+    ) -> (Outcome, f64) {
+        let settings = fesd::SteppingSettings {
+            family,
+            nodes,
+            steps,
+            time_limit: Some(limit),
+        };
+        let system = self.complementarity.as_ref();
+        let system = system.expect("only systems that are lowered are stepped");
+        let stepper = fesd::Stepper::new(system, settings);
+        let mut stepper = stepper.expect("the number of nodes has been checked");
+        let horizon = self.settings.horizon;
+        self.measure(|| stepper.run(0.0, horizon, &self.x0, &mut Unseen))
+    }
+
+    fn by_smoothing(&self, options: &SmoothingOptions, limit: Duration) -> (Outcome, f64) {
+        let horizon = self.settings.horizon;
+        let smoothed = smoothing::smooth(self.system, options);
+        let settings = solver::Settings {
+            tolerance: SMOOTHED_TOLERANCE,
+            time_limit: Some(limit),
+            ..solver::Settings::default()
+        };
+        let mut simulator = Simulator::new(hybrid::lower_over(&smoothed, horizon), settings);
+        let (mut outcome, seconds) =
+            self.measure(|| simulator.run(0.0, horizon, &self.x0, &mut Unseen));
+        // Its switches are others.
+        outcome.status = match outcome.status {
+            status @ (Status::Solved | Status::TimeLimit | Status::StepLimit) => status,
+            _ => Status::Unsolved,
+        };
+        (outcome, seconds)
+    }
+
+    fn by_extrapolation(&self, tolerance: f64, limit: Duration) -> (Outcome, f64) {
+        let settings = adaptive::Settings {
+            tolerance,
+            time_limit: Some(limit),
+            ..adaptive::Settings::default()
+        };
+        let horizon = self.settings.horizon;
+        let field = Jumping::new(self.system, Pulses::of(self.system, horizon));
+        let mut simulator = adaptive::Simulator::new(field, settings);
+        self.measure(|| simulator.run(0.0, horizon, &self.x0, &mut Unseen))
     }
 
     /// The outcome of a solve, and the median time of those after the first.

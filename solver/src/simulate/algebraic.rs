@@ -54,6 +54,19 @@ enum Failure {
 /// α of a sliding mode that is so far outside of [0, 1] is none.
 const ASTRAY: f64 = 0.5;
 
+/// A state, and of each pair whether its second member is the one that is kept.
+type Chosen = (Vec<f64>, Vec<bool>);
+
+/// All choices of n members; none where they are too many.
+fn all_choices(n: usize) -> Vec<Vec<bool>> {
+    match n <= MAX_PAIRS {
+        true => (0..1_usize << n)
+            .map(|bits| (0..n).map(|k| bits >> k & 1 == 1).collect())
+            .collect(),
+        false => Vec::new(),
+    }
+}
+
 impl Simulator {
     /// The state with consistent algebraic states, from those in `x` as guesses.
     ///
@@ -78,58 +91,8 @@ impl Simulator {
             return Ok(());
         }
         let (equations, pairs) = self.kept();
-        let (guess, scale) = (state.x.clone(), state.scale.clone());
-        let mut found: Vec<(Vec<f64>, Vec<bool>)> = Vec::new();
-        let mut regular = false;
-        let choices: Vec<Vec<bool>> = match pairs.len() {
-            n if n <= MAX_PAIRS => (0..1_usize << n)
-                .map(|bits| (0..n).map(|k| bits >> k & 1 == 1).collect())
-                .collect(),
-            _ => Vec::new(),
-        };
-        // What other choices of members lead to are guesses, too.
-        let mut guesses = vec![guess.clone()];
-        let mut unsolved: Vec<Vec<bool>> = Vec::new();
-        for again in [false, true] {
-            let tried = if again {
-                std::mem::take(&mut unsolved)
-            } else {
-                choices.clone()
-            };
-            let starts = if again {
-                guesses[1..].to_vec()
-            } else {
-                guesses.clone()
-            };
-            for choice in tried {
-                let mut solved = None;
-                for start in &starts {
-                    state.x.clone_from(start);
-                    state.scale.clone_from(&scale);
-                    let outcome = self.solve_choice(state, &equations, &pairs, &choice);
-                    regular |= !matches!(outcome, Err(Failure::Singular));
-                    if outcome.is_ok() {
-                        solved = Some(state.x.clone());
-                        break;
-                    }
-                }
-                let Some(x) = solved else {
-                    unsolved.push(choice);
-                    continue;
-                };
-                if !again && guesses.len() <= MAX_GUESSES {
-                    guesses.push(x.clone());
-                }
-                if self.violated(state, &pairs, &choice, horizon).is_some() {
-                    continue;
-                }
-                found.push((x, choice));
-            }
-            if guesses.len() == 1 {
-                break;
-            }
-        }
-        state.scale.clone_from(&scale);
+        let guess = state.x.clone();
+        let (mut found, mut regular) = self.search_members(state, &equations, &pairs, horizon);
         if pairs.len() > MAX_PAIRS {
             state.x.clone_from(&guess);
             let choice = self.linear_pairs(state, &equations, &pairs, horizon);
@@ -166,6 +129,55 @@ impl Simulator {
         self.take_members(state, &equations, &pairs, &choice);
         self.measure_algebraics(state);
         Ok(())
+    }
+
+    /// Solutions with every choice of members, few as they are, and whether some choice has a regular system.
+    fn search_members(
+        &mut self,
+        state: &mut State,
+        equations: &[usize],
+        pairs: &[(usize, usize)],
+        horizon: f64,
+    ) -> (Vec<Chosen>, bool) {
+        let (mut found, mut regular) = (Vec::new(), false);
+        let scale = state.scale.clone();
+        // What other choices of members lead to are guesses, too.
+        let mut guesses = vec![state.x.clone()];
+        let mut unsolved: Vec<Vec<bool>> = Vec::new();
+        for again in [false, true] {
+            let (tried, starts) = match again {
+                true => (std::mem::take(&mut unsolved), guesses[1..].to_vec()),
+                false => (all_choices(pairs.len()), guesses.clone()),
+            };
+            for choice in tried {
+                let mut solved = None;
+                for start in &starts {
+                    state.x.clone_from(start);
+                    state.scale.clone_from(&scale);
+                    let outcome = self.solve_choice(state, equations, pairs, &choice);
+                    regular |= !matches!(outcome, Err(Failure::Singular));
+                    if outcome.is_ok() {
+                        solved = Some(state.x.clone());
+                        break;
+                    }
+                }
+                let Some(x) = solved else {
+                    unsolved.push(choice);
+                    continue;
+                };
+                if !again && guesses.len() <= MAX_GUESSES {
+                    guesses.push(x.clone());
+                }
+                if self.violated(state, pairs, &choice, horizon).is_none() {
+                    found.push((x, choice));
+                }
+            }
+            if guesses.len() == 1 {
+                break;
+            }
+        }
+        state.scale.clone_from(&scale);
+        (found, regular)
     }
 
     /// True where the equations do not hold as they stand, since something in them has jumped.

@@ -29,6 +29,51 @@ enum End {
     Leaves(Side),
 }
 
+impl Start {
+    /// Where a switch starts.
+    fn of(state: &State, switch: usize) -> Self {
+        let turn = state.fold.as_ref().and_then(|fold| fold.turn(switch));
+        match (turn, state.entry[switch]) {
+            (Some(turn), _) => Start::Fold(turn.alpha, turn.direction),
+            (_, Entry::Present) => Start::At(state.alpha[switch]),
+            (_, Entry::From(alpha)) => Start::At(alpha),
+            (_, Entry::Unknown) => Start::Unknown,
+        }
+    }
+
+    /// Whether it may be at this end of α, 0 or 1.
+    fn meets(&self, end: usize) -> bool {
+        match *self {
+            Start::At(alpha) => (alpha - end as f64).abs() <= TIE,
+            Start::Fold(..) | Start::Unknown => true,
+        }
+    }
+
+    /// Whether a rate that vanishes at this end leaves it to series what becomes of it.
+    fn may_be_tied(&self, end: usize) -> bool {
+        !matches!(self, Start::Fold(..)) && self.meets(end)
+    }
+}
+
+/// Goes on with what the dummy system has led to; with all sliding modes, and whether it started in a fold.
+fn take(state: &mut State, switch: usize, end: End, (modes, folds): (Vec<SlidingMode>, bool)) {
+    let (side, alpha) = match end {
+        End::Slides(alpha) => (Side::Slide, alpha),
+        End::Leaves(side) => (side, 0.5 + 0.5 * side.sign()),
+    };
+    let mut sides = state.sides.clone();
+    sides[switch] = side;
+    state.set_sides(sides);
+    state.alpha[switch] = alpha;
+    state.entry[switch] = Entry::Present;
+    state.decisions.push(Decision {
+        switch,
+        modes,
+        taken: (side == Side::Slide).then_some(alpha),
+        folds,
+    });
+}
+
 /// From a double zero the next one is at least this far away.
 const APART: f64 = 1e-4;
 
@@ -43,13 +88,7 @@ impl Simulator {
         t1: f64,
         series: bool,
     ) -> Result<bool, Status> {
-        let turn = state.fold.as_ref().and_then(|fold| fold.turn(switch));
-        let start = match (turn, state.entry[switch]) {
-            (Some(turn), _) => Start::Fold(turn.alpha, turn.direction),
-            (_, Entry::Present) => Start::At(state.alpha[switch]),
-            (_, Entry::From(alpha)) => Start::At(alpha),
-            (_, Entry::Unknown) => Start::Unknown,
-        };
+        let start = Start::of(state, switch);
         let mut alphas = state.alpha.clone();
         let modes = self.mode.sliding_modes(switch, &mut alphas);
         let modes = modes.map_err(|_| Status::Undetermined {
@@ -60,22 +99,16 @@ impl Simulator {
         let choices = sides.map(|side| self.choice(state, switch, side, 0.5 + 0.5 * side.sign()));
         let scale = self.rates(state, &[switch], &choices)[0];
         let rests = ends.map(|rate| rate.abs() <= TIE * scale);
-        let is_tied = match start {
-            Start::Fold(..) => false,
-            Start::At(alpha) => (0..2).any(|end| (alpha - end as f64).abs() <= TIE && rests[end]),
-            Start::Unknown => rests.contains(&true),
-        };
+        let is_tied = [0, 1]
+            .iter()
+            .any(|&end| rests[end] && start.may_be_tied(end));
         if is_tied && !series {
             return Ok(false);
         }
         // The state leaves by its own series where φ vanishes.
         let mut leaves = [ends[0] < 0.0, ends[1] > 0.0];
         for end in 0..2 {
-            let met = match start {
-                Start::At(alpha) => (alpha - end as f64).abs() <= TIE,
-                _ => true,
-            };
-            if rests[end] && met {
+            if rests[end] && start.meets(end) {
                 let verdict = self.verdict(state, &[switch], &choices[end], &[1.0], t1);
                 leaves[end] = verdict.is_some_and(|verdict| verdict.agrees);
                 self.look_at(state, switch);
@@ -101,31 +134,19 @@ impl Simulator {
         };
         let end = match start {
             Start::Fold(alpha, direction) => walk(alpha, direction > 0.0, APART),
-            Start::At(alpha) => {
-                let bound = (0..2).find(|&end| (alpha - end as f64).abs() <= TIE);
-                match bound {
-                    Some(end) if leaves[end] => End::Leaves(sides[end]),
-                    Some(end) => walk(alpha, end == 0, TIE),
-                    None => self.follow(state, switch, alpha, &modes, scale, walk),
-                }
-            }
+            Start::At(alpha) => match (0..2).find(|&end| start.meets(end)) {
+                Some(end) if leaves[end] => End::Leaves(sides[end]),
+                Some(end) => walk(alpha, end == 0, TIE),
+                None => self.follow(state, switch, alpha, &modes, scale, walk),
+            },
             Start::Unknown => self.name_ends(switch, &modes, leaves, wanted)?,
         };
-        let (side, alpha) = match end {
-            End::Slides(alpha) => (Side::Slide, alpha),
-            End::Leaves(side) => (side, 0.5 + 0.5 * side.sign()),
-        };
-        let mut sides = state.sides.clone();
-        sides[switch] = side;
-        state.set_sides(sides);
-        state.alpha[switch] = alpha;
-        state.entry[switch] = Entry::Present;
-        state.decisions.push(Decision {
+        take(
+            state,
             switch,
-            modes,
-            taken: (side == Side::Slide).then_some(alpha),
-            folds: matches!(start, Start::Fold(..)),
-        });
+            end,
+            (modes, matches!(start, Start::Fold(..))),
+        );
         Ok(true)
     }
 

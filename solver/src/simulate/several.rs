@@ -190,62 +190,14 @@ impl Simulator {
             return Err(undetermined());
         }
         let starts = self.starts(state, group);
-        let corners = [0.0, 1.0].map(|end| {
-            let mut alphas = state.alpha.clone();
-            group.iter().for_each(|&i| alphas[i] = end);
-            self.mode.vary(&alphas);
-            let states = self.mode.states_in_focus().iter();
-            Choice {
-                sides: Vec::new(),
-                alpha: Vec::new(),
-                f: states.map(|&state| self.mode.f()[state]).collect(),
-            }
-        });
-        let scales = self.rates(state, group, &corners);
-        if scales.iter().any(|scale| *scale <= 0.0) {
-            return Err(undetermined());
-        }
-        // Sizes of rates, without what a short step before says of their rounding.
-        let size = |(&i, scale): (&usize, &f64)| {
-            let largest = |state: usize| {
-                let at = self.mode.states_in_focus().partition_point(|&j| j < state);
-                corners
-                    .iter()
-                    .fold(0.0, |m: f64, corner| m.max(corner.f[at].abs()))
-            };
-            let size = self.mode.weigh(i, largest) + self.mode.time_gradient(i).abs();
-            if size > 0.0 { size } else { *scale }
-        };
-        let sizes: Vec<f64> = group.iter().zip(&scales).map(size).collect();
-        let mut ways: Vec<Way> = Vec::new();
-        for start in &starts {
-            for trial in 0..=STEEPNESS.len() * group.len() {
-                let mut speeds: Vec<f64> = sizes.iter().map(|size| 1.0 / size).collect();
-                if let Some(steeper) = trial.checked_sub(1) {
-                    speeds[steeper / STEEPNESS.len()] *= STEEPNESS[steeper % STEEPNESS.len()];
-                }
-                let mut dummy = Dummy {
-                    mode: &mut self.mode,
-                    group,
-                    alphas: state.alpha.clone(),
-                    speeds,
-                    scales: &scales,
-                };
-                let way = dummy.limit(start.clone()).ok_or_else(undetermined)?;
-                let known = |other: &Way| {
-                    let mut pairs = other.alpha.iter().zip(&way.alpha);
-                    other.sides == way.sides && pairs.all(|(a, b)| (a - b).abs() <= SAME)
-                };
-                if !ways.iter().any(known) {
-                    ways.push(way);
-                }
-            }
-        }
-        let name = |way: &Way| -> Candidate {
-            let sides = way.sides.iter().copied();
-            group.iter().copied().zip(sides).collect()
-        };
+        let (scales, sizes) = self.sizes(state, group).ok_or_else(undetermined)?;
+        let ways = self.ways(state, group, &starts, [&scales, &sizes]);
+        let mut ways = ways.ok_or_else(undetermined)?;
         if ways.len() > 1 {
+            let name = |way: &Way| -> Candidate {
+                let sides = way.sides.iter().copied();
+                group.iter().copied().zip(sides).collect()
+            };
             let found = Status::NonUnique(ways.iter().map(name).collect());
             let fits = |way: &Way| {
                 let mut pairs = way.sides.iter().zip(wanted);
@@ -263,6 +215,73 @@ impl Simulator {
             .ok_or_else(undetermined)?;
         self.tell_several(state, group, &sides, &alpha)?;
         Ok(true)
+    }
+
+    /// What rates of a group are relative to, and their sizes, without what a short step before says of their rounding;
+    /// nothing where a rate has no size.
+    fn sizes(&mut self, state: &State, group: &[usize]) -> Option<(Vec<f64>, Vec<f64>)> {
+        let corners = [0.0, 1.0].map(|end| {
+            let mut alphas = state.alpha.clone();
+            group.iter().for_each(|&i| alphas[i] = end);
+            self.mode.vary(&alphas);
+            let states = self.mode.states_in_focus().iter();
+            Choice {
+                sides: Vec::new(),
+                alpha: Vec::new(),
+                f: states.map(|&state| self.mode.f()[state]).collect(),
+            }
+        });
+        let scales = self.rates(state, group, &corners);
+        if scales.iter().any(|scale| *scale <= 0.0) {
+            return None;
+        }
+        let size = |(&i, scale): (&usize, &f64)| {
+            let largest = |state: usize| {
+                let at = self.mode.states_in_focus().partition_point(|&j| j < state);
+                let rates = corners.iter().map(|corner| corner.f[at].abs());
+                rates.fold(0.0, f64::max)
+            };
+            let size = self.mode.weigh(i, largest) + self.mode.time_gradient(i).abs();
+            if size > 0.0 { size } else { *scale }
+        };
+        let sizes = group.iter().zip(&scales).map(size).collect();
+        Some((scales, sizes))
+    }
+
+    /// What the dummy system tends to from these starts, one switch after another steeper or flatter than the others;
+    /// nothing where it has no limit.
+    fn ways(
+        &mut self,
+        state: &State,
+        group: &[usize],
+        starts: &[Vec<f64>],
+        [scales, sizes]: [&[f64]; 2],
+    ) -> Option<Vec<Way>> {
+        let mut ways: Vec<Way> = Vec::new();
+        for start in starts {
+            for trial in 0..=STEEPNESS.len() * group.len() {
+                let mut speeds: Vec<f64> = sizes.iter().map(|size| 1.0 / size).collect();
+                if let Some(steeper) = trial.checked_sub(1) {
+                    speeds[steeper / STEEPNESS.len()] *= STEEPNESS[steeper % STEEPNESS.len()];
+                }
+                let mut dummy = Dummy {
+                    mode: &mut self.mode,
+                    group,
+                    alphas: state.alpha.clone(),
+                    speeds,
+                    scales,
+                };
+                let way = dummy.limit(start.clone())?;
+                let known = |other: &Way| {
+                    let mut pairs = other.alpha.iter().zip(&way.alpha);
+                    other.sides == way.sides && pairs.all(|(a, b)| (a - b).abs() <= SAME)
+                };
+                if !ways.iter().any(known) {
+                    ways.push(way);
+                }
+            }
+        }
+        Some(ways)
     }
 
     /// The same where the series say so of switches that leave with a rate that vanishes, or with these sliding.

@@ -65,6 +65,68 @@ const SURFACE: f64 = 1e-12;
 /// A gap below this is no rounding.
 const OUTSIDE: f64 = 1e-10;
 
+/// Whether a multiplier has no bound: a force, or a member of an equation or a complementarity.
+fn is_force(system: &System, origin: &Origin) -> bool {
+    let Cause::Switch(switch) = origin.cause else {
+        return false;
+    };
+    let switch = &system.switches[switch];
+    switch.unilateral || switch.role != Role::Step
+}
+
+/// Whether an equation determines an algebraic state.
+fn determines_state(system: &System, origin: &Origin) -> bool {
+    let switch = |k: usize| &system.switches[k];
+    matches!(origin.cause, Cause::Switch(k) if switch(k).role == Role::Equation)
+}
+
+/// The pairs that members of complementarities are in, by switch.
+fn members(system: &System, dcs: &Dcs) -> Vec<Option<(usize, Zero)>> {
+    let mut members = vec![None; system.switches.len()];
+    for (pair, origin) in dcs.origins.pairs.iter().enumerate() {
+        if let Cause::Switch(second) = origin.cause
+            && let Role::Member(first) = system.switches[second].role
+        {
+            members[first] = Some((pair, Zero::Left));
+            members[second] = Some((pair, Zero::Right));
+        }
+    }
+    members
+}
+
+/// The pair and the rows that state a disc, without its friction.
+fn stated(disc: &dcs::Disc, dcs: &Dcs) -> Disc {
+    let slip = dcs.algebraics[disc.slip].var;
+    let pair = dcs.pairs.iter().position(|pair| pair.left == slip);
+    let row = |alpha: usize| {
+        let both = [disc.slip, alpha].map(|z| variable(dcs.algebraics[z].var));
+        let holds = |row: &Expr| both.iter().all(|var| row.depends_on(*var));
+        let place = dcs.equations.iter().position(holds);
+        place.expect("a disc states its slip velocity")
+    };
+    Disc {
+        pair: pair.expect("a disc has a pair"),
+        rows: disc.alphas.map(row),
+        alphas: disc.alphas,
+        slip: disc.slip,
+        friction: 0.0,
+    }
+}
+
+/// What stands for the functions until they are compiled.
+fn no_functions() -> Full {
+    let empty = || Tape::builder(0).finish(&[]);
+    Full {
+        equations: empty(),
+        slopes: Partials::none(0),
+        directional: empty(),
+        directional_slopes: Partials::none(0),
+        rates: empty(),
+        alphas: empty(),
+        is_affine: true,
+    }
+}
+
 impl<'e> Complementarity<'e> {
     /// Substitutes the parameters of a lowering of `system`.
     pub fn new(system: &System<'e>, dcs: &Dcs<'e>) -> Self {
@@ -73,14 +135,13 @@ impl<'e> Complementarity<'e> {
         let mut numbers: Substitution = params
             .map(|param| (variable(param.var), exprs.constant(param.value)))
             .collect();
-        let surfaces = system
-            .switches
-            .iter()
-            .map(|switch| switch.psi.substitute(&numbers));
+        let surfaces = system.switches.iter();
+        let surfaces = surfaces.map(|switch| switch.psi.substitute(&numbers));
         let surfaces: Vec<Expr<'e>> = surfaces.collect();
-        let gaps = system.switches.iter().zip(&surfaces).enumerate();
-        let gaps = gaps.filter(|(_, (switch, _))| switch.unilateral);
-        let gaps: Vec<(usize, Expr<'e>)> = gaps.map(|(k, (_, psi))| (k, *psi)).collect();
+        let gaps = surfaces.iter().copied().enumerate();
+        let gaps = gaps
+            .filter(|(k, _)| system.switches[*k].unilateral)
+            .collect();
         let Polynomials {
             coefficients,
             instead,
@@ -91,84 +152,36 @@ impl<'e> Complementarity<'e> {
         let jumps = !coefficients.is_empty() || !leading.is_empty();
         let at_breakpoints = jumps.then(|| (system.clone(), dcs.clone()));
         let algebraics: Vec<Var> = dcs.algebraics.iter().map(|z| variable(z.var)).collect();
-        let place: FxHashMap<Var, usize> = algebraics
-            .iter()
-            .enumerate()
-            .map(|(i, &z)| (z, i))
-            .collect();
+        let places = algebraics.iter().enumerate();
+        let place: FxHashMap<Var, usize> = places.map(|(i, &z)| (z, i)).collect();
         let groups = groups(&equations, &place);
-        let is_force = |origin: &Origin| {
-            let Cause::Switch(switch) = origin.cause else {
-                return false;
-            };
-            let switch = &system.switches[switch];
-            switch.unilateral || switch.role != Role::Step
-        };
-        let determines_state = |origin: &Origin| matches!(origin.cause, Cause::Switch(k) if system.switches[k].role == Role::Equation);
-        let mut members = vec![None; system.switches.len()];
-        for (pair, origin) in dcs.origins.pairs.iter().enumerate() {
-            if let Cause::Switch(second) = origin.cause
-                && let Role::Member(first) = system.switches[second].role
-            {
-                members[first] = Some((pair, Zero::Left));
-                members[second] = Some((pair, Zero::Right));
-            }
-        }
         let pair = |(pair, origin): (&dcs::Pair<'e>, &Origin)| {
             let (left, right) = (member(pair.left, &place), member(pair.right, &place));
             Pair {
                 left,
                 right,
                 group: groups[left.variable],
-                is_bounded: !is_force(origin),
+                is_bounded: !is_force(system, origin),
             }
         };
-        let of_disc = |disc: &dcs::Disc| {
-            let slip = dcs.algebraics[disc.slip].var;
-            let pair = dcs.pairs.iter().position(|pair| pair.left == slip);
-            let row = |alpha: usize| {
-                let both = [disc.slip, alpha].map(|z| variable(dcs.algebraics[z].var));
-                let holds = |row: &Expr<'e>| both.iter().all(|var| row.depends_on(*var));
-                let place = dcs.equations.iter().position(holds);
-                place.expect("a disc states its slip velocity")
-            };
-            Disc {
-                pair: pair.expect("a disc has a pair"),
-                rows: disc.alphas.map(row),
-                alphas: disc.alphas,
-                slip: disc.slip,
-                friction: 0.0,
-            }
-        };
-        let discs = dcs.discs.iter().map(of_disc).collect();
+        let discs = dcs.discs.iter().map(|disc| stated(disc, dcs)).collect();
         let switches_of_discs = dcs.discs.iter().map(|disc| disc.switches).collect();
-        let nonlinear = system.switches.iter().map(|switch| switch.is_nonlinear);
-        let nonlinear = nonlinear.collect();
-        let continuous: Vec<bool> = dcs.algebraics.iter().map(|z| z.continuous).collect();
         let mut system = Complementarity {
             exprs,
             time: variable(dcs.time),
             states: dcs.states.iter().map(|state| variable(state.var)).collect(),
             algebraic_states: system.algebraic_states(),
-            continuous,
+            continuous: dcs.algebraics.iter().map(|z| z.continuous).collect(),
             start: dcs.algebraics.iter().map(|z| z.guess).collect(),
             determines_state: (dcs.origins.equations.iter())
-                .map(determines_state)
+                .map(|origin| determines_state(system, origin))
                 .collect(),
             alphas: numbers.apply(&dcs.alphas),
             pairs: dcs.pairs.iter().zip(&dcs.origins.pairs).map(pair).collect(),
             switches_of: (dcs.origins.pairs.iter())
                 .map(|origin| switches(system, origin))
                 .collect(),
-            full: Full {
-                equations: Tape::builder(0).finish(&[]),
-                slopes: Partials::none(0),
-                directional: Tape::builder(0).finish(&[]),
-                directional_slopes: Partials::none(0),
-                rates: Tape::builder(0).finish(&[]),
-                alphas: Tape::builder(0).finish(&[]),
-                is_affine: true,
-            },
+            full: no_functions(),
             algebraics,
             rates,
             equations,
@@ -178,8 +191,10 @@ impl<'e> Complementarity<'e> {
             surfaces,
             followers: Vec::new(),
             gaps,
-            nonlinear,
-            members,
+            nonlinear: (system.switches.iter())
+                .map(|switch| switch.is_nonlinear)
+                .collect(),
+            members: members(system, dcs),
             discs,
             switches_of_discs,
             leading,
