@@ -184,6 +184,38 @@ fn a_disc_does_not_stay_where_its_speed_is_zero() {
     assert!(objective < 8000.0, "{objective}");
 }
 
+/// With q(1) = 0 it strikes the floor at the end and leaves with -e v: of ∫ 0.089 u² + (0 + 1.863)² + 0.445 e² v(1)² the
+/// least is a linear system in u, v(1) and the multiplier of q(1) = 0. Any later impact costs 1 %.
+#[test]
+fn an_impact_at_the_end_is_found() {
+    let found = solved(
+        "model m {
+           control u in [-5, 5] = 0.857;
+           state q = 0.708; state v = -0.468;
+           q' = v;
+           mechanics q, v { mass = 1; force = u - 2; contact floor { gap = q; restitution = 0.667; } }
+         }
+         optimize o of m {
+           horizon 1; intervals 6; elements 3; lower impact;
+           minimize final((q + 1.863)^2 + 0.445*v^2) + integral(0.089*u^2);
+         }",
+    );
+    let (h, a, r) = (1.0 / 6.0, 0.445 * 0.667 * 0.667, 0.089 / 6.0);
+    // q(1) = 0.708 - 0.468 - 1 + Σ w u, v(1) = -0.468 - 2 + Σ h u, 2 r u + 2 a v(1) h + λ w = 0.
+    let w = [11.0, 9.0, 7.0, 5.0, 3.0, 1.0].map(|k| h * k / 12.0);
+    let squares: f64 = w.iter().map(|w| w * w).sum();
+    let sum: f64 = w.iter().sum();
+    let (a11, a12, b1) = (1.0 + a * h / r, 0.5 * h * sum / r, -2.468);
+    let (a21, a22, b2) = (-a * h * sum / r, -0.5 * squares / r, 0.76);
+    let det = a11 * a22 - a12 * a21;
+    let (v, lambda) = ((b1 * a22 - a12 * b2) / det, (a11 * b2 - a21 * b1) / det);
+    let u = w.map(|w| -(2.0 * a * v * h + lambda * w) / (2.0 * r));
+    let cost: f64 = u.iter().map(|u| r * u * u).sum();
+    let exact = 1.863 * 1.863 + a * v * v + cost;
+    close(found.objective.expect("an optimum"), exact, 1e-8);
+    assert_eq!(times(&found, EventKind::Jump), [1.0]);
+}
+
 #[test]
 fn a_relay_switches_where_the_outside_lets_it() {
     let found = solved(

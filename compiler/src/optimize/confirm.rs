@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use nsd_solver::mpcc::{self, Options, Solution};
 
-use super::descent::{Found, LARGE, SMALL, Search};
+use super::descent::{Candidate, Found, LARGE, SMALL, Search};
 use super::reduced::Reduced;
 use super::{Problem, Watch, rehearsal};
 use crate::report::Confirmation;
@@ -38,13 +38,11 @@ enum Look {
     Elsewhere,
 }
 
-/// A better point, if there is one.
+/// Points that are better or may lead to better ones, the best first.
 struct Better {
-    w: Vec<f64>,
+    points: Vec<Candidate>,
     /// By how much the objective falls per size of a free quantity.
     rate: f64,
-    /// The objective there.
-    objective: f64,
     /// Whether it falls to first order.
     is_descent: bool,
     /// The looks that are left.
@@ -67,11 +65,14 @@ pub(super) fn confirm(
             Ok(better) => better,
             Err(confirmation) => return (confirmation, unfollowed),
         };
-        let found = (rounds.next()).and_then(|_| from(problem, better.w, options, left, watch));
         let gain = NO_GAIN * solution.objective.abs().max(NO_GAIN);
-        let is_better =
-            |found: &Solution| found.is_feasible() && found.objective < solution.objective - gain;
-        if let Some(found) = found.filter(is_better) {
+        let least = solution.objective - gain;
+        let is_better = |found: &Solution| found.is_feasible() && found.objective < least;
+        let found = better.points.iter().find_map(|point| {
+            rounds.next()?;
+            from(problem, &point.w, options, left, watch).filter(is_better)
+        });
+        if let Some(found) = found {
             let iterations = solution.stats.iterations;
             *solution = found;
             solution.stats.iterations += iterations;
@@ -83,7 +84,7 @@ pub(super) fn confirm(
         }
         // What is only better at some distance is another minimum.
         let worth = solution.objective - WORTH * solution.objective.abs();
-        let best = unfollowed.unwrap_or(worth).min(better.objective);
+        let best = better.points[0].merit.min(unfollowed.unwrap_or(worth));
         unfollowed = (best < worth).then_some(best);
         looks = better.left;
     }
@@ -92,11 +93,12 @@ pub(super) fn confirm(
 /// The solution of the program that is found from a simulation with the free quantities of a point.
 fn from(
     problem: &mut Problem,
-    mut w: Vec<f64>,
+    point: &[f64],
     options: &Options,
     left: &dyn Fn() -> Option<Duration>,
     watch: &mut dyn Watch,
 ) -> Option<Solution> {
+    let mut w = point.to_vec();
     let starts = match problem.frozen {
         Some(_) => rehearsal::in_numerical_time(problem, &mut w, left),
         None => rehearsal::in_modes(problem, &problem.simulated(&w, left()), &mut w),
@@ -167,15 +169,13 @@ fn look(
         };
         match found {
             Found::Descent {
-                w,
+                points,
                 rate,
-                merit,
                 is_first_order,
             } => {
                 return Ok(Better {
-                    w,
+                    points,
                     rate,
-                    objective: merit,
                     is_descent: is_first_order,
                     left: &looks[i + 1..],
                 });

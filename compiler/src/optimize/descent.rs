@@ -30,17 +30,22 @@ const MOST_TIME: Duration = Duration::from_secs(1);
 pub(super) enum Found {
     /// No descent along any of the quantities.
     Nothing,
-    /// A better point, and by how much the objective falls per size of a quantity.
+    /// Points that are better or may lead to better ones, the best first, and by how much the objective falls per size of a
+    /// quantity.
     Descent {
-        w: Vec<f64>,
+        points: Vec<Candidate>,
         rate: f64,
-        /// The objective there, with what violations add.
-        merit: f64,
         /// Whether it falls so in small changes.
         is_first_order: bool,
     },
     /// Simulations do not say.
     Unknown,
+}
+
+/// A point, and the objective there with what violations add.
+pub(super) struct Candidate {
+    pub merit: f64,
+    pub w: Vec<f64>,
 }
 
 /// A change of one quantity.
@@ -124,10 +129,9 @@ impl Search<'_, '_, '_, '_> {
         let alone = best.map(|column| [(column.index, column.step)]);
         let joint = self.follow(&direction, change);
         match joint.or_else(|| self.follow(&alone?, change)) {
-            Some((w, rate, merit)) => Found::Descent {
-                w,
+            Some((point, rate)) => Found::Descent {
+                points: vec![point],
                 rate,
-                merit,
                 is_first_order: change == SMALL,
             },
             None => nothing(),
@@ -292,8 +296,8 @@ impl Search<'_, '_, '_, '_> {
         values.cost + self.weight * more
     }
 
-    /// The best point along a direction, the rate at which the merit falls, and what it is there; none where it does not.
-    fn follow(&self, direction: &[(usize, f64)], change: f64) -> Option<(Vec<f64>, f64, f64)> {
+    /// The best point along a direction, and the rate at which the merit falls; none where it does not.
+    fn follow(&self, direction: &[(usize, f64)], change: f64) -> Option<(Candidate, f64)> {
         let objective = self.base.map_or(self.objective, |base| base.cost);
         let at = |share: f64| {
             let mut w = self.w.to_vec();
@@ -305,22 +309,22 @@ impl Search<'_, '_, '_, '_> {
                 *value = value.max(quantity.lower).min(quantity.upper);
             }
             let values = self.reduced.at(&w)?;
-            Some((self.merit(&values), w))
+            let merit = self.merit(&values);
+            Some(Candidate { merit, w })
         };
-        let (merit, w) = at(1.0)?;
-        let rate = (objective - merit) / change;
+        let (mut best, mut share) = (at(1.0)?, 1.0);
+        let rate = (objective - best.merit) / change;
         if rate <= self.threshold(change) {
             return None;
         }
-        let (mut best, mut point, mut share) = (merit, w, 1.0);
         for _ in 0..MOST_STEPS {
             share *= FACTOR;
-            let Some((merit, w)) = at(share).filter(|(merit, _)| *merit < best) else {
+            let Some(next) = at(share).filter(|next| next.merit < best.merit) else {
                 break;
             };
-            (best, point) = (merit, w);
+            best = next;
         }
-        Some((point, rate, best))
+        Some((best, rate))
     }
 }
 
@@ -352,9 +356,10 @@ mod tests {
                 doubt: 0.0,
                 room: 0.0,
             };
-            let Found::Descent { merit, .. } = search.descent(SMALL) else {
+            let Found::Descent { points, .. } = search.descent(SMALL) else {
                 panic!("there is a slope");
             };
+            let merit = points[0].merit;
             assert!((merit - 1.0).abs() < 1e-12, "{merit}");
         });
     }

@@ -3,11 +3,13 @@
 //! Points all over the ranges of the free quantities are simulated. Where switches act and nothing but ranges constrains,
 //! the best of those inside the ranges are followed downhill by a compass search (Kolda, Lewis, Torczon 2003): x⁺ = x ± s eᵢ
 //! where J is smaller there, and half of s where no eᵢ leads to a smaller one. It asks for no slopes: where a switch meets
-//! the end of an interval J has a kink, and steps along gradients come to rest beside it.
+//! the end of an interval J has a kink, and steps along gradients come to rest beside it. Where an impact meets the end of
+//! the horizon J jumps, and a compass search comes to rest beside the edge: ends of descents that are almost as good as the
+//! solution, and not near it, are worth a program of their own.
 
 use std::ops::Range;
 
-use super::descent::{Found, Search};
+use super::descent::{Candidate, Found, Search};
 use super::reduced::Quantity;
 
 /// Shares of ranges at which all controls are tried.
@@ -25,34 +27,31 @@ const MOST_RUNS: usize = 6000;
 const FREE: f64 = 0.07;
 const LEAST_GAIN: f64 = 0.1;
 
-/// A point and its merit.
-struct Candidate {
-    merit: f64,
-    w: Vec<f64>,
-}
+/// Ends of descents are looked into that are worse than the solution by less than this share of its objective, and farther
+/// away than so many sizes of a quantity.
+const PROMISING: f64 = 0.03;
+const APART: f64 = 0.1;
+/// How many ends of descents are looked into.
+const MOST_ENDS: usize = 4;
 
 impl Search<'_, '_, '_, '_> {
-    /// A point that is far away and better.
+    /// Points that are far away and better, or promising, the best first.
     pub fn elsewhere(&self) -> Found {
-        let mut target = self.objective - self.threshold(1.0);
+        let target = self.objective - self.threshold(1.0);
         let edge = self.candidates(self.at_bounds()).into_iter().next();
-        let mut best = edge.filter(|best| best.merit < target);
-        if self.has_branches() {
-            let inside = self.candidates(self.inside()).into_iter();
-            let mut runs = 0..MOST_RUNS;
-            for point in best.take().into_iter().chain(inside.take(FOLLOWED)) {
-                if let Some(better) = self.downhill(point, target, &mut runs) {
-                    target = better.merit;
-                    best = Some(better);
-                }
-            }
+        let edge = edge.filter(|best| best.merit < target);
+        let points = match self.has_branches() {
+            true => self.compass(edge, target),
+            false => edge.into_iter().collect(),
+        };
+        match points.first() {
+            None => Found::Nothing,
+            Some(best) => Found::Descent {
+                rate: self.objective - best.merit,
+                points,
+                is_first_order: false,
+            },
         }
-        best.map_or(Found::Nothing, |best| Found::Descent {
-            rate: self.objective - best.merit,
-            merit: best.merit,
-            w: best.w,
-            is_first_order: false,
-        })
     }
 
     /// Whether switches act, and nothing but ranges constrains.
@@ -119,24 +118,56 @@ impl Search<'_, '_, '_, '_> {
         points.collect()
     }
 
-    /// The end of a descent, if it is below `target`.
-    fn downhill(
-        &self,
-        mut point: Candidate,
-        target: f64,
-        runs: &mut Range<usize>,
-    ) -> Option<Candidate> {
+    /// The best ends of descents from a point and from those inside the ranges: below `target` or promising.
+    fn compass(&self, edge: Option<Candidate>, mut target: f64) -> Vec<Candidate> {
+        let inside = self.candidates(self.inside()).into_iter();
+        let mut runs = 0..MOST_RUNS;
+        let mut ends = Vec::new();
+        for point in edge.into_iter().chain(inside.take(FOLLOWED)) {
+            let end = self.downhill(point, target, &mut runs);
+            if end.merit < target || self.is_promising(&end) {
+                target = target.min(end.merit);
+                ends.push(end);
+            }
+        }
+        ends.sort_by(|a, b| a.merit.total_cmp(&b.merit));
+        let mut points: Vec<Candidate> = Vec::new();
+        for end in ends {
+            if points.iter().all(|point| self.are_apart(&point.w, &end.w)) {
+                points.push(end);
+            }
+        }
+        points.truncate(MOST_ENDS);
+        points
+    }
+
+    /// Whether the solution of a program may be better in the branch of a point.
+    fn is_promising(&self, point: &Candidate) -> bool {
+        point.merit < self.objective + PROMISING * self.objective.abs()
+            && self.are_apart(self.w, &point.w)
+    }
+
+    fn are_apart(&self, a: &[f64], b: &[f64]) -> bool {
+        let is_changed = |quantity: &Quantity| {
+            let change = a[quantity.index] - b[quantity.index];
+            change.abs() > APART * quantity.size
+        };
+        self.reduced.quantities.iter().any(is_changed)
+    }
+
+    /// The end of a descent, which is left where it does not come towards `target`.
+    fn downhill(&self, mut point: Candidate, target: f64, runs: &mut Range<usize>) -> Candidate {
         let mut step = FIRST;
         while step >= LAST {
             let before = point.merit;
             let mut sweeps = 0..MOST_SWEEPS;
             while sweeps.next().is_some() && self.sweep(&mut point, step, runs) {}
             if step < FREE && before - point.merit < LEAST_GAIN * (point.merit - target) {
-                return None;
+                break;
             }
             step *= 0.5;
         }
-        (point.merit < target).then_some(point)
+        point
     }
 
     /// Changes every quantity by a step where the merit is smaller behind it; whether there was one.
