@@ -32,7 +32,7 @@ const LEAST_GAIN: f64 = 0.1;
 const PROMISING: f64 = 0.03;
 const APART: f64 = 0.1;
 /// How many ends of descents are looked into.
-const MOST_ENDS: usize = 4;
+const MOST_ENDS: usize = 3;
 
 impl Search<'_, '_, '_, '_> {
     /// Points that are far away and better, or promising, the best first.
