@@ -7,9 +7,12 @@ pub mod diagnostics;
 pub mod discretize;
 pub mod ensemble;
 pub mod explain;
+pub mod figure;
+pub mod files;
 pub mod golden;
 pub mod hybrid;
 pub mod imports;
+pub mod launch;
 pub mod model;
 pub mod modes;
 pub mod mpcc;
@@ -17,6 +20,7 @@ pub mod nl;
 pub mod optimize;
 pub mod order;
 pub mod prepared;
+pub mod project;
 pub mod report;
 pub mod simulate;
 pub mod source;
@@ -27,6 +31,7 @@ pub mod table;
 #[cfg(test)]
 mod testing;
 pub mod threads;
+pub mod watch;
 
 pub use nsd_expr as expr;
 use nsd_solver::tableau::Family;

@@ -12,9 +12,10 @@ use std::time::{Duration, Instant};
 use nsd_solver::ipm;
 use nsd_solver::mpcc::{Observer, Program};
 use nsd_tests::with_experiment;
-use nsdc::optimize::{self, Watch};
+use nsdc::optimize;
 use nsdc::report::{MethodOption, Trajectory};
 use nsdc::simulate::Request;
+use nsdc::watch::Watch;
 use records::record;
 use serde_json::json;
 

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::files::Terminal;
 use super::project::{self, Project};
 use super::{Exit, Streams, io};
 
@@ -9,7 +10,7 @@ use super::{Exit, Streams, io};
 pub fn run(files: &[PathBuf], streams: &mut Streams<'_>) -> io::Result<Exit> {
     let mut exit = Exit::Success;
     for path in files {
-        match Project::load(path) {
+        match Project::from_files(path, Terminal) {
             Ok(mut project) => {
                 let diags = project.check();
                 project::print(&diags, &project.sources, streams)?;

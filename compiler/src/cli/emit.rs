@@ -2,13 +2,13 @@
 
 use super::args::{EmitArgs, Ir};
 use super::files::{Sink, is_standard};
-use super::launch;
 use super::project::{self, Project};
 use super::{Exit, Streams, io};
 use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
 use crate::discretize::{self, DiscretizeError, Grid, discretize};
 use crate::expr::Exprs;
+use crate::launch;
 use crate::simulate::Request;
 use crate::syntax::{Bind, Experiment, Item};
 use crate::system::experiment::{ExperimentError, FesdOptions, Method};
@@ -25,7 +25,7 @@ const MOST_NL_ROWS: usize = 1_000_000;
 
 /// Prints a form of the models or experiments of a file.
 pub fn run(args: &EmitArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
-    let Some((mut project, overrides)) = Project::open(&args.file, &args.set, streams)? else {
+    let Some((mut project, overrides)) = project::open(&args.file, &args.set, streams)? else {
         return Ok(Exit::Wrong);
     };
     let mut printed = Printed::default();
@@ -93,7 +93,8 @@ fn ast(
 ) -> io::Result<Exit> {
     let mut file = project.file.clone();
     if args.experiment.is_some() {
-        let Some(selected) = project.selected(args.experiment.as_deref(), streams)? else {
+        let Some(selected) = project::selected(project, args.experiment.as_deref(), streams)?
+        else {
             return Ok(Exit::Wrong);
         };
         file.items = selected.into_iter().map(Item::Experiment).collect();
@@ -113,7 +114,7 @@ fn experiments(
     // A file of models alone is shown as if each was run with its defaults.
     let has_experiments = project.experiments().next().is_some();
     let selected = match has_experiments || args.experiment.is_some() {
-        true => project.selected(args.experiment.as_deref(), streams)?,
+        true => project::selected(project, args.experiment.as_deref(), streams)?,
         false => Some(defaults(project)),
     };
     let Some(mut experiments) = selected else {

@@ -1,44 +1,15 @@
 //! Reading and writing files, with errors that name them.
 
-use std::collections::HashMap;
 use std::fs;
 use std::io::{self, Read};
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 use super::Streams;
-use crate::imports::{Loaded, Loader, NotLoaded};
-use crate::syntax;
-use crate::table;
+pub use crate::files::FileError;
+use crate::files::{Disk, EXTENSION, Files, open};
 
-/// Extension of model files.
-const EXTENSION: &str = "nsd";
 /// Folders below a folder before a walk gives up; a cycle of links would never end.
 const MAX_DEPTH: usize = 64;
-
-/// A file that could not be read or written.
-#[derive(Debug, thiserror::Error)]
-#[error("cannot {action} `{name}`: {reason}")]
-pub struct FileError {
-    action: &'static str,
-    name: String,
-    reason: String,
-}
-
-impl FileError {
-    fn new(action: &'static str, path: &Path, error: &io::Error) -> Self {
-        let reason = match error.kind() {
-            io::ErrorKind::NotFound => "there is no such file or folder".into(),
-            io::ErrorKind::PermissionDenied => "permission denied".into(),
-            io::ErrorKind::IsADirectory => "it is a folder".into(),
-            _ => error.to_string(),
-        };
-        FileError {
-            action,
-            name: path.display().to_string(),
-            reason,
-        }
-    }
-}
 
 /// Whether a path stands for standard input or output.
 pub fn is_standard(path: &Path) -> bool {
@@ -53,30 +24,36 @@ pub fn display_name(path: &Path) -> String {
     }
 }
 
-/// The bytes of a file, or of standard input for `-`; at most one more than `limit` of them.
-pub fn read(path: &Path, limit: usize) -> Result<Vec<u8>, FileError> {
-    let limited = |source: &mut dyn Read| {
+/// The files of this machine, and standard input for `-`.
+pub struct Terminal;
+
+impl Files for Terminal {
+    fn read(&self, path: &Path, limit: usize) -> Result<Vec<u8>, FileError> {
+        if !is_standard(path) {
+            return Disk.read(path, limit);
+        }
         let mut bytes = Vec::new();
-        source.take(limit as u64 + 1).read_to_end(&mut bytes)?;
-        Ok(bytes)
-    };
-    let result = match is_standard(path) {
-        true => limited(&mut io::stdin().lock()),
-        false => open(path).and_then(|mut file| limited(&mut file)),
-    };
-    result.map_err(|error| FileError::new("read", path, &error))
+        let read = (io::stdin().lock())
+            .take(limit as u64 + 1)
+            .read_to_end(&mut bytes);
+        match read {
+            Ok(_) => Ok(bytes),
+            Err(error) => Err(FileError::new("read", path, &error)),
+        }
+    }
+
+    fn key(&self, path: &Path) -> String {
+        Disk.key(path)
+    }
+
+    fn name(&self, path: &Path) -> String {
+        display_name(path)
+    }
 }
 
-/// Opens a regular file: others, as FIFOs and devices, may have no end, or no beginning.
-fn open(path: &Path) -> io::Result<fs::File> {
-    let kind = fs::metadata(path)?;
-    if kind.is_dir() {
-        return Err(io::ErrorKind::IsADirectory.into());
-    }
-    match kind.is_file() {
-        true => fs::File::open(path),
-        false => Err(io::Error::other("it is no regular file")),
-    }
+/// The bytes of a file, or of standard input for `-`; at most one more than `limit` of them.
+pub fn read(path: &Path, limit: usize) -> Result<Vec<u8>, FileError> {
+    Terminal.read(path, limit)
 }
 
 /// The text of a file that may be missing.
@@ -182,67 +159,6 @@ pub fn list_if_present(folder: &Path) -> Result<Vec<PathBuf>, FileError> {
     let mut paths = paths.collect::<io::Result<Vec<PathBuf>>>().map_err(error)?;
     paths.sort();
     Ok(paths)
-}
-
-/// Reads imported files, relative to the file that imports them.
-#[derive(Debug, Default)]
-pub struct Imports {
-    /// Where each file was found, by what makes it the same file.
-    paths: HashMap<String, PathBuf>,
-}
-
-impl Imports {
-    /// What a path is known by, however it was written.
-    pub fn key(&mut self, path: &Path) -> String {
-        let whole = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-        let key = whole.display().to_string();
-        self.paths
-            .entry(key.clone())
-            .or_insert_with(|| path.to_owned());
-        key
-    }
-}
-
-impl Loader for Imports {
-    fn data(&mut self, from: &str, path: &str) -> Result<Vec<u8>, NotLoaded> {
-        let folder = self.paths.get(from).and_then(|from| from.parent());
-        let found = folder.map_or_else(|| path.into(), |folder| folder.join(path));
-        let failed = |tried: String, reason: String| NotLoaded { tried, reason };
-        let bytes = read(&found, table::MAX_BYTES);
-        let bytes = bytes.map_err(|error| failed(error.name, error.reason))?;
-        match bytes.len() > table::MAX_BYTES {
-            true => {
-                let reason = format!("it is larger than {} MiB", table::MAX_BYTES >> 20);
-                Err(failed(found.display().to_string(), reason))
-            }
-            false => Ok(bytes),
-        }
-    }
-
-    fn load(&mut self, from: &str, path: &str) -> Result<Loaded, NotLoaded> {
-        let folder = self.paths.get(from).and_then(|from| from.parent());
-        let mut found = folder.map(Path::to_owned).unwrap_or_default();
-        for step in path.split('/') {
-            let is_name = matches!(found.components().next_back(), Some(Component::Normal(_)));
-            match step {
-                "." | "" => {}
-                ".." if is_name => {
-                    found.pop();
-                }
-                step => found.push(step),
-            }
-        }
-        found.as_mut_os_string().push(format!(".{EXTENSION}"));
-        let bytes = read(&found, syntax::MAX_BYTES).map_err(|error| NotLoaded {
-            tried: error.name,
-            reason: error.reason,
-        })?;
-        Ok(Loaded {
-            key: self.key(&found),
-            name: display_name(&found),
-            bytes,
-        })
-    }
 }
 
 /// Files named one by one, and all model files below folders, in order of their names.

@@ -1,18 +1,16 @@
 //! The command line: arguments, files and what is printed where.
 //!
 //! Results go to standard output, everything else to standard error. Nothing
-//! but this folder and `main.rs` reads, writes or prints.
+//! but this folder and `main.rs` writes or prints.
 
 mod args;
 mod check;
 mod completions;
 mod emit;
 mod explain;
-mod figure;
 mod files;
 mod fmt;
 mod iterations;
-mod launch;
 mod modes;
 mod new;
 mod order;

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::args::ModesArgs;
 use super::files::Sink;
-use super::project::{self, Project};
+use super::project;
 use super::{Exit, Streams, io};
 use crate::clock::Clock;
 use crate::compile;
@@ -16,10 +16,11 @@ use crate::system::System;
 
 /// Maps the sliding modes of a nonlinear switch.
 pub fn run(args: &ModesArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
-    let Some((project, overrides)) = Project::open(&args.file, &args.set, streams)? else {
+    let Some((project, overrides)) = project::open(&args.file, &args.set, streams)? else {
         return Ok(Exit::Wrong);
     };
-    let Some(experiments) = project.selected(args.experiment.as_deref(), streams)? else {
+    let Some(experiments) = project::selected(&project, args.experiment.as_deref(), streams)?
+    else {
         return Ok(Exit::Wrong);
     };
     let wrong = |streams: &mut Streams<'_>, what: &str, help: &str| {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::args::OrderArgs;
 use super::files::{Sink, is_standard};
 use super::progress::Bar;
-use super::project::{self, Project};
+use super::project;
 use super::{Exit, Streams, io};
 use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
@@ -17,10 +17,11 @@ use crate::{Compiled, compile};
 
 /// Measures the errors of all methods for one experiment.
 pub fn run(args: &OrderArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
-    let Some((mut project, overrides)) = Project::open(&args.file, &args.set, streams)? else {
+    let Some((mut project, overrides)) = project::open(&args.file, &args.set, streams)? else {
         return Ok(Exit::Wrong);
     };
-    let mut experiment = project.selected_one(args.experiment.as_deref(), "order", streams)?;
+    let mut experiment =
+        project::selected_one(&project, args.experiment.as_deref(), "order", streams)?;
     let Some(experiment) = &mut experiment else {
         return Ok(Exit::Wrong);
     };

@@ -4,8 +4,6 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use crate::simulate::Progress;
-
 /// Runs that are over before it show nothing.
 const PATIENCE: Duration = Duration::from_millis(500);
 /// Between two drawings.
@@ -36,21 +34,6 @@ impl Bar {
             pause: PATIENCE,
             line: None,
         }
-    }
-
-    /// Shows how far the run is.
-    pub fn update(&mut self, progress: Progress) {
-        self.show(progress.time / progress.horizon, || {
-            let (steps, events) = (progress.steps, progress.events);
-            let what = match progress.estimates {
-                true => "second run, ",
-                false => "",
-            };
-            format!(
-                "{what}t = {:.4} of {}, {steps} steps, {events} events",
-                progress.time, progress.horizon
-            )
-        });
     }
 
     /// Shows the share that is done, and what it is, now and then.

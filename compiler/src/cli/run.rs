@@ -6,19 +6,18 @@ use std::time::Instant;
 use super::args::{Log, RunArgs};
 use super::files::{Sink, is_standard};
 use super::iterations::Iterations;
-use super::launch::launch;
 use super::progress::Bar;
 use super::project::{self, Project};
 use super::watch::Watching;
-use super::{Exit, Streams, figure, io};
+use super::{Exit, Streams, io};
 use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
-use crate::ensemble;
 use crate::expr::Exprs;
+use crate::launch::{launch, with_seeds};
 use crate::report::{Status, Trajectory, Warning, csv, json, text};
 use crate::simulate::Request;
 use crate::syntax::{Bind, Experiment};
-use crate::{Compiled, compile};
+use crate::{Compiled, compile, ensemble, figure};
 
 /// Runs experiments and reports what came out.
 pub fn run(args: &RunArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
@@ -27,10 +26,11 @@ pub fn run(args: &RunArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         writeln!(streams.err, "error: {message}")?;
         return Ok(Exit::Usage);
     }
-    let Some((mut project, overrides)) = Project::open(&args.file, &args.set, streams)? else {
+    let Some((mut project, overrides)) = project::open(&args.file, &args.set, streams)? else {
         return Ok(Exit::Wrong);
     };
-    let Some(mut experiments) = project.selected(args.experiment.as_deref(), streams)? else {
+    let Some(mut experiments) = project::selected(&project, args.experiment.as_deref(), streams)?
+    else {
         return Ok(Exit::Wrong);
     };
     if let Some(method) = &args.method {
@@ -186,7 +186,8 @@ fn one(
     };
     clock.time("solve", || {
         let request = request.left(launching);
-        watching.ensemble(&mut trajectory, source, &compiled.settings, &request);
+        let settings = &compiled.settings;
+        with_seeds(&mut trajectory, source, settings, &request, &mut watching);
     });
     drop(watching);
     let solving = ["read", "solve", "report"];

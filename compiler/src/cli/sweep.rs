@@ -5,14 +5,13 @@ use std::sync::{Arc, OnceLock};
 
 use super::args::SweepArgs;
 use super::files::{self, Sink};
-use super::launch::launch;
 use super::progress::Bar;
 use super::project::{self, Project};
-use super::watch::Watching;
 use super::{Exit, Streams, io};
 use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
+use crate::launch::launch;
 use crate::report::{Status, Trajectory, Warning};
 use crate::simulate::Request;
 use crate::sweep::{self, Axis, Grid, Row, SweepError, Table};
@@ -50,10 +49,10 @@ pub fn run(args: &SweepArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         writeln!(streams.err, "error: {error}")?;
         return Ok(Exit::Wrong);
     }
-    let Some((mut project, overrides)) = Project::open(&args.file, &args.set, streams)? else {
+    let Some((mut project, overrides)) = project::open(&args.file, &args.set, streams)? else {
         return Ok(Exit::Wrong);
     };
-    let experiment = project.selected_one(args.experiment.as_deref(), "sweep", streams)?;
+    let experiment = project::selected_one(&project, args.experiment.as_deref(), "sweep", streams)?;
     let Some(experiment) = &experiment else {
         return Ok(Exit::Wrong);
     };
@@ -221,8 +220,7 @@ impl Swept<'_> {
         if settings.optimize.is_none() {
             settings.sampling = Sampling::At(vec![settings.horizon]);
         }
-        let mut watching = Watching::new(Bar::new("", false));
-        let mut run = launch(self.project, &mut compiled, &self.request, &mut watching)?;
+        let mut run = launch(self.project, &mut compiled, &self.request, &mut ())?;
         let warnings = diags
             .warnings()
             .map(|warning| Warning::of(warning.as_ref()));

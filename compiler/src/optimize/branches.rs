@@ -10,9 +10,10 @@ use std::time::Duration;
 use nsd_solver::mpcc::{self, Options, Solution, Status};
 use nsd_solver::tableau::lagrange;
 
-use super::{Problem, Watch, rehearsal, solved};
+use super::{Problem, rehearsal, solved};
 use crate::report::Failure;
 use crate::simulate::Rehearsed;
+use crate::watch::Watch;
 
 /// How often a program is solved again.
 const MAX_ROUNDS: usize = 4;

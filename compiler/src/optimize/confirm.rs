@@ -11,8 +11,9 @@ use nsd_solver::mpcc::{self, Options, Solution};
 
 use super::descent::{Candidate, Found, LARGE, SMALL, Search};
 use super::reduced::Reduced;
-use super::{Problem, Watch, rehearsal};
+use super::{Problem, rehearsal};
 use crate::report::Confirmation;
+use crate::watch::Watch;
 
 /// How often a program is solved again.
 const MAX_ROUNDS: usize = 10;

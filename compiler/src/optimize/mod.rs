@@ -47,6 +47,7 @@ use crate::system::experiment::{Optimize, Settings};
 use crate::system::freezing::{Frozen, freeze};
 use crate::system::task::Task;
 use crate::threads;
+use crate::watch::{self, Counted, Watch};
 
 pub use guess::Sampled;
 use moved::Moved;
@@ -81,15 +82,6 @@ pub struct Progress<'s> {
     /// The start that was done last, counted from 1, and what came of it.
     pub last: Option<(usize, &'s Solution)>,
 }
-
-/// Sees an optimization while it goes on: every iteration of a single start, or several starts as they are done.
-pub trait Watch: mpcc::Observer {
-    /// A start is done, or none yet.
-    fn progress(&mut self, _progress: &Progress<'_>) {}
-}
-
-/// Sees nothing.
-impl Watch for () {}
 
 /// Everything about one task before it is solved.
 struct Problem<'p, 'e> {
@@ -149,6 +141,7 @@ fn run_from<'e>(
     watch: &mut dyn Watch,
 ) -> Result<Option<Solved<'e>>, DiscretizeError> {
     let started = Instant::now();
+    let watch: &mut dyn Watch = &mut Counted::new(watch);
     let mut problem = Problem::new(system, settings, task)?;
     let left = || request.left(started).time_limit;
     let (guess, rehearsed) = match start {
@@ -381,7 +374,7 @@ fn solve(
         starts: count,
         last: None,
     };
-    watch.progress(&progress);
+    watch.progress(&watch::Progress::Starts(progress));
     let Some(starts) = problem.task.starts else {
         let found = mpcc::solve_observed(&mut problem.program, guess, options, watch);
         return MultiStart::new(vec![found]);
@@ -390,10 +383,10 @@ fn solve(
     let starts: Vec<Vec<f64>> = (0..count).map(moved).collect();
     let mut heard = |start: usize, found: &Solution| {
         progress.done += 1;
-        watch.progress(&Progress {
+        watch.progress(&watch::Progress::Starts(Progress {
             last: Some((start + 1, found)),
             ..progress
-        });
+        }));
     };
     mpcc::multistart(
         &problem.program,

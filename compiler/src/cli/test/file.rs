@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use super::case::{self, Case, Missed, Outcome};
 use super::goldens::{self, Compared};
-use crate::cli::launch::launch;
+use crate::cli::files::Terminal;
 use crate::cli::progress::Bar;
 use crate::cli::project::{self, Project};
 use crate::cli::watch::Watching;
@@ -13,6 +13,7 @@ use crate::cli::{Exit, files};
 use crate::clock::Clock;
 use crate::diagnostics::{self, Diagnostics};
 use crate::expr::Exprs;
+use crate::launch::launch;
 use crate::report::Warning;
 use crate::report::expect::{self, Findings};
 use crate::simulate::Request;
@@ -74,7 +75,7 @@ struct File<'o> {
 impl File<'_> {
     fn run(&mut self, path: &Path) {
         let started = Instant::now();
-        let mut project = match Project::load(path) {
+        let mut project = match Project::from_files(path, Terminal) {
             Ok(project) => project,
             Err(error) => {
                 if self.is_selected(None) {

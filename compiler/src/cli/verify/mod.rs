@@ -5,7 +5,7 @@ mod simulation;
 
 use super::args::VerifyArgs;
 use super::files::{Sink, is_standard};
-use super::project::{self, Project};
+use super::project;
 use super::{Exit, Streams, io};
 use crate::diagnostics::Diagnostics;
 use crate::report::roads::Refusal;
@@ -42,10 +42,11 @@ impl Subject<'_> {
 
 /// Runs experiments in every way that takes them, and compares what comes out.
 pub fn run(args: &VerifyArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
-    let Some((mut project, overrides)) = Project::open(&args.file, &args.set, streams)? else {
+    let Some((mut project, overrides)) = project::open(&args.file, &args.set, streams)? else {
         return Ok(Exit::Wrong);
     };
-    let Some(experiments) = project.selected(args.experiment.as_deref(), streams)? else {
+    let Some(experiments) = project::selected(&project, args.experiment.as_deref(), streams)?
+    else {
         return Ok(Exit::Wrong);
     };
     let mut exit = Exit::Success;

@@ -3,7 +3,6 @@
 use std::time::Instant;
 
 use super::{Subject, Verified, exit, refusal};
-use crate::cli::launch::sampled;
 use crate::cli::progress::Bar;
 use crate::cli::project::{self, Project};
 use crate::cli::watch::Watching;
@@ -11,6 +10,7 @@ use crate::cli::{Streams, io};
 use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
+use crate::launch::sampled;
 use crate::optimize::{self, Point, Sampled};
 use crate::report::roads::{self, Found, Optima, Refusal, Resumed};
 use crate::report::{MethodOption, Trajectory};

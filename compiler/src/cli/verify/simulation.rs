@@ -1,7 +1,6 @@
 //! A simulation by events, and by finite elements with every lowering.
 
 use super::{Subject, Verified, exit, refusal};
-use crate::cli::launch::launch;
 use crate::cli::progress::Bar;
 use crate::cli::project::{self, Project};
 use crate::cli::watch::Watching;
@@ -10,6 +9,7 @@ use crate::clock::Clock;
 use crate::compile;
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
+use crate::launch::launch;
 use crate::report::roads::{self, Refusal, Road, Roads};
 use crate::report::{Failure, Trajectory};
 use crate::syntax::Experiment;

@@ -2,19 +2,19 @@
 
 use std::time::Instant;
 
-use super::files;
-use super::progress::Bar;
-use super::project::Project;
-use super::watch::Watching;
 use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
+use crate::ensemble;
 use crate::expr::Exprs;
 use crate::optimize::{self, Sampled};
+use crate::project::Project;
 use crate::report::{Status, Trajectory};
 use crate::simulate::{self, Request};
 use crate::source::Span;
 use crate::syntax::{GuessSource, Path};
-use crate::system::experiment::{ExperimentError, Optimize};
+use crate::system::experiment::{ExperimentError, Optimize, Settings};
+use crate::threads;
+use crate::watch::{Progress, Watch};
 use crate::{Compiled, compile};
 
 /// Largest file of guesses that is read, in bytes.
@@ -27,27 +27,27 @@ pub fn launch(
     project: &Project,
     compiled: &mut Compiled<'_>,
     request: &Request,
-    watching: &mut Watching<'_>,
+    watch: &mut dyn Watch,
 ) -> Result<Trajectory, Diagnostics> {
-    within(project, compiled, request, watching, MAX_DEPTH)
+    within(project, compiled, request, watch, MAX_DEPTH)
 }
 
 fn within(
     project: &Project,
     compiled: &mut Compiled<'_>,
     request: &Request,
-    watching: &mut Watching<'_>,
+    watch: &mut dyn Watch,
     depth: usize,
 ) -> Result<Trajectory, Diagnostics> {
     let (system, settings) = (&compiled.system, &compiled.settings);
     let Some(task) = &settings.optimize else {
-        let mut watch = |progress| watching.simulation(progress);
-        return Ok(simulate::run_watched(system, settings, request, &mut watch));
+        let mut told = |progress| watch.progress(&Progress::Simulation(progress));
+        return Ok(simulate::run_watched(system, settings, request, &mut told));
     };
     let started = Instant::now();
     let sampled = sampled_within(project, task, request, depth)?;
     let request = request.left(started);
-    match optimize::run(system, settings, task, &sampled, &request, watching) {
+    match optimize::run(system, settings, task, &sampled, &request, watch) {
         Ok(solved) => {
             compiled.system = solved.system;
             Ok(solved.trajectory)
@@ -58,6 +58,20 @@ fn within(
             Err(diags)
         }
     }
+}
+
+/// Runs an experiment that has run with all its seeds, where it has several, and adds what came of it.
+pub fn with_seeds(
+    trajectory: &mut Trajectory,
+    source: ensemble::Source<'_>,
+    settings: &Settings<'_>,
+    request: &Request,
+    watch: &mut dyn Watch,
+) {
+    let threads = threads::count();
+    let runs = settings.runs.unwrap_or(1);
+    let mut heard = |done: usize| watch.progress(&Progress::Runs { done, runs });
+    ensemble::add(trajectory, source, settings, request, threads, &mut heard);
 }
 
 /// The trajectories that an optimization starts from; the runs of all share the time of the request.
@@ -120,8 +134,7 @@ fn from_experiment(
         multipliers: false,
         ..*request
     };
-    let mut watching = Watching::new(Bar::new(name, false));
-    let trajectory = within(project, &mut compiled, &request, &mut watching, depth)?;
+    let trajectory = within(project, &mut compiled, &request, &mut (), depth)?;
     match trajectory.time.len() {
         // What starts from it is late, too.
         0 | 1 if trajectory.status == Status::TimeLimit => Ok(Sampled::default()),
@@ -134,8 +147,8 @@ fn from_experiment(
 fn from_file(project: &Project, name: &str, span: Span) -> Result<Sampled, Diagnostics> {
     let folder = project.path.parent();
     let path = folder.map_or_else(|| name.into(), |folder| folder.join(name));
-    let bytes =
-        files::read(&path, MAX_BYTES).map_err(|error| bad_guess(name, &error.to_string(), span))?;
+    let bytes = project.files.read(&path, MAX_BYTES);
+    let bytes = bytes.map_err(|error| bad_guess(name, &error.to_string(), span))?;
     Sampled::read(&bytes).map_err(|reason| bad_guess(name, &reason, span))
 }
 

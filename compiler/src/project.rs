@@ -1,0 +1,225 @@
+//! A file that has been read and parsed, and its experiments.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use miette::Diagnostic;
+
+use crate::clock::Clock;
+use crate::diagnostics::Diagnostics;
+use crate::files::{Disk, FileError, Files, Imports, Memory};
+use crate::imports;
+use crate::source::SourceMap;
+use crate::syntax::{self, Bind, Experiment, ExperimentSetting, File, Item, SettingKind};
+
+/// A file that has been read and parsed.
+pub struct Project {
+    /// Where it came from.
+    pub(crate) path: PathBuf,
+    /// Where other files come from, such as guesses.
+    pub(crate) files: Arc<dyn Files>,
+    /// All texts.
+    pub(crate) sources: SourceMap,
+    /// Its syntax.
+    pub(crate) file: File,
+    /// What is wrong with the file as a whole.
+    pub(crate) diags: Diagnostics,
+    /// Time spent so far.
+    pub(crate) clock: Clock,
+}
+
+/// Why no experiment is meant.
+#[derive(Clone, Debug, Diagnostic, thiserror::Error)]
+#[error("{message}")]
+#[diagnostic(help("{help}"))]
+pub struct NotSelected {
+    /// What is asked for.
+    pub message: String,
+    /// What there is.
+    pub help: String,
+}
+
+impl Project {
+    /// Reads and parses a file of a disk, and what it uses.
+    ///
+    /// # Errors
+    ///
+    /// Where the file itself cannot be read. What is wrong in it comes with [`Project::check`].
+    pub fn load(path: impl AsRef<Path>) -> Result<Project, FileError> {
+        Project::from_files(path, Disk)
+    }
+
+    /// Parses a text, which has this name in diagnostics and uses no other files.
+    pub fn from_text(name: &str, text: &str) -> Project {
+        let files: Memory = [(name, text)].into_iter().collect();
+        Project::from_files(name, files).expect("the text is there")
+    }
+
+    /// Reads and parses a file, and what it uses, wherever files come from.
+    ///
+    /// # Errors
+    ///
+    /// Where the file itself cannot be read.
+    pub fn from_files(
+        path: impl AsRef<Path>,
+        files: impl Files + 'static,
+    ) -> Result<Project, FileError> {
+        let path = path.as_ref();
+        let mut clock = Clock::default();
+        let mut sources = SourceMap::new();
+        let mut diags = Diagnostics::new();
+        let bytes = clock.time("read", || files.read(path, syntax::MAX_BYTES))?;
+        let source = sources.add_bytes(files.name(path), bytes);
+        let mut file = clock.time("parse", || syntax::parse(&source, &mut diags));
+        let mut imports = Imports::new(&files);
+        let key = imports.key(path);
+        clock.time("parse", || {
+            imports::link(&mut file, &key, &mut imports, &mut sources, &mut diags);
+        });
+        Ok(Project {
+            path: path.to_owned(),
+            files: Arc::new(files),
+            sources,
+            file,
+            diags,
+            clock,
+        })
+    }
+
+    /// All diagnostics of the file: of its syntax, its models and its experiments.
+    pub fn check(&mut self) -> Diagnostics {
+        let mut diags = std::mem::take(&mut self.diags);
+        crate::check(&self.file, &self.sources, &mut diags);
+        diags
+    }
+
+    /// All experiments, in order.
+    pub fn experiments(&self) -> impl Iterator<Item = &Experiment> {
+        self.file.items.iter().filter_map(|item| match item {
+            Item::Experiment(experiment) => Some(experiment),
+            _ => None,
+        })
+    }
+
+    /// The experiment of that name, or all of them; what is wrong where there are none.
+    pub(crate) fn select(&self, name: Option<&str>) -> Result<Vec<Experiment>, NotSelected> {
+        let all: Vec<&Experiment> = self.experiments().collect();
+        let shown = self.files.name(&self.path);
+        let Some(name) = name else {
+            return match all.is_empty() {
+                true => Err(NotSelected {
+                    message: format!("`{shown}` has no experiment"),
+                    help: "add `simulate NAME of MODEL { horizon 1; }`".to_owned(),
+                }),
+                false => Ok(all.into_iter().cloned().collect()),
+            };
+        };
+        if let Some(found) = all.iter().find(|experiment| experiment.name.name == name) {
+            return Ok(vec![(*found).clone()]);
+        }
+        let names: Vec<&str> = all
+            .iter()
+            .map(|experiment| experiment.name.name.as_str())
+            .collect();
+        let distance = |known: &&&str| strsim::damerau_levenshtein(known, name);
+        let close = names
+            .iter()
+            .min_by_key(distance)
+            .filter(|known| distance(known) <= 1 + name.len() / 3);
+        let help = match close {
+            Some(known) => format!("did you mean `{known}`?"),
+            None if names.is_empty() => "the file has none".into(),
+            None => format!(
+                "the file has {}",
+                names
+                    .iter()
+                    .map(|name| format!("`{name}`"))
+                    .collect::<Vec<_>>()
+                    .join(", ")
+            ),
+        };
+        Err(NotSelected {
+            message: format!("there is no experiment `{name}` in `{shown}`"),
+            help,
+        })
+    }
+
+    /// An experiment of a model without settings of its own.
+    pub(crate) fn default_experiment(&mut self, model: &str) -> Option<Experiment> {
+        let text = format!("simulate {model} of {model} {{ horizon 1; }}");
+        let source = self.sources.add("<default experiment>", text);
+        let file = syntax::parse(&source, &mut self.diags);
+        file.items.into_iter().find_map(|item| match item {
+            Item::Experiment(experiment) => Some(experiment),
+            _ => None,
+        })
+    }
+
+    /// Values given on the command line as `name=value`.
+    pub(crate) fn bindings(&mut self, option: &str, sets: &[String]) -> Option<Vec<Bind>> {
+        let mut overrides = Vec::new();
+        for set in sets {
+            let settings = self.parse_settings(option, ["with { ", set, "; }"])?;
+            for setting in settings {
+                match setting.kind {
+                    SettingKind::With(binds) => overrides.extend(binds),
+                    _ => return None,
+                }
+            }
+        }
+        Some(overrides)
+    }
+
+    /// Replaces the settings of an experiment that `words`, such as `method event`, gives anew.
+    pub(crate) fn replace_setting(
+        &mut self,
+        experiment: &mut Experiment,
+        option: &str,
+        words: &str,
+    ) -> Option<()> {
+        let new = self.parse_settings(option, ["", words, ";"])?;
+        let same = |old: &ExperimentSetting| {
+            let kind = std::mem::discriminant(&old.kind);
+            new.iter()
+                .any(|new| std::mem::discriminant(&new.kind) == kind)
+        };
+        experiment.settings.retain(|old| !same(old));
+        experiment.settings.extend(new);
+        Some(())
+    }
+
+    /// An experiment with these settings, without any other lowering.
+    pub(crate) fn on_road(
+        &mut self,
+        experiment: &Experiment,
+        option: &str,
+        words: &str,
+    ) -> Option<Experiment> {
+        let mut other = experiment.clone();
+        let lowers = |kind: &SettingKind| matches!(kind, SettingKind::Lower(_));
+        other.settings.retain(|setting| !lowers(&setting.kind));
+        self.replace_setting(&mut other, option, words)?;
+        Some(other)
+    }
+
+    /// The settings of an experiment that is made up around words of the command line; diagnostics show nothing else.
+    fn parse_settings(
+        &mut self,
+        option: &str,
+        [before, words, after]: [&str; 3],
+    ) -> Option<Vec<ExperimentSetting>> {
+        let before = format!("simulate x of x {{ {before}");
+        let words = format!("{words}\n");
+        let after = format!("{after} }}\n");
+        let source = self.sources.add_within(option, [&before, &words, &after]);
+        let mut diags = Diagnostics::new();
+        let file = syntax::parse(&source, &mut diags);
+        let has_errors = diags.has_errors();
+        self.diags.append(diags);
+        let experiments = file.items.into_iter().filter_map(|item| match item {
+            Item::Experiment(experiment) => Some(experiment.settings),
+            _ => None,
+        });
+        (!has_errors).then(|| experiments.flatten().collect())
+    }
+}
