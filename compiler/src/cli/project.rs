@@ -28,9 +28,18 @@ impl Project {
     /// Reads and parses a file.
     pub fn load(path: &Path) -> Result<Project, FileError> {
         let mut clock = Clock::default();
+        let bytes = clock.time("read", || files::read(path, syntax::MAX_BYTES))?;
+        Ok(Project::parsed(path, bytes, clock))
+    }
+
+    /// A file as if it held these bytes.
+    pub fn of(path: &Path, bytes: Vec<u8>) -> Project {
+        Project::parsed(path, bytes, Clock::default())
+    }
+
+    fn parsed(path: &Path, bytes: Vec<u8>, mut clock: Clock) -> Project {
         let mut sources = SourceMap::new();
         let mut diags = Diagnostics::new();
-        let bytes = clock.time("read", || files::read(path, syntax::MAX_BYTES))?;
         let source = sources.add_bytes(files::display_name(path), bytes);
         let mut file = clock.time("parse", || syntax::parse(&source, &mut diags));
         let mut imports = Imports::default();
@@ -38,13 +47,13 @@ impl Project {
         clock.time("parse", || {
             imports::link(&mut file, &key, &mut imports, &mut sources, &mut diags);
         });
-        Ok(Project {
+        Project {
             path: path.to_owned(),
             sources,
             file,
             diags,
             clock,
-        })
+        }
     }
 
     /// All diagnostics of the file: of its syntax, its models and its experiments.
