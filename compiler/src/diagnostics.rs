@@ -1,5 +1,10 @@
 //! What the compiler has to say: the list of diagnostics and its one rendering.
 
+mod fix;
+pub mod json;
+
+pub use fix::{Applicability, Edit, Fix, Fixable, Help, apply};
+
 use std::collections::HashSet;
 use std::fmt;
 
@@ -10,7 +15,7 @@ use miette::{
 use crate::source::{self, SourceMap};
 
 /// Any diagnostic of any stage.
-pub type AnyDiagnostic = Box<dyn Diagnostic + Send + Sync + 'static>;
+pub type AnyDiagnostic = Box<dyn Fixable>;
 
 /// Errors and warnings in the order in which they were found.
 #[derive(Debug, Default)]
@@ -25,7 +30,7 @@ impl Diagnostics {
     }
 
     /// Adds one diagnostic.
-    pub fn push(&mut self, diagnostic: impl Diagnostic + Send + Sync + 'static) {
+    pub fn push(&mut self, diagnostic: impl Fixable) {
         self.list.push(Box::new(diagnostic));
     }
 
@@ -146,7 +151,7 @@ pub fn render(
 /// A diagnostic together with the files it points into.
 #[derive(Debug)]
 struct InSources<'a> {
-    diagnostic: &'a (dyn Diagnostic + Send + Sync),
+    diagnostic: &'a dyn Fixable,
     sources: &'a SourceMap,
 }
 

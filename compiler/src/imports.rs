@@ -12,7 +12,7 @@ use petgraph::algo::tarjan_scc;
 use petgraph::graph::{DiGraph, NodeIndex};
 use thiserror::Error;
 
-use crate::diagnostics::Diagnostics;
+use crate::diagnostics::{Applicability, Diagnostics, Fix, Fixable, Help};
 use crate::source::{SourceMap, Span};
 use crate::syntax::{self, File, Ident, Item, Link, Use, UseSource};
 use crate::table::{self, Source};
@@ -87,7 +87,7 @@ pub enum ImportError {
         #[label("{why}")]
         span: Span,
         #[help]
-        help: Option<String>,
+        help: Option<Help>,
     },
 
     /// Files that import each other.
@@ -110,6 +110,15 @@ pub enum ImportError {
         #[label("too deep")]
         span: Span,
     },
+}
+
+impl Fixable for ImportError {
+    fn fix(&self) -> Option<Fix> {
+        match self {
+            ImportError::Missing { help, span, .. } => help.as_ref()?.fix(*span),
+            _ => None,
+        }
+    }
 }
 
 /// A file with what it imports, by the positions of its items.
@@ -345,7 +354,7 @@ fn load(
     None
 }
 
-type Missing = (String, String, Span, Option<String>);
+type Missing = (String, String, Span, Option<Help>);
 
 /// `std.friction`
 fn standard(path: &[Ident]) -> Result<Loaded, Missing> {
@@ -371,15 +380,13 @@ fn standard(path: &[Ident]) -> Result<Loaded, Missing> {
     let (why, help) = match words.first() {
         Some(&"std") => (
             "not in the standard library".to_owned(),
-            format!("there is {modules}"),
+            format!("there is {modules}").into(),
         ),
-        _ => (
-            "neither a path nor `std`".to_owned(),
-            format!(
-                "write `use ./{};` for a file beside this one",
-                words.join("/")
-            ),
-        ),
+        _ => ("neither a path nor `std`".to_owned(), {
+            let path = format!("./{}", words.join("/"));
+            let text = format!("write `use {path};` for a file beside this one");
+            Help::edit(text, path, Applicability::Suggestion)
+        }),
     };
     Err((text, why, span, Some(help)))
 }

@@ -64,11 +64,24 @@ impl Project {
         path: impl AsRef<Path>,
         files: impl Files + 'static,
     ) -> Result<Project, FileError> {
-        let path = path.as_ref();
-        let mut clock = Clock::default();
+        let (path, mut clock) = (path.as_ref(), Clock::default());
+        let bytes = clock.time("read", || files.read(path, syntax::MAX_BYTES))?;
+        Ok(Project::parsed(path, bytes, files, clock))
+    }
+
+    /// A file as if it held these bytes.
+    pub(crate) fn of(path: &Path, bytes: Vec<u8>, files: impl Files + 'static) -> Project {
+        Project::parsed(path, bytes, files, Clock::default())
+    }
+
+    fn parsed(
+        path: &Path,
+        bytes: Vec<u8>,
+        files: impl Files + 'static,
+        mut clock: Clock,
+    ) -> Project {
         let mut sources = SourceMap::new();
         let mut diags = Diagnostics::new();
-        let bytes = clock.time("read", || files.read(path, syntax::MAX_BYTES))?;
         let source = sources.add_bytes(files.name(path), bytes);
         let mut file = clock.time("parse", || syntax::parse(&source, &mut diags));
         let mut imports = Imports::new(&files);
@@ -76,14 +89,14 @@ impl Project {
         clock.time("parse", || {
             imports::link(&mut file, &key, &mut imports, &mut sources, &mut diags);
         });
-        Ok(Project {
+        Project {
             path: path.to_owned(),
             files: Arc::new(files),
             sources,
             file,
             diags,
             clock,
-        })
+        }
     }
 
     /// All diagnostics of the file: of its syntax, its models and its experiments.

@@ -80,6 +80,13 @@ impl SourceFile {
             .unwrap_or_default()
     }
 
+    /// Whether a span lies within, between whole characters.
+    pub fn contains(&self, span: Span) -> bool {
+        let local = |byte: u32| (byte as usize).checked_sub(self.start);
+        let ends = local(span.start).zip(local(span.end));
+        ends.is_some_and(|(start, end)| self.text.get(start..end).is_some())
+    }
+
     /// Line and column of a position, both from 1; columns count characters.
     pub fn line_column(&self, position: u32) -> (usize, usize) {
         let local = (position as usize).saturating_sub(self.start);

@@ -4,6 +4,7 @@ mod cli;
 mod documents;
 mod expect;
 mod explain;
+mod fix;
 mod foreign;
 mod imports;
 mod limits;

@@ -27,11 +27,8 @@ pub struct Args {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Check models and experiments, and print what is wrong with them
-    Check {
-        /// Files to check; `-` is standard input
-        #[arg(required = true, value_name = "FILE")]
-        files: Vec<PathBuf>,
-    },
+    #[command(after_help = CHECK_HELP)]
+    Check(CheckArgs),
     /// Print what the compiler makes of a model
     Emit(EmitArgs),
     /// Run experiments and report what came out
@@ -81,6 +78,26 @@ pub enum Command {
         #[arg(value_enum)]
         shell: Shell,
     },
+}
+
+/// What `check --help` ends with.
+const CHECK_HELP: &str = "\
+A fix is safe where the new text means what the old one was obviously meant to, as a missing `;`, `**` for a \
+power, or `ln` for `log`; other fixes are in the JSON as suggestions. A file is replaced as a whole; files that it \
+imports stay as they are.";
+
+/// Arguments of `check`.
+#[derive(Debug, Arguments)]
+pub struct CheckArgs {
+    /// Files to check; `-` is standard input
+    #[arg(required = true, value_name = "FILE")]
+    pub files: Vec<PathBuf>,
+    /// Make all safe fixes in the files, tell them, and check again
+    #[arg(long)]
+    pub fix: bool,
+    /// Write diagnostics as JSON, one object per line, with their fixes; `-` is standard output
+    #[arg(long, value_name = "PATH")]
+    pub json: Option<PathBuf>,
 }
 
 /// Arguments of `emit`.

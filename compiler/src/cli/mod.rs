@@ -79,7 +79,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>, streams: &mut Streams<'_>) 
 
 fn dispatch(args: Args, streams: &mut Streams<'_>) -> io::Result<Exit> {
     match args.command {
-        Command::Check { files } => check::run(&files, streams),
+        Command::Check(args) => check::run(&args, streams),
         Command::Emit(args) => emit::run(&args, streams),
         Command::Run(args) => run::run(&args, streams),
         Command::Test(args) => test::run(&args, streams),

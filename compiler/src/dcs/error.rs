@@ -3,6 +3,7 @@
 use miette::Diagnostic;
 use thiserror::Error;
 
+use crate::diagnostics::Fixable;
 use crate::source::Span;
 
 /// Why a system cannot be stated in the formulation that was asked for.
@@ -117,3 +118,5 @@ pub enum DcsError {
         span: Span,
     },
 }
+
+impl Fixable for DcsError {}

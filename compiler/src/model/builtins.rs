@@ -53,7 +53,7 @@ fn check_arity(lowering: &mut Lowering<'_, '_>, call: &Call) -> Result<(), Repor
             what: "`table` stands alone as the value of a `signal`".to_owned(),
             span: call.span,
             why: "in another place",
-            help: "give the table a name with `signal r = table(..);`, and use `r`".to_owned(),
+            help: "give the table a name with `signal r = table(..);`, and use `r`".into(),
         });
     }
     let (least, most) = arity(call.name);

@@ -89,7 +89,7 @@ fn callee<'a, 'c, 'e>(
     let is_local = lowering.locals.iter().any(|local| local.name() == name);
     let help = if is_local || names.contains_key(name) {
         let hint = "is not a function; index it as";
-        Some(format!("`{name}` {hint} `{name}[..]`, multiply with `*`"))
+        Some(format!("`{name}` {hint} `{name}[..]`, multiply with `*`").into())
     } else if scope.forgiving {
         return Err(Reported);
     } else {

@@ -162,7 +162,13 @@ impl<'e> Walk<'e> {
         dynamics: &syntax::Dynamics,
         sink: &mut Sink<'_, 'e>,
     ) -> Result<(), Reported> {
-        let result = self.rates(lowering, dynamics);
+        let mut result = self.rates(lowering, dynamics);
+        if result.is_ok() && !dynamics.adds && matches!(sink, Sink::Hidden(_)) {
+            result = lowering.error(DynamicsError::HiddenSets {
+                span: dynamics.span,
+                operator: dynamics.operator,
+            });
+        }
         match (&result, sink) {
             (Err(Reported), _) => {
                 let name = &dynamics.target.head.name;

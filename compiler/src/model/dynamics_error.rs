@@ -3,6 +3,7 @@
 use miette::Diagnostic;
 use thiserror::Error;
 
+use crate::diagnostics::{Applicability, Fix, Fixable};
 use crate::source::Span;
 
 /// A mistake in who sets what, and where.
@@ -132,6 +133,7 @@ pub enum DynamicsError {
     HiddenSets {
         #[label("sets")]
         span: Span,
+        operator: Span,
     },
 
     /// A hidden term that is not hidden.
@@ -328,4 +330,15 @@ pub enum DynamicsError {
         #[label("a state of the part")]
         span: Span,
     },
+}
+
+impl Fixable for DynamicsError {
+    fn fix(&self) -> Option<Fix> {
+        match self {
+            DynamicsError::HiddenSets { operator, .. } => {
+                Some(Fix::one(*operator, "+=", Applicability::Safe))
+            }
+            _ => None,
+        }
+    }
 }

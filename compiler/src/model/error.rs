@@ -3,6 +3,7 @@
 use miette::{Diagnostic, LabeledSpan};
 use thiserror::Error;
 
+use crate::diagnostics::{Fix, Fixable, Help};
 use crate::source::Span;
 
 /// A mistake in a name or an expression.
@@ -20,7 +21,7 @@ pub enum ModelError {
         #[label("not declared here")]
         span: Span,
         #[help]
-        help: Option<String>,
+        help: Option<Help>,
     },
 
     /// Two declarations of one name.
@@ -88,7 +89,7 @@ pub enum ModelError {
         #[label("no model of that name")]
         span: Span,
         #[help]
-        help: Option<String>,
+        help: Option<Help>,
     },
 
     /// A function, model or region where a value must stand.
@@ -111,7 +112,7 @@ pub enum ModelError {
         #[label("not a function")]
         span: Span,
         #[help]
-        help: Option<String>,
+        help: Option<Help>,
     },
 
     /// `x.y` where x has no parts.
@@ -123,7 +124,7 @@ pub enum ModelError {
         #[label("no such field")]
         span: Span,
         #[help]
-        help: Option<String>,
+        help: Option<Help>,
     },
 
     /// A statement that may not stand where it stands.
@@ -155,7 +156,7 @@ pub enum ModelError {
         #[label("not in `{model}`")]
         span: Span,
         #[help]
-        help: Option<String>,
+        help: Option<Help>,
     },
 
     /// An input of a part that nobody gives.
@@ -243,7 +244,7 @@ pub enum ModelError {
         #[label("not declared there")]
         span: Span,
         #[help]
-        help: Option<String>,
+        help: Option<Help>,
     },
 
     /// Operands whose shapes do not fit.
@@ -488,4 +489,18 @@ pub enum ModelError {
         #[label("depends on {cause}")]
         span: Span,
     },
+}
+
+impl Fixable for ModelError {
+    fn fix(&self) -> Option<Fix> {
+        match self {
+            ModelError::UnknownName { help, span, .. }
+            | ModelError::UnknownModel { help, span, .. }
+            | ModelError::UnknownFunction { help, span, .. }
+            | ModelError::NoField { help, span, .. }
+            | ModelError::NotInModel { help, span, .. }
+            | ModelError::NotInFile { help, span, .. } => help.as_ref()?.fix(*span),
+            _ => None,
+        }
+    }
 }

@@ -23,7 +23,7 @@ impl<'a, 'e> Lowering<'a, 'e> {
             // A base that is not there at all is the better thing to report.
             self.expr(base)?;
             let (field, span) = (field.name.clone(), field.span);
-            let help = Some("only parts have fields".to_owned());
+            let help = Some("only parts have fields".into());
             return self.error(ModelError::NoField {
                 name,
                 field,

@@ -294,7 +294,7 @@ fn check_function(file: &FileNames<'_>, function: &Function, diags: &mut Diagnos
             let known = foreign::function(&name).or_else(|| foreign::value(&name));
             let close = known.or_else(|| did_you_mean(&name, all));
             let help = close.or_else(|| {
-                Some("a function sees its arguments, constants and functions only".to_owned())
+                Some("a function sees its arguments, constants and functions only".into())
             });
             let span = super::order::name_span(&function.body, &name).unwrap_or(function.body.span);
             diags.push(ModelError::UnknownName { name, span, help });

@@ -2,6 +2,11 @@
 //!
 //! A known foreign word is told before any spelling that is close to it: `ln` is `log`, and not `len`.
 
+use crate::diagnostics::{
+    Applicability::{self, Safe, Suggestion},
+    Help,
+};
+
 /// Functions of MATLAB, Modelica, Python, Julia and C that are not built in, with what to write instead.
 pub(super) const FUNCTIONS: [(&str, &str); 97] = [
     ("ln", "write `log(x)`, the natural logarithm"),
@@ -159,25 +164,83 @@ pub(super) const VALUES: [(&str, &str); 22] = [
     ("elseif", "write `else if`"),
 ];
 
+/// Functions and values that go by another name and are the same in all else; a name that may well be meant for
+/// something else is not replaced unseen.
+const SAME: [(&str, &str, Applicability); 49] = [
+    ("ln", "log", Safe),
+    ("clip", "sat", Safe),
+    ("clamp", "sat", Safe),
+    ("limit", "sat", Suggestion),
+    ("limiter", "sat", Suggestion),
+    ("saturate", "sat", Suggestion),
+    ("saturation", "sat", Suggestion),
+    ("deadband", "deadzone", Suggestion),
+    ("dead_zone", "deadzone", Suggestion),
+    ("heaviside", "step", Safe),
+    ("Heaviside", "step", Safe),
+    ("unitstep", "step", Safe),
+    ("theta", "step", Suggestion),
+    ("sgn", "sign", Safe),
+    ("signum", "sign", Safe),
+    ("fabs", "abs", Safe),
+    ("absolute", "abs", Suggestion),
+    ("fmin", "min", Safe),
+    ("minimum", "min", Suggestion),
+    ("fmax", "max", Safe),
+    ("maximum", "max", Suggestion),
+    ("arcsin", "asin", Safe),
+    ("arccos", "acos", Safe),
+    ("arctan", "atan", Safe),
+    ("arctan2", "atan2", Safe),
+    ("gradient", "grad", Suggestion),
+    ("length", "len", Suggestion),
+    ("size", "len", Suggestion),
+    ("norm2", "norm", Suggestion),
+    ("inner", "dot", Suggestion),
+    ("identity", "eye", Suggestion),
+    ("PI", "pi", Safe),
+    ("Pi", "pi", Safe),
+    ("π", "pi", Safe),
+    ("M_PI", "pi", Safe),
+    ("e", "exp(1)", Suggestion),
+    ("E", "exp(1)", Suggestion),
+    ("M_E", "exp(1)", Safe),
+    ("Inf", "inf", Safe),
+    ("Infinity", "inf", Safe),
+    ("infinity", "inf", Safe),
+    ("INFINITY", "inf", Safe),
+    ("∞", "inf", Safe),
+    ("oo", "inf", Suggestion),
+    ("True", "true", Safe),
+    ("TRUE", "true", Safe),
+    ("False", "false", Safe),
+    ("FALSE", "false", Safe),
+    ("t", "time", Suggestion),
+];
+
 /// What to write instead of a function of another language.
-pub(super) fn function(name: &str) -> Option<String> {
+pub(super) fn function(name: &str) -> Option<Help> {
     // A function of a library, as in `np.sin`, is meant by its own name.
     let own = name.rsplit('.').next().unwrap_or(name);
     if own != name && super::reserved::FUNCTIONS.contains(&own) {
-        return Some(format!("write `{own}(..)`"));
+        return Some(Help::edit(format!("write `{own}(..)`"), own, Safe));
     }
     if super::reserved::VALUES.contains(&name) {
-        return Some(format!("write `{name}` without parentheses"));
+        return Some(format!("write `{name}` without parentheses").into());
     }
     find(&FUNCTIONS, own)
 }
 
 /// What to write instead of a value of another language.
-pub(super) fn value(name: &str) -> Option<String> {
+pub(super) fn value(name: &str) -> Option<Help> {
     find(&VALUES, name)
 }
 
-fn find(table: &[(&str, &str)], name: &str) -> Option<String> {
-    let found = table.iter().find(|(foreign, _)| *foreign == name);
-    found.map(|(_, help)| (*help).to_owned())
+fn find(table: &[(&str, &str)], name: &str) -> Option<Help> {
+    let (_, help) = table.iter().find(|(foreign, _)| *foreign == name)?;
+    let same = SAME.iter().find(|(foreign, ..)| *foreign == name);
+    Some(match same {
+        Some(&(_, own, applicability)) => Help::edit(*help, own, applicability),
+        None => (*help).into(),
+    })
 }

@@ -3,6 +3,7 @@
 use miette::Diagnostic;
 use thiserror::Error;
 
+use crate::diagnostics::Fixable;
 use crate::source::Span;
 use crate::syntax::{Path, Segment};
 
@@ -43,6 +44,8 @@ pub enum GivenError {
         span: Span,
     },
 }
+
+impl Fixable for GivenError {}
 
 impl GivenError {
     /// What is wrong with giving a structural constant by this path, if anything is.

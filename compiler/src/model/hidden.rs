@@ -161,9 +161,6 @@ impl<'e> Walk<'e> {
         rate: &Rate<'e>,
     ) -> Result<(), Reported> {
         let span = rate.span;
-        if !rate.adds {
-            return lowering.error(DynamicsError::HiddenSets { span });
-        }
         let switch = &self.switches[switch];
         let low = lowest(&switch.kind);
         let held = variables_of(&[rate.value]);

@@ -2,11 +2,9 @@
 
 use std::rc::Rc;
 
-use miette::Diagnostic;
-
 use super::scope::{Hook, Reported, Scope, Value};
 use super::{ModelError, Shape, Surface, Tensor, algebra, calls, check};
-use crate::diagnostics::Diagnostics;
+use crate::diagnostics::{Diagnostics, Fixable};
 use crate::expr::Expr;
 use crate::source::Span;
 use crate::syntax::{self, ExprKind};
@@ -79,10 +77,7 @@ impl<'a, 'e> Lowering<'a, 'e> {
     }
 
     #[inline(never)]
-    pub fn error<T>(
-        &mut self,
-        error: impl Diagnostic + Send + Sync + 'static,
-    ) -> Result<T, Reported> {
+    pub fn error<T>(&mut self, error: impl Fixable) -> Result<T, Reported> {
         self.diags.push(error);
         Err(Reported)
     }

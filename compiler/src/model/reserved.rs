@@ -1,5 +1,7 @@
 //! Names that the language gives and nobody may redeclare.
 
+use crate::diagnostics::Help;
+
 /// Built-in values.
 pub(super) const VALUES: [&str; 5] = ["pi", "inf", "true", "false", "time"];
 
@@ -68,6 +70,6 @@ pub(super) fn closest<'c>(name: &str, candidates: impl Iterator<Item = &'c str>)
 pub(super) fn did_you_mean<'c>(
     name: &str,
     candidates: impl Iterator<Item = &'c str>,
-) -> Option<String> {
-    closest(name, candidates).map(|candidate| format!("did you mean `{candidate}`?"))
+) -> Option<Help> {
+    closest(name, candidates).map(|candidate| Help::did_you_mean(&candidate))
 }

@@ -4,6 +4,7 @@ use miette::Diagnostic;
 use thiserror::Error;
 
 use super::reserved::did_you_mean;
+use crate::diagnostics::{Fix, Fixable, Help};
 use crate::source::Span;
 use crate::table::{Fault, Fit};
 
@@ -36,7 +37,7 @@ pub enum TableError {
         #[label("{why}")]
         span: Span,
         #[help]
-        help: Option<String>,
+        help: Option<Help>,
     },
 
     /// A file that is no table of numbers.
@@ -89,7 +90,7 @@ pub enum TableError {
         span: Span,
         why: &'static str,
         #[help]
-        help: String,
+        help: Help,
     },
 }
 
@@ -166,7 +167,8 @@ impl TableError {
                 why: "not in its first line".into(),
                 span: at.column,
                 help: did_you_mean(column, known.iter().map(String::as_str))
-                    .or_else(|| Some(listed(&known))),
+                    .map(|help| help.written(|name| format!("\"{name}\"")))
+                    .or_else(|| Some(listed(&known).into())),
             },
             Fault::TwoColumns { places: [a, b] } => TableError::Column {
                 what: format!("`{path}` has two columns `{column}`"),
@@ -210,4 +212,14 @@ fn listed(known: &[String]) -> String {
     let names = known.iter().take(MOST).map(|name| format!("`{name}`"));
     let more = if known.len() > MOST { ", .." } else { "" };
     format!("it has {}{more}", names.collect::<Vec<_>>().join(", "))
+}
+
+impl Fixable for TableError {
+    fn fix(&self) -> Option<Fix> {
+        match self {
+            TableError::Column { help, span, .. } => help.as_ref()?.fix(*span),
+            TableError::Form { help, span, .. } => help.fix(*span),
+            _ => None,
+        }
+    }
 }

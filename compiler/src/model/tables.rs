@@ -78,7 +78,7 @@ fn parts(args: &[Arg], span: Span) -> Result<Parts<'_>, TableError> {
         what: what.to_owned(),
         span,
         why,
-        help: FORM.to_owned(),
+        help: FORM.into(),
     };
     let text = |at: usize| match args.get(at) {
         Some(Arg::Positional(
@@ -130,6 +130,6 @@ fn fit(value: &Expr) -> Result<Fit, TableError> {
             span: value.span,
             why: "not a fit",
             help: did_you_mean(found, Fit::ALL.into_iter().map(Fit::word))
-                .unwrap_or_else(|| "write `linear`, `hold` or `cubic`".to_owned()),
+                .unwrap_or_else(|| "write `linear`, `hold` or `cubic`".into()),
         })
 }

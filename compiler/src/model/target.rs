@@ -131,8 +131,8 @@ pub(super) fn resolve(lowering: &mut Lowering<'_, '_>, path: &Path) -> Result<Ta
                     let (name, field) = (name.clone(), field.clone());
                     let help = match kind {
                         TargetKind::Switch(_) => did_you_mean(&field.name, ["sliding"].into_iter())
-                            .unwrap_or_else(|| "of a switch, `sliding` can be given".to_owned()),
-                        _ => "only parts have fields".to_owned(),
+                            .unwrap_or_else(|| "of a switch, `sliding` can be given".into()),
+                        _ => "only parts have fields".into(),
                     };
                     return lowering.error(ModelError::NoField {
                         name,

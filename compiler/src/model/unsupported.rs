@@ -3,6 +3,7 @@
 use miette::Diagnostic;
 use thiserror::Error;
 
+use crate::diagnostics::Fixable;
 use crate::source::Span;
 
 /// A construct of the language that cannot be lowered yet (E09).
@@ -21,3 +22,5 @@ pub enum Unsupported {
         span: Span,
     },
 }
+
+impl Fixable for Unsupported {}

@@ -5,6 +5,7 @@ use std::fmt;
 use miette::{Diagnostic, LabeledSpan};
 use nsd_solver::nl::{self, Fault, Place};
 
+use crate::diagnostics::Fixable;
 use crate::source::{SourceFile, Span};
 
 /// A fault of a .nl file.
@@ -16,6 +17,8 @@ pub struct NlError {
     /// The line, where it is.
     line: Option<Span>,
 }
+
+impl Fixable for NlError {}
 
 impl NlError {
     /// In a text that diagnostics can show, or in a binary file.

@@ -4,6 +4,7 @@ use miette::{Diagnostic, LabeledSpan};
 use thiserror::Error;
 
 use super::Status;
+use crate::diagnostics::Fixable;
 use crate::source::Span;
 
 /// A run that ended before its horizon.
@@ -443,6 +444,8 @@ pub enum Failure {
         span: Span,
     },
 }
+
+impl Fixable for Failure {}
 
 impl Failure {
     /// The language's word for how the run ended.

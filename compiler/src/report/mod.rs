@@ -291,6 +291,8 @@ impl miette::Diagnostic for Warning {
     }
 }
 
+impl crate::diagnostics::Fixable for Warning {}
+
 impl Warning {
     /// A diagnostic as it stands in a report.
     pub fn of(diagnostic: &dyn miette::Diagnostic) -> Self {

@@ -76,6 +76,8 @@ pub enum SweepError {
     },
 }
 
+impl crate::diagnostics::Fixable for SweepError {}
+
 impl Axis {
     /// Reads `name=from:to:count` or `name=[a,b,..]`.
     ///

@@ -9,6 +9,7 @@ use std::ops::Range;
 use super::lexer::{Token, TokenKind};
 use super::scan::Repair;
 use super::{MAX_DEPTH, SyntaxError};
+use crate::diagnostics::{Applicability, Help};
 use crate::source::Span;
 
 /// Open brackets, innermost last.
@@ -225,7 +226,7 @@ impl<'t> Brackets<'t> {
         let range = token.start..token.end();
         let span = repair.span(range.clone());
         let bracket = token.text.chars().next().unwrap_or_default();
-        let error = |help: String, open| SyntaxError::UnmatchedBracket {
+        let error = |help: Help, open| SyntaxError::UnmatchedBracket {
             bracket,
             help,
             span,
@@ -235,6 +236,7 @@ impl<'t> Brackets<'t> {
             Some(open) => {
                 let closing = closing(open.token.text);
                 let help = format!("close `{}` with `{closing}`", open.token.text);
+                let help = Help::edit(help, closing, Applicability::Suggestion);
                 let open = Some(repair.span(open.token.start..open.token.end()));
                 repair.replace(range, &closing.to_string(), error(help, open));
                 self.leave();
@@ -242,7 +244,10 @@ impl<'t> Brackets<'t> {
             None => repair.replace(
                 range,
                 "",
-                error(format!("remove it, or open it with `{opening}`"), None),
+                error(
+                    format!("remove it, or open it with `{opening}`").into(),
+                    None,
+                ),
             ),
         }
     }

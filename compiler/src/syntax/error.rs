@@ -3,6 +3,7 @@
 use miette::Diagnostic;
 use thiserror::Error;
 
+use crate::diagnostics::{Applicability, Fix, Fixable, Help};
 use crate::source::Span;
 
 /// A mistake in the text of a file.
@@ -66,7 +67,9 @@ pub enum SyntaxError {
         character: String,
         /// What to write instead.
         #[help]
-        help: Option<String>,
+        help: Option<Help>,
+        /// What its help takes the place of.
+        place: Span,
         /// Where it stands.
         #[label("not part of the language")]
         span: Span,
@@ -89,7 +92,7 @@ pub enum SyntaxError {
         text: String,
         /// What to write instead.
         #[help]
-        help: String,
+        help: Help,
         /// Where it stands.
         #[label("{problem}")]
         span: Span,
@@ -121,7 +124,7 @@ pub enum SyntaxError {
         bracket: char,
         /// What to do.
         #[help]
-        help: String,
+        help: Help,
         /// Where it stands.
         #[label(primary, "no bracket is open for this")]
         span: Span,
@@ -151,7 +154,7 @@ pub enum SyntaxError {
         found: String,
         /// What to write.
         #[help]
-        help: Option<String>,
+        help: Option<Help>,
         /// Where it stands.
         #[label("expected {expected}")]
         span: Span,
@@ -178,7 +181,7 @@ pub enum SyntaxError {
         word: String,
         /// What may have been meant.
         #[help]
-        help: String,
+        help: Help,
         /// Where it stands.
         #[label("not known here")]
         span: Span,
@@ -192,7 +195,7 @@ pub enum SyntaxError {
         operator: String,
         /// What to write.
         #[help]
-        help: String,
+        help: Help,
         /// Where it stands.
         #[label("real numbers are not compared for equality")]
         span: Span,
@@ -220,6 +223,8 @@ pub enum SyntaxError {
         symbol: String,
         /// As it should be.
         word: String,
+        /// The same, apart from what stands beside it.
+        replacement: String,
         /// Where it stands.
         #[label("write `{word}`")]
         span: Span,
@@ -286,6 +291,8 @@ pub enum SyntaxError {
     #[error("comments start with `//` and end with the line")]
     #[diagnostic(code(E0020), help("start each line of the comment with `//`"))]
     BlockComment {
+        /// Its lines, each as a comment.
+        lines: String,
         /// The comment.
         #[label("no block comments")]
         span: Span,
@@ -299,4 +306,37 @@ pub enum SyntaxError {
         #[label("checked up to here")]
         span: Span,
     },
+}
+
+impl Fixable for SyntaxError {
+    fn fix(&self) -> Option<Fix> {
+        use Applicability::{Safe, Suggestion};
+        match self {
+            SyntaxError::StrayCharacter { help, place, .. } => help.as_ref()?.fix(*place),
+            SyntaxError::Expected { help, span, .. } => help.as_ref()?.fix(*span),
+            SyntaxError::MalformedNumber { help, span, .. }
+            | SyntaxError::UnmatchedBracket { help, span, .. }
+            | SyntaxError::UnknownStatement { help, span, .. }
+            | SyntaxError::NoEquality { help, span, .. } => help.fix(*span),
+            SyntaxError::MissingSemicolon { span, .. } => Some(Fix::one(*span, ";", Safe)),
+            SyntaxError::ForeignSymbol {
+                symbol,
+                replacement,
+                span,
+                ..
+            } => {
+                // Bars may be an absolute value, arrows anything, and `!` may belong to what is before it.
+                let applicability = match symbol.as_str() {
+                    "|" | "&" | "!" | "->" | "=>" | "=<" => Suggestion,
+                    _ => Safe,
+                };
+                Some(Fix::one(*span, replacement, applicability))
+            }
+            SyntaxError::BlockComment { lines, span } => Some(Fix {
+                title: "start each line of the comment with `//`".to_owned(),
+                ..Fix::one(*span, lines, Safe)
+            }),
+            _ => None,
+        }
+    }
 }

@@ -132,7 +132,7 @@ pub fn is_word_start(c: char) -> bool {
 }
 
 /// True where a name may go on. A raised dot belongs to words by Unicode, but is meant as a product.
-fn is_word_part(c: char) -> bool {
+pub fn is_word_part(c: char) -> bool {
     pest::unicode::XID_CONTINUE(c) && !matches!(c, '·' | '\u{387}')
 }
 

@@ -13,8 +13,9 @@ use std::borrow::Cow;
 use std::ops::Range;
 
 use super::brackets::Brackets;
-use super::lexer::{Lexer, Token, TokenKind};
+use super::lexer::{Lexer, Token, TokenKind, is_word_part};
 use super::{MAX_BYTES, MAX_DEPTH, MAX_ERRORS, SyntaxError};
+use crate::diagnostics::{Applicability, Help};
 use crate::source::{SourceFile, Span};
 
 /// The scanned text, with what was wrong in it.
@@ -70,6 +71,8 @@ pub struct Repair<'t> {
     errors: Vec<SyntaxError>,
     wrong: Vec<Range<usize>>,
     last_word: &'t str,
+    /// The last token that is neither blank nor out of place.
+    last: &'t str,
 }
 
 impl<'t> Repair<'t> {
@@ -81,6 +84,7 @@ impl<'t> Repair<'t> {
             errors: Vec::new(),
             wrong: Vec::new(),
             last_word: "x",
+            last: "",
         }
     }
 
@@ -158,16 +162,22 @@ impl<'t> Repair<'t> {
         let span = self.span(range.clone());
         match token.kind {
             TokenKind::Blank => self.blank(token),
-            TokenKind::BlockComment => self.replace(range, "", SyntaxError::BlockComment { span }),
+            TokenKind::BlockComment => {
+                let lines = line_comments(token.text, &self.text[token.end()..]);
+                self.replace(range, "", SyntaxError::BlockComment { lines, span });
+            }
             TokenKind::OpenString => {
                 let empty = if range.len() > 1 { "\"\"" } else { "0" };
                 self.replace(range, empty, SyntaxError::UnterminatedString { span });
             }
-            TokenKind::BadNumber => self.replace(range, "0", malformed(token.text, span)),
+            TokenKind::BadNumber => {
+                let error = malformed(token.text, self.stands_apart(&range), span);
+                self.replace(range, "0", error);
+            }
             TokenKind::Number if token.text.parse().is_ok_and(f64::is_infinite) => {
                 let error = SyntaxError::MalformedNumber {
                     text: token.text.to_owned(),
-                    help: "write `inf` for infinity".to_owned(),
+                    help: Help::edit("write `inf` for infinity", "inf", Applicability::Suggestion),
                     span,
                     problem: "larger than any floating point number".to_owned(),
                 };
@@ -177,6 +187,9 @@ impl<'t> Repair<'t> {
             TokenKind::Stray => self.stray(token, span),
             TokenKind::Symbol => self.symbol(token, next, span),
             _ => {}
+        }
+        if !token.is_blank() && token.kind != TokenKind::Stray {
+            self.last = token.text;
         }
     }
 
@@ -199,12 +212,16 @@ impl<'t> Repair<'t> {
             }
             "==" | "!=" | "~=" | "<>" => {
                 let help = match token.text {
-                    "==" => "write `=` in a declaration or a constraint, `<` or `>` in a guard",
-                    _ => "write `<` or `>`; `not` reverses a comparison",
+                    "==" => Help::edit(
+                        "write `=` in a declaration or a constraint, `<` or `>` in a guard",
+                        "=",
+                        Applicability::Suggestion,
+                    ),
+                    _ => "write `<` or `>`; `not` reverses a comparison".into(),
                 };
                 let error = SyntaxError::NoEquality {
                     operator: token.text.to_owned(),
-                    help: help.to_owned(),
+                    help,
                     span,
                 };
                 return self.replace(range, "<=", error);
@@ -219,12 +236,92 @@ impl<'t> Repair<'t> {
             "->" => ("=", "="),
             _ => return,
         };
-        let error = SyntaxError::ForeignSymbol {
+        let error = self.foreign(token, word);
+        self.replace(range, instead, error);
+    }
+
+    fn foreign(&self, token: &Token<'t>, word: &str) -> SyntaxError {
+        let range = token.start..token.end();
+        SyntaxError::ForeignSymbol {
             symbol: token.text.to_owned(),
             word: word.to_owned(),
-            span,
+            replacement: self.apart(&range, word),
+            span: self.span(range),
+        }
+    }
+
+    /// The characters around a range.
+    fn beside(&self, range: &Range<usize>) -> [Option<char>; 2] {
+        let before = self.text[..range.start].chars().next_back();
+        [before, self.text[range.end..].chars().next()]
+    }
+
+    /// A word or symbol in the place of a range, with blanks where it would run into what stands beside it.
+    fn apart(&self, range: &Range<usize>, word: &str) -> String {
+        let runs_into = |own: Option<char>, other: Option<char>| {
+            let (Some(own), Some(other)) = (own, other) else {
+                return false;
+            };
+            let is_mark = |c: char| !is_word_part(c) && !c.is_whitespace();
+            match is_word_part(own) {
+                true => is_word_part(other),
+                // Quotes and primes belong to what they touch.
+                false => is_mark(other) && !"\"'".contains(own) && !"()[]{},;".contains(other),
+            }
         };
-        self.replace(range, instead, error);
+        let [before, after] = self.beside(range);
+        let left = runs_into(word.chars().next(), before);
+        let right = runs_into(word.chars().next_back(), after);
+        let blank = |needed: bool| if needed { " " } else { "" };
+        format!("{}{word}{}", blank(left), blank(right))
+    }
+
+    /// Whether a number could not be the end of what stands before it.
+    fn stands_apart(&self, range: &Range<usize>) -> bool {
+        let [before, _] = self.beside(range);
+        before.is_none_or(|c| !is_word_part(c) && !matches!(c, '.' | ')' | ']'))
+    }
+
+    /// A comment of another language, up to the end of the line where nothing else can be meant.
+    fn comment(&self, start: usize, span: Span) -> (Option<Help>, Span) {
+        let help = "a comment starts with `//`";
+        if !matches!(self.last, "" | ";" | "{" | "}") {
+            return (Some(help.into()), span);
+        }
+        let line = self.text[start..].lines().next().unwrap_or_default();
+        let comment = format!("//{}", line.trim_start_matches(['#', '%']));
+        let help = Help::edit(help, comment, Applicability::Safe);
+        (Some(help), self.span(start..start + line.len()))
+    }
+
+    /// What to do about a character that has no place here.
+    fn stray_help(&self, character: char, range: &Range<usize>) -> Option<Help> {
+        let word = |text: &str, word: &str| {
+            Some(Help::edit(
+                text,
+                self.apart(range, word),
+                Applicability::Safe,
+            ))
+        };
+        let [before, after] = self.beside(range);
+        let ends_operand = before.is_some_and(|c| is_word_part(c) || matches!(c, ')' | ']'));
+        let is_power = ends_operand && !after.is_some_and(|c| is_word_part(c) || c == '.');
+        let power = |text: &str, power: &str| match is_power {
+            true => Some(Help::edit(text, power, Applicability::Safe)),
+            false => Some(text.into()),
+        };
+        match character {
+            '?' => Some("write `if x > 0 then a else b`".into()),
+            '²' => power("write a power as `^2`", "^2"),
+            '³' => power("write a power as `^3`", "^3"),
+            '√' if after == Some('(') => word("write `sqrt(...)`", "sqrt"),
+            '√' => Some("write `sqrt(...)`".into()),
+            '∞' => word("write `inf`", "inf"),
+            '∈' => word("write `in`", "in"),
+            '\\' => Some("write the operator or the function by its name".into()),
+            '\0' => Some("the file does not seem to be text".into()),
+            _ => None,
+        }
     }
 
     fn stray(&mut self, token: &Token, span: Span) {
@@ -233,11 +330,7 @@ impl<'t> Repair<'t> {
             .iter()
             .find(|(symbols, _)| symbols.contains(token.text));
         if let Some((_, word)) = known {
-            let error = SyntaxError::ForeignSymbol {
-                symbol: token.text.to_owned(),
-                word: (*word).to_owned(),
-                span,
-            };
+            let error = self.foreign(token, word);
             let instead = match *word {
                 "or" | "and" => "+",
                 "not" => "-",
@@ -267,12 +360,17 @@ impl<'t> Repair<'t> {
             .chars()
             .next()
             .unwrap_or(char::REPLACEMENT_CHARACTER);
+        let (help, place) = match character {
+            '#' | '%' => self.comment(token.start, span),
+            _ => (self.stray_help(character, &range), span),
+        };
         let error = SyntaxError::StrayCharacter {
             character: match character.is_control() {
                 true => format!("U+{:04X}", u32::from(character)),
                 false => format!("`{character}`"),
             },
-            help: stray_help(character).map(str::to_owned),
+            help,
+            place,
             span,
         };
         self.replace(range, "", error);
@@ -296,41 +394,45 @@ const FOREIGN: [(&str, &str); 13] = [
     ("≔", ":="),
 ];
 
-fn stray_help(character: char) -> Option<&'static str> {
-    Some(match character {
-        '#' | '%' => "a comment starts with `//`",
-        '?' => "write `if x > 0 then a else b`",
-        '²' => "write a power as `^2`",
-        '³' => "write a power as `^3`",
-        '√' => "write `sqrt(...)`",
-        '∞' => "write `inf`",
-        '∈' => "write `in`",
-        '\\' => "write the operator or the function by its name",
-        '\0' => "the file does not seem to be text",
-        _ => return None,
-    })
+/// A block comment as comments of its lines; what follows on its last line begins a line of its own.
+fn line_comments(block: &str, behind: &str) -> String {
+    let inner = block.strip_prefix("/*").unwrap_or(block);
+    let inner = inner.strip_suffix("*/").unwrap_or(inner);
+    let mut lines: Vec<String> = inner
+        .lines()
+        .map(|line| format!("// {}", line.trim()).trim_end().to_owned())
+        .collect();
+    if lines.is_empty() {
+        lines.push("//".to_owned());
+    }
+    let rest = behind.lines().next().unwrap_or_default();
+    let breaks = if rest.trim().is_empty() { "" } else { "\n" };
+    lines.join("\n") + breaks
 }
 
 /// Says what is wrong with a number and how to write it.
-fn malformed(text: &str, span: Span) -> SyntaxError {
+fn malformed(text: &str, stands_apart: bool, span: Span) -> SyntaxError {
+    let is_digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
+    let safe = |help: String, number: String, digits: &str| match stands_apart && is_digits(digits)
+    {
+        true => Help::edit(help, number, Applicability::Safe),
+        false => help.into(),
+    };
     let (problem, help) = if let Some(fraction) = text.strip_prefix('.') {
-        let help = format!("write `0.{fraction}`");
+        let number = format!("0.{fraction}");
+        let help = safe(format!("write `{number}`"), number, fraction);
         ("a digit is missing before the point", help)
     } else if let Some(whole) = text.strip_suffix('.') {
-        (
-            "a digit is missing after the point",
-            format!("write `{whole}.0` or `{whole}`"),
-        )
+        let number = format!("{whole}.0");
+        let help = safe(format!("write `{number}` or `{whole}`"), number, whole);
+        ("a digit is missing after the point", help)
     } else if text.matches('.').count() > 1 {
         (
             "more than one point",
-            "write the number with one point".to_owned(),
+            "write the number with one point".into(),
         )
     } else if text.ends_with(['e', 'E']) {
-        (
-            "the exponent has no digits",
-            "write it as in `1e-3`".to_owned(),
-        )
+        ("the exponent has no digits", "write it as in `1e-3`".into())
     } else {
         let end = text
             .find(|c: char| !c.is_ascii_digit() && c != '.')
@@ -342,10 +444,12 @@ fn malformed(text: &str, span: Span) -> SyntaxError {
                     &text[end..],
                     &text[end..]
                 );
-                ("a digit is missing after the point", help)
+                ("a digit is missing after the point", help.into())
             }
             None => {
-                let help = format!("write `{}*{}` for a product", &text[..end], &text[end..]);
+                let product = format!("{}*{}", &text[..end], &text[end..]);
+                let help = format!("write `{product}` for a product");
+                let help = Help::edit(help, product, Applicability::Suggestion);
                 ("a number runs into a name", help)
             }
         }

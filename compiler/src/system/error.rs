@@ -3,6 +3,7 @@
 use miette::{Diagnostic, LabeledSpan};
 use thiserror::Error;
 
+use crate::diagnostics::Fixable;
 use crate::source::Span;
 
 /// A mistake that shows when the switches of a model are made explicit.
@@ -477,3 +478,5 @@ pub enum SystemError {
         span: Span,
     },
 }
+
+impl Fixable for SystemError {}

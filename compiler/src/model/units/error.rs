@@ -3,6 +3,7 @@
 use miette::Diagnostic;
 use thiserror::Error;
 
+use crate::diagnostics::{Fix, Fixable, Help};
 use crate::source::Span;
 
 /// A mistake in a unit, or between units.
@@ -20,7 +21,7 @@ pub enum UnitError {
     #[diagnostic(code(E0230), help("{help}"))]
     UnknownUnit {
         name: String,
-        help: String,
+        help: Help,
         #[label("not a unit")]
         span: Span,
     },
@@ -105,4 +106,13 @@ pub enum UnitError {
         #[label(primary, "from here")]
         call: Option<Span>,
     },
+}
+
+impl Fixable for UnitError {
+    fn fix(&self) -> Option<Fix> {
+        match self {
+            UnitError::UnknownUnit { help, span, .. } => help.fix(*span),
+            _ => None,
+        }
+    }
 }

@@ -1,8 +1,9 @@
 //! Names of units: the coherent units of the SI (BIPM 2019, tables 2 and 4), and what is meant by others.
 
+use super::super::reserved::did_you_mean;
 use super::UnitError;
 use super::dimension::{Dimension, Ratio};
-use crate::diagnostics::Diagnostics;
+use crate::diagnostics::{Applicability, Diagnostics, Help};
 use crate::syntax::{Unit, UnitBase, UnitFactor};
 
 /// Exponents of kg, m, s, A, K, mol, cd.
@@ -145,7 +146,7 @@ fn read_factor(factor: &UnitFactor, diags: &mut Diagnostics) -> Option<Dimension
             diags.push(UnitError::UnknownUnit {
                 name: value.to_string(),
                 span: factor.span,
-                help: "`1` stands for a pure number; no value is ever converted".to_owned(),
+                help: "`1` stands for a pure number; no value is ever converted".into(),
             });
             None
         }
@@ -164,21 +165,24 @@ fn read_factor(factor: &UnitFactor, diags: &mut Diagnostics) -> Option<Dimension
 }
 
 fn unknown(name: &str, span: crate::source::Span) -> UnitError {
-    let help = match coherent(name) {
-        Some(unit) => {
-            format!("no value is ever converted: write `{unit}`, and the number in `{unit}`")
-        }
-        None => product(name).map(|product| format!("units are multiplied with `*`: write `{product}`")).unwrap_or_else(|| {
-            let names = UNITS.iter().map(|(name, _)| *name);
-            let close = super::super::reserved::did_you_mean(name, names);
-            close.unwrap_or_else(|| {
-                "units are made of kg, m, s, A, K, mol, cd, rad, N, J, W, Pa, V, Ohm, F, H, C, ..".to_owned()
-            })
-        }),
+    let converted = coherent(name).map(|unit| {
+        format!("no value is ever converted: write `{unit}`, and the number in `{unit}`").into()
+    });
+    let multiplied = || {
+        let product = product(name)?;
+        let text = format!("units are multiplied with `*`: write `{product}`");
+        // All of them may stand below a `/` or a power.
+        let group = format!("({product})");
+        Some(Help::edit(text, group, Applicability::Suggestion))
     };
+    let close = || did_you_mean(name, UNITS.iter().map(|(name, _)| *name));
+    let help = converted.or_else(multiplied).or_else(close);
     UnitError::UnknownUnit {
         name: name.to_owned(),
         span,
-        help,
+        help: help.unwrap_or_else(|| {
+            "units are made of kg, m, s, A, K, mol, cd, rad, N, J, W, Pa, V, Ohm, F, H, C, .."
+                .into()
+        }),
     }
 }

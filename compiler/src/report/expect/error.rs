@@ -3,6 +3,7 @@
 use miette::Diagnostic;
 use thiserror::Error;
 
+use crate::diagnostics::Fixable;
 use crate::source::Span;
 
 /// What can be wrong with an expectation.
@@ -150,3 +151,5 @@ pub enum ExpectError {
         span: Span,
     },
 }
+
+impl Fixable for ExpectError {}

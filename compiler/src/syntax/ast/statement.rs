@@ -435,6 +435,8 @@ pub struct Dynamics {
     pub target: Path,
     /// True for `+=`.
     pub adds: bool,
+    /// `=` or `+=`.
+    pub operator: Span,
     /// The derivative, or the term added to it.
     pub value: Expr,
     /// The statement.

@@ -13,6 +13,7 @@ use pest::error::{ErrorVariant, InputLocation};
 use pest::iterators::Pair;
 
 use super::{Builder, words};
+use crate::diagnostics::{Applicability, Help};
 use crate::syntax::lexer::{Lexer, Token, TokenKind, is_word_start};
 use crate::syntax::{MAX_ERRORS, SyntaxError};
 
@@ -236,7 +237,7 @@ impl<'b> Builder<'b> {
             Place::Resets if is_name => Ok(Rule::reset),
             Place::Options | Place::Mechanics if is_name => Ok(Rule::option),
             Place::Free if is_name => Ok(Rule::free_path),
-            _ => Err(self.unknown(place, first, second)),
+            _ => Err(self.unknown(place, text, first)),
         }
     }
 
@@ -279,14 +280,15 @@ impl<'b> Builder<'b> {
                 operator: operator.to_owned(),
                 span: self.position(first.start..behind.map_or(end, |token| token.end())),
             }),
-            _ => Err(self.unknown(Place::Model, first, significant(text, first.end()).next())),
+            _ => Err(self.unknown(Place::Model, text, first)),
         }
     }
 
     /// No member of the list starts like this.
-    fn unknown(&self, place: Place, first: &Token, second: Option<Token>) -> SyntaxError {
-        let span = self.position(first.start..first.end());
+    fn unknown(&self, place: Place, text: &str, first: &Token) -> SyntaxError {
+        let mut span = self.position(first.start..first.end());
         let word = shown(first);
+        let second = significant(text, first.end()).next();
         if let Some((here, there)) = words::belongs(first.text, place) {
             return SyntaxError::Misplaced {
                 word: first.text.to_owned(),
@@ -296,13 +298,26 @@ impl<'b> Builder<'b> {
             };
         }
         let help = if let Some(meant) = words::suggestion(first.text, place) {
-            format!("did you mean `{meant}`?")
+            let help = format!("did you mean `{meant}`?");
+            let is_known = words::is_another_word_for(first.text, meant);
+            let applicability = match is_known {
+                true => Applicability::Safe,
+                false => Applicability::Suggestion,
+            };
+            Help::edit(help, meant, applicability)
         } else if first.text == "der" && second.is_some_and(|second| second.text == "(") {
-            "write a derivative as `x' = ...;`".to_owned()
+            let help = "write a derivative as `x' = ...;`";
+            match derivative(text, first) {
+                Some((end, state)) => {
+                    span = self.position(first.start..end);
+                    Help::edit(help, format!("{state}'"), Applicability::Safe)
+                }
+                None => help.into(),
+            }
         } else if matches!(first.text, "if" | "else") {
-            "cases of the dynamics are written `region NAME where ... { ... }`".to_owned()
+            "cases of the dynamics are written `region NAME where ... { ... }`".into()
         } else if first.text == ";" {
-            "remove it".to_owned()
+            Help::edit("remove it", "", Applicability::Safe)
         } else {
             let starts = words::starts(place).iter();
             let starts: Vec<String> = starts.map(|(start, _)| format!("`{start}`")).collect();
@@ -312,7 +327,7 @@ impl<'b> Builder<'b> {
                 _ if starts.is_empty() => "a name",
                 _ => " or a name",
             };
-            format!("start with {}{name}", starts.join(", "))
+            format!("start with {}{name}", starts.join(", ")).into()
         };
         SyntaxError::UnknownStatement {
             place: words::member(place).to_owned(),
@@ -356,10 +371,11 @@ impl<'b> Builder<'b> {
                 span: self.position(end..end),
             };
         }
+        let begins = before.is_some_and(|before| before.start == start);
         let before = before.map_or("", |before| before.text);
         let expected = expected(failure, before);
         SyntaxError::Expected {
-            help: help(place, failure, found_text),
+            help: help(place, failure, found_text, begins),
             found: found.map_or("the end of the statement".to_owned(), |found| shown(&found)),
             expected,
             span,
@@ -432,23 +448,45 @@ fn expected(failure: &Failure, before: &str) -> String {
     }
 }
 
-/// One action that may repair the statement.
-fn help(place: Place, failure: &Failure, found: &str) -> Option<String> {
+/// One action that may repair the statement; `begins` where only its first word stands before `found`.
+fn help(place: Place, failure: &Failure, found: &str, begins: bool) -> Option<Help> {
+    use Applicability::{Safe, Suggestion};
     let wanted = failure.expected.iter().filter_map(|rule| spelling(*rule));
     if let Some(meant) = words::nearest(found, wanted.filter(|word| word.len() > 2)) {
-        return Some(format!("did you mean `{meant}`?"));
+        return Some(Help::did_you_mean(meant));
     }
-    let help = match found {
-        "if" => "put the `if` in parentheses",
-        ";" if failure.expects(Rule::close_bracket) => "remove the empty row",
-        "=" if place == Place::Experiment && failure.wants_operand() => "remove the `=`",
-        "=" if failure.expects(Rule::comparator) => "compare with `<`, `<=`, `>` or `>=`",
-        ":=" if failure.expects(Rule::equals) => "write `=`; `:=` stands only in a `jump`",
-        "=" if failure.expects(Rule::becomes) => "write `:=`; a jump sets the value after it",
+    Some(match found {
+        "if" => "put the `if` in parentheses".into(),
+        ";" if failure.expects(Rule::close_bracket) => {
+            Help::edit("remove the empty row", "", Suggestion)
+        }
+        "=" if place == Place::Experiment && failure.wants_operand() => {
+            let applicability = if begins { Safe } else { Suggestion };
+            Help::edit("remove the `=`", "", applicability)
+        }
+        "=" if failure.expects(Rule::comparator) => "compare with `<`, `<=`, `>` or `>=`".into(),
+        ":=" if failure.expects(Rule::equals) => {
+            Help::edit("write `=`; `:=` stands only in a `jump`", "=", Safe)
+        }
+        "=" if failure.expects(Rule::becomes) => {
+            Help::edit("write `:=`; a jump sets the value after it", ":=", Safe)
+        }
         _ if failure.expects(Rule::kw_else) && failure.after_operand() => {
-            "every `if` has a `then` and an `else`"
+            "every `if` has a `then` and an `else`".into()
         }
         _ => return None,
+    })
+}
+
+/// Where `der(x)` ends, and the state in it: a name, its fields and indices.
+fn derivative<'t>(text: &'t str, first: &Token) -> Option<(usize, &'t str)> {
+    let mut tokens = significant(text, first.end());
+    let open = tokens.next().filter(|token| token.text == "(")?;
+    let is_path = |token: &Token| {
+        let is_name = matches!(token.kind, TokenKind::Word | TokenKind::Number);
+        is_name || matches!(token.text, "." | "[" | "]" | "," | ":")
     };
-    Some(help.to_owned())
+    let close = tokens.find(|token| !is_path(token))?;
+    let state = text[open.end()..close.start].trim();
+    (close.text == ")" && state.starts_with(is_word_start)).then_some((close.end(), state))
 }

@@ -129,9 +129,11 @@ impl Builder<'_> {
             }
             Rule::dynamics => {
                 let target = self.path(parts.one(Rule::path));
+                let operator = parts.one(Rule::dynamics_op);
                 Stmt::Dynamics(Dynamics {
                     target,
-                    adds: parts.one(Rule::dynamics_op).as_str() == "+=",
+                    adds: operator.as_str() == "+=",
+                    operator: self.span(&operator),
                     value: self.expr(parts.one(Rule::expr)),
                     span,
                 })

@@ -115,17 +115,31 @@ pub fn belongs(word: &str, place: Place) -> Option<(&'static str, &'static str)>
     Some((here, there))
 }
 
+/// Whether a word says in another language, or another spelling, what `meant` does, with the same words behind it.
+pub fn is_another_word_for(word: &str, meant: &str) -> bool {
+    const SAME: [(&str, &str); 8] = [
+        ("function", "fn"),
+        ("func", "fn"),
+        ("def", "fn"),
+        ("constant", "const"),
+        ("parameter", "param"),
+        ("minimise", "minimize"),
+        ("optimise", "optimize"),
+        ("simulation", "simulate"),
+    ];
+    SAME.contains(&(word, meant))
+}
+
 /// The start of a member that `word` may have been meant for.
 pub fn suggestion(word: &str, place: Place) -> Option<&'static str> {
-    let starts = starts(place).iter().map(|(start, _)| *start);
-    nearest(word, starts).or_else(|| {
-        let alias = ALIASES
-            .iter()
-            .find(|(alias, _)| alias.eq_ignore_ascii_case(word));
-        alias
-            .map(|(_, meant)| *meant)
-            .filter(|meant| self::starts(place).iter().any(|(start, _)| start == meant))
-    })
+    let starts = || starts(place).iter().map(|(start, _)| *start);
+    let alias = ALIASES
+        .iter()
+        .find(|(alias, _)| alias.eq_ignore_ascii_case(word));
+    let alias = alias.map(|(_, meant)| *meant);
+    alias
+        .filter(|meant| starts().any(|start| start == *meant))
+        .or_else(|| nearest(word, starts()))
 }
 
 /// The candidate that differs from `word` by a slip of the fingers.

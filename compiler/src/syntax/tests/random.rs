@@ -6,7 +6,7 @@ use proptest::sample::select;
 
 use super::layout::formatted;
 use super::{read, skeleton};
-use crate::diagnostics::{Diagnostics, render};
+use crate::diagnostics::{Diagnostics, Fix, apply, render};
 use crate::source::SourceMap;
 use crate::syntax::parse;
 
@@ -130,8 +130,8 @@ fn soup() -> impl Strategy<Value = String> {
     let words = "model m simulate optimize region where else for in state param let switch sliding part jump when \
                  mechanics contact project onto metric argmin subject to variational solves perp if then not and or \
                  expect at within horizon free initial guess from output every use as fn const 0 1 2.5 .5 3. x y'";
-    let symbols =
-        "{ } ( ) [ ] ; , : . .. = += := == <= >= < > ~ + - * / ^ .* ' '' \" // /* \n @ θ \u{a0} é";
+    let symbols = "{ } ( ) [ ] ; , : . .. = += := == <= >= < > ~ + - * / ^ .* ' '' \" // /* */ \n @ θ \u{a0} é \
+         && | ! ** -> # % ² √ ∈ ≤ × − ’ ∧ der(x) parameter";
     let pieces: Vec<&str> = words.split_whitespace().chain(symbols.split(' ')).collect();
     vec(select(pieces), 0..120).prop_map(|pieces| pieces.join(" "))
 }
@@ -148,6 +148,30 @@ fn survives(bytes: Vec<u8>) -> Result<(), TestCaseError> {
         prop_assert_eq!(skeleton(&read(&printed)), skeleton(&ast), "{}", printed);
         formatted(&file.text);
     }
+    for error in diags.iter() {
+        // Alone, and with all others, as far as they do not overlap.
+        let Some(fix) = error.fix() else { continue };
+        for edit in &fix.edits {
+            prop_assert!(file.contains(edit.span), "{error}: {edit:?}");
+        }
+        let (mended, made) = apply(&file, vec![fix]);
+        prop_assert_eq!(made.len(), 1);
+        prop_assert!(mended != file.text, "{} changes nothing", error);
+    }
+    let all: Vec<Fix> = diags.iter().filter_map(|error| error.fix()).collect();
+    let lengths = |fix: &Fix| {
+        let edits = fix.edits.iter();
+        edits.fold((0, 0), |(more, less), edit| {
+            let removed = (edit.span.end - edit.span.start) as usize;
+            (more + edit.replacement.len(), less + removed)
+        })
+    };
+    let (mended, made) = apply(&file, all);
+    let (more, less) = made
+        .iter()
+        .map(lengths)
+        .fold((0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+    prop_assert_eq!(mended.len() + less, file.text.len() + more);
     for error in diags.errors() {
         for label in error.labels().into_iter().flatten() {
             prop_assert!(

@@ -3,6 +3,7 @@
 use miette::Diagnostic;
 use thiserror::Error;
 
+use crate::diagnostics::{Fix, Fixable, Help};
 use crate::source::Span;
 
 /// A mistake in an experiment.
@@ -103,7 +104,7 @@ pub enum ExperimentError {
         span: Span,
         choices: String,
         #[help]
-        help: Option<String>,
+        help: Option<Help>,
     },
 
     /// A setting of the other kind of experiment.
@@ -503,4 +504,13 @@ pub enum ExperimentError {
         #[label("not supported yet")]
         span: Span,
     },
+}
+
+impl Fixable for ExperimentError {
+    fn fix(&self) -> Option<Fix> {
+        match self {
+            ExperimentError::UnknownChoice { help, span, .. } => help.as_ref()?.fix(*span),
+            _ => None,
+        }
+    }
 }

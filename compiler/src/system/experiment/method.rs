@@ -3,6 +3,7 @@
 use super::fesd::{self, FesdOptions, SteppingOptions};
 use super::law::{self, Law};
 use super::{ExperimentError, Reader, unknown_choice};
+use crate::diagnostics::Help;
 use crate::syntax::{self, ExprKind, Ident, Setting};
 
 /// A simulation method.
@@ -199,7 +200,7 @@ fn no_options(reader: &mut Reader<'_, '_>, method: &str, options: &[Setting], he
             found: option.name.name.clone(),
             span: option.name.span,
             choices: format!("no option of `{method}`"),
-            help: help.map(str::to_owned),
+            help: help.map(Help::from),
         });
     }
 }

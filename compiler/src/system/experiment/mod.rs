@@ -16,7 +16,7 @@ mod with;
 use rustc_hash::FxHashMap;
 
 use super::values::{self, Values};
-use crate::diagnostics::Diagnostics;
+use crate::diagnostics::{Diagnostics, Help};
 use crate::expr::{Expr, Var};
 use crate::model::{Model, TargetKind};
 use crate::source::Span;
@@ -441,6 +441,6 @@ fn unknown_choice(what: &str, word: &syntax::Ident, choices: &[&str]) -> Experim
             })
             .collect::<Vec<_>>()
             .join(", "),
-        help: close.map(|close| format!("did you mean `{close}`?")),
+        help: close.map(|close| Help::did_you_mean(close)),
     }
 }

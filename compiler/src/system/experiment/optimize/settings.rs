@@ -352,10 +352,11 @@ impl<'m, 'e> Draft<'m, 'e> {
             if let ExperimentError::UnknownChoice { help, .. } = &mut error
                 && method::METHODS.contains(&name.name.as_str())
             {
-                *help = Some(format!(
+                let elsewhere = format!(
                     "`method {}` runs a `simulate` experiment, in which `with` gives the controls",
                     name.name
-                ));
+                );
+                *help = Some(elsewhere.into());
             }
             return reader.error(error);
         }
