@@ -13,7 +13,7 @@ use crate::compile;
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
 use crate::report::{Bands, Ensemble, Failure, Status, Trajectory, Warning};
-use crate::simulate::{self, Request};
+use crate::simulate::{Plan, Request};
 use crate::syntax::{Bind, Experiment, File};
 use crate::system::experiment::{Sampling, Settings};
 use crate::threads::{self, Share};
@@ -48,7 +48,7 @@ struct Sample {
     warnings: Vec<Warning>,
 }
 
-/// Calls `work` for every seed, on up to `n_threads` threads, with the experiment compiled and the seed set.
+/// Calls `work` for every seed, on up to `n_threads` threads, with the experiment compiled, its plan and the seed set.
 ///
 /// What it returns comes in the order of the seeds. `heard` is told how many are done. The experiment has compiled
 /// without an error before.
@@ -56,7 +56,7 @@ pub fn over_seeds<T: Send>(
     source: Source<'_>,
     seeds: Range<u64>,
     n_threads: usize,
-    work: impl Fn(&Compiled<'_>) -> T + Sync,
+    work: impl Fn(&Compiled<'_>, &mut Plan) -> T + Sync,
     heard: &mut dyn FnMut(usize),
 ) -> Vec<T> {
     let count = seeds.end.saturating_sub(seeds.start) as usize;
@@ -70,11 +70,12 @@ pub fn over_seeds<T: Send>(
         } = source;
         let compiled = compile(&exprs, file, experiment, overrides, &mut clock, &mut diags);
         let mut compiled = compiled.expect("the experiment has compiled before");
+        let mut plan = Plan::new(&compiled.system, &compiled.settings);
         while let Some(run) = share.next() {
             if let Some(kicks) = &mut compiled.settings.kicks {
                 kicks.seed = seeds.start + run as u64;
             }
-            share.finish(run, work(&compiled));
+            share.finish(run, work(&compiled, &mut plan));
         }
     };
     let runs = threads::in_order(count, n_threads, &AtomicBool::new(false), each, heard);
@@ -111,11 +112,12 @@ pub fn add(
         multipliers: false,
         ..*request
     };
-    let work = |compiled: &Compiled<'_>| {
+    let work = |compiled: &Compiled<'_>, plan: &mut Plan| {
         let mut settings = compiled.settings.clone();
         settings.sampling = Sampling::At(time.clone());
         let request = request.left(started);
-        sample(&simulate::run(&compiled.system, &settings, &request), &time)
+        let run = plan.run(&compiled.system, &settings, &request, &mut |_| {});
+        sample(&run, &time)
     };
     let samples = over_seeds(source, seeds.clone(), n_threads, work, heard);
     let failed: Vec<u64> = (seeds.clone().zip(&samples))

@@ -1,5 +1,6 @@
 #![doc = include_str!("../README.md")]
 
+mod again;
 pub mod cli;
 pub mod clock;
 pub mod dcs;

@@ -85,6 +85,14 @@ pub struct Parameter {
     pub range: [f64; 2],
 }
 
+impl Parameter {
+    /// Whether it may have a value.
+    pub fn takes(&self, value: f64) -> bool {
+        let [low, high] = self.range;
+        low <= value && value <= high && value != 0.0 && value.is_finite()
+    }
+}
+
 /// Why an experiment is not prepared.
 #[derive(Debug, thiserror::Error)]
 pub enum NotPrepared {
@@ -191,39 +199,22 @@ impl Prepared {
     /// An experiment that has been compiled with open parameters.
     fn of(compiled: &Compiled<'_>) -> Result<Self, NotPrepared> {
         let (system, settings) = (&compiled.system, &compiled.settings);
-        let is_run = settings.optimize.is_none() && !settings.freezes() && settings.kicks.is_none();
-        if !is_run || !matches!(settings.method, Method::Auto | Method::Event(_)) {
+        if settings.kicks.is_some() {
             return Err(NotPrepared::Method(settings.method.word()));
         }
-        let values = &settings.values;
-        let params = system.params.iter().enumerate();
-        let open = params.filter(|(_, param)| values.is_open(param.var));
-        let open: Vec<usize> = open.map(|(at, _)| at).collect();
-        let why = hybrid::structural(system);
-        if let Some((at, why)) = open.iter().find_map(|&at| Some((at, why[at]?))) {
-            return Err(NotPrepared::Structural(system.params[at].name.clone(), why));
-        }
-        if let Some(name) = values.moving_range(&compiled.model) {
-            return Err(NotPrepared::Structural(name, Structural::Range));
-        }
-        let ranges = values.open_ranges(&compiled.model);
-        let parameter = |&at: &usize| {
-            let param = &system.params[at];
-            let range = ranges[&variable(param.var)];
-            Parameter {
-                name: param.name.clone(),
-                value: param.value,
-                range: [range.low, range.high],
-            }
-        };
+        let Opened {
+            places,
+            parameters,
+            start,
+        } = Opened::of(compiled)?;
         let mut chosen = solver_settings(&settings.method, settings.tolerance, None);
         chosen.averages = settings.averages;
         Ok(Prepared {
-            start: Arc::new(start(compiled, &open)?),
-            system: hybrid::lower_open(system, settings.horizon, &open),
+            start: Arc::new(start),
+            system: hybrid::lower_open(system, settings.horizon, &places),
             settings: chosen,
             horizon: settings.horizon,
-            parameters: open.iter().map(parameter).collect(),
+            parameters,
             states: system
                 .states
                 .iter()
@@ -260,6 +251,52 @@ impl Prepared {
             x0: vec![0.0; self.states.len()],
             prepared: self,
         }
+    }
+}
+
+/// The parameters of an experiment that stay open.
+pub(crate) struct Opened {
+    /// Their numbers in the system.
+    pub places: Vec<usize>,
+    pub parameters: Vec<Parameter>,
+    /// From them to x(0).
+    pub start: Tape,
+}
+
+impl Opened {
+    /// Those with which an experiment has been compiled, if it runs from event to event for all their values.
+    pub fn of(compiled: &Compiled<'_>) -> Result<Self, NotPrepared> {
+        let (system, settings) = (&compiled.system, &compiled.settings);
+        let is_run = settings.optimize.is_none() && !settings.freezes();
+        if !is_run || !matches!(settings.method, Method::Auto | Method::Event(_)) {
+            return Err(NotPrepared::Method(settings.method.word()));
+        }
+        let values = &settings.values;
+        let params = system.params.iter().enumerate();
+        let open = params.filter(|(_, param)| values.is_open(param.var));
+        let places: Vec<usize> = open.map(|(at, _)| at).collect();
+        let why = hybrid::structural(system);
+        if let Some((at, why)) = places.iter().find_map(|&at| Some((at, why[at]?))) {
+            return Err(NotPrepared::Structural(system.params[at].name.clone(), why));
+        }
+        if let Some(name) = values.moving_range(&compiled.model) {
+            return Err(NotPrepared::Structural(name, Structural::Range));
+        }
+        let ranges = values.open_ranges(&compiled.model);
+        let parameter = |&at: &usize| {
+            let param = &system.params[at];
+            let range = ranges[&variable(param.var)];
+            Parameter {
+                name: param.name.clone(),
+                value: param.value,
+                range: [range.low, range.high],
+            }
+        };
+        Ok(Opened {
+            parameters: places.iter().map(parameter).collect(),
+            start: start(compiled, &places)?,
+            places,
+        })
     }
 }
 
@@ -315,12 +352,10 @@ impl Runs<'_> {
                 });
             }
         }
-        for (&value, of) in parameters.iter().zip(known) {
-            let [low, high] = of.range;
-            if !(low <= value && value <= high && value != 0.0 && value.is_finite()) {
-                let of = of.clone();
-                return Err(NotRun::Range { of, value });
-            }
+        let outside = |(value, of): &(&f64, &Parameter)| !of.takes(**value);
+        if let Some((&value, of)) = parameters.iter().zip(known).find(outside) {
+            let of = of.clone();
+            return Err(NotRun::Range { of, value });
         }
         match 0.0 < horizon && horizon <= *longest {
             true => Ok(()),

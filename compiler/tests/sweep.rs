@@ -190,3 +190,103 @@ fn files_are_replaced_whole() {
     names.sort();
     assert_eq!(names, ["decay.nsd", "k.csv", "k.svg"]);
 }
+
+/// Models, an axis of values each, and what is told of every point: a run of its own.
+const POINTS: [(&str, &str, &[f64]); 8] = [
+    // Slides on x = 0, or crosses it.
+    (
+        "model m { param k = 1; state x = 1; output y = k*x; x' = -sign(x) + k*sin(4*time); }
+         simulate run of m { horizon 3; }",
+        "k",
+        &[0.5, 1.5, 0.0, -2.0],
+    ),
+    // Computed from it: an initial value, another parameter, a restitution.
+    (
+        "model m { param h in [0.5, 4] = 1; param e = 0.2*h; state q = h; state v = 0; q' = v; v' = -9.81;
+           jump floor when q <= 0 and v < 0 { v := -e*v; } }
+         simulate run of m { horizon 1; }",
+        "h",
+        &[0.5, 2.0, 4.5, 3.0],
+    ),
+    // Leaves its bounds, starts outside of them.
+    (
+        "model m { param a = 1; state x in [-0.9, 0.9] = 0; state y = 1; x' = a*y; y' = -a*x; }
+         simulate run of m { horizon 2; }",
+        "a",
+        &[0.3, 1.0],
+    ),
+    (
+        "model m { state x in [-0.9, 0.9] = 0; x' = -x; } simulate run of m { horizon 1; }",
+        "x",
+        &[0.5, 2.0],
+    ),
+    // Starts below the floor.
+    (
+        "model m { state q = 1; state v = 0; q' = v;
+           mechanics q, v { mass = 1; force = -10; contact floor { gap = q; restitution = 0.5; } } }
+         simulate run of m { horizon 0.7; }",
+        "q",
+        &[1.0, -1.0, 0.25],
+    ),
+    // Starts on the side of its memory that its thresholds allow.
+    (
+        "model m { param w = 2; state x = 0; switch s = hysteresis(x, on = -1, off = 1, start = 1); x' = w*(2*s - 1); }
+         simulate run of m { horizon 4; }",
+        "x",
+        &[0.0, 3.0, -3.0],
+    ),
+    // Fails on the way, and in an exponent.
+    (
+        "model m { param k = 1; state x = 1; x' = k*x^2; } simulate run of m { horizon 1; }",
+        "k",
+        &[0.5, 2.0],
+    ),
+    (
+        "model m { param p = 2; state x = 1; x' = -x^p; } simulate run of m { horizon 1; }",
+        "p",
+        &[1.0, 2.0, 3.0],
+    ),
+];
+
+#[test]
+fn a_point_is_a_run() {
+    for (at, (text, name, values)) in POINTS.iter().enumerate() {
+        let folder = folder(&format!("sweep_points_{at}"));
+        fs::write(folder.join("m.nsd"), text).expect("the folder is writable");
+        let listed = values.iter().map(f64::to_string).collect::<Vec<_>>();
+        let axis = format!("{name}=[{}]", listed.join(","));
+        let swept = nsdc(&folder, &["sweep", "m.nsd", "--over", &axis, "--json", "-"]);
+        assert_eq!(swept.err, "", "{text}");
+        for (line, value) in swept.out.lines().zip(&listed) {
+            let row: serde_json::Value = serde_json::from_str(line).expect("an object");
+            let set = format!("{name}={value}");
+            let ran = nsdc(&folder, &["run", "m.nsd", "--set", &set, "--json", "-"]);
+            let run: Option<serde_json::Value> = serde_json::from_str(&ran.out).ok();
+            let Some(run) = run else {
+                let code = row["code"].as_str().expect("it is refused");
+                assert!(ran.err.contains(code), "{row} {}", ran.err);
+                continue;
+            };
+            assert_eq!(row["status"], run["status"], "{text} {value}");
+            let events = run["events"].as_array().expect("a list").len();
+            assert_eq!(row["events"], events, "{text} {value}");
+            let told = [&run["failure"]["code"], &run["warnings"][0]["code"]];
+            let told = told.into_iter().find(|code| code.is_string());
+            assert_eq!(
+                row["code"].as_str(),
+                told.and_then(|code| code.as_str()),
+                "{text} {value}"
+            );
+            for (name, end) in row["end"].as_object().into_iter().flatten() {
+                let both = [&run["states"][name], &run["outputs"][name]];
+                let series = both.into_iter().find_map(|series| series.as_array());
+                let last = series.and_then(|series| series.last()?.as_f64());
+                let (last, end) = (last.expect("a number"), end.as_f64().expect("a number"));
+                assert!(
+                    (last - end).abs() <= 1e-8 * last.abs().max(1.0),
+                    "{text} {value}: {end} for {last}"
+                );
+            }
+        }
+    }
+}

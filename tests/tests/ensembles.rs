@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use nsd_tests::with_source;
 use nsdc::ensemble::{self, LEVELS};
 use nsdc::report::{Ensemble, Status, Trajectory};
-use nsdc::simulate::{self, Request};
+use nsdc::simulate::{self, Plan, Request};
 
 /// An experiment `run` of a text with all its seeds, on so many threads.
 fn many(text: &str, n_threads: usize) -> (Trajectory, Ensemble) {
@@ -36,13 +36,14 @@ fn many(text: &str, n_threads: usize) -> (Trajectory, Ensemble) {
 fn each<T: Send>(text: &str, read: impl Fn(&Trajectory) -> T + Sync) -> Vec<T> {
     with_source(text, "run", |source, compiled| {
         let seeds = ensemble::seeds(&compiled.settings).expect("the experiment has runs");
-        let work = |compiled: &nsdc::Compiled<'_>| {
+        let work = |compiled: &nsdc::Compiled<'_>, plan: &mut Plan| {
             let request = Request {
                 dense: false,
                 estimate: false,
                 ..Request::default()
             };
-            let found = simulate::run(&compiled.system, &compiled.settings, &request);
+            let (system, settings) = (&compiled.system, &compiled.settings);
+            let found = plan.run(system, settings, &request, &mut |_| {});
             assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
             read(&found)
         };

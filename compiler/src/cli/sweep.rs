@@ -8,14 +8,16 @@ use super::files::{self, Sink};
 use super::progress::Bar;
 use super::project::{self, Project};
 use super::{Exit, Streams, io};
+use crate::again::Again;
 use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
+use crate::ensemble::Source;
 use crate::expr::Exprs;
 use crate::launch::launch;
 use crate::report::{Status, Trajectory, Warning};
 use crate::simulate::Request;
-use crate::sweep::{self, Axis, Grid, Row, SweepError, Table};
-use crate::syntax::{Bind, Experiment, ExprKind};
+use crate::sweep::{self, Axis, Grid, Like, Row, SweepError, Table};
+use crate::syntax::{Bind, Experiment, ExprKind, Path};
 use crate::system::experiment::Sampling;
 use crate::{check_names, compile, threads};
 
@@ -187,7 +189,7 @@ impl Swept<'_> {
             grid,
             args.jobs.map_or_else(threads::count, usize::from),
             &stop,
-            |point| self.row(point, &columns),
+            |points| self.share(grid, points, &columns),
             &mut |done| {
                 let share = done as f64 / count as f64;
                 bar.show(share, || format!("{done} of {count} runs"));
@@ -196,15 +198,46 @@ impl Swept<'_> {
         (rows, columns.into_inner().unwrap_or_default())
     }
 
-    /// Runs a point.
-    fn row(&self, point: &[f64], columns: &OnceLock<Vec<String>>) -> Row {
-        match self.trajectory(point) {
-            Ok(run) => {
-                columns.get_or_init(|| sweep::columns(&run));
-                Row::of(&run)
+    /// Runs what one thread gets to. What can be compiled once is, for every side of zero that values are on; other points
+    /// are compiled one by one.
+    fn share(&self, grid: &Grid, points: sweep::Points<'_>, columns: &OnceLock<Vec<String>>) {
+        let exprs = Exprs::new();
+        let likes: Vec<Like> = grid.axes().iter().map(Like::of).collect();
+        let mut compiled: Vec<(Vec<f64>, Option<Again>)> = Vec::new();
+        points.each(|point| {
+            let first = likes
+                .iter()
+                .zip(point)
+                .map(|(like, value)| like.first(*value));
+            let first: Vec<f64> = first.collect();
+            let known = compiled.iter().position(|(known, _)| *known == first);
+            let known = known.unwrap_or_else(|| {
+                let again = self.again(&exprs, &first);
+                compiled.push((first, again));
+                compiled.len() - 1
+            });
+            let again = compiled[known].1.as_mut();
+            let run = again.and_then(|again| again.run(point, &self.request));
+            match run.map_or_else(|| self.trajectory(point), Ok) {
+                Ok(run) => {
+                    columns.get_or_init(|| sweep::columns(&run));
+                    Row::of(&run)
+                }
+                Err(diags) => Row::refused(project::error_codes(&diags).into_iter().next()),
             }
-            Err(diags) => Row::refused(project::error_codes(&diags).into_iter().next()),
-        }
+        });
+    }
+
+    /// The experiment for all values on the sides of zero of those of a point.
+    fn again<'e>(&self, exprs: &'e Exprs, point: &[f64]) -> Option<Again<'e>> {
+        let overrides = self.at(point);
+        let source = Source {
+            file: &self.project.file,
+            experiment: self.experiment,
+            overrides: &overrides,
+        };
+        let names: Vec<Path> = self.axes.iter().map(|axis| axis.target.clone()).collect();
+        Some(Again::new(exprs, source, &names)?.at_ends())
     }
 
     /// The run of a point, with the warnings of its compilation.

@@ -6,7 +6,8 @@
 use nsd_solver::simulate::Segment;
 use nsd_solver::tape::{Scratch, Tape};
 
-use crate::expr;
+use super::reported::Reported;
+use crate::expr::{self, Expr};
 use crate::model::Data;
 use crate::report::{Warning, text::significant};
 use crate::system::{Allowed, Limit, System};
@@ -30,47 +31,35 @@ pub(super) struct Limits<'s, 'e> {
     tolerance: f64,
     /// When each was left first, and its value there.
     left: Vec<Option<(f64, f64)>>,
-    /// (t, x, α, data) to what is evaluated, in order.
+    /// (t, data, x, α, parameters) to what is evaluated, in order.
     tape: Tape,
     scratch: Scratch,
     inputs: Vec<f64>,
     values: Vec<f64>,
-    n_states: usize,
     data: &'s [Data<'e>],
     shifted: Vec<f64>,
 }
 
 impl<'s, 'e> Limits<'s, 'e> {
-    pub(super) fn new(system: &'s System<'e>, tolerance: f64) -> Self {
-        let place = |limit: &Limit<'e>| {
-            let bounded = matches!(limit.allowed, Allowed::Between(..));
-            let states = system.states.iter();
-            bounded.then(|| {
-                states
-                    .into_iter()
-                    .position(|state| state.var == limit.value)
-            })?
-        };
-        let state: Vec<Option<usize>> = system.limits.iter().map(place).collect();
-        let evaluated = system.limits.iter().zip(&state);
-        let evaluated: Vec<_> = evaluated
-            .filter(|(_, state)| state.is_none())
-            .map(|(limit, _)| limit.value)
-            .collect();
-        let (tape, n_inputs) = tape_of(system, &evaluated);
+    pub(super) fn new(system: &'s System<'e>, tolerance: f64, reported: &Reported) -> Self {
+        let limits = &system.limits;
+        let tape = reported.limits.clone();
+        let mut inputs = vec![0.0; tape.n_inputs()];
+        let parameters: Vec<f64> = reported.parameters(system).collect();
+        let first = inputs.len() - parameters.len();
+        inputs[first..].copy_from_slice(&parameters);
         Limits {
             system,
-            limits: &system.limits,
-            left: vec![None; state.len()],
+            limits,
+            state: limits.iter().map(|limit| place(system, limit)).collect(),
+            left: vec![None; limits.len()],
             tolerance,
             scratch: tape.scratch(),
-            inputs: vec![0.0; n_inputs],
-            values: vec![0.0; evaluated.len()],
+            values: vec![0.0; tape.n_outputs()],
+            inputs,
             tape,
-            n_states: system.states.len(),
             data: &system.data,
             shifted: Vec::new(),
-            state,
         }
     }
 
@@ -100,8 +89,9 @@ impl<'s, 'e> Limits<'s, 'e> {
         }
         for share in SHARES {
             let tau = share * segment.length;
-            let (x, rest) = self.inputs[1..].split_at_mut(self.n_states);
-            let (alpha, data) = rest.split_at_mut(segment.sides.len());
+            let (data, rest) = self.inputs[1..].split_at_mut(self.data.len());
+            let (x, rest) = rest.split_at_mut(self.system.states.len());
+            let alpha = &mut rest[..segment.sides.len()];
             segment.state(tau, x);
             segment.alpha(tau, alpha);
             let time = segment.start + tau;
@@ -147,9 +137,25 @@ impl<'s, 'e> Limits<'s, 'e> {
     }
 }
 
+/// The state that a limit with bounds is about; none for what is evaluated.
+fn place(system: &System, limit: &Limit) -> Option<usize> {
+    let bounded = matches!(limit.allowed, Allowed::Between(..));
+    let mut states = system.states.iter();
+    (states.position(|state| state.var == limit.value)).filter(|_| bounded)
+}
+
+/// What limits are about that are no states, in order.
+pub(super) fn evaluated<'e>(system: &System<'e>) -> Vec<Expr<'e>> {
+    let evaluated = system
+        .limits
+        .iter()
+        .filter(|limit| place(system, limit).is_none());
+    evaluated.map(|limit| limit.value).collect()
+}
+
 /// A tape of (t, x, α, data) with the parameters put in.
-pub(super) fn tape_of<'e>(system: &System<'e>, exprs: &[expr::Expr<'e>]) -> (Tape, usize) {
-    let variable = |e: expr::Expr<'e>| e.as_variable().expect("a declared quantity is a variable");
+pub(super) fn tape_of<'e>(system: &System<'e>, exprs: &[Expr<'e>]) -> (Tape, usize) {
+    let variable = |e: Expr<'e>| e.as_variable().expect("a declared quantity is a variable");
     let numbers = system.params.iter();
     let numbers: expr::Substitution<'e> = numbers
         .map(|param| (variable(param.var), system.exprs.constant(param.value)))

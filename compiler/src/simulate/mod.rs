@@ -8,6 +8,7 @@ mod adaptive;
 pub(crate) mod again;
 mod bench;
 mod elements;
+mod events;
 pub mod fesd;
 mod frozen;
 mod limits;
@@ -17,8 +18,10 @@ mod outcome;
 mod overlooked;
 mod parting;
 mod pieces;
+mod plan;
 mod record;
 mod rehearsal;
+mod reported;
 mod request;
 mod rooted;
 mod schedule;
@@ -29,21 +32,20 @@ mod touches;
 mod watch;
 
 use std::ops::ControlFlow;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use nsd_solver::simulate as solver;
 use solver::{Approach, Observer, Outcome, Segment, Simulator};
 
-use crate::hybrid;
-use crate::report::{
-    Certificate, Failure, Kind, Method, MethodOption, Stats, Status, Trajectory, Warning,
-};
+use crate::report::{Certificate, Failure, Kind, Stats, Status, Trajectory, Warning};
 use crate::system::System;
 use crate::system::experiment::{self, Branch, EventOptions, Settings};
 pub use bench::{Bench, End, Variant, whole};
 pub(crate) use elements::Elements;
+pub(crate) use events::Events;
 use modes::ModeNames;
 pub use outcome::sampled;
+pub use plan::Plan;
 use record::{Jump, Recorder};
 use record::{Points, recorded};
 pub(crate) use rehearsal::{Rehearsed, cut};
@@ -71,115 +73,7 @@ pub fn run_watched(
     request: &Request,
     watch: &mut dyn FnMut(Progress),
 ) -> Trajectory {
-    assert!(
-        system.impulsive.is_empty() || settings.steps_through_contacts(),
-        "contacts without forces are for steps of time"
-    );
-    if settings.freezes() {
-        return frozen::run(system, settings, request, watch);
-    }
-    match &settings.method {
-        // Without contacts there are no impulses to take.
-        experiment::Method::Fesd(options)
-            if settings.takes_impulses() && !system.contacts.is_empty() =>
-        {
-            fesd::impulses::run(system, settings, options, request, watch)
-        }
-        experiment::Method::Fesd(options) => fesd::run(system, settings, options, request, watch),
-        experiment::Method::Timestepping(options) if !system.impulsive.is_empty() => {
-            moreau::run(system, settings, options, request, watch)
-        }
-        experiment::Method::Timestepping(options) => {
-            fesd::stepping::run(system, settings, options, request, watch)
-        }
-        experiment::Method::Adaptive => adaptive::run(system, settings, request, watch),
-        _ => run_events(system, settings, request, watch),
-    }
-}
-
-/// Integrates from event to event.
-fn run_events(
-    system: &System,
-    settings: &Settings,
-    request: &Request,
-    watch: &mut dyn FnMut(Progress),
-) -> Trajectory {
-    let started = Instant::now();
-    let hybrid = hybrid::lower_over(system, settings.horizon);
-    let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
-    let mut tolerance: f64 = settings.tolerance;
-    let mut attempt = 1;
-    // All runs together have the time that is given.
-    let left = || {
-        let limit = request.time_limit?;
-        Some(limit.saturating_sub(started.elapsed()))
-    };
-    let (simulator, outcome, recorder, estimate) = loop {
-        let solver_settings = solver::Settings {
-            kicks: settings.kicks.as_ref().map(|kicks| kicks.kicks(system)),
-            averages: settings.averages,
-            ..solver_settings(&settings.method, tolerance, left())
-        };
-        let mut simulator = Simulator::new(hybrid.clone(), solver_settings);
-        let mut recorder = Recorder::new(system, settings, tolerance, request.dense);
-        let mut watched = Watched::new(&mut recorder, settings.horizon, false, watch);
-        let outcome = simulator.run(0.0, settings.horizon, &x0, &mut watched);
-        let wanted = request.estimate && outcome.status != solver::Status::TimeLimit;
-        let estimate = wanted.then(|| {
-            let mut finer = finer(simulator.settings(), simulator.order(), tolerance);
-            finer.time_limit = left();
-            Estimate::of(
-                simulator.with(finer),
-                settings.horizon,
-                &x0,
-                &recorder,
-                &outcome,
-                watch,
-            )
-        });
-        let estimate = estimate.flatten();
-        if let Some(next) = tightened(estimate.as_ref(), settings, tolerance, attempt) {
-            tolerance = next;
-            attempt += 1;
-            continue;
-        }
-        break (simulator, outcome, recorder, estimate);
-    };
-    let (order, implicit_order) = (simulator.order(), simulator.implicit_order());
-    drop(simulator);
-    let mut trajectory = assemble(system, settings, &outcome, recorder);
-    trajectory.method = match &settings.method {
-        experiment::Method::Smoothing(options) => smoothed::method(options),
-        _ => Method {
-            name: "event".into(),
-            options: Vec::new(),
-        },
-    };
-    trajectory.method.options.extend([
-        ("order".into(), MethodOption::Number(order as f64)),
-        ("tolerance".into(), MethodOption::Number(settings.tolerance)),
-    ]);
-    if let experiment::Method::Smoothing(options) = &settings.method {
-        let warning = smoothed::warning(system, options, settings.span);
-        trajectory.warnings.extend(warning);
-    }
-    if outcome.stats.implicit_steps > 0 {
-        let order = MethodOption::Number(implicit_order as f64);
-        trajectory
-            .method
-            .options
-            .push(("implicit_order".into(), order));
-    }
-    if let Some(estimate) = estimate {
-        judge(&mut trajectory, &estimate, settings);
-        let touches = &estimate.touches;
-        let warning = touches.warning(system, settings.tolerance);
-        trajectory
-            .warnings
-            .extend(warning.filter(|_| estimate.same_modes));
-    }
-    trajectory.stats.solve_s = started.elapsed().as_secs_f64();
-    trajectory
+    Plan::new(system, settings).run(system, settings, request, watch)
 }
 
 pub(crate) fn solver_settings(
@@ -259,7 +153,7 @@ struct Estimate {
 impl Estimate {
     /// Nothing when the time was too short.
     fn of(
-        mut finer: Simulator,
+        finer: &mut Simulator,
         horizon: f64,
         x0: &[f64],
         run: &Recorder,

@@ -1,18 +1,18 @@
 //! Records a run: points, pieces of the dense output, events and modes.
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 use nsd_solver::simulate::{Decision, Event, Observer, Outcome, Segment, Side};
 
 use super::limits::Limits;
 use super::modes::{self, ModeNames};
 use super::pieces;
-use crate::expr;
+use super::reported::Reported;
 use crate::model::Data;
 use crate::report::{self, EventKind, ModeInterval, Piece, Series, Trajectory};
+use crate::system::System;
 use crate::system::experiment::{Sampling, Settings};
-use crate::system::roots::Vanishing;
-use crate::system::{Output, System};
 
 /// When the mode changed, from what, to what, and what decided about nonlinear switches.
 pub(super) type Change = (f64, Box<[Side]>, Box<[Side]>, Vec<Decision>);
@@ -44,6 +44,7 @@ pub(super) struct Recorder<'s, 'e> {
     states: Vec<f64>,
     alphas: Vec<f64>,
     pieces: Option<Vec<Piece>>,
+    reported: Arc<Reported>,
     limits: Limits<'s, 'e>,
     data: &'s [Data<'e>],
     changes: Vec<Change>,
@@ -63,6 +64,18 @@ impl<'s, 'e> Recorder<'s, 'e> {
         tolerance: f64,
         dense: bool,
     ) -> Self {
+        let reported = Arc::new(Reported::new(system, &[]));
+        Recorder::of(system, settings, tolerance, dense, reported)
+    }
+
+    /// The same with functions that have been compiled.
+    pub(super) fn of(
+        system: &'s System<'e>,
+        settings: &Settings,
+        tolerance: f64,
+        dense: bool,
+        reported: Arc<Reported>,
+    ) -> Self {
         let (n, m) = (system.states.len(), system.switches.len());
         Recorder {
             system,
@@ -74,7 +87,8 @@ impl<'s, 'e> Recorder<'s, 'e> {
             states: Vec::new(),
             alphas: Vec::new(),
             pieces: dense.then(Vec::new),
-            limits: Limits::new(system, tolerance),
+            limits: Limits::new(system, tolerance, &reported),
+            reported,
             data: &system.data,
             changes: Vec::new(),
             jumps: Vec::new(),
@@ -169,59 +183,12 @@ impl<'s, 'e> Recorder<'s, 'e> {
                     .collect(),
             });
         }
-        trajectory.outputs = self.evaluate(system, &system.outputs);
-        trajectory.controls = self.evaluate(system, &system.controls);
+        let points = [&self.times[..], &self.states, &self.alphas];
+        [trajectory.outputs, trajectory.controls] = self.reported.series(system, points);
         trajectory.warnings.extend(self.limits.warnings());
         self.name_modes(names, outcome, trajectory);
         trajectory.dense.pieces = self.pieces.unwrap_or_default();
         trajectory.time = self.times;
-    }
-
-    /// Evaluates outputs at all points, in lanes.
-    fn evaluate(&self, system: &System, outputs: &[Output]) -> Vec<Series> {
-        if outputs.is_empty() {
-            return Vec::new();
-        }
-        let variable = |e: &expr::Expr| e.as_variable().expect("a declared quantity is a variable");
-        let mut numbers = expr::Substitution::new();
-        for param in &system.params {
-            numbers.insert(variable(&param.var), system.exprs.constant(param.value));
-        }
-        let mut inputs = vec![variable(&system.time)];
-        inputs.extend(system.data.iter().map(|data| variable(&data.var)));
-        inputs.extend(system.states.iter().map(|state| variable(&state.var)));
-        inputs.extend(system.switches.iter().map(|switch| variable(&switch.alpha)));
-        let exprs = outputs.iter().flat_map(|output| &output.exprs);
-        let exprs: Vec<_> = exprs.map(|e| e.substitute(&numbers)).collect();
-        let switching = system.switches.iter();
-        let switching: Vec<_> = switching.map(|k| k.psi.substitute(&numbers)).collect();
-        let exprs = Vanishing::of(system, &switching).extended(&exprs);
-        let tape = expr::compile(&inputs, &exprs)
-            .expect("a verified output is smooth in time, data, states and α");
-
-        // Structure of arrays: one row per input, one column per point.
-        let (points, n, m) = (self.times.len(), self.n, self.alpha.len());
-        let mut table = self.times.clone();
-        for data in &system.data {
-            table.extend(self.times.iter().map(|&t| data.table.value(t)));
-        }
-        table.extend((0..n).flat_map(|i| (0..points).map(move |k| self.states[k * n + i])));
-        table.extend((0..m).flat_map(|i| (0..points).map(move |k| self.alphas[k * m + i])));
-        let mut columns = vec![0.0; exprs.len() * points];
-        tape.eval_many(&table, &mut columns, points, &mut tape.lane_scratch());
-
-        let mut first = 0;
-        let mut series = |output: &Output| {
-            let entries = first..first + output.exprs.len();
-            first = entries.end;
-            let values = (0..points).flat_map(|k| entries.clone().map(move |o| (o, k)));
-            Series {
-                name: output.name.clone(),
-                shape: output.shape.clone(),
-                values: values.map(|(o, k)| columns[o * points + k]).collect(),
-            }
-        };
-        outputs.iter().map(&mut series).collect()
     }
 
     fn name_modes(&self, names: &ModeNames, outcome: &Outcome, trajectory: &mut Trajectory) {

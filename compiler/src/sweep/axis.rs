@@ -1,5 +1,7 @@
 //! The values that a sweep goes through: `mu=0.1:0.5:41` and `k=[1,2,4]`.
 
+use std::cmp::Ordering;
+
 /// Most runs of one sweep, whose rows are kept in memory.
 const MOST: usize = 10_000_000;
 
@@ -10,6 +12,26 @@ pub struct Axis {
     pub name: String,
     /// At least one, and all finite.
     pub values: Vec<f64>,
+}
+
+/// The first value of an axis on either side of zero, and zero: one for all values there.
+pub struct Like([f64; 3]);
+
+impl Like {
+    /// Those of an axis.
+    pub fn of(axis: &Axis) -> Self {
+        let first = |side: Ordering| {
+            let mut values = axis.values.iter();
+            let found = values.find(|value| value.total_cmp(&0.0) == side);
+            found.copied().unwrap_or(0.0)
+        };
+        Like([Ordering::Less, Ordering::Equal, Ordering::Greater].map(first))
+    }
+
+    /// The first value on the side of another.
+    pub fn first(&self, value: f64) -> f64 {
+        self.0[(value.total_cmp(&0.0) as i8 + 1) as usize]
+    }
 }
 
 /// Axes, and how their values are combined.

@@ -8,7 +8,7 @@ mod table;
 
 use std::sync::atomic::AtomicBool;
 
-pub use axis::{Axis, Grid, SweepError};
+pub use axis::{Axis, Grid, Like, SweepError};
 pub use table::Table;
 
 use crate::report::{Series, Status, Trajectory, Warning};
@@ -75,19 +75,30 @@ pub fn columns(run: &Trajectory) -> Vec<String> {
     reported(run).flat_map(Series::entry_names).collect()
 }
 
-/// Calls `work` with every point of a grid, on up to `n_threads` threads, until it is told to stop; rows in the order of
-/// the grid, none where there was no more time. `heard` is told how many are done.
+/// Calls `work` with the share of each of up to `n_threads` threads in the points of a grid, until it is told to stop; rows
+/// in the order of the grid, none where there was no more time. `heard` is told how many are done.
 pub fn over(
     grid: &Grid,
     n_threads: usize,
     stop: &AtomicBool,
-    work: impl Fn(&[f64]) -> Row + Sync,
+    work: impl Fn(Points<'_>) + Sync,
     heard: &mut dyn FnMut(usize),
 ) -> Vec<Option<Row>> {
-    let each = |share: Share<'_, Row>| {
-        while let Some(k) = share.next() {
-            share.finish(k, work(&grid.point(k)));
-        }
-    };
+    let each = |share: Share<'_, Row>| work(Points { grid, share });
     threads::in_order(grid.len(), n_threads, stop, each, heard)
+}
+
+/// The points of a grid that a thread gets to.
+pub struct Points<'g> {
+    grid: &'g Grid,
+    share: Share<'g, Row>,
+}
+
+impl Points<'_> {
+    /// Makes a row of every point.
+    pub fn each(self, mut row: impl FnMut(&[f64]) -> Row) {
+        while let Some(k) = self.share.next() {
+            self.share.finish(k, row(&self.grid.point(k)));
+        }
+    }
 }

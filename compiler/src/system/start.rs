@@ -57,7 +57,7 @@ impl Start {
 
 impl<'e> System<'e> {
     /// Says what is wrong, and what may become so.
-    pub(super) fn check_start(&self, diags: &mut Diagnostics) {
+    pub(crate) fn check_start(&self, diags: &mut Diagnostics) {
         if self.contacts.is_empty() && self.impulsive.is_empty() {
             return;
         }

@@ -5,7 +5,7 @@ use std::time::Duration;
 use super::{Kicks, Side};
 
 /// What the user may choose.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     /// Aim for the global error, relative to the largest magnitude of each state; in (0, 1).
     pub tolerance: f64,

@@ -16,10 +16,10 @@ use crate::expr::Exprs;
 use crate::launch::launch;
 use crate::report::Warning;
 use crate::report::expect::{self, Findings};
-use crate::simulate::Request;
+use crate::simulate::{Plan, Request};
 use crate::syntax::{Expect, ExpectDiagnostic, Experiment, Item};
 use crate::threads;
-use crate::{Compiled, compile, ensemble, order, simulate};
+use crate::{Compiled, compile, ensemble, order};
 
 /// How files are tested.
 pub struct Options<'o> {
@@ -356,9 +356,10 @@ fn other_seeds(
 ) -> Option<Outcome> {
     let seeds = ensemble::seeds(&compiled.settings)?;
     let started = Instant::now();
-    let work = |compiled: &Compiled<'_>| {
+    let work = |compiled: &Compiled<'_>, plan: &mut Plan| {
         let request = request.left(started);
-        let trajectory = simulate::run(&compiled.system, &compiled.settings, &request);
+        let (system, settings) = (&compiled.system, &compiled.settings);
+        let trajectory = plan.run(system, settings, &request, &mut |_| {});
         let mut warnings = warnings.to_vec();
         warnings.extend(trajectory.warnings.iter().map(|w| w.code.clone()));
         let findings = Findings {
