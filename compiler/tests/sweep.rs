@@ -290,3 +290,68 @@ fn a_point_is_a_run() {
         }
     }
 }
+
+#[test]
+#[cfg(not(feature = "parquet"))]
+fn parquet_is_told_to_be_missing() {
+    let folder = with_decay("sweep_parquet");
+    let ran = sweep(&folder, &["--over", "k=[1,2]", "--parquet", "rows.parquet"]);
+    assert_eq!(ran.status, 2, "{}", ran.err);
+    assert_snapshot!(ran.err, @r"
+    error: this nsdc writes no Parquet
+      help: build it with `--features parquet`, or write `--csv`
+    ");
+}
+
+/// Waits until a process takes SIGINT itself.
+#[cfg(target_os = "linux")]
+fn listens(id: u32) -> bool {
+    let status = fs::read_to_string(format!("/proc/{id}/status")).unwrap_or_default();
+    let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:"));
+    let caught = caught.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    caught.is_some_and(|mask| mask & 0b10 != 0)
+}
+
+/// What has been run when the user interrupts it is written, and nothing else.
+#[test]
+#[cfg(target_os = "linux")]
+fn an_interrupted_sweep_keeps_its_rows() {
+    use std::process::{Command, Stdio};
+
+    let folder = with_decay("sweep_interrupted");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_nsdc"))
+        .current_dir(&folder)
+        .args([
+            "sweep",
+            "decay.nsd",
+            "--over",
+            "k=0.1:5:3000000",
+            "--csv",
+            "rows.csv",
+        ])
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("it starts");
+    while !listens(child.id()) {
+        assert!(
+            child.try_wait().expect("it is there").is_none(),
+            "it has ended by itself"
+        );
+        std::thread::yield_now();
+    }
+    let told = Command::new("kill")
+        .args(["-INT", &child.id().to_string()])
+        .status();
+    assert!(told.expect("it is told").success());
+    let status = child.wait().expect("it ends");
+    // Not all points were solved.
+    assert_eq!(status.code(), Some(2));
+    let rows = fs::read_to_string(folder.join("rows.csv")).expect("it is written");
+    assert!(rows.starts_with("k,status,code,") && rows.ends_with('\n'));
+    let count = rows.lines().skip(1).count();
+    assert!(count < 3_000_000, "{count}");
+    for line in rows.lines().skip(1) {
+        assert!(line.contains(",solved,"), "{line}");
+    }
+}

@@ -211,6 +211,7 @@ impl RunArgs {
             json: self.json.as_deref(),
             csv: self.csv.as_deref(),
             plot: self.plot.as_deref(),
+            parquet: None,
         }
     }
 }
@@ -221,12 +222,14 @@ pub struct Targets<'a> {
     json: Option<&'a Path>,
     csv: Option<&'a Path>,
     plot: Option<&'a Path>,
+    parquet: Option<&'a Path>,
 }
 
 impl<'a> Targets<'a> {
     /// Those that there are.
     pub fn all(self) -> impl Iterator<Item = &'a Path> {
-        [self.json, self.csv, self.plot].into_iter().flatten()
+        let all = [self.json, self.csv, self.plot, self.parquet];
+        all.into_iter().flatten()
     }
 
     /// Whether results take the place of the report.
@@ -372,6 +375,9 @@ pub struct SweepArgs {
     /// Write the rows as JSON, one object per line; `-` is standard output, instead of the table
     #[arg(long, value_name = "PATH")]
     pub json: Option<PathBuf>,
+    /// Write the rows as Apache Parquet, where nsdc was built with the feature `parquet`
+    #[arg(long, value_name = "PATH.parquet")]
+    pub parquet: Option<PathBuf>,
     /// Draw values at the end as SVG: lines over one axis, maps over two
     #[arg(long, value_name = "PATH.svg")]
     pub plot: Option<PathBuf>,
@@ -393,6 +399,7 @@ impl SweepArgs {
             json: self.json.as_deref(),
             csv: self.csv.as_deref(),
             plot: self.plot.as_deref(),
+            parquet: self.parquet.as_deref(),
         }
     }
 }

@@ -80,15 +80,15 @@ pub fn foresee(path: &Path) -> Result<(), FileError> {
 }
 
 /// Replaces a file as a whole: it has its old text or the new one, whatever happens meanwhile.
-pub fn write(path: &Path, text: &str) -> Result<(), FileError> {
-    replace(path, text).map_err(|error| FileError::new("write", path, &error))
+pub fn write(path: &Path, bytes: impl AsRef<[u8]>) -> Result<(), FileError> {
+    replace(path, bytes.as_ref()).map_err(|error| FileError::new("write", path, &error))
 }
 
-fn replace(path: &Path, text: &str) -> io::Result<()> {
+fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
     // A link stays one; what is no regular file, or protected, is not replaced by another file.
     let target = match fs::canonicalize(path) {
         Ok(target) => target,
-        Err(_) if path.is_symlink() => return fs::write(path, text),
+        Err(_) if path.is_symlink() => return fs::write(path, bytes),
         Err(_) => path.to_owned(),
     };
     let known = fs::metadata(&target).ok();
@@ -97,11 +97,11 @@ fn replace(path: &Path, text: &str) -> io::Result<()> {
         .file_name()
         .filter(|_| known.as_ref().is_none_or(may_go));
     let Some(name) = name else {
-        return fs::write(path, text);
+        return fs::write(path, bytes);
     };
     let name = format!(".{}.{}", name.to_string_lossy(), std::process::id());
     let beside = target.with_file_name(name);
-    let written = fs::write(&beside, text).and_then(|()| match &known {
+    let written = fs::write(&beside, bytes).and_then(|()| match &known {
         Some(known) => fs::set_permissions(&beside, known.permissions()),
         None => Ok(()),
     });
@@ -111,7 +111,9 @@ fn replace(path: &Path, text: &str) -> io::Result<()> {
             let _ = fs::remove_file(&beside);
             // Where the folder takes no other file, the file itself may still be written.
             match known {
-                Some(_) if error.kind() == io::ErrorKind::PermissionDenied => fs::write(path, text),
+                Some(_) if error.kind() == io::ErrorKind::PermissionDenied => {
+                    fs::write(path, bytes)
+                }
                 _ => Err(error),
             }
         }
@@ -202,7 +204,7 @@ pub fn find_all(paths: &[PathBuf], wanted: &str) -> Result<Vec<PathBuf>, FileErr
 /// Where results go: standard output or a file that is written as a whole at the end.
 pub struct Sink {
     path: PathBuf,
-    text: String,
+    bytes: Vec<u8>,
 }
 
 impl Sink {
@@ -210,30 +212,30 @@ impl Sink {
     pub fn new(path: &Path) -> Self {
         Sink {
             path: path.to_owned(),
-            text: String::new(),
+            bytes: Vec::new(),
         }
     }
 
-    /// A sink with its whole text.
-    pub fn with(path: &Path, text: String) -> Self {
+    /// A sink with all it takes.
+    pub fn with(path: &Path, bytes: impl Into<Vec<u8>>) -> Self {
         Sink {
             path: path.to_owned(),
-            text,
+            bytes: bytes.into(),
         }
     }
 
     /// Adds text.
     pub fn push(&mut self, text: &str) {
-        self.text.push_str(text);
+        self.bytes.extend_from_slice(text.as_bytes());
     }
 
     /// Writes everything; problems with the file are told on the error stream.
     pub fn finish(self, streams: &mut Streams<'_>) -> io::Result<bool> {
         if is_standard(&self.path) {
-            streams.out.write_all(self.text.as_bytes())?;
+            streams.out.write_all(&self.bytes)?;
             return Ok(true);
         }
-        match write(&self.path, &self.text) {
+        match write(&self.path, &self.bytes) {
             Ok(()) => Ok(true),
             Err(error) => {
                 writeln!(streams.err, "error: {error}")?;

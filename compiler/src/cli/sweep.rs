@@ -109,6 +109,15 @@ pub fn run(args: &SweepArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
 /// What is wrong with a combination of arguments.
 fn misuse(args: &SweepArgs, grid: &Grid) -> Option<String> {
     let drawn = args.plot.is_some() && grid.drawn().len() > 2;
+    if let Some(path) = &args.parquet {
+        if cfg!(not(feature = "parquet")) {
+            let help = "build it with `--features parquet`, or write `--csv`";
+            return Some(format!("this nsdc writes no Parquet\n  help: {help}"));
+        }
+        if files::is_standard(path) {
+            return Some("a Parquet file is not for standard output".to_owned());
+        }
+    }
     drawn
         .then(|| {
             let help = "leave out `--plot`, or some of `--over`";
@@ -153,6 +162,20 @@ fn write(args: &SweepArgs, table: &Table, streams: &mut Streams<'_>) -> io::Resu
     );
     let plot = args.plot.as_ref();
     sinks.extend(plot.map(|path| Sink::with(path, table.figure())));
+    #[cfg(feature = "parquet")]
+    if let Some(path) = &args.parquet {
+        match table.parquet() {
+            Ok(bytes) => sinks.push(Sink::with(path, bytes)),
+            Err(error) => {
+                writeln!(
+                    streams.err,
+                    "error: cannot write `{}`: {error}",
+                    path.display()
+                )?;
+                return Ok(false);
+            }
+        }
+    }
     if !args.targets().to_standard() {
         streams.out.write_all(table.text().as_bytes())?;
     }

@@ -4,6 +4,8 @@
 //! threads is.
 
 mod axis;
+#[cfg(feature = "parquet")]
+mod parquet;
 mod table;
 
 use std::sync::atomic::AtomicBool;

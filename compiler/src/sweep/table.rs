@@ -22,21 +22,21 @@ pub struct Table<'s> {
 }
 
 impl Table<'_> {
-    fn done(&self) -> impl Iterator<Item = (Vec<f64>, &Row)> {
+    pub(super) fn done(&self) -> impl Iterator<Item = (Vec<f64>, &Row)> {
         let rows = self.rows.iter().enumerate();
         rows.filter_map(|(k, row)| Some((self.grid.point(k), row.as_ref()?)))
     }
 
-    fn names(&self) -> impl Iterator<Item = &str> {
+    pub(super) fn names(&self) -> impl Iterator<Item = &str> {
         self.grid.axes().iter().map(|axis| axis.name.as_str())
     }
 
     /// An axis may be an initial value of the same name.
-    fn at_end(&self) -> impl Iterator<Item = String> {
+    pub(super) fn at_end(&self) -> impl Iterator<Item = String> {
         self.columns.iter().map(|name| format!("{name} at end"))
     }
 
-    fn has_objective(&self) -> bool {
+    pub(super) fn has_objective(&self) -> bool {
         self.done().any(|(_, row)| row.objective.is_some())
     }
 
@@ -179,7 +179,7 @@ impl Table<'_> {
 }
 
 /// How a run ended.
-fn word(row: &Row) -> &'static str {
+pub(super) fn word(row: &Row) -> &'static str {
     row.status.map_or("not_compiled", Status::as_str)
 }
 
