@@ -2,6 +2,7 @@
 
 use std::collections::HashSet;
 use std::fmt;
+use std::sync::Arc;
 
 use miette::{
     Diagnostic, GraphicalReportHandler, GraphicalTheme, LabeledSpan, Severity, SourceCode,
@@ -10,10 +11,10 @@ use miette::{
 use crate::source::{self, SourceMap};
 
 /// Any diagnostic of any stage.
-pub type AnyDiagnostic = Box<dyn Diagnostic + Send + Sync + 'static>;
+pub type AnyDiagnostic = Arc<dyn Diagnostic + Send + Sync + 'static>;
 
 /// Errors and warnings in the order in which they were found.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Diagnostics {
     list: Vec<AnyDiagnostic>,
 }
@@ -26,7 +27,7 @@ impl Diagnostics {
 
     /// Adds one diagnostic.
     pub fn push(&mut self, diagnostic: impl Diagnostic + Send + Sync + 'static) {
-        self.list.push(Box::new(diagnostic));
+        self.list.push(Arc::new(diagnostic));
     }
 
     /// Adds those of another list.

@@ -5,7 +5,6 @@
 
 use std::ops::Range;
 use std::sync::atomic::AtomicBool;
-use std::time::Instant;
 
 use crate::Compiled;
 use crate::clock::Clock;
@@ -88,7 +87,7 @@ pub fn seeds(settings: &Settings<'_>) -> Option<Range<u64>> {
 }
 
 /// Runs an experiment with all its seeds, and adds the quantiles of what is reported to the trajectory of the first
-/// one. Where a run fails, so does the whole. All runs share the time of the request.
+/// one. Where a run fails, so does the whole. All runs share the limit of the request.
 pub fn add(
     trajectory: &mut Trajectory,
     source: Source<'_>,
@@ -100,7 +99,6 @@ pub fn add(
     let Some(seeds) = seeds(settings) else {
         return;
     };
-    let started = Instant::now();
     let reported = trajectory.states.iter().chain(&trajectory.outputs);
     let names: Vec<String> = reported.flat_map(|series| series.entry_names()).collect();
     let count = (seeds.end - seeds.start) as usize;
@@ -109,12 +107,11 @@ pub fn add(
         dense: false,
         estimate: false,
         multipliers: false,
-        ..*request
+        limit: request.limit.clone(),
     };
     let work = |compiled: &Compiled<'_>| {
         let mut settings = compiled.settings.clone();
         settings.sampling = Sampling::At(time.clone());
-        let request = request.left(started);
         sample(&simulate::run(&compiled.system, &settings, &request), &time)
     };
     let samples = over_seeds(source, seeds.clone(), n_threads, work, heard);

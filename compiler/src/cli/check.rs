@@ -11,8 +11,8 @@ pub fn run(files: &[PathBuf], streams: &mut Streams<'_>) -> io::Result<Exit> {
     let mut exit = Exit::Success;
     for path in files {
         match Project::from_files(path, Terminal) {
-            Ok(mut project) => {
-                let diags = project.check();
+            Ok(project) => {
+                let diags = project.checked();
                 project::print(&diags, &project.sources, streams)?;
                 if diags.has_errors() {
                     exit = Exit::Wrong;

@@ -2,6 +2,7 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
+use std::time::Duration;
 
 use super::args::SweepArgs;
 use super::files::{self, Sink};
@@ -12,6 +13,7 @@ use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
 use crate::launch::launch;
+use crate::limit::Limit;
 use crate::report::{Status, Trajectory, Warning};
 use crate::simulate::Request;
 use crate::sweep::{self, Axis, Grid, Row, SweepError, Table};
@@ -27,6 +29,8 @@ struct Swept<'s> {
     /// A binding for each axis, whose value is replaced.
     axes: Vec<Bind>,
     request: Request,
+    /// For each run.
+    time_limit: Option<Duration>,
 }
 
 /// Runs an experiment at all points of a grid.
@@ -69,8 +73,9 @@ pub fn run(args: &SweepArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
             dense: false,
             estimate: true,
             multipliers: false,
-            time_limit: args.time_limit,
+            limit: Limit::default(),
         },
+        time_limit: args.time_limit,
     };
     let mut diags = Diagnostics::new();
     let first = swept.at(&grid.point(0));
@@ -220,7 +225,11 @@ impl Swept<'_> {
         if settings.optimize.is_none() {
             settings.sampling = Sampling::At(vec![settings.horizon]);
         }
-        let mut run = launch(self.project, &mut compiled, &self.request, &mut ())?;
+        let request = Request {
+            limit: self.time_limit.into(),
+            ..self.request.clone()
+        };
+        let mut run = launch(self.project, &mut compiled, &request, &mut ())?;
         let warnings = diags
             .warnings()
             .map(|warning| Warning::of(warning.as_ref()));

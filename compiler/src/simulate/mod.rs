@@ -29,12 +29,13 @@ mod touches;
 mod watch;
 
 use std::ops::ControlFlow;
-use std::time::{Duration, Instant};
 
 use nsd_solver::simulate as solver;
 use solver::{Approach, Observer, Outcome, Segment, Simulator};
 
+use crate::clock::Instant;
 use crate::hybrid;
+use crate::limit::Limit;
 use crate::report::{
     Certificate, Failure, Kind, Method, MethodOption, Stats, Status, Trajectory, Warning,
 };
@@ -109,25 +110,19 @@ fn run_events(
     let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
     let mut tolerance: f64 = settings.tolerance;
     let mut attempt = 1;
-    // All runs together have the time that is given.
-    let left = || {
-        let limit = request.time_limit?;
-        Some(limit.saturating_sub(started.elapsed()))
-    };
     let (simulator, outcome, recorder, estimate) = loop {
         let solver_settings = solver::Settings {
             kicks: settings.kicks.as_ref().map(|kicks| kicks.kicks(system)),
             averages: settings.averages,
-            ..solver_settings(&settings.method, tolerance, left())
+            ..solver_settings(&settings.method, tolerance, request.limit.clone())
         };
         let mut simulator = Simulator::new(hybrid.clone(), solver_settings);
         let mut recorder = Recorder::new(system, settings, tolerance, request.dense);
         let mut watched = Watched::new(&mut recorder, settings.horizon, false, watch);
         let outcome = simulator.run(0.0, settings.horizon, &x0, &mut watched);
-        let wanted = request.estimate && outcome.status != solver::Status::TimeLimit;
+        let wanted = request.estimate && !matches!(outcome.status, solver::Status::Over(_));
         let estimate = wanted.then(|| {
-            let mut finer = finer(simulator.settings(), simulator.order(), tolerance);
-            finer.time_limit = left();
+            let finer = finer(simulator.settings(), simulator.order(), tolerance);
             Estimate::of(
                 simulator.with(finer),
                 settings.horizon,
@@ -185,11 +180,11 @@ fn run_events(
 pub(crate) fn solver_settings(
     method: &experiment::Method,
     tolerance: f64,
-    time_limit: Option<Duration>,
+    limit: Limit,
 ) -> solver::Settings {
     let defaults = solver::Settings {
         tolerance,
-        time_limit,
+        limit,
         ..Default::default()
     };
     let experiment::Method::Event(EventOptions {
@@ -270,7 +265,7 @@ impl Estimate {
         comparison.approaches = &outcome.approaches;
         let mut watched = Watched::new(&mut comparison, horizon, true, watch);
         let fine = finer.run(0.0, horizon, x0, &mut watched);
-        if fine.status == solver::Status::TimeLimit {
+        if matches!(fine.status, solver::Status::Over(_)) {
             return None;
         }
         let events = (outcome.stats.events as f64).sqrt();
