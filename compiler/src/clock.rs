@@ -1,6 +1,8 @@
 //! Where the time goes.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
+
+pub use nsd_solver::clock::Instant;
 
 /// Durations of the phases of a compilation and a run, in order of their first appearance.
 #[derive(Clone, Debug, Default)]

@@ -7,6 +7,7 @@ pub use fix::{Applicability, Edit, Fix, Fixable, Help, apply};
 
 use std::collections::HashSet;
 use std::fmt;
+use std::sync::Arc;
 
 use miette::{
     Diagnostic, GraphicalReportHandler, GraphicalTheme, LabeledSpan, Severity, SourceCode,
@@ -15,10 +16,10 @@ use miette::{
 use crate::source::{self, SourceMap};
 
 /// Any diagnostic of any stage.
-pub type AnyDiagnostic = Box<dyn Fixable>;
+pub type AnyDiagnostic = Arc<dyn Fixable>;
 
 /// Errors and warnings in the order in which they were found.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Diagnostics {
     list: Vec<AnyDiagnostic>,
 }
@@ -31,7 +32,7 @@ impl Diagnostics {
 
     /// Adds one diagnostic.
     pub fn push(&mut self, diagnostic: impl Fixable) {
-        self.list.push(Box::new(diagnostic));
+        self.list.push(Arc::new(diagnostic));
     }
 
     /// Adds those of another list.

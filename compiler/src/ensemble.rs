@@ -5,7 +5,6 @@
 
 use std::ops::Range;
 use std::sync::atomic::AtomicBool;
-use std::time::Instant;
 
 use crate::Compiled;
 use crate::clock::Clock;
@@ -89,7 +88,7 @@ pub fn seeds(settings: &Settings<'_>) -> Option<Range<u64>> {
 }
 
 /// Runs an experiment with all its seeds, and adds the quantiles of what is reported to the trajectory of the first
-/// one. Where a run fails, so does the whole. All runs share the time of the request.
+/// one. Where a run fails, so does the whole. All runs share the limit of the request.
 pub fn add(
     trajectory: &mut Trajectory,
     source: Source<'_>,
@@ -101,7 +100,6 @@ pub fn add(
     let Some(seeds) = seeds(settings) else {
         return;
     };
-    let started = Instant::now();
     let reported = trajectory.states.iter().chain(&trajectory.outputs);
     let names: Vec<String> = reported.flat_map(|series| series.entry_names()).collect();
     let count = (seeds.end - seeds.start) as usize;
@@ -110,12 +108,11 @@ pub fn add(
         dense: false,
         estimate: false,
         multipliers: false,
-        ..*request
+        limit: request.limit.clone(),
     };
     let work = |compiled: &Compiled<'_>, plan: &mut Plan| {
         let mut settings = compiled.settings.clone();
         settings.sampling = Sampling::At(time.clone());
-        let request = request.left(started);
         let run = plan.run(&compiled.system, &settings, &request, &mut |_| {});
         sample(&run, &time)
     };

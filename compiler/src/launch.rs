@@ -1,18 +1,16 @@
 //! Runs an experiment that has been compiled, whatever its kind.
 
-use std::time::Instant;
-
 use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
 use crate::ensemble;
 use crate::expr::Exprs;
 use crate::optimize::{self, Sampled};
 use crate::project::Project;
-use crate::report::{Status, Trajectory};
+use crate::report::Trajectory;
 use crate::simulate::{self, Request};
 use crate::source::Span;
 use crate::syntax::{GuessSource, Path};
-use crate::system::experiment::{ExperimentError, Optimize, Settings};
+use crate::system::experiment::{ExperimentError, Optimize};
 use crate::threads;
 use crate::watch::{Progress, Watch};
 use crate::{Compiled, compile};
@@ -44,10 +42,8 @@ fn within(
         let mut told = |progress| watch.progress(&Progress::Simulation(progress));
         return Ok(simulate::run_watched(system, settings, request, &mut told));
     };
-    let started = Instant::now();
     let sampled = sampled_within(project, task, request, depth)?;
-    let request = request.left(started);
-    match optimize::run(system, settings, task, &sampled, &request, watch) {
+    match optimize::run(system, settings, task, &sampled, request, watch) {
         Ok(solved) => {
             compiled.system = solved.system;
             Ok(solved.trajectory)
@@ -60,21 +56,30 @@ fn within(
     }
 }
 
-/// Runs an experiment that has run with all its seeds, where it has several, and adds what came of it.
-pub fn with_seeds(
-    trajectory: &mut Trajectory,
+/// The same with all seeds, where it has several.
+pub fn whole(
+    project: &Project,
     source: ensemble::Source<'_>,
-    settings: &Settings<'_>,
+    compiled: &mut Compiled<'_>,
     request: &Request,
     watch: &mut dyn Watch,
-) {
-    let threads = threads::count();
+) -> Result<Trajectory, Diagnostics> {
+    let mut trajectory = launch(project, compiled, request, watch)?;
+    let (settings, threads) = (&compiled.settings, threads::count());
     let runs = settings.runs.unwrap_or(1);
     let mut heard = |done: usize| watch.progress(&Progress::Runs { done, runs });
-    ensemble::add(trajectory, source, settings, request, threads, &mut heard);
+    ensemble::add(
+        &mut trajectory,
+        source,
+        settings,
+        request,
+        threads,
+        &mut heard,
+    );
+    Ok(trajectory)
 }
 
-/// The trajectories that an optimization starts from; the runs of all share the time of the request.
+/// The trajectories that an optimization starts from; the runs of all share the limit of the request.
 pub fn sampled(
     project: &Project,
     task: &Optimize<'_>,
@@ -89,12 +94,9 @@ fn sampled_within(
     request: &Request,
     depth: usize,
 ) -> Result<Vec<Sampled>, Diagnostics> {
-    let started = Instant::now();
     let sources = task.sources.iter().map(|source| match source {
         GuessSource::File(name, span) => from_file(project, name, *span),
-        GuessSource::Experiment(path) => {
-            from_experiment(project, path, &request.left(started), depth)
-        }
+        GuessSource::Experiment(path) => from_experiment(project, path, request, depth),
     });
     sources.collect()
 }
@@ -132,12 +134,12 @@ fn from_experiment(
         dense: false,
         estimate: false,
         multipliers: false,
-        ..*request
+        limit: request.limit.clone(),
     };
     let trajectory = within(project, &mut compiled, &request, &mut (), depth)?;
     match trajectory.time.len() {
         // What starts from it is late, too.
-        0 | 1 if trajectory.status == Status::TimeLimit => Ok(Sampled::default()),
+        0 | 1 if trajectory.status.is_over() => Ok(Sampled::default()),
         0 | 1 => Err(bad("its run does not leave its start")),
         _ => Ok(Sampled::of(&trajectory)),
     }

@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 
 mod again;
+#[cfg(feature = "cli")]
 pub mod cli;
 pub mod clock;
 pub mod dcs;
@@ -8,12 +9,14 @@ pub mod diagnostics;
 pub mod discretize;
 pub mod ensemble;
 pub mod explain;
+#[cfg(feature = "plots")]
 pub mod figure;
 pub mod files;
 pub mod golden;
 pub mod hybrid;
 pub mod imports;
 pub mod launch;
+pub mod messages;
 pub mod model;
 pub mod modes;
 pub mod mpcc;
@@ -23,6 +26,7 @@ pub mod order;
 pub mod prepared;
 pub mod project;
 pub mod report;
+pub mod run;
 pub mod simulate;
 pub mod source;
 pub mod sweep;
@@ -31,11 +35,15 @@ pub mod system;
 pub mod table;
 #[cfg(test)]
 mod testing;
-pub mod threads;
 pub mod watch;
 
 pub use nsd_expr as expr;
 use nsd_solver::tableau::Family;
+pub use nsd_solver::{limit, threads};
+
+pub use self::messages::Messages;
+pub use self::project::Project;
+pub use self::run::{Options, Run};
 
 use self::clock::Clock;
 use self::diagnostics::Diagnostics;

@@ -56,6 +56,8 @@ use crate::diagnostics::Diagnostics;
 use crate::expr::{self, Expr, Exprs, Var};
 use crate::hybrid::{self, Structural, variable};
 use crate::imports::{self, NoFiles};
+use crate::limit::Limit;
+use crate::messages::Messages;
 use crate::simulate::solver_settings;
 use crate::source::SourceMap;
 use crate::syntax::{self, Bind, Experiment, File, Item, Path, SettingKind};
@@ -99,6 +101,9 @@ pub enum NotPrepared {
     /// It does not compile, or what must be known before a run depends on an open parameter.
     #[error("the experiment does not compile with parameters that stay open: {}", first(.0))]
     NotCompiled(Diagnostics),
+    /// There is no such experiment, or no value that is named.
+    #[error("{0}")]
+    NotAsked(Messages),
     /// There is no experiment of this name.
     #[error("there is no experiment `{0}`")]
     NoExperiment(String),
@@ -207,7 +212,7 @@ impl Prepared {
             parameters,
             start,
         } = Opened::of(compiled)?;
-        let mut chosen = solver_settings(&settings.method, settings.tolerance, None);
+        let mut chosen = solver_settings(&settings.method, settings.tolerance, Limit::default());
         chosen.averages = settings.averages;
         Ok(Prepared {
             start: Arc::new(start),
@@ -377,7 +382,7 @@ fn first(diags: &Diagnostics) -> String {
 }
 
 /// A name as it stands on the left of `=` in `with`.
-fn path(name: &str, sources: &mut SourceMap) -> Option<Path> {
+pub(crate) fn path(name: &str, sources: &mut SourceMap) -> Option<Path> {
     let text = format!("simulate x of x {{ with {{ {name} = 0; }} }}");
     let mut diags = Diagnostics::new();
     let file = syntax::parse(&sources.add("name", text), &mut diags);

@@ -6,9 +6,10 @@ use std::sync::Arc;
 use miette::Diagnostic;
 
 use crate::clock::Clock;
-use crate::diagnostics::Diagnostics;
+use crate::diagnostics::{Diagnostics, Fixable};
 use crate::files::{Disk, FileError, Files, Imports, Memory};
 use crate::imports;
+use crate::messages::Messages;
 use crate::source::SourceMap;
 use crate::syntax::{self, Bind, Experiment, ExperimentSetting, File, Item, SettingKind};
 
@@ -39,8 +40,15 @@ pub struct NotSelected {
     pub help: String,
 }
 
+impl Fixable for NotSelected {}
+
 impl Project {
     /// Reads and parses a file of a disk, and what it uses.
+    ///
+    /// ```no_run
+    /// let project = nsdc::Project::load("examples/bouncing_ball.nsd")?;
+    /// # Ok::<(), nsdc::files::FileError>(())
+    /// ```
     ///
     /// # Errors
     ///
@@ -49,13 +57,31 @@ impl Project {
         Project::from_files(path, Disk)
     }
 
-    /// Parses a text, which has this name in diagnostics and uses no other files.
+    /// Parses a text, which has this name in diagnostics and uses no other files but those of the standard library.
+    ///
+    /// ```
+    /// let project = nsdc::Project::from_text("rest.nsd", "model rest { state x = 1; x' = 0; }");
+    /// assert!(project.check().is_empty());
+    /// ```
     pub fn from_text(name: &str, text: &str) -> Project {
         let files: Memory = [(name, text)].into_iter().collect();
         Project::from_files(name, files).expect("the text is there")
     }
 
     /// Reads and parses a file, and what it uses, wherever files come from.
+    ///
+    /// ```
+    /// use nsdc::Project;
+    /// use nsdc::files::Memory;
+    ///
+    /// let files: Memory = [
+    ///     ("main.nsd", "use ./parts/decay; simulate s of decay { horizon 1; }"),
+    ///     ("parts/decay.nsd", "model decay { state x = 1; x' = -x; }"),
+    /// ].into_iter().collect();
+    /// let project = Project::from_files("main.nsd", files)?;
+    /// assert!(project.check().is_empty());
+    /// # Ok::<(), nsdc::files::FileError>(())
+    /// ```
     ///
     /// # Errors
     ///
@@ -99,14 +125,39 @@ impl Project {
         }
     }
 
-    /// All diagnostics of the file: of its syntax, its models and its experiments.
-    pub fn check(&mut self) -> Diagnostics {
-        let mut diags = std::mem::take(&mut self.diags);
+    /// What is wrong with the file, its models and its experiments, without a run.
+    ///
+    /// ```
+    /// use nsdc::Project;
+    ///
+    /// let project = Project::from_text("fall.nsd", "model fall { state v = 0; v' = -g; }");
+    /// let found = project.check();
+    /// assert!(found.has_errors());
+    /// let message = &found.list()[0];
+    /// assert_eq!(message.text, "`g` is not declared");
+    /// assert_eq!((message.labels[0].file.as_str(), message.labels[0].start), ("fall.nsd", (1, 34)));
+    /// ```
+    pub fn check(&self) -> Messages {
+        Messages::new(self.checked(), self.sources.clone())
+    }
+
+    /// The same, as diagnostics.
+    pub(crate) fn checked(&self) -> Diagnostics {
+        let mut diags = self.diags.clone();
         crate::check(&self.file, &self.sources, &mut diags);
         diags
     }
 
     /// All experiments, in order.
+    ///
+    /// ```
+    /// let project = nsdc::Project::from_text("rest.nsd", "
+    ///     model rest { state x = 1; x' = 0; }
+    ///     simulate short of rest { horizon 1; }
+    ///     simulate long of rest { horizon 100; }");
+    /// let names = project.experiments().map(|experiment| experiment.name.name.as_str());
+    /// assert!(names.eq(["short", "long"]));
+    /// ```
     pub fn experiments(&self) -> impl Iterator<Item = &Experiment> {
         self.file.items.iter().filter_map(|item| match item {
             Item::Experiment(experiment) => Some(experiment),
@@ -116,24 +167,29 @@ impl Project {
 
     /// The experiment of that name, or all of them; what is wrong where there are none.
     pub(crate) fn select(&self, name: Option<&str>) -> Result<Vec<Experiment>, NotSelected> {
-        let all: Vec<&Experiment> = self.experiments().collect();
-        let shown = self.files.name(&self.path);
-        let Some(name) = name else {
-            return match all.is_empty() {
-                true => Err(NotSelected {
-                    message: format!("`{shown}` has no experiment"),
-                    help: "add `simulate NAME of MODEL { horizon 1; }`".to_owned(),
-                }),
-                false => Ok(all.into_iter().cloned().collect()),
-            };
-        };
-        if let Some(found) = all.iter().find(|experiment| experiment.name.name == name) {
-            return Ok(vec![(*found).clone()]);
+        if let Some(name) = name {
+            return Ok(vec![self.named(name)?.clone()]);
         }
-        let names: Vec<&str> = all
-            .iter()
-            .map(|experiment| experiment.name.name.as_str())
-            .collect();
+        let all: Vec<Experiment> = self.experiments().cloned().collect();
+        let shown = self.files.name(&self.path);
+        match all.is_empty() {
+            true => Err(NotSelected {
+                message: format!("`{shown}` has no experiment"),
+                help: "add `simulate NAME of MODEL { horizon 1; }`".to_owned(),
+            }),
+            false => Ok(all),
+        }
+    }
+
+    /// The experiment of that name; what is wrong where there is none.
+    pub(crate) fn named(&self, name: &str) -> Result<&Experiment, NotSelected> {
+        let mut all = self.experiments();
+        if let Some(found) = all.find(|experiment| experiment.name.name == name) {
+            return Ok(found);
+        }
+        let shown = self.files.name(&self.path);
+        let names = self.experiments().map(|known| known.name.name.as_str());
+        let names: Vec<&str> = names.collect();
         let distance = |known: &&&str| strsim::damerau_levenshtein(known, name);
         let close = names
             .iter()
@@ -157,6 +213,14 @@ impl Project {
         })
     }
 
+    /// Seconds from the text to something that can be run, where `clock` has what came after the file was read.
+    pub(crate) fn compile_seconds(&self, clock: &Clock) -> f64 {
+        let solving = ["read", "solve", "report"];
+        let phases = self.clock.phases().chain(clock.phases());
+        let compiling = phases.filter(|(phase, _)| !solving.contains(phase));
+        compiling.map(|(_, seconds)| seconds).sum()
+    }
+
     /// An experiment of a model without settings of its own.
     pub(crate) fn default_experiment(&mut self, model: &str) -> Option<Experiment> {
         let text = format!("simulate {model} of {model} {{ horizon 1; }}");
@@ -170,17 +234,7 @@ impl Project {
 
     /// Values given on the command line as `name=value`.
     pub(crate) fn bindings(&mut self, option: &str, sets: &[String]) -> Option<Vec<Bind>> {
-        let mut overrides = Vec::new();
-        for set in sets {
-            let settings = self.parse_settings(option, ["with { ", set, "; }"])?;
-            for setting in settings {
-                match setting.kind {
-                    SettingKind::With(binds) => overrides.extend(binds),
-                    _ => return None,
-                }
-            }
-        }
-        Some(overrides)
+        bindings((&mut self.sources, &mut self.diags), option, sets)
     }
 
     /// Replaces the settings of an experiment that `words`, such as `method event`, gives anew.
@@ -190,7 +244,8 @@ impl Project {
         option: &str,
         words: &str,
     ) -> Option<()> {
-        let new = self.parse_settings(option, ["", words, ";"])?;
+        let found = (&mut self.sources, &mut self.diags);
+        let new = settings(found, option, ["", words, ";"])?;
         let same = |old: &ExperimentSetting| {
             let kind = std::mem::discriminant(&old.kind);
             new.iter()
@@ -214,25 +269,44 @@ impl Project {
         self.replace_setting(&mut other, option, words)?;
         Some(other)
     }
+}
 
-    /// The settings of an experiment that is made up around words of the command line; diagnostics show nothing else.
-    fn parse_settings(
-        &mut self,
-        option: &str,
-        [before, words, after]: [&str; 3],
-    ) -> Option<Vec<ExperimentSetting>> {
-        let before = format!("simulate x of x {{ {before}");
-        let words = format!("{words}\n");
-        let after = format!("{after} }}\n");
-        let source = self.sources.add_within(option, [&before, &words, &after]);
-        let mut diags = Diagnostics::new();
-        let file = syntax::parse(&source, &mut diags);
-        let has_errors = diags.has_errors();
-        self.diags.append(diags);
-        let experiments = file.items.into_iter().filter_map(|item| match item {
-            Item::Experiment(experiment) => Some(experiment.settings),
-            _ => None,
-        });
-        (!has_errors).then(|| experiments.flatten().collect())
+/// Values given as `name=value` under the name of an option.
+pub(crate) fn bindings(
+    (sources, diags): (&mut SourceMap, &mut Diagnostics),
+    option: &str,
+    sets: &[String],
+) -> Option<Vec<Bind>> {
+    let mut overrides = Vec::new();
+    for set in sets {
+        let settings = settings((sources, diags), option, ["with { ", set, "; }"])?;
+        for setting in settings {
+            match setting.kind {
+                SettingKind::With(binds) => overrides.extend(binds),
+                _ => return None,
+            }
+        }
     }
+    Some(overrides)
+}
+
+/// The settings of an experiment that is made up around words of a user; diagnostics show nothing else.
+fn settings(
+    (sources, diags): (&mut SourceMap, &mut Diagnostics),
+    option: &str,
+    [before, words, after]: [&str; 3],
+) -> Option<Vec<ExperimentSetting>> {
+    let before = format!("simulate x of x {{ {before}");
+    let words = format!("{words}\n");
+    let after = format!("{after} }}\n");
+    let source = sources.add_within(option, [&before, &words, &after]);
+    let mut own = Diagnostics::new();
+    let file = syntax::parse(&source, &mut own);
+    let has_errors = own.has_errors();
+    diags.append(own);
+    let experiments = file.items.into_iter().filter_map(|item| match item {
+        Item::Experiment(experiment) => Some(experiment.settings),
+        _ => None,
+    });
+    (!has_errors).then(|| experiments.flatten().collect())
 }

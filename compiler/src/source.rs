@@ -87,10 +87,17 @@ impl SourceFile {
         ends.is_some_and(|(start, end)| self.text.get(start..end).is_some())
     }
 
-    /// Line and column of a position, both from 1; columns count characters.
+    /// What a user wrote of the text, and the position of its first byte.
+    pub fn written(&self) -> (&str, usize) {
+        let Range { start, .. } = self.written;
+        (&self.text[self.written.clone()], self.start + start)
+    }
+
+    /// Line and column of a position in what a user wrote, both from 1; columns count characters.
     pub fn line_column(&self, position: u32) -> (usize, usize) {
-        let local = (position as usize).saturating_sub(self.start);
-        let before = self.text.get(..local).unwrap_or(&self.text);
+        let (text, start) = self.written();
+        let local = (position as usize).saturating_sub(start);
+        let before = text.get(..local).unwrap_or(text);
         let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
         let line = before.bytes().filter(|&byte| byte == b'\n').count() + 1;
         (line, before[line_start..].chars().count() + 1)
@@ -102,7 +109,7 @@ impl SourceFile {
 }
 
 /// All files of one compilation, side by side in one address space.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct SourceMap {
     files: Vec<Arc<SourceFile>>,
 }

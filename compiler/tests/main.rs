@@ -1,5 +1,7 @@
 //! Tests of `nsdc` as a program and of its documents, in one program: each file is a module.
 
+#![allow(clippy::disallowed_methods, reason = "a test is no library")]
+
 mod cli;
 mod documents;
 mod expect;

@@ -2,11 +2,13 @@
 
 pub mod adaptive;
 pub mod cell;
+pub mod clock;
 pub mod conic;
 pub mod fesd;
 pub mod ipm;
 pub mod kernels;
 pub mod lcp;
+pub mod limit;
 pub mod linalg;
 pub mod moreau;
 pub mod mpcc;
@@ -18,3 +20,4 @@ pub mod random;
 pub mod simulate;
 pub mod tableau;
 pub mod tape;
+pub mod threads;

@@ -144,7 +144,7 @@ fn rest(n: usize, horizon: f64) {
     with_experiment(&bins_of(&[(n, 0.0)]), "bench", |compiled| {
         let x0 = start(compiled);
         let steps = STEPS * horizon as usize;
-        let mut stepper = stepper(&compiled.system, horizon, steps, None);
+        let mut stepper = stepper(&compiled.system, horizon, steps, Default::default());
         let mut falling = Falling {
             x: x0.clone(),
             ..Falling::default()
@@ -179,7 +179,7 @@ fn measure(bins: &[(usize, f64)]) -> Run {
     let started = Instant::now();
     with_experiment(&text, "bench", |compiled| {
         let x0 = start(compiled);
-        let mut stepper = stepper(&compiled.system, HORIZON, STEPS, None);
+        let mut stepper = stepper(&compiled.system, HORIZON, STEPS, Default::default());
         let compile = started.elapsed().as_secs_f64();
         let mut best: Option<Run> = None;
         for _ in 0..3 {

@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 use nsd_solver::ipm;
 use nsd_solver::mpcc::{Observer, Program};
 use nsd_tests::with_experiment;
+use nsdc::limit::Limit;
 use nsdc::optimize;
 use nsdc::report::{MethodOption, Trajectory};
 use nsdc::simulate::Request;
@@ -71,7 +72,7 @@ fn main() {
                 .as_ref()
                 .expect("an optimal control problem");
             let request = Request {
-                time_limit: Some(LIMIT),
+                limit: Limit::within(LIMIT),
                 ..Request::default()
             };
             let system = &compiled.system;

@@ -265,7 +265,7 @@ fn by_elements(runs: usize) {
 
 fn in_steps(runs: usize) {
     with_experiment(&example("ball_pile"), "settles", |compiled| {
-        let mut stepper = stepper(&compiled.system, 0.5, 500, None);
+        let mut stepper = stepper(&compiled.system, 0.5, 500, Default::default());
         for _ in 0..runs {
             stepper.run(0.0, 0.5, &start(compiled), &mut Silent);
         }

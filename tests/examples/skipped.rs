@@ -20,6 +20,7 @@ use nsdc::clock::Clock;
 use nsdc::diagnostics::Diagnostics;
 use nsdc::expr::Exprs;
 use nsdc::imports;
+use nsdc::limit::Limit;
 use nsdc::report::{Status, Trajectory};
 use nsdc::simulate::{self, Request};
 use nsdc::source::SourceMap;
@@ -399,7 +400,7 @@ fn looked_at(system: &System<'_>, horizon: f64, steps: usize) -> Option<(usize, 
         return None;
     }
     let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
-    let mut stepper = simulate::moreau::stepper(system, horizon, steps, None);
+    let mut stepper = simulate::moreau::stepper(system, horizon, steps, Limit::default());
     let solution = stepper.run(0.0, horizon, &x0, &mut Silent);
     Some((contacts, steps, solution.gaps))
 }

@@ -6,6 +6,7 @@ use nsd_solver::simulate::{Event, Segment, Status};
 use nsd_solver::tableau::Family;
 use nsd_tests::with_experiment;
 use nsdc::dcs;
+use nsdc::limit::Limit;
 use nsdc::simulate::fesd::Complementarity;
 use nsdc::simulate::moreau::stepper;
 use std::ops::ControlFlow;
@@ -82,7 +83,7 @@ fn steps_through_contacts_allocate_nothing() {
         let states = compiled.system.states.iter();
         let x0: Vec<f64> = states.map(|state| state.initial).collect();
         let allocations = |steps: usize| {
-            let mut stepper = stepper(&compiled.system, 2.0, steps, None);
+            let mut stepper = stepper(&compiled.system, 2.0, steps, Limit::default());
             // The first run makes room.
             stepper.run(0.0, 2.0, &x0, &mut Silent);
             let mut impulses = 0;

@@ -1,7 +1,5 @@
 //! Many runs of one experiment: seeds, threads, quantiles, and how often errors throw a state out of a layer.
 
-use std::time::{Duration, Instant};
-
 use nsd_tests::with_source;
 use nsdc::ensemble::{self, LEVELS};
 use nsdc::report::{Ensemble, Status, Trajectory};
@@ -169,17 +167,4 @@ fn a_run_that_fails_is_named_by_its_seed() {
     assert_eq!(ensemble.failed_seeds, alone);
     assert_ne!(trajectory.status, Status::Solved);
     assert!(trajectory.failure.is_some());
-}
-
-#[test]
-fn runs_share_the_time_that_is_given() {
-    let limit = Duration::from_millis(1);
-    let request = Request {
-        time_limit: Some(limit),
-        ..Request::default()
-    };
-    let started = Instant::now();
-    std::thread::sleep(limit);
-    assert_eq!(request.left(started).time_limit, Some(Duration::ZERO));
-    assert_eq!(Request::default().left(started).time_limit, None);
 }

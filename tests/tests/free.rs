@@ -5,6 +5,7 @@ use std::time::Duration;
 use nsd_tests::stress::{Extent, free};
 use nsd_tests::{end, solved_optimum, with_experiment};
 use nsdc::diagnostics::Diagnostics;
+use nsdc::limit::Limit;
 use nsdc::optimize;
 use nsdc::report::Status;
 use nsdc::simulate::Request;
@@ -159,7 +160,7 @@ fn a_time_limit_bounds_all_starts() {
     let text = "model m { state x = 1; control u in [-1, 1] = 0; x' = u - sign(x); }
         optimize o of m { horizon 1; intervals 4; minimize final((x + 0.3)^2); starts 50 by gauss(0.5); }";
     let request = Request {
-        time_limit: Some(Duration::ZERO),
+        limit: Limit::within(Duration::ZERO),
         ..Request::default()
     };
     let found = with_experiment(text, "o", |compiled| {

@@ -6,6 +6,7 @@ mod algebraic;
 mod algebraic_optimal;
 mod allocation;
 mod boxes;
+mod cancel;
 mod causes;
 mod chattering;
 mod coefficients;

@@ -57,8 +57,8 @@ struct Checked {
 }
 
 impl Checked {
-    fn of(mut project: Project) -> Self {
-        let diags = project.check();
+    fn of(project: Project) -> Self {
+        let diags = project.checked();
         Checked {
             project,
             diags,

@@ -1,7 +1,6 @@
 //! `nsdc run`
 
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 use super::args::{Log, RunArgs};
 use super::files::{Sink, is_standard};
@@ -13,15 +12,15 @@ use super::{Exit, Streams, io};
 use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
-use crate::launch::{launch, with_seeds};
+use crate::limit::Limit;
 use crate::report::{Status, Trajectory, Warning, csv, json, text};
 use crate::simulate::Request;
 use crate::syntax::{Bind, Experiment};
-use crate::{Compiled, compile, ensemble, figure};
+use crate::{Compiled, compile, ensemble, figure, launch};
 
 /// Runs experiments and reports what came out.
 pub fn run(args: &RunArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
-    let started = Instant::now();
+    let limit = Limit::from(args.time_limit);
     if let Some(message) = args.targets().misuse() {
         writeln!(streams.err, "error: {message}")?;
         return Ok(Exit::Usage);
@@ -54,7 +53,7 @@ pub fn run(args: &RunArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         project: &project,
         overrides: &overrides,
         args,
-        started,
+        limit,
     };
     for experiment in &experiments {
         let mut own = Clock::default();
@@ -87,8 +86,8 @@ struct Asked<'a> {
     project: &'a Project,
     overrides: &'a [Bind],
     args: &'a RunArgs,
-    /// When the command began, which has one limit of time.
-    started: Instant,
+    /// That of the command.
+    limit: Limit,
 }
 
 /// Compiles one experiment and tells what is new about it; with its warnings, `None` after an error.
@@ -134,11 +133,11 @@ fn one(
     said: &mut Diagnostics,
     streams: &mut Streams<'_>,
 ) -> io::Result<Option<(Trajectory, Option<String>)>> {
-    let &Asked {
+    let Asked {
         project,
         overrides,
         args,
-        started,
+        limit,
     } = asked;
     let exprs = Exprs::new();
     let compiled = compiled(asked, &exprs, experiment, (clock, said), streams)?;
@@ -149,9 +148,8 @@ fn one(
         dense: args.plot.is_some(),
         estimate: true,
         multipliers: args.multipliers,
-        time_limit: args.time_limit,
-    }
-    .left(started);
+        limit: limit.clone(),
+    };
     let name = &compiled.settings.name;
     // A log shows how far the run is.
     let logs = args.log == Log::Iterations && compiled.settings.optimize.is_some();
@@ -167,9 +165,13 @@ fn one(
             Watching::logged(bar, Iterations::new(out))
         }
     };
-    let launching = Instant::now();
+    let source = ensemble::Source {
+        file: &project.file,
+        experiment,
+        overrides,
+    };
     let launched = clock.time("solve", || {
-        launch(project, &mut compiled, &request, &mut watching)
+        launch::whole(project, source, &mut compiled, &request, &mut watching)
     });
     let mut trajectory = match launched {
         Ok(trajectory) => trajectory,
@@ -179,23 +181,8 @@ fn one(
             return Ok(None);
         }
     };
-    let source = ensemble::Source {
-        file: &project.file,
-        experiment,
-        overrides,
-    };
-    clock.time("solve", || {
-        let request = request.left(launching);
-        let settings = &compiled.settings;
-        with_seeds(&mut trajectory, source, settings, &request, &mut watching);
-    });
     drop(watching);
-    let solving = ["read", "solve", "report"];
-    let before = project.clock.phases().chain(clock.phases());
-    trajectory.stats.compile_s = before
-        .filter(|(phase, _)| !solving.contains(phase))
-        .map(|(_, seconds)| seconds)
-        .sum();
+    trajectory.stats.compile_s = project.compile_seconds(clock);
     tell(&trajectory, project, streams)?;
     trajectory.warnings.splice(0..0, warnings);
     let plot = args

@@ -2,6 +2,7 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
+use std::time::Duration;
 
 use super::args::SweepArgs;
 use super::files::{self, Sink};
@@ -14,6 +15,7 @@ use crate::diagnostics::Diagnostics;
 use crate::ensemble::Source;
 use crate::expr::Exprs;
 use crate::launch::launch;
+use crate::limit::Limit;
 use crate::report::{Status, Trajectory, Warning};
 use crate::simulate::Request;
 use crate::sweep::{self, Axis, Grid, Like, Row, SweepError, Table};
@@ -29,6 +31,8 @@ struct Swept<'s> {
     /// A binding for each axis, whose value is replaced.
     axes: Vec<Bind>,
     request: Request,
+    /// For each run.
+    time_limit: Option<Duration>,
 }
 
 /// Runs an experiment at all points of a grid.
@@ -71,8 +75,9 @@ pub fn run(args: &SweepArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
             dense: false,
             estimate: true,
             multipliers: false,
-            time_limit: args.time_limit,
+            limit: Limit::default(),
         },
+        time_limit: args.time_limit,
     };
     let mut diags = Diagnostics::new();
     let first = swept.at(&grid.point(0));
@@ -276,7 +281,11 @@ impl Swept<'_> {
         if settings.optimize.is_none() {
             settings.sampling = Sampling::At(vec![settings.horizon]);
         }
-        let mut run = launch(self.project, &mut compiled, &self.request, &mut ())?;
+        let request = Request {
+            limit: self.time_limit.into(),
+            ..self.request.clone()
+        };
+        let mut run = launch(self.project, &mut compiled, &request, &mut ())?;
         let warnings = diags
             .warnings()
             .map(|warning| Warning::of(warning.as_ref()));

@@ -9,8 +9,6 @@ mod error;
 mod json;
 mod text;
 
-use std::time::Instant;
-
 use nsd_solver::mpcc::{self, Class};
 use nsd_solver::nl::{self, Code, Named, Problem, Quality};
 use nsd_solver::problem::Nlp;
@@ -21,7 +19,9 @@ pub use error::NlError;
 pub use json::write as json;
 pub use text::{message, write as text};
 
+use crate::clock::Instant;
 use crate::diagnostics::Diagnostics;
+use crate::limit::Over;
 use crate::report::{Stationarity, Stats, Status};
 use crate::source::SourceMap;
 
@@ -100,7 +100,7 @@ pub fn solve(
 ) -> Report {
     let clock = Instant::now();
     let mut options = mpcc::Options {
-        time_limit: settings.time_limit,
+        limit: settings.time_limit.into(),
         ..mpcc::Options::default()
     };
     if let Some(tolerance) = settings.tolerance {
@@ -159,7 +159,8 @@ fn outcome(status: mpcc::Status) -> (Status, Code) {
         mpcc::Status::LocallyInfeasible => (Status::LocallyInfeasible, Code::Infeasible),
         mpcc::Status::Unbounded => (Status::Unbounded, Code::Unbounded),
         mpcc::Status::IterationLimit => (Status::IterationLimit, Code::IterationLimit),
-        mpcc::Status::TimeLimit => (Status::TimeLimit, Code::TimeLimit),
+        mpcc::Status::Over(Over::TimeLimit) => (Status::TimeLimit, Code::TimeLimit),
+        mpcc::Status::Over(Over::Canceled) => (Status::Canceled, Code::Interrupted),
         mpcc::Status::Evaluation | mpcc::Status::NumericalFailure => {
             (Status::NumericalFailure, Code::Failure)
         }

@@ -5,12 +5,11 @@
 //! ([`nsd_solver::simulate`]). So the controls that were found are run from event to event. Where that run is in other
 //! modes the program is solved again from it, in its modes. What differs still is no solution of the model.
 
-use std::time::Duration;
-
 use nsd_solver::mpcc::{self, Options, Solution, Status};
 use nsd_solver::tableau::lagrange;
 
 use super::{Problem, rehearsal, solved};
+use crate::limit::Limit;
 use crate::report::Failure;
 use crate::simulate::Rehearsed;
 use crate::watch::Watch;
@@ -33,12 +32,12 @@ struct Difference {
 
 impl<'e> Problem<'_, 'e> {
     /// A run from event to event with the controls of a point, for so long.
-    pub(super) fn simulated(&self, w: &[f64], time_limit: Option<Duration>) -> Rehearsed<'e> {
+    pub(super) fn simulated(&self, w: &[f64], limit: &Limit) -> Rehearsed<'e> {
         let mut settings = self.settings.clone();
         settings.horizon = self.horizon(w);
         let mut system = solved::system(self, w);
         system.controls.clear();
-        Rehearsed::new(&system, &settings, time_limit)
+        Rehearsed::new(&system, &settings, limit)
     }
 
     /// Where nonlinear switches of a point differ from those of a run first, if they do for long.
@@ -96,24 +95,24 @@ impl<'e> Problem<'_, 'e> {
     }
 }
 
-/// Brings a solution into the modes of the model while time is left; the failure says why it is in others, or is that
+/// Brings a solution into the modes of the model as long as the limit allows; the failure says why it is in others, or is that
 /// of the run.
 pub(super) fn settle(
     problem: &mut Problem,
     solution: &mut Solution,
     options: &Options,
-    left: &dyn Fn() -> Option<Duration>,
+    limit: &Limit,
     watch: &mut dyn Watch,
 ) -> Option<Failure> {
     let span = problem.settings.span;
-    let too_late = Failure::TimeLimit { time: 0.0, span };
+    let over = |over| Failure::over(over, 0.0, span);
     let mut rounds = 0..MAX_ROUNDS;
     loop {
-        let run = problem.simulated(&solution.w, left());
-        match run.failure {
-            Some(Failure::TimeLimit { .. }) => return Some(too_late),
-            Some(failure) => return Some(failure),
-            None => {}
+        let run = problem.simulated(&solution.w, limit);
+        match (&run.failure, limit.over()) {
+            (Some(failure), Some(why)) if failure.is_over() => return Some(over(why)),
+            (Some(failure), _) => return Some(failure.clone()),
+            (None, _) => {}
         }
         let difference = problem.difference(&run, &solution.w)?;
         let failure = problem.in_other_mode(&difference);
@@ -125,12 +124,11 @@ pub(super) fn settle(
         let options = Options {
             trusts_start: true,
             effort: 0,
-            time_limit: left(),
             ..options.clone()
         };
         let found = mpcc::solve_observed(&mut problem.program, &start, &options, watch);
-        if found.status == Status::TimeLimit {
-            return Some(too_late);
+        if let Status::Over(why) = found.status {
+            return Some(over(why));
         }
         if !found.is_feasible() {
             return Some(failure);

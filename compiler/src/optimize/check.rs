@@ -1,10 +1,10 @@
 //! The controls that were found, simulated from event to event.
 
-use std::time::{Duration, Instant};
-
 use nsd_solver::mpcc::Solution;
 
 use super::{Problem, failure, solved};
+use crate::clock::Instant;
+use crate::limit::Limit;
 use crate::report::{Check, Confirmation, Failure, Status, Trajectory, Warning};
 use crate::system::experiment::{Sampling, Settings};
 
@@ -18,12 +18,12 @@ const DISAGREES: &str = "W0709";
 pub(super) fn simulate(
     problem: &Problem,
     solution: &Solution,
-    time_limit: Option<Duration>,
+    limit: &Limit,
     trajectory: &mut Trajectory,
 ) {
     let (layout, w) = (&problem.layout, &solution.w);
     let started = Instant::now();
-    let run = solved::run(problem, w, time_limit, |settings| {
+    let run = solved::run(problem, w, limit, |settings| {
         settings.tolerance = (FINER * settings.tolerance).max(FINEST);
         settings.sampling = Sampling::Method;
     });

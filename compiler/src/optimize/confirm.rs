@@ -5,13 +5,12 @@
 //! trajectory. So the free quantities are changed and simulated. Where there is descent, the program is solved again from
 //! the simulation after a step along it.
 
-use std::time::Duration;
-
 use nsd_solver::mpcc::{self, Options, Solution};
 
 use super::descent::{Candidate, Found, LARGE, SMALL, Search};
 use super::reduced::Reduced;
 use super::{Problem, rehearsal};
+use crate::limit::Limit;
 use crate::report::Confirmation;
 use crate::watch::Watch;
 
@@ -56,13 +55,13 @@ pub(super) fn confirm(
     problem: &mut Problem,
     solution: &mut Solution,
     options: &Options,
-    left: &dyn Fn() -> Option<Duration>,
+    limit: &Limit,
     watch: &mut dyn Watch,
 ) -> (Confirmation, Option<f64>) {
     let mut rounds = 0..MAX_ROUNDS;
     let (mut looks, mut unfollowed) = (&LOOKS[..], None);
     loop {
-        let better = match look(problem, solution, looks, left()) {
+        let better = match look(problem, solution, looks, limit) {
             Ok(better) => better,
             Err(confirmation) => return (confirmation, unfollowed),
         };
@@ -71,7 +70,7 @@ pub(super) fn confirm(
         let is_better = |found: &Solution| found.is_feasible() && found.objective < least;
         let found = better.points.iter().find_map(|point| {
             rounds.next()?;
-            from(problem, &point.w, options, left, watch).filter(is_better)
+            from(problem, &point.w, options, limit, watch).filter(is_better)
         });
         if let Some(found) = found {
             let iterations = solution.stats.iterations;
@@ -96,13 +95,13 @@ fn from(
     problem: &mut Problem,
     point: &[f64],
     options: &Options,
-    left: &dyn Fn() -> Option<Duration>,
+    limit: &Limit,
     watch: &mut dyn Watch,
 ) -> Option<Solution> {
     let mut w = point.to_vec();
     let starts = match problem.frozen {
-        Some(_) => rehearsal::in_numerical_time(problem, &mut w, left),
-        None => rehearsal::in_modes(problem, &problem.simulated(&w, left()), &mut w),
+        Some(_) => rehearsal::in_numerical_time(problem, &mut w, limit),
+        None => rehearsal::in_modes(problem, &problem.simulated(&w, limit), &mut w),
     };
     if !starts {
         return None;
@@ -110,7 +109,6 @@ fn from(
     let options = Options {
         trusts_start: true,
         effort: 0,
-        time_limit: left(),
         ..options.clone()
     };
     Some(mpcc::solve_observed(
@@ -126,10 +124,10 @@ fn look(
     problem: &Problem,
     solution: &Solution,
     looks: &'static [Look],
-    time_limit: Option<Duration>,
+    limit: &Limit,
 ) -> Result<Better, Confirmation> {
     let w = &solution.w;
-    let Some(reduced) = Reduced::new(problem, w, time_limit) else {
+    let Some(reduced) = Reduced::new(problem, w, limit) else {
         return Err(Confirmation::None);
     };
     if reduced.quantities.is_empty() {

@@ -266,16 +266,8 @@ impl Search<'_, '_, '_, '_> {
                 .entries
                 .extend(entries.map(|(column, change)| (place, column, change / reach)));
         }
-        let seconds = self
-            .reduced
-            .left()
-            .map_or(MOST_TIME, |left| left.min(MOST_TIME));
-        match solve(
-            &program,
-            &program.lower,
-            &program.upper,
-            seconds.as_secs_f64(),
-        ) {
+        let limit = self.reduced.limit.sooner(MOST_TIME);
+        match solve(&program, &program.lower, &program.upper, &limit) {
             Outcome::Optimal(shares) => Some(shares),
             Outcome::Infeasible | Outcome::Failed => None,
         }
@@ -333,6 +325,7 @@ mod tests {
     use super::super::Problem;
     use super::super::reduced::Reduced;
     use super::{Found, SMALL, Search};
+    use crate::limit::Limit;
     use crate::testing::with_last;
 
     /// J = 1 + 100 (u - 1)², with changes of u by 2e-4, from 5e-5 beside the minimum: uphill on both sides.
@@ -344,8 +337,8 @@ mod tests {
             let task = (compiled.settings.optimize.as_ref()).expect("it is an optimization");
             let problem = Problem::new(&compiled.system, &compiled.settings, task);
             let problem = problem.expect("it has a program");
-            let (w, _) = problem.start(&[], &|| None);
-            let reduced = Reduced::new(&problem, &w, None).expect("it has a task");
+            let (w, _) = problem.start(&[], &Limit::default());
+            let reduced = Reduced::new(&problem, &w, &Limit::default()).expect("it has a task");
             let base = reduced.at(&w).expect("it reaches its end");
             let search = Search {
                 reduced: &reduced,

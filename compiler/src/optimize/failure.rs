@@ -55,7 +55,7 @@ pub(super) fn of(problem: &mut Problem, solution: &Solution) -> Option<Failure> 
             span: problem.task.cost_span,
         }),
         Status::IterationLimit => failed("the limit of iterations was reached"),
-        Status::TimeLimit => Some(Failure::TimeLimit { time: 0.0, span }),
+        Status::Over(over) => Some(Failure::over(over, 0.0, span)),
         Status::Evaluation => Some(Failure::NotOptimal {
             what: "a function of the model, or a derivative, is not finite at the guess".to_owned(),
             is_feasible: false,

@@ -28,14 +28,15 @@ mod thaw;
 mod transfer;
 
 use std::sync::Arc;
-use std::time::{Duration, Instant};
 
 use nsd_solver::mpcc::{self, Class, Form, Homotopy, MultiStart, Options, Solution};
 use nsd_solver::problem::Nlp;
 
+use crate::clock::Instant;
 use crate::dcs::{self, Dcs};
 use crate::discretize::{self, DiscretizeError, Grid, Layout, discretize};
 use crate::expr::Var;
+use crate::limit::{Limit, Over};
 use crate::mpcc::{Mpcc, Program};
 use crate::report::{
     Certificate, Confirmation, Failure, Kind, Method, MethodOption, Optimum, Stationarity, Stats,
@@ -143,9 +144,9 @@ fn run_from<'e>(
     let started = Instant::now();
     let watch: &mut dyn Watch = &mut Counted::new(watch);
     let mut problem = Problem::new(system, settings, task)?;
-    let left = || request.left(started).time_limit;
+    let limit = &request.limit;
     let (guess, rehearsed) = match start {
-        Start::Task(sampled) => problem.start(sampled, &left),
+        Start::Task(sampled) => problem.start(sampled, limit),
         Start::Point(point) => match problem.lifted(point) {
             Some(guess) => (guess, true),
             None => return Ok(None),
@@ -153,7 +154,7 @@ fn run_from<'e>(
     };
     let built = started.elapsed();
 
-    let mut options = options(&problem, rehearsed, left());
+    let mut options = options(&problem, rehearsed, limit);
     if let Start::Point(_) = start {
         // Other ways would lead elsewhere.
         options.effort = 0;
@@ -165,11 +166,11 @@ fn run_from<'e>(
     let mut solution = found.solutions[best].clone();
     let has_branches = !problem.dcs.branches.is_empty() && solution.is_feasible();
     let in_other_mode = match has_branches {
-        true => branches::settle(&mut problem, &mut solution, &options, &left, watch),
+        true => branches::settle(&mut problem, &mut solution, &options, limit, watch),
         false => None,
     };
     let (confirmation, elsewhere) = match solution.is_feasible() && in_other_mode.is_none() {
-        true => confirm::confirm(&mut problem, &mut solution, &options, &left, watch),
+        true => confirm::confirm(&mut problem, &mut solution, &options, limit, watch),
         false => (Confirmation::None, None),
     };
     let seconds = (started.elapsed() - built).as_secs_f64();
@@ -183,7 +184,7 @@ fn run_from<'e>(
     trajectory.warnings.extend(simulate::sampled(&solved));
     trajectory
         .warnings
-        .extend(unfinished_starts(&problem, &found));
+        .extend(unfinished_starts(&problem, &found, limit));
     trajectory
         .warnings
         .extend(elsewhere.map(|objective| check::elsewhere(settings, objective)));
@@ -211,7 +212,7 @@ fn run_from<'e>(
             &problem,
             solution,
             in_other_mode.as_ref(),
-            left(),
+            limit,
             &mut trajectory,
         );
     }
@@ -233,14 +234,14 @@ fn simulate_again(
     problem: &Problem,
     solution: &Solution,
     in_other_mode: Option<&Failure>,
-    time_limit: Option<Duration>,
+    limit: &Limit,
     trajectory: &mut Trajectory,
 ) {
     match in_other_mode {
         None | Some(Failure::OtherMode { .. }) => {
-            check::simulate(problem, solution, time_limit, trajectory);
+            check::simulate(problem, solution, limit, trajectory);
         }
-        Some(Failure::TimeLimit { .. }) => {}
+        Some(failure) if failure.is_over() => {}
         Some(failure) => {
             let warning = check::unfinished(problem.settings, Some(failure));
             trajectory.warnings.push(warning);
@@ -267,7 +268,7 @@ pub fn program<'e>(
     sampled: &[Sampled],
 ) -> Result<Mpcc<'e>, DiscretizeError> {
     let mut problem = Problem::new(system, settings, task)?;
-    let (guess, _) = problem.start(sampled, &|| None);
+    let (guess, _) = problem.start(sampled, &Limit::default());
     problem.mpcc.set_guess(&guess);
     Ok(problem.mpcc)
 }
@@ -309,17 +310,17 @@ impl<'p, 'e> Problem<'p, 'e> {
     /// where switches are read nonlinearly.
     ///
     /// Where controls are guessed and no states, these are those of a run with the controls, for the time that is left.
-    fn start(&self, sampled: &[Sampled], left: &dyn Fn() -> Option<Duration>) -> (Vec<f64>, bool) {
+    fn start(&self, sampled: &[Sampled], limit: &Limit) -> (Vec<f64>, bool) {
         let mut guess = guess::start(self, sampled);
         let is_decided = |(var, _): &(Var, _)| is_decided(self.system, *var);
         if !sampled.is_empty() || !self.task.guess.iter().all(is_decided) {
             return (guess, false);
         }
-        if rehearsal::rehearse(self, &mut guess, left) {
+        if rehearsal::rehearse(self, &mut guess, limit) {
             return (guess, true);
         }
         let asks = !self.task.guess.is_empty() && self.frozen.is_none();
-        let run = asks.then(|| rehearsal::sample(self, &guess, left()));
+        let run = asks.then(|| rehearsal::sample(self, &guess, limit));
         let run = run.flatten();
         if let Some(run) = run {
             guess = guess::start(self, &[run]);
@@ -329,7 +330,7 @@ impl<'p, 'e> Problem<'p, 'e> {
 }
 
 /// How a task is solved.
-fn options(problem: &Problem, rehearsed: bool, time_limit: Option<Duration>) -> Options {
+fn options(problem: &Problem, rehearsed: bool, limit: &Limit) -> Options {
     let chosen = &problem.task.options;
     let form = Form {
         relaxation: chosen.relaxation,
@@ -355,7 +356,7 @@ fn options(problem: &Problem, rehearsed: bool, time_limit: Option<Duration>) -> 
         patience,
         form,
         homotopy,
-        time_limit,
+        limit: limit.clone(),
         trusts_start: rehearsed && problem.task.starts.is_none(),
         ..Options::default()
     }
@@ -397,15 +398,19 @@ fn solve(
     )
 }
 
-/// That the time was over before all starts were done, where some start led to a solution.
-fn unfinished_starts(problem: &Problem, found: &MultiStart) -> Option<Warning> {
+/// That the run had to end before all starts were done, where some start led to a solution.
+fn unfinished_starts(problem: &Problem, found: &MultiStart, limit: &Limit) -> Option<Warning> {
     let asked = problem.task.starts?.count;
     let done = found.solutions.iter();
-    let done = done.filter(|solution| solution.status != mpcc::Status::TimeLimit);
+    let done = done.filter(|solution| !matches!(solution.status, mpcc::Status::Over(_)));
     let done = done.count();
+    let why = match limit.over() {
+        Some(Over::Canceled) => "the run was canceled",
+        _ => "the time limit was reached",
+    };
     (found.best.is_some() && done < asked).then(|| Warning {
         code: "W0718".into(),
-        message: format!("the time limit was reached after {done} of {asked} starts"),
+        message: format!("{why} after {done} of {asked} starts"),
         span: Some(problem.settings.span),
     })
 }

@@ -3,12 +3,11 @@
 //! States follow from them by a simulation from event to event, that of the model: elements, nodes and the branches of
 //! a program are not in it.
 
-use std::time::{Duration, Instant};
-
 use rustc_hash::FxHashMap;
 
 use super::{Problem, solved};
 use crate::expr::{Evaluator, Expr, Var};
+use crate::limit::Limit;
 use crate::simulate::again::Again;
 use crate::system::System;
 use crate::system::experiment::At;
@@ -79,17 +78,13 @@ pub(super) struct Reduced<'r, 'p, 'e> {
     /// The parameters and the horizon that `prepared` is made with.
     params: Vec<f64>,
     prepared: Again,
-    /// When no more runs begin.
-    deadline: Option<Instant>,
+    /// When no more runs begin, and those that go on end.
+    pub limit: Limit,
 }
 
 impl<'r, 'p, 'e> Reduced<'r, 'p, 'e> {
     /// The problem near a point, with constraints where its nodes are. None for systems without a task.
-    pub fn new(
-        problem: &'r Problem<'p, 'e>,
-        w: &[f64],
-        time_limit: Option<Duration>,
-    ) -> Option<Self> {
+    pub fn new(problem: &'r Problem<'p, 'e>, w: &[f64], limit: &Limit) -> Option<Self> {
         let task = problem.system.task.as_ref()?;
         let mut reduced = Reduced {
             problem,
@@ -101,7 +96,7 @@ impl<'r, 'p, 'e> Reduced<'r, 'p, 'e> {
             at_place: Vec::new(),
             params: params(problem, w),
             prepared: prepared(problem, w),
-            deadline: time_limit.and_then(|limit| Instant::now().checked_add(limit)),
+            limit: limit.clone(),
         };
         reduced.ask(w);
         Some(reduced)
@@ -209,18 +204,12 @@ impl<'r, 'p, 'e> Reduced<'r, 'p, 'e> {
         !self.problem.system.switches.is_empty()
     }
 
-    /// The time that is left; none where it is not limited.
-    pub fn left(&self) -> Option<Duration> {
-        let now = Instant::now();
-        self.deadline.map(|end| end.saturating_duration_since(now))
-    }
-
     /// A run with the free quantities of a point; none where it does not reach the end in the time that is left, or where
     /// something is not finite.
     pub fn at(&self, w: &[f64]) -> Option<Values> {
         let problem = self.problem;
-        let left = self.left();
-        if left.is_some_and(|left| left.is_zero()) {
+        let limit = &self.limit;
+        if limit.is_over() {
             return None;
         }
         let own;
@@ -238,7 +227,7 @@ impl<'r, 'p, 'e> Reduced<'r, 'p, 'e> {
         let x0 = initial(problem, w);
         let instants = self.places.iter().map(|place| place.share * horizon);
         let instants: Vec<f64> = instants.map(|t| t.min(horizon)).collect();
-        let run = prepared.values(&x0, horizon, &instants, left)?;
+        let run = prepared.values(&x0, horizon, &instants, limit)?;
         let system = problem.system;
         let mut known = Known::new(problem, w);
         known.set(system, horizon, &run.end);
@@ -394,6 +383,7 @@ mod tests {
     use std::time::Duration;
 
     use super::{Problem, Reduced};
+    use crate::limit::Limit;
     use crate::testing::with_last;
 
     #[test]
@@ -404,13 +394,14 @@ mod tests {
             let task = (compiled.settings.optimize.as_ref()).expect("it is an optimization");
             let problem = Problem::new(&compiled.system, &compiled.settings, task);
             let problem = problem.expect("it has a program");
-            let (w, _) = problem.start(&[], &|| None);
+            let (w, _) = problem.start(&[], &Limit::default());
             let hour = Duration::from_secs(3600);
-            let mut reduced = Reduced::new(&problem, &w, Some(hour)).expect("it has a task");
+            let mut reduced =
+                Reduced::new(&problem, &w, &Limit::within(hour)).expect("it has a task");
             let run = reduced.at(&w).expect("it reaches its end");
             assert!((run.cost - 0.5_f64.exp()).abs() < 1e-9, "{}", run.cost);
-            // An hour later the time is over for all runs that follow.
-            reduced.deadline = reduced.deadline.and_then(|end| end.checked_sub(hour));
+            // Once the time is over, it is for all runs that follow.
+            reduced.limit = reduced.limit.sooner(Duration::ZERO);
             assert!(reduced.at(&w).is_none());
         });
     }

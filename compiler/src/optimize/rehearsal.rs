@@ -4,18 +4,17 @@
 //! that does not know of it begins in the wrong modes. Contacts never close in them, as what stands still at an instant
 //! takes time in the program.
 
-use std::collections::HashMap;
-use std::time::Duration;
-
 use super::{Problem, Sampled, solved};
 use crate::dcs::{directed, solve_in_mode};
 use crate::discretize::WINDOW;
 use crate::expr::Var;
+use crate::limit::Limit;
 use crate::report::{Dense, Status, Trajectory};
 use crate::simulate::{self, Rehearsed, Request, cut};
 use crate::system::experiment::{EventOptions, Method, Sampling};
 use crate::system::task::{Control, Shape};
 use crate::system::{Param, State, System};
+use std::collections::HashMap;
 
 /// Runs in numerical time are so many horizons long, the shorter ones first.
 const LONGER: [f64; 3] = [2.0, 4.0, 16.0];
@@ -25,23 +24,19 @@ const ROUNDING: f64 = 1e-9;
 const INSIDE: f64 = 1e-6;
 
 /// Gives lengths, states and multipliers the values of a run; false where there is none.
-pub(super) fn rehearse(
-    problem: &Problem,
-    w: &mut [f64],
-    left: &dyn Fn() -> Option<Duration>,
-) -> bool {
+pub(super) fn rehearse(problem: &Problem, w: &mut [f64], limit: &Limit) -> bool {
     let (layout, settings) = (&problem.layout, problem.settings);
     let Some(task) = &problem.dcs.task else {
         return false;
     };
     if !problem.dcs.branches.is_empty() {
-        return in_modes(problem, &problem.simulated(w, left()), w);
+        return in_modes(problem, &problem.simulated(w, limit), w);
     }
     if problem.frozen.is_none() && problem.dcs.impacts.is_empty() {
         return false;
     }
     if problem.frozen.is_some() {
-        return in_numerical_time(problem, w, left);
+        return in_numerical_time(problem, w, limit);
     }
     let mut system = problem.system.clone();
     system.task = None;
@@ -55,7 +50,7 @@ pub(super) fn rehearse(
         }
         system.params.push(known(control, values[0]));
     }
-    let rehearsed = Rehearsed::new(&system, settings, left());
+    let rehearsed = Rehearsed::new(&system, settings, limit);
     follow(problem, &rehearsed, settings.horizon, w);
     rehearsed.begins()
 }
@@ -71,11 +66,7 @@ fn known<'e>(control: &Control<'e>, value: f64) -> Param<'e> {
 
 /// Gives lengths, states and multipliers the values of runs in numerical time with the controls of the point, from one
 /// end of an interval to the next; false where one of them does not come to its end.
-pub(super) fn in_numerical_time(
-    problem: &Problem,
-    w: &mut [f64],
-    left: &dyn Fn() -> Option<Duration>,
-) -> bool {
+pub(super) fn in_numerical_time(problem: &Problem, w: &mut [f64], limit: &Limit) -> bool {
     let layout = &problem.layout;
     let (Some(frozen), Some(task)) = (&problem.frozen, &problem.dcs.task) else {
         return false;
@@ -112,7 +103,7 @@ pub(super) fn in_numerical_time(
             }
         }
         let until = (frozen.clock, length, k as f64 * length);
-        let Some((run, end)) = run(problem, &system, until, left) else {
+        let Some((run, end)) = run(problem, &system, until, limit) else {
             return false;
         };
         let switches: Vec<f64> = run.modes.iter().skip(1).map(|mode| mode.from).collect();
@@ -133,11 +124,7 @@ pub(super) fn in_numerical_time(
 }
 
 /// The states of a run with the controls of a point, at all nodes; nothing where it does not reach the horizon.
-pub(super) fn sample(
-    problem: &Problem,
-    w: &[f64],
-    time_limit: Option<Duration>,
-) -> Option<Sampled> {
+pub(super) fn sample(problem: &Problem, w: &[f64], limit: &Limit) -> Option<Sampled> {
     let layout = &problem.layout;
     let horizon = problem.settings.horizon;
     let length = horizon / (layout.steps * layout.elements) as f64;
@@ -146,7 +133,7 @@ pub(super) fn sample(
     let instants = elements.flat_map(|element| nodes.clone().map(move |c| (element + c) * length));
     let instants = [0.0].into_iter().chain(instants);
     let instants = instants.map(|t| t.min(horizon)).collect();
-    let run = solved::run(problem, w, time_limit, |settings| {
+    let run = solved::run(problem, w, limit, |settings| {
         settings.horizon = horizon;
         settings.sampling = Sampling::At(instants);
     });
@@ -209,7 +196,7 @@ fn run<'e>(
     problem: &Problem<'_, 'e>,
     system: &System<'e>,
     (clock, length, instant): (usize, f64, f64),
-    left: &dyn Fn() -> Option<Duration>,
+    limit: &Limit,
 ) -> Option<(Trajectory, f64)> {
     let mut settings = problem.settings.clone();
     settings.method = Method::Event(EventOptions::default());
@@ -221,7 +208,7 @@ fn run<'e>(
             dense: true,
             estimate: false,
             multipliers: false,
-            time_limit: left(),
+            limit: limit.clone(),
         };
         settings.horizon = longer * length;
         let run = simulate::run(system, &settings, &request);

@@ -1,9 +1,7 @@
 //! A system with what was found: nothing is left to decide, and controls are functions of time.
 
-use std::sync::Arc;
-use std::time::Duration;
-
 use super::Problem;
+use crate::limit::Limit;
 use crate::model::Data;
 use crate::report::Trajectory;
 use crate::simulate::{self, Request};
@@ -11,6 +9,7 @@ use crate::system::experiment::{EventOptions, Method, Settings};
 use crate::system::task::Shape;
 use crate::system::{StateGroup, System};
 use crate::table::{Fit, Table};
+use std::sync::Arc;
 
 impl Problem<'_, '_> {
     /// T.
@@ -29,7 +28,7 @@ impl Problem<'_, '_> {
 pub(super) fn run(
     problem: &Problem,
     w: &[f64],
-    time_limit: Option<Duration>,
+    limit: &Limit,
     change: impl FnOnce(&mut Settings),
 ) -> Trajectory {
     let mut system = system(problem, w);
@@ -50,7 +49,7 @@ pub(super) fn run(
         dense: false,
         estimate: false,
         multipliers: false,
-        time_limit,
+        limit: limit.clone(),
     };
     simulate::run(&system, &settings, &request)
 }

@@ -11,7 +11,7 @@ mod grid;
 mod reference;
 mod table;
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 pub use fit::Fit;
 pub use grid::Road;
@@ -19,7 +19,9 @@ pub use reference::Reference;
 pub use table::{csv, text};
 
 use crate::Compiled;
+use crate::clock::Instant;
 use crate::report::expect::Convergence;
+#[cfg(feature = "plots")]
 use crate::report::plot::{Curve as Line, LogLog};
 use crate::simulate::{Bench, End, Variant, whole};
 use crate::source::SourceMap;
@@ -306,7 +308,10 @@ impl Study {
         let mut points = self.curves.iter().flat_map(|curve| &curve.points);
         points.any(|point| point.error.is_ok())
     }
+}
 
+#[cfg(feature = "plots")]
+impl Study {
     /// Error against step size.
     pub fn error_step(&self) -> String {
         self.figure("mean step size h", |point| point.step)

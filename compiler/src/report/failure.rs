@@ -5,6 +5,7 @@ use thiserror::Error;
 
 use super::Status;
 use crate::diagnostics::Fixable;
+use crate::limit::Over;
 use crate::source::Span;
 
 /// A run that ended before its horizon.
@@ -443,16 +444,39 @@ pub enum Failure {
         #[label("this run")]
         span: Span,
     },
+
+    /// Canceled from outside.
+    #[error("at t = {time}, the run was canceled")]
+    #[diagnostic(code(E0734), help("run it again for the rest"))]
+    Canceled {
+        time: f64,
+        #[label("this run")]
+        span: Span,
+    },
 }
 
 impl Fixable for Failure {}
 
 impl Failure {
+    /// That the limit of a run was over.
+    pub fn over(over: Over, time: f64, span: Span) -> Self {
+        match over {
+            Over::TimeLimit => Failure::TimeLimit { time, span },
+            Over::Canceled => Failure::Canceled { time, span },
+        }
+    }
+
+    /// Whether that is why.
+    pub fn is_over(&self) -> bool {
+        self.status().is_over()
+    }
+
     /// The language's word for how the run ended.
     pub fn status(&self) -> Status {
         match self {
             Failure::Limit { .. } | Failure::Chattering { .. } => Status::IterationLimit,
             Failure::TimeLimit { .. } => Status::TimeLimit,
+            Failure::Canceled { .. } => Status::Canceled,
             Failure::Infeasible { .. } => Status::LocallyInfeasible,
             Failure::Unbounded { .. } => Status::Unbounded,
             Failure::NotOptimal {

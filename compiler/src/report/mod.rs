@@ -22,6 +22,7 @@ mod modes;
 pub mod numbers;
 mod optimum;
 mod plane;
+#[cfg(feature = "plots")]
 pub mod plot;
 mod refine;
 pub mod roads;

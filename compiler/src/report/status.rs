@@ -15,6 +15,8 @@ pub enum Status {
     IterationLimit,
     /// Out of time.
     TimeLimit,
+    /// Canceled from outside.
+    Canceled,
     /// Anything else: no or no unique solution, numbers that are not finite.
     #[default]
     NumericalFailure,
@@ -22,15 +24,21 @@ pub enum Status {
 
 impl Status {
     /// All of them.
-    pub const ALL: [Status; 7] = [
+    pub const ALL: [Status; 8] = [
         Status::Solved,
         Status::Feasible,
         Status::LocallyInfeasible,
         Status::Unbounded,
         Status::IterationLimit,
         Status::TimeLimit,
+        Status::Canceled,
         Status::NumericalFailure,
     ];
+
+    /// Whether it was ended from outside before it was done.
+    pub fn is_over(self) -> bool {
+        matches!(self, Status::TimeLimit | Status::Canceled)
+    }
 
     /// The word of the language.
     pub fn as_str(self) -> &'static str {
@@ -41,6 +49,7 @@ impl Status {
             Status::Unbounded => "unbounded",
             Status::IterationLimit => "iteration_limit",
             Status::TimeLimit => "time_limit",
+            Status::Canceled => "canceled",
             Status::NumericalFailure => "numerical_failure",
         }
     }

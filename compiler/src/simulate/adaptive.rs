@@ -3,10 +3,10 @@
 //! α_i is 0 or 1 by the sign of ψ_i wherever the method looks, and nothing locates where it changes.
 //! A second run with a hundredth of the tolerance gives the estimate of the error.
 
+use crate::clock::Instant;
 use crate::hybrid::{self, Polynomials, Pulses, data_of, tape, variable};
 use nsd_solver::simulate::{Piecewise, write_pieces};
 use std::sync::Arc;
-use std::time::Instant;
 
 use nsd_solver::adaptive::{self, Field, Simulator};
 use nsd_solver::simulate::{Side, Status};
@@ -35,10 +35,9 @@ pub(super) fn run(
     let pulses = Pulses::of(system, settings.horizon);
     let stepping = scheduled(system, settings.horizon);
     let simulator = |tolerance: f64| {
-        let left = |limit: std::time::Duration| limit.saturating_sub(started.elapsed());
         let settings = adaptive::Settings {
             tolerance,
-            time_limit: request.time_limit.map(left),
+            limit: request.limit.clone(),
             ..adaptive::Settings::default()
         };
         let field = Jumping::new(&stepping, pulses.clone());
@@ -55,7 +54,8 @@ pub(super) fn run(
         let mut watched = Watched::new(&mut comparison, settings.horizon, true, watch);
         let mut simulator = simulator(REFINEMENT * settings.tolerance);
         let fine = simulator.run(0.0, settings.horizon, &x0, &mut watched);
-        (fine.status == Status::Solved).then(|| estimate(system, &comparison, [&outcome, &fine]))
+        let solved = fine.status == Status::Solved;
+        solved.then(|| estimate(system, &comparison, [&outcome, &fine]))?
     });
     let mut trajectory = assemble(system, settings, &outcome, recorder);
     trajectory.method = Method {

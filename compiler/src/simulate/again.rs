@@ -2,14 +2,13 @@
 //!
 //! Its functions are compiled once, as they are met.
 
+use nsd_solver::simulate::{self as solver, Observer, Segment, Simulator, Status};
 use std::cell::RefCell;
 use std::ops::ControlFlow;
 use std::sync::Arc;
-use std::time::Duration;
-
-use nsd_solver::simulate::{self as solver, Observer, Segment, Simulator, Status};
 
 use crate::hybrid;
+use crate::limit::Limit;
 use crate::system::System;
 use crate::table::Table;
 
@@ -56,7 +55,7 @@ impl Again {
         x0: &[f64],
         horizon: f64,
         instants: &[f64],
-        time_limit: Option<Duration>,
+        limit: &Limit,
     ) -> Option<Values> {
         let mut seen = Seen {
             instants,
@@ -65,7 +64,7 @@ impl Again {
             alpha: Vec::new(),
         };
         let mut simulator = self.simulator.borrow_mut();
-        simulator.set_time_limit(time_limit);
+        simulator.set_limit(limit.clone());
         let outcome = simulator.run(0.0, horizon, x0, &mut seen);
         if outcome.status != Status::Solved {
             return None;

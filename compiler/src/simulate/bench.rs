@@ -3,11 +3,13 @@
 //! The first run of a solver compiles its functions. Those after it are timed: they are the solve
 //! and nothing else.
 
+use crate::clock::Instant;
 use crate::hybrid::{self, Pulses};
+use crate::limit::Limit;
 use nsd_solver::simulate::HybridSystem;
 use std::ops::ControlFlow;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use nsd_solver::adaptive;
 use nsd_solver::fesd::{self, Grid};
@@ -177,7 +179,7 @@ impl<'s, 'e> Bench<'s, 'e> {
     }
 
     fn by_events(&self, tolerance: f64, more_orders: usize, limit: Duration) -> (Outcome, f64) {
-        let mut settings = solver_settings(&self.settings.method, tolerance, Some(limit));
+        let mut settings = solver_settings(&self.settings.method, tolerance, Limit::within(limit));
         if more_orders > 0 {
             let order = Simulator::new(self.hybrid.clone(), settings.clone()).order();
             settings.order = Some(order + more_orders);
@@ -195,7 +197,7 @@ impl<'s, 'e> Bench<'s, 'e> {
     ) -> (Outcome, f64) {
         let settings = fesd::Settings {
             grid,
-            time_limit: Some(limit),
+            limit: Limit::within(limit),
             ..fesd::Settings::new(family, nodes)
         };
         let system = self.complementarity.as_ref();
@@ -219,7 +221,7 @@ impl<'s, 'e> Bench<'s, 'e> {
             family,
             nodes,
             steps,
-            time_limit: Some(limit),
+            limit: Limit::within(limit),
         };
         let system = self.complementarity.as_ref();
         let system = system.expect("only systems that are lowered are stepped");
@@ -234,7 +236,7 @@ impl<'s, 'e> Bench<'s, 'e> {
         let smoothed = smoothing::smooth(self.system, options);
         let settings = solver::Settings {
             tolerance: SMOOTHED_TOLERANCE,
-            time_limit: Some(limit),
+            limit: Limit::within(limit),
             ..solver::Settings::default()
         };
         let mut simulator = Simulator::new(hybrid::lower_over(&smoothed, horizon), settings);
@@ -242,7 +244,7 @@ impl<'s, 'e> Bench<'s, 'e> {
             self.measure(|| simulator.run(0.0, horizon, &self.x0, &mut Unseen));
         // Its switches are others.
         outcome.status = match outcome.status {
-            status @ (Status::Solved | Status::TimeLimit | Status::StepLimit) => status,
+            status @ (Status::Solved | Status::Over(_) | Status::StepLimit) => status,
             _ => Status::Unsolved,
         };
         (outcome, seconds)
@@ -251,7 +253,7 @@ impl<'s, 'e> Bench<'s, 'e> {
     fn by_extrapolation(&self, tolerance: f64, limit: Duration) -> (Outcome, f64) {
         let settings = adaptive::Settings {
             tolerance,
-            time_limit: Some(limit),
+            limit: Limit::within(limit),
             ..adaptive::Settings::default()
         };
         let horizon = self.settings.horizon;
@@ -318,7 +320,7 @@ pub fn whole<'e>(
         dense: false,
         estimate: false,
         multipliers: false,
-        time_limit: Some(limit),
+        limit: Limit::within(limit),
     };
     let run = super::run(system, &settings, &request);
     let last = run.time.len() - 1;

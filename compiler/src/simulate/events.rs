@@ -1,7 +1,6 @@
 //! Runs from event to event of a system that is compiled once.
 
 use std::sync::Arc;
-use std::time::Instant;
 
 use nsd_solver::simulate::{self as solver, HybridSystem, Outcome, Simulator};
 
@@ -10,6 +9,7 @@ use super::watch::{Progress, Watched};
 use super::{
     Estimate, Recorder, Request, assemble, finer, judge, smoothed, solver_settings, tightened,
 };
+use crate::clock::Instant;
 use crate::hybrid;
 use crate::report::{Method, MethodOption, Trajectory};
 use crate::system::System;
@@ -49,26 +49,20 @@ impl Events {
         let parameters: Vec<f64> = self.reported.parameters(system).collect();
         let mut tolerance: f64 = settings.tolerance;
         let mut attempt = 1;
-        // All runs together have the time that is given.
-        let left = || {
-            let limit = request.time_limit?;
-            Some(limit.saturating_sub(started.elapsed()))
-        };
         let (outcome, recorder, estimate) = loop {
             let solver_settings = solver::Settings {
                 kicks: settings.kicks.as_ref().map(|kicks| kicks.kicks(system)),
                 averages: settings.averages,
-                ..solver_settings(&settings.method, tolerance, left())
+                ..solver_settings(&settings.method, tolerance, request.limit.clone())
             };
             let simulator = ready(&mut self.coarse, &self.hybrid, &parameters, solver_settings);
             let reported = self.reported.clone();
             let mut recorder = Recorder::of(system, settings, tolerance, request.dense, reported);
             let mut watched = Watched::new(&mut recorder, settings.horizon, false, watch);
             let outcome = simulator.run(0.0, settings.horizon, &x0, &mut watched);
-            let wanted = request.estimate && outcome.status != solver::Status::TimeLimit;
+            let wanted = request.estimate && !matches!(outcome.status, solver::Status::Over(_));
             let estimate = wanted.then(|| {
-                let mut finer = finer(simulator.settings(), simulator.order(), tolerance);
-                finer.time_limit = left();
+                let finer = finer(simulator.settings(), simulator.order(), tolerance);
                 if self.fine.is_none() {
                     // What has been compiled for one serves the other.
                     self.fine = Some(simulator.with(finer.clone()));
@@ -134,10 +128,9 @@ fn ready<'s>(
     parameters: &[f64],
     settings: solver::Settings,
 ) -> &'s mut Simulator {
-    let limit = settings.time_limit;
     let simulator = match last.take() {
         Some(mut last) => {
-            last.set_time_limit(limit);
+            last.set_limit(settings.limit.clone());
             match *last.settings() == settings {
                 true => last,
                 false => last.with(settings),

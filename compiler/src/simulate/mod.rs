@@ -32,11 +32,11 @@ mod touches;
 mod watch;
 
 use std::ops::ControlFlow;
-use std::time::Duration;
 
 use nsd_solver::simulate as solver;
 use solver::{Approach, Observer, Outcome, Segment, Simulator};
 
+use crate::limit::Limit;
 use crate::report::{Certificate, Failure, Kind, Stats, Status, Trajectory, Warning};
 use crate::system::System;
 use crate::system::experiment::{self, Branch, EventOptions, Settings};
@@ -79,11 +79,11 @@ pub fn run_watched(
 pub(crate) fn solver_settings(
     method: &experiment::Method,
     tolerance: f64,
-    time_limit: Option<Duration>,
+    limit: Limit,
 ) -> solver::Settings {
     let defaults = solver::Settings {
         tolerance,
-        time_limit,
+        limit,
         ..Default::default()
     };
     let experiment::Method::Event(EventOptions {
@@ -164,7 +164,7 @@ impl Estimate {
         comparison.approaches = &outcome.approaches;
         let mut watched = Watched::new(&mut comparison, horizon, true, watch);
         let fine = finer.run(0.0, horizon, x0, &mut watched);
-        if fine.status == solver::Status::TimeLimit {
+        if matches!(fine.status, solver::Status::Over(_)) {
             return None;
         }
         let events = (outcome.stats.events as f64).sqrt();

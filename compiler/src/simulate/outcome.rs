@@ -40,7 +40,7 @@ pub(super) fn failure(
         Status::Solved | Status::Stopped => return None,
         Status::StepLimit => limit("steps", steepest::turning(system, outcome, ahead)),
         Status::EventLimit => limit("events", None),
-        Status::TimeLimit => Failure::TimeLimit { time, span },
+        Status::Over(over) => Failure::over(*over, time, span),
         Status::Accumulation => Failure::Accumulation { time, span },
         Status::StaysInGuard { law } => Failure::StaysInGuard {
             time,

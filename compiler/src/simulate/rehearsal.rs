@@ -1,16 +1,15 @@
 //! A run from event to event says where elements may meet, and what goes on in them: where a program starts.
 
-use std::collections::HashMap;
-use std::time::Duration;
-
 use super::{Request, run};
 use crate::dcs::{Dcs, Friction, SlipLaw, directed, solve_in_mode};
 use crate::discretize::Layout;
 use crate::expr::{Expr, Var};
+use crate::limit::Limit;
 use crate::mpcc::Bounds;
 use crate::report::{Dense, EventKind, Failure, Piece};
 use crate::system::System;
 use crate::system::experiment::{EventOptions, Method, Sampling, Settings};
+use std::collections::HashMap;
 
 /// Instants closer than this, as a share of an interval, are one.
 const CLOSEST: f64 = 1e-9;
@@ -40,8 +39,8 @@ pub(crate) struct Rehearsed<'e> {
 }
 
 impl<'e> Rehearsed<'e> {
-    /// Over the horizon of the experiment, for so long.
-    pub fn new(system: &System<'e>, settings: &Settings<'e>, time_limit: Option<Duration>) -> Self {
+    /// Over the horizon of the experiment, as long as the limit allows.
+    pub fn new(system: &System<'e>, settings: &Settings<'e>, limit: &Limit) -> Self {
         let mut system = system.clone();
         system.outputs.clear();
         let mut settings = settings.clone();
@@ -54,7 +53,7 @@ impl<'e> Rehearsed<'e> {
             dense: true,
             estimate: false,
             multipliers: false,
-            time_limit,
+            limit: limit.clone(),
         };
         let run = run(&system, &settings, &request);
         let jumps = run

@@ -1,9 +1,9 @@
 //! What is asked of a run.
 
-use std::time::{Duration, Instant};
+use crate::limit::Limit;
 
 /// What a caller needs of a run besides the experiment's own settings.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Request {
     /// Keep the solution between the reported instants.
     pub dense: bool,
@@ -11,8 +11,8 @@ pub struct Request {
     pub estimate: bool,
     /// Keep the multipliers, where the method has them.
     pub multipliers: bool,
-    /// Wall time after which the run stops.
-    pub time_limit: Option<Duration>,
+    /// When the run stops, and all that it makes runs of.
+    pub limit: Limit,
 }
 
 impl Default for Request {
@@ -21,18 +21,7 @@ impl Default for Request {
             dense: true,
             estimate: true,
             multipliers: false,
-            time_limit: None,
-        }
-    }
-}
-
-impl Request {
-    /// The same with what is left of the time since an instant, for runs that share it.
-    pub fn left(&self, since: Instant) -> Self {
-        let limit = self.time_limit;
-        Request {
-            time_limit: limit.map(|limit| limit.saturating_sub(since.elapsed())),
-            ..*self
+            limit: Limit::default(),
         }
     }
 }

@@ -4,11 +4,13 @@ use serde_json::{Map, Value, json};
 
 use super::{Grid, Row};
 use crate::report::Status;
+#[cfg(feature = "plots")]
 use crate::report::plot::Sweep;
 
 /// Rows that are printed one by one.
 const SHOWN: usize = 24;
 /// Panels of a figure.
+#[cfg(feature = "plots")]
 const MOST_PANELS: usize = 12;
 
 /// A sweep that has been run.
@@ -94,6 +96,7 @@ impl Table<'_> {
     }
 
     /// End values, and objectives where there are any, over one axis or two.
+    #[cfg(feature = "plots")]
     pub fn figure(&self) -> String {
         let drawn = self.grid.drawn();
         let of = |value: &dyn Fn(&Row) -> Option<f64>| -> Vec<f64> {

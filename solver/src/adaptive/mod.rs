@@ -13,8 +13,8 @@ mod extrapolation;
 mod tests;
 
 use std::ops::ControlFlow;
-use std::time::{Duration, Instant};
 
+use crate::limit::Limit;
 use crate::simulate::dense::ElementSeries;
 use crate::simulate::{Event, Observer, Outcome, Segment, Side, Stats, Status};
 use control::{Control, Verdict};
@@ -44,8 +44,8 @@ pub struct Settings {
     pub tolerance: f64,
     /// Largest number of steps, rejected ones included.
     pub max_steps: usize,
-    /// Wall time after which the run stops.
-    pub time_limit: Option<Duration>,
+    /// When the run stops.
+    pub limit: Limit,
 }
 
 impl Default for Settings {
@@ -53,7 +53,7 @@ impl Default for Settings {
         Settings {
             tolerance: 1e-8,
             max_steps: 100_000,
-            time_limit: None,
+            limit: Limit::default(),
         }
     }
 }
@@ -145,7 +145,6 @@ impl<F: Field> Simulator<F> {
             sides,
             tolerance,
             has_value: true,
-            started: Instant::now(),
             stats: Stats::default(),
         }
     }
@@ -159,10 +158,12 @@ impl<F: Field> Simulator<F> {
         if attempts >= self.settings.max_steps {
             return Some(Status::StepLimit);
         }
-        let is_over = |limit| run.started.elapsed() > limit;
-        let is_late =
-            attempts.is_multiple_of(STEPS) && self.settings.time_limit.is_some_and(is_over);
-        is_late.then_some(Status::TimeLimit)
+        let limit = &self.settings.limit;
+        let over = match attempts.is_multiple_of(STEPS) {
+            true => limit.over(),
+            false => limit.canceled(),
+        };
+        over.map(Status::Over)
     }
 
     /// Whether a step is as accurate as it has to be; then the table and the series hold it.
@@ -250,7 +251,6 @@ struct Run {
     tolerance: f64,
     /// Whether the last attempt has led to numbers.
     has_value: bool,
-    started: Instant,
     stats: Stats,
 }
 

@@ -37,10 +37,9 @@ mod uniform;
 mod watch;
 mod whole;
 
-use std::time::{Duration, Instant};
-
 use rustc_hash::FxHashMap;
 
+use crate::limit::Limit;
 use crate::simulate::dense::ElementSeries;
 use crate::simulate::roots::RootFinder;
 use crate::simulate::zeno::Events;
@@ -71,8 +70,8 @@ pub struct Settings {
     pub max_elements: usize,
     /// Largest number of events.
     pub max_events: usize,
-    /// Wall time after which the run stops.
-    pub time_limit: Option<Duration>,
+    /// When the run stops.
+    pub limit: Limit,
     /// Switches that are below their surface where several sets go on that differ in them.
     pub below: Vec<usize>,
 }
@@ -86,7 +85,7 @@ impl Settings {
             grid: Grid::Adaptive { tolerance: 1e-8 },
             max_elements: 10_000_000,
             max_events: 1_000_000,
-            time_limit: None,
+            limit: Limit::default(),
             below: Vec::new(),
         }
     }
@@ -202,7 +201,6 @@ struct Run {
     /// The same where α is the independent variable.
     next_branch: f64,
     rates: Vec<f64>,
-    started: Instant,
     stats: Stats,
     added: usize,
     rungs: Rungs,
@@ -302,7 +300,6 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
             next: 0.0,
             next_branch: 0.0,
             rates: vec![0.0; x0.len()],
-            started: Instant::now(),
             stats: Stats::default(),
             added: 0,
             rungs: Rungs::default(),
@@ -445,20 +442,7 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
         if run.stats.events >= self.settings.max_events {
             return Err(Status::EventLimit);
         }
-        self.time_left(run)
-    }
-
-    /// Whether a run has to stop for the time that it has taken.
-    fn time_left(&self, run: &Run) -> Result<(), Status> {
-        match self.deadline(run) {
-            Some(deadline) if Instant::now() >= deadline => Err(Status::TimeLimit),
-            _ => Ok(()),
-        }
-    }
-
-    /// When a run has to stop.
-    fn deadline(&self, run: &Run) -> Option<Instant> {
-        run.started.checked_add(self.settings.time_limit?)
+        Ok(self.settings.limit.check()?)
     }
 
     /// The place of the functions of an active set.

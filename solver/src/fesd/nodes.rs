@@ -6,11 +6,10 @@
 //! member of every pair zero, and where that goes in circles along smoothed pairs: the solutions of the
 //! Fischer-Burmeister equation a + b - √(a² + b² + 2σ) = 0 satisfy ab = σ, a, b > 0 (Kanzow 1996).
 
-use std::time::Instant;
-
 use super::scheme::Scheme;
 use super::system::ComplementaritySystem;
 use super::uniform::SLACK;
+use crate::limit::Limit;
 use crate::linalg::DenseLu;
 use crate::simulate::Stats;
 use crate::tape::Tape;
@@ -161,17 +160,16 @@ impl Nodes {
     }
 
     /// Solves for V and z at once: by the smaller members first, else along smoothed pairs, ever more
-    /// slowly and from the middle of what jumps, as long as `deadline` allows. Whether no member of the solution is
+    /// slowly and from the middle of what jumps, as long as `limit` allows. Whether no member of the solution is
     /// negative.
     pub fn solve(
         &mut self,
         system: &impl ComplementaritySystem,
         scheme: &Scheme,
         step: Step,
-        deadline: Option<Instant>,
+        limit: &Limit,
         stats: &mut Stats,
     ) -> bool {
-        let is_late = || deadline.is_some_and(|deadline| Instant::now() >= deadline);
         let start = self.unknowns.clone();
         if self.newton(system, scheme, step, Rule::Least, stats) {
             return true;
@@ -183,7 +181,7 @@ impl Nodes {
             }
             let [mut sigma, last] = SIGMA;
             let mut lost = 0;
-            while sigma > last && lost < MAX_LOST && !is_late() {
+            while sigma > last && lost < MAX_LOST && !limit.is_over() {
                 let found = self.newton(system, scheme, step, Rule::Smooth(sigma), stats);
                 lost = if found { 0 } else { lost + 1 };
                 // The smaller members may be the right ones long before σ is zero.

@@ -250,10 +250,10 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                     self.take(run, choice, bands)
                 }
                 // What the clock has stopped has found nothing out.
-                None => Err(self
-                    .time_left(run)
-                    .err()
-                    .unwrap_or_else(|| self.nothing(run, &found))),
+                None => {
+                    self.settings.limit.check()?;
+                    Err(self.nothing(run, &found))
+                }
             },
             _ => {
                 accepted.retain(|choice| self.mode(&choice.zeros).is_some());

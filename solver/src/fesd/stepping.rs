@@ -5,12 +5,12 @@
 //! compared with.
 
 use std::ops::ControlFlow;
-use std::time::{Duration, Instant};
 
 use super::nodes::{Nodes, Step};
 use super::scheme::Scheme;
 use super::system::ComplementaritySystem;
 use super::uniform::Uniform;
+use crate::limit::Limit;
 use crate::simulate::dense::ElementSeries;
 use crate::simulate::{Event, Observer, Outcome, Segment, Side, Stats, Status};
 use crate::tableau::{Family, Tableau, TableauError};
@@ -24,8 +24,8 @@ pub struct SteppingSettings {
     pub nodes: usize,
     /// Number of steps, at least 1, besides those that end at breakpoints.
     pub steps: usize,
-    /// Wall time after which the run stops.
-    pub time_limit: Option<Duration>,
+    /// When the run stops.
+    pub limit: Limit,
 }
 
 /// α within this of 0 or 1 is there.
@@ -69,8 +69,6 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
 
     /// Integrates from `x0` at `t0` to `t1`.
     pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut impl Observer) -> Outcome {
-        let limit = self.settings.time_limit;
-        let deadline = limit.and_then(|limit| Instant::now().checked_add(limit));
         let (n, steps) = (x0.len(), self.settings.steps);
         let mut x = x0.to_vec();
         let mut end = x.clone();
@@ -87,9 +85,8 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
             if ends == steps {
                 break Status::Solved;
             }
-            let is_late = || deadline.is_some_and(|deadline| Instant::now() >= deadline);
-            if is_late() {
-                break Status::TimeLimit;
+            if let Some(over) = self.settings.limit.over() {
+                break Status::Over(over);
             }
             // A breakpoint in a step is the end of a part of it.
             let end_of_step = t0 + (t1 - t0) * ((ends + 1) as f64 / steps as f64);
@@ -100,11 +97,9 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
                 end_of_step
             };
             let h = next - t;
-            if !self.solve((t, h), &x, deadline, &mut stats) {
-                break match is_late() {
-                    true => Status::TimeLimit,
-                    false => Status::Unsolved,
-                };
+            if !self.solve((t, h), &x, &mut stats) {
+                let over = self.settings.limit.over();
+                break over.map_or(Status::Unsolved, Status::Over);
             }
             stats.steps += 1;
             stats.rhs_evaluations += self.tableau().n_nodes();
@@ -180,19 +175,13 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
     }
 
     /// Solves the step, in the active set of the last one if it can be.
-    fn solve(
-        &mut self,
-        (t, h): (f64, f64),
-        x: &[f64],
-        deadline: Option<Instant>,
-        stats: &mut Stats,
-    ) -> bool {
+    fn solve(&mut self, (t, h): (f64, f64), x: &[f64], stats: &mut Stats) -> bool {
         let nodes = &mut self.nodes;
         if self.uniform.solve((t, h), x, &mut nodes.unknowns, stats) {
             return true;
         }
-        let scheme = &self.uniform.scheme;
-        let solved = nodes.solve(self.system, scheme, Step { t, h, x }, deadline, stats);
+        let (scheme, limit) = (&self.uniform.scheme, &self.settings.limit);
+        let solved = nodes.solve(self.system, scheme, Step { t, h, x }, limit, stats);
         let last = scheme.s - 1;
         self.uniform.enter(self.system, nodes.z(last));
         solved

@@ -7,8 +7,6 @@
 //! there: an element of its own has to confirm it, and what happens behind the first nodes is found by
 //! the elements that follow.
 
-use std::time::Instant;
-
 use super::directional::Choice;
 use super::nodes::{Nodes, Step};
 use super::system::{ComplementaritySystem, Zero};
@@ -34,9 +32,8 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         nodes.begin(system, run.t, &run.x, &run.z);
         let mut h = length;
         let mut found = None;
-        let deadline = self.deadline(run);
         for _ in 0..MAX_ELEMENTS {
-            if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+            if self.settings.limit.is_over() {
                 break;
             }
             let step = Step {
@@ -44,7 +41,13 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 h,
                 x: &run.x,
             };
-            if nodes.solve(system, &self.scheme, step, deadline, &mut run.stats) {
+            if nodes.solve(
+                system,
+                &self.scheme,
+                step,
+                &self.settings.limit,
+                &mut run.stats,
+            ) {
                 found = self.set_of(run, &nodes, bands, h);
             } else {
                 nodes.begin(system, run.t, &run.x, &run.z);

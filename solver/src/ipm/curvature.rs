@@ -43,6 +43,9 @@ impl Run<'_> {
         }
         let (mut quotient, mut growth) = (f64::INFINITY, 1.0);
         for _ in 0..MAX_ITERATIONS {
+            if self.options.limit.is_over() {
+                return None;
+            }
             self.solve_reduced().ok()?;
             // K (d⁺, ·) = (d, 0): the quotient of d⁺ is dᵀd⁺ / d⁺ᵀd⁺ - δ_w.
             let product =

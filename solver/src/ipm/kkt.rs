@@ -14,6 +14,7 @@
 
 use super::form::{Form, Sparse};
 use super::solution::Failure;
+use crate::limit::Limit;
 use crate::linalg::bunch_kaufman::BunchKaufman;
 use crate::linalg::ldl::SparseLdl;
 use crate::linalg::matching::{self, Weights, matching};
@@ -62,6 +63,7 @@ pub(super) struct Kkt {
     pub has_lost_pivots: bool,
     /// δ_w of the matrix factored last, and the least δ_w.
     pub regularization: f64,
+    limit: Limit,
     permanent: f64,
     last_correction: f64,
     was_corrected: bool,
@@ -74,7 +76,7 @@ pub(super) struct Kkt {
 }
 
 impl Kkt {
-    pub fn new(form: &Form<'_>, pairs_pivots: bool) -> Self {
+    pub fn new(form: &Form<'_>, pairs_pivots: bool, limit: Limit) -> Self {
         let (n, m) = (form.n, form.m);
         let mut entries: Vec<(u32, u32)> = (0..(n + m) as u32).map(|i| (i, i)).collect();
         let list = |sparse: &Sparse, first: usize| -> Vec<(u32, u32)> {
@@ -113,6 +115,7 @@ impl Kkt {
             has_lost_pivots: false,
             pattern,
             regularization: 0.0,
+            limit,
             permanent: PERMANENT,
             last_correction: 0.0,
             was_corrected: false,
@@ -158,6 +161,9 @@ impl Kkt {
         }
         let mut n_corrections = usize::from(correction > 0.0);
         loop {
+            if self.limit.is_over() {
+                return Err(Failure::LinearSystem);
+            }
             self.regularize(form, sigma, correction);
             self.is_dense = false;
             let found = self.factor_sparse(form, jacobian);

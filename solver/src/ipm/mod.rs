@@ -33,7 +33,6 @@ use line_search::Search;
 use residuals::Errors;
 use restoration::Elastic;
 use saved::{Saved, Stall};
-use std::time::Instant;
 
 const KAPPA_EPSILON: f64 = 10.0;
 const TAU_MIN: f64 = 0.99;
@@ -58,14 +57,13 @@ pub fn solve(
     start: Option<&Point>,
     observer: &mut dyn Observer,
 ) -> Solution {
-    let clock = Instant::now();
     let mu = start.map_or(options.mu_init, |point| point.mu);
     nlp.follow(mu.max(options.mu_target));
     let mut start = start.cloned();
     let mut iterations = 0;
     // Where a relaxation fixes or frees variables or rows on its way, the form is made anew.
     loop {
-        let mut run = Run::new(nlp, options, clock, iterations);
+        let mut run = Run::new(nlp, options, iterations);
         let exit = run.run(start.as_ref(), observer);
         let (point, done) = (run.point(), run.iterations);
         let status = match exit {
@@ -113,7 +111,6 @@ enum Exit {
 struct Run<'a> {
     form: Form<'a>,
     options: &'a Options,
-    clock: Instant,
     kkt: Kkt,
     iterations: usize,
     /// The point: x, slacks and, while the violation is minimized, p and n; multipliers of rows and bounds.
@@ -169,16 +166,15 @@ struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    fn new(nlp: &'a mut dyn Nlp, options: &'a Options, clock: Instant, iterations: usize) -> Self {
+    fn new(nlp: &'a mut dyn Nlp, options: &'a Options, iterations: usize) -> Self {
         let form = Form::new(nlp);
         let (n, m) = (form.n, form.m);
         let n_all = n + form.attached.len();
         let all = || vec![0.0; n_all];
         let rows = || vec![0.0; m];
         Run {
-            kkt: Kkt::new(&form, options.pairs_pivots),
+            kkt: Kkt::new(&form, options.pairs_pivots, options.limit.clone()),
             options,
-            clock,
             iterations,
             v: all(),
             y: rows(),
@@ -257,6 +253,9 @@ impl<'a> Run<'a> {
             // Newton's step, and as much of it as the filter accepts.
             self.target.copy_from_slice(&self.residual);
             let newton = self.newton_step();
+            if let Some(over) = self.options.limit.over() {
+                return Exit::Ended(Status::Over(over));
+            }
             let is_step = newton.is_ok();
             let search = match newton {
                 Ok(()) if self.is_ray() => return Exit::Ended(Status::Unbounded),
@@ -374,13 +373,8 @@ impl<'a> Run<'a> {
         if self.iterations >= options.max_iterations {
             return Some(Exit::Ended(Status::IterationLimit));
         }
-        if options
-            .time_limit
-            .is_some_and(|limit| self.clock.elapsed() >= limit)
-        {
-            return Some(Exit::Ended(Status::TimeLimit));
-        }
-        None
+        let over = options.limit.over();
+        over.map(|over| Exit::Ended(Status::Over(over)))
     }
 
     /// Goes to the trial point; multipliers stay near μ / distance.

@@ -1,6 +1,6 @@
 //! What a run is asked for.
 
-use std::time::Duration;
+use crate::limit::Limit;
 
 /// How the barrier parameter decreases.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,8 +18,8 @@ pub struct Options {
     pub tolerance: f64,
     /// The largest number of iterations.
     pub max_iterations: usize,
-    /// The longest time.
-    pub time_limit: Option<Duration>,
+    /// When it ends.
+    pub limit: Limit,
     /// The rule for μ.
     pub barrier: BarrierRule,
     /// μ at the start, where no point brings its own; positive.
@@ -42,7 +42,7 @@ impl Default for Options {
         Options {
             tolerance: 1e-8,
             max_iterations: 3000,
-            time_limit: None,
+            limit: Limit::default(),
             barrier: BarrierRule::Monotone,
             mu_init: 0.1,
             mu_target: 0.0,

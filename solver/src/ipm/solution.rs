@@ -1,5 +1,7 @@
 //! How a run ends.
 
+use crate::limit::Over;
+
 /// Why it ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
@@ -13,8 +15,8 @@ pub enum Status {
     Unbounded,
     /// The largest number of iterations was reached.
     IterationLimit,
-    /// The time is up.
-    TimeLimit,
+    /// The limit is over.
+    Over(Over),
     /// The observer stopped the run.
     Stopped,
     /// No further step was found.

@@ -4,6 +4,7 @@
 //! partial pivoting. Takes n² memory and n³/6 operations: for tests, and where a static order fails.
 
 use super::symmetric::{FactorFailure, Inertia, KktSolver};
+use crate::limit::work;
 use crate::problem::Pattern;
 
 /// Memory for one size.
@@ -75,6 +76,7 @@ impl KktSolver for BunchKaufman {
     fn factor(&mut self, values: &[f64]) -> Result<Inertia, FactorFailure> {
         let alpha = (1.0 + 17.0_f64.sqrt()) / 8.0;
         let n = self.n;
+        work::add(n * n * n / 6);
         self.matrix.fill(0.0);
         for (&place, &value) in self.places.iter().zip(values) {
             self.matrix[place as usize] = value;

@@ -5,6 +5,7 @@
 //! rounding is replaced by a small share of its diagonal.
 
 use super::dot;
+use crate::limit::work;
 
 /// Memory for a factorization.
 #[derive(Clone, Debug, Default)]
@@ -90,6 +91,7 @@ impl Envelope {
             let (done, rest) = self.entries.split_at_mut(self.starts[i]);
             let row = &mut rest[..self.starts[i + 1] - self.starts[i]];
             let first = i + 1 - row.len();
+            work::add(row.len() * row.len() / 2);
             for j in first..i {
                 let of_j = &done[self.starts[j]..self.starts[j + 1]];
                 let of_first = j + 1 - of_j.len();

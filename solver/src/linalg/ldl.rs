@@ -7,6 +7,7 @@
 //! package*), the order is that of minimum degree (Amestoy, Davis & Duff 1996).
 
 use super::symmetric::{FactorFailure, Inertia, KktSolver};
+use crate::limit::work;
 use crate::problem::Pattern;
 
 /// A pivot that cancels to less than this share of its terms has no sign.
@@ -300,6 +301,7 @@ impl KktSolver for SparseLdl {
             let end = self.starts[k + 1] as usize;
             let last = self.target_starts[k + 1];
             let count = end - start;
+            work::add(1 + count * (count + 1) / 2);
             let (column, scaled) = (&mut self.column[..count], &mut self.scaled[..count]);
             let rows = &self.rows[start..end];
             let entries = &mut self.entries[start..end];
@@ -326,6 +328,7 @@ impl KktSolver for SparseLdl {
     }
 
     fn solve(&mut self, rhs: &mut [f64]) {
+        work::add(2 * self.entries.len());
         let work = &mut self.work;
         for (value, &place) in work.iter_mut().zip(&self.order) {
             *value = rhs[place as usize];

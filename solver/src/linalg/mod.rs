@@ -12,6 +12,8 @@ pub mod symmetric;
 
 use nalgebra::ComplexField;
 
+use crate::limit::work;
+
 /// A real or complex number.
 pub trait Number: ComplexField<RealField = f64> + Copy {}
 
@@ -222,6 +224,7 @@ fn factor<T: Number>(
     column_scale: &mut [f64],
 ) -> Result<(), Singular> {
     let n = pivots.len();
+    work::add(n * n * n / 3);
     column_scale.fill(0.0);
     // Until a column has its pivot: the last row that begins in it.
     pivots.fill(0);
@@ -283,6 +286,7 @@ fn factor<T: Number>(
 
 fn solve<T: Number>(a: &[T], inverses: &[T], pivots: &[usize], rhs: &mut [T]) {
     let n = pivots.len();
+    work::add(n * n);
     for (row, &pivot) in pivots.iter().enumerate() {
         rhs.swap(row, pivot);
     }

@@ -7,6 +7,7 @@
 
 use super::ldl::{CANCELLED, NONE, columns_of_factor, minimum_degree, rows_of_factor};
 use super::symmetric::{FactorFailure, Inertia, KktSolver};
+use crate::limit::work;
 use crate::problem::Pattern;
 
 /// Memory and symbolic factorization for one pattern and its pairs.
@@ -179,6 +180,7 @@ impl KktSolver for PairedLdl {
         self.work.fill(0.0);
         for k in 0..n {
             let column = self.starts[k] as usize..self.starts[k + 1] as usize;
+            work::add(1 + column.len() * column.len());
             for (&row, &source) in self.rows[column.clone()].iter().zip(&self.sources[column]) {
                 self.work[row as usize] = match source {
                     NONE => 0.0,
@@ -255,6 +257,7 @@ impl KktSolver for PairedLdl {
     }
 
     fn solve(&mut self, rhs: &mut [f64]) {
+        work::add(2 * self.entries.len());
         let n = self.order.len();
         let work = &mut self.work;
         for (value, &place) in work.iter_mut().zip(&self.order) {

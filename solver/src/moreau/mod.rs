@@ -39,11 +39,11 @@ mod search;
 mod strike;
 
 use std::ops::ControlFlow;
-use std::time::{Duration, Instant};
 
 pub use events::{Change, Observer};
 pub use scene::{Body, Family, Free, Scene};
 
+use crate::limit::Limit;
 use crate::simulate::dense::ElementSeries;
 use crate::simulate::{Outcome, Segment, Side, Stats, Status};
 use crate::tape::LaneScratch;
@@ -61,12 +61,12 @@ const TOUCH: f64 = 1e-10;
 const SOLVED: f64 = 1e-11;
 
 /// What the user may choose.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Settings {
     /// Steps of equal length.
     pub steps: usize,
-    /// Wall time after which the run stops.
-    pub time_limit: Option<Duration>,
+    /// When the run stops.
+    pub limit: Limit,
 }
 
 /// What a run leaves besides its end.
@@ -178,7 +178,6 @@ impl<F: Free> Stepper<F> {
 
     /// Integrates from `x0` at `t0` to `t1`.
     pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut impl Observer) -> Solution {
-        let started = Instant::now();
         let steps = self.settings.steps;
         let (mut x, mut y) = (x0.to_vec(), x0.to_vec());
         let mut sides = vec![Side::Plus; self.free.n_switches()];
@@ -197,9 +196,8 @@ impl<F: Free> Stepper<F> {
             if ends == steps {
                 break Status::Solved;
             }
-            let limit = self.settings.time_limit;
-            if limit.is_some_and(|limit| started.elapsed() > limit) {
-                break Status::TimeLimit;
+            if let Some(over) = self.settings.limit.over() {
+                break Status::Over(over);
             }
             // A breakpoint in a step is the end of a part of it.
             let end = t0 + (t1 - t0) * ((ends + 1) as f64 / steps as f64);

@@ -1,11 +1,10 @@
 //! What a point is: its residuals, its stationarity class by multipliers, and B-stationarity.
 
-use std::time::Instant;
-
 use super::class::{Class, classify};
 use super::lift::Lifted;
 use super::local::{Local, Sets};
 use super::lpec::{Descent, descend};
+use crate::limit::Limit;
 use crate::problem::Nlp;
 
 /// How far a point is from satisfying the problem.
@@ -20,7 +19,7 @@ pub struct Residuals {
 }
 
 /// Tolerances of a certificate.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Tolerances {
     /// A side of a pair is zero when it is at most this.
     pub biactive: f64,
@@ -36,17 +35,7 @@ pub struct Tolerances {
     /// How many linear programs may be solved for B-stationarity.
     pub node_limit: usize,
     /// When searches have to end, undecided if need be.
-    pub deadline: Option<Instant>,
-}
-
-impl Tolerances {
-    /// The time that is left, in seconds; infinite without a deadline.
-    pub(super) fn remaining(&self) -> f64 {
-        let now = Instant::now();
-        (self.deadline).map_or(f64::INFINITY, |deadline| {
-            deadline.saturating_duration_since(now).as_secs_f64()
-        })
-    }
+    pub limit: Limit,
 }
 
 impl Default for Tolerances {
@@ -58,7 +47,7 @@ impl Default for Tolerances {
             gain: 1e-11,
             radius: 1e-4,
             node_limit: 100,
-            deadline: None,
+            limit: Limit::default(),
         }
     }
 }

@@ -242,6 +242,9 @@ impl<'a> Conditions<'a> {
         let mut is_zero: Vec<bool> = cones.iter().map(|&cone| cone == Cone::Zero).collect();
         let mut is_without = vec![false; self.rows.len()];
         for _ in 0..LEAST_ROUNDS {
+            if self.tolerances.limit.is_over() {
+                break;
+            }
             let Some(y) = least.multipliers(&is_zero, &is_without) else {
                 break;
             };
@@ -394,11 +397,11 @@ impl<'a> Conditions<'a> {
                     .extend(lines.map(|line| (line, place[row], value)));
             }
         }
-        let left = self.tolerances.remaining();
-        if left == 0.0 {
+        let limit = &self.tolerances.limit;
+        if limit.is_over() {
             return Err(Undecided);
         }
-        match solve(&program, &program.lower, &program.upper, left) {
+        match solve(&program, &program.lower, &program.upper, limit) {
             Outcome::Optimal(x) if x[e] * self.local.scale <= self.tolerance => {
                 let mut y = vec![0.0; self.rows.len()];
                 for (index, &row) in active.iter().enumerate() {

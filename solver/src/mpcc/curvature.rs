@@ -33,7 +33,7 @@ impl Work<'_> {
         let below = excess(best) - GAIN * best.objective.abs().max(1.0);
         for step in STEPS {
             let sides = [-step * size, step * size].map(|step| {
-                if self.is_late() {
+                if self.is_over() {
                     return None;
                 }
                 let moved = best.point.w.iter().zip(direction);

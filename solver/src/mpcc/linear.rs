@@ -5,6 +5,8 @@ use clarabel::solver::{
     DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, ZeroConeT,
 };
 
+use crate::limit::Limit;
+
 /// A linear program, its rows as entries (row, column, value).
 #[derive(Clone, Debug, Default)]
 pub struct LinearProgram {
@@ -37,8 +39,8 @@ pub enum Outcome {
 const TOLERANCE: f64 = 1e-9;
 const REDUCED: f64 = 1e-7;
 
-/// Solves the program, with these bounds on x instead of its own, in so many seconds.
-pub fn solve(program: &LinearProgram, lower: &[f64], upper: &[f64], seconds: f64) -> Outcome {
+/// Solves the program, with these bounds on x instead of its own, as long as the limit allows.
+pub fn solve(program: &LinearProgram, lower: &[f64], upper: &[f64], limit: &Limit) -> Outcome {
     if lower.iter().zip(upper).any(|(l, u)| l > u) {
         return Outcome::Infeasible;
     }
@@ -98,7 +100,6 @@ pub fn solve(program: &LinearProgram, lower: &[f64], upper: &[f64], seconds: f64
     let settings = DefaultSettings {
         verbose: false,
         max_iter: 100,
-        time_limit: seconds,
         tol_gap_abs: TOLERANCE,
         tol_gap_rel: TOLERANCE,
         tol_feas: TOLERANCE,
@@ -120,6 +121,8 @@ pub fn solve(program: &LinearProgram, lower: &[f64], upper: &[f64], seconds: f64
     let Ok(mut solver) = solver else {
         return Outcome::Failed;
     };
+    let limit = limit.clone();
+    solver.set_termination_callback(move |_: &_| limit.is_over());
     solver.solve();
     match solver.solution.status {
         SolverStatus::Solved | SolverStatus::AlmostSolved => {

@@ -36,11 +36,11 @@ pub fn descend(lifted: &Lifted<'_>, local: &Local, tolerances: &Tolerances) -> D
                 false => Descent::None,
             };
         };
-        let left = tolerances.remaining();
-        if left == 0.0 {
+        let limit = &tolerances.limit;
+        if limit.is_over() {
             return Descent::Undecided;
         }
-        let d = match solve(&search.program, &lower, &upper, left) {
+        let d = match solve(&search.program, &lower, &upper, limit) {
             Outcome::Optimal(d) => d,
             Outcome::Infeasible => continue,
             Outcome::Failed => {
@@ -57,7 +57,7 @@ pub fn descend(lifted: &Lifted<'_>, local: &Local, tolerances: &Tolerances) -> D
         // The smaller sides at zero: if that descends, it is enough.
         let mut rounded = upper.clone();
         search.round(&d, &mut rounded);
-        if let Outcome::Optimal(d) = solve(&search.program, &lower, &rounded, left)
+        if let Outcome::Optimal(d) = solve(&search.program, &lower, &rounded, limit)
             && search.decrease(&d) > needed
         {
             return search.found(d);

@@ -196,8 +196,8 @@ impl Work<'_> {
             }
         }
         for (index, way) in ways(self.options).into_iter().enumerate() {
-            let is_over = |best: &Candidate| self.is_late() || self.is_enough(best, index, size);
-            if best.as_ref().is_some_and(is_over) || index > 0 && self.is_late() {
+            let is_over = |best: &Candidate| self.is_over() || self.is_enough(best, index, size);
+            if best.as_ref().is_some_and(is_over) || index > 0 && self.is_over() {
                 break;
             }
             self.stats.restarts = index;
@@ -266,7 +266,7 @@ impl Work<'_> {
                 }
                 continue;
             };
-            if self.stats.switches >= self.options.max_switches || self.is_late() {
+            if self.stats.switches >= self.options.max_switches || self.is_over() {
                 return Candidate {
                     best,
                     certificate,
@@ -310,7 +310,7 @@ impl Work<'_> {
         let others = lifted.others(&best.point.w, &best.zeros, &certificate.y);
         let mut n_worse = 0;
         for (number, other) in others.into_iter().enumerate() {
-            if self.is_late() {
+            if self.is_over() {
                 return Elsewhere::Nothing(0);
             }
             let (w, zeros) = lifted.moved(&other, &best.point.w, &best.zeros);
@@ -405,23 +405,25 @@ impl Work<'_> {
         let mut w = end.w;
         w.truncate(lifted.n_original());
         Solution {
-            status: match end.status {
-                ipm::Status::Unbounded => Status::Unbounded,
-                _ if self.is_late() => Status::TimeLimit,
-                ipm::Status::LocallyInfeasible => Status::LocallyInfeasible,
-                ipm::Status::Solved | ipm::Status::Acceptable | ipm::Status::Stopped => {
+            status: match (end.status, self.options.limit.over()) {
+                (ipm::Status::Unbounded, _) => Status::Unbounded,
+                (ipm::Status::Over(over), _) | (_, Some(over)) => Status::Over(over),
+                (ipm::Status::LocallyInfeasible, _) => Status::LocallyInfeasible,
+                (ipm::Status::Solved | ipm::Status::Acceptable | ipm::Status::Stopped, _) => {
                     Status::NumericalFailure
                 }
                 // The relaxation has not become feasible, and the violation of its branch is least.
                 _ if end.branch == Some(ipm::Status::LocallyInfeasible) => {
                     Status::LocallyInfeasible
                 }
-                ipm::Status::IterationLimit => Status::IterationLimit,
-                ipm::Status::TimeLimit => Status::TimeLimit,
-                ipm::Status::NumericalFailure(
-                    ipm::Failure::EvaluationAtStart | ipm::Failure::Evaluation,
+                (ipm::Status::IterationLimit, _) => Status::IterationLimit,
+                (
+                    ipm::Status::NumericalFailure(
+                        ipm::Failure::EvaluationAtStart | ipm::Failure::Evaluation,
+                    ),
+                    _,
                 ) => Status::Evaluation,
-                ipm::Status::NumericalFailure(_) => Status::NumericalFailure,
+                (ipm::Status::NumericalFailure(_), _) => Status::NumericalFailure,
             },
             multipliers: Multipliers {
                 rows: vec![0.0; lifted.n_rows()],

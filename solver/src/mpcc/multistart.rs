@@ -1,13 +1,12 @@
 //! Many starts, in parallel.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::mpsc;
-use std::time::Instant;
+use std::sync::atomic::AtomicBool;
 
 use super::solution::{Solution, Status};
 use super::{Options, solve_from};
 use crate::problem::Mpcc;
 use crate::random;
+use crate::threads::{self, Share};
 
 /// What came of many starts.
 #[derive(Clone, Debug)]
@@ -78,55 +77,24 @@ pub fn multistart<P: Mpcc + Clone + Sync>(
     n_threads: usize,
     watch: &mut dyn FnMut(usize, &Solution),
 ) -> MultiStart {
-    let next = AtomicUsize::new(0);
-    let clock = Instant::now();
-    let left = || {
-        options
-            .time_limit
-            .map(|limit| limit.saturating_sub(clock.elapsed()))
-    };
-    // Takes the next start until there is none.
-    let work = |found: mpsc::Sender<(usize, Solution)>| {
+    let work = |share: Share<'_, Solution>| {
         let mut problem = problem.clone();
-        while let index = next.fetch_add(1, Ordering::Relaxed)
-            && let Some(start) = starts.get(index)
-        {
-            let time_limit = left();
-            if index > 0 && time_limit.is_some_and(|left| left.is_zero()) {
+        while let Some(index) = share.next() {
+            if index > 0 && options.limit.is_over() {
                 return;
             }
-            let options = Options {
-                time_limit,
-                ..options.clone()
-            };
-            let solution = solve_from(&mut problem, start, &options);
-            if found.send((index, solution)).is_err() {
-                return;
-            }
+            let found = solve_from(&mut problem, &starts[index], options);
+            share.finish(index, found);
         }
     };
-    let mut solutions: Vec<(usize, Solution)> = Vec::with_capacity(starts.len());
-    std::thread::scope(|scope| {
-        let n_threads = n_threads.clamp(1, starts.len().max(1));
-        let (sender, found) = mpsc::channel();
-        for _ in 0..n_threads {
-            let sender = sender.clone();
-            scope.spawn(|| work(sender));
-        }
-        drop(sender);
-        // Ends when all threads have, or one has panicked, which the scope passes on.
-        for (index, solution) in found {
-            watch(index, &solution);
-            solutions.push((index, solution));
-        }
-    });
-    solutions.sort_by_key(|(index, _)| *index);
-    MultiStart::new(
-        solutions
-            .into_iter()
-            .map(|(_, solution)| solution)
-            .collect(),
-    )
+    let mut found = vec![None; starts.len()];
+    let mut heard = |index: usize, solution: Solution| {
+        watch(index, &solution);
+        found[index] = Some(solution);
+    };
+    let stop = AtomicBool::new(false);
+    threads::share_out(starts.len(), n_threads, &stop, work, &mut heard);
+    MultiStart::new(found.into_iter().flatten().collect())
 }
 
 /// Starts around a guess: every variable is moved by an independent normal deviate.
@@ -161,6 +129,7 @@ mod tests {
 
     use super::super::{Class, Multipliers, Options, Residuals, Solution, Stats, Status};
     use super::{MultiStart, multistart, perturbed};
+    use crate::limit::Over;
     use crate::problem::Side;
     use crate::quadratic::{Function, Quadratic};
 
@@ -188,9 +157,9 @@ mod tests {
     #[test]
     fn all_starts_share_the_time_limit() {
         let starts = vec![vec![0.0]; 5];
-        let n_solved = |time_limit: Option<Duration>| {
+        let n_solved = |time: Option<Duration>| {
             let options = Options {
-                time_limit,
+                limit: time.into(),
                 ..Options::default()
             };
             let found = multistart(&parabola(), &starts, &options, 2, &mut |_, _| {});
@@ -236,7 +205,10 @@ mod tests {
             Some(2)
         );
         assert_eq!(
-            best(&[(LocallyInfeasible, 0.0), (Status::TimeLimit, -1.0)]),
+            best(&[
+                (LocallyInfeasible, 0.0),
+                (Status::Over(Over::TimeLimit), -1.0)
+            ]),
             None
         );
     }

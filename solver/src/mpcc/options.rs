@@ -1,9 +1,8 @@
 //! What a run is asked for.
 
-use std::time::Duration;
-
 use super::certificate::Tolerances;
 use super::relaxed::{Coupling, Form};
+use crate::limit::Limit;
 
 /// How σ is driven to zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,8 +46,8 @@ pub struct Options {
     pub patience: usize,
     /// The largest number of iterations of one interior-point run.
     pub max_iterations: usize,
-    /// The longest time.
-    pub time_limit: Option<Duration>,
+    /// When it ends.
+    pub limit: Limit,
 }
 
 impl Default for Options {
@@ -65,7 +64,7 @@ impl Default for Options {
             effort: 100_000,
             patience: 100_000,
             max_iterations: 3000,
-            time_limit: None,
+            limit: Limit::default(),
         }
     }
 }

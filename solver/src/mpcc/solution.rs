@@ -2,6 +2,7 @@
 
 use super::certificate::Residuals;
 use super::class::Class;
+use crate::limit::Over;
 
 /// Why it ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,8 +18,8 @@ pub enum Status {
     Unbounded,
     /// The largest number of iterations was reached without a feasible point.
     IterationLimit,
-    /// The time is up, and no feasible point has been found.
-    TimeLimit,
+    /// The limit is over, and no feasible point has been found.
+    Over(Over),
     /// Functions or derivatives are not finite where they have to be.
     Evaluation,
     /// No further step was found, or no branch near the points of the relaxations was feasible.
@@ -33,7 +34,8 @@ impl std::fmt::Display for Status {
             Status::LocallyInfeasible => "locally infeasible",
             Status::Unbounded => "unbounded",
             Status::IterationLimit => "iteration limit",
-            Status::TimeLimit => "time limit",
+            Status::Over(Over::TimeLimit) => "time limit",
+            Status::Over(Over::Canceled) => "canceled",
             Status::Evaluation => "not finite",
             Status::NumericalFailure => "numerical failure",
         })

@@ -1,6 +1,6 @@
 //! What is asked for, and what has been done so far.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use super::certificate::{Certificate, Tolerances, certify};
 use super::class::Class;
@@ -9,6 +9,7 @@ use super::observer::{Observer, Program, Shown};
 use super::options::Options;
 use super::polish::{Guess, Polished};
 use super::solution::Stats;
+use crate::clock::Instant;
 use crate::ipm;
 use crate::problem::Nlp;
 
@@ -18,6 +19,8 @@ pub struct Work<'o> {
     pub options: &'o Options,
     /// Since when.
     pub clock: Instant,
+    /// The time that it had then, where that is limited.
+    time: Option<Duration>,
     /// What it took.
     pub stats: Stats,
     /// Who is told.
@@ -33,24 +36,21 @@ impl<'o> Work<'o> {
         Work {
             options,
             clock: Instant::now(),
+            time: options.limit.left(),
             stats: Stats::default(),
             observer,
         }
     }
 
-    /// The time that is left, if it is limited.
-    pub fn remaining(&self) -> Option<Duration> {
-        let limit = self.options.time_limit?;
-        Some(limit.saturating_sub(self.clock.elapsed()))
-    }
-
     /// Tolerances of a certificate, whose searches may take a share of a limited time.
     pub fn tolerances(&self) -> Tolerances {
-        let budget = |limit: Duration| limit.mul_f64(CERTIFICATE);
-        let left = self.remaining().zip(self.options.time_limit.map(budget));
+        let limit = &self.options.limit;
         Tolerances {
-            deadline: left.map(|(left, budget)| Instant::now() + left.min(budget)),
-            ..self.options.certificate
+            limit: match self.time {
+                Some(time) => limit.sooner(time.mul_f64(CERTIFICATE)),
+                None => limit.clone(),
+            },
+            ..self.options.certificate.clone()
         }
     }
 
@@ -69,9 +69,9 @@ impl<'o> Work<'o> {
         }
     }
 
-    /// Whether the time is up.
-    pub fn is_late(&self) -> bool {
-        self.remaining().is_some_and(|left| left.is_zero())
+    /// Whether the run has to end.
+    pub fn is_over(&self) -> bool {
+        self.options.limit.is_over()
     }
 
     /// An interior-point run, counted and shown.
@@ -84,7 +84,7 @@ impl<'o> Work<'o> {
         inner: &mut dyn ipm::Observer,
     ) -> ipm::Solution {
         let settings = ipm::Options {
-            time_limit: self.remaining(),
+            limit: self.options.limit.clone(),
             max_iterations: self.options.max_iterations.min(settings.max_iterations),
             ..settings
         };

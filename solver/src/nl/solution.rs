@@ -21,6 +21,8 @@ pub enum Code {
     TimeLimit = 401,
     /// Anything else.
     Failure = 500,
+    /// Canceled from outside.
+    Interrupted = 600,
 }
 
 impl Problem {

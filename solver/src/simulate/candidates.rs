@@ -4,8 +4,6 @@
 //! sliding ones in place, which finds every solution. Beyond, Lemke's method finds one, and where
 //! -∂φ/∂α is no P-matrix, a search looks for more (`pivot`).
 
-use std::time::Instant;
-
 use super::judge::TIE;
 use super::mode::Mode;
 use super::pivot::Problem;
@@ -13,6 +11,7 @@ use super::select::{Choice, Choices};
 use super::sliding::held;
 use super::state::State;
 use super::{Role, Side, Simulator, Status};
+use crate::limit::Limit;
 use crate::linalg::DenseLu;
 
 /// Beyond this many interacting surfaces, Lemke's method replaces enumeration.
@@ -61,9 +60,7 @@ impl Simulator {
         };
         for candidate in candidates {
             // There may be hundreds, each with many boxes.
-            if state.is_late() {
-                return Err(Status::TimeLimit);
-            }
+            state.limit.check()?;
             self.enter_surfaces(state, group, &candidate);
             let outcome = self.solve(state, group, &candidate, &mut choices.found);
             choices.singular |= outcome == Search::Singular;
@@ -157,7 +154,7 @@ impl Simulator {
             };
         }
         let mut zeros = Zeros::new(mode, alpha, unknowns);
-        zeros.deadline = state.deadline;
+        zeros.limit = state.limit.clone();
         let outcome = zeros.find();
         let (solutions, mut alpha, unknowns) = (zeros.found, zeros.alpha, zeros.unknowns);
         for solution in solutions {
@@ -232,7 +229,7 @@ pub(super) struct Zeros<'m> {
     held: Vec<usize>,
     found: Vec<Vec<f64>>,
     /// When the search has to stop.
-    deadline: Option<Instant>,
+    limit: Limit,
 }
 
 impl<'m> Zeros<'m> {
@@ -244,7 +241,7 @@ impl<'m> Zeros<'m> {
             unknowns,
             held: Vec::new(),
             found: Vec::new(),
-            deadline: None,
+            limit: Limit::default(),
         }
     }
 
@@ -487,8 +484,7 @@ impl<'m> Zeros<'m> {
         let mut looked_at = 0;
         while let Some((corner, width, depth)) = boxes.pop() {
             looked_at += 1;
-            let is_late = || self.deadline.is_some_and(|end| Instant::now() > end);
-            if looked_at > MAX_BOXES || is_late() {
+            if looked_at > MAX_BOXES || self.limit.is_over() {
                 return false;
             }
             if self.has_no_zero(&corner, width) {

@@ -81,9 +81,10 @@ mod window;
 pub(crate) mod zeno;
 
 use std::sync::Arc;
-use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
+
+use crate::limit::Limit;
 
 pub use approach::{Approach, Visit};
 use coefficients::Coefficients;
@@ -248,8 +249,8 @@ impl Simulator {
     }
 
     /// Lets runs take no longer than this each.
-    pub fn set_time_limit(&mut self, limit: Option<Duration>) {
-        self.settings.time_limit = limit;
+    pub fn set_limit(&mut self, limit: Limit) {
+        self.settings.limit = limit;
     }
 
     /// The number of functions that were made so far, of all sides that runs have met: blocks and surfaces of one form

@@ -122,3 +122,12 @@ pub trait Observer {
         false
     }
 }
+
+/// Sees nothing.
+impl Observer for () {
+    fn segment(&mut self, _: &Segment) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+
+    fn event(&mut self, _: &Event) {}
+}

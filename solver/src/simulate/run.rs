@@ -1,7 +1,5 @@
 //! The loop of a run: step, event, next mode.
 
-use std::time::Instant;
-
 use super::dense::Dense;
 use super::jump::Met;
 use super::state::State;
@@ -44,12 +42,10 @@ struct Meets {
 impl Simulator {
     /// Integrates from `x0` at `t0` to `t1`.
     pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut impl Observer) -> Outcome {
-        let limit = self.settings.time_limit;
-        let deadline = limit.and_then(|limit| Instant::now().checked_add(limit));
         let known = self.mode.n_functions();
         let mut state = std::mem::take(&mut self.state);
         state.begin(t0, x0, self.system.n_switches());
-        state.deadline = deadline;
+        state.limit = self.settings.limit.clone();
         self.stiffness.reset();
         let mut history = History::default();
         let status = match self.begin(&mut state, [t0, t1], observer) {
@@ -359,8 +355,11 @@ impl Simulator {
         // A look at the clock costs as much as a small step; functions may take long to compile.
         let known = self.mode.n_functions();
         let compiled = std::mem::replace(&mut state.functions, known) < known;
-        let due = compiled || state.stats.steps.is_multiple_of(16);
-        (due && state.is_late()).then_some(Status::TimeLimit)
+        let over = match compiled || state.stats.steps.is_multiple_of(16) {
+            true => state.limit.over(),
+            false => state.limit.canceled(),
+        };
+        over.map(Status::Over)
     }
 
     /// Whether the limit of steps comes before the end at the pace of the last ones: where rates turn over within what a

@@ -59,9 +59,7 @@ impl Simulator {
             all: open <= MAX_ENUMERATED,
         };
         for candidate in alternatives(&options) {
-            if state.is_late() {
-                return Err(Status::TimeLimit);
-            }
+            state.limit.check()?;
             let mut all = state.sides.clone();
             for (&i, &side) in items.iter().zip(&candidate) {
                 all[i] = side;

@@ -1,8 +1,7 @@
 //! What a run is told.
 
-use std::time::Duration;
-
 use super::{Kicks, Side};
+use crate::limit::Limit;
 
 /// What the user may choose.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,8 +14,8 @@ pub struct Settings {
     pub max_steps: usize,
     /// Largest number of events.
     pub max_events: usize,
-    /// Wall time after which the run stops.
-    pub time_limit: Option<Duration>,
+    /// When the run stops.
+    pub limit: Limit,
     /// Sides to take at a non-unique point: one for all switches that are decided there, or one for
     /// each, in order.
     pub branch: Vec<Side>,
@@ -38,7 +37,7 @@ impl Default for Settings {
             order: None,
             max_steps: 10_000_000,
             max_events: 1_000_000,
-            time_limit: None,
+            limit: Limit::default(),
             branch: Vec::new(),
             below: Vec::new(),
             settled: None,

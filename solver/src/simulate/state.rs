@@ -1,12 +1,11 @@
 //! What changes from step to step.
 
-use std::time::Instant;
-
 use super::approach::Pending;
 use super::depart::Departure;
 use super::fold::Fold;
 use super::radau::{Radau, Start};
 use super::{Approach, Decision, Note, Side, Stats};
+use crate::limit::Limit;
 
 /// From which α a nonlinear switch goes on where it is on its surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -62,7 +61,7 @@ pub(super) struct State {
     pub complementarity: f64,
     pub stats: Stats,
     /// When the run has to stop.
-    pub deadline: Option<Instant>,
+    pub limit: Limit,
     /// Functions taken up when the clock was looked at.
     pub functions: usize,
     /// What the caller should know, up to a number of them.
@@ -99,11 +98,6 @@ pub(super) struct State {
 }
 
 impl State {
-    /// Whether the run has to stop.
-    pub(super) fn is_late(&self) -> bool {
-        self.deadline.is_some_and(|end| Instant::now() > end)
-    }
-
     /// Starts a run, in the memory of the one before.
     pub(super) fn begin(&mut self, t: f64, x: &[f64], n_switches: usize) {
         for copy in [

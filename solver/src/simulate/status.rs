@@ -2,6 +2,7 @@
 
 use super::Candidate;
 use super::radau::Radau;
+use crate::limit::Over;
 
 /// How a run ended.
 #[derive(Clone, PartialEq, Debug)]
@@ -14,8 +15,8 @@ pub enum Status {
     StepLimit,
     /// `max_events` was reached.
     EventLimit,
-    /// `time_limit` was reached.
-    TimeLimit,
+    /// `limit` was reached.
+    Over(Over),
     /// Events follow each other without time passing.
     Accumulation,
     /// A cycle of events goes on without end, ever faster: more events than `max_events` come before the end.
@@ -119,6 +120,12 @@ pub enum Status {
         /// The switches that slide.
         switches: Vec<usize>,
     },
+}
+
+impl From<Over> for Status {
+    fn from(over: Over) -> Self {
+        Status::Over(over)
+    }
 }
 
 impl Status {

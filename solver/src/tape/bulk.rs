@@ -3,9 +3,11 @@
 //! Sums over orders turn into sums of rows, which several orders take part in at a time.
 
 use super::steps::{Kind, Step, advance, start};
+use crate::limit::work;
 
 /// The orders below `n` of all steps, from operands that are known that far.
 pub(crate) fn fill_all(steps: &[Step], data: &mut [f64], weights: &[f64], n: usize, stride: usize) {
+    work::add(steps.len() * n * n / 2);
     for step in steps {
         start(step, data, stride);
         let last = (n - 1).min(step.degree as usize);

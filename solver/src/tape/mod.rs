@@ -30,6 +30,8 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use crate::limit::work;
+
 pub(crate) use ball::Ball;
 pub use builder::{TapeBuilder, Value};
 pub(crate) use bulk::fill_all;
@@ -179,6 +181,7 @@ impl Tape {
 
     /// Evaluates from the inputs in the first registers.
     pub(crate) fn run<L: Lane>(&self, r: &mut [L]) {
+        work::add(self.registers.len());
         for &Instruction { op, out, second } in &self.registers {
             let at = |slot: Slot| r[slot as usize];
             let result = match op {

@@ -3,9 +3,11 @@
 use super::Op;
 use super::jet::{Row, UNBOUNDED};
 use super::recurrence::{convolve, convolve_weighted, square};
+use crate::limit::work;
 
 /// Order 0 of all steps: the values themselves.
 pub(crate) fn start_all(steps: &[Step], data: &mut [f64], stride: usize) {
+    work::add(steps.len());
     for step in steps {
         start(step, data, stride);
     }
@@ -19,6 +21,7 @@ pub(crate) fn advance_all(
     k: usize,
     stride: usize,
 ) {
+    work::add(steps.len() * (k + 1));
     for step in steps {
         if k > step.degree as usize {
             continue;

@@ -4,6 +4,7 @@
 use std::time::Duration;
 
 use libfuzzer_sys::fuzz_target;
+use nsdc::limit::Limit;
 use nsdc::clock::Clock;
 use nsdc::diagnostics::Diagnostics;
 use nsdc::expr::Exprs;
@@ -40,7 +41,7 @@ fuzz_target!(|bytes: &[u8]| {
         return;
     }
     let request = Request {
-        time_limit: Some(Duration::from_millis(200)),
+        limit: Limit::within(Duration::from_millis(200)),
         ..Request::default()
     };
     let trajectory = simulate::run(&compiled.system, &compiled.settings, &request);

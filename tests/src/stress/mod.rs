@@ -27,6 +27,7 @@ mod zeno;
 use std::fmt;
 use std::time::Duration;
 
+use nsdc::limit::Limit;
 use nsdc::optimize;
 use nsdc::report::{Status, Trajectory, Warning};
 use nsdc::simulate::{self, Request};
@@ -287,7 +288,7 @@ impl Case {
         }
         let request = Request {
             dense: false,
-            time_limit: Some(self.limit),
+            limit: Limit::within(self.limit),
             ..Request::default()
         };
         let mut data = DataFiles(vec![("set_points.csv", self.beside.table.clone())]);

@@ -113,9 +113,9 @@ fn whole_elements_are_not_begun_without_time() {
         "model belts {{ {start} u' = -sign(u) - x - c*(u - e) + 0.1*u[1]*P*sign(u); }}
          simulate this of belts {{ horizon 1; method fesd {{ scheme = radau_iia(4); steps = 20; }} }}"
     );
-    let within = |time_limit| {
+    let within = |time: Option<Duration>| {
         let request = Request {
-            time_limit,
+            limit: time.into(),
             ..Request::default()
         };
         let found = with_experiment(&text, "this", |compiled| {

@@ -75,7 +75,7 @@ struct File<'o> {
 impl File<'_> {
     fn run(&mut self, path: &Path) {
         let started = Instant::now();
-        let mut project = match Project::from_files(path, Terminal) {
+        let project = match Project::from_files(path, Terminal) {
             Ok(project) => project,
             Err(error) => {
                 if self.is_selected(None) {
@@ -93,7 +93,7 @@ impl File<'_> {
         self.expected = (expected.iter().map(|expect| expect.code.name.clone())).collect();
         let experiments: Vec<Experiment> = project.experiments().cloned().collect();
         if !expected.is_empty() {
-            let diags = project.check();
+            let diags = project.checked();
             for expect in &expected {
                 let test = format!("expect {} {}", expect.severity.name, expect.code.name);
                 if self.is_selected(Some(&test)) {
@@ -106,7 +106,7 @@ impl File<'_> {
             }
         } else if project.diags.has_errors() || experiments.is_empty() {
             if self.is_selected(None) {
-                let diags = project.check();
+                let diags = project.checked();
                 let outcome = self.compilation(&diags, &project);
                 self.add(None, started, outcome);
             }
@@ -245,9 +245,8 @@ impl File<'_> {
             dense: true,
             multipliers: false,
             estimate: true,
-            time_limit: self.options.time_limit,
+            limit: self.options.time_limit.into(),
         };
-        let started = Instant::now();
         let bar = Bar::new(&compiled.settings.name, self.options.progress);
         let mut watching = Watching::new(bar);
         let trajectory = match launch(project, &mut compiled, &request, &mut watching) {
@@ -259,7 +258,7 @@ impl File<'_> {
             let mut watch = |order::Progress { name, knob, done }: order::Progress<'_>| {
                 watching.bar.show(done, || format!("{name}, {knob:.1e}"));
             };
-            let limit = request.left(started).time_limit.unwrap_or(STUDY);
+            let limit = request.limit.left().unwrap_or(STUDY);
             order::of_method(&compiled, &project.sources, limit, &mut watch)
         });
         let mut warnings = project::warning_codes(&diags);
@@ -276,7 +275,6 @@ impl File<'_> {
             experiment,
             overrides: &[],
         };
-        let request = request.left(started);
         let others = other_seeds(project, all, &compiled, &request, &warnings, &mut watching);
         drop(watching);
         let found = trajectory.warnings.iter();
@@ -345,7 +343,7 @@ fn diagnostic(expect: &ExpectDiagnostic, diags: &Diagnostics) -> Outcome {
 }
 
 /// What is expected holds with every seed: the first one of those after the declared one with which it does not. All
-/// runs share the time of the request.
+/// runs share the limit of the request.
 fn other_seeds(
     project: &Project,
     source: ensemble::Source<'_>,
@@ -355,11 +353,9 @@ fn other_seeds(
     watching: &mut Watching<'_>,
 ) -> Option<Outcome> {
     let seeds = ensemble::seeds(&compiled.settings)?;
-    let started = Instant::now();
     let work = |compiled: &Compiled<'_>, plan: &mut Plan| {
-        let request = request.left(started);
         let (system, settings) = (&compiled.system, &compiled.settings);
-        let trajectory = plan.run(system, settings, &request, &mut |_| {});
+        let trajectory = plan.run(system, settings, request, &mut |_| {});
         let mut warnings = warnings.to_vec();
         warnings.extend(trajectory.warnings.iter().map(|w| w.code.clone()));
         let findings = Findings {

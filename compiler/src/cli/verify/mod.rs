@@ -8,6 +8,7 @@ use super::files::{Sink, is_standard};
 use super::project;
 use super::{Exit, Streams, io};
 use crate::diagnostics::Diagnostics;
+use crate::limit::Limit;
 use crate::report::roads::Refusal;
 use crate::simulate::Request;
 use crate::syntax::{Bind, Experiment, ExperimentKind, SettingKind};
@@ -35,7 +36,7 @@ impl Subject<'_> {
             dense: false,
             estimate: true,
             multipliers: false,
-            time_limit: Some(self.args.time_limit),
+            limit: Limit::within(self.args.time_limit),
         }
     }
 }

@@ -1,7 +1,5 @@
 //! An optimum with every lowering, each from its own start and from the best point of all.
 
-use std::time::Instant;
-
 use super::{Subject, Verified, exit, refusal};
 use crate::cli::progress::Bar;
 use crate::cli::project::{self, Project};
@@ -246,9 +244,7 @@ fn solve(
     };
     let (solved, is_same_point) = match from {
         Origin::Start => {
-            let started = Instant::now();
             let sampled = sampled(project, task, &request)?;
-            let request = request.left(started);
             let solved = optimize::run(system, settings, task, &sampled, &request, &mut watching);
             (solved.map_err(refused)?, true)
         }

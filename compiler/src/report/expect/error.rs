@@ -115,7 +115,7 @@ pub enum ExpectError {
     #[diagnostic(
         code(E0610),
         help(
-            "one of `solved`, `feasible`, `locally_infeasible`, `unbounded`, `iteration_limit`, `time_limit`, `numerical_failure`"
+            "one of `solved`, `feasible`, `locally_infeasible`, `unbounded`, `iteration_limit`, `time_limit`, `canceled`, `numerical_failure`"
         )
     )]
     UnknownStatus {

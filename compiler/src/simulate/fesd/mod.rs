@@ -3,6 +3,7 @@
 //! A second run, on a grid twice as fine or with a smaller tolerance, gives the estimate of the
 //! global error.
 
+use crate::clock::Instant;
 use crate::hybrid::{self, Pulses};
 use nsd_solver::simulate::HybridSystem;
 use std::sync::Arc;
@@ -18,7 +19,6 @@ pub(super) mod stepping;
 mod turns;
 
 use std::ops::ControlFlow;
-use std::time::Instant;
 
 use nsd_solver::fesd::{self, Grid, Simulator, Solution};
 use nsd_solver::simulate::{self as event, Event, Observer, Outcome, Segment, Status};
@@ -105,13 +105,9 @@ pub(super) fn run(
     let complementarity = complementarity.over(pulses.clone());
     let guide = system.first_nonlinear().map(|_| hybrid::lower(system));
     let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
-    let left = || {
-        let limit = request.time_limit?;
-        Some(limit.saturating_sub(started.elapsed()))
-    };
     let on = |grid: Grid, nodes: usize| {
         let settings = fesd::Settings {
-            time_limit: left(),
+            limit: request.limit.clone(),
             grid,
             ..fesd::Settings::new(options.scheme.0, nodes)
         };
@@ -131,9 +127,9 @@ pub(super) fn run(
         let mut solution = first.run(0.0, settings.horizon, &x0, &mut keeper);
         let (kept, turns) = (keeper.kept, keeper.turns);
         solution.outcome.notes.extend(looking.notes());
-        let wanted = request.estimate && solution.outcome.status != Status::TimeLimit;
-        let estimate = wanted.then(|| {
-            let mut comparison = Comparison::new(&recorder, &x0);
+        let wanted = request.estimate && !matches!(solution.outcome.status, Status::Over(_));
+        let second = |recorder: &Recorder| {
+            let mut comparison = Comparison::new(recorder, &x0);
             let mut keeper = Keeper {
                 observer: Watched::new(&mut comparison, settings.horizon, true, watch),
                 kept: None,
@@ -142,13 +138,14 @@ pub(super) fn run(
             let mut second = on(finer(grid), nodes_of_finer(options));
             let fine = second.run(0.0, settings.horizon, &x0, &mut keeper);
             let outcomes = [&solution.outcome, &fine.outcome];
-            let mut found = estimate(system, &comparison, outcomes);
+            let mut found = estimate(system, &comparison, outcomes)?;
             found.error /= 1.0 - share_of_finer(&first, &second);
             if let Some(turns) = turns {
                 found.touches = turns.judge(found.error, solution.outcome.time);
             }
-            found
-        });
+            Some(found)
+        };
+        let estimate = wanted.then(|| second(&recorder)).flatten();
         // A grid is taken as it is.
         let judged = estimate.as_ref().filter(|_| options.steps.is_none());
         let next = tightened(judged, settings, tolerance, attempt).map(|next| next.max(FINEST));
@@ -270,7 +267,7 @@ pub(super) fn estimate(
     system: &System,
     comparison: &Comparison,
     outcomes: [&Outcome; 2],
-) -> Estimate {
+) -> Option<Estimate> {
     let scale = |i: usize| comparison.scale[i].max(outcomes[0].x[i].abs());
     let algebraic = system.algebraic_states();
     let largest = algebraic.iter().map(|&i| scale(i)).fold(0.0, f64::max);
@@ -286,7 +283,11 @@ pub(super) fn estimate_with(
     least: impl Fn(usize) -> f64,
     comparison: &Comparison,
     [found, fine]: [&Outcome; 2],
-) -> Estimate {
+) -> Option<Estimate> {
+    // What a second run does not get to is not known.
+    if matches!(fine.status, Status::Over(_)) {
+        return None;
+    }
     let scale = |i: usize| comparison.scale[i].max(found.x[i].abs());
     let relative = |(i, difference): (usize, &f64)| {
         let scale = scale(i).max(least(i));
@@ -302,12 +303,12 @@ pub(super) fn estimate_with(
     let rounding = f64::EPSILON * (found.stats.steps as f64).sqrt();
     let error = error.fold(rounding, f64::max);
     let parted = comparison.parted(error);
-    Estimate {
+    Some(Estimate {
         touches: Touches::default(),
         parted,
         error,
         same_modes: parted.is_none() && fine.status == found.status,
-    }
+    })
 }
 
 fn method(

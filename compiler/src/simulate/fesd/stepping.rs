@@ -1,11 +1,10 @@
 //! `method timestepping`: the complementarity system in steps of one length, without switch detection.
 
-use std::time::Instant;
-
 use nsd_solver::fesd::{Stepper, SteppingSettings};
 use nsd_solver::simulate::Status;
 
 use super::{estimate, judge_steps, lower};
+use crate::clock::Instant;
 use crate::report::{Method, MethodOption, Trajectory};
 use crate::simulate::overlooked::Looking;
 use crate::simulate::schedule::scheduled;
@@ -26,14 +25,11 @@ pub(in crate::simulate) fn run(
     let (formulation, complementarity) = lower(&scheduled(system, settings.horizon), settings);
     let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
     let stepper = |steps: usize| {
-        let limit = request
-            .time_limit
-            .map(|limit| limit.saturating_sub(started.elapsed()));
         let settings = SteppingSettings {
             family: options.scheme().0,
             nodes: options.scheme().1,
             steps,
-            time_limit: limit,
+            limit: request.limit.clone(),
         };
         let stepper = Stepper::new(&complementarity, settings);
         stepper.expect("the number of nodes has been checked")
@@ -49,7 +45,7 @@ pub(in crate::simulate) fn run(
         let mut comparison = Comparison::new(&recorder, &x0);
         let mut watched = Watched::new(&mut comparison, settings.horizon, true, watch);
         let fine = stepper(2 * options.steps).run(0.0, settings.horizon, &x0, &mut watched);
-        2.0 * estimate(system, &comparison, [&outcome, &fine]).error
+        Some(2.0 * estimate(system, &comparison, [&outcome, &fine])?.error)
     });
     let mut trajectory = assemble(system, settings, &outcome, recorder);
     let (family, nodes) = options.scheme();
@@ -62,7 +58,13 @@ pub(in crate::simulate) fn run(
             ("steps".into(), MethodOption::Number(options.steps as f64)),
         ],
     };
-    judge_steps(&mut trajectory, system, settings, options.steps, error);
+    judge_steps(
+        &mut trajectory,
+        system,
+        settings,
+        options.steps,
+        error.flatten(),
+    );
     trajectory.stats.solve_s = started.elapsed().as_secs_f64();
     trajectory
 }

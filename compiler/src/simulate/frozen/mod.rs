@@ -1,13 +1,13 @@
 //! Runs in numerical time: a system is frozen, run event by event or by finite elements, and thawed.
 
+use crate::clock::Instant;
 use crate::hybrid;
+use crate::limit::Limit;
 use nsd_solver::simulate::HybridSystem;
 use std::sync::Arc;
 mod law;
 mod stretch;
 mod thaw;
-
-use std::time::{Duration, Instant};
 
 use law::impact;
 use nsd_solver::fesd::{self as elements, Grid};
@@ -60,10 +60,6 @@ pub(super) fn run(
     let road = Road::new(&frozen, settings);
     let jumping = frozen.meeting.is_open.then(|| hybrid::lower(system));
     let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
-    let left = || {
-        let limit = request.time_limit?;
-        Some(limit.saturating_sub(started.elapsed()))
-    };
     let horizon = settings.horizon;
     let (mut tolerance, mut attempt) = (settings.tolerance, 1);
     let (found, recorder, estimated) = loop {
@@ -75,11 +71,11 @@ pub(super) fn run(
             (&frozen, jumping.as_ref()),
             settings,
             run,
-            left(),
+            &request.limit,
             &mut watched,
         );
         found.outcome.notes.extend(looking.notes());
-        let wanted = request.estimate && found.outcome.status != Status::TimeLimit;
+        let wanted = request.estimate && !matches!(found.outcome.status, Status::Over(_));
         let estimated = wanted.then(|| {
             let mut comparison = Comparison::new(&recorder, &x0);
             let mut watched = Watched::new(&mut comparison, horizon, true, watch);
@@ -88,11 +84,12 @@ pub(super) fn run(
                 (&frozen, jumping.as_ref()),
                 settings,
                 run,
-                left(),
+                &request.limit,
                 &mut watched,
             );
             estimate(system, &comparison, [&found.outcome, &fine.outcome])
         });
+        let estimated = estimated.flatten();
         let judged = estimated.as_ref().filter(|_| !settings.method.has_steps());
         if let Some(next) = tightened(judged, settings, tolerance, attempt) {
             tolerance = next;
@@ -165,13 +162,10 @@ impl<'e> Road<'e> {
         (frozen, jumping): (&Frozen, Option<&Arc<HybridSystem>>),
         settings: &Settings,
         (tolerance, fine): (f64, bool),
-        time_limit: Option<Duration>,
+        limit: &Limit,
         observer: &mut dyn Observer,
     ) -> Found {
         let (order, mut least_member) = (self.order(settings, tolerance), 0.0_f64);
-        let started = Instant::now();
-        // All runs together have the time that is given.
-        let left = || Some(time_limit?.saturating_sub(started.elapsed()));
         let horizon = settings.horizon;
         // Gaps stand still at zero while contacts act on each other: these are closed.
         let below: Vec<usize> = frozen
@@ -185,14 +179,14 @@ impl<'e> Road<'e> {
         });
         let (outcome, end) = match self {
             Road::Events(hybrid) => {
-                let mut chosen = solver_settings(&settings.method, tolerance, None);
+                let mut chosen = solver_settings(&settings.method, tolerance, Limit::default());
                 if fine {
                     chosen = finer(&chosen, order, tolerance);
                 }
                 chosen.below.clone_from(&below);
                 let mut simulator = Simulator::new(hybrid.clone(), chosen);
                 drive(frozen, horizon, observer, law, |end, x, thaw| {
-                    simulator.set_time_limit(left());
+                    simulator.set_limit(limit.clone());
                     simulator.run(0.0, end, x, thaw)
                 })
             }
@@ -200,7 +194,7 @@ impl<'e> Road<'e> {
                 drive(frozen, horizon, observer, law, |end, x, thaw| {
                     let settings = elements::Settings {
                         below: below.clone(),
-                        time_limit: left(),
+                        limit: limit.clone(),
                         grid: grid(options, tolerance, fine, end / horizon),
                         ..elements::Settings::new(options.scheme.0, options.scheme.1)
                     };
@@ -254,7 +248,7 @@ impl<'e> Road<'e> {
     fn order(&self, settings: &Settings, tolerance: f64) -> usize {
         match self {
             Road::Events(hybrid) => {
-                let chosen = solver_settings(&settings.method, tolerance, None);
+                let chosen = solver_settings(&settings.method, tolerance, Limit::default());
                 Simulator::new(hybrid.clone(), chosen).order()
             }
             Road::Elements(complementarity, options, _) => {

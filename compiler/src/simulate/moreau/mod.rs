@@ -2,12 +2,12 @@
 //!
 //! A second run with twice as many steps gives the estimate of the error.
 
+use crate::clock::Instant;
 use crate::hybrid::Pulses;
+use crate::limit::Limit;
 mod free;
 mod record;
 mod scene;
-
-use std::time::Instant;
 
 use nsd_solver::moreau::{Settings as StepSettings, Solution, Stepper};
 use nsd_solver::simulate::Status as End;
@@ -38,12 +38,7 @@ pub(super) fn run(
 ) -> Trajectory {
     let started = Instant::now();
     let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
-    let stepper = |steps: usize| {
-        let left = request
-            .time_limit
-            .map(|limit| limit.saturating_sub(started.elapsed()));
-        stepper(system, settings.horizon, steps, left)
-    };
+    let stepper = |steps: usize| stepper(system, settings.horizon, steps, request.limit.clone());
     let mut recorder = Recorder::new(system, settings, settings.tolerance, request.dense);
     let mut looking = Looking::new(system, settings, &mut recorder);
     let mut told = Told {
@@ -66,7 +61,7 @@ pub(super) fn run(
         });
         let outcomes = [&solution.outcome, &fine.outcome];
         // The order is one: halving the steps removes half of the error.
-        2.0 * estimate_with(|i| least[i], &comparison, outcomes).error
+        Some(2.0 * estimate_with(|i| least[i], &comparison, outcomes)?.error)
     });
     let failure = failure(system, &solution);
     let mut outcome = solution.outcome.clone();
@@ -101,7 +96,13 @@ pub(super) fn run(
             span: Some(settings.span),
         });
     }
-    judge_steps(&mut trajectory, system, settings, options.steps, error);
+    judge_steps(
+        &mut trajectory,
+        system,
+        settings,
+        options.steps,
+        error.flatten(),
+    );
     trajectory.stats.solve_s = started.elapsed().as_secs_f64();
     trajectory
 }
@@ -124,12 +125,12 @@ pub fn stepper(
     system: &System,
     horizon: f64,
     steps: usize,
-    time_limit: Option<std::time::Duration>,
+    limit: Limit,
 ) -> Stepper<impl nsd_solver::moreau::Free> {
     let inputs = Inputs::new(system);
     let free = Free::new(system, &inputs, Pulses::of(system, horizon));
     let scene = scene::scene(system, &inputs);
-    Stepper::new(scene, free, StepSettings { steps, time_limit })
+    Stepper::new(scene, free, StepSettings { steps, limit })
 }
 
 /// What a contact has ended a run by.

@@ -371,11 +371,11 @@ fn limits_end_a_run() {
         (Status::IterationLimit, 3)
     );
     let short = Options {
-        time_limit: Some(std::time::Duration::ZERO),
+        limit: crate::limit::Limit::within(std::time::Duration::ZERO),
         ..Options::default()
     };
     let solution = solve(&mut rosenbrock(), &short, None, &mut ());
-    assert_eq!(solution.status, Status::TimeLimit);
+    assert_eq!(solution.status, Status::Over(crate::limit::Over::TimeLimit));
     let mut stop = |progress: &crate::ipm::Progress<'_>| {
         if progress.iteration == 2 {
             std::ops::ControlFlow::Break(())

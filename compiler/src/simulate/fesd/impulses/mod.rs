@@ -12,8 +12,6 @@
 mod checks;
 mod compare;
 
-use std::time::Instant;
-
 use nsd_solver::mpcc::{self, Options};
 use rustc_hash::FxHashMap;
 
@@ -21,9 +19,11 @@ use super::super::rehearsal::CLOSED;
 use super::super::watch::Progress;
 use super::super::{Elements, Rehearsed, Request, judge, outcome};
 use super::judge_grid;
+use crate::clock::Instant;
 use crate::dcs::{self, Dcs, solve_pointwise};
 use crate::discretize::{self, Detection, Equilibration, Grid, Layout, discretize};
 use crate::expr::{Expr, Var};
+use crate::limit::Limit;
 use crate::report::{
     Certificate, Failure, Method, MethodOption, Stationarity, Stats, Status, Trajectory,
 };
@@ -56,7 +56,7 @@ struct Run<'s, 'e> {
     options: discretize::Options,
     horizon: f64,
     steps: usize,
-    deadline: Option<Instant>,
+    limit: Limit,
     /// A run from event to event, where one begins.
     rehearsed: Option<Rehearsed<'e>>,
     /// The end of the last step, and the state there.
@@ -90,7 +90,6 @@ pub(in crate::simulate) fn run(
     watch: &mut dyn FnMut(Progress),
 ) -> Trajectory {
     let started = Instant::now();
-    let deadline = request.time_limit.map(|limit| started + limit);
     let mut steps = options.steps.unwrap_or(STEPS);
     // With as many elements, twice as many steps could cut an interval between two events as before.
     let finer = FesdOptions {
@@ -98,14 +97,19 @@ pub(in crate::simulate) fn run(
         ..*options
     };
     let (coarse, elements, failure, estimate) = loop {
-        let mut coarse = Run::new(system, settings, options, steps, deadline);
+        let mut coarse = Run::new(system, settings, options, steps, &request.limit);
         let (elements, failure) = coarse.integrate(settings, watch, false);
-        let estimate = (failure.is_none() && request.estimate).then(|| {
-            let mut fine = Run::new(system, settings, &finer, 2 * steps, deadline);
+        let mut second = || {
+            let mut fine = Run::new(system, settings, &finer, 2 * steps, &request.limit);
             let (others, ended) = fine.integrate(settings, watch, true);
+            if ended.as_ref().is_some_and(Failure::is_over) {
+                return None;
+            }
             let changes = [elements.changes(), others.changes()];
-            coarse.compare(&fine, changes, ended.is_none())
-        });
+            Some(coarse.compare(&fine, changes, ended.is_none()))
+        };
+        let wanted = failure.is_none() && request.estimate;
+        let estimate = wanted.then(&mut second).flatten();
         let error = estimate.as_ref().map_or(0.0, |estimate| estimate.error);
         let is_unsolved = matches!(failure, Some(Failure::Unsolved { .. }));
         let is_done = error <= settings.tolerance && !is_unsolved;
@@ -168,12 +172,11 @@ impl<'s, 'e> Run<'s, 'e> {
         settings: &Settings<'e>,
         options: &FesdOptions,
         steps: usize,
-        deadline: Option<Instant>,
+        limit: &Limit,
     ) -> Self {
         let dcs = dcs::lower(system, &settings.lowerings);
         let mut dcs = dcs.expect("compilation has checked that the system can be lowered");
         dcs.task = Some(nothing(system.exprs.constant(0.0), settings));
-        let left = deadline.map(|deadline| deadline.saturating_duration_since(Instant::now()));
         let fesd = discretize::Options::fesd(options);
         let detection = fesd.detection.unwrap_or_default();
         let mut run = Run {
@@ -188,8 +191,8 @@ impl<'s, 'e> Run<'s, 'e> {
             },
             horizon: settings.horizon,
             steps,
-            deadline,
-            rehearsed: Some(Rehearsed::new(system, settings, left)).filter(Rehearsed::begins),
+            limit: limit.clone(),
+            rehearsed: Some(Rehearsed::new(system, settings, limit)).filter(Rehearsed::begins),
             reached: 0.0,
             x: dcs.states.iter().map(|state| state.initial).collect(),
             dcs,
@@ -264,15 +267,10 @@ impl<'s, 'e> Run<'s, 'e> {
     /// Why there is no step from an instant.
     fn without_step(&self, time: f64, settings: &Settings) -> Failure {
         let span = settings.span;
-        match self.is_late() {
-            true => Failure::TimeLimit { time, span },
-            false => Failure::Unsolved { time, span },
+        match self.limit.over() {
+            Some(over) => Failure::over(over, time, span),
+            None => Failure::Unsolved { time, span },
         }
-    }
-
-    fn is_late(&self) -> bool {
-        let deadline = self.deadline;
-        deadline.is_some_and(|deadline| Instant::now() >= deadline)
     }
 
     /// A step from the present state.
@@ -287,7 +285,7 @@ impl<'s, 'e> Run<'s, 'e> {
         let least = parts.saturating_sub(elements);
         for added in least..=least + MOST_ADDED {
             // Making the program of many contacts may take longer than solving it.
-            if self.is_late() {
+            if self.limit.is_over() {
                 return None;
             }
             if let Some(step) = self.solve(start, length, elements + added) {
@@ -338,14 +336,13 @@ impl<'s, 'e> Run<'s, 'e> {
                 &mut w,
             );
         }
-        let left = |deadline: Instant| deadline.saturating_duration_since(Instant::now());
         let options = Options {
             trusts_start: true,
             effort: 0,
             feasibility: FEASIBLE,
             max_restarts: MOST_WAYS,
             max_iterations: MOST_ITERATIONS,
-            time_limit: self.deadline.map(left),
+            limit: self.limit.clone(),
             ..Options::default()
         };
         let found = mpcc::solve_from(&mut program, &w, &options);

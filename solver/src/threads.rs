@@ -4,17 +4,35 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;
 use std::thread;
 
+/// Whether the target has threads: where it has none, `std` panics.
+const THREADS: bool = !cfg!(all(target_family = "wasm", target_os = "unknown"));
+
 /// How many go on at once: one on every core.
+#[expect(
+    clippy::disallowed_methods,
+    reason = "this is the one source of threads"
+)]
 pub fn count() -> usize {
-    thread::available_parallelism().map_or(1, usize::from)
+    match THREADS {
+        true => thread::available_parallelism().map_or(1, usize::from),
+        false => 1,
+    }
 }
 
 /// What one thread does of it.
+#[derive(Debug)]
 pub struct Share<'s, T> {
     next: &'s AtomicUsize,
     stop: &'s AtomicBool,
     count: usize,
     done: mpsc::Sender<(usize, T)>,
+}
+
+impl<T> Clone for Share<'_, T> {
+    fn clone(&self) -> Self {
+        let done = self.done.clone();
+        Share { done, ..*self }
+    }
 }
 
 impl<T> Share<'_, T> {
@@ -43,27 +61,64 @@ pub fn in_order<T: Send>(
     work: impl Fn(Share<'_, T>) + Sync,
     heard: &mut dyn FnMut(usize),
 ) -> Vec<Option<T>> {
-    let next = AtomicUsize::new(0);
     let mut results: Vec<Option<T>> = (0..count).map(|_| None).collect();
-    thread::scope(|scope| {
-        let (sender, found) = mpsc::channel();
-        for _ in 0..n_threads.clamp(1, count.max(1)) {
-            let share = Share {
-                next: &next,
-                stop,
-                count,
-                done: sender.clone(),
-            };
-            let work = &work;
-            scope.spawn(move || work(share));
-        }
-        drop(sender);
-        for (done, (number, result)) in found.into_iter().enumerate() {
-            results[number] = Some(result);
-            heard(done + 1);
-        }
+    let mut done = 0;
+    share_out(count, n_threads, stop, work, &mut |number, result| {
+        results[number] = Some(result);
+        done += 1;
+        heard(done);
     });
     results
+}
+
+/// The same, which hands what has come of each number to `heard` as soon as it is there.
+#[expect(
+    clippy::disallowed_methods,
+    reason = "this is the one source of threads"
+)]
+pub fn share_out<T: Send>(
+    count: usize,
+    n_threads: usize,
+    stop: &AtomicBool,
+    work: impl Fn(Share<'_, T>) + Sync,
+    heard: &mut dyn FnMut(usize, T),
+) {
+    let next = AtomicUsize::new(0);
+    let (done, found) = mpsc::channel();
+    let share = Share {
+        next: &next,
+        stop,
+        count,
+        done,
+    };
+    if !THREADS {
+        alone(share, &found, work, heard);
+        return;
+    }
+    thread::scope(|scope| {
+        for _ in 0..n_threads.clamp(1, count.max(1)) {
+            let (share, work) = (share.clone(), &work);
+            scope.spawn(move || work(share));
+        }
+        drop(share);
+        // Ends when all threads have, or one has panicked, which the scope passes on.
+        for (number, result) in found {
+            heard(number, result);
+        }
+    });
+}
+
+/// All of it in the thread of the caller.
+fn alone<T>(
+    share: Share<'_, T>,
+    found: &mpsc::Receiver<(usize, T)>,
+    work: impl Fn(Share<'_, T>),
+    heard: &mut dyn FnMut(usize, T),
+) {
+    work(share);
+    for (number, result) in found.try_iter() {
+        heard(number, result);
+    }
 }
 
 #[cfg(test)]
@@ -85,6 +140,29 @@ mod tests {
             assert_eq!(heard, (1..=20).collect::<Vec<_>>());
         }
         assert!(in_order(0, 2, &AtomicBool::new(false), work, &mut |_| {}).is_empty());
+    }
+
+    /// Where there are no threads, the caller's does it all.
+    #[test]
+    fn work_needs_no_threads() {
+        let (next, stop) = (AtomicUsize::new(0), AtomicBool::new(false));
+        let (done, found) = mpsc::channel();
+        let share = Share {
+            next: &next,
+            stop: &stop,
+            count: 3,
+            done,
+        };
+        let work = |share: Share<'_, usize>| {
+            while let Some(k) = share.next() {
+                share.finish(k, k + 10);
+            }
+        };
+        let mut heard = Vec::new();
+        alone(share, &found, work, &mut |k, result| {
+            heard.push((k, result))
+        });
+        assert_eq!(heard, [(0, 10), (1, 11), (2, 12)]);
     }
 
     /// What is begun is finished, and no other is begun.
