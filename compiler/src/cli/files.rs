@@ -5,11 +5,15 @@ use std::fs;
 use std::io::{self, Read};
 use std::path::{Component, Path, PathBuf};
 
-use super::Streams;
+use super::{Streams, project};
+use crate::diagnostics::{Diagnostics, Fixable};
 use crate::imports::{Loaded, Loader, NotLoaded};
+use crate::source::SourceMap;
 use crate::syntax;
 use crate::table;
 
+/// What was not possible, of a file of results.
+const WRITE: &str = "write";
 /// Extension of model files.
 const EXTENSION: &str = "nsd";
 /// Folders below a folder before a walk gives up; a cycle of links would never end.
@@ -24,7 +28,30 @@ pub struct FileError {
     reason: String,
 }
 
+impl miette::Diagnostic for FileError {
+    fn code<'a>(&'a self) -> Option<Box<dyn std::fmt::Display + 'a>> {
+        (self.action == WRITE).then(|| Box::new("E0814") as Box<dyn std::fmt::Display>)
+    }
+
+    fn help<'a>(&'a self) -> Option<Box<dyn std::fmt::Display + 'a>> {
+        let help = "name a file in a folder that is there and may be written to";
+        (self.action == WRITE).then(|| Box::new(help) as Box<dyn std::fmt::Display>)
+    }
+}
+
+impl Fixable for FileError {}
+
 impl FileError {
+    /// Prints it.
+    pub fn tell(self, streams: &mut Streams<'_>) -> io::Result<()> {
+        if self.action != WRITE {
+            return writeln!(streams.err, "error: {self}");
+        }
+        let mut diags = Diagnostics::new();
+        diags.push(self);
+        project::print(&diags, &SourceMap::new(), streams)
+    }
+
     fn new(action: &'static str, path: &Path, error: &io::Error) -> Self {
         let reason = match error.kind() {
             io::ErrorKind::NotFound => "there is no such file or folder".into(),
@@ -99,12 +126,12 @@ pub fn foresee(path: &Path) -> Result<(), FileError> {
         (false, false, Some(folder)) if !folder.is_dir() => io::ErrorKind::NotFound,
         _ => return Ok(()),
     };
-    Err(FileError::new("write", path, &kind.into()))
+    Err(FileError::new(WRITE, path, &kind.into()))
 }
 
 /// Replaces a file as a whole: it has its old text or the new one, whatever happens meanwhile.
 pub fn write(path: &Path, text: &str) -> Result<(), FileError> {
-    replace(path, text).map_err(|error| FileError::new("write", path, &error))
+    replace(path, text).map_err(|error| FileError::new(WRITE, path, &error))
 }
 
 fn replace(path: &Path, text: &str) -> io::Result<()> {
@@ -143,9 +170,9 @@ fn replace(path: &Path, text: &str) -> io::Result<()> {
 
 /// Replaces a file, in a folder that may have to be made; neither of them may be a link that leads elsewhere.
 pub fn write_in_folder(path: &Path, text: &str) -> Result<(), FileError> {
-    refuse_links("write", path)?;
+    refuse_links(WRITE, path)?;
     let made = path.parent().map_or(Ok(()), fs::create_dir_all);
-    made.map_err(|error| FileError::new("write", path, &error))?;
+    made.map_err(|error| FileError::new(WRITE, path, &error))?;
     write(path, text)
 }
 
@@ -320,7 +347,7 @@ impl Sink {
         match write(&self.path, &self.text) {
             Ok(()) => Ok(true),
             Err(error) => {
-                writeln!(streams.err, "error: {error}")?;
+                error.tell(streams)?;
                 Ok(false)
             }
         }

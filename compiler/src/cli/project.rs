@@ -81,7 +81,7 @@ impl Project {
         let mut project = match Project::load(path) {
             Ok(project) => project,
             Err(error) => {
-                writeln!(streams.err, "error: {error}")?;
+                error.tell(streams)?;
                 return Ok(None);
             }
         };
