@@ -1,16 +1,23 @@
 //! Where files come from: folders of a disk, or a list of names with what is in them.
 
 use std::collections::{BTreeMap, HashMap};
+use std::fmt;
 use std::fs;
 use std::io::{self, Read};
 use std::path::{Component, Path, PathBuf};
 
+use miette::Diagnostic;
+
+use crate::diagnostics::Fixable;
 use crate::imports::{Loaded, Loader, NotLoaded};
 use crate::syntax;
 use crate::table;
 
 /// Extension of model files.
 pub const EXTENSION: &str = "nsd";
+
+/// What was not possible, of a file of results.
+pub const WRITE: &str = "write";
 
 /// A file that could not be read or written.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -23,6 +30,19 @@ pub struct FileError {
     /// Why that failed.
     pub reason: String,
 }
+
+impl Diagnostic for FileError {
+    fn code<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        (self.action == WRITE).then(|| Box::new("E0814") as Box<dyn fmt::Display>)
+    }
+
+    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        let help = "name a file in a folder that is there and may be written to";
+        (self.action == WRITE).then(|| Box::new(help) as Box<dyn fmt::Display>)
+    }
+}
+
+impl Fixable for FileError {}
 
 impl FileError {
     /// What the system says about a path.

@@ -486,3 +486,62 @@ fn the_time_is_told_apart_from_results() {
         );
     }
 }
+
+#[test]
+fn a_file_that_cannot_be_written_has_a_code() {
+    let folder = with_relay("unwritable");
+    fs::create_dir(folder.join("taken.svg")).expect("the folder is writable");
+    let mut before: Vec<_> = fs::read_dir(&folder)
+        .unwrap()
+        .map(|e| e.unwrap().path())
+        .collect();
+    before.sort();
+    for args in [
+        &["run", "relay.nsd", "--csv", "no/such.csv"][..],
+        &[
+            "run",
+            "relay.nsd",
+            "--csv",
+            "a.csv",
+            "--json",
+            "no/such.json",
+        ],
+        &["run", "relay.nsd", "slide", "--plot", "taken.svg"],
+        &[
+            "emit",
+            "relay.nsd",
+            "--ir",
+            "ast",
+            "--output",
+            "no/such.txt",
+        ],
+        &["check", "relay.nsd", "--json", "no/such.json"],
+        &["test", "relay.nsd", "--junit", "no/such.xml"],
+        &["verify", "relay.nsd", "slide", "--json", "no/such.json"],
+        &[
+            "sweep",
+            "relay.nsd",
+            "slide",
+            "--over",
+            "k=1:2:2",
+            "--csv",
+            "no/such.csv",
+        ],
+    ] {
+        let ran = nsdc(&folder, args);
+        assert_eq!(ran.status, 1, "{args:?}: {}", ran.err);
+        assert!(ran.err.starts_with("E0814\n"), "{args:?}: {}", ran.err);
+        let mut after: Vec<_> = fs::read_dir(&folder)
+            .unwrap()
+            .map(|e| e.unwrap().path())
+            .collect();
+        after.sort();
+        assert_eq!(before, after, "{args:?}");
+    }
+    assert_snapshot!(nsdc(&folder, &["run", "relay.nsd", "--csv", "no/such.csv"]).err, @"
+    E0814
+
+      × cannot write `no/such.csv`: there is no such file or folder
+      help: name a file in a folder that is there and may be written to
+    ");
+}

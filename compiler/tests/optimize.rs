@@ -194,3 +194,253 @@ optimize o of m { horizon 1; intervals 1; elements 2; minimize final(y + 1); }
        ╰────
     ");
 }
+
+/// Problems whose least objective J is known for every bound c, with the value that c bounds, and dJ/dc.
+const BOUNDED: [(&str, &str, &str, f64); 9] = [
+    // u = c, and the switch does not matter: J = c² - c/2.
+    (
+        "final_value",
+        "horizon 1; minimize integral(u^2) + 3*final(y^2) - 0.5*final(x); final { x = c; }",
+        "x = at end",
+        0.9,
+    ),
+    // J = c² - 2c.
+    (
+        "final_bound",
+        "horizon 1; minimize integral(u^2) - 2*final(x); final { x <= c; }",
+        "x <= at end",
+        -0.6,
+    ),
+    // J = (1 - c)².
+    (
+        "at_intervals",
+        "horizon 1; minimize integral((u - 1)^2); subject to { u <= c; } at intervals;",
+        "u <= at intervals",
+        -0.6,
+    ),
+    // J = -√c.
+    (
+        "of_the_run",
+        "horizon 1; minimize -final(x); subject to { integral(u^2) <= c; }",
+        "integral(u^2) <= at end",
+        -0.597_614_304_667_196_8,
+    ),
+    // J = T + c²/T is 2c at T = c.
+    (
+        "free_horizon",
+        "horizon free in [0.1, 2] = 1; minimize integral(1 + u^2); final { x = c; }",
+        "x = at end",
+        2.0,
+    ),
+    // J = c³ + c².
+    (
+        "products",
+        "horizon 1; minimize integral(u^2)*final(x) + integral(u^2); final { x = c; }",
+        "x = at end",
+        2.87,
+    ),
+    // J = -c, as u <= c.
+    (
+        "of_a_control",
+        "horizon 1; minimize -final(z);",
+        "v <=",
+        -1.0,
+    ),
+    // J = (1 - c)², as w <= c.
+    (
+        "of_a_state",
+        "horizon 1; minimize integral((a - 1)^2);",
+        "w <=",
+        -0.6,
+    ),
+    // J = c²/4 + 1 at p = c.
+    (
+        "of_a_parameter",
+        "horizon 1; minimize integral(u^2) + p^2/4 + 1; free { p in [0.7, 2]; }",
+        "p >=",
+        0.35,
+    ),
+];
+
+const BOUNDS: &str = "
+model m {
+  param c = 0.7;
+  param p = 1;
+  state x = 0;
+  state y = 0.5;
+  state z = 0;
+  state w in [-1, c] = 0;
+  control u in [-9, 9] = 0;
+  control v in [-1, c] = 0;
+  control a in [-9, 9] = 0;
+  x' = u;
+  y' = -sign(y);
+  z' = v;
+  w' = a;
+}
+";
+
+/// The optimum with a bound.
+fn optimum(folder: &std::path::Path, name: &str, c: f64) -> serde_json::Value {
+    let set = format!("c={c}");
+    let ran = nsdc(
+        folder,
+        &["run", "m.nsd", name, "--set", &set, "--json", "-"],
+    );
+    assert_eq!(ran.status, 0, "{name}: {}", ran.err);
+    serde_json::from_str(&ran.out).expect("one object")
+}
+
+#[test]
+fn multipliers_are_derivatives_of_the_optimum_by_bounds() {
+    let folder = folder("optimize_multipliers");
+    let experiments = BOUNDED.map(|(name, settings, ..)| {
+        format!("optimize {name} of m {{ intervals 3; elements 2; {settings} }}\n")
+    });
+    fs::write(
+        folder.join("m.nsd"),
+        BOUNDS.to_owned() + &experiments.concat(),
+    )
+    .unwrap();
+    for (name, _, bound, expected) in BOUNDED {
+        let found = optimum(&folder, name, 0.7);
+        let constraints = found["optimum"]["constraints"].as_array().unwrap();
+        let told = |constraint: &serde_json::Value| {
+            let at = constraint["at"].as_str();
+            let at = at.map_or_else(String::new, |at| format!(" at {at}"));
+            let [value, relation] =
+                ["value", "relation"].map(|key| constraint[key].as_str().unwrap());
+            format!("{value} {relation}{at}")
+        };
+        let one = constraints.iter().find(|one| told(one) == bound);
+        let one = one.unwrap_or_else(|| panic!("{name}: {constraints:?}"));
+        assert_eq!(one["bound"], 0.7, "{name}");
+        let multiplier = one["multiplier"].as_f64().unwrap();
+        assert!((multiplier - expected).abs() < 1e-5, "{name}: {multiplier}");
+        // All others are not felt.
+        for other in constraints.iter().filter(|other| told(other) != bound) {
+            let multiplier = other["multiplier"].as_f64().unwrap();
+            assert!(multiplier.abs() < 1e-6, "{name}: {other}");
+        }
+        if name == "of_a_parameter" {
+            continue;
+        }
+        let [more, less] =
+            [0.701, 0.699].map(|c| optimum(&folder, name, c)["objective"].as_f64().unwrap());
+        let difference = (more - less) / 0.002;
+        assert!(
+            (multiplier - difference).abs() < 1e-5,
+            "{name}: {difference}"
+        );
+    }
+}
+
+#[test]
+fn bounds_that_hold_one_value_have_no_multiplier_of_their_own() {
+    let folder = folder("optimize_not_unique");
+    let experiment = "optimize twice of m { horizon 1; intervals 2; minimize integral((u - 1)^2); \
+                      final { x <= 0.7; x <= 0.7; y <= 1; } }";
+    fs::write(folder.join("m.nsd"), format!("{BOUNDS}{experiment}")).unwrap();
+    let found = optimum(&folder, "twice", 2.0);
+    for constraint in found["optimum"]["constraints"].as_array().unwrap() {
+        let is_felt = constraint["value"] == "x";
+        assert_eq!(constraint["multiplier"].is_null(), is_felt, "{constraint}");
+    }
+    let report = nsdc(&folder, &["run", "m.nsd", "twice"]).out;
+    assert_eq!(
+        report.matches("x <= 0.7 at end  not unique").count(),
+        2,
+        "{report}"
+    );
+}
+
+#[test]
+fn terms_add_up_to_the_objective() {
+    let folder = folder("optimize_terms");
+    let terms = [
+        "integral(u^2)",
+        "3*final(y^2)",
+        "final(x)^2*integral(u^2)",
+        "(integral(u) - 1)^2",
+        "p^2",
+        "abs(final(x) - 0.3)",
+        "final([x, y])[1]",
+        "2.5",
+    ];
+    // Signs and places of a linear congruence.
+    let mut state: u32 = 7;
+    let mut random = |n: u32| {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 16) % n
+    };
+    let mut texts = Vec::new();
+    for _ in 0..12 {
+        let chosen: Vec<&str> = terms.into_iter().filter(|_| random(2) == 0).collect();
+        let signs = chosen.iter().map(|term| {
+            // Everything that is convex is added.
+            let is_linear = matches!(*term, "2.5" | "final([x, y])[1]");
+            if is_linear && random(2) == 0 {
+                "-"
+            } else {
+                "+"
+            }
+        });
+        let signs: Vec<&str> = signs.collect();
+        let rest = signs
+            .iter()
+            .zip(&chosen)
+            .map(|(sign, term)| format!(" {sign} {term}"));
+        texts.push((
+            format!("0.1*integral(u^2){}", rest.collect::<String>()),
+            signs,
+            chosen,
+        ));
+    }
+    let experiments = texts.iter().enumerate().map(|(k, (cost, ..))| {
+        format!("optimize o{k} of m {{ horizon 1; intervals 3; elements 2; free {{ p in [0.5, 2]; }} minimize {cost}; }}\n")
+    });
+    let experiments: String = experiments.collect();
+    fs::write(folder.join("m.nsd"), BOUNDS.to_owned() + &experiments).unwrap();
+    for (k, (cost, signs, chosen)) in texts.iter().enumerate() {
+        let ran = nsdc(&folder, &["run", "m.nsd", &format!("o{k}"), "--json", "-"]);
+        let found: serde_json::Value = serde_json::from_str(&ran.out).unwrap();
+        let objective = found["objective"].as_f64().unwrap();
+        let terms = found["optimum"]["objective_terms"].as_array().unwrap();
+        let sum: f64 = terms
+            .iter()
+            .map(|term| term["value"].as_f64().unwrap())
+            .sum();
+        assert!(
+            (sum - objective).abs() < 1e-12 * (1.0 + objective.abs()),
+            "{cost}: {sum}, {objective}"
+        );
+        let told: Vec<&str> = terms
+            .iter()
+            .map(|term| term["text"].as_str().unwrap())
+            .collect();
+        let written = signs.iter().zip(chosen).map(|(sign, term)| match *sign {
+            "-" => format!("-{term}"),
+            _ => (*term).to_owned(),
+        });
+        let written: Vec<String> = ["0.1*integral(u^2)".to_owned()]
+            .into_iter()
+            .chain(written)
+            .collect();
+        assert_eq!(told, written, "{cost}");
+    }
+}
+
+#[test]
+fn a_report_has_terms_and_bounds_that_are_felt() {
+    let folder = with_model("optimize_report");
+    let report = nsdc(&folder, &["run", "m.nsd", "reach"]).out;
+    for lines in [
+        "  objective 1\n\n  terms of the objective\n    integral(u^2) = 1\n    final(y^2)    = ",
+        "\n\n  multipliers: derivatives of the objective by bounds\n    x = 1 at end  2\n\n  at the end",
+    ] {
+        assert!(report.contains(lines), "{report}");
+    }
+    // One term is the objective itself.
+    let report = nsdc(&folder, &["run", "m.nsd", "often"]).out;
+    assert!(!report.contains("terms of"), "{report}");
+}

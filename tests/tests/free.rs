@@ -203,9 +203,19 @@ fn the_optimum_tells_their_values() {
           subject to { final(y) <= 0.6; } free { p; k; } }";
     let found = solved_optimum(text, "o");
     let optimum = found.optimum.as_ref().expect("how it was found");
-    let names: Vec<&str> = optimum.free.iter().map(|(name, _)| &name[..]).collect();
+    let names: Vec<&str> = optimum
+        .values
+        .free
+        .iter()
+        .map(|(name, _)| &name[..])
+        .collect();
     assert_eq!(names, ["p", "k[1]", "k[2]"]);
-    for ((_, value), exact) in optimum.free.iter().zip([-0.5 * 0.6_f64.ln(), 0.0, 0.5]) {
+    for ((_, value), exact) in optimum
+        .values
+        .free
+        .iter()
+        .zip([-0.5 * 0.6_f64.ln(), 0.0, 0.5])
+    {
         close(*value, exact, 1e-6);
     }
     let report = nsdc::report::text::write(&found);

@@ -27,7 +27,7 @@ pub fn run(args: &CheckArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         let checked = match one(path, args.fix) {
             Ok(checked) => checked,
             Err(error) => {
-                writeln!(streams.err, "error: {error}")?;
+                error.tell(streams)?;
                 exit = Exit::Wrong;
                 continue;
             }

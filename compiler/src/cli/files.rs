@@ -4,12 +4,26 @@ use std::fs;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-use super::Streams;
+use super::{Streams, project};
+use crate::diagnostics::Diagnostics;
 pub use crate::files::FileError;
-use crate::files::{Disk, EXTENSION, Files, open};
+use crate::files::{Disk, EXTENSION, Files, WRITE, open};
+use crate::source::SourceMap;
 
 /// Folders below a folder before a walk gives up; a cycle of links would never end.
 const MAX_DEPTH: usize = 64;
+
+impl FileError {
+    /// Prints it.
+    pub fn tell(self, streams: &mut Streams<'_>) -> io::Result<()> {
+        if self.action != WRITE {
+            return writeln!(streams.err, "error: {self}");
+        }
+        let mut diags = Diagnostics::new();
+        diags.push(self);
+        project::print(&diags, &SourceMap::new(), streams)
+    }
+}
 
 /// Whether a path stands for standard input or output.
 pub fn is_standard(path: &Path) -> bool {
@@ -76,12 +90,12 @@ pub fn foresee(path: &Path) -> Result<(), FileError> {
         (false, false, Some(folder)) if !folder.is_dir() => io::ErrorKind::NotFound,
         _ => return Ok(()),
     };
-    Err(FileError::new("write", path, &kind.into()))
+    Err(FileError::new(WRITE, path, &kind.into()))
 }
 
 /// Replaces a file as a whole: it has its old text or the new one, whatever happens meanwhile.
 pub fn write(path: &Path, bytes: impl AsRef<[u8]>) -> Result<(), FileError> {
-    replace(path, bytes.as_ref()).map_err(|error| FileError::new("write", path, &error))
+    replace(path, bytes.as_ref()).map_err(|error| FileError::new(WRITE, path, &error))
 }
 
 fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
@@ -122,9 +136,9 @@ fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
 
 /// Replaces a file, in a folder that may have to be made; neither of them may be a link that leads elsewhere.
 pub fn write_in_folder(path: &Path, text: &str) -> Result<(), FileError> {
-    refuse_links("write", path)?;
+    refuse_links(WRITE, path)?;
     let made = path.parent().map_or(Ok(()), fs::create_dir_all);
-    made.map_err(|error| FileError::new("write", path, &error))?;
+    made.map_err(|error| FileError::new(WRITE, path, &error))?;
     write(path, text)
 }
 
@@ -238,7 +252,7 @@ impl Sink {
         match write(&self.path, &self.bytes) {
             Ok(()) => Ok(true),
             Err(error) => {
-                writeln!(streams.err, "error: {error}")?;
+                error.tell(streams)?;
                 Ok(false)
             }
         }

@@ -14,7 +14,7 @@ pub fn run(paths: &[PathBuf], check: bool, streams: &mut Streams<'_>) -> io::Res
     let paths = match files::find(paths) {
         Ok(paths) => paths,
         Err(error) => {
-            writeln!(streams.err, "error: {error}")?;
+            error.tell(streams)?;
             return Ok(Exit::Wrong);
         }
     };
@@ -29,7 +29,7 @@ fn one(path: &Path, check: bool, streams: &mut Streams<'_>) -> io::Result<Exit> 
     let bytes = match files::read(path, syntax::MAX_BYTES) {
         Ok(bytes) => bytes,
         Err(error) => {
-            writeln!(streams.err, "error: {error}")?;
+            error.tell(streams)?;
             return Ok(Exit::Wrong);
         }
     };
@@ -50,7 +50,7 @@ fn one(path: &Path, check: bool, streams: &mut Streams<'_>) -> io::Result<Exit> 
     } else if is_standard(path) {
         streams.out.write_all(formatted.as_bytes())?;
     } else if !is_same && let Err(error) = files::write(path, &formatted) {
-        writeln!(streams.err, "error: {error}")?;
+        error.tell(streams)?;
         return Ok(Exit::Wrong);
     }
     Ok(Exit::Success)

@@ -46,7 +46,7 @@ pub fn run(path: &Path, streams: &mut Streams<'_>) -> io::Result<Exit> {
     for (file, text) in FILES {
         let text = text.replace("{name}", &name);
         if let Err(error) = files::write_in_folder(&path.join(file), &text) {
-            writeln!(streams.err, "error: {error}")?;
+            error.tell(streams)?;
             return Ok(Exit::Wrong);
         }
     }

@@ -19,7 +19,7 @@ pub fn open(
     let mut project = match Project::from_files(path, Terminal) {
         Ok(project) => project,
         Err(error) => {
-            writeln!(streams.err, "error: {error}")?;
+            error.tell(streams)?;
             return Ok(None);
         }
     };

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::args::{Log, RunArgs};
-use super::files::{Sink, is_standard};
+use super::files::{self, Sink, is_standard};
 use super::iterations::Iterations;
 use super::progress::Bar;
 use super::project::{self, Project};
@@ -24,6 +24,11 @@ pub fn run(args: &RunArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
     if let Some(message) = args.targets().misuse() {
         writeln!(streams.err, "error: {message}")?;
         return Ok(Exit::Usage);
+    }
+    // After hours it would be too late.
+    if let Err(error) = args.targets().all().try_for_each(files::foresee) {
+        error.tell(streams)?;
+        return Ok(Exit::Wrong);
     }
     let Some((mut project, overrides)) = project::open(&args.file, &args.set, streams)? else {
         return Ok(Exit::Wrong);

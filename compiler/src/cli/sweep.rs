@@ -52,7 +52,7 @@ pub fn run(args: &SweepArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
     }
     // After hours it would be too late.
     if let Err(error) = args.targets().all().try_for_each(files::foresee) {
-        writeln!(streams.err, "error: {error}")?;
+        error.tell(streams)?;
         return Ok(Exit::Wrong);
     }
     let Some((mut project, overrides)) = project::open(&args.file, &args.set, streams)? else {

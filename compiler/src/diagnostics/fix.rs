@@ -73,8 +73,8 @@ pub trait Fixable: Diagnostic + Send + Sync + 'static {
 /// What a diagnostic says to do, with what takes the place of what it points at, where that is known.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Help {
-    text: String,
-    instead: Option<(String, Applicability)>,
+    text: Box<str>,
+    instead: Option<(Box<str>, Applicability)>,
 }
 
 impl Help {
@@ -85,8 +85,8 @@ impl Help {
         applicability: Applicability,
     ) -> Self {
         Help {
-            text: text.into(),
-            instead: Some((replacement.into(), applicability)),
+            text: text.into().into(),
+            instead: Some((replacement.into().into(), applicability)),
         }
     }
 
@@ -102,7 +102,7 @@ impl Help {
     /// The same words with another text that takes the place, where there is one.
     pub fn written(mut self, form: impl FnOnce(&str) -> String) -> Self {
         if let Some((replacement, _)) = &mut self.instead {
-            *replacement = form(replacement);
+            *replacement = form(replacement).into();
         }
         self
     }
@@ -110,14 +110,14 @@ impl Help {
     /// The edit, for what the diagnostic points at.
     pub fn fix(&self, span: Span) -> Option<Fix> {
         let (replacement, applicability) = self.instead.as_ref()?;
-        Some(Fix::one(span, replacement, *applicability))
+        Some(Fix::one(span, &**replacement, *applicability))
     }
 }
 
 impl<T: Into<String>> From<T> for Help {
     fn from(text: T) -> Self {
         Help {
-            text: text.into(),
+            text: text.into().into(),
             instead: None,
         }
     }

@@ -203,6 +203,8 @@ pub fn discretize<'e>(
         definitions: Vec::new(),
         variables: Vec::new(),
         blocks: Vec::new(),
+        terms: Vec::new(),
+        stated: Vec::new(),
         conditions: Conditions::default(),
     };
     let layout = layout::declare(

@@ -4,9 +4,10 @@
 //! that what cannot be met has a name.
 
 use super::block::{Builder, variable};
+use super::quadrature::Integral;
 use super::{DiscretizeError, Problem};
 use crate::expr::{Expr, Substitution, variables_of};
-use crate::mpcc::{Bounds, Kind, Mpcc, Source};
+use crate::mpcc::{Block, Bounds, Kind, Mpcc, Source, Stated};
 use crate::source::Span;
 use crate::system::task::{At, Shape, TaskRow};
 
@@ -19,22 +20,58 @@ impl<'e> Problem<'_, 'e> {
         let Some(task) = &self.dcs.task else {
             return Ok(());
         };
-        if task.cost.is_zero() {
-            return Ok(());
-        }
-        let sources = vec![Source::Task(task.cost_span)];
-        let (block, value) = self.at_end("final", (task.cost, task.cost_span))?;
-        let text = task.cost.to_string();
-        mpcc.blocks
-            .push(block.finish(Kind::Objective, vec![value], sources, text));
+        mpcc.blocks.extend(self.at_horizon(task.cost.value)?);
         Ok(())
+    }
+
+    /// The terms of φ each by itself, which are no part of the program.
+    pub(super) fn terms(
+        &self,
+        integrals: &[Integral<'e>],
+        mpcc: &mut Mpcc<'e>,
+    ) -> Result<(), DiscretizeError> {
+        let terms = self.dcs.task.iter().flat_map(|task| &task.cost.terms);
+        for (number, term) in terms.enumerate() {
+            let mut blocks: Vec<_> = self.at_horizon(term.value)?.into_iter().collect();
+            for integral in integrals {
+                let share = integral.shares[number];
+                blocks.extend((share != 0.0).then(|| self.integral_of(integral, share)));
+            }
+            mpcc.terms.push(blocks);
+        }
+        Ok(())
+    }
+
+    /// A term of the objective from values at the end.
+    fn at_horizon(&self, value: Expr<'e>) -> Result<Option<Block<'e>>, DiscretizeError> {
+        let Some(task) = self.dcs.task.as_ref().filter(|_| !value.is_zero()) else {
+            return Ok(None);
+        };
+        let (text, span) = (value.to_string(), task.cost.span);
+        let (block, value) = self.at_end("final", (value, span))?;
+        let sources = vec![Source::Task(span)];
+        Ok(Some(block.finish(
+            Kind::Objective,
+            vec![value],
+            sources,
+            text,
+        )))
     }
 
     /// Constraints.
     pub(super) fn points(&self, mpcc: &mut Mpcc<'e>) -> Result<(), DiscretizeError> {
         let rows = self.dcs.task.iter().flat_map(|task| &task.rows);
         for row in rows {
-            if row.lower < row.upper && self.bound(row, mpcc) {
+            let first = mpcc.blocks.len();
+            let variables = match row.lower < row.upper {
+                true => self.bound(row, mpcc),
+                false => None,
+            };
+            if let Some(variables) = variables {
+                mpcc.stated.push(Stated {
+                    blocks: first..first,
+                    variables,
+                });
                 continue;
             }
             match row.at {
@@ -57,6 +94,10 @@ impl<'e> Problem<'_, 'e> {
                     }
                 }
             }
+            mpcc.stated.push(Stated {
+                blocks: first..mpcc.blocks.len(),
+                variables: Vec::new(),
+            });
         }
         Ok(())
     }
@@ -89,12 +130,10 @@ impl<'e> Problem<'_, 'e> {
         mpcc.blocks.push(block);
     }
 
-    /// A constraint on one variable as its bounds; false where it is more than that.
-    fn bound(&self, row: &TaskRow<'e>, mpcc: &mut Mpcc<'e>) -> bool {
+    /// A constraint on one variable as bounds of these; nothing where it is more than that.
+    fn bound(&self, row: &TaskRow<'e>, mpcc: &mut Mpcc<'e>) -> Option<Vec<usize>> {
         let layout = &self.layout;
-        let Some(task) = &self.dcs.task else {
-            return false;
-        };
+        let task = self.dcs.task.as_ref()?;
         let states = &self.dcs.states;
         let state = states.iter().position(|state| state.var == row.value);
         let control = task
@@ -133,7 +172,7 @@ impl<'e> Problem<'_, 'e> {
                 At::End => indices.push(layout.u(layout.steps) + i),
                 _ => indices.extend(steps.map(|k| layout.u(k) + i)),
             },
-            _ => return false,
+            _ => return None,
         }
         let bound = |bounds: &Bounds| bounds.within(row.lower, row.upper);
         let fits = |index: &usize| {
@@ -142,13 +181,13 @@ impl<'e> Problem<'_, 'e> {
         };
         // What is fixed, or left without a value, stays a row that says so.
         if !indices.iter().all(fits) {
-            return false;
+            return None;
         }
-        for index in indices {
+        for &index in &indices {
             let bounds = mpcc.bound_mut(index);
             *bounds = bound(bounds);
         }
-        true
+        Some(indices)
     }
 
     /// A row at the ends of intervals or elements, or at all nodes.

@@ -250,6 +250,7 @@ impl<'e> Problem<'_, 'e> {
         self.choices(mpcc);
         self.integrals(integrals, mpcc);
         self.cost(mpcc)?;
+        self.terms(integrals, mpcc)?;
         self.points(mpcc)?;
         self.conditional(mpcc);
         Ok(())

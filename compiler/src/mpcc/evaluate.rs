@@ -43,6 +43,20 @@ impl Evaluator {
 }
 
 impl Mpcc<'_> {
+    /// The sum of all rows of some blocks.
+    pub fn sum(&self, blocks: &[Block], w: &[f64]) -> Result<f64, CompileError> {
+        let n = self.n_variables();
+        let free = (vec![f64::NEG_INFINITY; n], vec![f64::INFINITY; n]);
+        let mut rows = kernels::Program::builder(&free.0, &free.1, &vec![0.0; n]);
+        for block in blocks {
+            let zeros = vec![0.0; block.n_rows()];
+            rows.rows(self.kernel(block, &block.kernel.outputs)?, &zeros, &zeros);
+        }
+        let mut values = vec![0.0; blocks.iter().map(Block::n_rows).sum()];
+        rows.finish().rows(w, &mut values);
+        Ok(values.iter().sum())
+    }
+
     /// Some outputs of a block at all its places, compiled.
     pub(super) fn kernel(
         &self,

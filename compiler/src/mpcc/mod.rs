@@ -58,8 +58,21 @@ pub struct Mpcc<'e> {
     pub variables: Vec<Variables>,
     /// F, c, g, a and b.
     pub blocks: Vec<Block<'e>>,
+    /// The terms that a user adds up to F, each as terms of an objective of its own.
+    pub terms: Vec<Vec<Block<'e>>>,
+    /// What has become of the constraints of the experiment, in their order.
+    pub stated: Vec<Stated>,
     /// When conditional rows hold.
     pub conditions: Conditions,
+}
+
+/// A constraint as rows, or as bounds of variables.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Stated {
+    /// Its blocks.
+    pub blocks: Range<usize>,
+    /// The variables that it bounds.
+    pub variables: Vec<usize>,
 }
 
 /// Functions as they are printed: `f(x, z)` and its lines.

@@ -125,6 +125,12 @@ impl<'e> Mpcc<'e> {
         })
     }
 
+    /// The rows of a block in a [`Program`]; none of members of pairs and of terms of the objective.
+    pub fn rows_of(&self, program: &Program, block: usize) -> Range<usize> {
+        let found = program.rows.iter().find(|(number, _)| *number == block);
+        found.map_or(0..0, |(_, rows)| rows.clone())
+    }
+
     /// Where a row of a [`Program`] comes from; nothing for members of pairs.
     pub fn origin(&self, program: &Program, row: usize) -> Option<Origin> {
         let (block, rows) = program.rows.iter().find(|(_, rows)| rows.contains(&row))?;

@@ -118,7 +118,7 @@ impl Problem<'_, '_> {
         // Switches in the cost have the values they have in the program.
         let (k, j, m) = (self.layout.steps, self.layout.elements, self.layout.nodes);
         let alphas = self.alphas(w, (k, j, m));
-        task.cost.eval(&|var| {
+        task.cost.value.eval(&|var| {
             let is = |e: crate::expr::Expr| e.as_variable() == Some(var);
             if is(solved.time) {
                 return horizon;

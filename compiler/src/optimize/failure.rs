@@ -37,7 +37,7 @@ pub(super) fn of(problem: &mut Problem, solution: &Solution) -> Option<Failure> 
         Status::Solved => None,
         Status::Feasible | Status::IterationLimit | Status::NumericalFailure if is_beyond => {
             Some(Failure::Unbounded {
-                span: problem.task.cost_span,
+                span: problem.task.cost.span,
             })
         }
         Status::Feasible => failed(&not_shown(solution)),
@@ -52,7 +52,7 @@ pub(super) fn of(problem: &mut Problem, solution: &Solution) -> Option<Failure> 
             })
         }
         Status::Unbounded => Some(Failure::Unbounded {
-            span: problem.task.cost_span,
+            span: problem.task.cost.span,
         }),
         Status::IterationLimit => failed("the limit of iterations was reached"),
         Status::Over(over) => Some(Failure::over(over, 0.0, span)),
@@ -94,7 +94,7 @@ fn not_finite(problem: &mut Problem, w: &[f64]) -> Vec<LabeledSpan> {
     };
     let is_steep = |slopes: &[f64]| slopes.iter().any(|slope| !slope.is_finite());
     if !cost.is_finite() || is_steep(&gradient) {
-        blame(problem.task.cost_span, !cost.is_finite());
+        blame(problem.task.cost.span, !cost.is_finite());
     }
     for (row, value) in values.iter().enumerate() {
         let entries = pattern.starts[row]..pattern.starts[row + 1];

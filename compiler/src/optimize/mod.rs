@@ -14,6 +14,7 @@ mod branches;
 mod check;
 mod confirm;
 mod descent;
+mod duals;
 mod elsewhere;
 mod failure;
 mod guess;
@@ -188,12 +189,9 @@ fn run_from<'e>(
     trajectory
         .warnings
         .extend(elsewhere.map(|objective| check::elsewhere(settings, objective)));
-    let free = problem.system.task.iter().flat_map(|task| &task.params);
-    let free = free.map(|free| &solved.params[free.place]);
+    let values = problem.values(solution, &options);
     trajectory.optimum = Some(Optimum {
-        free: free
-            .map(|param| (param.name.clone(), param.value))
-            .collect(),
+        values,
         built_s: built.as_secs_f64(),
         factor_entries: solution.stats.factor_entries,
         starts: found.solutions.len(),

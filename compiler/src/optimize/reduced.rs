@@ -89,7 +89,7 @@ impl<'r, 'p, 'e> Reduced<'r, 'p, 'e> {
         let mut reduced = Reduced {
             problem,
             quantities: quantities(problem, w),
-            cost: Evaluator::new(task.cost),
+            cost: Evaluator::new(task.cost.value),
             places: Vec::new(),
             asked: Vec::new(),
             rows: Vec::new(),

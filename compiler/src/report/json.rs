@@ -5,8 +5,8 @@
 use serde::ser::{Serialize, SerializeMap, SerializeSeq, Serializer};
 
 use super::{
-    Averaged, Bands, Ensemble, Event, Method, MethodOption, ModeInterval, Optimum, Series,
-    SlidingMode, Stats, Trajectory, Warning,
+    Averaged, Bands, Constraint, Ensemble, Event, Method, MethodOption, ModeInterval, Optimum,
+    Series, SlidingMode, Stats, Term, Trajectory, Warning,
 };
 
 /// The object, without a line break.
@@ -103,6 +103,8 @@ fn as_map<S: Serializer>(numbers: &[(String, f64)], serializer: S) -> Result<S::
 struct Found<'a> {
     #[serde(serialize_with = "as_map")]
     free: &'a [(String, f64)],
+    objective_terms: &'a [Term],
+    constraints: &'a [Constraint],
     starts: usize,
     feasible: usize,
     at_best: usize,
@@ -121,7 +123,9 @@ impl<'a> Found<'a> {
     fn of(optimum: &'a Optimum) -> Self {
         let (spread, check) = (optimum.spread.as_ref(), optimum.check.as_ref());
         Found {
-            free: &optimum.free,
+            free: &optimum.values.free,
+            objective_terms: &optimum.values.terms,
+            constraints: &optimum.values.constraints,
             starts: optimum.starts,
             feasible: spread.map_or(0, |spread| spread.n_feasible),
             at_best: spread.map_or(0, |spread| spread.n_best),

@@ -36,7 +36,7 @@ pub use dense::{Dense, Piece};
 pub use ensemble::{Bands, Ensemble};
 pub use event::{Event, EventKind, SlidingMode};
 pub use failure::Failure;
-pub use optimum::{Check, Confirmation, Optimum};
+pub use optimum::{Check, Confirmation, Constraint, Optimum, Term, Values};
 pub use plane::{Plane, PlaneCurve, words_of};
 pub use refine::refine;
 pub use status::{Certificate, Stationarity, Stats, Status};

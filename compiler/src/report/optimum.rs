@@ -5,8 +5,8 @@ use nsd_solver::mpcc::Spread;
 /// What is known about an optimum besides its certificate.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Optimum {
-    /// Free parameters, by their names with index, and what they are at the optimum.
-    pub free: Vec<(String, f64)>,
+    /// What it consists of.
+    pub values: Values,
     /// Seconds from the system to a compiled program.
     pub built_s: f64,
     /// Entries of the largest triangular factor: what memory and the time of an iteration grow with.
@@ -27,6 +27,42 @@ pub struct Optimum {
     pub confirmation: Confirmation,
     /// What a simulation with the controls that were found says, where it reached the end.
     pub check: Option<Check>,
+}
+
+/// What an optimum consists of.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Values {
+    /// Free parameters, by their names with index.
+    pub free: Vec<(String, f64)>,
+    /// The terms of the objective, as they are written; none where they do not come apart.
+    pub terms: Vec<Term>,
+    /// Bounds with their multipliers; none where these are not known to be derivatives.
+    pub constraints: Vec<Constraint>,
+}
+
+/// A term of the objective.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Term {
+    /// As it is written.
+    pub text: String,
+    /// What it adds.
+    pub value: f64,
+}
+
+/// A bound of a value, at some instants or at all of them.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Constraint {
+    /// The value, in the names of the model.
+    pub value: String,
+    /// `<=`, `>=` or `=`.
+    pub relation: &'static str,
+    /// The bound.
+    pub bound: f64,
+    /// When it holds: `start`, `end`, `intervals`, `elements` or `nodes`; always without it.
+    pub at: Option<&'static str>,
+    /// The derivative of the least objective by the bound, which moves at all of its instants alike; none where there
+    /// is no such derivative, as bounds hold the same value.
+    pub multiplier: Option<f64>,
 }
 
 /// A simulation against the program.

@@ -3,7 +3,8 @@
 use std::fmt::{self, Display, Write};
 
 use super::{
-    Bands, Event, EventKind, MethodOption, Series, Stationarity, Stats, Status, Trajectory,
+    Bands, Constraint, Event, EventKind, MethodOption, Series, Stationarity, Stats, Status,
+    Trajectory,
 };
 
 /// Rows of a table before the rest is only counted.
@@ -14,6 +15,9 @@ const MAX_MODE: usize = 60;
 const MAX_NAME: usize = 60;
 /// Entries of a vector before the rest is left out.
 const MAX_ENTRIES: usize = 8;
+
+/// Multipliers below this are rounding; chosen by trial.
+const FELT: f64 = 1e-6;
 
 /// The report, plain text with a line break at the end.
 pub fn write(trajectory: &Trajectory) -> String {
@@ -35,7 +39,9 @@ fn report(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
     if let Some(objective) = trajectory.objective {
         writeln!(text, "  objective {}", significant(objective, 12))?;
     }
+    terms(trajectory, text)?;
     free(trajectory, text)?;
+    constraints(trajectory, text)?;
     end(trajectory, text)?;
     events(trajectory, text)?;
     modes(trajectory, text)?;
@@ -53,7 +59,10 @@ fn report(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
 
 /// Free parameters at an optimum.
 fn free(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
-    let free = trajectory.optimum.iter().flat_map(|found| &found.free);
+    let free = trajectory
+        .optimum
+        .iter()
+        .flat_map(|found| &found.values.free);
     let width = free.clone().map(|(name, _)| chars(name)).max();
     let Some(width) = width else {
         return Ok(());
@@ -63,6 +72,66 @@ fn free(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
         writeln!(text, "    {name:width$} = {}", significant(*value, 12))?;
     }
     Ok(())
+}
+
+/// Terms of an objective, where there are several.
+fn terms(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
+    let terms = trajectory
+        .optimum
+        .iter()
+        .flat_map(|found| &found.values.terms);
+    let width = terms.clone().map(|term| chars(&term.text)).max();
+    let Some(width) = width.filter(|_| terms.clone().count() > 1) else {
+        return Ok(());
+    };
+    writeln!(text, "\n  terms of the objective")?;
+    for term in terms {
+        writeln!(
+            text,
+            "    {:width$} = {}",
+            term.text,
+            significant(term.value, 12)
+        )?;
+    }
+    Ok(())
+}
+
+/// Bounds that the objective feels.
+fn constraints(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
+    let all = trajectory
+        .optimum
+        .iter()
+        .flat_map(|found| &found.values.constraints);
+    let felt = all.filter(|one| {
+        one.multiplier
+            .is_none_or(|multiplier| multiplier.abs() > FELT)
+    });
+    let line = |constraint: &Constraint| {
+        let Constraint {
+            value,
+            relation,
+            bound,
+            at,
+            ..
+        } = constraint;
+        let at = at.map_or_else(String::new, |at| format!(" at {at}"));
+        format!("{value} {relation} {}{at}", significant(*bound, 12))
+    };
+    let lines: Vec<(String, Option<f64>)> = felt.map(|one| (line(one), one.multiplier)).collect();
+    let width = lines.iter().map(|(line, _)| chars(line)).max();
+    let Some(width) = width else {
+        return Ok(());
+    };
+    writeln!(
+        text,
+        "\n  multipliers: derivatives of the objective by bounds"
+    )?;
+    for (line, multiplier) in lines.iter().take(MAX_ROWS) {
+        let multiplier = multiplier.map(|multiplier| significant(multiplier, 6));
+        let multiplier = multiplier.as_deref().unwrap_or("not unique");
+        writeln!(text, "    {line:width$}  {multiplier}")?;
+    }
+    rest(text, lines.len())
 }
 
 /// The state at the last instant.

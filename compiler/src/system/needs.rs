@@ -57,7 +57,11 @@ impl<'e> Needs<'e> {
             let bounded = bounded.flat_map(|state| state.vars.iter().copied());
             let integrals = task.integrals.iter().map(|integral| integral.value);
             let rows = task.rows.iter().map(|row| row.value);
-            for e in integrals.chain(rows).chain([task.cost]).chain(bounded) {
+            for e in integrals
+                .chain(rows)
+                .chain([task.cost.value])
+                .chain(bounded)
+            {
                 closure.reach(e);
             }
         }

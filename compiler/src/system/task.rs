@@ -16,7 +16,7 @@ use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::model::{Domain, Quantity};
 use crate::source::Span;
 
-pub use super::experiment::{At, Shape};
+pub use super::experiment::{At, Cost, Shape, Term};
 
 /// The problem of an `optimize`, in terms of a system.
 #[derive(Clone, Debug)]
@@ -38,9 +38,7 @@ pub struct Task<'e> {
     /// The state that is physical time, where the system is in numerical time.
     pub clock: Option<usize>,
     /// φ, at the end.
-    pub cost: Expr<'e>,
-    /// `minimize ..`
-    pub cost_span: Span,
+    pub cost: Cost<'e>,
     /// Constraints.
     pub rows: Vec<TaskRow<'e>>,
 }
@@ -74,6 +72,8 @@ pub struct Free {
 /// lower <= value <= upper at some instants.
 #[derive(Clone, Debug)]
 pub struct TaskRow<'e> {
+    /// What it bounds, in the names of the model; none where it only states what follows from something else.
+    pub name: Option<String>,
     /// In time, parameters, states, controls and α.
     pub value: Expr<'e>,
     /// A number or minus infinity.
@@ -90,13 +90,13 @@ impl<'e> Task<'e> {
     /// Everything that contains variables of the system.
     pub fn exprs(&self) -> impl Iterator<Item = Expr<'e>> + '_ {
         let rows = self.rows.iter().map(|row| row.value);
-        [self.cost].into_iter().chain(rows)
+        [self.cost.value].into_iter().chain(rows)
     }
 
     /// The same in other variables.
     pub fn map(&self, f: impl Fn(Expr<'e>) -> Expr<'e>) -> Self {
         let mut task = self.clone();
-        task.cost = f(task.cost);
+        task.cost = task.cost.map(&f);
         for row in &mut task.rows {
             row.value = f(row.value);
         }
@@ -127,7 +127,7 @@ impl Task<'_> {
                 None => writeln!(f)?,
             }
         }
-        writeln!(f, "minimize {} at the end", self.cost)?;
+        writeln!(f, "minimize {} at the end", self.cost.value)?;
         for row in &self.rows {
             let value = row.value;
             let (lower, upper) = (number(row.lower, "lower"), number(row.upper, "upper"));
@@ -184,8 +184,9 @@ impl<'e> Lowering<'_, 'e> {
             let e = lowering.replace(e, span);
             lowering.switches.merged(e)
         };
-        let cost = merged(self, asked.cost, asked.cost_span);
+        let cost = (asked.cost).map(|value| merged(self, value, asked.cost.span));
         let rows = asked.rows.iter().map(|row| TaskRow {
+            name: Some(row.name.clone()),
             value: merged(self, row.value, row.span),
             lower: row.lower,
             upper: row.upper,
@@ -227,7 +228,6 @@ impl<'e> Lowering<'_, 'e> {
             integrals: asked.integrals.len(),
             clock: None,
             cost,
-            cost_span: asked.cost_span,
             rows,
         })
     }
@@ -262,6 +262,7 @@ impl<'e> Lowering<'_, 'e> {
                 continue;
             }
             rows.push(TaskRow {
+                name: None,
                 value: row,
                 lower: 0.0,
                 upper: 0.0,
@@ -354,6 +355,7 @@ impl<'e> Lowering<'_, 'e> {
         let rows = coefficients.filter_map(|(value, upper, span)| {
             let vars = variables_of(&[value]);
             vars.iter().any(is_free).then(|| TaskRow {
+                name: None,
                 value,
                 lower: 0.0,
                 upper,
@@ -377,6 +379,7 @@ impl<'e> Lowering<'_, 'e> {
                 {
                     let value = self.replace(var, z.span);
                     rows.push(TaskRow {
+                        name: Some(z.shape.entry_name(&z.name, k)),
                         value: self.switches.merged(value),
                         lower,
                         upper,

@@ -61,6 +61,16 @@ impl<'a> LeastNorm<'a> {
     /// y that is least with r = 0 for the variables `is_zero`, and zero for the rows `is_without` and for those that
     /// have no unknown; `None` where there is no factorization.
     pub fn multipliers(&mut self, is_zero: &[bool], is_without: &[bool]) -> Option<Vec<f64>> {
+        self.nearest(vec![0.0; self.rows.len()], is_zero, is_without)
+    }
+
+    /// The same that is nearest to `y`, which is zero where the result has to be.
+    pub fn nearest(
+        &mut self,
+        mut y: Vec<f64>,
+        is_zero: &[bool],
+        is_without: &[bool],
+    ) -> Option<Vec<f64>> {
         // ( -1  Jᵀ ) ( r  )   ( -r )
         // (  J  δ  ) ( Δy ) = (  0 )
         let n = self.n;
@@ -80,7 +90,6 @@ impl<'a> LeastNorm<'a> {
             values[place] = if i < n { -1.0 } else { PROXIMITY * largest };
         }
         self.ldl.factor(&values).ok()?;
-        let mut y = vec![0.0; self.rows.len()];
         let mut rhs = vec![0.0; n + self.m];
         for _ in 0..STEPS {
             rhs.fill(0.0);

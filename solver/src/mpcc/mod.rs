@@ -27,6 +27,7 @@ mod polish;
 mod relaxation;
 mod relaxed;
 mod solution;
+mod unique;
 mod way;
 mod work;
 
@@ -54,6 +55,7 @@ pub use options::{Homotopy, Options};
 pub use relaxation::{Relaxation, Steering};
 pub use relaxed::{Coupling, Form, Relaxed};
 pub use solution::{Multipliers, Solution, Stats, Status};
+pub use unique::alternatives;
 
 /// Finds a local minimum from where the problem starts.
 ///
@@ -351,29 +353,9 @@ impl Work<'_> {
             others,
         } = candidate;
         let n = lifted.n_original();
-        let reduced = &certificate.reduced;
-        let mut multipliers = Multipliers {
-            rows: certificate.y,
-            lower: vec![0.0; n],
-            upper: vec![0.0; n],
-            pairs: Vec::new(),
-        };
-        let mut is_side = vec![false; lifted.n_variables()];
-        for (pair, sides) in lifted.pairs().iter().enumerate() {
-            let distances = lifted.distances(pair, &best.point.w);
-            let mut nu = [0.0; 2];
-            for k in 0..2 {
-                if distances[k] <= self.options.certificate.biactive {
-                    nu[k] = reduced[sides[k] as usize];
-                    is_side[sides[k] as usize] = true;
-                }
-            }
-            multipliers.pairs.push(nu);
-        }
-        for i in (0..n).filter(|&i| !is_side[i]) {
-            multipliers.lower[i] = reduced[i].max(0.0);
-            multipliers.upper[i] = (-reduced[i]).max(0.0);
-        }
+        let biactive = self.options.certificate.biactive;
+        let (y, reduced) = (certificate.y, &certificate.reduced);
+        let multipliers = unique::multipliers(lifted, &best.point.w, (y, reduced), biactive);
         let mut w = best.point.w;
         w.truncate(n);
         Solution {

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 
 use super::{
     Class, Form, Homotopy, Observer, Options, Program, Relaxation, Solution, Status, Steering,
-    solve, solve_observed,
+    alternatives, solve, solve_observed,
 };
 use crate::ipm::Progress;
 use crate::problem::Side;
@@ -367,5 +367,28 @@ proptest! {
         let face = &along * h.select_rows(&free).select_columns(&free) * &along;
         let least = face.symmetric_eigenvalues().min();
         prop_assert!(least > -1e-6, "{} at {:?}", least, solution.w);
+    }
+}
+
+#[test]
+fn multipliers_that_are_the_only_ones_are_told_from_others() {
+    // minimize (x - 2)² + (y + 1)²   subject to   x <= 1 twice, y >= 0: they share 2, and y has 2.
+    let objective = Function::default()
+        .product(0, 0, 1.0)
+        .product(1, 1, 1.0)
+        .linear(0, -4.0)
+        .linear(1, 2.0);
+    let row = || (Function::default().linear(0, 1.0), -INFINITY, 1.0);
+    for (rows, is_unique) in [(vec![row()], true), (vec![row(), row()], false)] {
+        let mut problem = Quadratic::new(2, objective.clone(), rows).bound(1, 0.0, INFINITY);
+        let options = Options::default();
+        let solution = solve(&mut problem, &options);
+        let others = alternatives(&mut problem, &solution, &options).unwrap();
+        for other in others {
+            let differs = (other.rows[0] - solution.multipliers.rows[0]).abs();
+            assert_eq!(differs < 1e-8, is_unique, "{differs}");
+            assert!((other.rows.iter().sum::<f64>() - 2.0).abs() < 1e-7);
+            assert!((other.lower[1] - 2.0).abs() < 1e-7);
+        }
     }
 }

@@ -25,7 +25,7 @@ pub fn run(args: &SolveArgs, settings: &Settings, streams: &mut Streams<'_>) -> 
     let paths = match files::find_all(std::slice::from_ref(&args.path), EXTENSION) {
         Ok(paths) => paths,
         Err(error) => {
-            writeln!(streams.err, "error: {error}")?;
+            error.tell(streams)?;
             return Ok(Exit::Wrong);
         }
     };

@@ -191,7 +191,7 @@ fn one(args: &SolveArgs, settings: &Settings, streams: &mut Streams<'_>) -> io::
             return Ok(Exit::Wrong);
         }
         Err(error) => {
-            writeln!(streams.err, "error: {error}")?;
+            error.tell(streams)?;
             return Ok(Exit::Wrong);
         }
     };

@@ -42,7 +42,7 @@ pub fn run(args: &TestArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
     let paths = match files::find(&args.paths) {
         Ok(paths) => paths,
         Err(error) => {
-            writeln!(streams.err, "error: {error}")?;
+            error.tell(streams)?;
             return Ok(Exit::Wrong);
         }
     };

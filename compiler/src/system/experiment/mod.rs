@@ -28,8 +28,8 @@ pub use fesd::{Cross, Equilibration, FesdOptions, Form, SteppingOptions};
 pub use law::Law;
 pub use method::{Branch, EventOptions, Lowering, Method, SmoothingOptions};
 pub use optimize::{
-    At, Freed, Integral, MpccOptions, Optimize, Row, Shape, Starts, Tied, relaxation_word,
-    steering_word,
+    At, Cost, Freed, Integral, MpccOptions, Optimize, Row, Shape, Starts, Term, Tied,
+    relaxation_word, steering_word,
 };
 pub use perturb::Perturbation;
 use statements::Statements;

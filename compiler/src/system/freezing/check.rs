@@ -22,7 +22,7 @@ pub(super) fn check(system: &System<'_>) -> Result<(), SystemError> {
         .collect();
     for row in system.task.iter().flat_map(|task| task.exprs()) {
         if variables_of(&[row]).iter().any(|var| closed.contains(var)) {
-            let span = system.task.as_ref().map(|task| task.cost_span);
+            let span = system.task.as_ref().map(|task| task.cost.span);
             let what = "costs and constraints that contain forces of contacts".to_owned();
             return Err(refused(system, what, span.unwrap_or_default()));
         }

@@ -29,7 +29,7 @@ use crate::report::{
 };
 use crate::system::System;
 use crate::system::experiment::{FesdOptions, Settings};
-use crate::system::task::{Shape, Task};
+use crate::system::task::{Cost, Shape, Task};
 
 /// Steps where the experiment does not say how many.
 const STEPS: usize = 50;
@@ -460,8 +460,11 @@ fn nothing<'e>(cost: Expr<'e>, settings: &Settings) -> Task<'e> {
         bounds: Vec::new(),
         integrals: 0,
         clock: None,
-        cost,
-        cost_span: settings.span,
+        cost: Cost {
+            value: cost,
+            terms: Vec::new(),
+            span: settings.span,
+        },
         rows: Vec::new(),
     }
 }

@@ -3,12 +3,12 @@
 use std::cell::RefCell;
 
 use super::super::{ExperimentError, Reader};
-use super::{At, Integral};
+use super::{At, Cost, Integral, Term};
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::model::{Comparison, Model, Tensor};
 use crate::source::Span;
-use crate::syntax::{self, Arg, ExprKind, Row};
+use crate::syntax::{self, Arg, BinaryOp, ExprKind, Row};
 
 /// Gives `integral(..)` and `final(..)` their meaning, and keeps what they contain.
 pub(super) struct Words<'m, 'e> {
@@ -36,6 +36,16 @@ impl<'m, 'e> Words<'m, 'e> {
     /// The integrals of all expressions so far.
     pub fn into_integrals(self) -> Vec<Integral<'e>> {
         self.found.into_inner().integrals
+    }
+
+    /// An expression as it is written, but for the order of its terms.
+    pub fn text(&self, value: Expr<'e>) -> String {
+        let found = self.found.borrow();
+        let text = value.to_string();
+        found.integrals.iter().fold(text, |text, integral| {
+            let call = format!("integral({})", integral.value);
+            text.replace(&integral.var.to_string(), &call)
+        })
     }
 
     /// Whether some values of the whole run are in expressions.
@@ -127,6 +137,22 @@ impl<'m, 'e> Words<'m, 'e> {
     }
 }
 
+fn is_sum(rest: &[(BinaryOp, syntax::Expr)]) -> bool {
+    let first = rest.first();
+    first.is_some_and(|(op, _)| matches!(op, BinaryOp::Add | BinaryOp::Sub))
+}
+
+/// The terms of a sum, and whether they are taken off it.
+fn summands(value: &syntax::Expr) -> Vec<(bool, &syntax::Expr)> {
+    match &value.kind {
+        ExprKind::Chain(first, rest) if is_sum(rest) => {
+            let rest = rest.iter().map(|(op, e)| (*op == BinaryOp::Sub, e));
+            [(false, &**first)].into_iter().chain(rest).collect()
+        }
+        _ => vec![(false, value)],
+    }
+}
+
 impl<'e> Reader<'_, 'e> {
     /// Mistakes inside the words of a run.
     fn take_mistakes(&mut self, words: &Words<'_, 'e>) -> bool {
@@ -138,7 +164,7 @@ impl<'e> Reader<'_, 'e> {
     }
 
     /// `minimize integral(..) + final(..)`: in integrals and values at the end.
-    pub(super) fn cost(&mut self, words: &Words<'_, 'e>, value: &syntax::Expr) -> Option<Expr<'e>> {
+    pub(super) fn cost(&mut self, words: &Words<'_, 'e>, value: &syntax::Expr) -> Option<Cost<'e>> {
         let hook = |e: &syntax::Expr| words.meaning(e);
         let tensor = self.model.scope.expr(value, Some(&hook), self.diags);
         let failed = self.take_mistakes(words);
@@ -162,8 +188,42 @@ impl<'e> Reader<'_, 'e> {
             });
             return None;
         }
-        let cost = cost.substitute(&words.found.borrow().finals);
-        (!failed).then_some(cost)
+        if failed {
+            return None;
+        }
+        let cost = Cost {
+            value: cost,
+            terms: self.terms(words, value),
+            span: value.span,
+        };
+        let finals = &words.found.borrow().finals;
+        Some(cost.map(|e| e.substitute(finals)))
+    }
+
+    /// What a right cost adds up.
+    fn terms(&self, words: &Words<'_, 'e>, value: &syntax::Expr) -> Vec<Term<'e>> {
+        let hook = |e: &syntax::Expr| words.meaning(e);
+        let term = |(is_less, term): (bool, &syntax::Expr)| {
+            let negated = syntax::Expr {
+                kind: ExprKind::Negate(Box::new(term.clone())),
+                span: term.span,
+            };
+            let text = match &term.kind {
+                _ if !is_less => term.to_string(),
+                // A sign binds less than these.
+                ExprKind::Chain(_, rest) if !is_sum(rest) => format!("-{term}"),
+                _ => negated.to_string(),
+            };
+            let term = if is_less { &negated } else { term };
+            // What is wrong, or to be warned of, has been told of the whole.
+            let told = &mut Diagnostics::new();
+            let value = self.model.scope.expr(term, Some(&hook), told)?;
+            Some(Term {
+                text,
+                value: value.as_scalar()?,
+            })
+        };
+        summands(value).into_iter().filter_map(term).collect()
     }
 
     /// Constraints and when they hold: `at`, or at the end where they are of values of the whole run.

@@ -37,9 +37,7 @@ pub struct Optimize<'e> {
     /// Integrals over the horizon that the cost and the constraints contain.
     pub integrals: Vec<Integral<'e>>,
     /// What is minimized, in integrals and values at the end.
-    pub cost: Expr<'e>,
-    /// `minimize ..`
-    pub cost_span: Span,
+    pub cost: Cost<'e>,
     /// Constraints.
     pub rows: Vec<Row<'e>>,
     /// Parameters to optimize.
@@ -56,6 +54,38 @@ pub struct Optimize<'e> {
     pub starts: Option<Starts>,
     /// How the program is made and solved.
     pub options: MpccOptions,
+}
+
+/// What is minimized: the sum of its terms.
+#[derive(Clone, Debug)]
+pub struct Cost<'e> {
+    /// All of it.
+    pub value: Expr<'e>,
+    /// What is added up, in the order of the text.
+    pub terms: Vec<Term<'e>>,
+    /// `minimize ..`
+    pub span: Span,
+}
+
+/// A term of a sum.
+#[derive(Clone, Debug)]
+pub struct Term<'e> {
+    /// As it is written, with its sign.
+    pub text: String,
+    /// The same as an expression.
+    pub value: Expr<'e>,
+}
+
+impl<'e> Cost<'e> {
+    /// The same in other variables.
+    pub fn map(&self, mut f: impl FnMut(Expr<'e>) -> Expr<'e>) -> Self {
+        let mut cost = self.clone();
+        cost.value = f(cost.value);
+        for term in &mut cost.terms {
+            term.value = f(term.value);
+        }
+        cost
+    }
 }
 
 /// What a control is within an interval.
@@ -82,6 +112,8 @@ pub struct Integral<'e> {
 /// lower <= value <= upper at some instants.
 #[derive(Clone, Debug)]
 pub struct Row<'e> {
+    /// The value in the names of the model.
+    pub name: String,
     /// In the variables of the model and of integrals.
     pub value: Expr<'e>,
     /// A number or minus infinity.

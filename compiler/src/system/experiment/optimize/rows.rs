@@ -59,6 +59,7 @@ impl<'e> Reader<'_, 'e> {
         };
         let row = |value, lower, upper| {
             Some(Row {
+                name: String::new(),
                 value,
                 lower,
                 upper,

@@ -6,7 +6,7 @@ use rustc_hash::FxHashSet;
 
 use super::super::{ExperimentError, Reader, fesd, method, unknown_choice, with};
 use super::goal::Words;
-use super::{At, Freed, MpccOptions, Optimize, Shape, Starts, Tied};
+use super::{At, Cost, Freed, MpccOptions, Optimize, Shape, Starts, Tied};
 use crate::expr::{Expr, Var};
 use crate::model::{Comparison, Domain, Model, Quantity, TargetKind};
 use crate::source::Span;
@@ -21,7 +21,8 @@ pub(in super::super) struct Draft<'m, 'e> {
     pub(super) controls: Shape,
     /// Bounds of a free horizon.
     horizon: Option<(f64, f64)>,
-    cost: Option<(Option<Expr<'e>>, Span)>,
+    /// Nothing in it after a mistake.
+    cost: Option<Option<Cost<'e>>>,
     comparisons: Vec<(At, Comparison<'e>)>,
     params: Vec<Freed>,
     initial: Vec<Freed>,
@@ -335,7 +336,7 @@ impl<'m, 'e> Draft<'m, 'e> {
             }
             "minimize" => {
                 reader.once("`minimize`", span);
-                self.cost = Some((reader.cost(&self.words, value), value.span));
+                self.cost = Some(reader.cost(&self.words, value));
             }
             _ => reader.not_for_optimize(&name.name, span),
         }
@@ -396,8 +397,11 @@ impl<'m, 'e> Draft<'m, 'e> {
         experiment: &syntax::Experiment,
     ) -> Option<Optimize<'e>> {
         self.ranges(reader);
-        let rows = reader.bounded(&self.comparisons);
-        let Some((cost, cost_span)) = self.cost else {
+        let mut rows = reader.bounded(&self.comparisons);
+        for row in &mut rows {
+            row.name = self.words.text(row.value);
+        }
+        let Some(cost) = self.cost.take() else {
             reader.error(ExperimentError::NoCost {
                 name: experiment.name.name.clone(),
                 span: experiment.name.span,
@@ -413,7 +417,6 @@ impl<'m, 'e> Draft<'m, 'e> {
             horizon: self.horizon,
             integrals: self.words.into_integrals(),
             cost: cost?,
-            cost_span,
             rows,
             tied,
             params: self.params,
