@@ -1,28 +1,32 @@
 //! Contacts by finite elements with jumps between them (FESD-J).
 //!
 //! Each step of the grid is the program of an optimal control problem with nothing to control: elements, impulses where
-//! they meet, and complementarity (Nurkanović, Frey, Pozharskiy & Diehl 2024). A run from
-//! event to event says which branch of it is solved first, and in which elements contacts stay closed, where the rates
-//! of their gaps vanish at the nodes, too (`dcs/drift.rs`); then the relaxed program is solved, and then one with more
-//! elements: a step with r switches and impacts needs r + 1.
+//! they meet, and complementarity (Nurkanović, Frey, Pozharskiy & Diehl 2024). It is made once for each number of
+//! elements, and started from any instant and state. A run from event to event says which branch of it is solved first,
+//! and in which elements contacts stay closed, where the rates of their gaps vanish at the nodes, too (`dcs/drift.rs`);
+//! then the relaxed program is solved, and then one with more elements: a step with r switches and impacts needs r + 1.
 //! Pairs are sums over an element, and lengths are equal where nothing happens between them, whatever `cross` and
 //! `equilibration` say of the printed form: its solutions are the same.
 //! What is found satisfies all equations and signs; gaps are looked at between the nodes, too.
 
 mod checks;
 mod compare;
+mod program;
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use nsd_solver::mpcc::{self, Options};
 use rustc_hash::FxHashMap;
+
+use program::StepProgram;
 
 use super::super::rehearsal::CLOSED;
 use super::super::watch::Progress;
 use super::super::{Elements, Rehearsed, Request, judge, outcome};
 use super::judge_grid;
 use crate::dcs::{self, Dcs, solve_pointwise};
-use crate::discretize::{self, Detection, Equilibration, Grid, Layout, discretize};
+use crate::discretize::{self, Detection, Equilibration, Grid, Layout, check_start};
 use crate::expr::{Expr, Var};
 use crate::report::{
     Certificate, Failure, Method, MethodOption, Stationarity, Stats, Status, Trajectory,
@@ -58,7 +62,9 @@ struct Run<'s, 'e> {
     steps: usize,
     deadline: Option<Instant>,
     /// A run from event to event, where one begins.
-    rehearsed: Option<Rehearsed<'e>>,
+    rehearsed: Option<&'s Rehearsed<'e>>,
+    /// The programs of steps, by the number of their elements.
+    programs: FxHashMap<usize, StepProgram>,
     /// The end of the last step, and the state there.
     reached: f64,
     x: Vec<f64>,
@@ -74,9 +80,16 @@ struct Run<'s, 'e> {
     violation: f64,
 }
 
+/// Where a step starts: the instant, and the values of states and algebraic variables.
+struct StepStart {
+    time: f64,
+    x: Vec<f64>,
+    z: Vec<f64>,
+}
+
 /// A step that is solved.
 struct Step {
-    layout: Layout,
+    layout: Arc<Layout>,
     w: Vec<f64>,
 }
 
@@ -97,11 +110,13 @@ pub(in crate::simulate) fn run(
         elements: options.elements + 1,
         ..*options
     };
+    let rehearsed = Rehearsed::new(system, settings, request.time_limit);
+    let rehearsed = Some(&rehearsed).filter(|rehearsed| rehearsed.begins());
     let (coarse, elements, failure, estimate) = loop {
-        let mut coarse = Run::new(system, settings, options, steps, deadline);
+        let mut coarse = Run::new((system, rehearsed), settings, options, steps, deadline);
         let (elements, failure) = coarse.integrate(settings, watch, false);
         let estimate = (failure.is_none() && request.estimate).then(|| {
-            let mut fine = Run::new(system, settings, &finer, 2 * steps, deadline);
+            let mut fine = Run::new((system, rehearsed), settings, &finer, 2 * steps, deadline);
             let (others, ended) = fine.integrate(settings, watch, true);
             let changes = [elements.changes(), others.changes()];
             coarse.compare(&fine, changes, ended.is_none())
@@ -164,7 +179,7 @@ pub(in crate::simulate) fn run(
 
 impl<'s, 'e> Run<'s, 'e> {
     fn new(
-        system: &'s System<'e>,
+        (system, rehearsed): (&'s System<'e>, Option<&'s Rehearsed<'e>>),
         settings: &Settings<'e>,
         options: &FesdOptions,
         steps: usize,
@@ -173,7 +188,6 @@ impl<'s, 'e> Run<'s, 'e> {
         let dcs = dcs::lower(system, &settings.lowerings);
         let mut dcs = dcs.expect("compilation has checked that the system can be lowered");
         dcs.task = Some(nothing(system.exprs.constant(0.0), settings));
-        let left = deadline.map(|deadline| deadline.saturating_duration_since(Instant::now()));
         let fesd = discretize::Options::fesd(options);
         let detection = fesd.detection.unwrap_or_default();
         let mut run = Run {
@@ -189,7 +203,8 @@ impl<'s, 'e> Run<'s, 'e> {
             horizon: settings.horizon,
             steps,
             deadline,
-            rehearsed: Some(Rehearsed::new(system, settings, left)).filter(Rehearsed::begins),
+            rehearsed,
+            programs: FxHashMap::default(),
             reached: 0.0,
             x: dcs.states.iter().map(|state| state.initial).collect(),
             dcs,
@@ -225,7 +240,7 @@ impl<'s, 'e> Run<'s, 'e> {
             let start = self.horizon * k as f64 / self.steps as f64;
             let end = self.horizon * (k + 1) as f64 / self.steps as f64;
             // Impulses without a motion, as those of Painlevé's paradox, may be solutions of a step.
-            let rehearsed = self.rehearsed.as_ref();
+            let rehearsed = self.rehearsed;
             let ended = rehearsed.and_then(|run| run.ended(start, end)).cloned();
             let limit = rehearsed.and_then(|run| run.accumulates(start, end));
             let step = match (ended, limit) {
@@ -283,7 +298,7 @@ impl<'s, 'e> Run<'s, 'e> {
             .map_or(1, |detection| detection.elements);
         // With fewer elements than the step has parts there is no solution.
         let parts = |run: &Rehearsed| run.parts(start, start + length).min(MOST_PARTS);
-        let parts = self.rehearsed.as_ref().map_or(1, parts);
+        let parts = self.rehearsed.map_or(1, parts);
         let least = parts.saturating_sub(elements);
         for added in least..=least + MOST_ADDED {
             // Making the program of many contacts may take longer than solving it.
@@ -299,44 +314,20 @@ impl<'s, 'e> Run<'s, 'e> {
     }
 
     fn solve(&mut self, start: f64, length: f64, elements: usize) -> Option<Step> {
-        self.prepare(start);
-        let mut options = self.options;
-        options.detection = options.detection.map(|detection| Detection {
-            elements,
-            spread: elements as f64 - 1.0,
-            ..detection
-        });
-        let grid = Grid {
-            start,
-            horizon: length,
-            steps: 1,
-        };
-        let (dcs, kept) = self.dcs.without_drift(self.system);
-        let (mut mpcc, layout) = discretize(&dcs, grid, &options).ok()?;
-        let closed = |rehearsed: &Rehearsed| rehearsed.closed(start, start + length, elements);
-        let closed = self.rehearsed.as_ref().map(closed).unwrap_or_default();
-        for (k, j) in layout.all_elements() {
-            for (c, kept) in kept.iter().enumerate() {
-                let is_closed = closed.get(j - 1).is_some_and(|closed| closed[c]);
-                for m in 1..=layout.nodes {
-                    let index = layout
-                        .z(k, j, m, kept.closed)
-                        .expect("it is there at nodes");
-                    mpcc.fix(index, f64::from(u8::from(is_closed)));
-                }
-            }
+        let from = self.begin(start);
+        check_start(&self.dcs, start).ok()?;
+        if !self.programs.contains_key(&elements) {
+            let made = self.program(start, elements)?;
+            self.programs.insert(elements, made);
         }
-        let mut program = mpcc.program().expect("kernels are smooth");
-        let bounds = mpcc.bounds();
-        let mut w: Vec<f64> = bounds.iter().map(|bounds| bounds.guess).collect();
-        if let Some(rehearsed) = &self.rehearsed {
-            rehearsed.fill(
-                (&self.dcs, &layout, &bounds),
-                1,
-                (start, start + length),
-                0.0,
-                &mut w,
-            );
+        let made = self.programs.get_mut(&elements)?;
+        let closed = |rehearsed: &Rehearsed| rehearsed.closed(start, start + length, elements);
+        let closed = self.rehearsed.map(closed).unwrap_or_default();
+        let mut w = made.start_from(&from, &closed);
+        if let Some(rehearsed) = self.rehearsed {
+            let interval = (start, start + length);
+            let of = (&self.dcs, &*made.layout, &made.bounds[..]);
+            rehearsed.fill(of, 1, interval, 0.0, &mut w);
         }
         let left = |deadline: Instant| deadline.saturating_duration_since(Instant::now());
         let options = Options {
@@ -348,7 +339,8 @@ impl<'s, 'e> Run<'s, 'e> {
             time_limit: self.deadline.map(left),
             ..Options::default()
         };
-        let found = mpcc::solve_from(&mut program, &w, &options);
+        let found = mpcc::solve_from(&mut made.program, &w, &options);
+        let layout = made.layout.clone();
         self.iterations += found.stats.iterations as u64;
         self.relaxed += found.stats.relaxed as u64;
         let size = self.x.iter().fold(1.0, |m: f64, x| m.max(x.abs()));
@@ -364,32 +356,43 @@ impl<'s, 'e> Run<'s, 'e> {
         Some(step)
     }
 
-    /// Gives the complementarity system the present state, and z the values there.
-    fn prepare(&mut self, start: f64) {
+    /// The program of steps with so many elements, whatever they start from.
+    fn program(&self, start: f64, elements: usize) -> Option<StepProgram> {
+        let mut options = self.options;
+        options.detection = options.detection.map(|detection| Detection {
+            elements,
+            spread: elements as f64 - 1.0,
+            ..detection
+        });
+        let grid = Grid {
+            start,
+            horizon: self.horizon / self.steps as f64,
+            steps: 1,
+        };
+        StepProgram::new(self.system, &self.dcs, grid, &options)
+    }
+
+    /// Gives the complementarity system the present state, and z the values there: where a step starts.
+    fn begin(&mut self, start: f64) -> StepStart {
         for (state, &x) in self.dcs.states.iter_mut().zip(&self.x) {
             state.initial = x;
         }
-        let mut known: FxHashMap<Var, f64> = FxHashMap::default();
-        let mut insert =
-            |var: Expr, value: f64| known.extend(var.as_variable().map(|v| (v, value)));
-        insert(self.system.time, start);
-        for param in &self.system.params {
-            insert(param.var, param.value);
-        }
-        for (state, &x) in self.dcs.states.iter().zip(&self.x) {
-            insert(state.var, x);
-        }
-        let value = |var: Var| known.get(&var).copied().unwrap_or(f64::NAN);
-        let found = solve_pointwise(self.system, &self.dcs, &value).algebraics;
+        let point = solve_pointwise(self.system, &self.dcs, &self.values(&self.x, start));
+        let mut z = point.algebraics;
         let size = self.x.iter().fold(1.0, |m: f64, x| m.max(x.abs()));
-        for (algebraic, &z) in self.dcs.algebraics.iter_mut().zip(&found) {
-            algebraic.guess = z;
-        }
         for impact in &self.dcs.impacts {
-            let gap = &mut self.dcs.algebraics[impact.gap].guess;
+            let gap = &mut z[impact.gap];
             if *gap <= CLOSED * size {
                 *gap = 0.0;
             }
+        }
+        for (algebraic, &z) in self.dcs.algebraics.iter_mut().zip(&z) {
+            algebraic.guess = z;
+        }
+        StepStart {
+            time: start,
+            x: self.x.clone(),
+            z,
         }
     }
 
@@ -466,5 +469,41 @@ fn nothing<'e>(cost: Expr<'e>, settings: &Settings) -> Task<'e> {
         cost,
         cost_span: settings.span,
         rows: Vec::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::report::Status;
+    use crate::simulate::{Request, run_watched};
+    use crate::testing::with_last;
+
+    /// A ball that falls, slips and comes to rest in six steps, and in the twelve of the finer run: the first step of each
+    /// makes the program of all.
+    #[test]
+    fn no_expression_is_made_behind_the_first_step() {
+        let text = "model m {
+                      state q[2] = [0, 0.5]; state v[2] = [2, 0];
+                      q' = v;
+                      mechanics q, v {
+                        mass = eye(2); force = [0, -9.81];
+                        contact floor { gap = q[2]; slip = v[1]; restitution = 0; friction = 0.6; }
+                      }
+                    }
+                    simulate o of m {
+                      horizon 1.2; lower impact;
+                      method fesd { scheme = radau_iia(3); steps = 6; elements = 3; }
+                    }";
+        with_last(text, |compiled| {
+            let (system, mut counts) = (&compiled.system, [Vec::new(), Vec::new()]);
+            let request = Request::default();
+            let run = run_watched(system, &compiled.settings, &request, &mut |progress| {
+                counts[usize::from(progress.estimates)].push(system.exprs.n_nodes());
+            });
+            assert_eq!(run.status, Status::Solved);
+            for (counts, steps) in counts.iter().zip([6, 12]) {
+                assert_eq!(*counts, vec![counts[0]; steps]);
+            }
+        });
     }
 }
