@@ -5,6 +5,7 @@ pub mod cell;
 pub mod conic;
 pub mod fesd;
 pub mod ipm;
+pub mod jumps;
 pub mod kernels;
 pub mod lcp;
 pub mod linalg;

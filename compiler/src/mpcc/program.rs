@@ -277,7 +277,7 @@ impl Program {
     }
 
     /// Gives a variable its value; it is no side of a pair by itself.
-    pub fn fix(&mut self, variable: usize, value: f64) {
+    pub fn set_value(&mut self, variable: usize, value: f64) {
         self.kernels.set_variable_bounds(variable, value, value);
     }
 

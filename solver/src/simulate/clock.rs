@@ -39,7 +39,7 @@ pub struct Clocked<O> {
     clock: Clock,
     /// Whether the run ends where the clock is at H.
     ends: bool,
-    /// t and t' of late, and whether the clock stands still.
+    /// t and t' at the end of the last step in which it went on, and whether the clock stands still.
     time: f64,
     rate: f64,
     stands: bool,
@@ -122,13 +122,17 @@ impl<O: Observer> Observer for Clocked<O> {
             self.stands = true;
             return self.observer.segment(segment);
         };
-        self.rate = advance / segment.length;
+        let mean = advance / segment.length;
         let shown = segment.end[self.clock.state];
         let over = shown - self.clock.horizon;
         if self.ends && over >= 0.0 {
-            self.reached = Some(segment.until - over / self.rate);
+            self.reached = Some(segment.until - over / mean);
             return ControlFlow::Break(());
         }
+        let degree = segment.polynomials().degree();
+        let series = &segment.state_series(self.clock.state)[..=degree];
+        let rate = slope(series, segment.length);
+        self.rate = if rate > 0.0 { rate } else { mean };
         let is_over = self.time >= self.clock.horizon || self.clock.is_at_end(self.time);
         if !is_over {
             (self.time, self.stands) = (shown, false);
@@ -149,6 +153,12 @@ impl<O: Observer> Observer for Clocked<O> {
     }
 }
 
+/// The derivative of a polynomial.
+fn slope(coefficients: &[f64], tau: f64) -> f64 {
+    let terms = coefficients.iter().enumerate().skip(1).rev();
+    terms.fold(0.0, |sum, (k, c)| sum * tau + k as f64 * c)
+}
+
 impl<O: fesd::Observer> fesd::Observer for Clocked<O> {
     fn wants_multipliers(&self) -> bool {
         self.observer.wants_multipliers()
@@ -156,5 +166,103 @@ impl<O: fesd::Observer> fesd::Observer for Clocked<O> {
 
     fn multipliers(&mut self, multipliers: &fesd::Multipliers) {
         self.observer.multipliers(multipliers);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::ops::ControlFlow;
+
+    use super::super::{Outcome, Polynomials, Stats};
+    use super::{Clock, Clocked, Event, Observer, Segment, Status};
+
+    /// The series of one state.
+    struct Series([f64; 3]);
+
+    impl Polynomials for Series {
+        fn degree(&self) -> usize {
+            2
+        }
+
+        fn x(&self, _: usize) -> &[f64] {
+            &self.0
+        }
+
+        fn alpha(&self, _: usize) -> &[f64] {
+            &[]
+        }
+    }
+
+    struct Silent;
+
+    impl Observer for Silent {
+        fn segment(&mut self, _: &Segment) -> ControlFlow<()> {
+            ControlFlow::Continue(())
+        }
+
+        fn event(&mut self, _: &Event) {}
+    }
+
+    /// t' = 1 + s in steps of half a unit of s, where s is the numerical time without the unit from 1 to 2 in which the
+    /// clock stands still.
+    fn run(end: f64, observer: &mut Clocked<Silent>) -> Outcome {
+        let [mut tau, mut t, mut steps] = [0.0_f64, 0.0, 0.0];
+        let mut status = Status::Solved;
+        while tau < end {
+            let length = (end - tau).min(0.5);
+            let s = tau - (tau - 1.0).clamp(0.0, 1.0);
+            let series = match (1.0..2.0).contains(&tau) {
+                true => Series([t, 0.0, 0.0]),
+                false => Series([t, 1.0 + s, 0.5]),
+            };
+            let [a, b, c] = series.0;
+            t = a + length * (b + length * c);
+            (tau, steps) = (tau + length, steps + 1.0);
+            let end = [t];
+            let segment = Segment::new(tau - length, length, tau, &[], &end, &series);
+            if observer.segment(&segment).is_break() {
+                status = Status::Stopped;
+                break;
+            }
+        }
+        Outcome {
+            status,
+            time: tau,
+            x: vec![t],
+            sides: Vec::new(),
+            alpha: Vec::new(),
+            activity: vec![steps],
+            moved: vec![0.0],
+            drift: 0.0,
+            defect: 0.0,
+            complementarity: 0.0,
+            notes: Vec::new(),
+            approaches: Vec::new(),
+            stats: Stats::default(),
+        }
+    }
+
+    /// s + s²/2 = 4 at s = 2, behind the unit in which it stands still; 40 is beyond a first run.
+    #[test]
+    fn the_clock_is_at_its_horizon() {
+        for horizon in [0.3, 4.0, 40.0_f64] {
+            let clock = Clock { state: 0, horizon };
+            let found = clock.numerical_time(|| Silent, run);
+            let s = (1.0 + 2.0 * horizon).sqrt() - 1.0;
+            let exact = if s > 1.0 { s + 1.0 } else { s };
+            assert!((found - exact).abs() <= 1e-12 * exact, "{horizon}: {found}");
+        }
+    }
+
+    /// A clock that stands still before its horizon: the run ends where it does not go on.
+    #[test]
+    fn a_clock_that_stops_is_no_horizon() {
+        let clock = Clock {
+            state: 0,
+            horizon: 2.0,
+        };
+        let stops = |end: f64, observer: &mut Clocked<Silent>| run(end.min(1.5), observer);
+        let end = clock.numerical_time(|| Silent, stops);
+        assert!(end.is_finite() && clock.is_missed(&run(end.min(1.5), &mut clock.watch(Silent)).x));
     }
 }

@@ -9,25 +9,25 @@
 //! `equilibration` say of the printed form: its solutions are the same.
 //! What is found satisfies all equations and signs; gaps are looked at between the nodes, too.
 
-mod checks;
 mod compare;
 mod program;
 
-use std::sync::Arc;
 use std::time::Instant;
 
-use nsd_solver::mpcc::{self, Options};
+use miette::LabeledSpan;
+use nsd_solver::jumps::{CLOSED, StepStart, Stepper};
+use nsd_solver::problem::Nlp;
 use rustc_hash::FxHashMap;
 
-use program::StepProgram;
+use program::{StepProgram, contacts};
 
-use super::super::rehearsal::CLOSED;
 use super::super::watch::Progress;
 use super::super::{Elements, Rehearsed, Request, judge, outcome};
 use super::judge_grid;
 use crate::dcs::{self, Dcs, solve_pointwise};
 use crate::discretize::{self, Detection, Equilibration, Grid, Layout, check_start};
 use crate::expr::{Expr, Var};
+use crate::mpcc::Bounds;
 use crate::report::{
     Certificate, Failure, Method, MethodOption, Stationarity, Stats, Status, Trajectory,
 };
@@ -41,15 +41,6 @@ const STEPS: usize = 50;
 const MOST_ADDED: usize = 2;
 /// Parts of a step that are foreseen at most.
 const MOST_PARTS: usize = 12;
-/// Other ways that are tried, and iterations of each, where the predicted branch is none.
-const MOST_WAYS: usize = 1;
-const MOST_ITERATIONS: usize = 500;
-/// What a program may violate, relative to its largest value.
-const FEASIBLE: f64 = 1e-9;
-/// Impulses below this are rounding.
-const IMPULSE: f64 = 1e-9;
-/// Elements shorter than this, as a share of the horizon, have no mode of their own.
-const SHORTEST: f64 = 1e-11;
 /// Steps at most where the tolerance chooses them.
 const MOST_STEPS: usize = 400;
 
@@ -72,24 +63,14 @@ struct Run<'s, 'e> {
     size: f64,
     /// Instants and laws of all jumps.
     jumps: Vec<(f64, Vec<usize>)>,
-    /// The contacts that were open in the last element, or come together at the start.
-    open: Vec<bool>,
+    stepper: Stepper,
+    /// Elements that were added to steps.
     added: usize,
-    iterations: u64,
-    relaxed: u64,
-    violation: f64,
 }
 
-/// Where a step starts: the instant, and the values of states and algebraic variables.
-struct StepStart {
-    time: f64,
-    x: Vec<f64>,
-    z: Vec<f64>,
-}
-
-/// A step that is solved.
+/// A step that is solved, and the number of its elements.
 struct Step {
-    layout: Arc<Layout>,
+    elements: usize,
     w: Vec<f64>,
 }
 
@@ -148,18 +129,16 @@ pub(in crate::simulate) fn run(
             number("elements", options.elements),
         ],
     };
-    if coarse.added > 0 {
-        let added = number("added_elements", coarse.added);
-        trajectory.method.options.push(added);
-    }
+    let added = (coarse.added > 0).then(|| number("added_elements", coarse.added));
+    trajectory.method.options.extend(added);
     trajectory.certificate = Certificate {
         stationarity: Stationarity::None,
-        max_violation: coarse.violation,
+        max_violation: coarse.stepper.work.violation,
     };
     trajectory.stats = Stats {
         steps: steps as u64,
-        newton_iterations: coarse.iterations,
-        homotopy_steps: coarse.relaxed,
+        newton_iterations: coarse.stepper.work.iterations as u64,
+        homotopy_steps: coarse.stepper.work.relaxed as u64,
         ..Stats::default()
     };
     trajectory.skipped = system.skipped.clone();
@@ -190,7 +169,8 @@ impl<'s, 'e> Run<'s, 'e> {
         dcs.task = Some(nothing(system.exprs.constant(0.0), settings));
         let fesd = discretize::Options::fesd(options);
         let detection = fesd.detection.unwrap_or_default();
-        let mut run = Run {
+        let x: Vec<f64> = dcs.states.iter().map(|state| state.initial).collect();
+        Run {
             system,
             options: discretize::Options {
                 detection: Some(Detection {
@@ -206,18 +186,13 @@ impl<'s, 'e> Run<'s, 'e> {
             rehearsed,
             programs: FxHashMap::default(),
             reached: 0.0,
-            x: dcs.states.iter().map(|state| state.initial).collect(),
+            stepper: Stepper::new(contacts(&dcs), settings.horizon, &x),
+            x,
             dcs,
             size: 0.0,
             jumps: Vec::new(),
-            open: Vec::new(),
             added: 0,
-            iterations: 0,
-            relaxed: 0,
-            violation: 0.0,
-        };
-        run.open = run.come_together();
-        run
+        }
     }
 
     /// Step by step.
@@ -323,37 +298,20 @@ impl<'s, 'e> Run<'s, 'e> {
         let made = self.programs.get_mut(&elements)?;
         let closed = |rehearsed: &Rehearsed| rehearsed.closed(start, start + length, elements);
         let closed = self.rehearsed.map(closed).unwrap_or_default();
-        let mut w = made.start_from(&from, &closed);
+        let mut w = made.step.start_from(&from, &closed);
         if let Some(rehearsed) = self.rehearsed {
             let interval = (start, start + length);
-            let of = (&self.dcs, &*made.layout, &made.bounds[..]);
+            let bounds = made.step.program.variable_bounds();
+            let bounds = bounds.lower.iter().zip(bounds.upper).zip(&w);
+            let bounds = bounds.map(|((&l, &u), &w)| Bounds::between(l, u, w));
+            let bounds: Vec<Bounds> = bounds.collect();
+            let of = (&self.dcs, &made.layout, &bounds[..]);
             rehearsed.fill(of, 1, interval, 0.0, &mut w);
         }
         let left = |deadline: Instant| deadline.saturating_duration_since(Instant::now());
-        let options = Options {
-            trusts_start: true,
-            effort: 0,
-            feasibility: FEASIBLE,
-            max_restarts: MOST_WAYS,
-            max_iterations: MOST_ITERATIONS,
-            time_limit: self.deadline.map(left),
-            ..Options::default()
-        };
-        let found = mpcc::solve_from(&mut made.program, &w, &options);
-        let layout = made.layout.clone();
-        self.iterations += found.stats.iterations as u64;
-        self.relaxed += found.stats.relaxed as u64;
-        let size = self.x.iter().fold(1.0, |m: f64, x| m.max(x.abs()));
-        let residuals = &found.residuals;
-        let violation = residuals.violation.max(residuals.complementarity);
-        let is_feasible = found.is_feasible();
-        let step = Step { layout, w: found.w };
-        let holds = || self.stays_above(&step) && self.comes_to_rest(&step, start);
-        if !is_feasible || violation > FEASIBLE * size || !holds() {
-            return None;
-        }
-        self.violation = self.violation.max(violation);
-        Some(step)
+        let left = self.deadline.map(left);
+        let w = self.stepper.solve(&mut made.step, &w, start, left)?;
+        Some(Step { elements, w })
     }
 
     /// The program of steps with so many elements, whatever they start from.
@@ -396,63 +354,74 @@ impl<'s, 'e> Run<'s, 'e> {
         }
     }
 
+    /// A contact that strikes in a step with a coefficient that no contact has.
+    fn outside(&mut self, Step { elements, w }: &Step, start: f64) -> Option<Failure> {
+        let step = &self.programs[elements].step;
+        let (time, c, of) = self.stepper.outside(step, w, start)?;
+        let impact = &self.dcs.impacts[c];
+        let label =
+            LabeledSpan::new_with_span(Some(format!("contact `{}`", impact.name)), impact.span);
+        Some(outcome::outside(
+            of,
+            (time, impact.name.clone()),
+            vec![label],
+        ))
+    }
+
     /// Adds a step to the elements, and goes to its end.
-    fn take(&mut self, step: &Step, (start, end): (f64, f64), elements: &mut Elements<'s, 'e>) {
-        let Step { layout, w } = step;
-        let n = layout.n_states();
-        let mut t = start;
-        for (k, j) in layout.all_elements() {
-            let h = w[layout.h(k, j)].max(0.0);
-            let from = t;
-            let is_last = j == layout.elements;
-            let to = if is_last { end } else { (t + h).min(end) };
-            let alphas: Vec<Vec<f64>> = (1..=layout.nodes)
-                .map(|m| self.alphas(step, (k, j, m)))
-                .collect();
-            let [before, after] =
-                [layout.before(k, j), layout.x(k, j, 0)].map(|first| &w[first..][..n]);
-            if from == 0.0 && j == 1 {
+    fn take(&mut self, step: &Step, interval: (f64, f64), elements: &mut Elements<'s, 'e>) {
+        let w = &step.w;
+        let StepProgram { step, layout } = &self.programs[&step.elements];
+        let passed = self.stepper.pass(step, w, interval);
+        for (j, element) in passed.into_iter().enumerate() {
+            let (from, to) = (element.from, element.to);
+            let at = |m: usize| alphas(&self.dcs, layout, w, (j + 1, m));
+            let alphas: Vec<Vec<f64>> = (1..=layout.nodes).map(at).collect();
+            let [before, after] = [step.before(w, j), step.states(w, j, 0)];
+            if from == 0.0 && j == 0 {
                 elements.point(0.0, before, &alphas[0]);
             }
-            let struck = self.struck(step, (k, j), &self.open);
-            if !struck.is_empty() {
+            if !element.struck.is_empty() {
+                let struck = element.struck;
                 elements.jump(from, struck.clone(), [before, after], &alphas[0]);
                 self.jumps.push((from, struck));
             }
-            self.open = self.opened(step, (k, j), &self.open);
-            if to - from > SHORTEST * self.horizon {
-                let instants: Vec<f64> = layout
-                    .points
-                    .iter()
-                    .map(|c| from + (to - from) * c)
-                    .collect();
-                let x = |m: usize| &w[layout.x(k, j, m)..][..n];
-                let x: Vec<&[f64]> = (0..=layout.end).map(x).collect();
+            if element.is_long {
+                let points = layout.points.iter();
+                let instants: Vec<f64> = points.map(|c| from + (to - from) * c).collect();
+                let x: Vec<&[f64]> = (0..=layout.end).map(|m| step.states(w, j, m)).collect();
                 elements.element(&instants, &x, &alphas);
             }
-            t = to;
-            let last = &w[layout.x(k, j, layout.end)..][..n];
-            elements.point(t, last, &alphas[layout.nodes - 1]);
+            elements.point(to, step.states(w, j, layout.end), &alphas[layout.nodes - 1]);
         }
-        self.reached = end;
-        let (k, j) = (1, layout.elements);
-        self.x = w[layout.x(k, j, layout.end)..][..n].to_vec();
+        self.reached = interval.1;
+        let last = step.states(w, layout.elements - 1, layout.end);
+        self.x.copy_from_slice(last);
         self.size = self.x.iter().fold(self.size, |m: f64, x| m.max(x.abs()));
     }
 
-    /// α of the switches at a node; of a contact, 1 - λ_n.
-    fn alphas(&self, Step { layout, w }: &Step, (k, j, m): (usize, usize, usize)) -> Vec<f64> {
-        let places = self.dcs.algebraics.iter().enumerate();
-        let known =
-            places.filter_map(|(i, z)| Some((z.var.as_variable()?, w[layout.z(k, j, m, i)?])));
-        let known: FxHashMap<Var, f64> = known.collect();
-        let value = |var: Var| known.get(&var).copied().unwrap_or(f64::NAN);
-        self.dcs
-            .alphas
-            .iter()
-            .map(|alpha| alpha.eval(&value))
-            .collect()
+    /// Parameters, states and time, as numbers.
+    fn values<'x>(&'x self, x: &'x [f64], time: f64) -> impl Fn(Var) -> f64 + 'x {
+        move |var: Var| {
+            let is = |e: Expr| e.as_variable() == Some(var);
+            let state = self.dcs.states.iter().position(|state| is(state.var));
+            let param = || self.dcs.params.iter().find(|param| is(param.var));
+            match state {
+                Some(i) => x[i],
+                None if is(self.dcs.time) => time,
+                None => param().map_or(f64::NAN, |param| param.value),
+            }
+        }
     }
+}
+
+/// α of the switches at a node of an element; of a contact, 1 - λ_n.
+fn alphas(dcs: &Dcs, layout: &Layout, w: &[f64], (j, m): (usize, usize)) -> Vec<f64> {
+    let places = dcs.algebraics.iter().enumerate();
+    let known = places.filter_map(|(i, z)| Some((z.var.as_variable()?, w[layout.z(1, j, m, i)?])));
+    let known: FxHashMap<Var, f64> = known.collect();
+    let value = |var: Var| known.get(&var).copied().unwrap_or(f64::NAN);
+    dcs.alphas.iter().map(|alpha| alpha.eval(&value)).collect()
 }
 
 /// A task with nothing to decide.

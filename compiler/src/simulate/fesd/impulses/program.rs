@@ -1,30 +1,26 @@
-//! The program of a step of so many elements: made once, and started from any instant and state.
+//! The steps of contacts as the solver sees them: the program of so many elements, and the laws of impacts.
 //!
-//! What a step starts from are values of variables: t and x at its start, the z that are continuous there, and c of
-//! every contact in every element (`dcs/drift.rs`). Whether a member of a pair is a variable or a row depends on bounds,
-//! which these variables therefore have none of until they get their values.
+//! Whether a member of a pair is a variable or a row depends on bounds. What a step starts from therefore has none
+//! until it is given its value.
 
-use std::sync::Arc;
+use nsd_solver::jumps::{self, Contacts, Element};
 
-use super::StepStart;
-use crate::dcs::{Dcs, Kept};
-use crate::discretize::{Grid, Layout, Options, discretize};
-use crate::mpcc::{self, Bounds};
+use crate::dcs::{Dcs, Impact, Kept};
+use crate::discretize::{Grid, Layout, Options, WINDOW, discretize};
+use crate::expr::{self, Expr, Var};
+use crate::mpcc::Program;
 use crate::system::System;
 
-/// The program of a step, as the solver sees it.
+/// A program with the way back from its variables.
 pub(super) struct StepProgram {
-    pub program: mpcc::Program,
-    pub layout: Arc<Layout>,
-    /// Bounds and guesses of its variables for the start that it was given last.
-    pub bounds: Vec<Bounds>,
-    /// The mean length of its elements.
-    mean: f64,
-    /// The variables of the states at the start, and of the z that are continuous there, with their places.
-    states: usize,
-    continuous: Vec<(usize, usize)>,
-    /// c of every contact.
-    closed: Vec<usize>,
+    pub step: jumps::StepProgram<Program>,
+    pub layout: Layout,
+}
+
+impl jumps::Program for Program {
+    fn fix(&mut self, variable: usize, value: f64) {
+        self.set_value(variable, value);
+    }
 }
 
 impl StepProgram {
@@ -33,68 +29,61 @@ impl StepProgram {
         let (dcs, kept) = dcs.without_drift(system);
         let (mut mpcc, layout) = discretize(&dcs, grid, options).ok()?;
         let continuous: Vec<(usize, usize)> = layout.fixed_at_start().collect();
-        let closed: Vec<usize> = kept.iter().map(|&Kept { closed, .. }| closed).collect();
         for &(index, _) in &continuous {
             mpcc.free(index);
         }
-        Some(StepProgram {
+        let element = |(k, j)| Element {
+            length: layout.h(k, j),
+            start: layout.t(k, j),
+            before: layout.before(k, j),
+            states: (0..=layout.end).map(|m| layout.x(k, j, m)).collect(),
+            algebraics: (0..=layout.end)
+                .map(|m| {
+                    let all = 0..layout.n_algebraics();
+                    all.map(|i| layout.z(k, j, m, i)).collect()
+                })
+                .collect(),
+            impulses: layout.impulses(k, j).expect("contacts give impulses"),
+        };
+        let step = jumps::StepProgram {
             program: mpcc.program().expect("kernels are smooth"),
-            bounds: mpcc.bounds(),
-            mean: grid.horizon / layout.elements as f64,
-            states: layout.before(1, 1),
+            elements: layout.all_elements().map(element).collect(),
+            nodes: layout.nodes,
+            points: layout.points.clone(),
+            n_states: layout.n_states(),
+            length: grid.horizon,
+            window: WINDOW * grid.horizon / layout.elements as f64,
             continuous,
-            closed,
-            layout: Arc::new(layout),
-        })
+            closed: kept.iter().map(|&Kept { closed, .. }| closed).collect(),
+        };
+        Some(StepProgram { step, layout })
     }
+}
 
-    /// Gives it a start, and says where its solution is looked for as long as no other run is known.
-    pub fn start_from(&mut self, from: &StepStart, closed: &[Vec<bool>]) -> Vec<f64> {
-        let layout = self.layout.clone();
-        for (k, j) in layout.all_elements() {
-            if let Some(t) = layout.t(k, j) {
-                let guess = from.time + (j - 1) as f64 * self.mean;
-                self.guess(t, guess);
-            }
-            for m in 0..=layout.end {
-                for (i, &x) in from.x.iter().enumerate() {
-                    self.guess(layout.x(k, j, m) + i, x);
-                }
-                for i in 0..layout.n_algebraics() {
-                    if let Some(index) = layout.z(k, j, m, i) {
-                        self.guess(index, from.z.get(i).copied().unwrap_or(0.0));
-                    }
-                }
-            }
-            for c in 0..self.closed.len() {
-                let is_closed = closed.get(j - 1).is_some_and(|closed| closed[c]);
-                for m in 1..=layout.nodes {
-                    let index = layout.z(k, j, m, self.closed[c]);
-                    let index = index.expect("it is there at nodes");
-                    self.fix(index, f64::from(u8::from(is_closed)));
-                }
-            }
-        }
-        if let Some(t) = layout.t(1, 1) {
-            self.fix(t, from.time);
-        }
-        for (i, &x) in from.x.iter().enumerate() {
-            self.fix(self.states + i, x);
-        }
-        for place in 0..self.continuous.len() {
-            let (index, i) = self.continuous[place];
-            self.fix(index, from.z[i]);
-        }
-        self.bounds.iter().map(|bounds| bounds.guess).collect()
-    }
-
-    fn guess(&mut self, index: usize, guess: f64) {
-        let Bounds { lower, upper, .. } = self.bounds[index];
-        self.bounds[index] = Bounds::between(lower, upper, guess);
-    }
-
-    fn fix(&mut self, index: usize, value: f64) {
-        self.bounds[index] = Bounds::fixed(value);
-        self.program.fix(index, value);
+/// Contacts and their laws. What these contain besides t, x and parameters has no value where elements meet.
+pub(super) fn contacts<'e>(dcs: &Dcs<'e>) -> Contacts {
+    let law = |impact: &Impact<'e>| {
+        let friction = impact.friction.as_ref();
+        let none = dcs.exprs.constant(0.0);
+        let friction = friction.map_or(none, |friction| friction.coefficient);
+        [impact.speed, impact.restitution, friction]
+    };
+    let var = |e: Expr| e.as_variable().expect("what a DCS declares is a variable");
+    let states = dcs.states.iter().map(|state| var(state.var));
+    let params = dcs.params.iter().map(|param| var(param.var));
+    let others = dcs.algebraics.iter().map(|z| var(z.var));
+    let inputs: Vec<Var> = ([var(dcs.time)].into_iter())
+        .chain(states)
+        .chain(params)
+        .chain(others)
+        .collect();
+    let laws: Vec<Expr> = dcs.impacts.iter().flat_map(law).collect();
+    let values = dcs.params.iter().map(|param| param.value);
+    let none = dcs.algebraics.iter().map(|_| f64::NAN);
+    Contacts {
+        gaps: dcs.impacts.iter().map(|impact| impact.gap).collect(),
+        forces: dcs.impacts.iter().map(|impact| impact.force).collect(),
+        laws: expr::compile(&inputs, &laws).expect("the laws of impacts are smooth"),
+        parameters: values.chain(none).collect(),
     }
 }
