@@ -6,6 +6,7 @@ pub mod clock;
 pub mod conic;
 pub mod fesd;
 pub mod ipm;
+pub mod jumps;
 pub mod kernels;
 pub mod lcp;
 pub mod limit;

@@ -42,6 +42,10 @@ pub trait Nlp {
     fn jacobian_pattern(&self) -> &Pattern;
     /// The pattern of the lower triangle of the Hessian of the Lagrangian, n by n: columns do not exceed their row.
     fn hessian_pattern(&self) -> &Pattern;
+    /// Whether f depends on anything; where it does not, all feasible points are minima.
+    fn has_objective(&self) -> bool {
+        true
+    }
     /// f at w.
     fn objective(&mut self, w: &[f64]) -> f64;
     /// ∇f at w, dense.

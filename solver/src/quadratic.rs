@@ -164,6 +164,10 @@ impl Nlp for Quadratic {
         &self.hessian
     }
 
+    fn has_objective(&self) -> bool {
+        !self.objective.linear.is_empty() || !self.objective.products.is_empty()
+    }
+
     fn objective(&mut self, w: &[f64]) -> f64 {
         self.objective.value(w)
     }

@@ -213,6 +213,12 @@ impl Layout {
         self.anew(0, i).is_some()
     }
 
+    /// The z that are given where the first element begins, with their places.
+    pub fn fixed_at_start(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        let kept = self.kept.iter().enumerate();
+        kept.map(|(place, &i)| (self.initial_algebraics + place, i))
+    }
+
     fn z_behind(&self, element: usize, m: usize, i: usize) -> Option<usize> {
         if m <= self.nodes {
             let node = element * self.nodes + m - 1;

@@ -49,7 +49,7 @@ mod tests;
 use nsd_solver::tableau::{Family, Tableau};
 
 pub use data::inside;
-pub use error::DiscretizeError;
+pub use error::{DiscretizeError, check_start};
 pub use impulses::WINDOW;
 pub use layout::Layout;
 
@@ -179,7 +179,7 @@ pub fn discretize<'e>(
 ) -> Result<(Mpcc<'e>, Layout), DiscretizeError> {
     error::check_size(dcs, grid, options)?;
     if options.detection.is_some() && !task::Start::of(dcs).is_free {
-        error::check_start(dcs, grid.start)?;
+        check_start(dcs, grid.start)?;
     }
     let (reduced, integrals) = quadrature::split(dcs);
     let dcs = &reduced;

@@ -360,15 +360,16 @@ impl<'e> Mpcc<'e> {
         blocks.flat_map(|block| &block.bounds).copied().collect()
     }
 
-    /// Gives a variable its value.
+    /// Takes the bounds off a variable whose value a [`Program`] is given: as a member of a pair it is a row there.
     ///
     /// # Panics
     ///
     /// When there is no such variable.
-    pub fn fix(&mut self, index: usize, value: f64) {
+    pub fn free(&mut self, index: usize) {
         let after = self.variables.partition_point(|block| block.start <= index);
         let block = &mut self.variables[after - 1];
-        block.bounds[index - block.start] = Bounds::between(value, value, value);
+        let bounds = &mut block.bounds[index - block.start];
+        *bounds = Bounds::free(bounds.guess);
     }
 
     /// Changes where solvers start.

@@ -282,6 +282,11 @@ impl Program {
         self.kernels.set_start(start);
     }
 
+    /// Gives a variable its value; it is no side of a pair by itself.
+    pub fn set_value(&mut self, variable: usize, value: f64) {
+        self.kernels.set_variable_bounds(variable, value, value);
+    }
+
     /// The program near a point with multipliers y.
     fn linearized(&mut self, w: &[f64], y: &[f64]) -> Linearized {
         let pairs = problem::Mpcc::pairs(&self.kernels).iter();
@@ -351,6 +356,10 @@ impl Nlp for Program {
 
     fn hessian_pattern(&self) -> &Pattern {
         self.kernels.hessian_pattern()
+    }
+
+    fn has_objective(&self) -> bool {
+        self.kernels.has_objective()
     }
 
     fn objective(&mut self, w: &[f64]) -> f64 {

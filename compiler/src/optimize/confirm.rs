@@ -127,7 +127,7 @@ fn look(
     limit: &Limit,
 ) -> Result<Better, Confirmation> {
     let w = &solution.w;
-    let Some(reduced) = Reduced::new(problem, w, limit) else {
+    let Some(mut reduced) = Reduced::new(problem, w, limit) else {
         return Err(Confirmation::None);
     };
     if reduced.quantities.is_empty() {
@@ -152,8 +152,8 @@ fn look(
     let terminal = base
         .as_ref()
         .map_or(0.0, |base| terminal_error(problem, w, &base.end));
-    let search = Search {
-        reduced: &reduced,
+    let mut search = Search {
+        reduced: &mut reduced,
         w,
         objective: solution.objective,
         base: base.as_ref(),

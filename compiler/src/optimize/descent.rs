@@ -62,7 +62,7 @@ struct Column {
 /// multipliers of constraints, `doubt` an error of the objective, and `room` what the objective may gain from the room that
 /// constraints have in the simulation and not in the program.
 pub(super) struct Search<'s, 'r, 'p, 'e> {
-    pub reduced: &'s Reduced<'r, 'p, 'e>,
+    pub reduced: &'s mut Reduced<'r, 'p, 'e>,
     pub w: &'s [f64],
     pub objective: f64,
     pub base: Option<&'s Values>,
@@ -79,10 +79,11 @@ impl Search<'_, '_, '_, '_> {
     }
 
     /// Looks along all quantities, in changes of such a share of their sizes.
-    pub fn descent(&self, change: f64) -> Found {
+    pub fn descent(&mut self, change: f64) -> Found {
         let mut columns = Vec::new();
         let mut is_complete = self.base.is_some();
-        for quantity in &self.reduced.quantities {
+        for number in 0..self.reduced.quantities.len() {
+            let quantity = self.reduced.quantities[number];
             let full = change * quantity.size;
             let first = columns.len();
             for sign in [1.0, -1.0] {
@@ -140,7 +141,7 @@ impl Search<'_, '_, '_, '_> {
 
     /// The change to the minimum of the parabola through two that are opposite and uphill, if it is downhill: where the
     /// objective curves, it falls less far than they reach.
-    fn between(&self, up: &Column, down: &Column, change: f64) -> Option<Column> {
+    fn between(&mut self, up: &Column, down: &Column, change: f64) -> Option<Column> {
         let [slope, bend] = [-1.0, 1.0].map(|sign| 0.5 * (up.cost + sign * down.cost));
         let least = self.threshold(change) * change;
         let is_uphill = up.cost >= 0.0 && down.cost >= 0.0 && up.step == -down.step;
@@ -152,8 +153,8 @@ impl Search<'_, '_, '_, '_> {
     }
 
     /// What one change does. Where the point itself has no simulation, it is the difference of two changes.
-    fn column(&self, index: usize, step: f64) -> Option<Column> {
-        let at = |share: f64| {
+    fn column(&mut self, index: usize, step: f64) -> Option<Column> {
+        let mut at = |share: f64| {
             let mut w = self.w.to_vec();
             w[index] += share * step;
             self.reduced.at(&w)
@@ -289,9 +290,10 @@ impl Search<'_, '_, '_, '_> {
     }
 
     /// The best point along a direction, and the rate at which the merit falls; none where it does not.
-    fn follow(&self, direction: &[(usize, f64)], change: f64) -> Option<(Candidate, f64)> {
+    fn follow(&mut self, direction: &[(usize, f64)], change: f64) -> Option<(Candidate, f64)> {
         let objective = self.base.map_or(self.objective, |base| base.cost);
-        let at = |share: f64| {
+        let least = self.threshold(change);
+        let mut at = |share: f64| {
             let mut w = self.w.to_vec();
             for &(index, step) in direction {
                 w[index] += share * step;
@@ -306,7 +308,7 @@ impl Search<'_, '_, '_, '_> {
         };
         let (mut best, mut share) = (at(1.0)?, 1.0);
         let rate = (objective - best.merit) / change;
-        if rate <= self.threshold(change) {
+        if rate <= least {
             return None;
         }
         for _ in 0..MOST_STEPS {
@@ -338,10 +340,10 @@ mod tests {
             let problem = Problem::new(&compiled.system, &compiled.settings, task);
             let problem = problem.expect("it has a program");
             let (w, _) = problem.start(&[], &Limit::default());
-            let reduced = Reduced::new(&problem, &w, &Limit::default()).expect("it has a task");
+            let mut reduced = Reduced::new(&problem, &w, &Limit::default()).expect("it has a task");
             let base = reduced.at(&w).expect("it reaches its end");
-            let search = Search {
-                reduced: &reduced,
+            let mut search = Search {
+                reduced: &mut reduced,
                 w: &w,
                 objective: base.cost,
                 base: Some(&base),

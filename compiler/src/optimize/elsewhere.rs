@@ -36,9 +36,10 @@ const MOST_ENDS: usize = 3;
 
 impl Search<'_, '_, '_, '_> {
     /// Points that are far away and better, or promising, the best first.
-    pub fn elsewhere(&self) -> Found {
+    pub fn elsewhere(&mut self) -> Found {
         let target = self.objective - self.threshold(1.0);
-        let edge = self.candidates(self.at_bounds()).into_iter().next();
+        let at_bounds = self.at_bounds();
+        let edge = self.candidates(at_bounds).into_iter().next();
         let edge = edge.filter(|best| best.merit < target);
         let points = match self.has_branches() {
             true => self.compass(edge, target),
@@ -59,28 +60,30 @@ impl Search<'_, '_, '_, '_> {
         self.reduced.is_switched() && self.reduced.bounds().next().is_none()
     }
 
-    fn candidate(&self, w: Vec<f64>) -> Option<Candidate> {
-        let merit = self.merit(&self.reduced.at(&w)?);
+    fn candidate(&mut self, w: Vec<f64>) -> Option<Candidate> {
+        let values = self.reduced.at(&w)?;
+        let merit = self.merit(&values);
         Some(Candidate { merit, w })
     }
 
     /// Other points than the solution, if they can be simulated, the best first.
-    fn candidates(&self, points: Vec<Vec<f64>>) -> Vec<Candidate> {
-        let points = points.into_iter().filter(|w| *w != self.w);
+    fn candidates(&mut self, points: Vec<Vec<f64>>) -> Vec<Candidate> {
+        let solution = self.w;
+        let points = points.into_iter().filter(|w| *w != solution);
         let mut points: Vec<Candidate> = points.filter_map(|w| self.candidate(w)).collect();
         points.sort_by(|a, b| a.merit.total_cmp(&b.merit));
         points
     }
 
     /// The quantities that have ranges.
-    fn bounded(&self) -> Vec<&Quantity> {
-        let all = self.reduced.quantities.iter();
+    fn bounded(&self) -> Vec<Quantity> {
+        let all = self.reduced.quantities.iter().copied();
         all.filter(|quantity| (quantity.upper - quantity.lower).is_finite())
             .collect()
     }
 
     /// The solution with these quantities at shares of their ranges.
-    fn moved(&self, quantities: &[&Quantity], share: impl Fn(usize) -> f64) -> Vec<f64> {
+    fn moved(&self, quantities: &[Quantity], share: impl Fn(usize) -> f64) -> Vec<f64> {
         let mut w = self.w.to_vec();
         for (i, quantity) in quantities.iter().enumerate() {
             let range = quantity.upper - quantity.lower;
@@ -101,8 +104,8 @@ impl Search<'_, '_, '_, '_> {
             let level = |level: &f64| self.moved(&[quantity], |_| *level);
             points.extend(levels.iter().map(level));
         }
-        let is_control = |quantity: &&Quantity| quantity.is_control;
-        let controls: Vec<&Quantity> = bounded.into_iter().filter(is_control).collect();
+        let is_control = |quantity: &Quantity| quantity.is_control;
+        let controls: Vec<Quantity> = bounded.into_iter().filter(is_control).collect();
         points.extend(LEVELS.map(|level| self.moved(&controls, |_| level)));
         points
     }
@@ -119,8 +122,9 @@ impl Search<'_, '_, '_, '_> {
     }
 
     /// The best ends of descents from a point and from those inside the ranges: below `target` or promising.
-    fn compass(&self, edge: Option<Candidate>, mut target: f64) -> Vec<Candidate> {
-        let inside = self.candidates(self.inside()).into_iter();
+    fn compass(&mut self, edge: Option<Candidate>, mut target: f64) -> Vec<Candidate> {
+        let inside = self.inside();
+        let inside = self.candidates(inside).into_iter();
         let mut runs = 0..MOST_RUNS;
         let mut ends = Vec::new();
         for point in edge.into_iter().chain(inside.take(FOLLOWED)) {
@@ -156,7 +160,12 @@ impl Search<'_, '_, '_, '_> {
     }
 
     /// The end of a descent, which is left where it does not come towards `target`.
-    fn downhill(&self, mut point: Candidate, target: f64, runs: &mut Range<usize>) -> Candidate {
+    fn downhill(
+        &mut self,
+        mut point: Candidate,
+        target: f64,
+        runs: &mut Range<usize>,
+    ) -> Candidate {
         let mut step = FIRST;
         while step >= LAST {
             let before = point.merit;
@@ -171,7 +180,7 @@ impl Search<'_, '_, '_, '_> {
     }
 
     /// Changes every quantity by a step where the merit is smaller behind it; whether there was one.
-    fn sweep(&self, point: &mut Candidate, step: f64, runs: &mut Range<usize>) -> bool {
+    fn sweep(&mut self, point: &mut Candidate, step: f64, runs: &mut Range<usize>) -> bool {
         let before = point.merit;
         for quantity in self.bounded() {
             let value = point.w[quantity.index];

@@ -206,19 +206,19 @@ impl<'r, 'p, 'e> Reduced<'r, 'p, 'e> {
 
     /// A run with the free quantities of a point; none where it does not reach the end in the time that is left, or where
     /// something is not finite.
-    pub fn at(&self, w: &[f64]) -> Option<Values> {
+    pub fn at(&mut self, w: &[f64]) -> Option<Values> {
         let problem = self.problem;
         let limit = &self.limit;
         if limit.is_over() {
             return None;
         }
-        let own;
+        let mut own;
         let prepared = match params(problem, w) == self.params {
-            true => &self.prepared,
+            true => &mut self.prepared,
             // Parameters are numbers in what is compiled.
             false => {
                 own = prepared(problem, w);
-                &own
+                &mut own
             }
         };
         let horizon = problem.horizon(w);

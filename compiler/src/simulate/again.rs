@@ -2,10 +2,10 @@
 //!
 //! Its functions are compiled once, as they are met.
 
-use nsd_solver::simulate::{self as solver, Observer, Segment, Simulator, Status};
-use std::cell::RefCell;
 use std::ops::ControlFlow;
 use std::sync::Arc;
+
+use nsd_solver::simulate::{self as solver, Observer, Segment, Simulator, Status};
 
 use crate::hybrid;
 use crate::limit::Limit;
@@ -14,7 +14,7 @@ use crate::table::Table;
 
 /// A system that is ready to be run.
 pub(crate) struct Again {
-    simulator: RefCell<Simulator>,
+    simulator: Simulator,
 }
 
 /// What a run gives.
@@ -36,22 +36,20 @@ impl Again {
             ..solver::Settings::default()
         };
         let simulator = Simulator::new(hybrid::lower_over(system, horizon), settings);
-        Again {
-            simulator: simulator.into(),
-        }
+        Again { simulator }
     }
 
     /// Gives the data from number `first` on other values, of the same fits.
-    pub fn replace_data(&self, first: usize, tables: &[Arc<Table>]) {
+    pub fn replace_data(&mut self, first: usize, tables: &[Arc<Table>]) {
         let pieces = tables.iter().map(|table| table.pieces.clone());
         let pieces: Vec<_> = pieces.collect();
-        self.simulator.borrow_mut().set_data(first, &pieces);
+        self.simulator.set_data(first, &pieces);
     }
 
     /// A run to the horizon, with values at ascending instants; nothing where it ends before, or takes longer than the
     /// limit.
     pub fn values(
-        &self,
+        &mut self,
         x0: &[f64],
         horizon: f64,
         instants: &[f64],
@@ -63,9 +61,8 @@ impl Again {
             row: vec![0.0; x0.len()],
             alpha: Vec::new(),
         };
-        let mut simulator = self.simulator.borrow_mut();
-        simulator.set_limit(limit.clone());
-        let outcome = simulator.run(0.0, horizon, x0, &mut seen);
+        self.simulator.set_limit(limit.clone());
+        let outcome = self.simulator.run(0.0, horizon, x0, &mut seen);
         if outcome.status != Status::Solved {
             return None;
         }

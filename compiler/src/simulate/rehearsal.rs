@@ -1,5 +1,7 @@
 //! A run from event to event says where elements may meet, and what goes on in them: where a program starts.
 
+use nsd_solver::jumps::CLOSED;
+
 use super::{Request, run};
 use crate::dcs::{Dcs, Friction, SlipLaw, directed, solve_in_mode};
 use crate::discretize::Layout;
@@ -15,8 +17,6 @@ use std::collections::HashMap;
 const CLOSEST: f64 = 1e-9;
 /// α that is so close to 0 or 1 is, and a slip velocity that is so small is none.
 const ROUNDING: f64 = 1e-9;
-/// A gap that is so small, relative to the largest state, is closed.
-pub(super) const CLOSED: f64 = 1e-11;
 /// Slip with such a share of its largest velocity in two directions is none.
 const AT_REST: f64 = 1e-9;
 /// How far inside of its element α is read, as a share of it: at its ends it belongs to others.

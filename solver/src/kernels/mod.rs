@@ -77,6 +77,8 @@ struct Term {
     block: Compiled,
     /// Its part of the constant gradient, by variable.
     constant: Vec<(u32, f64)>,
+    /// Whether it depends on no variable.
+    is_constant: bool,
     is_on: bool,
 }
 
@@ -143,6 +145,16 @@ impl Program {
         for &(variable, slope) in &term.constant {
             self.constant_gradient[variable as usize] += sign * slope;
         }
+    }
+
+    /// Changes the bounds of a variable; where it is a side of a pair, its lower one has to stay.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such variable.
+    pub fn set_variable_bounds(&mut self, variable: usize, lower: f64, upper: f64) {
+        self.lower[variable] = lower;
+        self.upper[variable] = upper;
     }
 
     /// Changes the bounds of a row that is no side of a pair.
@@ -254,6 +266,7 @@ impl ProgramBuilder {
             terms.push(Term {
                 block,
                 constant,
+                is_constant: found.entries.is_empty(),
                 is_on: true,
             });
         }
@@ -330,6 +343,11 @@ impl Nlp for Program {
 
     fn hessian_pattern(&self) -> &Pattern {
         &self.hessian_pattern
+    }
+
+    fn has_objective(&self) -> bool {
+        let mut terms = self.terms.iter();
+        terms.any(|term| term.is_on && !term.is_constant)
     }
 
     fn objective(&mut self, w: &[f64]) -> f64 {

@@ -62,6 +62,21 @@ impl<'l, 'p> Branch<'l, 'p> {
     }
 }
 
+impl Branch<'_, '_> {
+    /// The rows whose slack is not held, with it: it is what they say.
+    pub fn free_slacks(&self) -> Vec<(usize, usize)> {
+        let slacks = self.lifted.slacks();
+        slacks
+            .filter(|&(_, slack)| self.lower[slack] < self.upper[slack])
+            .collect()
+    }
+
+    /// How many variables the original problem has.
+    pub fn n_original(&self) -> usize {
+        self.lifted.n_original()
+    }
+}
+
 impl Nlp for Branch<'_, '_> {
     fn n_variables(&self) -> usize {
         self.upper.len()
@@ -92,6 +107,10 @@ impl Nlp for Branch<'_, '_> {
 
     fn hessian_pattern(&self) -> &Pattern {
         self.lifted.hessian_pattern()
+    }
+
+    fn has_objective(&self) -> bool {
+        self.lifted.has_objective()
     }
 
     fn objective(&mut self, w: &[f64]) -> f64 {

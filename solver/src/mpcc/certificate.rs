@@ -126,6 +126,19 @@ pub fn certify(
             descent: None,
         };
     }
+    if !lifted.has_objective() {
+        // Of nothing no direction descends, and no multiplier is needed.
+        return Certificate {
+            class: Class::S,
+            is_exact: true,
+            b_stationary: Some(true),
+            is_differentiable: true,
+            reduced: local.gradient,
+            y: vec![0.0; y.len()],
+            biactive: sets.biactive,
+            descent: None,
+        };
+    }
     let classified = classify(lifted, &local, &sets, y, tolerances);
     let mut certificate = Certificate {
         class: classified.class,

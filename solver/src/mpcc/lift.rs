@@ -129,6 +129,11 @@ impl<'p> Lifted<'p> {
         self.lower.len() - self.lifted_rows.len()
     }
 
+    /// The rows that have a slack, with it.
+    pub fn slacks(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        self.lifted_rows.iter().copied().zip(self.n_original()..)
+    }
+
     /// A point of the original problem with its slacks, which are not negative.
     pub fn extend(&mut self, w: &[f64]) -> Vec<f64> {
         let mut rows = vec![0.0; self.row_lower.len()];
@@ -233,6 +238,10 @@ impl Nlp for Lifted<'_> {
 
     fn hessian_pattern(&self) -> &Pattern {
         &self.hessian
+    }
+
+    fn has_objective(&self) -> bool {
+        self.problem.has_objective()
     }
 
     fn objective(&mut self, w: &[f64]) -> f64 {

@@ -24,6 +24,7 @@ mod multistart;
 mod observer;
 mod options;
 mod polish;
+mod reach;
 mod relaxation;
 mod relaxed;
 mod solution;

@@ -7,6 +7,7 @@ use super::certificate::Residuals;
 use super::lift::Lifted;
 use super::local::Local;
 use super::observer::Program;
+use super::reach::reach;
 use super::work::Work;
 use crate::ipm;
 use crate::problem::{Member, Nlp};
@@ -80,6 +81,11 @@ pub fn polish(
     let is_near = matches!(goal, Goal::Near(_));
     let runs = if is_near { &RUNS[..1] } else { &RUNS };
     lifted.settle(Some(zeros));
+    if !lifted.has_objective() {
+        if let Some(polished) = nearest(lifted, &guess.w, zeros, work) {
+            return Ok(polished);
+        }
+    }
     let reduced = Local::new(lifted, &guess.w).reduced_gradient(&guess.y);
     let mut best: Result<Polished, ipm::Status> = Err(ipm::Status::LocallyInfeasible);
     for &(mu, max_iterations) in runs {
@@ -139,6 +145,30 @@ pub fn polish(
         }
     }
     best
+}
+
+/// The nearest feasible point of a branch without an objective, which is as good as any other.
+fn nearest(
+    lifted: &mut Lifted<'_>,
+    start: &[f64],
+    zeros: &[Member],
+    work: &mut Work<'_>,
+) -> Option<Polished> {
+    work.stats.branches += 1;
+    let w = reach(lifted, zeros, start, work)?;
+    let residuals = Residuals::new(lifted, &w);
+    let is_feasible = residuals.violation <= work.options.feasibility;
+    is_feasible.then(|| Polished {
+        objective: lifted.objective(&w),
+        zeros: zeros.to_vec(),
+        residuals,
+        is_optimal: true,
+        point: Guess {
+            y: vec![0.0; lifted.n_rows()],
+            w,
+        },
+        falling: None,
+    })
 }
 
 /// One run on the branch, or why it is of no use to the goal.

@@ -49,6 +49,50 @@ fn the_nearest_point_of_two_half_axes() {
     assert!(at([0.0, 2.0]) || at([1.0, 0.0]), "{solution:?}");
 }
 
+/// x² + y² + w₁ = 1 twice, in the branch w₁ = 0 of a pair: the rows depend on each other, and from a point near the circle
+/// the nearest one on it is in the same direction.
+#[test]
+fn a_branch_without_objective_is_met_at_the_nearest_point() {
+    let circle = |factor: f64| {
+        let row = Function::default()
+            .product(2, 2, factor)
+            .product(3, 3, factor)
+            .linear(1, factor);
+        (row, factor, factor)
+    };
+    let problem = Quadratic::new(4, Function::default(), vec![circle(1.0), circle(2.0)]);
+    let mut problem = pair(problem).start(&[0.7, 1e-9, 0.62, 0.81]);
+    let options = Options {
+        trusts_start: true,
+        effort: 0,
+        ..Options::default()
+    };
+    let solution = solve(&mut problem, &options);
+    let length = 0.62_f64.hypot(0.81);
+    check_at(&solution, &[0.7, 0.0, 0.62 / length, 0.81 / length], 1e-5);
+    assert!(solution.residuals.violation <= 8.0 * f64::EPSILON);
+    assert_eq!((solution.class, solution.stats.relaxed), (Class::S, 0));
+    assert!(solution.stats.iterations <= 6, "{solution:?}");
+}
+
+/// The circle x² + y² = 1 with x >= 2 is not met from anywhere.
+#[test]
+fn rows_without_a_point_are_not_met() {
+    let circle = Function::default().product(2, 2, 1.0).product(3, 3, 1.0);
+    let problem = Quadratic::new(4, Function::default(), vec![(circle, 1.0, 1.0)]);
+    let mut problem = pair(problem)
+        .bound(2, 2.0, INFINITY)
+        .start(&[0.7, 0.0, 2.0, 0.5]);
+    let options = Options {
+        trusts_start: true,
+        effort: 0,
+        max_restarts: 0,
+        ..Options::default()
+    };
+    let solution = solve(&mut problem, &options);
+    assert!(!solution.is_feasible(), "{solution:?}");
+}
+
 fn linear(coefficients: &[f64]) -> Function {
     let terms = (0..).zip(coefficients);
     terms.fold(Function::default(), |f, (j, &c)| f.linear(j, c))

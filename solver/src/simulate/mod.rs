@@ -16,6 +16,7 @@ mod blind;
 mod candidates;
 mod chatter;
 mod check;
+mod clock;
 mod coefficients;
 mod cones;
 mod control;
@@ -87,6 +88,7 @@ use serde::{Deserialize, Serialize};
 use crate::limit::Limit;
 
 pub use approach::{Approach, Visit};
+pub use clock::{Clock, Clocked};
 use coefficients::Coefficients;
 pub use data::{Piece, Piecewise, write_pieces};
 pub use dense::Polynomials;

@@ -6,7 +6,9 @@
 use std::ops::ControlFlow;
 
 use nsd_solver::fesd;
-use nsd_solver::simulate::{Event, Observer, Outcome, Polynomials, Segment, Side, Status};
+use nsd_solver::simulate::{
+    Clock, Clocked, Event, Observer, Outcome, Polynomials, Segment, Side, Status,
+};
 
 use rustc_hash::FxHashMap;
 
@@ -14,14 +16,6 @@ use super::stretch::{Lasting, Stretched};
 use crate::expr::Var;
 use crate::system::freezing::{Frozen, Rest};
 
-/// A clock slower than this stands still.
-const STANDS: f64 = 1e-6;
-/// The end of the horizon is reached to this, relative to it.
-const NEAR: f64 = 1e-10;
-/// A first run in numerical time is so much longer than the horizon, and every other than the one before.
-const LONGER: f64 = 4.0;
-/// Corrections of the numerical time at which the run ends.
-const CORRECTIONS: usize = 8;
 /// Bounces this close, relative to the horizon, that become ever closer are on their way to a Zeno point.
 const DENSE: f64 = 1e-6;
 /// A gap is closed below this.
@@ -52,8 +46,9 @@ pub(super) type Law<'l> = dyn FnMut(f64, &[f64]) -> Option<Vec<f64>> + 'l;
 /// Passes on a run in numerical time as one in physical time.
 pub(super) struct Thaw<'t, 'e> {
     frozen: &'t Frozen<'e>,
-    observer: &'t mut dyn Observer,
-    horizon: f64,
+    /// Who is told; nobody, where a run only shows the clock.
+    observer: Option<&'t mut dyn Observer>,
+    clock: Clock,
     /// Physical time reached.
     t: f64,
     /// Sides of the switches of the original; empty before time has passed.
@@ -76,12 +71,6 @@ pub(super) struct Thaw<'t, 'e> {
     end: Option<End>,
     /// The law of impacts, where the frozen system may do something else.
     law: Option<Box<Law<'t>>>,
-    /// The rate of the clock, of late.
-    rate: f64,
-    /// Whether the run ends where the clock reaches the horizon.
-    probes: bool,
-    /// The numerical time at which it did.
-    reached: Option<f64>,
 }
 
 /// The polynomials of the original's states and switches.
@@ -112,11 +101,15 @@ impl Polynomials for Thawed<'_> {
 }
 
 impl<'t, 'e> Thaw<'t, 'e> {
-    pub fn new(frozen: &'t Frozen<'e>, horizon: f64, observer: &'t mut dyn Observer) -> Self {
+    pub fn new(
+        frozen: &'t Frozen<'e>,
+        clock: Clock,
+        observer: Option<&'t mut dyn Observer>,
+    ) -> Self {
         Thaw {
             frozen,
             observer,
-            horizon,
+            clock,
             t: 0.0,
             sides: Vec::new(),
             next: vec![Side::Plus; frozen.places.len()],
@@ -131,9 +124,6 @@ impl<'t, 'e> Thaw<'t, 'e> {
                 .collect(),
             end: None,
             law: None,
-            rate: 1.0,
-            probes: false,
-            reached: None,
         }
     }
 
@@ -218,8 +208,9 @@ impl<'t, 'e> Thaw<'t, 'e> {
                 self.sides[memory.relay] = Side::of(start - 0.5);
             }
         }
-        if self.sides != self.next || !self.fired.is_empty() {
-            self.observer.event(&Event {
+        let has_changed = self.sides != self.next || !self.fired.is_empty();
+        if let Some(observer) = self.observer.as_mut().filter(|_| has_changed) {
+            observer.event(&Event {
                 time: self.t,
                 x: &self.x,
                 before: before.as_ref().unwrap_or(&self.x),
@@ -261,7 +252,7 @@ impl<'t, 'e> Thaw<'t, 'e> {
             }
             times.push(self.t);
             let found = accumulation(times).filter(|(interval, limit)| {
-                *interval <= DENSE * self.horizon && *limit < self.horizon
+                *interval <= DENSE * self.clock.horizon && *limit < self.clock.horizon
             });
             self.end = found.map(|(_, limit)| End::Limit(limit)).or(self.end);
         }
@@ -287,9 +278,8 @@ fn accumulation(times: &[f64]) -> Option<(f64, f64)> {
 
 impl Observer for Thaw<'_, '_> {
     fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
-        let (n, clock) = (self.frozen.n_states, self.frozen.clock);
-        let advance = segment.end[clock] - segment.state_series(clock)[0];
-        if advance < STANDS * segment.length {
+        let n = self.frozen.n_states;
+        let Some(advance) = self.clock.advance(segment) else {
             if self.stopped.is_none() {
                 segment.state(0.0, &mut self.x);
                 self.stopped = Some(self.x.clone());
@@ -300,14 +290,9 @@ impl Observer for Thaw<'_, '_> {
                 return ControlFlow::Break(());
             }
             return ControlFlow::Continue(());
-        }
-        self.rate = advance / segment.length;
-        let over = segment.end[clock] - self.horizon;
-        if self.probes && over >= 0.0 {
-            self.reached = Some(segment.until - over / self.rate);
-            return ControlFlow::Break(());
-        }
-        if self.t >= self.horizon {
+        };
+        let Clock { state, horizon } = self.clock;
+        if self.t >= horizon {
             return ControlFlow::Continue(());
         }
         self.fired.sort_unstable();
@@ -328,9 +313,9 @@ impl Observer for Thaw<'_, '_> {
         }
         let lasts = !self.lasting.is_empty();
         let mut length = if lasts { advance } else { segment.length };
-        if (self.t + length - self.horizon).abs() <= NEAR * self.horizon {
-            length = self.horizon - self.t;
-            while self.t + length < self.horizon {
+        if self.clock.is_at_end(self.t + length) {
+            length = horizon - self.t;
+            while self.t + length < horizon {
                 length = length.next_up();
             }
         }
@@ -348,7 +333,7 @@ impl Observer for Thaw<'_, '_> {
             let slides = places.iter().zip(&self.sides);
             let slides = slides.map(|(place, side)| place.filter(|_| *side == Side::Slide));
             let slides: Vec<Option<usize>> = slides.collect();
-            Stretched::new(inner, clock, n, &slides, &self.lasting).without(&blind)
+            Stretched::new(inner, state, n, &slides, &self.lasting).without(&blind)
         });
         let dense: &dyn Polynomials = match &stretched {
             Some(stretched) => stretched,
@@ -358,7 +343,10 @@ impl Observer for Thaw<'_, '_> {
         self.t += length;
         let end = &segment.end[..n];
         let passed = Segment::new(start, length, self.t, &self.sides, end, dense);
-        self.observer.segment(&passed)
+        match &mut self.observer {
+            Some(observer) => observer.segment(&passed),
+            None => ControlFlow::Continue(()),
+        }
     }
 
     fn event(&mut self, event: &Event) {
@@ -368,63 +356,31 @@ impl Observer for Thaw<'_, '_> {
 
 impl fesd::Observer for Thaw<'_, '_> {}
 
-/// Sees nothing.
-struct Silent;
-
-impl Observer for Silent {
-    fn segment(&mut self, _segment: &Segment) -> ControlFlow<()> {
-        ControlFlow::Continue(())
-    }
-
-    fn event(&mut self, _event: &Event) {}
-}
-
-/// Runs to the numerical time at which the clock is at the horizon, as long as impacts obey the law; `run` gets the end, the start and what observes it.
+/// Runs to the numerical time at which the clock is at the horizon, as long as impacts obey the law; `run` gets the end,
+/// the start and what observes it.
 ///
-/// That time is found by a run that goes on until then, and corrected by runs that end there. The outcome is that of
-/// the original, but for a status that is not `Solved`, whose switches are those of the frozen system.
+/// The outcome is that of the original, but for a status that is not `Solved`, whose switches are those of the frozen
+/// system.
 pub(super) fn drive(
     frozen: &Frozen,
     horizon: f64,
     observer: &mut dyn Observer,
     law: Option<Box<Law>>,
-    mut run: impl FnMut(f64, &[f64], &mut Thaw) -> Outcome,
+    mut run: impl FnMut(f64, &[f64], &mut Clocked<Thaw>) -> Outcome,
 ) -> (Outcome, Option<End>) {
+    let clock = Clock {
+        state: frozen.clock,
+        horizon,
+    };
     let states = &frozen.system.states;
     let x: Vec<f64> = states.iter().map(|state| state.initial).collect();
-    let (mut end, mut before) = (LONGER * horizon, -1.0);
-    loop {
-        let mut silent = Silent;
-        let mut probe = Thaw::new(frozen, horizon, &mut silent);
-        probe.probes = true;
-        let outcome = run(end, &x, &mut probe);
-        if let Some(reached) = probe.reached {
-            end = reached;
-            break;
-        }
-        let stands = probe.stopped.is_some() && probe.t == before;
-        if outcome.status != Status::Solved || stands {
-            break;
-        }
-        before = probe.t;
-        end *= LONGER;
-    }
-    for _ in 0..CORRECTIONS {
-        let mut silent = Silent;
-        let mut probe = Thaw::new(frozen, horizon, &mut silent);
-        let outcome = run(end, &x, &mut probe);
-        let miss = horizon - outcome.x[frozen.clock];
-        let is_open = outcome.status == Status::Solved && probe.stopped.is_none();
-        if !is_open || miss.abs() <= 1e-3 * NEAR * horizon {
-            break;
-        }
-        end += miss / probe.rate;
-    }
-    let mut thaw = Thaw::new(frozen, horizon, observer);
-    thaw.law = law;
+    let probe = || Thaw::new(frozen, clock, None);
+    let end = clock.numerical_time(probe, |end, thaw| run(end, &x, thaw));
+    let mut thaw = clock.watch(Thaw::new(frozen, clock, Some(observer)));
+    thaw.observer.law = law;
     let mut outcome = run(end, &x, &mut thaw);
-    let missed = horizon - outcome.x[frozen.clock] > NEAR * horizon;
-    if outcome.status == Status::Solved && missed {
+    let mut thaw = thaw.observer;
+    if outcome.status == Status::Solved && clock.is_missed(&outcome.x) {
         thaw.end = Some(End::Closed);
         outcome.status = Status::Stopped;
     }

@@ -1,29 +1,33 @@
 //! Contacts by finite elements with jumps between them (FESD-J).
 //!
 //! Each step of the grid is the program of an optimal control problem with nothing to control: elements, impulses where
-//! they meet, and complementarity (Nurkanović, Frey, Pozharskiy & Diehl 2024). A run from
-//! event to event says which branch of it is solved first, and in which elements contacts stay closed, where the rates
-//! of their gaps vanish at the nodes, too (`dcs/drift.rs`); then the relaxed program is solved, and then one with more
-//! elements: a step with r switches and impacts needs r + 1.
+//! they meet, and complementarity (Nurkanović, Frey, Pozharskiy & Diehl 2024). It is made once for each number of
+//! elements, and started from any instant and state. A run from event to event says which branch of it is solved first,
+//! and in which elements contacts stay closed, where the rates of their gaps vanish at the nodes, too (`dcs/drift.rs`);
+//! then the relaxed program is solved, and then one with more elements: a step with r switches and impacts needs r + 1.
 //! Pairs are sums over an element, and lengths are equal where nothing happens between them, whatever `cross` and
 //! `equilibration` say of the printed form: its solutions are the same.
 //! What is found satisfies all equations and signs; gaps are looked at between the nodes, too.
 
-mod checks;
 mod compare;
+mod program;
 
-use nsd_solver::mpcc::{self, Options};
+use miette::LabeledSpan;
+use nsd_solver::jumps::{CLOSED, StepStart, Stepper};
+use nsd_solver::problem::Nlp;
 use rustc_hash::FxHashMap;
 
-use super::super::rehearsal::CLOSED;
+use program::{StepProgram, contacts};
+
 use super::super::watch::Progress;
 use super::super::{Elements, Rehearsed, Request, judge, outcome};
 use super::judge_grid;
 use crate::clock::Instant;
 use crate::dcs::{self, Dcs, solve_pointwise};
-use crate::discretize::{self, Detection, Equilibration, Grid, Layout, discretize};
+use crate::discretize::{self, Detection, Equilibration, Grid, Layout, check_start};
 use crate::expr::{Expr, Var};
 use crate::limit::Limit;
+use crate::mpcc::Bounds;
 use crate::report::{
     Certificate, Failure, Method, MethodOption, Stationarity, Stats, Status, Trajectory,
 };
@@ -37,15 +41,6 @@ const STEPS: usize = 50;
 const MOST_ADDED: usize = 2;
 /// Parts of a step that are foreseen at most.
 const MOST_PARTS: usize = 12;
-/// Other ways that are tried, and iterations of each, where the predicted branch is none.
-const MOST_WAYS: usize = 1;
-const MOST_ITERATIONS: usize = 500;
-/// What a program may violate, relative to its largest value.
-const FEASIBLE: f64 = 1e-9;
-/// Impulses below this are rounding.
-const IMPULSE: f64 = 1e-9;
-/// Elements shorter than this, as a share of the horizon, have no mode of their own.
-const SHORTEST: f64 = 1e-11;
 /// Steps at most where the tolerance chooses them.
 const MOST_STEPS: usize = 400;
 
@@ -58,7 +53,9 @@ struct Run<'s, 'e> {
     steps: usize,
     limit: Limit,
     /// A run from event to event, where one begins.
-    rehearsed: Option<Rehearsed<'e>>,
+    rehearsed: Option<&'s Rehearsed<'e>>,
+    /// The programs of steps, by the number of their elements.
+    programs: FxHashMap<usize, StepProgram>,
     /// The end of the last step, and the state there.
     reached: f64,
     x: Vec<f64>,
@@ -66,17 +63,14 @@ struct Run<'s, 'e> {
     size: f64,
     /// Instants and laws of all jumps.
     jumps: Vec<(f64, Vec<usize>)>,
-    /// The contacts that were open in the last element, or come together at the start.
-    open: Vec<bool>,
+    stepper: Stepper,
+    /// Elements that were added to steps.
     added: usize,
-    iterations: u64,
-    relaxed: u64,
-    violation: f64,
 }
 
-/// A step that is solved.
+/// A step that is solved, and the number of its elements.
 struct Step {
-    layout: Layout,
+    elements: usize,
     w: Vec<f64>,
 }
 
@@ -96,11 +90,16 @@ pub(in crate::simulate) fn run(
         elements: options.elements + 1,
         ..*options
     };
+    let rehearsed = Rehearsed::new(system, settings, &request.limit);
+    let on = (
+        system,
+        Some(&rehearsed).filter(|rehearsed| rehearsed.begins()),
+    );
     let (coarse, elements, failure, estimate) = loop {
-        let mut coarse = Run::new(system, settings, options, steps, &request.limit);
+        let mut coarse = Run::new(on, settings, options, steps, &request.limit);
         let (elements, failure) = coarse.integrate(settings, watch, false);
         let mut second = || {
-            let mut fine = Run::new(system, settings, &finer, 2 * steps, &request.limit);
+            let mut fine = Run::new(on, settings, &finer, 2 * steps, &request.limit);
             let (others, ended) = fine.integrate(settings, watch, true);
             if ended.as_ref().is_some_and(Failure::is_over) {
                 return None;
@@ -137,18 +136,16 @@ pub(in crate::simulate) fn run(
             number("elements", options.elements),
         ],
     };
-    if coarse.added > 0 {
-        let added = number("added_elements", coarse.added);
-        trajectory.method.options.push(added);
-    }
+    let added = (coarse.added > 0).then(|| number("added_elements", coarse.added));
+    trajectory.method.options.extend(added);
     trajectory.certificate = Certificate {
         stationarity: Stationarity::None,
-        max_violation: coarse.violation,
+        max_violation: coarse.stepper.work.violation,
     };
     trajectory.stats = Stats {
         steps: steps as u64,
-        newton_iterations: coarse.iterations,
-        homotopy_steps: coarse.relaxed,
+        newton_iterations: coarse.stepper.work.iterations as u64,
+        homotopy_steps: coarse.stepper.work.relaxed as u64,
         ..Stats::default()
     };
     trajectory.skipped = system.skipped.clone();
@@ -168,7 +165,7 @@ pub(in crate::simulate) fn run(
 
 impl<'s, 'e> Run<'s, 'e> {
     fn new(
-        system: &'s System<'e>,
+        (system, rehearsed): (&'s System<'e>, Option<&'s Rehearsed<'e>>),
         settings: &Settings<'e>,
         options: &FesdOptions,
         steps: usize,
@@ -179,7 +176,8 @@ impl<'s, 'e> Run<'s, 'e> {
         dcs.task = Some(nothing(system.exprs.constant(0.0), settings));
         let fesd = discretize::Options::fesd(options);
         let detection = fesd.detection.unwrap_or_default();
-        let mut run = Run {
+        let x: Vec<f64> = dcs.states.iter().map(|state| state.initial).collect();
+        Run {
             system,
             options: discretize::Options {
                 detection: Some(Detection {
@@ -192,20 +190,16 @@ impl<'s, 'e> Run<'s, 'e> {
             horizon: settings.horizon,
             steps,
             limit: limit.clone(),
-            rehearsed: Some(Rehearsed::new(system, settings, limit)).filter(Rehearsed::begins),
+            rehearsed,
+            programs: FxHashMap::default(),
             reached: 0.0,
-            x: dcs.states.iter().map(|state| state.initial).collect(),
+            stepper: Stepper::new(contacts(&dcs), settings.horizon, &x),
+            x,
             dcs,
             size: 0.0,
             jumps: Vec::new(),
-            open: Vec::new(),
             added: 0,
-            iterations: 0,
-            relaxed: 0,
-            violation: 0.0,
-        };
-        run.open = run.come_together();
-        run
+        }
     }
 
     /// Step by step.
@@ -228,7 +222,7 @@ impl<'s, 'e> Run<'s, 'e> {
             let start = self.horizon * k as f64 / self.steps as f64;
             let end = self.horizon * (k + 1) as f64 / self.steps as f64;
             // Impulses without a motion, as those of Painlevé's paradox, may be solutions of a step.
-            let rehearsed = self.rehearsed.as_ref();
+            let rehearsed = self.rehearsed;
             let ended = rehearsed.and_then(|run| run.ended(start, end)).cloned();
             let limit = rehearsed.and_then(|run| run.accumulates(start, end));
             let step = match (ended, limit) {
@@ -281,7 +275,7 @@ impl<'s, 'e> Run<'s, 'e> {
             .map_or(1, |detection| detection.elements);
         // With fewer elements than the step has parts there is no solution.
         let parts = |run: &Rehearsed| run.parts(start, start + length).min(MOST_PARTS);
-        let parts = self.rehearsed.as_ref().map_or(1, parts);
+        let parts = self.rehearsed.map_or(1, parts);
         let least = parts.saturating_sub(elements);
         for added in least..=least + MOST_ADDED {
             // Making the program of many contacts may take longer than solving it.
@@ -297,7 +291,31 @@ impl<'s, 'e> Run<'s, 'e> {
     }
 
     fn solve(&mut self, start: f64, length: f64, elements: usize) -> Option<Step> {
-        self.prepare(start);
+        let from = self.begin(start);
+        check_start(&self.dcs, start).ok()?;
+        if !self.programs.contains_key(&elements) {
+            let made = self.program(start, elements)?;
+            self.programs.insert(elements, made);
+        }
+        let made = self.programs.get_mut(&elements)?;
+        let closed = |rehearsed: &Rehearsed| rehearsed.closed(start, start + length, elements);
+        let closed = self.rehearsed.map(closed).unwrap_or_default();
+        let mut w = made.step.start_from(&from, &closed);
+        if let Some(rehearsed) = self.rehearsed {
+            let interval = (start, start + length);
+            let bounds = made.step.program.variable_bounds();
+            let bounds = bounds.lower.iter().zip(bounds.upper).zip(&w);
+            let bounds = bounds.map(|((&l, &u), &w)| Bounds::between(l, u, w));
+            let bounds: Vec<Bounds> = bounds.collect();
+            let of = (&self.dcs, &made.layout, &bounds[..]);
+            rehearsed.fill(of, 1, interval, 0.0, &mut w);
+        }
+        let w = (self.stepper).solve(&mut made.step, &w, start, &self.limit)?;
+        Some(Step { elements, w })
+    }
+
+    /// The program of steps with so many elements, whatever they start from.
+    fn program(&self, start: f64, elements: usize) -> Option<StepProgram> {
         let mut options = self.options;
         options.detection = options.detection.map(|detection| Detection {
             elements,
@@ -306,147 +324,104 @@ impl<'s, 'e> Run<'s, 'e> {
         });
         let grid = Grid {
             start,
-            horizon: length,
+            horizon: self.horizon / self.steps as f64,
             steps: 1,
         };
-        let (dcs, kept) = self.dcs.without_drift(self.system);
-        let (mut mpcc, layout) = discretize(&dcs, grid, &options).ok()?;
-        let closed = |rehearsed: &Rehearsed| rehearsed.closed(start, start + length, elements);
-        let closed = self.rehearsed.as_ref().map(closed).unwrap_or_default();
-        for (k, j) in layout.all_elements() {
-            for (c, kept) in kept.iter().enumerate() {
-                let is_closed = closed.get(j - 1).is_some_and(|closed| closed[c]);
-                for m in 1..=layout.nodes {
-                    let index = layout
-                        .z(k, j, m, kept.closed)
-                        .expect("it is there at nodes");
-                    mpcc.fix(index, f64::from(u8::from(is_closed)));
-                }
-            }
-        }
-        let mut program = mpcc.program().expect("kernels are smooth");
-        let bounds = mpcc.bounds();
-        let mut w: Vec<f64> = bounds.iter().map(|bounds| bounds.guess).collect();
-        if let Some(rehearsed) = &self.rehearsed {
-            rehearsed.fill(
-                (&self.dcs, &layout, &bounds),
-                1,
-                (start, start + length),
-                0.0,
-                &mut w,
-            );
-        }
-        let options = Options {
-            trusts_start: true,
-            effort: 0,
-            feasibility: FEASIBLE,
-            max_restarts: MOST_WAYS,
-            max_iterations: MOST_ITERATIONS,
-            limit: self.limit.clone(),
-            ..Options::default()
-        };
-        let found = mpcc::solve_from(&mut program, &w, &options);
-        self.iterations += found.stats.iterations as u64;
-        self.relaxed += found.stats.relaxed as u64;
-        let size = self.x.iter().fold(1.0, |m: f64, x| m.max(x.abs()));
-        let residuals = &found.residuals;
-        let violation = residuals.violation.max(residuals.complementarity);
-        let is_feasible = found.is_feasible();
-        let step = Step { layout, w: found.w };
-        let holds = || self.stays_above(&step) && self.comes_to_rest(&step, start);
-        if !is_feasible || violation > FEASIBLE * size || !holds() {
-            return None;
-        }
-        self.violation = self.violation.max(violation);
-        Some(step)
+        StepProgram::new(self.system, &self.dcs, grid, &options)
     }
 
-    /// Gives the complementarity system the present state, and z the values there.
-    fn prepare(&mut self, start: f64) {
+    /// Gives the complementarity system the present state, and z the values there: where a step starts.
+    fn begin(&mut self, start: f64) -> StepStart {
         for (state, &x) in self.dcs.states.iter_mut().zip(&self.x) {
             state.initial = x;
         }
-        let mut known: FxHashMap<Var, f64> = FxHashMap::default();
-        let mut insert =
-            |var: Expr, value: f64| known.extend(var.as_variable().map(|v| (v, value)));
-        insert(self.system.time, start);
-        for param in &self.system.params {
-            insert(param.var, param.value);
-        }
-        for (state, &x) in self.dcs.states.iter().zip(&self.x) {
-            insert(state.var, x);
-        }
-        let value = |var: Var| known.get(&var).copied().unwrap_or(f64::NAN);
-        let found = solve_pointwise(self.system, &self.dcs, &value).algebraics;
+        let point = solve_pointwise(self.system, &self.dcs, &self.values(&self.x, start));
+        let mut z = point.algebraics;
         let size = self.x.iter().fold(1.0, |m: f64, x| m.max(x.abs()));
-        for (algebraic, &z) in self.dcs.algebraics.iter_mut().zip(&found) {
-            algebraic.guess = z;
-        }
         for impact in &self.dcs.impacts {
-            let gap = &mut self.dcs.algebraics[impact.gap].guess;
+            let gap = &mut z[impact.gap];
             if *gap <= CLOSED * size {
                 *gap = 0.0;
             }
         }
+        for (algebraic, &z) in self.dcs.algebraics.iter_mut().zip(&z) {
+            algebraic.guess = z;
+        }
+        StepStart {
+            time: start,
+            x: self.x.clone(),
+            z,
+        }
+    }
+
+    /// A contact that strikes in a step with a coefficient that no contact has.
+    fn outside(&mut self, Step { elements, w }: &Step, start: f64) -> Option<Failure> {
+        let step = &self.programs[elements].step;
+        let (time, c, of) = self.stepper.outside(step, w, start)?;
+        let impact = &self.dcs.impacts[c];
+        let label =
+            LabeledSpan::new_with_span(Some(format!("contact `{}`", impact.name)), impact.span);
+        Some(outcome::outside(
+            of,
+            (time, impact.name.clone()),
+            vec![label],
+        ))
     }
 
     /// Adds a step to the elements, and goes to its end.
-    fn take(&mut self, step: &Step, (start, end): (f64, f64), elements: &mut Elements<'s, 'e>) {
-        let Step { layout, w } = step;
-        let n = layout.n_states();
-        let mut t = start;
-        for (k, j) in layout.all_elements() {
-            let h = w[layout.h(k, j)].max(0.0);
-            let from = t;
-            let is_last = j == layout.elements;
-            let to = if is_last { end } else { (t + h).min(end) };
-            let alphas: Vec<Vec<f64>> = (1..=layout.nodes)
-                .map(|m| self.alphas(step, (k, j, m)))
-                .collect();
-            let [before, after] =
-                [layout.before(k, j), layout.x(k, j, 0)].map(|first| &w[first..][..n]);
-            if from == 0.0 && j == 1 {
+    fn take(&mut self, step: &Step, interval: (f64, f64), elements: &mut Elements<'s, 'e>) {
+        let w = &step.w;
+        let StepProgram { step, layout } = &self.programs[&step.elements];
+        let passed = self.stepper.pass(step, w, interval);
+        for (j, element) in passed.into_iter().enumerate() {
+            let (from, to) = (element.from, element.to);
+            let at = |m: usize| alphas(&self.dcs, layout, w, (j + 1, m));
+            let alphas: Vec<Vec<f64>> = (1..=layout.nodes).map(at).collect();
+            let [before, after] = [step.before(w, j), step.states(w, j, 0)];
+            if from == 0.0 && j == 0 {
                 elements.point(0.0, before, &alphas[0]);
             }
-            let struck = self.struck(step, (k, j), &self.open);
-            if !struck.is_empty() {
+            if !element.struck.is_empty() {
+                let struck = element.struck;
                 elements.jump(from, struck.clone(), [before, after], &alphas[0]);
                 self.jumps.push((from, struck));
             }
-            self.open = self.opened(step, (k, j), &self.open);
-            if to - from > SHORTEST * self.horizon {
-                let instants: Vec<f64> = layout
-                    .points
-                    .iter()
-                    .map(|c| from + (to - from) * c)
-                    .collect();
-                let x = |m: usize| &w[layout.x(k, j, m)..][..n];
-                let x: Vec<&[f64]> = (0..=layout.end).map(x).collect();
+            if element.is_long {
+                let points = layout.points.iter();
+                let instants: Vec<f64> = points.map(|c| from + (to - from) * c).collect();
+                let x: Vec<&[f64]> = (0..=layout.end).map(|m| step.states(w, j, m)).collect();
                 elements.element(&instants, &x, &alphas);
             }
-            t = to;
-            let last = &w[layout.x(k, j, layout.end)..][..n];
-            elements.point(t, last, &alphas[layout.nodes - 1]);
+            elements.point(to, step.states(w, j, layout.end), &alphas[layout.nodes - 1]);
         }
-        self.reached = end;
-        let (k, j) = (1, layout.elements);
-        self.x = w[layout.x(k, j, layout.end)..][..n].to_vec();
+        self.reached = interval.1;
+        let last = step.states(w, layout.elements - 1, layout.end);
+        self.x.copy_from_slice(last);
         self.size = self.x.iter().fold(self.size, |m: f64, x| m.max(x.abs()));
     }
 
-    /// α of the switches at a node; of a contact, 1 - λ_n.
-    fn alphas(&self, Step { layout, w }: &Step, (k, j, m): (usize, usize, usize)) -> Vec<f64> {
-        let places = self.dcs.algebraics.iter().enumerate();
-        let known =
-            places.filter_map(|(i, z)| Some((z.var.as_variable()?, w[layout.z(k, j, m, i)?])));
-        let known: FxHashMap<Var, f64> = known.collect();
-        let value = |var: Var| known.get(&var).copied().unwrap_or(f64::NAN);
-        self.dcs
-            .alphas
-            .iter()
-            .map(|alpha| alpha.eval(&value))
-            .collect()
+    /// Parameters, states and time, as numbers.
+    fn values<'x>(&'x self, x: &'x [f64], time: f64) -> impl Fn(Var) -> f64 + 'x {
+        move |var: Var| {
+            let is = |e: Expr| e.as_variable() == Some(var);
+            let state = self.dcs.states.iter().position(|state| is(state.var));
+            let param = || self.dcs.params.iter().find(|param| is(param.var));
+            match state {
+                Some(i) => x[i],
+                None if is(self.dcs.time) => time,
+                None => param().map_or(f64::NAN, |param| param.value),
+            }
+        }
     }
+}
+
+/// α of the switches at a node of an element; of a contact, 1 - λ_n.
+fn alphas(dcs: &Dcs, layout: &Layout, w: &[f64], (j, m): (usize, usize)) -> Vec<f64> {
+    let places = dcs.algebraics.iter().enumerate();
+    let known = places.filter_map(|(i, z)| Some((z.var.as_variable()?, w[layout.z(1, j, m, i)?])));
+    let known: FxHashMap<Var, f64> = known.collect();
+    let value = |var: Var| known.get(&var).copied().unwrap_or(f64::NAN);
+    dcs.alphas.iter().map(|alpha| alpha.eval(&value)).collect()
 }
 
 /// A task with nothing to decide.
@@ -466,5 +441,41 @@ fn nothing<'e>(cost: Expr<'e>, settings: &Settings) -> Task<'e> {
             span: settings.span,
         },
         rows: Vec::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::report::Status;
+    use crate::simulate::{Request, run_watched};
+    use crate::testing::with_last;
+
+    /// A ball that falls, slips and comes to rest in six steps, and in the twelve of the finer run: the first step of each
+    /// makes the program of all.
+    #[test]
+    fn no_expression_is_made_behind_the_first_step() {
+        let text = "model m {
+                      state q[2] = [0, 0.5]; state v[2] = [2, 0];
+                      q' = v;
+                      mechanics q, v {
+                        mass = eye(2); force = [0, -9.81];
+                        contact floor { gap = q[2]; slip = v[1]; restitution = 0; friction = 0.6; }
+                      }
+                    }
+                    simulate o of m {
+                      horizon 1.2; lower impact;
+                      method fesd { scheme = radau_iia(3); steps = 6; elements = 3; }
+                    }";
+        with_last(text, |compiled| {
+            let (system, mut counts) = (&compiled.system, [Vec::new(), Vec::new()]);
+            let request = Request::default();
+            let run = run_watched(system, &compiled.settings, &request, &mut |progress| {
+                counts[usize::from(progress.estimates)].push(system.exprs.n_nodes());
+            });
+            assert_eq!(run.status, Status::Solved);
+            for (counts, steps) in counts.iter().zip([6, 12]) {
+                assert_eq!(*counts, vec![counts[0]; steps]);
+            }
+        });
     }
 }
