@@ -150,22 +150,6 @@ impl Project {
         })
     }
 
-    /// The experiment of that name, or all of them; what is wrong where there are none.
-    pub(crate) fn select(&self, name: Option<&str>) -> Result<Vec<Experiment>, NotSelected> {
-        if let Some(name) = name {
-            return Ok(vec![self.named(name)?.clone()]);
-        }
-        let all: Vec<Experiment> = self.experiments().cloned().collect();
-        let shown = self.files.name(&self.path);
-        match all.is_empty() {
-            true => Err(NotSelected {
-                message: format!("`{shown}` has no experiment"),
-                help: "add `simulate NAME of MODEL { horizon 1; }`".to_owned(),
-            }),
-            false => Ok(all),
-        }
-    }
-
     /// The experiment of that name; what is wrong where there is none.
     pub(crate) fn named(&self, name: &str) -> Result<&Experiment, NotSelected> {
         let mut all = self.experiments();
@@ -204,6 +188,25 @@ impl Project {
         let phases = self.clock.phases().chain(clock.phases());
         let compiling = phases.filter(|(phase, _)| !solving.contains(phase));
         compiling.map(|(_, seconds)| seconds).sum()
+    }
+}
+
+#[cfg(feature = "cli")]
+impl Project {
+    /// The experiment of that name, or all of them; what is wrong where there are none.
+    pub(crate) fn select(&self, name: Option<&str>) -> Result<Vec<Experiment>, NotSelected> {
+        if let Some(name) = name {
+            return Ok(vec![self.named(name)?.clone()]);
+        }
+        let all: Vec<Experiment> = self.experiments().cloned().collect();
+        let shown = self.files.name(&self.path);
+        match all.is_empty() {
+            true => Err(NotSelected {
+                message: format!("`{shown}` has no experiment"),
+                help: "add `simulate NAME of MODEL { horizon 1; }`".to_owned(),
+            }),
+            false => Ok(all),
+        }
     }
 
     /// An experiment of a model without settings of its own.
