@@ -73,7 +73,7 @@ impl Project {
     /// use nsdc::files::Memory;
     ///
     /// let files: Memory = [
-    ///     ("main.nsd", "use ./parts/decay; simulate s of decay { horizon 1; }"),
+    ///     ("main.nsd", "use ./parts/decay.{decay}; simulate s of decay { horizon 1; }"),
     ///     ("parts/decay.nsd", "model decay { state x = 1; x' = -x; }"),
     /// ].into_iter().collect();
     /// let project = Project::from_files("main.nsd", files)?;
@@ -119,8 +119,9 @@ impl Project {
     /// let found = project.check();
     /// assert!(found.has_errors());
     /// let message = &found.list()[0];
-    /// assert_eq!(message.text, "`g` is not declared");
-    /// assert_eq!((message.labels[0].file.as_str(), message.labels[0].start), ("fall.nsd", (1, 34)));
+    /// assert_eq!(message.text, "unknown name `g`");
+    /// assert_eq!(message.code.as_deref(), Some("E0101"));
+    /// assert_eq!((message.labels[0].file.as_str(), message.labels[0].start), ("fall.nsd", (1, 33)));
     /// ```
     pub fn check(&self) -> Messages {
         Messages::new(self.checked(), self.sources.clone())
