@@ -75,7 +75,7 @@ impl Project {
     /// use nsdc::files::Memory;
     ///
     /// let files: Memory = [
-    ///     ("main.nsd", "use ./parts/decay; simulate s of decay { horizon 1; }"),
+    ///     ("main.nsd", "use ./parts/decay.{decay}; simulate s of decay { horizon 1; }"),
     ///     ("parts/decay.nsd", "model decay { state x = 1; x' = -x; }"),
     /// ].into_iter().collect();
     /// let project = Project::from_files("main.nsd", files)?;
@@ -134,8 +134,9 @@ impl Project {
     /// let found = project.check();
     /// assert!(found.has_errors());
     /// let message = &found.list()[0];
-    /// assert_eq!(message.text, "`g` is not declared");
-    /// assert_eq!((message.labels[0].file.as_str(), message.labels[0].start), ("fall.nsd", (1, 34)));
+    /// assert_eq!(message.text, "unknown name `g`");
+    /// assert_eq!(message.code.as_deref(), Some("E0101"));
+    /// assert_eq!((message.labels[0].file.as_str(), message.labels[0].start), ("fall.nsd", (1, 33)));
     /// ```
     pub fn check(&self) -> Messages {
         Messages::new(self.checked(), self.sources.clone())
@@ -163,22 +164,6 @@ impl Project {
             Item::Experiment(experiment) => Some(experiment),
             _ => None,
         })
-    }
-
-    /// The experiment of that name, or all of them; what is wrong where there are none.
-    pub(crate) fn select(&self, name: Option<&str>) -> Result<Vec<Experiment>, NotSelected> {
-        if let Some(name) = name {
-            return Ok(vec![self.named(name)?.clone()]);
-        }
-        let all: Vec<Experiment> = self.experiments().cloned().collect();
-        let shown = self.files.name(&self.path);
-        match all.is_empty() {
-            true => Err(NotSelected {
-                message: format!("`{shown}` has no experiment"),
-                help: "add `simulate NAME of MODEL { horizon 1; }`".to_owned(),
-            }),
-            false => Ok(all),
-        }
     }
 
     /// The experiment of that name; what is wrong where there is none.
@@ -219,6 +204,25 @@ impl Project {
         let phases = self.clock.phases().chain(clock.phases());
         let compiling = phases.filter(|(phase, _)| !solving.contains(phase));
         compiling.map(|(_, seconds)| seconds).sum()
+    }
+}
+
+#[cfg(feature = "cli")]
+impl Project {
+    /// The experiment of that name, or all of them; what is wrong where there are none.
+    pub(crate) fn select(&self, name: Option<&str>) -> Result<Vec<Experiment>, NotSelected> {
+        if let Some(name) = name {
+            return Ok(vec![self.named(name)?.clone()]);
+        }
+        let all: Vec<Experiment> = self.experiments().cloned().collect();
+        let shown = self.files.name(&self.path);
+        match all.is_empty() {
+            true => Err(NotSelected {
+                message: format!("`{shown}` has no experiment"),
+                help: "add `simulate NAME of MODEL { horizon 1; }`".to_owned(),
+            }),
+            false => Ok(all),
+        }
     }
 
     /// An experiment of a model without settings of its own.

@@ -11,7 +11,7 @@ mod text;
 mod times;
 
 pub use json::{optima as optima_json, roads as json};
-pub(crate) use optima::is_feasible;
+pub use optima::is_feasible;
 pub use optima::{Found, Optima, Resumed};
 pub use optima_text::text as optima_text;
 pub use text::text;

@@ -69,7 +69,7 @@ pub enum Verdict {
 }
 
 /// Whether a point satisfies its program.
-pub(crate) fn is_feasible(run: &Trajectory) -> bool {
+pub fn is_feasible(run: &Trajectory) -> bool {
     let has_result = matches!(run.status, Status::Solved | Status::NumericalFailure);
     has_result && run.objective.is_some() && run.certificate.max_violation <= FEASIBLE
 }
