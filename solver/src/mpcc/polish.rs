@@ -81,10 +81,10 @@ pub fn polish(
     let is_near = matches!(goal, Goal::Near(_));
     let runs = if is_near { &RUNS[..1] } else { &RUNS };
     lifted.settle(Some(zeros));
-    if !lifted.has_objective() {
-        if let Some(polished) = nearest(lifted, &guess.w, zeros, work) {
-            return Ok(polished);
-        }
+    if !lifted.has_objective()
+        && let Some(polished) = nearest(lifted, &guess.w, zeros, work)
+    {
+        return Ok(polished);
     }
     let reduced = Local::new(lifted, &guess.w).reduced_gradient(&guess.y);
     let mut best: Result<Polished, ipm::Status> = Err(ipm::Status::LocallyInfeasible);
