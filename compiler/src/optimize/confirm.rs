@@ -20,6 +20,8 @@ const MAX_ROUNDS: usize = 10;
 const NO_GAIN: f64 = 1e-8;
 /// A minimum elsewhere is told where it is better by more than this share.
 const WORTH: f64 = 1e-2;
+/// Constraints that are violated by no more are kept.
+const KEPT: f64 = 1e-6;
 /// Simulations are made as long as they take fewer steps than this, times the number of states.
 const MAX_EFFORT: usize = 200_000;
 /// Multipliers of constraints are weighted by so much more.
@@ -82,9 +84,11 @@ pub(super) fn confirm(
         if better.is_descent {
             return (Confirmation::Descent(better.rate), None);
         }
-        // What is only better at some distance is another minimum.
+        // What is only better at some distance, and keeps the constraints, is another minimum.
         let worth = solution.objective - WORTH * solution.objective.abs();
-        let best = better.points[0].merit.min(unfollowed.unwrap_or(worth));
+        let kept = better.points.iter().filter(|point| point.excess <= KEPT);
+        let merits = kept.map(|point| point.merit);
+        let best = merits.fold(unfollowed.unwrap_or(worth), f64::min);
         unfollowed = (best < worth).then_some(best);
         looks = better.left;
     }

@@ -45,6 +45,8 @@ pub(super) enum Found {
 /// A point, and the objective there with what violations add.
 pub(super) struct Candidate {
     pub merit: f64,
+    /// The violations that it adds.
+    pub excess: f64,
     pub w: Vec<f64>,
 }
 
@@ -274,19 +276,27 @@ impl Search<'_, '_, '_, '_> {
         }
     }
 
-    /// The objective with constraints that are violated more than at the point itself.
-    pub(super) fn merit(&self, values: &Values) -> f64 {
+    /// A point that has been simulated.
+    pub(super) fn candidate(&self, w: Vec<f64>, values: &Values) -> Candidate {
+        let excess = self.excess(values);
+        Candidate {
+            merit: values.cost + self.weight * excess,
+            excess,
+            w,
+        }
+    }
+
+    /// How much more constraints are violated than at the point itself, all together.
+    fn excess(&self, values: &Values) -> f64 {
         let base = self.base.map(|base| &base.rows);
         let rows = values.rows.iter().zip(self.reduced.bounds()).enumerate();
         let violation =
             |value: f64, (lower, upper): (f64, f64)| (lower - value).max(value - upper).max(0.0);
-        let more: f64 = rows
-            .map(|(i, (&value, bounds))| {
-                let known = base.map_or(0.0, |base| violation(base[i], bounds));
-                (violation(value, bounds) - known).max(0.0)
-            })
-            .sum();
-        values.cost + self.weight * more
+        let more = rows.map(|(i, (&value, bounds))| {
+            let known = base.map_or(0.0, |base| violation(base[i], bounds));
+            (violation(value, bounds) - known).max(0.0)
+        });
+        more.sum()
     }
 
     /// The best point along a direction, and the rate at which the merit falls; none where it does not.
@@ -303,8 +313,7 @@ impl Search<'_, '_, '_, '_> {
                 *value = value.max(quantity.lower).min(quantity.upper);
             }
             let values = self.reduced.at(&w)?;
-            let merit = self.merit(&values);
-            Some(Candidate { merit, w })
+            Some(self.candidate(w, &values))
         };
         let (mut best, mut share) = (at(1.0)?, 1.0);
         let rate = (objective - best.merit) / change;

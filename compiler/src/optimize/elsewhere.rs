@@ -60,17 +60,16 @@ impl Search<'_, '_, '_, '_> {
         self.reduced.is_switched() && self.reduced.bounds().next().is_none()
     }
 
-    fn candidate(&mut self, w: Vec<f64>) -> Option<Candidate> {
+    fn simulated(&mut self, w: Vec<f64>) -> Option<Candidate> {
         let values = self.reduced.at(&w)?;
-        let merit = self.merit(&values);
-        Some(Candidate { merit, w })
+        Some(self.candidate(w, &values))
     }
 
     /// Other points than the solution, if they can be simulated, the best first.
     fn candidates(&mut self, points: Vec<Vec<f64>>) -> Vec<Candidate> {
         let solution = self.w;
         let points = points.into_iter().filter(|w| *w != solution);
-        let mut points: Vec<Candidate> = points.filter_map(|w| self.candidate(w)).collect();
+        let mut points: Vec<Candidate> = points.filter_map(|w| self.simulated(w)).collect();
         points.sort_by(|a, b| a.merit.total_cmp(&b.merit));
         points
     }
@@ -191,7 +190,7 @@ impl Search<'_, '_, '_, '_> {
                 runs.next()?;
                 let mut w = point.w.clone();
                 w[quantity.index] = end;
-                self.candidate(w).filter(|next| next.merit < point.merit)
+                self.simulated(w).filter(|next| next.merit < point.merit)
             });
             if let Some(better) = better {
                 *point = better;
