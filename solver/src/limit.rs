@@ -124,12 +124,18 @@ impl From<Option<Duration>> for Limit {
 
 pub mod work {
     //! Work in operations on numbers: what tapes, series, factorizations and solutions of linear systems do, as far as
-    //! their sizes say it. Counted on each thread of development builds, and nowhere else.
+    //! their sizes say it. Counted on each thread of development builds where somebody asks for it, and nowhere else.
 
     #[cfg(debug_assertions)]
     use std::cell::RefCell;
+    #[cfg(debug_assertions)]
+    use std::sync::atomic::{AtomicBool, Ordering};
 
     use super::Cancel;
+
+    /// Whether anything is counted: other builds of tests are to cost what they do without.
+    #[cfg(debug_assertions)]
+    static COUNTS_WORK: AtomicBool = AtomicBool::new(false);
 
     /// What is counted on a thread.
     #[derive(Clone, Debug, Default)]
@@ -155,8 +161,16 @@ pub mod work {
     #[inline]
     pub fn add(_operations: usize) {
         #[cfg(debug_assertions)]
+        if COUNTS_WORK.load(Ordering::Relaxed) {
+            count(_operations as u64);
+        }
+    }
+
+    #[cfg(debug_assertions)]
+    #[cold]
+    fn count(operations: u64) {
         COUNTS.with_borrow_mut(|counts| {
-            counts.total += _operations as u64;
+            counts.total += operations;
             if let Some((_, cancel)) = counts.canceled.take_if(|(at, _)| *at <= counts.total) {
                 cancel.cancel();
             }
@@ -167,18 +181,21 @@ pub mod work {
     #[inline]
     pub(super) fn look() {
         #[cfg(debug_assertions)]
-        COUNTS.with_borrow_mut(|counts| {
-            counts.most = counts.most.max(counts.total - counts.last);
-            counts.last = counts.total;
-            counts.looks += 1;
-        });
+        if COUNTS_WORK.load(Ordering::Relaxed) {
+            COUNTS.with_borrow_mut(|counts| {
+                counts.most = counts.most.max(counts.total - counts.last);
+                counts.last = counts.total;
+                counts.looks += 1;
+            });
+        }
     }
 
-    /// The counts of this thread since the last call, where there are any; from now on, `cancel` is canceled after so
-    /// many operations.
+    /// The counts of this thread since the last call, where there are any. With somebody who is canceled after so many
+    /// operations they begin anew, without they end.
     pub fn restart(_cancel: Option<(u64, Cancel)>) -> Option<Counts> {
         #[cfg(debug_assertions)]
         return Some(COUNTS.with_borrow_mut(|counts| {
+            COUNTS_WORK.store(_cancel.is_some(), Ordering::Relaxed);
             let mut found = std::mem::take(counts);
             counts.canceled = _cancel;
             found.most = found.most.max(found.total - found.last);
