@@ -1,6 +1,5 @@
 #![doc = include_str!("../README.md")]
 
-mod again;
 #[cfg(feature = "cli")]
 pub mod cli;
 pub mod clock;
@@ -26,6 +25,8 @@ pub mod order;
 pub mod prepared;
 pub mod project;
 pub mod report;
+#[cfg(feature = "cli")]
+mod rerun;
 pub mod run;
 pub mod simulate;
 pub mod source;

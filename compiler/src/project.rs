@@ -95,8 +95,8 @@ impl Project {
         Ok(Project::parsed(path, bytes, files, clock))
     }
 
-    /// A file as if it held these bytes.
-    pub(crate) fn of(path: &Path, bytes: Vec<u8>, files: impl Files + 'static) -> Project {
+    /// Parses a file as if it held these bytes, as an editor has it that has not written them yet.
+    pub fn of(path: &Path, bytes: Vec<u8>, files: impl Files + 'static) -> Project {
         Project::parsed(path, bytes, files, Clock::default())
     }
 

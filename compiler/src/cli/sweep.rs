@@ -9,14 +9,13 @@ use super::files::{self, Sink};
 use super::progress::Bar;
 use super::project::{self, Project};
 use super::{Exit, Streams, io};
-use crate::again::Again;
 use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
 use crate::ensemble::Source;
 use crate::expr::Exprs;
 use crate::launch::launch;
-use crate::limit::Limit;
 use crate::report::{Status, Trajectory, Warning};
+use crate::rerun::Rerun;
 use crate::simulate::Request;
 use crate::sweep::{self, Axis, Grid, Like, Row, SweepError, Table};
 use crate::syntax::{Bind, Experiment, ExprKind, Path};
@@ -30,8 +29,7 @@ struct Swept<'s> {
     overrides: &'s [Bind],
     /// A binding for each axis, whose value is replaced.
     axes: Vec<Bind>,
-    request: Request,
-    /// For each run.
+    /// Of each run.
     time_limit: Option<Duration>,
 }
 
@@ -71,12 +69,6 @@ pub fn run(args: &SweepArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         experiment,
         overrides: &overrides,
         axes,
-        request: Request {
-            dense: false,
-            estimate: true,
-            multipliers: false,
-            limit: Limit::default(),
-        },
         time_limit: args.time_limit,
     };
     let mut diags = Diagnostics::new();
@@ -231,7 +223,7 @@ impl Swept<'_> {
     fn share(&self, grid: &Grid, points: sweep::Points<'_>, columns: &OnceLock<Vec<String>>) {
         let exprs = Exprs::new();
         let likes: Vec<Like> = grid.axes().iter().map(Like::of).collect();
-        let mut compiled: Vec<(Vec<f64>, Option<Again>)> = Vec::new();
+        let mut compiled: Vec<(Vec<f64>, Option<Rerun>)> = Vec::new();
         points.each(|point| {
             let first = likes
                 .iter()
@@ -240,12 +232,12 @@ impl Swept<'_> {
             let first: Vec<f64> = first.collect();
             let known = compiled.iter().position(|(known, _)| *known == first);
             let known = known.unwrap_or_else(|| {
-                let again = self.again(&exprs, &first);
-                compiled.push((first, again));
+                let rerun = self.rerun(&exprs, &first);
+                compiled.push((first, rerun));
                 compiled.len() - 1
             });
-            let again = compiled[known].1.as_mut();
-            let run = again.and_then(|again| again.run(point, &self.request));
+            let rerun = compiled[known].1.as_mut();
+            let run = rerun.and_then(|rerun| rerun.run(point, &self.request()));
             match run.map_or_else(|| self.trajectory(point), Ok) {
                 Ok(run) => {
                     columns.get_or_init(|| sweep::columns(&run));
@@ -256,8 +248,18 @@ impl Swept<'_> {
         });
     }
 
+    /// What is asked of a run; its time begins now.
+    fn request(&self) -> Request {
+        Request {
+            dense: false,
+            estimate: true,
+            multipliers: false,
+            limit: self.time_limit.into(),
+        }
+    }
+
     /// The experiment for all values on the sides of zero of those of a point.
-    fn again<'e>(&self, exprs: &'e Exprs, point: &[f64]) -> Option<Again<'e>> {
+    fn rerun<'e>(&self, exprs: &'e Exprs, point: &[f64]) -> Option<Rerun<'e>> {
         let overrides = self.at(point);
         let source = Source {
             file: &self.project.file,
@@ -265,7 +267,7 @@ impl Swept<'_> {
             overrides: &overrides,
         };
         let names: Vec<Path> = self.axes.iter().map(|axis| axis.target.clone()).collect();
-        Some(Again::new(exprs, source, &names)?.at_ends())
+        Some(Rerun::new(exprs, source, &names)?.at_ends())
     }
 
     /// The run of a point, with the warnings of its compilation.
@@ -281,11 +283,7 @@ impl Swept<'_> {
         if settings.optimize.is_none() {
             settings.sampling = Sampling::At(vec![settings.horizon]);
         }
-        let request = Request {
-            limit: self.time_limit.into(),
-            ..self.request.clone()
-        };
-        let mut run = launch(self.project, &mut compiled, &request, &mut ())?;
+        let mut run = launch(self.project, &mut compiled, &self.request(), &mut ())?;
         let warnings = diags
             .warnings()
             .map(|warning| Warning::of(warning.as_ref()));

@@ -26,7 +26,7 @@ enum Changes {
 }
 
 /// An experiment by events that has been compiled once, for one thread.
-pub(crate) struct Again<'e> {
+pub(crate) struct Rerun<'e> {
     compiled: Compiled<'e>,
     /// Of the compilation.
     warnings: Vec<Warning>,
@@ -39,7 +39,7 @@ pub(crate) struct Again<'e> {
     start: Tape,
 }
 
-impl<'e> Again<'e> {
+impl<'e> Rerun<'e> {
     /// Compiles an experiment of which parameters and initial values, by their names as they stand in `with`, change from
     /// run to run. None where it has to be compiled for each of their values.
     pub fn new(exprs: &'e Exprs, source: Source<'_>, names: &[Path]) -> Option<Self> {
@@ -78,7 +78,7 @@ impl<'e> Again<'e> {
         if parameters.len() != open.len() || is_refused {
             return None;
         }
-        Some(Again {
+        Some(Rerun {
             events: Events::new(system, &compiled.settings, &places),
             compiled,
             warnings,
