@@ -611,6 +611,19 @@ fn a_well_that_elements_cannot_follow_is_told() {
     close(told, -7.0 + 0.75 * 34_f64.powf(2.0 / 3.0), 1e-3);
 }
 
+/// With x(1) <= -1 the cost has a negative factor, and falls with u²; but x(1) >= 1 is asked for, where u = 0 costs least.
+#[test]
+fn what_breaks_a_constraint_is_no_better_optimum() {
+    let found = solved(
+        "model m { state x = 1; control u in [-50, 50] = 1; x' = u; }
+         optimize o of m {
+           horizon 1; intervals 4; minimize integral(u^2)*final(x) + integral(u^2); final { x >= 1; }
+         }",
+    );
+    close(objective(&found), 0.0, 1e-9);
+    assert!(found.warnings.is_empty(), "{:?}", found.warnings);
+}
+
 /// With u₁ = 0 a ball from 1 strikes at the end of the first interval, and comes back to x(2) = 2e - 1 + u₂/2. With e = 3/4
 /// ∂x(2)/∂u₁ is 1/2 - e = -1/4 below that and -9/8 - 7/16 (u₂ - 2) above it. At u₂ = -4/5 the latter is 1/10, and x(2) too, so
 /// that the optimum is on the kink. A program has no impacts shortly behind the end of an interval.
