@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 use super::args::OrderArgs;
 use super::files::{Sink, is_standard};
 use super::progress::Bar;
-use super::project;
+use super::project::{self, Project};
 use super::{Exit, Streams, io};
 use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
 use crate::order::{self, Progress, Road, Study};
-use crate::syntax::{ExperimentKind, ExperimentSetting, SettingKind};
+use crate::syntax::{Bind, Experiment, ExperimentKind, ExperimentSetting, SettingKind};
 use crate::system::experiment::ExperimentError;
 use crate::{Compiled, compile};
 
@@ -34,62 +34,20 @@ pub fn run(args: &OrderArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
     if experiment.settings.iter().any(changes) {
         project.replace_setting(experiment, "order", "method auto");
     }
-
-    // Where states jump, lowerings and methods have systems of their own.
-    let mut automatic = experiment.clone();
-    project.replace_setting(&mut automatic, "order", "method auto");
-    let mut roads = Vec::new();
-    for road in Road::ALL {
-        let mut other = experiment.clone();
-        let lowers = |setting: &ExperimentSetting| matches!(setting.kind, SettingKind::Lower(_));
-        other.settings.retain(|setting| !lowers(setting));
-        for words in road.settings() {
-            project.replace_setting(&mut other, "order", words);
-        }
-        roads.push((road, other));
-    }
+    let forms = Forms::of(&mut project, experiment);
 
     let exprs = Exprs::new();
     let mut diags = Diagnostics::new();
-    let (file, mut clock) = (&project.file, Clock::default());
-    let mut compiled = compile(&exprs, file, experiment, &overrides, &mut clock, &mut diags);
-    let steps = compiled
-        .as_ref()
-        .is_some_and(|compiled| !compiled.system.impulsive.is_empty());
-    if steps {
-        compiled = compile(&exprs, file, &automatic, &overrides, &mut clock, &mut diags);
-    }
-    if experiment.kind == ExperimentKind::Optimize && !diags.has_errors() {
-        let (name, span) = (experiment.name.name.clone(), experiment.name.span);
-        diags.push(ExperimentError::NotSimulated { name, span });
-    }
+    let compiled = forms.compiled(&exprs, &project, &overrides, &mut diags);
     let failed = diags.has_errors();
     project::print(&diags, &project.sources, streams)?;
     let Some(compiled) = compiled.filter(|_| !failed) else {
         return Ok(Exit::Wrong);
     };
-
-    let jumps = |compiled: &Compiled| {
-        let system = &compiled.system;
-        system.first_jump().is_some() || system.switches.iter().any(|k| k.relay.is_some())
+    let lowered = match jumps(&compiled) {
+        true => forms.lowered(&exprs, &project, &overrides),
+        false => Vec::new(),
     };
-    roads.retain(|_| jumps(&compiled));
-    let lowered = roads.iter().map(|(road, experiment)| {
-        let mut diags = Diagnostics::new();
-        let lowered = compile(&exprs, file, experiment, &overrides, &mut clock, &mut diags);
-        let reason = || {
-            diags
-                .errors()
-                .map(ToString::to_string)
-                .next()
-                .unwrap_or_default()
-        };
-        (
-            *road,
-            lowered.filter(|_| !diags.has_errors()).ok_or_else(reason),
-        )
-    });
-    let lowered: Vec<(Road, Result<Compiled, String>)> = lowered.collect();
     let lowered: Vec<order::Lowered> = (lowered.iter())
         .map(|(road, lowered)| (*road, lowered.as_ref().map_err(Clone::clone)))
         .collect();
@@ -99,13 +57,8 @@ pub fn run(args: &OrderArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         let Progress { name, knob, done } = progress;
         bar.show(done, || format!("{name}, {knob:.1e}"));
     };
-    let study = order::study(
-        &compiled,
-        &lowered,
-        &project.sources,
-        args.time_limit,
-        &mut watch,
-    );
+    let (sources, limit) = (&project.sources, args.time_limit);
+    let study = order::study(&compiled, &lowered, sources, limit, &mut watch);
     drop(bar);
     let study = match study {
         Ok(study) => study,
@@ -123,6 +76,82 @@ pub fn run(args: &OrderArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         true if study.has_errors() => Ok(Exit::Success),
         true => Ok(Exit::Failed),
     }
+}
+
+/// An experiment as it stands, by events, and for the methods and lowerings that have systems of their own where states
+/// jump.
+struct Forms {
+    own: Experiment,
+    automatic: Experiment,
+    roads: Vec<(Road, Experiment)>,
+}
+
+impl Forms {
+    fn of(project: &mut Project, experiment: &Experiment) -> Self {
+        let mut automatic = experiment.clone();
+        project.replace_setting(&mut automatic, "order", "method auto");
+        let lowers = |setting: &ExperimentSetting| matches!(setting.kind, SettingKind::Lower(_));
+        let road = |road: Road| {
+            let mut other = experiment.clone();
+            other.settings.retain(|setting| !lowers(setting));
+            for words in road.settings() {
+                project.replace_setting(&mut other, "order", words);
+            }
+            (road, other)
+        };
+        let roads = Road::ALL.into_iter().map(road).collect();
+        let own = experiment.clone();
+        Forms {
+            own,
+            automatic,
+            roads,
+        }
+    }
+
+    /// The system that errors are measured in.
+    fn compiled<'e>(
+        &self,
+        exprs: &'e Exprs,
+        project: &Project,
+        overrides: &[Bind],
+        diags: &mut Diagnostics,
+    ) -> Option<Compiled<'e>> {
+        let (file, mut clock) = (&project.file, Clock::default());
+        let mut compiled = compile(exprs, file, &self.own, overrides, &mut clock, diags);
+        let steps = |compiled: &Compiled| !compiled.system.impulsive.is_empty();
+        if compiled.as_ref().is_some_and(steps) {
+            compiled = compile(exprs, file, &self.automatic, overrides, &mut clock, diags);
+        }
+        if self.own.kind == ExperimentKind::Optimize && !diags.has_errors() {
+            let (name, span) = (self.own.name.name.clone(), self.own.name.span);
+            diags.push(ExperimentError::NotSimulated { name, span });
+        }
+        compiled
+    }
+
+    /// Those of the roads, or why there are none.
+    fn lowered<'e>(
+        &self,
+        exprs: &'e Exprs,
+        project: &Project,
+        overrides: &[Bind],
+    ) -> Vec<(Road, Result<Compiled<'e>, String>)> {
+        let lowered = self.roads.iter().map(|(road, experiment)| {
+            let (mut diags, mut clock) = (Diagnostics::new(), Clock::default());
+            let file = &project.file;
+            let lowered = compile(exprs, file, experiment, overrides, &mut clock, &mut diags);
+            let lowered = lowered.filter(|_| !diags.has_errors());
+            let reason = || diags.errors().next().map(ToString::to_string);
+            (*road, lowered.ok_or_else(|| reason().unwrap_or_default()))
+        });
+        lowered.collect()
+    }
+}
+
+/// Whether states jump or relays switch.
+fn jumps(compiled: &Compiled) -> bool {
+    let system = &compiled.system;
+    system.first_jump().is_some() || system.switches.iter().any(|k| k.relay.is_some())
 }
 
 /// The table, or CSV in its place, and the figures; whether all could be written.

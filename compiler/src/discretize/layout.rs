@@ -242,157 +242,20 @@ pub(super) fn declare(
     detection: Option<Detection>,
     integrals: &[Integral],
 ) -> Layout {
-    let elements = detection.map_or(1, |detection| detection.elements);
-    let nodes = tableau.n_nodes();
-    let end = if tableau.ends_at_node() {
-        nodes
-    } else {
-        nodes + 1
-    };
-    let (step, element) = (Span::new("k", 1, grid.steps), Span::new("j", 1, elements));
-    let first = [
-        Span::new("k", 1, 1),
-        Span::new("j", 1, 1),
-        Span::new("m", 0, 0),
-    ];
-    let to = |last: usize| [step, element, Span::new("m", 1, last)];
-    let names = |vars: Vec<Expr>| vars.iter().map(Expr::to_string).collect::<Vec<_>>();
-
-    // Lengths and times.
+    let frame = Frame::new(dcs, grid, tableau, detection);
+    let Frame {
+        elements,
+        nodes,
+        end,
+        ..
+    } = frame;
+    let lengths = frame.lengths(mpcc);
+    let times = frame.times(mpcc, integrals);
     let task = dcs.task.as_ref();
-    let n_elements = grid.steps * elements;
-    let mean = grid.horizon / n_elements as f64;
-    let free_horizon = task.and_then(|task| task.horizon);
-    let (shortest, longest) = free_horizon.map_or((mean, mean), |(lower, upper)| {
-        (lower / n_elements as f64, upper / n_elements as f64)
-    });
-    let spread = match detection {
-        Some(detection) if elements > 1 => detection.spread,
-        _ => 0.0,
-    };
-    // Without any length, rates do not say what α is, and a sliding mode might end in it anywhere.
-    let least = match task.is_some() && !dcs.branches.is_empty() {
-        true => branch::SHORTEST,
-        false => 0.0,
-    };
-    let length = Bounds::between(
-        (1.0 - spread).max(least) * shortest,
-        (1.0 + spread) * longest,
-        mean,
-    );
-    let is_frozen = task.is_some_and(|task| task.clock.is_some());
-    let length = if is_frozen {
-        Bounds::between(0.0, SLOWEST * elements as f64 * longest, mean)
-    } else if spread == 0.0 && free_horizon.is_none() {
-        Bounds::fixed(mean)
-    } else {
-        length
-    };
-    let per_element = [step, element];
-    let all_lengths = vec![length; n_elements];
-    let lengths = mpcc.declare("h", vec!["h".to_owned()], &per_element, all_lengths);
-    let rows = dcs.rates.iter().chain(&dcs.equations).copied();
-    let rows = rows.chain(dcs.impacts.iter().flat_map(Impact::exprs));
-    let rows: Vec<Expr> = rows.chain(integrals.iter().map(|i| i.rate)).collect();
-    let occurring = variables_of(&rows);
-    let is_timed = occurring.contains(&variable(dcs.time)) || task::is_timed(dcs, &occurring);
-    let times = is_timed.then(|| {
-        let start = |e: usize| {
-            let start = grid.start + grid.horizon * (e / elements) as f64 / grid.steps as f64;
-            match e % elements {
-                0 if e == 0 || free_horizon.is_none() => Bounds::fixed(start),
-                j => Bounds::free(start + j as f64 * mean),
-            }
-        };
-        let bounds = (0..n_elements).map(start).collect();
-        mpcc.declare("t", vec!["t".to_owned()], &per_element, bounds)
-    });
-
-    let decided = task
-        .map(|_| task::declare(mpcc, dcs, grid))
-        .unwrap_or_default();
-
-    // States and slopes.
-    let states = || names(dcs.states.iter().map(|state| state.var).collect());
-    let initial = || dcs.states.iter().map(|state| state.initial);
-    let mut known: Vec<Bounds> = initial().map(Bounds::fixed).collect();
-    for freed in task.iter().flat_map(|task| &task.initial) {
-        let guess = dcs.states[freed.place].initial;
-        known[freed.place] = Bounds::between(freed.lower, freed.upper, guess);
-    }
-    let initial_states = mpcc.declare("x", states(), &first, known);
-    let everywhere = |places: &[Span], bounds: Vec<Bounds>| bounds.repeat(n_places(places));
-    let mut free: Vec<Bounds> = initial().map(Bounds::free).collect();
-    for bound in task.iter().flat_map(|task| &task.bounds) {
-        free[bound.place] = free[bound.place].within(bound.lower, bound.upper);
-    }
-    let state_block = mpcc.declare("x", states(), &to(end), everywhere(&to(end), free.clone()));
-    let slopes = (form == Form::Differential).then(|| {
-        let slopes = states().iter().map(|name| format!("der({name})")).collect();
-        let bounds = vec![Bounds::free(0.0); dcs.states.len()];
-        mpcc.declare("v", slopes, &to(nodes), everywhere(&to(nodes), bounds))
-    });
-
-    // Algebraic variables.
-    let algebraic_bounds = algebraic_bounds(dcs);
-    let chosen = |list: &[usize]| {
-        let names = names(list.iter().map(|&i| dcs.algebraics[i].var).collect());
-        let bounds = list.iter().map(|&i| algebraic_bounds[i]).collect();
-        (names, bounds)
-    };
-    let all: Vec<usize> = (0..dcs.algebraics.len()).collect();
-    let continuous: Vec<usize> = match detection {
-        Some(_) => (all.iter().copied())
-            .filter(|&i| dcs.algebraics[i].continuous)
-            .collect(),
-        None => Vec::new(),
-    };
-    let at_end = match detection {
-        Some(_) if end > nodes => End::new(dcs).algebraics,
-        _ => Vec::new(),
-    };
-    let boundaries = impulses::declare(mpcc, dcs, per_element, &free, &algebraic_bounds);
-    let jumps = |i: &usize| boundaries.as_ref().is_some_and(|b| b.jumping.contains(i));
-    let led = match detection {
-        Some(_) => led::declare(mpcc, dcs, per_element, &algebraic_bounds),
-        None => None,
-    };
-    let is_led = |i: &usize| led.as_ref().is_some_and(|led| led.index(0, *i).is_some());
-    let kept: Vec<usize> = (continuous.iter().copied())
-        .filter(|i| !jumps(i) && !is_led(i))
-        .collect();
-    let (components, bounds) = chosen(&kept);
-    let start = task::Start::of(dcs);
-    let known = || kept.iter().map(|&i| Bounds::fixed(dcs.algebraics[i].guess));
-    let starts = [
-        Span::new("k", 1, if start.restarts { grid.steps } else { 1 }),
-        Span::new("j", 1, 1),
-        Span::new("m", 0, 0),
-    ];
-    let bounds = match start.is_free {
-        false => known().collect(),
-        true => everywhere(&starts, bounds),
-    };
-    let initial_algebraics = mpcc.declare("z", components, &starts, bounds);
-    let started = match detection {
-        Some(_) => start.states,
-        None => Vec::new(),
-    };
-    let first = (!started.is_empty()).then(|| {
-        let components = started
-            .iter()
-            .map(|&i| format!("start({})", dcs.states[i].var));
-        let bounds = started.iter().map(|&i| Bounds::free(dcs.states[i].initial));
-        let bounds = everywhere(&starts, bounds.collect());
-        mpcc.declare("x_start", components.collect(), &starts, bounds)
-    });
-    let started = (first.unwrap_or(0), started);
-    let (components, bounds) = chosen(&all);
-    let algebraics = mpcc.declare("z", components, &to(nodes), everywhere(&to(nodes), bounds));
-    let right = [step, element, Span::new("m", end, end)];
-    let (components, bounds) = chosen(&at_end);
-    let end_algebraics = mpcc.declare("z", components, &right, everywhere(&right, bounds));
-    let branches = branch::declare(mpcc, dcs, per_element);
+    let decided = task.map(|_| task::declare(mpcc, dcs, grid));
+    let decided = decided.unwrap_or_default();
+    let states = frame.states(mpcc, form);
+    let algebraics = frame.algebraics(mpcc, &states.free);
     Layout {
         steps: grid.steps,
         elements,
@@ -411,20 +274,245 @@ pub(super) fn declare(
         n_controls: task.map_or(0, |task| task.controls.len()),
         shape: task.map_or(Shape::Constant, |task| task.shape),
         times,
-        initial_states,
-        states: state_block,
-        slopes,
-        initial_algebraics,
-        started,
-        restarts: start.restarts,
-        algebraics,
-        end_algebraics,
-        continuous,
-        kept,
-        led,
-        boundaries,
-        at_end,
-        branches,
+        initial_states: states.initial,
+        states: states.behind,
+        slopes: states.slopes,
+        initial_algebraics: algebraics.initial,
+        started: algebraics.started,
+        restarts: algebraics.restarts,
+        algebraics: algebraics.at_nodes,
+        end_algebraics: algebraics.right,
+        continuous: algebraics.continuous,
+        kept: algebraics.kept,
+        led: algebraics.led,
+        boundaries: algebraics.boundaries,
+        at_end: algebraics.at_end,
+        branches: branch::declare(mpcc, dcs, frame.per_element()),
+    }
+}
+
+/// What all declarations look at.
+struct Frame<'d, 'e> {
+    dcs: &'d Dcs<'e>,
+    grid: Grid,
+    detection: Option<Detection>,
+    elements: usize,
+    nodes: usize,
+    end: usize,
+}
+
+/// The first states at the start and behind it, the first slope, and the bounds of states that are not given.
+struct States {
+    initial: usize,
+    behind: usize,
+    slopes: Option<usize>,
+    free: Vec<Bounds>,
+}
+
+/// The first algebraic variables at the start, at nodes and at right ends that are none; the others as in [`Layout`].
+struct Algebraics {
+    initial: usize,
+    at_nodes: usize,
+    right: usize,
+    started: (usize, Vec<usize>),
+    restarts: bool,
+    continuous: Vec<usize>,
+    kept: Vec<usize>,
+    led: Option<Led>,
+    boundaries: Option<Boundaries>,
+    at_end: Vec<usize>,
+}
+
+/// The same bounds at all places.
+fn everywhere(places: &[Span], bounds: &[Bounds]) -> Vec<Bounds> {
+    bounds.repeat(n_places(places))
+}
+
+impl<'d, 'e> Frame<'d, 'e> {
+    fn new(dcs: &'d Dcs<'e>, grid: Grid, tableau: &Tableau, detection: Option<Detection>) -> Self {
+        let nodes = tableau.n_nodes();
+        Frame {
+            dcs,
+            grid,
+            detection,
+            elements: detection.map_or(1, |detection| detection.elements),
+            nodes,
+            end: match tableau.ends_at_node() {
+                true => nodes,
+                false => nodes + 1,
+            },
+        }
+    }
+
+    fn per_element(&self) -> [Span; 2] {
+        let step = Span::new("k", 1, self.grid.steps);
+        [step, Span::new("j", 1, self.elements)]
+    }
+
+    /// Points of all elements, by their numbers.
+    fn points(&self, first: usize, last: usize) -> [Span; 3] {
+        let [step, element] = self.per_element();
+        [step, element, Span::new("m", first, last)]
+    }
+
+    /// Where the first of so many steps begin.
+    fn starts(steps: usize) -> [Span; 3] {
+        let [step, element] = [("k", steps), ("j", 1)].map(|(name, last)| Span::new(name, 1, last));
+        [step, element, Span::new("m", 0, 0)]
+    }
+
+    fn n_elements(&self) -> usize {
+        self.grid.steps * self.elements
+    }
+
+    /// The length of an element where all are equal.
+    fn mean(&self) -> f64 {
+        self.grid.horizon / self.n_elements() as f64
+    }
+
+    fn free_horizon(&self) -> Option<(f64, f64)> {
+        self.dcs.task.as_ref()?.horizon
+    }
+
+    /// The lengths of elements.
+    fn lengths(&self, mpcc: &mut Mpcc) -> usize {
+        let (task, mean) = (self.dcs.task.as_ref(), self.mean());
+        let n_elements = self.n_elements() as f64;
+        let horizon = self.free_horizon();
+        let (shortest, longest) = horizon.map_or((mean, mean), |(lower, upper)| {
+            (lower / n_elements, upper / n_elements)
+        });
+        let spread = match self.detection {
+            Some(detection) if self.elements > 1 => detection.spread,
+            _ => 0.0,
+        };
+        // Without any length, rates do not say what α is, and a sliding mode might end in it anywhere.
+        let least = match task.is_some() && !self.dcs.branches.is_empty() {
+            true => branch::SHORTEST,
+            false => 0.0,
+        };
+        let length = if task.is_some_and(|task| task.clock.is_some()) {
+            Bounds::between(0.0, SLOWEST * self.elements as f64 * longest, mean)
+        } else if spread == 0.0 && horizon.is_none() {
+            Bounds::fixed(mean)
+        } else {
+            let lower = (1.0 - spread).max(least) * shortest;
+            Bounds::between(lower, (1.0 + spread) * longest, mean)
+        };
+        let lengths = vec![length; self.n_elements()];
+        mpcc.declare("h", vec!["h".to_owned()], &self.per_element(), lengths)
+    }
+
+    /// The starts of elements, where the system depends on time.
+    fn times(&self, mpcc: &mut Mpcc, integrals: &[Integral]) -> Option<usize> {
+        let Frame { dcs, grid, .. } = *self;
+        let rows = dcs.rates.iter().chain(&dcs.equations).copied();
+        let rows = rows.chain(dcs.impacts.iter().flat_map(Impact::exprs));
+        let rows: Vec<Expr> = rows.chain(integrals.iter().map(|i| i.rate)).collect();
+        let occurring = variables_of(&rows);
+        let is_timed = occurring.contains(&variable(dcs.time)) || task::is_timed(dcs, &occurring);
+        let start = |e: usize| {
+            let step = (e / self.elements) as f64;
+            let start = grid.start + grid.horizon * step / grid.steps as f64;
+            match e % self.elements {
+                0 if e == 0 || self.free_horizon().is_none() => Bounds::fixed(start),
+                j => Bounds::free(start + j as f64 * self.mean()),
+            }
+        };
+        is_timed.then(|| {
+            let bounds = (0..self.n_elements()).map(start).collect();
+            mpcc.declare("t", vec!["t".to_owned()], &self.per_element(), bounds)
+        })
+    }
+
+    /// States and slopes.
+    fn states(&self, mpcc: &mut Mpcc, form: Form) -> States {
+        let dcs = self.dcs;
+        let task = dcs.task.as_ref();
+        let names = || dcs.states.iter().map(|state| state.var.to_string());
+        let initial = || dcs.states.iter().map(|state| state.initial);
+        let mut known: Vec<Bounds> = initial().map(Bounds::fixed).collect();
+        for freed in task.iter().flat_map(|task| &task.initial) {
+            let guess = dcs.states[freed.place].initial;
+            known[freed.place] = Bounds::between(freed.lower, freed.upper, guess);
+        }
+        let mut free: Vec<Bounds> = initial().map(Bounds::free).collect();
+        for bound in task.iter().flat_map(|task| &task.bounds) {
+            free[bound.place] = free[bound.place].within(bound.lower, bound.upper);
+        }
+        let (behind, nodes) = (self.points(1, self.end), self.points(1, self.nodes));
+        States {
+            initial: mpcc.declare("x", names().collect(), &Self::starts(1), known),
+            behind: mpcc.declare("x", names().collect(), &behind, everywhere(&behind, &free)),
+            slopes: (form == Form::Differential).then(|| {
+                let slopes = names().map(|name| format!("der({name})")).collect();
+                let bounds = vec![Bounds::free(0.0); dcs.states.len()];
+                mpcc.declare("v", slopes, &nodes, everywhere(&nodes, &bounds))
+            }),
+            free,
+        }
+    }
+
+    /// Algebraic variables, of which some are there at left ends, and some at right ends that are no nodes.
+    fn algebraics(&self, mpcc: &mut Mpcc, states: &[Bounds]) -> Algebraics {
+        let dcs = self.dcs;
+        let bounds = algebraic_bounds(dcs);
+        let names = |list: &[usize]| {
+            let vars = list.iter().map(|&i| dcs.algebraics[i].var.to_string());
+            vars.collect::<Vec<_>>()
+        };
+        let chosen = |list: &[usize]| list.iter().map(|&i| bounds[i]).collect::<Vec<Bounds>>();
+        let all: Vec<usize> = (0..dcs.algebraics.len()).collect();
+        let is_continuous = |i: &usize| self.detection.is_some() && dcs.algebraics[*i].continuous;
+        let continuous: Vec<usize> = all.iter().copied().filter(is_continuous).collect();
+        let at_end = match self.detection {
+            Some(_) if self.end > self.nodes => End::new(dcs).algebraics,
+            _ => Vec::new(),
+        };
+        let boundaries = impulses::declare(mpcc, dcs, self.per_element(), states, &bounds);
+        let jumps = |i: &usize| boundaries.as_ref().is_some_and(|b| b.jumping.contains(i));
+        let led =
+            (self.detection).and_then(|_| led::declare(mpcc, dcs, self.per_element(), &bounds));
+        let is_led = |i: &usize| led.as_ref().is_some_and(|led| led.index(0, *i).is_some());
+        let kept: Vec<usize> = (continuous.iter().copied())
+            .filter(|i| !jumps(i) && !is_led(i))
+            .collect();
+        let start = task::Start::of(dcs);
+        let starts = Self::starts(if start.restarts { self.grid.steps } else { 1 });
+        let given = kept.iter().map(|&i| Bounds::fixed(dcs.algebraics[i].guess));
+        let given = match start.is_free {
+            false => given.collect(),
+            true => everywhere(&starts, &chosen(&kept)),
+        };
+        let initial = mpcc.declare("z", names(&kept), &starts, given);
+        let started = match self.detection {
+            Some(_) => start.states,
+            None => Vec::new(),
+        };
+        let first = (!started.is_empty()).then(|| {
+            let states = || started.iter().map(|&i| &dcs.states[i]);
+            let components = states().map(|state| format!("start({})", state.var));
+            let bounds: Vec<Bounds> = states().map(|state| Bounds::free(state.initial)).collect();
+            let bounds = everywhere(&starts, &bounds);
+            mpcc.declare("x_start", components.collect(), &starts, bounds)
+        });
+        let (nodes, right) = (self.points(1, self.nodes), self.points(self.end, self.end));
+        let mut declare = |list: &[usize], places: &[Span]| {
+            let bounds = everywhere(places, &chosen(list));
+            mpcc.declare("z", names(list), places, bounds)
+        };
+        Algebraics {
+            initial,
+            at_nodes: declare(&all, &nodes),
+            right: declare(&at_end, &right),
+            started: (first.unwrap_or(0), started),
+            restarts: start.restarts,
+            continuous,
+            kept,
+            led,
+            boundaries,
+            at_end,
+        }
     }
 }
 

@@ -4,7 +4,7 @@ use super::lower::Lowering;
 use super::reserved::did_you_mean;
 use super::scope::{Meaning, Reported};
 use super::{ModelError, Shape, places};
-use crate::syntax::{Path, Segment};
+use crate::syntax::{Ident, Path, Segment};
 
 /// What a path names.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -64,14 +64,50 @@ impl TargetKind {
 
 /// The declaration and the entries that a path names.
 pub(super) fn resolve(lowering: &mut Lowering<'_, '_>, path: &Path) -> Result<Target, Reported> {
+    let (mut kind, mut shape, rest) = declaration(lowering, path)?;
+    let name = &path.head.name;
+    // All of them, as long as there is no index: a loop over entries must not list the others.
+    let mut entries: Option<Vec<usize>> = None;
+    for segment in rest {
+        match segment {
+            Segment::Field(field) => match (kind, field.name.as_str()) {
+                (TargetKind::Switch(index), "sliding") => kind = TargetKind::Sliding(index),
+                _ => return lowering.error(no_field(name, kind, field)),
+            },
+            Segment::Index(indices) => {
+                let what = format!("`{name}`");
+                let places = places::select(lowering, shape, indices, &what, path.span)?;
+                let among = |entries: Vec<usize>| {
+                    let chosen = places.positions.iter();
+                    chosen.map(|&position| entries[position]).collect()
+                };
+                entries = Some(match entries {
+                    Some(entries) => among(entries),
+                    None => places.positions,
+                });
+                shape = places.shape;
+            }
+        }
+    }
+    Ok(Target {
+        kind,
+        entries: entries.unwrap_or_else(|| (0..shape.len()).collect()),
+        shape,
+    })
+}
+
+/// The declaration that a path leads to, through parts, with its shape, and what follows of the path.
+fn declaration<'p>(
+    lowering: &mut Lowering<'_, '_>,
+    path: &'p Path,
+) -> Result<(TargetKind, Shape, &'p [Segment]), Reported> {
     let mut scope = lowering.scope;
     let (mut name, mut span) = (&path.head.name, path.head.span);
     let mut rest = &path.rest[..];
     let mut meaning = scope.names.get(name);
-    let (kind, shape) = loop {
-        // Into a part, as long as the path leads through parts.
+    loop {
         let inner = match meaning {
-            Some(Meaning::Value(value, kind)) => break (*kind, value.tensor.shape),
+            Some(Meaning::Value(value, kind)) => return Ok((*kind, value.tensor.shape, rest)),
             Some(Meaning::Family { binders, members }) => {
                 let count = binders.len();
                 let Some(Segment::Index(indices)) = rest.first() else {
@@ -80,7 +116,7 @@ pub(super) fn resolve(lowering: &mut Lowering<'_, '_>, path: &Path) -> Result<Ta
                 rest = &rest[1..];
                 let indices = lowering.member_indices(name, count, indices, path.span)?;
                 match members.get(&indices) {
-                    Some((value, kind)) => break (*kind, value.tensor.shape),
+                    Some((value, kind)) => return Ok((*kind, value.tensor.shape, rest)),
                     None => return lowering.no_member(name, &indices, members, path.span),
                 }
             }
@@ -118,48 +154,19 @@ pub(super) fn resolve(lowering: &mut Lowering<'_, '_>, path: &Path) -> Result<Ta
         rest = &rest[1..];
         meaning = Some(lowering.own(name, inner, field)?);
         (scope, name, span) = (inner, &field.name, field.span);
-    };
-    let name = &path.head.name;
-    let (mut kind, mut shape) = (kind, shape);
-    // All of them, as long as there is no index: a loop over entries must not list the others.
-    let mut entries: Option<Vec<usize>> = None;
-    for segment in rest {
-        match segment {
-            Segment::Field(field) => match (kind, field.name.as_str()) {
-                (TargetKind::Switch(index), "sliding") => kind = TargetKind::Sliding(index),
-                _ => {
-                    let (name, field) = (name.clone(), field.clone());
-                    let help = match kind {
-                        TargetKind::Switch(_) => did_you_mean(&field.name, ["sliding"].into_iter())
-                            .unwrap_or_else(|| "of a switch, `sliding` can be given".into()),
-                        _ => "only parts have fields".into(),
-                    };
-                    return lowering.error(ModelError::NoField {
-                        name,
-                        field: field.name,
-                        span: field.span,
-                        help: Some(help),
-                    });
-                }
-            },
-            Segment::Index(indices) => {
-                let what = format!("`{name}`");
-                let places = places::select(lowering, shape, indices, &what, path.span)?;
-                let among = |entries: Vec<usize>| {
-                    let chosen = places.positions.iter();
-                    chosen.map(|&position| entries[position]).collect()
-                };
-                entries = Some(match entries {
-                    Some(entries) => among(entries),
-                    None => places.positions,
-                });
-                shape = places.shape;
-            }
-        }
     }
-    Ok(Target {
-        kind,
-        entries: entries.unwrap_or_else(|| (0..shape.len()).collect()),
-        shape,
-    })
+}
+
+fn no_field(name: &str, kind: TargetKind, field: &Ident) -> ModelError {
+    let help = match kind {
+        TargetKind::Switch(_) => did_you_mean(&field.name, ["sliding"].into_iter())
+            .unwrap_or_else(|| "of a switch, `sliding` can be given".into()),
+        _ => "only parts have fields".into(),
+    };
+    ModelError::NoField {
+        name: name.to_owned(),
+        field: field.name.clone(),
+        span: field.span,
+        help: Some(help),
+    }
 }

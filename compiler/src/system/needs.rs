@@ -11,7 +11,7 @@ use super::Extent;
 use super::experiment::Settings;
 use crate::diagnostics::Diagnostics;
 use crate::expr::{Expr, Reach, Var, variables_of};
-use crate::model::{Model, Rate, Region, Tensor};
+use crate::model::{Model, Projection, Region, Tensor};
 use crate::syntax::{self, Arg, Expect, ExprKind};
 
 /// What is kept of a model.
@@ -187,6 +187,97 @@ fn is_name(expr: &syntax::Expr, name: &str) -> bool {
     matches!(&expr.kind, ExprKind::Name(found) if found == name)
 }
 
+/// By state entry: what its motion needs.
+struct Needed<'e>(Vec<Vec<Expr<'e>>>);
+
+impl<'e> Needed<'e> {
+    fn of(model: &Model<'e>) -> Self {
+        let mut needed = Needed(vec![Vec::new(); model.state_vars().count()]);
+        needed.add_rates(model);
+        needed.add_bodies(model);
+        for projection in &model.projections {
+            needed.add_projection(model, projection);
+        }
+        for jump in &model.jumps {
+            for reset in &jump.resets {
+                needed.add(reset.entry, &[reset.value, jump.guard]);
+            }
+        }
+        needed
+    }
+
+    fn add(&mut self, entry: usize, exprs: &[Expr<'e>]) {
+        if let Some(needed) = self.0.get_mut(entry) {
+            needed.extend_from_slice(exprs);
+        }
+    }
+
+    /// Rates, and the guards around them.
+    fn add_rates(&mut self, model: &Model<'e>) {
+        let hidden = model.hidden.iter().flat_map(|hidden| &hidden.rates);
+        for rate in model.dynamics.iter().chain(hidden) {
+            self.add(rate.entry, &[rate.value]);
+        }
+        for region in &model.regions {
+            for rate in &region.rates {
+                self.add(rate.entry, &[rate.value, region.guard]);
+            }
+        }
+    }
+
+    /// Velocities that a mass couples, and contacts of the bodies that they touch.
+    fn add_bodies(&mut self, model: &Model<'e>) {
+        let vars: Vec<Expr<'e>> = model.state_vars().collect();
+        let mut body_of = FxHashMap::default();
+        for (b, body) in model.bodies.iter().enumerate() {
+            let n = body.velocities.len();
+            let entries = body.positions.iter().chain(&body.velocities);
+            body_of.extend(entries.filter_map(|&entry| Some((vars[entry].as_variable()?, b))));
+            let coupled = (0..n * n).any(|k| k / n != k % n && !body.inverse[k].is_zero());
+            let all: Vec<Expr<'e>> = body.velocities.iter().map(|&entry| vars[entry]).collect();
+            for &entry in body.velocities.iter().filter(|_| coupled) {
+                self.add(entry, &all);
+            }
+        }
+        for contact in &model.contacts {
+            let exprs: Vec<Expr<'e>> = contact.exprs().collect();
+            let touched = variables_of(&exprs).into_iter();
+            let mut touched: Vec<usize> = touched
+                .filter_map(|var| body_of.get(&var).copied())
+                .collect();
+            touched.sort_unstable();
+            touched.dedup();
+            let bodies = touched.into_iter().map(|b| &model.bodies[b]);
+            for &entry in bodies.flat_map(|body| &body.velocities) {
+                self.add(entry, &exprs);
+            }
+        }
+    }
+
+    /// The constraints of a projection, in the entries that they push, with the metric there.
+    fn add_projection(&mut self, model: &Model<'e>, projection: &Projection<'e>) {
+        let vars: Vec<Expr<'e>> = model.state_vars().collect();
+        let n = projection.entries.len();
+        for row in &projection.constraints {
+            let inside = variables_of(&[row.c]);
+            let moved = |i: &usize| {
+                let var = vars[projection.entries[*i]].as_variable();
+                var.is_some_and(|x| inside.contains(&x))
+            };
+            let pushed = |i: &usize| match &projection.metric {
+                None => moved(i),
+                Some(metric) => (0..n).any(|j| moved(&j) && !metric[i * n + j].is_zero()),
+            };
+            for i in (0..n).filter(pushed) {
+                let metric = projection.metric.iter();
+                let metric = metric.flat_map(|m| &m[i * n..(i + 1) * n]);
+                let exprs: Vec<Expr<'e>> = metric.copied().chain([row.c]).collect();
+                self.add(projection.entries[i], &exprs);
+            }
+        }
+    }
+}
+
 /// Follows what needs what.
 struct Closure<'m, 'e> {
     model: &'m Model<'e>,
@@ -217,84 +308,11 @@ impl<'m, 'e> Closure<'m, 'e> {
             .flat_map(|quantity| &quantity.vars)
             .filter_map(|var| var.as_variable())
             .filter_map(|var| Some((var, settings.values.signals.get(var)?)));
-        let mut rates = vec![Vec::new(); states.len()];
-        let mut add = |rate: &Rate<'e>, guard: Option<Expr<'e>>| {
-            if let Some(needed) = rates.get_mut(rate.entry) {
-                needed.extend([rate.value].into_iter().chain(guard));
-            }
-        };
-        let hidden = model.hidden.iter().flat_map(|hidden| &hidden.rates);
-        for rate in model.dynamics.iter().chain(hidden) {
-            add(rate, None);
-        }
-        for region in &model.regions {
-            region
-                .rates
-                .iter()
-                .for_each(|rate| add(rate, Some(region.guard)));
-        }
-        let mut needs_too = |entry: usize, exprs: &[Expr<'e>]| {
-            if let Some(needed) = rates.get_mut(entry) {
-                needed.extend_from_slice(exprs);
-            }
-        };
-        let mut body_of = FxHashMap::default();
-        let vars: Vec<Expr<'e>> = model.state_vars().collect();
-        for (b, body) in model.bodies.iter().enumerate() {
-            let n = body.velocities.len();
-            let entries = body.positions.iter().chain(&body.velocities);
-            body_of.extend(entries.filter_map(|&entry| Some((states[entry]?, b))));
-            let coupled = (0..n * n).any(|k| k / n != k % n && !body.inverse[k].is_zero());
-            let all: Vec<Expr<'e>> = body.velocities.iter().map(|&entry| vars[entry]).collect();
-            for &entry in body.velocities.iter().filter(|_| coupled) {
-                needs_too(entry, &all);
-            }
-        }
-        for contact in &model.contacts {
-            let exprs: Vec<Expr<'e>> = contact.exprs().collect();
-            let touched = variables_of(&exprs).into_iter();
-            let mut touched: Vec<usize> = touched
-                .filter_map(|var| body_of.get(&var).copied())
-                .collect();
-            touched.sort_unstable();
-            touched.dedup();
-            let bodies = touched.into_iter().map(|b| &model.bodies[b]);
-            for &entry in bodies.flat_map(|body| &body.velocities) {
-                needs_too(entry, &exprs);
-            }
-        }
-        for projection in &model.projections {
-            let n = projection.entries.len();
-            for row in &projection.constraints {
-                let inside = variables_of(&[row.c]);
-                let moved =
-                    |i: &usize| states[projection.entries[*i]].is_some_and(|x| inside.contains(&x));
-                let pushed = |i: &usize| match &projection.metric {
-                    None => moved(i),
-                    Some(metric) => (0..n).any(|j| moved(&j) && !metric[i * n + j].is_zero()),
-                };
-                for i in (0..n).filter(pushed) {
-                    let metric = projection
-                        .metric
-                        .iter()
-                        .flat_map(|m| &m[i * n..(i + 1) * n]);
-                    let exprs: Vec<Expr<'e>> = metric.copied().chain([row.c]).collect();
-                    needs_too(projection.entries[i], &exprs);
-                }
-            }
-        }
-        for jump in &model.jumps {
-            for reset in &jump.resets {
-                if let Some(needed) = rates.get_mut(reset.entry) {
-                    needed.extend([reset.value, jump.guard]);
-                }
-            }
-        }
         Closure {
             model,
             entry: entry.collect(),
             stands_for: switches.chain(given).collect(),
-            rates,
+            rates: Needed::of(model).0,
             entries: vec![false; states.len()],
             algebraics: (model.algebraic_entries())
                 .filter_map(|(z, ..)| z.as_variable())

@@ -28,6 +28,20 @@ pub struct SteppingSettings {
     pub limit: Limit,
 }
 
+/// A change of sides, of which nothing but the step is known.
+fn switching<'x>(time: f64, x: &'x [f64], from: &'x [Side], to: &'x [Side]) -> Event<'x> {
+    Event {
+        time,
+        x,
+        before: x,
+        jumps: &[],
+        decisions: &[],
+        from,
+        to,
+        accumulates: false,
+    }
+}
+
 /// α within this of 0 or 1 is there.
 const END: f64 = 1e-9;
 
@@ -97,31 +111,14 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
                 end_of_step
             };
             let h = next - t;
-            if !self.solve((t, h), &x, &mut stats) {
-                let over = self.settings.limit.over();
-                break over.map_or(Status::Unsolved, Status::Over);
-            }
-            stats.steps += 1;
-            stats.rhs_evaluations += self.tableau().n_nodes();
-            self.end(h, &x, &mut end);
-            if !end.iter().all(|x| x.is_finite()) {
-                break Status::NotFinite;
+            if let Err(status) = self.step((t, h), &x, &mut end, &mut stats) {
+                break status;
             }
             let now = self.sides(next, &end);
             self.polynomials(h, &x, &now);
             if let Some(before) = sides.as_ref().filter(|before| **before != now) {
                 stats.events += 1;
-                // All that is known is the step.
-                observer.event(&Event {
-                    time: t,
-                    x: &x,
-                    before: &x,
-                    jumps: &[],
-                    decisions: &[],
-                    from: before,
-                    to: &now,
-                    accumulates: false,
-                });
+                observer.event(&switching(t, &x, before, &now));
             }
             let segment = Segment {
                 start: t,
@@ -144,12 +141,11 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
                 break Status::Stopped;
             }
         };
+        let sides = sides.map(Vec::from);
         Outcome {
             status,
             time: t,
-            sides: sides
-                .map(Vec::from)
-                .unwrap_or_else(|| vec![Side::Plus; self.alpha.len()]),
+            sides: sides.unwrap_or_else(|| vec![Side::Plus; self.alpha.len()]),
             alpha: self.alpha.clone(),
             activity: vec![0.0; n],
             moved: vec![0.0; n],
@@ -160,6 +156,27 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
             approaches: Vec::new(),
             stats,
             x,
+        }
+    }
+
+    /// The state at the end of a step, or why there is none.
+    fn step(
+        &mut self,
+        (t, h): (f64, f64),
+        x: &[f64],
+        end: &mut [f64],
+        stats: &mut Stats,
+    ) -> Result<(), Status> {
+        if !self.solve((t, h), x, stats) {
+            let over = self.settings.limit.over();
+            return Err(over.map_or(Status::Unsolved, Status::Over));
+        }
+        stats.steps += 1;
+        stats.rhs_evaluations += self.tableau().n_nodes();
+        self.end(h, x, end);
+        match end.iter().all(|x| x.is_finite()) {
+            true => Ok(()),
+            false => Err(Status::NotFinite),
         }
     }
 

@@ -44,60 +44,44 @@ pub fn solve(program: &LinearProgram, lower: &[f64], upper: &[f64], limit: &Limi
     if lower.iter().zip(upper).any(|(l, u)| l > u) {
         return Outcome::Infeasible;
     }
-    // Fixed variables are moved to the right-hand side.
-    let mut columns = vec![usize::MAX; lower.len()];
-    let mut n = 0;
-    for (j, column) in columns.iter_mut().enumerate() {
-        if lower[j] < upper[j] {
-            *column = n;
-            n += 1;
-        }
-    }
-    let free = |j: usize| columns[j] != usize::MAX;
-    let n_rows = program.row_lower.len();
-    let mut shift = vec![0.0; n_rows];
-    let mut lines = vec![Vec::new(); n_rows];
-    for &(row, j, value) in &program.entries {
-        if free(j) {
-            lines[row].push((columns[j], value));
-        } else {
-            shift[row] += value * lower[j];
-        }
-    }
-
-    // Clarabel's rows are A x + s = b, with s = 0 first and s >= 0 after it.
-    let mut system = System::default();
-    let bounds = |row: usize| {
-        let [l, u] = [program.row_lower[row], program.row_upper[row]];
-        (l - shift[row], u - shift[row])
+    let free: Vec<usize> = (0..lower.len()).filter(|&j| lower[j] < upper[j]).collect();
+    let Some((system, n_equations)) = System::of(program, lower, upper, &free) else {
+        return Outcome::Infeasible;
     };
-    for (row, line) in lines.iter().enumerate() {
-        let (l, u) = bounds(row);
-        if line.is_empty() && (l > REDUCED || u < -REDUCED) {
-            return Outcome::Infeasible;
-        }
-        if l == u && !line.is_empty() {
-            system.push(line, 1.0, u);
-        }
-    }
-    let n_equations = system.right.len();
-    for (row, line) in lines.iter().enumerate() {
-        let (l, u) = bounds(row);
-        if l < u && !line.is_empty() {
-            system.push(line, 1.0, u);
-            system.push(line, -1.0, -l);
-        }
-    }
-    for j in (0..lower.len()).filter(|&j| free(j)) {
-        system.push(&[(columns[j], 1.0)], 1.0, upper[j]);
-        system.push(&[(columns[j], 1.0)], -1.0, -lower[j]);
-    }
+    let n = free.len();
     if n == 0 {
         return Outcome::Optimal(lower.to_vec());
     }
-
     let n_inequalities = system.right.len() - n_equations;
-    let settings = DefaultSettings {
+    let (rows, at, values) = (system.rows, system.columns, system.values);
+    let matrix = CscMatrix::new_from_triplets(system.right.len(), n, rows, at, values);
+    let cost: Vec<f64> = free.iter().map(|&j| program.cost[j]).collect();
+    let cones = [ZeroConeT(n_equations), NonnegativeConeT(n_inequalities)];
+    let hessian = CscMatrix::zeros((n, n));
+    let solver = DefaultSolver::new(&hessian, &cost, &matrix, &system.right, &cones, settings());
+    let Ok(mut solver) = solver else {
+        return Outcome::Failed;
+    };
+    let limit = limit.clone();
+    solver.set_termination_callback(move |_: &_| limit.is_over());
+    solver.solve();
+    match solver.solution.status {
+        SolverStatus::Solved | SolverStatus::AlmostSolved => {
+            let mut x = lower.to_vec();
+            for (&j, &value) in free.iter().zip(&solver.solution.x) {
+                x[j] = value.clamp(lower[j], upper[j]);
+            }
+            Outcome::Optimal(x)
+        }
+        SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => {
+            Outcome::Infeasible
+        }
+        _ => Outcome::Failed,
+    }
+}
+
+fn settings() -> DefaultSettings<f64> {
+    DefaultSettings {
         verbose: false,
         max_iter: 100,
         tol_gap_abs: TOLERANCE,
@@ -108,33 +92,6 @@ pub fn solve(program: &LinearProgram, lower: &[f64], upper: &[f64], limit: &Limi
         reduced_tol_feas: REDUCED,
         presolve_enable: false,
         ..DefaultSettings::default()
-    };
-    let (rows, at, values) = (system.rows, system.columns, system.values);
-    let matrix = CscMatrix::new_from_triplets(system.right.len(), n, rows, at, values);
-    let cost: Vec<f64> = (0..lower.len())
-        .filter(|&j| free(j))
-        .map(|j| program.cost[j])
-        .collect();
-    let cones = [ZeroConeT(n_equations), NonnegativeConeT(n_inequalities)];
-    let hessian = CscMatrix::zeros((n, n));
-    let solver = DefaultSolver::new(&hessian, &cost, &matrix, &system.right, &cones, settings);
-    let Ok(mut solver) = solver else {
-        return Outcome::Failed;
-    };
-    let limit = limit.clone();
-    solver.set_termination_callback(move |_: &_| limit.is_over());
-    solver.solve();
-    match solver.solution.status {
-        SolverStatus::Solved | SolverStatus::AlmostSolved => {
-            let x = &solver.solution.x;
-            let value = |j: usize| if free(j) { x[columns[j]] } else { lower[j] };
-            let clamped = (0..lower.len()).map(|j| value(j).clamp(lower[j], upper[j]));
-            Outcome::Optimal(clamped.collect())
-        }
-        SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => {
-            Outcome::Infeasible
-        }
-        _ => Outcome::Failed,
     }
 }
 
@@ -148,6 +105,56 @@ struct System {
 }
 
 impl System {
+    /// Clarabel's rows A x + s = b, with s = 0 for the first, whose number comes with them, and s >= 0 for the others; fixed
+    /// variables are moved to the right-hand side. None where a row without variables is violated.
+    fn of(
+        program: &LinearProgram,
+        lower: &[f64],
+        upper: &[f64],
+        free: &[usize],
+    ) -> Option<(Self, usize)> {
+        let mut columns = vec![None; lower.len()];
+        for (column, &j) in free.iter().enumerate() {
+            columns[j] = Some(column);
+        }
+        let n_rows = program.row_lower.len();
+        let mut shift = vec![0.0; n_rows];
+        let mut lines = vec![Vec::new(); n_rows];
+        for &(row, j, value) in &program.entries {
+            match columns[j] {
+                Some(column) => lines[row].push((column, value)),
+                None => shift[row] += value * lower[j],
+            }
+        }
+        let bounds = |row: usize| {
+            let [l, u] = [program.row_lower[row], program.row_upper[row]];
+            (l - shift[row], u - shift[row])
+        };
+        let mut system = System::default();
+        for (row, line) in lines.iter().enumerate() {
+            let (l, u) = bounds(row);
+            if line.is_empty() && (l > REDUCED || u < -REDUCED) {
+                return None;
+            }
+            if l == u && !line.is_empty() {
+                system.push(line, 1.0, u);
+            }
+        }
+        let n_equations = system.right.len();
+        for (row, line) in lines.iter().enumerate() {
+            let (l, u) = bounds(row);
+            if l < u && !line.is_empty() {
+                system.push(line, 1.0, u);
+                system.push(line, -1.0, -l);
+            }
+        }
+        for (column, &j) in free.iter().enumerate() {
+            system.push(&[(column, 1.0)], 1.0, upper[j]);
+            system.push(&[(column, 1.0)], -1.0, -lower[j]);
+        }
+        Some((system, n_equations))
+    }
+
     /// Adds `sign` times the line, at most `right`; nothing when that is infinite.
     fn push(&mut self, line: &[(usize, f64)], sign: f64, right: f64) {
         if right == f64::INFINITY {

@@ -17,6 +17,7 @@ use crate::launch::launch;
 use crate::report::Warning;
 use crate::report::expect::{self, Findings};
 use crate::simulate::{Plan, Request};
+use crate::source::Span;
 use crate::syntax::{Expect, ExpectDiagnostic, Experiment, Item};
 use crate::threads;
 use crate::{Compiled, compile, ensemble, order};
@@ -223,23 +224,40 @@ impl File<'_> {
         let mut clock = Clock::default();
         let file = &project.file;
         let compiled = compile(&exprs, file, experiment, &[], &mut clock, &mut diags);
-        let Some(mut compiled) = compiled.filter(|_| !diags.has_errors()) else {
+        let Some(compiled) = compiled.filter(|_| !diags.has_errors()) else {
             return (self.compilation(&diags, project), Compared::default());
         };
-        let expects = compiled.settings.expects.clone();
-        let mut mistakes = Diagnostics::new();
-        expect::check(&compiled.subject(&project.sources), &expects, &mut mistakes);
-        let is_wrong = project::error_codes(&mistakes)
-            .iter()
-            .any(|code| !code.starts_with("E09"));
-        if is_wrong {
-            return (self.compilation(&mistakes, project), Compared::default());
+        if let Some(outcome) = self.mistaken(project, &compiled) {
+            return (outcome, Compared::default());
         }
-        if files::is_standard(&project.path) && goldens::is_asked_for(&compiled) {
-            let missed = Missed::plain("standard input has no golden files beside it".to_owned());
-            return (Outcome::failed(missed, Exit::Wrong), Compared::default());
-        }
+        let ran = self.compare((project, experiment), compiled, &diags);
+        ran.unwrap_or_else(|outcome| (outcome, Compared::default()))
+    }
 
+    /// What is wrong with what an experiment expects, before it is run.
+    fn mistaken(&mut self, project: &Project, compiled: &Compiled<'_>) -> Option<Outcome> {
+        let mut mistakes = Diagnostics::new();
+        let expects = &compiled.settings.expects;
+        expect::check(&compiled.subject(&project.sources), expects, &mut mistakes);
+        let codes = project::error_codes(&mistakes);
+        if codes.iter().any(|code| !code.starts_with("E09")) {
+            return Some(self.compilation(&mistakes, project));
+        }
+        let is_refused = files::is_standard(&project.path) && goldens::is_asked_for(compiled);
+        is_refused.then(|| {
+            let missed = "standard input has no golden files beside it".to_owned();
+            Outcome::failed(Missed::plain(missed), Exit::Wrong)
+        })
+    }
+
+    /// Runs what has been compiled, and compares it.
+    fn compare(
+        &mut self,
+        (project, experiment): (&Project, &Experiment),
+        mut compiled: Compiled<'_>,
+        diags: &Diagnostics,
+    ) -> Result<(Outcome, Compared), Outcome> {
+        let expects = compiled.settings.expects.clone();
         let forms = goldens::forms(&project.path, &compiled);
         let request = Request {
             dense: true,
@@ -249,10 +267,8 @@ impl File<'_> {
         };
         let bar = Bar::new(&compiled.settings.name, self.options.progress);
         let mut watching = Watching::new(bar);
-        let trajectory = match launch(project, &mut compiled, &request, &mut watching) {
-            Ok(trajectory) => trajectory,
-            Err(diags) => return (self.compilation(&diags, project), Compared::default()),
-        };
+        let trajectory = launch(project, &mut compiled, &request, &mut watching);
+        let trajectory = trajectory.map_err(|diags| self.compilation(&diags, project))?;
         let subject = compiled.subject(&project.sources);
         let order = expect::asks_for_order(&subject, &expects).then(|| {
             let mut watch = |order::Progress { name, knob, done }: order::Progress<'_>| {
@@ -261,15 +277,8 @@ impl File<'_> {
             let limit = request.limit.left().unwrap_or(STUDY);
             order::of_method(&compiled, &project.sources, limit, &mut watch)
         });
-        let mut warnings = project::warning_codes(&diags);
-        self.warnings = told(&diags);
-        self.warnings.extend(trajectory.warnings.iter().cloned());
-        let is_expected = |code: &String| {
-            let own =
-                |expect: &Expect| matches!(expect, Expect::Warning(name) if name.name == *code);
-            self.expected.contains(code) || expects.iter().any(|(expect, _)| own(expect))
-        };
-        self.warnings.retain(|warning| !is_expected(&warning.code));
+        let mut warnings = project::warning_codes(diags);
+        self.tell(told(diags).iter().chain(&trajectory.warnings), &expects);
         let all = ensemble::Source {
             file: &project.file,
             experiment,
@@ -279,11 +288,6 @@ impl File<'_> {
         drop(watching);
         let found = trajectory.warnings.iter();
         warnings.extend(found.map(|warning| warning.code.clone()));
-        let mut subject = compiled.subject(&project.sources);
-        // A free horizon is known by now.
-        if let (Some(_), Some(&end)) = (&compiled.settings.optimize, trajectory.time.last()) {
-            subject.horizon = end;
-        }
         let mut findings = Findings {
             warnings,
             order: order.clone(),
@@ -293,30 +297,47 @@ impl File<'_> {
         let model = &project.path;
         let compared =
             goldens::compare(model, &compiled, forms, &trajectory, accept, &mut findings);
-        let mut compared = match compared {
-            Ok(compared) => compared,
-            Err(error) => {
-                let missed = Missed::plain(error.to_string());
-                return (Outcome::failed(missed, Exit::Wrong), Compared::default());
-            }
-        };
+        let compared = compared
+            .map_err(|error| Outcome::failed(Missed::plain(error.to_string()), Exit::Wrong))?;
+        let mut subject = compiled.subject(&project.sources);
+        // A free horizon is known by now.
+        if let (Some(_), Some(&end)) = (&compiled.settings.optimize, trajectory.time.last()) {
+            subject.horizon = end;
+        }
         let checks = expect::evaluate(&subject, &expects, &trajectory, &findings);
         let account = order.and_then(|order| Some(order.ok()?.account));
         let own = Outcome::of(&checks, account.into_iter().collect());
-        let mut outcome = match (own, others) {
+        let outcome = match (own, others) {
             (Outcome::Passed(_), Some(failed)) => failed,
             (own, _) => own,
         };
-        if let (Outcome::Failed { missed, .. }, false) = (&mut outcome, compared.changes.is_empty())
-        {
-            // A run that is wrong is no model for others.
-            compared.changes.clear();
-            missed.push(Missed::plain(
-                "no golden was written: what else is expected comes first".to_owned(),
-            ));
-        }
-        (outcome, compared)
+        Ok(without_model(outcome, compared))
     }
+
+    /// Keeps the warnings that nobody expects.
+    fn tell<'w>(
+        &mut self,
+        warnings: impl Iterator<Item = &'w Warning>,
+        expects: &[(Expect, Span)],
+    ) {
+        let is_expected = |code: &String| {
+            let own =
+                |expect: &Expect| matches!(expect, Expect::Warning(name) if name.name == *code);
+            self.expected.contains(code) || expects.iter().any(|(expect, _)| own(expect))
+        };
+        let kept = warnings.filter(|warning| !is_expected(&warning.code));
+        self.warnings = kept.cloned().collect();
+    }
+}
+
+/// A run that is wrong is no model for others.
+fn without_model(mut outcome: Outcome, mut compared: Compared) -> (Outcome, Compared) {
+    if let (Outcome::Failed { missed, .. }, false) = (&mut outcome, compared.changes.is_empty()) {
+        compared.changes.clear();
+        let nothing = "no golden was written: what else is expected comes first";
+        missed.push(Missed::plain(nothing.to_owned()));
+    }
+    (outcome, compared)
 }
 
 /// What warns of a compilation.
