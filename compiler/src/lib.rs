@@ -167,25 +167,26 @@ fn resolved<'e>(
     Some(model)
 }
 
-/// Whether the model of an experiment is sound, and has what overrides name, whatever their values are.
+/// The entries of all states, where the model of an experiment is sound and has what overrides name, whatever their values
+/// are.
 pub fn check_names(
     file: &File,
     experiment: &Experiment,
     overrides: &[Bind],
     diags: &mut Diagnostics,
-) -> bool {
+) -> Option<Vec<String>> {
     let exprs = Exprs::new();
-    let Some((home, definition)) = model::find(file, &experiment.model, diags) else {
-        return false;
-    };
+    let (home, definition) = model::find(file, &experiment.model, diags)?;
     let (name, with) = (&definition.name.name, given(experiment, overrides));
-    let Some(model) = resolved(&exprs, file, (home, name), &with, diags) else {
-        return false;
-    };
+    let model = resolved(&exprs, file, (home, name), &with, diags)?;
     for bind in overrides {
         model.scope.target(&bind.target, diags);
     }
-    !diags.has_errors()
+    let entries = model.states.iter().flat_map(|state| {
+        let entry = |k| state.shape.entry_name(&state.name, k);
+        (0..state.vars.len()).map(entry)
+    });
+    (!diags.has_errors()).then(|| entries.collect())
 }
 
 /// Goes on unless something is refused.

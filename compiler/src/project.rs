@@ -275,6 +275,16 @@ impl Project {
     }
 }
 
+/// What is given for a value is more than that.
+#[derive(Debug, thiserror::Error, Diagnostic)]
+#[error("`{given}` is no value of a parameter, initial value or input")]
+#[diagnostic(help("write `name=value`"))]
+struct NotValue {
+    given: String,
+}
+
+impl Fixable for NotValue {}
+
 /// Values given as `name=value` under the name of an option.
 pub(crate) fn bindings(
     (sources, diags): (&mut SourceMap, &mut Diagnostics),
@@ -284,10 +294,13 @@ pub(crate) fn bindings(
     let mut overrides = Vec::new();
     for set in sets {
         let settings = settings((sources, diags), option, ["with { ", set, "; }"])?;
-        for setting in settings {
-            match setting.kind {
-                SettingKind::With(binds) => overrides.extend(binds),
-                _ => return None,
+        let mut settings = settings.into_iter().map(|setting| setting.kind);
+        match (settings.next(), settings.next()) {
+            (Some(SettingKind::With(binds)), None) => overrides.extend(binds),
+            _ => {
+                let given = set.clone();
+                diags.push(NotValue { given });
+                return None;
             }
         }
     }
@@ -308,9 +321,9 @@ fn settings(
     let file = syntax::parse(&source, &mut own);
     let has_errors = own.has_errors();
     diags.append(own);
-    let experiments = file.items.into_iter().filter_map(|item| match item {
-        Item::Experiment(experiment) => Some(experiment.settings),
-        _ => None,
+    let settings = file.items.into_iter().flat_map(|item| match item {
+        Item::Experiment(experiment) => experiment.settings,
+        _ => Vec::new(),
     });
-    (!has_errors).then(|| experiments.flatten().collect())
+    (!has_errors).then(|| settings.collect())
 }

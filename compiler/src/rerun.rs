@@ -10,7 +10,7 @@ use crate::diagnostics::Diagnostics;
 use crate::ensemble::Source;
 use crate::expr::Exprs;
 use crate::prepared::{Opened, Parameter};
-use crate::report::{Trajectory, Warning};
+use crate::report::Trajectory;
 use crate::simulate::{Events, Request};
 use crate::syntax::Path;
 use crate::system::experiment::Sampling;
@@ -18,7 +18,7 @@ use crate::{Compiled, compile};
 
 /// What changes from run to run.
 #[derive(Clone, Copy, Debug)]
-enum Changes {
+enum Change {
     /// A parameter, by its number among those that stay open.
     Parameter(usize),
     /// An initial value, by the number of its state.
@@ -28,10 +28,9 @@ enum Changes {
 /// An experiment by events that has been compiled once, for one thread.
 pub(crate) struct Rerun<'e> {
     compiled: Compiled<'e>,
-    /// Of the compilation.
-    warnings: Vec<Warning>,
     events: Events,
-    changes: Vec<Changes>,
+    /// None for what stays as it is.
+    changes: Vec<Option<Change>>,
     /// The numbers of open parameters in the system, and what they may be.
     places: Vec<usize>,
     parameters: Vec<Parameter>,
@@ -41,48 +40,57 @@ pub(crate) struct Rerun<'e> {
 
 impl<'e> Rerun<'e> {
     /// Compiles an experiment of which parameters and initial values, by their names as they stand in `with`, change from
-    /// run to run. None where it has to be compiled for each of their values.
-    pub fn new(exprs: &'e Exprs, source: Source<'_>, names: &[Path]) -> Option<Self> {
-        let states = compiled(exprs, source, &[])?.0.system.states;
-        let is_state = |path: &&Path| states.iter().any(|state| state.name == path.to_string());
-        let open: Vec<Path> = names
-            .iter()
-            .filter(|path| !is_state(path))
-            .cloned()
-            .collect();
-        let (compiled, warnings) = compiled(exprs, source, &open)?;
+    /// run to run, or stay as they are for none; `states` are the entries of all states. None where it has to be compiled for
+    /// each of their values.
+    pub fn new(
+        exprs: &'e Exprs,
+        source: Source<'_>,
+        names: &[Option<Path>],
+        states: &[String],
+    ) -> Option<Self> {
+        let is_state = |path: &&Path| states.contains(&path.to_string());
+        let open = names.iter().flatten().filter(|path| !is_state(path));
+        let open: Vec<Path> = open.cloned().collect();
+        let compiled = without_warnings(exprs, source, &open)?;
         let Opened {
             places,
             parameters,
             start,
         } = Opened::of(&compiled).ok()?;
-        let system = &compiled.system;
+        let Compiled {
+            model,
+            system,
+            settings,
+        } = &compiled;
+        // A relay starts, and what equations solve for is guessed, where the experiment itself starts.
+        let is_fixed = system.switches.iter().any(|switch| switch.relay.is_some())
+            || !system.algebraic_states().is_empty()
+            || settings.values.moves_limits(model);
+        if parameters.len() != open.len() || is_fixed {
+            return None;
+        }
         let change = |path: &Path| {
             let name = path.to_string();
             let parameter = parameters.iter().position(|p| p.name == name);
-            let state = || system.states.iter().position(|state| state.name == name);
-            let initial = || state().map(Changes::Initial);
-            parameter.map(Changes::Parameter).or_else(initial)
+            let initial = || {
+                let place = system.states.iter().position(|state| state.name == name)?;
+                // Where it starts outside of its bounds it is refused.
+                let is_bounded = system
+                    .limits
+                    .iter()
+                    .any(|limit| limit.value == system.states[place].var);
+                (!is_bounded).then_some(Change::Initial(place))
+            };
+            parameter.map(Change::Parameter).or_else(initial)
         };
-        let changes: Vec<Changes> = names.iter().map(change).collect::<Option<_>>()?;
-        // A relay starts, and what is warned of is found, where the experiment itself starts.
-        let is_fixed = !warnings.is_empty() || system.switches.iter().any(|k| k.relay.is_some());
-        let is_bounded = |change: &Changes| match *change {
-            Changes::Parameter(_) => false,
-            Changes::Initial(state) => {
-                let var = system.states[state].var;
-                system.limits.iter().any(|limit| limit.value == var)
-            }
-        };
-        let is_refused = !names.is_empty() && is_fixed || changes.iter().any(is_bounded);
-        if parameters.len() != open.len() || is_refused {
-            return None;
-        }
+        let changes = names.iter().map(|name| match name {
+            Some(name) => change(name).map(Some),
+            None => Some(None),
+        });
         Some(Rerun {
-            events: Events::new(system, &compiled.settings, &places),
+            changes: changes.collect::<Option<_>>()?,
+            events: Events::new(system, settings, &places),
             compiled,
-            warnings,
-            changes,
             places,
             parameters,
             start,
@@ -98,61 +106,52 @@ impl<'e> Rerun<'e> {
 
     /// A run with these values, in the order of the names. None where the experiment has to be compiled for them.
     pub fn run(&mut self, values: &[f64], request: &Request) -> Option<Trajectory> {
+        let changes = || {
+            let changes = self.changes.iter().zip(values);
+            changes.filter_map(|(change, &value)| Some(((*change)?, value)))
+        };
         let mut open: Vec<f64> = self.parameters.iter().map(|p| p.value).collect();
-        for (change, &value) in self.changes.iter().zip(values) {
-            if let Changes::Parameter(at) = *change {
+        for (change, value) in changes() {
+            if let Change::Parameter(at) = change {
                 open[at] = value;
             }
         }
-        if !open
-            .iter()
-            .zip(&self.parameters)
-            .all(|(value, of)| of.takes(*value))
-        {
+        let mut all = open.iter().zip(&self.parameters);
+        if !all.all(|(value, of)| of.takes(*value)) {
             return None;
+        }
+        let mut x0 = vec![0.0; self.compiled.system.states.len()];
+        (self.start).eval(&open, &mut x0, &mut self.start.scratch());
+        for (change, value) in changes() {
+            if let Change::Initial(state) = change {
+                x0[state] = value;
+            }
         }
         let system = &mut self.compiled.system;
         for (&place, &value) in self.places.iter().zip(&open) {
             system.params[place].value = value;
-        }
-        let mut x0 = vec![0.0; system.states.len()];
-        (self.start).eval(&open, &mut x0, &mut self.start.scratch());
-        for (change, &value) in self.changes.iter().zip(values) {
-            if let Changes::Initial(state) = *change {
-                x0[state] = value;
-            }
         }
         for (state, x0) in system.states.iter_mut().zip(x0) {
             state.initial = x0;
         }
         let (system, settings) = (&self.compiled.system, &self.compiled.settings);
         let mut diags = Diagnostics::new();
-        if !self.changes.is_empty() {
-            system.check_start(&mut diags);
-        }
-        if !diags.is_empty() {
-            return None;
-        }
-        let mut run = self.events.run(system, settings, request, &mut |_| {});
-        run.warnings.splice(0..0, self.warnings.iter().cloned());
-        Some(run)
+        system.check_start(&mut diags);
+        let run = || self.events.run(system, settings, request, &mut |_| {});
+        diags.is_empty().then(run)
     }
 }
 
-/// An experiment with parameters that stay open, and warnings.
-fn compiled<'e>(
+/// An experiment with parameters that stay open; none where there is anything to say about it.
+fn without_warnings<'e>(
     exprs: &'e Exprs,
     source: Source<'_>,
     open: &[Path],
-) -> Option<(Compiled<'e>, Vec<Warning>)> {
+) -> Option<Compiled<'e>> {
     let (mut clock, mut diags) = (Clock::default(), Diagnostics::new());
     let mut experiment = source.experiment.clone();
     experiment.open = open.to_vec();
     let (file, overrides) = (source.file, source.overrides);
     let compiled = compile(exprs, file, &experiment, overrides, &mut clock, &mut diags)?;
-    let warnings = diags
-        .warnings()
-        .map(|warning| Warning::of(warning.as_ref()));
-    let warnings = warnings.collect();
-    (!diags.has_errors()).then_some((compiled, warnings))
+    diags.is_empty().then_some(compiled)
 }

@@ -64,7 +64,7 @@ fn safe_fixes_leave_a_file_that_checks() {
             "let a = atan2(x, sin(k));",
         ),
         (
-            "let a = heaviside(x) + sgn(x);",
+            "let a = unitstep(x) + sgn(x);",
             "let a = step(x) + sign(x);",
         ),
         ("let a = PI + M_E^2;", "let a = pi + exp(1)^2;"),
@@ -87,7 +87,8 @@ fn safe_fixes_leave_a_file_that_checks() {
         assert!(said.starts_with("fixed a.nsd:4:"), "{wrong}\n{said}");
     }
     let settings = [
-        ("tolerance = 1e-6;", "tolerance  1e-6;"),
+        ("tolerance = 1e-6;", "tolerance   1e-6;"),
+        ("tolerance=1e-6;", "tolerance 1e-6;"),
         ("with { k := 2; }", "with { k = 2; }"),
         (
             "expect x at end ≈ 0.37 within 0.1;",
@@ -131,6 +132,29 @@ fn what_may_mean_something_else_is_a_suggestion() {
             "{line}"
         );
         assert_eq!(fs::read_to_string(folder.join("a.nsd")).unwrap(), text);
+    }
+}
+
+/// What would become something else, or nothing that can be read.
+#[test]
+fn what_cannot_be_mended_stays() {
+    let lines = [
+        "let a = x.max(k);",
+        "let a = x.ln(k);",
+        "let a = m.np.sin(k);",
+        "let a = x²³;",
+        "let a = x³²;",
+        "let a = sin²(x);",
+        "let a = x²(x + 1);",
+        "let a = x; /* never closed",
+        "let a = x; /*/",
+        "state y = 0; der(y // a comment\n  ) = x;",
+    ];
+    for line in lines {
+        let text = around(line, "");
+        let (status, said, after) = mended("fix_nothing_safe", &text);
+        assert_eq!((status, said.contains("fixed a.nsd")), (1, false), "{said}");
+        assert_eq!(after, text);
     }
 }
 

@@ -109,7 +109,7 @@ fn mend(checked: &Checked) -> Option<(String, Vec<String>)> {
     let line = |fix: &Fix| {
         let at = fix.edits.first().map_or(0, |edit| edit.span.start);
         let (line, column) = file.line_column(at);
-        let title = fix.title.escape_debug();
+        let title = fix.title.replace(char::is_control, " ");
         format!("fixed {}:{line}:{column}: {title}", file.name)
     };
     (!made.is_empty()).then(|| (text, made.iter().map(line).collect()))

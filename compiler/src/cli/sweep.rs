@@ -13,6 +13,8 @@ use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
 use crate::ensemble::Source;
 use crate::expr::Exprs;
+#[cfg(feature = "parquet")]
+use crate::files::{FileError, WRITE};
 use crate::launch::launch;
 use crate::report::{Status, Trajectory, Warning};
 use crate::rerun::Rerun;
@@ -29,6 +31,8 @@ struct Swept<'s> {
     overrides: &'s [Bind],
     /// A binding for each axis, whose value is replaced.
     axes: Vec<Bind>,
+    /// The entries of all states.
+    states: Vec<String>,
     /// Of each run.
     time_limit: Option<Duration>,
 }
@@ -64,23 +68,26 @@ pub fn run(args: &SweepArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         project::print(&project.diags, &project.sources, streams)?;
         return Ok(Exit::Wrong);
     };
-    let swept = Swept {
+    let mut swept = Swept {
         project: &project,
         experiment,
         overrides: &overrides,
         axes,
+        states: Vec::new(),
         time_limit: args.time_limit,
     };
     let mut diags = Diagnostics::new();
     let first = swept.at(&grid.point(0));
-    if !check_names(&project.file, experiment, &first, &mut diags) {
+    let Some(states) = check_names(&project.file, experiment, &first, &mut diags) else {
         project::print(&diags, &project.sources, streams)?;
         return Ok(Exit::Wrong);
-    }
+    };
+    swept.states = states;
     let (rows, columns) = swept.rows(&grid, args, streams.progress);
     // What is wrong with all points is told once, with its place.
-    let is_refused = |row: &Option<Row>| row.as_ref().is_none_or(|row| row.status.is_none());
-    if rows.iter().all(is_refused)
+    let mut begun = rows.iter().flatten().peekable();
+    if begun.peek().is_some()
+        && begun.all(|row| row.status.is_none())
         && let Err(diags) = swept.trajectory(&grid.point(0))
     {
         project::print(&diags, &project.sources, streams)?;
@@ -164,11 +171,8 @@ fn write(args: &SweepArgs, table: &Table, streams: &mut Streams<'_>) -> io::Resu
         match table.parquet() {
             Ok(bytes) => sinks.push(Sink::with(path, bytes)),
             Err(error) => {
-                writeln!(
-                    streams.err,
-                    "error: cannot write `{}`: {error}",
-                    path.display()
-                )?;
+                let error = io::Error::other(error);
+                FileError::new(WRITE, path, &error).tell(streams)?;
                 return Ok(false);
             }
         }
@@ -266,8 +270,11 @@ impl Swept<'_> {
             experiment: self.experiment,
             overrides: &overrides,
         };
-        let names: Vec<Path> = self.axes.iter().map(|axis| axis.target.clone()).collect();
-        Some(Rerun::new(exprs, source, &names)?.at_ends())
+        // All points with this one have the zeros of it.
+        let axes = self.axes.iter().zip(point);
+        let names = axes.map(|(axis, value)| (*value != 0.0).then(|| axis.target.clone()));
+        let names: Vec<Option<Path>> = names.collect();
+        Some(Rerun::new(exprs, source, &names, &self.states)?.at_ends())
     }
 
     /// The run of a point, with the warnings of its compilation.

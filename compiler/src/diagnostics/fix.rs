@@ -78,6 +78,14 @@ pub struct Help {
 }
 
 impl Help {
+    /// The words alone.
+    pub fn without_edit(self) -> Self {
+        Help {
+            instead: None,
+            ..self
+        }
+    }
+
     /// Words with an edit.
     pub fn edit(
         text: impl Into<String>,

@@ -166,7 +166,7 @@ pub(super) const VALUES: [(&str, &str); 22] = [
 
 /// Functions and values that go by another name and are the same in all else; a name that may well be meant for
 /// something else is not replaced unseen.
-const SAME: [(&str, &str, Applicability); 49] = [
+const SAME: [(&str, &str, Applicability); 48] = [
     ("ln", "log", Safe),
     ("clip", "sat", Safe),
     ("clamp", "sat", Safe),
@@ -176,8 +176,8 @@ const SAME: [(&str, &str, Applicability); 49] = [
     ("saturation", "sat", Suggestion),
     ("deadband", "deadzone", Suggestion),
     ("dead_zone", "deadzone", Suggestion),
-    ("heaviside", "step", Safe),
-    ("Heaviside", "step", Safe),
+    ("heaviside", "step", Suggestion),
+    ("Heaviside", "step", Suggestion),
     ("unitstep", "step", Safe),
     ("theta", "step", Suggestion),
     ("sgn", "sign", Safe),
@@ -209,7 +209,6 @@ const SAME: [(&str, &str, Applicability); 49] = [
     ("Infinity", "inf", Safe),
     ("infinity", "inf", Safe),
     ("INFINITY", "inf", Safe),
-    ("∞", "inf", Safe),
     ("oo", "inf", Suggestion),
     ("True", "true", Safe),
     ("TRUE", "true", Safe),
@@ -218,17 +217,28 @@ const SAME: [(&str, &str, Applicability); 49] = [
     ("t", "time", Suggestion),
 ];
 
+/// Names by which libraries of functions go elsewhere: what is in front of other functions may be an operand.
+const LIBRARIES: [&str; 10] = [
+    "np", "numpy", "jnp", "math", "Math", "cmath", "std", "ca", "casadi", "torch",
+];
+
 /// What to write instead of a function of another language.
 pub(super) fn function(name: &str) -> Option<Help> {
-    // A function of a library, as in `np.sin`, is meant by its own name.
-    let own = name.rsplit('.').next().unwrap_or(name);
-    if own != name && super::reserved::FUNCTIONS.contains(&own) {
-        return Some(Help::edit(format!("write `{own}(..)`"), own, Safe));
-    }
     if super::reserved::VALUES.contains(&name) {
         return Some(format!("write `{name}` without parentheses").into());
     }
-    find(&FUNCTIONS, own)
+    let Some((library, own)) = name.rsplit_once('.') else {
+        return find(&FUNCTIONS, name);
+    };
+    // A function of a library, as in `np.sin`, is meant by its own name.
+    let help = match super::reserved::FUNCTIONS.contains(&own) {
+        true => Help::edit(format!("write `{own}(..)`"), own, Safe),
+        false => find(&FUNCTIONS, own)?,
+    };
+    Some(match LIBRARIES.contains(&library) {
+        true => help,
+        false => help.without_edit(),
+    })
 }
 
 /// What to write instead of a value of another language.
@@ -243,4 +253,22 @@ fn find(table: &[(&str, &str)], name: &str) -> Option<Help> {
         Some(&(_, own, applicability)) => Help::edit(*help, own, applicability),
         None => (*help).into(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{FUNCTIONS, SAME, VALUES};
+
+    /// What is replaced is what the help says.
+    #[test]
+    fn the_same_word_is_in_the_help() {
+        for (foreign, own, _) in SAME {
+            let mut all = FUNCTIONS.iter().chain(&VALUES);
+            let help = all
+                .find(|(known, _)| *known == foreign)
+                .map(|(_, help)| *help);
+            let help = help.unwrap_or_else(|| panic!("`{foreign}` has no help"));
+            assert!(help.contains(&format!("`{own}")), "{foreign}: {help}");
+        }
+    }
 }

@@ -22,7 +22,7 @@ impl Like {
     pub fn of(axis: &Axis) -> Self {
         let first = |side: Ordering| {
             let mut values = axis.values.iter();
-            let found = values.find(|value| value.total_cmp(&0.0) == side);
+            let found = values.find(|value| value.partial_cmp(&&0.0) == Some(side));
             found.copied().unwrap_or(0.0)
         };
         Like([Ordering::Less, Ordering::Equal, Ordering::Greater].map(first))
@@ -30,7 +30,12 @@ impl Like {
 
     /// The first value on the side of another.
     pub fn first(&self, value: f64) -> f64 {
-        self.0[(value.total_cmp(&0.0) as i8 + 1) as usize]
+        let [below, zero, above] = self.0;
+        match value.partial_cmp(&0.0) {
+            Some(Ordering::Less) => below,
+            Some(Ordering::Greater) => above,
+            _ => zero,
+        }
     }
 }
 

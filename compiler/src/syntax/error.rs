@@ -291,8 +291,8 @@ pub enum SyntaxError {
     #[error("comments start with `//` and end with the line")]
     #[diagnostic(code(E0020), help("start each line of the comment with `//`"))]
     BlockComment {
-        /// Its lines, each as a comment.
-        lines: String,
+        /// Its lines, each as a comment, where it has an end.
+        lines: Option<String>,
         /// The comment.
         #[label("no block comments")]
         span: Span,
@@ -332,7 +332,10 @@ impl Fixable for SyntaxError {
                 };
                 Some(Fix::one(*span, replacement, applicability))
             }
-            SyntaxError::BlockComment { lines, span } => Some(Fix {
+            SyntaxError::BlockComment {
+                lines: Some(lines),
+                span,
+            } => Some(Fix {
                 title: "start each line of the comment with `//`".to_owned(),
                 ..Fix::one(*span, lines, Safe)
             }),

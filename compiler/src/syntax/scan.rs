@@ -163,7 +163,10 @@ impl<'t> Repair<'t> {
         match token.kind {
             TokenKind::Blank => self.blank(token),
             TokenKind::BlockComment => {
-                let lines = line_comments(token.text, &self.text[token.end()..]);
+                // Where it has no end, it may be meant to have ended anywhere.
+                let is_closed = token.text.len() >= 4 && token.text.ends_with("*/");
+                let behind = &self.text[token.end()..];
+                let lines = is_closed.then(|| line_comments(token.text, behind));
                 self.replace(range, "", SyntaxError::BlockComment { lines, span });
             }
             TokenKind::OpenString => {
@@ -305,7 +308,9 @@ impl<'t> Repair<'t> {
         };
         let [before, after] = self.beside(range);
         let ends_operand = before.is_some_and(|c| is_word_part(c) || matches!(c, ')' | ']'));
-        let is_power = ends_operand && !after.is_some_and(|c| is_word_part(c) || c == '.');
+        // `x²³` is a power of two digits, and `sin²(x)` one of a function.
+        let goes_on = |c: char| is_word_part(c) || ".(^²³⁰¹⁴⁵⁶⁷⁸⁹".contains(c);
+        let is_power = ends_operand && !after.is_some_and(goes_on);
         let power = |text: &str, power: &str| match is_power {
             true => Some(Help::edit(text, power, Applicability::Safe)),
             false => Some(text.into()),

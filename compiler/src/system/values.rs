@@ -62,6 +62,14 @@ impl<'e> FreeParams<'e> {
     }
 }
 
+/// What bounds an entry of a quantity, or what its values are.
+fn bounds<'e>(domain: &Domain<'e>, entry: usize) -> Vec<Expr<'e>> {
+    match domain {
+        Domain::Box(low, high) => vec![low.data[entry], high.data[entry]],
+        Domain::Set(values) => values.clone(),
+    }
+}
+
 impl<'e> Values<'e> {
     /// The number of a parameter, unless it is free or computed from what is.
     pub fn fixed(&self, var: Var) -> Option<f64> {
@@ -108,14 +116,24 @@ impl<'e> Values<'e> {
         };
         let entries = (model.params.iter()).flat_map(|p| (0..p.vars.len()).map(move |k| (p, k)));
         let mut found = entries.filter_map(|(param, k)| {
-            let (bounds, is_set) = match param.domain.as_ref()? {
-                Domain::Box(low, high) => (vec![low.data[k], high.data[k]], false),
-                Domain::Set(values) => (values.clone(), true),
-            };
+            let bounds = bounds(param.domain.as_ref()?, k);
+            let is_set = matches!(param.domain, Some(Domain::Set(_)));
             let name = || param.shape.entry_name(&param.name, k);
             moves(param.vars[k], &bounds, is_set).then(name)
         });
         found.next()
+    }
+
+    /// Whether free parameters move the bounds of anything that is watched in a run.
+    pub fn moves_limits(&self, model: &Model<'e>) -> bool {
+        let watched = (model.states.iter().chain(&model.algebraics))
+            .chain(model.controls.iter().chain(&model.inputs))
+            .chain(&model.connected);
+        let mut bounds = watched.flat_map(|quantity| {
+            let domain = quantity.domain.iter();
+            domain.flat_map(|domain| (0..quantity.vars.len()).map(move |k| bounds(domain, k)))
+        });
+        bounds.any(|bounds| self.free.first_in(&bounds).is_some())
     }
 
     /// x(0), of a state that is given as a function of free parameters.

@@ -462,7 +462,8 @@ fn help(place: Place, failure: &Failure, found: &str, begins: bool) -> Option<He
         }
         "=" if place == Place::Experiment && failure.wants_operand() => {
             let applicability = if begins { Safe } else { Suggestion };
-            Help::edit("remove the `=`", "", applicability)
+            // Both sides of it may be words.
+            Help::edit("remove the `=`", " ", applicability)
         }
         "=" if failure.expects(Rule::comparator) => "compare with `<`, `<=`, `>` or `>=`".into(),
         ":=" if failure.expects(Rule::equals) => {
@@ -488,5 +489,7 @@ fn derivative<'t>(text: &'t str, first: &Token) -> Option<(usize, &'t str)> {
     };
     let close = tokens.find(|token| !is_path(token))?;
     let state = text[open.end()..close.start].trim();
-    (close.text == ")" && state.starts_with(is_word_start)).then_some((close.end(), state))
+    let is_plain = !state.contains("//") && !state.contains('\n');
+    let is_state = close.text == ")" && state.starts_with(is_word_start) && is_plain;
+    is_state.then_some((close.end(), state))
 }
