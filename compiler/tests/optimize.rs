@@ -335,6 +335,48 @@ fn multipliers_are_derivatives_of_the_optimum_by_bounds() {
     }
 }
 
+/// Where a state follows its bound, single multipliers are not unique, but their sum is the derivative; and where it
+/// starts there and leaves, its start does not hold it. No other bound is felt.
+#[test]
+fn bounds_of_states_are_felt_where_states_follow_them() {
+    let folder = folder("optimize_followed");
+    let text = "
+        model m {
+          param c = 0; param s = 0.1;
+          state x in [c, 3] = s; state y = 0.5; control u in [-9, 9] = 0;
+          x' = u; y' = -sign(y);
+        }
+        optimize followed of m {
+          horizon 1; intervals 4; elements 2; minimize integral((x + 1)^2) + 0.01*integral(u^2);
+        }
+        optimize left of m {
+          horizon 1; intervals 3; elements 2; with { s = 0; }
+          minimize integral((u - 1)^2) + final((x - 0.5)^2);
+        }";
+    fs::write(folder.join("m.nsd"), text).unwrap();
+    let j = |name, c| optimum(&folder, name, c)["objective"].as_f64().unwrap();
+    for (name, derivative) in [
+        (
+            "followed",
+            (j("followed", 1e-3) - j("followed", -1e-3)) / 2e-3,
+        ),
+        ("left", 0.0),
+    ] {
+        let found = optimum(&folder, name, 0.0);
+        for constraint in found["optimum"]["constraints"].as_array().unwrap() {
+            let is_it = constraint["value"] == "x" && constraint["relation"] == ">=";
+            let expected = if is_it { derivative } else { 0.0 };
+            let multiplier = constraint["multiplier"].as_f64();
+            let multiplier = multiplier.unwrap_or_else(|| panic!("{name}: {constraint}"));
+            assert!(
+                (multiplier - expected).abs() < 1e-2,
+                "{name}: {constraint}, {expected}"
+            );
+        }
+    }
+    assert!(j("followed", 1e-3) > j("followed", 0.0) + 1e-3);
+}
+
 #[test]
 fn bounds_that_hold_one_value_have_no_multiplier_of_their_own() {
     let folder = folder("optimize_not_unique");

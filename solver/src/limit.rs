@@ -190,6 +190,14 @@ pub mod work {
         }
     }
 
+    /// Whether anything is counted, which has to be on one thread.
+    pub(crate) fn is_counted() -> bool {
+        #[cfg(debug_assertions)]
+        return COUNTS_WORK.load(Ordering::Relaxed);
+        #[cfg(not(debug_assertions))]
+        false
+    }
+
     /// The counts of this thread since the last call, where there are any. With somebody who is canceled after so many
     /// operations they begin anew, without they end.
     pub fn restart(_cancel: Option<(u64, Cancel)>) -> Option<Counts> {

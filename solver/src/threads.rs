@@ -4,6 +4,8 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;
 use std::thread;
 
+use crate::limit::work::is_counted;
+
 /// Whether the target has threads: where it has none, `std` panics.
 const THREADS: bool = !cfg!(all(target_family = "wasm", target_os = "unknown"));
 
@@ -91,7 +93,7 @@ pub fn share_out<T: Send>(
         count,
         done,
     };
-    if !THREADS {
+    if !THREADS || is_counted() {
         alone(share, &found, work, heard);
         return;
     }

@@ -93,3 +93,15 @@ fn all_runs_of_an_ensemble_end() {
     assert_eq!(failed(false), (Status::Solved, 0));
     assert_eq!(failed(true), (Status::Canceled, 50));
 }
+
+/// Starts are counted, too: one that is not canceled in the middle would go on for long.
+#[test]
+fn starts_end_soon() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/sliding_ocp.nsd");
+    let project = Project::load(path).expect("it is there");
+    let (whole, _) = canceled(&project, "reach", u64::MAX);
+    assert_eq!(whole.status, Status::Solved);
+    let (run, counts) = canceled(&project, "reach", 20_000);
+    assert_eq!(run.status, Status::Canceled);
+    assert!(counts.total < 20_000 + MOST, "{}", counts.total);
+}

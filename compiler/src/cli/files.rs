@@ -80,17 +80,27 @@ pub fn read_if_present(path: &Path) -> Result<Option<String>, FileError> {
     }
 }
 
-/// That a file can hardly be written, for what takes long before it is.
-pub fn foresee(path: &Path) -> Result<(), FileError> {
+/// Whether files of results can be written, as far as that is known before hours of work; else it is told.
+pub fn foresee<'p>(
+    paths: impl IntoIterator<Item = &'p Path>,
+    streams: &mut Streams<'_>,
+) -> io::Result<bool> {
+    match paths.into_iter().find_map(obstacle) {
+        Some(error) => error.tell(streams).map(|()| false),
+        None => Ok(true),
+    }
+}
+
+fn obstacle(path: &Path) -> Option<FileError> {
     let folder = path
         .parent()
         .filter(|folder| !folder.as_os_str().is_empty());
     let kind = match (is_standard(path), path.is_dir(), folder) {
         (false, true, _) => io::ErrorKind::IsADirectory,
         (false, false, Some(folder)) if !folder.is_dir() => io::ErrorKind::NotFound,
-        _ => return Ok(()),
+        _ => return None,
     };
-    Err(FileError::new(WRITE, path, &kind.into()))
+    Some(FileError::new(WRITE, path, &kind.into()))
 }
 
 /// Replaces a file as a whole: it has its old text or the new one, whatever happens meanwhile.

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::args::ModesArgs;
-use super::files::Sink;
+use super::files::{self, Sink};
 use super::project;
 use super::{Exit, Streams, io};
 use crate::clock::Clock;
@@ -16,6 +16,9 @@ use crate::system::System;
 
 /// Maps the sliding modes of a nonlinear switch.
 pub fn run(args: &ModesArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
+    if !files::foresee(args.plot.as_deref(), streams)? {
+        return Ok(Exit::Wrong);
+    }
     let Some((project, overrides)) = project::open(&args.file, &args.set, streams)? else {
         return Ok(Exit::Wrong);
     };

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::args::OrderArgs;
-use super::files::{Sink, is_standard};
+use super::files::{self, Sink, is_standard};
 use super::progress::Bar;
 use super::project::{self, Project};
 use super::{Exit, Streams, io};
@@ -17,6 +17,9 @@ use crate::{Compiled, compile};
 
 /// Measures the errors of all methods for one experiment.
 pub fn run(args: &OrderArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
+    if !files::foresee(args.csv.as_deref(), streams)? {
+        return Ok(Exit::Wrong);
+    }
     let Some((mut project, overrides)) = project::open(&args.file, &args.set, streams)? else {
         return Ok(Exit::Wrong);
     };

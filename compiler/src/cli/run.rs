@@ -25,9 +25,7 @@ pub fn run(args: &RunArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         writeln!(streams.err, "error: {message}")?;
         return Ok(Exit::Usage);
     }
-    // After hours it would be too late.
-    if let Err(error) = args.targets().all().try_for_each(files::foresee) {
-        error.tell(streams)?;
+    if !files::foresee(args.targets().all(), streams)? {
         return Ok(Exit::Wrong);
     }
     let Some((mut project, overrides)) = project::open(&args.file, &args.set, streams)? else {

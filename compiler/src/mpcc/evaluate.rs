@@ -15,10 +15,15 @@ pub struct Evaluator {
 impl Evaluator {
     /// Compiles all kernels.
     pub fn new(mpcc: &Mpcc) -> Result<Self, CompileError> {
+        Evaluator::of(mpcc, &mpcc.blocks)
+    }
+
+    /// Compiles those of some blocks.
+    fn of(mpcc: &Mpcc, blocks: &[Block]) -> Result<Self, CompileError> {
         let n = mpcc.n_variables();
         let free = (vec![f64::NEG_INFINITY; n], vec![f64::INFINITY; n]);
         let mut rows = kernels::Program::builder(&free.0, &free.1, &vec![0.0; n]);
-        for block in &mpcc.blocks {
+        for block in blocks {
             let zeros = vec![0.0; block.n_rows()];
             rows.rows(mpcc.kernel(block, &block.kernel.outputs)?, &zeros, &zeros);
         }
@@ -45,15 +50,8 @@ impl Evaluator {
 impl Mpcc<'_> {
     /// The sum of all rows of some blocks.
     pub fn sum(&self, blocks: &[Block], w: &[f64]) -> Result<f64, CompileError> {
-        let n = self.n_variables();
-        let free = (vec![f64::NEG_INFINITY; n], vec![f64::INFINITY; n]);
-        let mut rows = kernels::Program::builder(&free.0, &free.1, &vec![0.0; n]);
-        for block in blocks {
-            let zeros = vec![0.0; block.n_rows()];
-            rows.rows(self.kernel(block, &block.kernel.outputs)?, &zeros, &zeros);
-        }
         let mut values = vec![0.0; blocks.iter().map(Block::n_rows).sum()];
-        rows.finish().rows(w, &mut values);
+        Evaluator::of(self, blocks)?.values(w, &mut values);
         Ok(values.iter().sum())
     }
 

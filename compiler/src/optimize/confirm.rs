@@ -70,9 +70,10 @@ pub(super) fn confirm(
         let gain = NO_GAIN * solution.objective.abs().max(NO_GAIN);
         let least = solution.objective - gain;
         let is_better = |found: &Solution| found.is_feasible() && found.objective < least;
-        let found = better.points.iter().find_map(|point| {
-            rounds.next()?;
-            from(problem, &point.w, options, limit, watch).filter(is_better)
+        let found = rounds.next().and_then(|_| {
+            let mut points = better.points.iter();
+            points
+                .find_map(|point| from(problem, &point.w, options, limit, watch).filter(is_better))
         });
         if let Some(found) = found {
             let iterations = solution.stats.iterations;

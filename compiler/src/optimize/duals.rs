@@ -8,6 +8,7 @@
 //! not unique, and other ones have other sums.
 
 use nsd_solver::mpcc::{self, Class, Multipliers, Options, Solution};
+use nsd_solver::problem::{Bounds, Nlp};
 
 use super::Problem;
 use crate::report::{Constraint, Term, Values};
@@ -17,44 +18,44 @@ use crate::system::task::Free;
 /// Multipliers that differ by more, relative to the larger of 1 and their size, are not the same.
 const SAME: f64 = 1e-6;
 
-/// A bound of a value.
+/// A bound of a value, with the rows and the variables that hold it.
 struct Side {
     constraint: Constraint,
-    /// The part of its multiplier that rows have.
-    of_rows: f64,
-    /// The variables that it bounds.
+    rows: Vec<usize>,
     variables: Vec<usize>,
 }
 
-/// A value with the bounds it has at some instants.
-struct Bounded<'s> {
-    value: &'s str,
+/// A value with the rows and the variables that hold its bounds at some instants.
+struct Bounded {
+    value: String,
     at: Option<&'static str>,
-    variables: &'s [usize],
+    rows: Vec<usize>,
+    variables: Vec<usize>,
 }
 
-impl Bounded<'_> {
-    fn side(&self, relation: &'static str, bound: f64, of_rows: f64) -> Side {
+impl Bounded {
+    fn side(&self, relation: &'static str, bound: f64) -> Side {
         Side {
             constraint: Constraint {
-                value: self.value.to_owned(),
+                value: self.value.clone(),
                 relation,
                 bound,
                 at: self.at,
                 multiplier: None,
             },
-            of_rows,
-            variables: self.variables.to_vec(),
+            rows: self.rows.clone(),
+            variables: self.variables.clone(),
         }
     }
 
-    /// `>=` and `<=`, where these are finite, with the multipliers of rows.
-    fn sides(&self, [lower, upper]: [f64; 2], y: &[f64]) -> impl Iterator<Item = Side> {
-        let below: f64 = y.iter().map(|y| (-y).max(0.0)).sum();
-        let above: f64 = y.iter().map(|y| -y.max(0.0)).sum();
-        let lower = lower.is_finite().then(|| self.side(">=", lower, below));
-        let upper = upper.is_finite().then(|| self.side("<=", upper, above));
-        lower.into_iter().chain(upper)
+    /// `=`, or `>=` and `<=` where these are finite.
+    fn sides(&self, [lower, upper]: [f64; 2]) -> Vec<Side> {
+        if lower == upper {
+            return vec![self.side("=", lower)];
+        }
+        let lower = lower.is_finite().then(|| self.side(">=", lower));
+        let upper = upper.is_finite().then(|| self.side("<=", upper));
+        lower.into_iter().chain(upper).collect()
     }
 }
 
@@ -63,6 +64,38 @@ impl Bounded<'_> {
 enum Counts {
     First,
     Last,
+}
+
+/// Whether a value is at its lower and at its upper bound.
+#[derive(Clone, Copy)]
+struct Active([bool; 2]);
+
+impl Active {
+    /// Those of several values, within a share of their sizes.
+    fn of(values: &[f64], bounds: &Bounds<'_>, within: f64) -> Vec<Self> {
+        let bounds = bounds.lower.iter().zip(bounds.upper);
+        let active = values.iter().zip(bounds).map(|(value, (lower, upper))| {
+            let reach = within * value.abs().max(1.0);
+            Active([value - lower <= reach, upper - value <= reach])
+        });
+        active.collect()
+    }
+
+    /// What of a derivative of the objective belongs to a bound.
+    fn share(self, relation: &str, slope: f64) -> f64 {
+        match (relation, self.0) {
+            ("=", _) | (">=", [true, false]) | ("<=", [false, true]) => slope,
+            (">=", [true, true]) => slope.max(0.0),
+            ("<=", [true, true]) => slope.min(0.0),
+            _ => 0.0,
+        }
+    }
+}
+
+/// The active bounds of a program at a point.
+struct ActiveBounds {
+    rows: Vec<Active>,
+    variables: Vec<Active>,
 }
 
 /// What is declared to be in an interval.
@@ -107,25 +140,37 @@ impl Problem<'_, '_> {
     /// Bounds with the multipliers that all multipliers of the program agree on.
     fn unique(&mut self, solution: &Solution, options: &Options) -> Vec<Constraint> {
         let others = mpcc::alternatives(&mut self.program, solution, options);
-        let mut found = self.constraints(&solution.multipliers, Counts::First);
+        let sides = self.sides();
+        let active = self.active(&solution.w, options.certificate.active);
+        let found = self.slopes(&sides, &active, &solution.multipliers, Counts::First);
         let others = others.map(|[first, second]| {
             [
-                self.constraints(&first, Counts::First),
-                self.constraints(&second, Counts::Last),
+                self.slopes(&sides, &active, &first, Counts::First),
+                self.slopes(&sides, &active, &second, Counts::Last),
             ]
         });
-        for (k, constraint) in found.iter_mut().enumerate() {
-            constraint.multiplier = constraint.multiplier.filter(|multiplier| {
-                let agrees = |other: &Vec<Constraint>| {
-                    let other = other[k].multiplier.unwrap_or(f64::NAN);
-                    (multiplier - other).abs() <= SAME * multiplier.abs().max(1.0)
-                };
-                others
-                    .as_ref()
-                    .is_some_and(|others| others.iter().all(agrees))
-            });
+        let constraints = sides.into_iter().enumerate().map(|(k, side)| {
+            let agrees =
+                |other: &Vec<f64>| (found[k] - other[k]).abs() <= SAME * found[k].abs().max(1.0);
+            let is_unique = others
+                .as_ref()
+                .is_some_and(|others| others.iter().all(agrees));
+            Constraint {
+                // -0 becomes 0.
+                multiplier: is_unique.then_some(found[k] + 0.0),
+                ..side.constraint
+            }
+        });
+        constraints.collect()
+    }
+
+    fn active(&mut self, w: &[f64], within: f64) -> ActiveBounds {
+        let mut rows = vec![0.0; self.program.n_rows()];
+        self.program.rows(w, &mut rows);
+        ActiveBounds {
+            rows: Active::of(&rows, &self.program.row_bounds(), within),
+            variables: Active::of(w, &self.program.variable_bounds(), within),
         }
-        found
     }
 
     fn terms(&self, w: &[f64]) -> Vec<Term> {
@@ -138,66 +183,73 @@ impl Problem<'_, '_> {
         terms.collect()
     }
 
-    /// Bounds with what some multipliers of the program say.
-    fn constraints(&self, multipliers: &Multipliers, counts: Counts) -> Vec<Constraint> {
-        let mut sides = self.sides(multipliers);
-        let bounds = self.mpcc.bounds();
-        let mut is_taken = vec![[false; 2]; bounds.len()];
-        let all = sides.len();
-        for k in 0..all {
+    /// Derivatives by bounds, as some multipliers of the program have them: at a bound that is active they may have any
+    /// sign, at others they are zero.
+    fn slopes(
+        &self,
+        sides: &[Side],
+        active: &ActiveBounds,
+        multipliers: &Multipliers,
+        counts: Counts,
+    ) -> Vec<f64> {
+        let bounds = self.program.variable_bounds();
+        let mut is_taken = vec![[false; 2]; bounds.lower.len()];
+        let mut slopes = vec![0.0; sides.len()];
+        for k in 0..sides.len() {
             let place = match counts {
                 Counts::First => k,
-                Counts::Last => all - 1 - k,
+                Counts::Last => sides.len() - 1 - k,
             };
-            let side = &mut sides[place];
-            let mut sum = side.of_rows;
-            for &i in &side.variables {
-                let (is_upper, end, slope) = match side.constraint.relation {
-                    ">=" => (false, bounds[i].lower, multipliers.lower[i]),
-                    _ => (true, bounds[i].upper, -multipliers.upper[i]),
+            let Side {
+                constraint,
+                rows,
+                variables,
+            } = &sides[place];
+            let relation = constraint.relation;
+            let of_rows = rows.iter().map(|&row| {
+                let y = multipliers.rows[row];
+                active.rows[row].share(relation, -y)
+            });
+            let mut sum: f64 = of_rows.sum();
+            for &i in variables {
+                let (end, taken) = match relation {
+                    ">=" => (bounds.lower[i], &mut is_taken[i][0]),
+                    _ => (bounds.upper[i], &mut is_taken[i][1]),
                 };
-                let taken = &mut is_taken[i][usize::from(is_upper)];
-                if end == side.constraint.bound && !std::mem::replace(taken, true) {
-                    sum += slope;
+                if end == constraint.bound && !std::mem::replace(taken, true) {
+                    let r = multipliers.lower[i] - multipliers.upper[i];
+                    sum += active.variables[i].share(relation, r);
                 }
             }
-            // -0 becomes 0.
-            side.constraint.multiplier = Some(sum + 0.0);
+            slopes[place] = sum;
         }
-        sides.into_iter().map(|side| side.constraint).collect()
+        slopes
     }
 
     /// The bounds of the experiment, then those that are declared.
-    fn sides(&self, multipliers: &Multipliers) -> Vec<Side> {
-        let mut sides = Vec::new();
+    fn sides(&self) -> Vec<Side> {
         let rows = self.dcs.task.iter().flat_map(|task| &task.rows);
-        for (row, stated) in rows.zip(&self.mpcc.stated) {
-            let Some(value) = &row.name else {
-                continue;
-            };
+        let stated = rows.zip(&self.mpcc.stated).filter_map(|(row, stated)| {
             let blocks = stated.blocks.clone();
             let rows = blocks.flat_map(|block| self.mpcc.rows_of(&self.program, block));
-            let y: Vec<f64> = rows.map(|row| multipliers.rows[row]).collect();
-            let at = row.at.as_str();
             let bounded = Bounded {
-                value,
-                at: Some(at.strip_prefix("the ").unwrap_or(at)),
-                variables: &stated.variables,
+                value: row.name.clone()?,
+                at: Some(row.at.word()),
+                rows: rows.collect(),
+                variables: stated.variables.clone(),
             };
-            match row.lower == row.upper {
-                true => sides.push(bounded.side("=", row.lower, -y.iter().sum::<f64>())),
-                false => sides.extend(bounded.sides([row.lower, row.upper], &y)),
-            }
-        }
-        for declared in self.declared() {
+            Some(bounded.sides([row.lower, row.upper]))
+        });
+        let declared = self.declared().into_iter().map(|declared| {
             let bounded = Bounded {
-                value: &declared.value,
+                value: declared.value,
                 at: declared.at,
-                variables: &declared.variables,
+                rows: Vec::new(),
+                variables: declared.variables,
             };
-            sides.extend(bounded.sides(declared.bounds, &[]));
-        }
-        sides
+            bounded.sides(declared.bounds)
+        });
+        stated.chain(declared).flatten().collect()
     }
 
     /// Controls, free quantities and states with an interval of their own.
@@ -243,7 +295,9 @@ impl Problem<'_, '_> {
                 let nodes = 1..=layout.end;
                 nodes.map(move |m| layout.x(k, j, m) + bound.place)
             });
-            let variables = nodes.chain([start(bound)]).collect();
+            // Where x(0) is given, it is no bound that holds it.
+            let is_free = task.initial.iter().any(|free| free.place == bound.place);
+            let variables = nodes.chain(is_free.then(|| start(bound))).collect();
             found.push(Declared {
                 variables,
                 ..Declared::once(name(bound), bound, 0)

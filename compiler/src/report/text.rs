@@ -16,7 +16,7 @@ const MAX_NAME: usize = 60;
 /// Entries of a vector before the rest is left out.
 const MAX_ENTRIES: usize = 8;
 
-/// Multipliers below this are rounding; chosen by trial.
+/// Multipliers below this share of the objective or of the largest of them are rounding; chosen by trial.
 const FELT: f64 = 1e-6;
 
 /// The report, plain text with a line break at the end.
@@ -102,10 +102,11 @@ fn constraints(trajectory: &Trajectory, text: &mut String) -> fmt::Result {
         .optimum
         .iter()
         .flat_map(|found| &found.values.constraints);
-    let felt = all.filter(|one| {
-        one.multiplier
-            .is_none_or(|multiplier| multiplier.abs() > FELT)
-    });
+    let sizes = all.clone().filter_map(|one| one.multiplier);
+    let sizes = sizes.chain(trajectory.objective);
+    let largest = sizes.fold(0.0, |m: f64, size| m.max(size.abs()));
+    let is_felt = |multiplier: f64| multiplier.abs() > FELT * largest;
+    let felt = all.filter(|one| one.multiplier.is_none_or(is_felt));
     let line = |constraint: &Constraint| {
         let Constraint {
             value,

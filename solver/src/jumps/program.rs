@@ -32,9 +32,9 @@ pub struct StepProgram<P> {
     pub program: P,
     /// Its elements.
     pub elements: Vec<Element>,
-    /// How many Runge-Kutta nodes an element has, and where these are in one of length 1, with both ends.
+    /// How many Runge-Kutta nodes an element has.
     pub nodes: usize,
-    /// Where the points of an element of length 1 are.
+    /// Where the points of an element of length 1 are: its left end, its nodes, and its right end where that is none.
     pub points: Vec<f64>,
     /// How many states there are.
     pub n_states: usize,

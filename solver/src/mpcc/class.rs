@@ -119,23 +119,26 @@ pub fn classify(
     best
 }
 
-/// Multipliers of a point that are nearest to `y`, whatever their signs at bounds that are active.
-pub fn nearest(
+/// Multipliers of a point that are nearest to each of these, whatever their signs at bounds that are active.
+pub fn nearest<const N: usize>(
     lifted: &Lifted<'_>,
     local: &Local,
     sets: &Sets,
-    mut y: Vec<f64>,
+    points: [Vec<f64>; N],
     tolerances: &Tolerances,
-) -> Option<Vec<f64>> {
+) -> Option<[Vec<f64>; N]> {
     let conditions = Conditions::new(lifted, local, sets, tolerances);
     let (cones, rows) = (conditions.strong_cones(), &conditions.rows);
     let is_zero: Vec<bool> = cones.iter().map(|&cone| cone == Cone::Zero).collect();
     let is_without: Vec<bool> = rows.iter().map(|&cone| cone == Cone::Zero).collect();
-    for (y, is_without) in y.iter_mut().zip(&is_without) {
-        *y *= f64::from(u8::from(!is_without));
-    }
     let mut least = LeastNorm::new(local, |i| is_zero[i], |row| !is_without[row]);
-    least.nearest(y, &is_zero, &is_without)
+    least.factor(&is_zero, &is_without)?;
+    Some(points.map(|mut y| {
+        for (y, is_without) in y.iter_mut().zip(&is_without) {
+            *y *= f64::from(u8::from(!is_without));
+        }
+        least.nearest(y, &is_zero)
+    }))
 }
 
 enum Search {

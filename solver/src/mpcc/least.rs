@@ -61,16 +61,12 @@ impl<'a> LeastNorm<'a> {
     /// y that is least with r = 0 for the variables `is_zero`, and zero for the rows `is_without` and for those that
     /// have no unknown; `None` where there is no factorization.
     pub fn multipliers(&mut self, is_zero: &[bool], is_without: &[bool]) -> Option<Vec<f64>> {
-        self.nearest(vec![0.0; self.rows.len()], is_zero, is_without)
+        self.factor(is_zero, is_without)?;
+        Some(self.nearest(vec![0.0; self.rows.len()], is_zero))
     }
 
-    /// The same that is nearest to `y`, which is zero where the result has to be.
-    pub fn nearest(
-        &mut self,
-        mut y: Vec<f64>,
-        is_zero: &[bool],
-        is_without: &[bool],
-    ) -> Option<Vec<f64>> {
+    /// Prepares for these variables and rows; `None` where there is no factorization.
+    pub fn factor(&mut self, is_zero: &[bool], is_without: &[bool]) -> Option<()> {
         // ( -1  Jᵀ ) ( r  )   ( -r )
         // (  J  δ  ) ( Δy ) = (  0 )
         let n = self.n;
@@ -89,7 +85,12 @@ impl<'a> LeastNorm<'a> {
             let place = self.pattern.place(i, i as u32)?;
             values[place] = if i < n { -1.0 } else { PROXIMITY * largest };
         }
-        self.ldl.factor(&values).ok()?;
+        self.ldl.factor(&values).ok().map(|_| ())
+    }
+
+    /// The same that is nearest to `y`, which is zero where the result has to be, for the variables of the factorization.
+    pub fn nearest(&mut self, mut y: Vec<f64>, is_zero: &[bool]) -> Vec<f64> {
+        let n = self.n;
         let mut rhs = vec![0.0; n + self.m];
         for _ in 0..STEPS {
             rhs.fill(0.0);
@@ -106,7 +107,7 @@ impl<'a> LeastNorm<'a> {
                 }
             }
         }
-        Some(y)
+        y
     }
 }
 

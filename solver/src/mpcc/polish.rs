@@ -154,11 +154,13 @@ fn nearest(
     zeros: &[Member],
     work: &mut Work<'_>,
 ) -> Option<Polished> {
-    work.stats.branches += 1;
     let w = reach(lifted, zeros, start, work)?;
     let residuals = Residuals::new(lifted, &w);
-    let is_feasible = residuals.violation <= work.options.feasibility;
-    is_feasible.then(|| Polished {
+    if residuals.violation > work.options.feasibility {
+        return None;
+    }
+    work.stats.branches += 1;
+    Some(Polished {
         objective: lifted.objective(&w),
         zeros: zeros.to_vec(),
         residuals,

@@ -40,14 +40,14 @@ pub fn reach(
     newton.project(&branch, &mut w);
     let mut best = w.clone();
     let mut least = f64::INFINITY;
-    for _ in 0..MAX_STEPS {
+    for steps in 0..=MAX_STEPS {
         if work.is_over() {
             return None;
         }
         let residual = newton.residual(&mut branch, &mut w);
         let size = size(&branch, &w);
         let is_met = least <= work.options.tolerance * size;
-        let is_last = is_met && residual >= PROGRESS * least;
+        let is_last = steps == MAX_STEPS || is_met && residual >= PROGRESS * least;
         if residual < least {
             least = residual;
             best.copy_from_slice(&w);

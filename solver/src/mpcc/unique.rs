@@ -47,12 +47,15 @@ pub(super) fn multipliers(
 }
 
 /// Two other multipliers of a solution, chosen at random: what they share with those of the solution is unique. Signs
-/// at active bounds are not looked at. `None` where there is no factorization.
+/// at active bounds are not looked at. `None` where there is no factorization, or no more time.
 pub fn alternatives(
     problem: &mut dyn Mpcc,
     solution: &Solution,
     options: &Options,
 ) -> Option<[Multipliers; 2]> {
+    if options.limit.is_over() {
+        return None;
+    }
     let tolerances = &options.certificate;
     let mut lifted = Lifted::new(problem);
     let w = lifted.extend(&solution.w);
@@ -60,13 +63,13 @@ pub fn alternatives(
     lifted.settle(Some(&zeros));
     let local = Local::new(&mut lifted, &w);
     let sets = Sets::new(&lifted, &w, tolerances.biactive);
-    let one = |seed: u64| {
-        let y = perturbed(&vec![0.0; local.rows.len()], local.scale, seed, 1);
-        let y = class::nearest(&lifted, &local, &sets, y, tolerances)?;
-        let reduced = local.reduced_gradient(&y);
-        Some(multipliers(&lifted, &w, (y, &reduced), tolerances.biactive))
-    };
-    let found = one(1).zip(one(2));
+    let points = [1, 2].map(|seed| perturbed(&vec![0.0; local.rows.len()], local.scale, seed, 1));
+    let found = class::nearest(&lifted, &local, &sets, points, tolerances).map(|found| {
+        found.map(|y| {
+            let reduced = local.reduced_gradient(&y);
+            multipliers(&lifted, &w, (y, &reduced), tolerances.biactive)
+        })
+    });
     lifted.settle(None);
-    found.map(|(first, second)| [first, second])
+    found
 }

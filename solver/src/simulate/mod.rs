@@ -250,7 +250,7 @@ impl Simulator {
         mode.probed.load(&mode.memory);
     }
 
-    /// Lets runs take no longer than this each.
+    /// Ends all runs that follow where the limit does.
     pub fn set_limit(&mut self, limit: Limit) {
         self.settings.limit = limit;
     }

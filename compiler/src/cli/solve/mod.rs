@@ -30,6 +30,11 @@ pub fn run(args: &SolveArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         writeln!(streams.err, "error: {message}")?;
         return Ok(Exit::Usage);
     }
+    let results = [&args.json, &args.csv, &args.plot];
+    let results = results.into_iter().filter_map(|path| path.as_deref());
+    if !files::foresee(results, streams)? {
+        return Ok(Exit::Wrong);
+    }
     let settings = match settings(args) {
         Ok(settings) => settings,
         Err(error) => {

@@ -39,6 +39,10 @@ pub fn run(args: &TestArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         writeln!(streams.err, "error: {misuse}")?;
         return Ok(Exit::Usage);
     }
+    let results = [args.json.as_deref(), args.junit.as_deref()];
+    if !files::foresee(results.into_iter().flatten(), streams)? {
+        return Ok(Exit::Wrong);
+    }
     let paths = match files::find(&args.paths) {
         Ok(paths) => paths,
         Err(error) => {

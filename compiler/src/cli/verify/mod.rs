@@ -4,7 +4,7 @@ mod optimum;
 mod simulation;
 
 use super::args::VerifyArgs;
-use super::files::{Sink, is_standard};
+use super::files::{self, Sink, is_standard};
 use super::project;
 use super::{Exit, Streams, io};
 use crate::diagnostics::Diagnostics;
@@ -43,6 +43,9 @@ impl Subject<'_> {
 
 /// Runs experiments in every way that takes them, and compares what comes out.
 pub fn run(args: &VerifyArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
+    if !files::foresee(args.json.as_deref(), streams)? {
+        return Ok(Exit::Wrong);
+    }
     let Some((mut project, overrides)) = project::open(&args.file, &args.set, streams)? else {
         return Ok(Exit::Wrong);
     };

@@ -179,14 +179,13 @@ impl<'e> Road<'e> {
         });
         let (outcome, end) = match self {
             Road::Events(hybrid) => {
-                let mut chosen = solver_settings(&settings.method, tolerance, Limit::default());
+                let mut chosen = solver_settings(&settings.method, tolerance, limit.clone());
                 if fine {
                     chosen = finer(&chosen, order, tolerance);
                 }
                 chosen.below.clone_from(&below);
                 let mut simulator = Simulator::new(hybrid.clone(), chosen);
                 drive(frozen, horizon, observer, law, |end, x, thaw| {
-                    simulator.set_limit(limit.clone());
                     simulator.run(0.0, end, x, thaw)
                 })
             }

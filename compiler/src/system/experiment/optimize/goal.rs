@@ -41,11 +41,15 @@ impl<'m, 'e> Words<'m, 'e> {
     /// An expression as it is written, but for the order of its terms.
     pub fn text(&self, value: Expr<'e>) -> String {
         let found = self.found.borrow();
-        let text = value.to_string();
-        found.integrals.iter().fold(text, |text, integral| {
+        let calls = found.integrals.iter().filter_map(|integral| {
             let call = format!("integral({})", integral.value);
-            text.replace(&integral.var.to_string(), &call)
-        })
+            Some((
+                integral.var.as_variable()?,
+                self.model.exprs.variable(&call),
+            ))
+        });
+        let calls: Substitution<'e> = calls.collect();
+        value.substitute(&calls).to_string()
     }
 
     /// Whether some values of the whole run are in expressions.

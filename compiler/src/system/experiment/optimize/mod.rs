@@ -152,6 +152,15 @@ impl At {
             At::Nodes => "nodes",
         }
     }
+
+    /// The word for it in reports.
+    pub fn word(self) -> &'static str {
+        match self {
+            At::Start => "start",
+            At::End => "end",
+            other => other.as_str(),
+        }
+    }
 }
 
 /// A quantity that is optimized, within bounds.
