@@ -55,12 +55,12 @@ use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
 use crate::expr::{self, Expr, Exprs, Var};
 use crate::hybrid::{self, Structural, variable};
-use crate::imports::{self, NoFiles};
 use crate::limit::Limit;
 use crate::messages::Messages;
+use crate::project::{Project, bindings};
 use crate::simulate::solver_settings;
 use crate::source::SourceMap;
-use crate::syntax::{self, Bind, Experiment, File, Item, Path, SettingKind};
+use crate::syntax::{Bind, Experiment, File, Path};
 use crate::system::System;
 use crate::system::experiment::Method;
 
@@ -104,9 +104,6 @@ pub enum NotPrepared {
     /// There is no such experiment, or no value that is named.
     #[error("{0}")]
     NotAsked(Messages),
-    /// There is no experiment of this name.
-    #[error("there is no experiment `{0}`")]
-    NoExperiment(String),
     /// This is no name of a parameter, or of an entry of one.
     #[error("`{0}` is no parameter")]
     NoParameter(String),
@@ -182,23 +179,7 @@ impl Prepared {
     ///
     /// Those of [`Prepared::new`], and names that are not there.
     pub fn from_text(text: &str, experiment: &str, open: &[&str]) -> Result<Self, NotPrepared> {
-        let (mut sources, mut diags) = (SourceMap::new(), Diagnostics::new());
-        let mut file = syntax::parse(&sources.add("text", text), &mut diags);
-        imports::link(&mut file, "text", &mut NoFiles, &mut sources, &mut diags);
-        if diags.has_errors() {
-            return Err(NotPrepared::NotCompiled(diags));
-        }
-        let found = file.items.iter().find_map(|item| match item {
-            Item::Experiment(found) if found.name.name == experiment => Some(found),
-            _ => None,
-        });
-        let found = found.ok_or_else(|| NotPrepared::NoExperiment(experiment.to_owned()))?;
-        let paths = open.iter().map(|name| {
-            let path = path(name, &mut sources);
-            path.ok_or_else(|| NotPrepared::NoParameter((*name).to_owned()))
-        });
-        let paths: Vec<Path> = paths.collect::<Result<_, _>>()?;
-        Self::new(&file, found, &[], &paths)
+        Project::from_text("text", text).prepare(experiment, open, &[])
     }
 
     /// An experiment that has been compiled with open parameters.
@@ -383,21 +364,9 @@ fn first(diags: &Diagnostics) -> String {
 
 /// A name as it stands on the left of `=` in `with`.
 pub(crate) fn path(name: &str, sources: &mut SourceMap) -> Option<Path> {
-    let text = format!("simulate x of x {{ with {{ {name} = 0; }} }}");
-    let mut diags = Diagnostics::new();
-    let file = syntax::parse(&sources.add("name", text), &mut diags);
-    let settings = file.items.into_iter().find_map(|item| match item {
-        Item::Experiment(found) => Some(found.settings),
-        _ => None,
-    });
-    let mut binds = settings?
-        .into_iter()
-        .find_map(|setting| match setting.kind {
-            SettingKind::With(binds) => Some(binds),
-            _ => None,
-        })?;
-    let is_one = !diags.has_errors() && binds.len() == 1;
-    is_one.then(|| binds.remove(0).target)
+    let given = [format!("{name}=0")];
+    let mut binds = bindings((sources, &mut Diagnostics::new()), "open", &given)?;
+    (binds.len() == 1).then(|| binds.remove(0).target)
 }
 
 /// x(0) as a function of the open parameters.

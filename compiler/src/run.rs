@@ -42,14 +42,7 @@ pub struct Run {
 impl Run {
     /// What there is to say about it: why it has ended before its end, and what it warns of.
     pub fn messages(&self) -> Messages {
-        let mut found = Diagnostics::new();
-        for warning in &self.trajectory.warnings {
-            found.push(warning.clone());
-        }
-        if let Some(failure) = &self.trajectory.failure {
-            found.push(failure.clone());
-        }
-        Messages::new(found, self.sources.clone())
+        Messages::new(self.trajectory.diagnostics(), self.sources.clone())
     }
 
     /// All of it as JSON, as `nsdc run --json` writes it.
@@ -157,9 +150,7 @@ impl Project {
             Err(diags) => return Err(Messages::new(diags, asked.sources)),
         };
         trajectory.stats.compile_s = self.compile_seconds(&clock);
-        let warnings = diags.warnings();
-        let warnings = warnings.map(|warning| Warning::of(warning.as_ref()));
-        trajectory.warnings.splice(0..0, warnings);
+        trajectory.warnings.splice(0..0, Warning::all(&diags));
         Ok(Run {
             #[cfg(feature = "plots")]
             figure: dense.then(|| crate::figure::draw(&compiled, &trajectory)),

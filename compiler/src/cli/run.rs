@@ -104,9 +104,7 @@ fn compiled<'e>(
     let (file, overrides) = (&asked.project.file, asked.overrides);
     let mut diags = Diagnostics::new();
     let compiled = compile(exprs, file, experiment, overrides, clock, &mut diags);
-    let warnings = diags.warnings();
-    let warnings = warnings.map(|warning| Warning::of(warning.as_ref()));
-    let warnings: Vec<Warning> = warnings.collect();
+    let warnings = Warning::all(&diags);
     // Experiments of one model meet the same mistakes.
     let failed = diags.has_errors();
     diags.remove_known(said);
@@ -118,14 +116,7 @@ fn compiled<'e>(
 
 /// Tells what a run warns of, and why it has ended.
 fn tell(trajectory: &Trajectory, project: &Project, streams: &mut Streams<'_>) -> io::Result<()> {
-    let mut found = Diagnostics::new();
-    for warning in &trajectory.warnings {
-        found.push(warning.clone());
-    }
-    if let Some(failure) = &trajectory.failure {
-        found.push(failure.clone());
-    }
-    project::print(&found, &project.sources, streams)
+    project::print(&trajectory.diagnostics(), &project.sources, streams)
 }
 
 /// Compiles and runs one experiment, with its figure where one is asked for; `None` after an error.

@@ -289,10 +289,7 @@ impl Swept<'_> {
             settings.sampling = Sampling::At(vec![settings.horizon]);
         }
         let mut run = launch(self.project, &mut compiled, &self.request(), &mut ())?;
-        let warnings = diags
-            .warnings()
-            .map(|warning| Warning::of(warning.as_ref()));
-        run.warnings.splice(0..0, warnings);
+        run.warnings.splice(0..0, Warning::all(&diags));
         Ok(run)
     }
 }

@@ -41,6 +41,7 @@ pub use plane::{Plane, PlaneCurve, words_of};
 pub use refine::refine;
 pub use status::{Certificate, Stationarity, Stats, Status};
 
+use crate::diagnostics::Diagnostics;
 use crate::source::Span;
 
 /// The result of one experiment.
@@ -306,9 +307,27 @@ impl Warning {
             span: None,
         }
     }
+
+    /// The warnings of a compilation as they stand in reports.
+    pub(crate) fn all(diags: &Diagnostics) -> Vec<Self> {
+        let found = diags.warnings();
+        found.map(|warning| Warning::of(warning.as_ref())).collect()
+    }
 }
 
 impl Trajectory {
+    /// What a run warns of, and why it has ended.
+    pub(crate) fn diagnostics(&self) -> Diagnostics {
+        let mut found = Diagnostics::new();
+        for warning in &self.warnings {
+            found.push(warning.clone());
+        }
+        if let Some(failure) = &self.failure {
+            found.push(failure.clone());
+        }
+        found
+    }
+
     /// Instants at which the mode changes, the start excluded.
     pub fn switch_times(&self) -> Vec<f64> {
         self.modes.iter().skip(1).map(|mode| mode.from).collect()

@@ -203,7 +203,7 @@ impl File<'_> {
     fn compilation(&mut self, diags: &Diagnostics, project: &Project) -> Outcome {
         let codes = project::error_codes(diags);
         if codes.is_empty() {
-            self.warnings = told(diags);
+            self.warnings = Warning::all(diags);
             return Outcome::Passed(Vec::new());
         }
         // Where everything that stops it is still to come, it is not wrong.
@@ -278,7 +278,10 @@ impl File<'_> {
             order::of_method(&compiled, &project.sources, limit, &mut watch)
         });
         let mut warnings = project::warning_codes(diags);
-        self.tell(told(diags).iter().chain(&trajectory.warnings), &expects);
+        self.tell(
+            Warning::all(diags).iter().chain(&trajectory.warnings),
+            &expects,
+        );
         let all = ensemble::Source {
             file: &project.file,
             experiment,
@@ -338,12 +341,6 @@ fn without_model(mut outcome: Outcome, mut compared: Compared) -> (Outcome, Comp
         missed.push(Missed::plain(nothing.to_owned()));
     }
     (outcome, compared)
-}
-
-/// What warns of a compilation.
-fn told(diags: &Diagnostics) -> Vec<Warning> {
-    let found = diags.warnings();
-    found.map(|warning| Warning::of(warning.as_ref())).collect()
 }
 
 /// `expect error E0203;`

@@ -277,12 +277,14 @@ impl<'s, 'e> Run<'s, 'e> {
         let parts = |run: &Rehearsed| run.parts(start, start + length).min(MOST_PARTS);
         let parts = self.rehearsed.map_or(1, parts);
         let least = parts.saturating_sub(elements);
+        let from = self.begin(start);
+        check_start(&self.dcs, start).ok()?;
         for added in least..=least + MOST_ADDED {
             // Making the program of many contacts may take longer than solving it.
             if self.limit.is_over() {
                 return None;
             }
-            if let Some(step) = self.solve(start, length, elements + added) {
+            if let Some(step) = self.solve(&from, length, elements + added) {
                 self.added += added;
                 return Some(step);
             }
@@ -290,9 +292,8 @@ impl<'s, 'e> Run<'s, 'e> {
         None
     }
 
-    fn solve(&mut self, start: f64, length: f64, elements: usize) -> Option<Step> {
-        let from = self.begin(start);
-        check_start(&self.dcs, start).ok()?;
+    fn solve(&mut self, from: &StepStart, length: f64, elements: usize) -> Option<Step> {
+        let start = from.time;
         if !self.programs.contains_key(&elements) {
             let made = self.program(start, elements)?;
             self.programs.insert(elements, made);
@@ -300,7 +301,7 @@ impl<'s, 'e> Run<'s, 'e> {
         let made = self.programs.get_mut(&elements)?;
         let closed = |rehearsed: &Rehearsed| rehearsed.closed(start, start + length, elements);
         let closed = self.rehearsed.map(closed).unwrap_or_default();
-        let mut w = made.step.start_from(&from, &closed);
+        let mut w = made.step.start_from(from, &closed);
         if let Some(rehearsed) = self.rehearsed {
             let interval = (start, start + length);
             let bounds = made.step.program.variable_bounds();
@@ -335,8 +336,9 @@ impl<'s, 'e> Run<'s, 'e> {
         for (state, &x) in self.dcs.states.iter_mut().zip(&self.x) {
             state.initial = x;
         }
-        let point = solve_pointwise(self.system, &self.dcs, &self.values(&self.x, start));
-        let mut z = point.algebraics;
+        let known = self.values(&self.x, start);
+        let value = |var: Var| known.get(&var).copied().unwrap_or(f64::NAN);
+        let mut z = solve_pointwise(self.system, &self.dcs, &value).algebraics;
         let size = self.x.iter().fold(1.0, |m: f64, x| m.max(x.abs()));
         for impact in &self.dcs.impacts {
             let gap = &mut z[impact.gap];
@@ -401,17 +403,14 @@ impl<'s, 'e> Run<'s, 'e> {
     }
 
     /// Parameters, states and time, as numbers.
-    fn values<'x>(&'x self, x: &'x [f64], time: f64) -> impl Fn(Var) -> f64 + 'x {
-        move |var: Var| {
-            let is = |e: Expr| e.as_variable() == Some(var);
-            let state = self.dcs.states.iter().position(|state| is(state.var));
-            let param = || self.dcs.params.iter().find(|param| is(param.var));
-            match state {
-                Some(i) => x[i],
-                None if is(self.dcs.time) => time,
-                None => param().map_or(f64::NAN, |param| param.value),
-            }
-        }
+    fn values(&self, x: &[f64], time: f64) -> FxHashMap<Var, f64> {
+        let params = self.dcs.params.iter().map(|param| (param.var, param.value));
+        let states = self.dcs.states.iter().map(|state| state.var);
+        let known = params.chain(states.zip(x.iter().copied()));
+        let known = known.chain([(self.dcs.time, time)]);
+        known
+            .filter_map(|(var, value)| Some((var.as_variable()?, value)))
+            .collect()
     }
 }
 
