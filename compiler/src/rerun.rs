@@ -9,11 +9,13 @@ use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
 use crate::ensemble::Source;
 use crate::expr::Exprs;
+use crate::model::Model;
 use crate::prepared::{Opened, Parameter};
 use crate::report::Trajectory;
 use crate::simulate::{Events, Request};
 use crate::syntax::Path;
 use crate::system::experiment::Sampling;
+use crate::system::values::{Values, bounds};
 use crate::{Compiled, compile};
 
 /// What changes from run to run.
@@ -65,7 +67,7 @@ impl<'e> Rerun<'e> {
         // A relay starts, and what equations solve for is guessed, where the experiment itself starts.
         let is_fixed = system.switches.iter().any(|switch| switch.relay.is_some())
             || !system.algebraic_states().is_empty()
-            || settings.values.moves_limits(model);
+            || moves_limits(model, &settings.values);
         if parameters.len() != open.len() || is_fixed {
             return None;
         }
@@ -154,4 +156,16 @@ fn without_warnings<'e>(
     let (file, overrides) = (source.file, source.overrides);
     let compiled = compile(exprs, file, &experiment, overrides, &mut clock, &mut diags)?;
     diags.is_empty().then_some(compiled)
+}
+
+/// Whether parameters that stay open move the bounds of anything that is watched in a run.
+fn moves_limits<'e>(model: &Model<'e>, values: &Values<'e>) -> bool {
+    let watched = (model.states.iter().chain(&model.algebraics))
+        .chain(model.controls.iter().chain(&model.inputs))
+        .chain(&model.connected);
+    let mut bounds = watched.flat_map(|quantity| {
+        let domain = quantity.domain.iter();
+        domain.flat_map(|domain| (0..quantity.vars.len()).map(move |k| bounds(domain, k)))
+    });
+    bounds.any(|bounds| values.free.first_in(&bounds).is_some())
 }

@@ -88,7 +88,7 @@ mod terms;
 #[cfg(test)]
 mod tests;
 mod unseen;
-mod values;
+pub(crate) mod values;
 mod verify;
 mod words;
 

@@ -63,7 +63,7 @@ impl<'e> FreeParams<'e> {
 }
 
 /// What bounds an entry of a quantity, or what its values are.
-fn bounds<'e>(domain: &Domain<'e>, entry: usize) -> Vec<Expr<'e>> {
+pub(crate) fn bounds<'e>(domain: &Domain<'e>, entry: usize) -> Vec<Expr<'e>> {
     match domain {
         Domain::Box(low, high) => vec![low.data[entry], high.data[entry]],
         Domain::Set(values) => values.clone(),
@@ -122,18 +122,6 @@ impl<'e> Values<'e> {
             moves(param.vars[k], &bounds, is_set).then(name)
         });
         found.next()
-    }
-
-    /// Whether free parameters move the bounds of anything that is watched in a run.
-    pub fn moves_limits(&self, model: &Model<'e>) -> bool {
-        let watched = (model.states.iter().chain(&model.algebraics))
-            .chain(model.controls.iter().chain(&model.inputs))
-            .chain(&model.connected);
-        let mut bounds = watched.flat_map(|quantity| {
-            let domain = quantity.domain.iter();
-            domain.flat_map(|domain| (0..quantity.vars.len()).map(move |k| bounds(domain, k)))
-        });
-        bounds.any(|bounds| self.free.first_in(&bounds).is_some())
     }
 
     /// x(0), of a state that is given as a function of free parameters.
