@@ -47,7 +47,22 @@ struct Sample {
     warnings: Vec<Warning>,
 }
 
-/// Calls `work` for every seed, on up to `n_threads` threads, with the experiment compiled, its plan and the seed set.
+/// An experiment with one of its seeds, ready to be run.
+pub struct Seeded<'e> {
+    /// With the seed set.
+    pub compiled: Compiled<'e>,
+    plan: Plan<'e>,
+}
+
+impl<'e> Seeded<'e> {
+    /// A run with these settings, which have the seed and the method of the experiment.
+    pub fn run(&mut self, settings: &Settings<'e>, request: &Request) -> Trajectory {
+        let system = &self.compiled.system;
+        self.plan.run(system, settings, request, &mut |_| {})
+    }
+}
+
+/// Calls `work` for every seed, on up to `n_threads` threads, with the experiment compiled once for each of these.
 ///
 /// What it returns comes in the order of the seeds. `heard` is told how many are done. The experiment has compiled
 /// without an error before.
@@ -55,7 +70,7 @@ pub fn over_seeds<T: Send>(
     source: Source<'_>,
     seeds: Range<u64>,
     n_threads: usize,
-    work: impl Fn(&Compiled<'_>, &mut Plan) -> T + Sync,
+    work: impl Fn(&mut Seeded<'_>) -> T + Sync,
     heard: &mut dyn FnMut(usize),
 ) -> Vec<T> {
     let count = seeds.end.saturating_sub(seeds.start) as usize;
@@ -68,13 +83,14 @@ pub fn over_seeds<T: Send>(
             overrides,
         } = source;
         let compiled = compile(&exprs, file, experiment, overrides, &mut clock, &mut diags);
-        let mut compiled = compiled.expect("the experiment has compiled before");
-        let mut plan = Plan::new(&compiled.system, &compiled.settings);
+        let compiled = compiled.expect("the experiment has compiled before");
+        let plan = Plan::new(&compiled.system, &compiled.settings);
+        let mut seeded = Seeded { compiled, plan };
         while let Some(run) = share.next() {
-            if let Some(kicks) = &mut compiled.settings.kicks {
+            if let Some(kicks) = &mut seeded.compiled.settings.kicks {
                 kicks.seed = seeds.start + run as u64;
             }
-            share.finish(run, work(&compiled, &mut plan));
+            share.finish(run, work(&mut seeded));
         }
     };
     let runs = threads::in_order(count, n_threads, &AtomicBool::new(false), each, heard);
@@ -110,11 +126,10 @@ pub fn add(
         multipliers: false,
         limit: request.limit.clone(),
     };
-    let work = |compiled: &Compiled<'_>, plan: &mut Plan| {
-        let mut settings = compiled.settings.clone();
+    let work = |seeded: &mut Seeded<'_>| {
+        let mut settings = seeded.compiled.settings.clone();
         settings.sampling = Sampling::At(time.clone());
-        let run = plan.run(&compiled.system, &settings, &request, &mut |_| {});
-        sample(&run, &time)
+        sample(&seeded.run(&settings, &request), &time)
     };
     let samples = over_seeds(source, seeds.clone(), n_threads, work, heard);
     let failed: Vec<u64> = (seeds.clone().zip(&samples))

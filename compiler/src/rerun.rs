@@ -12,7 +12,7 @@ use crate::expr::Exprs;
 use crate::model::Model;
 use crate::prepared::{Opened, Parameter};
 use crate::report::Trajectory;
-use crate::simulate::{Events, Request};
+use crate::simulate::{Plan, Request};
 use crate::syntax::Path;
 use crate::system::experiment::Sampling;
 use crate::system::values::{Values, bounds};
@@ -30,7 +30,7 @@ enum Change {
 /// An experiment by events that has been compiled once, for one thread.
 pub(crate) struct Rerun<'e> {
     compiled: Compiled<'e>,
-    events: Events,
+    plan: Plan<'e>,
     /// None for what stays as it is.
     changes: Vec<Option<Change>>,
     /// The numbers of open parameters in the system, and what they may be.
@@ -91,7 +91,7 @@ impl<'e> Rerun<'e> {
         });
         Some(Rerun {
             changes: changes.collect::<Option<_>>()?,
-            events: Events::new(system, settings, &places),
+            plan: Plan::open(system, settings, &places),
             compiled,
             places,
             parameters,
@@ -139,7 +139,7 @@ impl<'e> Rerun<'e> {
         let (system, settings) = (&self.compiled.system, &self.compiled.settings);
         let mut diags = Diagnostics::new();
         system.check_start(&mut diags);
-        let run = || self.events.run(system, settings, request, &mut |_| {});
+        let run = || self.plan.run(system, settings, request, &mut |_| {});
         diags.is_empty().then(run)
     }
 }

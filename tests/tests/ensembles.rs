@@ -1,9 +1,9 @@
 //! Many runs of one experiment: seeds, threads, quantiles, and how often errors throw a state out of a layer.
 
 use nsd_tests::with_source;
-use nsdc::ensemble::{self, LEVELS};
+use nsdc::ensemble::{self, LEVELS, Seeded};
 use nsdc::report::{Ensemble, Status, Trajectory};
-use nsdc::simulate::{self, Plan, Request};
+use nsdc::simulate::{self, Request};
 
 /// An experiment `run` of a text with all its seeds, on so many threads.
 fn many(text: &str, n_threads: usize) -> (Trajectory, Ensemble) {
@@ -34,14 +34,14 @@ fn many(text: &str, n_threads: usize) -> (Trajectory, Ensemble) {
 fn each<T: Send>(text: &str, read: impl Fn(&Trajectory) -> T + Sync) -> Vec<T> {
     with_source(text, "run", |source, compiled| {
         let seeds = ensemble::seeds(&compiled.settings).expect("the experiment has runs");
-        let work = |compiled: &nsdc::Compiled<'_>, plan: &mut Plan| {
+        let work = |seeded: &mut Seeded<'_>| {
             let request = Request {
                 dense: false,
                 estimate: false,
                 ..Request::default()
             };
-            let (system, settings) = (&compiled.system, &compiled.settings);
-            let found = plan.run(system, settings, &request, &mut |_| {});
+            let settings = seeded.compiled.settings.clone();
+            let found = seeded.run(&settings, &request);
             assert_eq!(found.status, Status::Solved, "{:?}", found.failure);
             read(&found)
         };

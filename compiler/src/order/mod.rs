@@ -23,7 +23,7 @@ use crate::clock::Instant;
 use crate::report::expect::Convergence;
 #[cfg(feature = "plots")]
 use crate::report::plot::{Curve as Line, LogLog};
-use crate::simulate::{Bench, End, Variant, whole};
+use crate::simulate::{Bench, End};
 use crate::source::SourceMap;
 use crate::system::experiment::Settings;
 use grid::Sweep;
@@ -142,8 +142,8 @@ pub fn study(
     let started = Instant::now();
     let settings = &compiled.settings;
     has_switches_alone(compiled)?;
-    let bench = Bench::new(&compiled.system, settings);
-    let found = reference::find(compiled, &bench, sources, limit / 4)?;
+    let mut bench = Bench::new(&compiled.system, settings);
+    let found = reference::find(compiled, &mut bench, sources, limit / 4)?;
     let reference = found.reference;
     let (sweeps, mut left_out) = grid::sweeps(&bench, settings, found.steps);
     let mut sweeps: Vec<(Sweep, Option<&Compiled>)> =
@@ -168,12 +168,10 @@ pub fn study(
             let name = &sweep.name;
             watch(Progress { name, knob, done });
         };
-        let run = |variant, limit| match lowered {
-            None => bench.run(variant, limit),
-            Some(lowered) => whole(&lowered.system, &lowered.settings, variant, limit),
-        };
+        let mut other = lowered.map(|lowered| Bench::lowered(&lowered.system, &lowered.settings));
+        let bench = other.as_mut().unwrap_or(&mut bench);
         curves.push(measure(
-            &run, settings, sweep, &reference, share, &mut watch,
+            bench, settings, sweep, &reference, share, &mut watch,
         ));
     }
     Ok(Study {
@@ -197,7 +195,7 @@ pub fn of_method(
     let started = Instant::now();
     let settings = &compiled.settings;
     has_switches_alone(compiled)?;
-    let bench = Bench::untimed(&compiled.system, settings);
+    let mut bench = Bench::new(&compiled.system, settings).untimed();
     let takes_jumps = settings.freezes() || settings.takes_impulses();
     if let Some(reason) = bench
         .without_elements()
@@ -207,7 +205,7 @@ pub fn of_method(
             "the order of this lowering is not measured: {reason}"
         ));
     }
-    let found = reference::find(compiled, &bench, sources, limit / 4)
+    let found = reference::find(compiled, &mut bench, sources, limit / 4)
         .map_err(|failure| format!("there is nothing to measure errors against: {failure}"))?;
     let Some(sweep) = grid::own(settings, found.steps) else {
         return Err("the method has no number of steps".into());
@@ -219,11 +217,10 @@ pub fn of_method(
     };
     let left = limit.saturating_sub(started.elapsed());
     let reference = &found.reference;
-    let run = |variant, limit| match takes_jumps {
-        false => bench.run(variant, limit),
-        true => whole(&compiled.system, settings, variant, limit),
-    };
-    let curve = measure(&run, settings, &sweep, reference, left, &mut watch);
+    if takes_jumps {
+        bench = Bench::lowered(&compiled.system, settings).untimed();
+    }
+    let curve = measure(&mut bench, settings, &sweep, reference, left, &mut watch);
     match &curve.fit {
         Some(fit) => Ok(Convergence {
             order: fit.order,
@@ -251,7 +248,7 @@ fn has_switches_alone(compiled: &Compiled<'_>) -> Result<(), String> {
 
 /// Refines until the error is that of the reference, or the time is over.
 fn measure(
-    run: &dyn Fn(Variant, Duration) -> End,
+    bench: &mut Bench<'_, '_>,
     settings: &Settings,
     sweep: &Sweep,
     reference: &Reference,
@@ -270,7 +267,7 @@ fn measure(
             steps,
             failure,
             seconds,
-        } = run(variant, left.max(Duration::from_millis(1)));
+        } = bench.run(variant, left.max(Duration::from_millis(1)));
         let error = match failure {
             Some(failure) => Err(failure),
             None => Ok(reference.error(&x)),

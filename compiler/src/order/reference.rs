@@ -48,14 +48,14 @@ impl Reference {
 /// else the state that the accurate run reaches.
 pub fn find(
     compiled: &Compiled<'_>,
-    bench: &Bench<'_, '_>,
+    bench: &mut Bench<'_, '_>,
     sources: &SourceMap,
     limit: Duration,
 ) -> Result<Found, String> {
     let expects = &compiled.settings.expects;
     let expected = expect::final_state(&compiled.subject(sources), expects);
     let run = by_events(bench, limit).or_else(|failure| by_elements(bench, limit, failure));
-    let start = norm(bench.start());
+    let start = norm(&bench.start());
     let size = |x: &[f64]| match start.max(norm(x)) {
         0.0 => 1.0,
         size => size,
@@ -113,8 +113,8 @@ struct Run {
 }
 
 /// Two runs by the event method, of different orders.
-fn by_events(bench: &Bench<'_, '_>, limit: Duration) -> Result<Run, String> {
-    let run = |tolerance, more_orders| {
+fn by_events(bench: &mut Bench<'_, '_>, limit: Duration) -> Result<Run, String> {
+    let mut run = |tolerance, more_orders| {
         let variant = Variant::Event {
             tolerance,
             more_orders,
@@ -131,11 +131,11 @@ fn by_events(bench: &Bench<'_, '_>, limit: Duration) -> Result<Run, String> {
 }
 
 /// Two runs by finite elements, on grids of which one is twice as fine.
-fn by_elements(bench: &Bench<'_, '_>, limit: Duration, failure: String) -> Result<Run, String> {
+fn by_elements(bench: &mut Bench<'_, '_>, limit: Duration, failure: String) -> Result<Run, String> {
     if bench.without_elements().is_some() {
         return Err(failure);
     }
-    let run = |steps| {
+    let mut run = |steps| {
         let variant = Variant::Fesd {
             scheme: (Family::RadauIia, 5),
             steps,

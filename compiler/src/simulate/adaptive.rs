@@ -3,82 +3,99 @@
 //! α_i is 0 or 1 by the sign of ψ_i wherever the method looks, and nothing locates where it changes.
 //! A second run with a hundredth of the tolerance gives the estimate of the error.
 
-use crate::clock::Instant;
 use crate::hybrid::{self, Polynomials, Pulses, data_of, tape, variable};
 use nsd_solver::simulate::{Piecewise, write_pieces};
 use std::sync::Arc;
 
 use nsd_solver::adaptive::{self, Field, Simulator};
-use nsd_solver::simulate::{Side, Status};
+use nsd_solver::simulate::{Observer, Side};
 use nsd_solver::tape::{Scratch, Tape};
 
-use super::fesd::estimate;
-use super::overlooked::Looking;
+use super::driver::{Accuracy, Ended, Problem, REFINEMENT, Run};
+use super::estimate::{Estimate, Estimator};
 use super::schedule::scheduled;
-use super::watch::{Progress, Watched};
-use super::{Comparison, REFINEMENT, Recorder, Request, assemble, judge};
 use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::report::{Method, MethodOption, Trajectory, Warning};
 use crate::system::System;
 use crate::system::experiment::Settings;
 use crate::system::roots::Vanishing;
 
-/// Integrates the system as if it had no switches.
-pub(super) fn run(
-    system: &System,
-    settings: &Settings,
-    request: &Request,
-    watch: &mut dyn FnMut(Progress),
-) -> Trajectory {
-    let started = Instant::now();
-    let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
-    let pulses = Pulses::of(system, settings.horizon);
-    let stepping = scheduled(system, settings.horizon);
-    let simulator = |tolerance: f64| {
+/// A system as if it had no switches.
+pub(super) struct Adaptive {
+    field: Jumping,
+}
+
+impl Adaptive {
+    /// Compiles a system.
+    pub fn new(system: &System, settings: &Settings) -> Self {
+        let pulses = Pulses::of(system, settings.horizon);
+        let stepping = scheduled(system, settings.horizon);
+        Adaptive {
+            field: Jumping::new(&stepping, pulses),
+        }
+    }
+}
+
+impl<'e> Run<'e> for Adaptive {
+    fn march(
+        &mut self,
+        problem: &Problem<'_, 'e>,
+        accuracy: Accuracy,
+        mut observer: &mut dyn Observer,
+    ) -> Ended {
+        let refinement = if accuracy.is_finer { REFINEMENT } else { 1.0 };
         let settings = adaptive::Settings {
-            tolerance,
-            limit: request.limit.clone(),
+            tolerance: refinement * accuracy.tolerance,
+            limit: problem.limit.clone(),
             ..adaptive::Settings::default()
         };
-        let field = Jumping::new(&stepping, pulses.clone());
-        Simulator::new(field, settings)
-    };
-    let mut recorder = Recorder::new(system, settings, settings.tolerance, request.dense);
-    let mut looking = Looking::new(system, settings, &mut recorder);
-    let mut watched = Watched::new(&mut looking, settings.horizon, false, watch);
-    let mut outcome = simulator(settings.tolerance).run(0.0, settings.horizon, &x0, &mut watched);
-    outcome.notes.extend(looking.notes());
-    let wanted = request.estimate && outcome.status == Status::Solved;
-    let estimate = wanted.then(|| {
-        let mut comparison = Comparison::new(&recorder, &x0);
-        let mut watched = Watched::new(&mut comparison, settings.horizon, true, watch);
-        let mut simulator = simulator(REFINEMENT * settings.tolerance);
-        let fine = simulator.run(0.0, settings.horizon, &x0, &mut watched);
-        let solved = fine.status == Status::Solved;
-        solved.then(|| estimate(system, &comparison, [&outcome, &fine]))?
-    });
-    let mut trajectory = assemble(system, settings, &outcome, recorder);
-    trajectory.method = Method {
-        name: "adaptive".into(),
-        options: vec![("tolerance".into(), MethodOption::Number(settings.tolerance))],
-    };
-    // The sides at the points say which modes there are; no instant was looked for.
-    trajectory.events.clear();
-    if !system.switches.is_empty() {
-        trajectory.warnings.push(Warning {
-            code: "W0708".into(),
-            message: "switches were not located: instants of modes are ends of steps".into(),
-            span: Some(settings.span),
-        });
+        let mut simulator = Simulator::new(self.field.clone(), settings);
+        let horizon = problem.settings.horizon;
+        Ended::by(simulator.run(0.0, horizon, &problem.x0, &mut observer))
     }
-    if let Some(estimate) = estimate.flatten() {
-        judge(&mut trajectory, &estimate, settings);
+
+    fn describe(&self, problem: &Problem<'_, 'e>, _: &Ended) -> Method {
+        let tolerance = MethodOption::Number(problem.settings.tolerance);
+        Method {
+            name: "adaptive".into(),
+            options: vec![("tolerance".into(), tolerance)],
+        }
     }
-    trajectory.stats.solve_s = started.elapsed().as_secs_f64();
-    trajectory
+
+    fn estimator(&self, _: &Settings<'e>) -> Estimator {
+        Estimator::Tolerance
+    }
+
+    fn compares(&self, ended: &Ended) -> bool {
+        ended.is_solved()
+    }
+
+    /// What switches do to an error no tolerance mends.
+    fn refined(
+        &mut self,
+        _: &Settings<'e>,
+        _: Accuracy,
+        _: &Ended,
+        _: Option<&Estimate>,
+    ) -> Option<Accuracy> {
+        None
+    }
+
+    fn tell(&mut self, problem: &Problem<'_, 'e>, _: &Ended, trajectory: &mut Trajectory) {
+        // The sides at the points say which modes there are; no instant was looked for.
+        trajectory.events.clear();
+        if !problem.system.switches.is_empty() {
+            trajectory.warnings.push(Warning {
+                code: "W0708".into(),
+                message: "switches were not located: instants of modes are ends of steps".into(),
+                span: Some(problem.settings.span),
+            });
+        }
+    }
 }
 
 /// f(t, x, step(ψ(t, x))) as one function of time and state.
+#[derive(Clone)]
 pub(super) struct Jumping {
     /// (t, x, α) to f and to ψ.
     rates: Tape,

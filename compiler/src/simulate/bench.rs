@@ -3,27 +3,19 @@
 //! The first run of a solver compiles its functions. Those after it are timed: they are the solve
 //! and nothing else.
 
-use crate::clock::Instant;
-use crate::hybrid::{self, Pulses};
-use crate::limit::Limit;
-use nsd_solver::simulate::HybridSystem;
-use std::ops::ControlFlow;
-use std::sync::Arc;
 use std::time::Duration;
 
-use nsd_solver::adaptive;
-use nsd_solver::fesd::{self, Grid};
-use nsd_solver::simulate as solver;
 use nsd_solver::tableau::Family;
-use solver::{Observer, Outcome, Segment, Simulator, Status};
 
-use super::adaptive::Jumping;
-use super::fesd::{self as elements, Complementarity};
+use super::driver::{Accuracy, Ended, Problem, Run};
+use super::events::solver_settings;
 use super::modes::ModeNames;
-use super::{Request, outcome, solver_settings};
+use super::{outcome, plan};
+use crate::clock::Instant;
 use crate::dcs;
+use crate::limit::Limit;
 use crate::system::experiment::{
-    EventOptions, FesdOptions, Method, Sampling, Settings, SmoothingOptions, SteppingOptions,
+    EventOptions, FesdOptions, Lowering, Method, Settings, SmoothingOptions, SteppingOptions,
     beside_branches,
 };
 use crate::system::{Role, Switch, System, smoothing};
@@ -79,11 +71,11 @@ pub struct End {
 /// An experiment that is run by several methods.
 pub struct Bench<'s, 'e> {
     system: &'s System<'e>,
-    settings: &'s Settings<'e>,
-    x0: Vec<f64>,
-    hybrid: Arc<HybridSystem>,
-    /// Or why there is none.
-    complementarity: Result<Complementarity<'e>, String>,
+    settings: Settings<'e>,
+    /// Why the system has no finite elements, if it has none.
+    without_elements: Option<String>,
+    /// The methods that have been compiled, by their names.
+    plans: Vec<(&'static str, Box<dyn Run<'e> + 'e>)>,
     /// Solves that are timed, at most.
     repetitions: usize,
 }
@@ -96,29 +88,45 @@ const MOST_REPETITIONS: usize = 9;
 const REPETITIONS: Duration = Duration::from_millis(20);
 
 impl<'s, 'e> Bench<'s, 'e> {
-    /// Prepares what the methods share.
-    pub fn new(system: &'s System<'e>, settings: &'s Settings<'e>) -> Self {
+    /// For runs of the system as it is, whatever the experiment lowers its jumps to.
+    pub fn new(system: &'s System<'e>, settings: &Settings<'e>) -> Self {
+        let mut settings = settings.clone();
+        let takes_jumps = [Lowering::TimeFreezing, Lowering::Impact];
+        settings
+            .lowerings
+            .retain(|lowering| !takes_jumps.contains(lowering));
+        let without_elements = without_elements(system, &settings);
+        Bench {
+            without_elements,
+            ..Bench::lowered(system, &settings)
+        }
+    }
+
+    /// For runs of the system as the experiment lowers it, which has been checked.
+    pub fn lowered(system: &'s System<'e>, settings: &Settings<'e>) -> Self {
+        let mut settings = settings.clone();
+        (settings.kicks, settings.averages) = (None, false);
         Bench {
             system,
             settings,
-            x0: system.states.iter().map(|state| state.initial).collect(),
-            hybrid: hybrid::lower_over(system, settings.horizon),
-            complementarity: complementarity(system, settings),
+            without_elements: None,
+            plans: Vec::new(),
             repetitions: MOST_REPETITIONS,
         }
     }
 
     /// The same for runs whose time is of no interest: each is made once.
-    pub fn untimed(system: &'s System<'e>, settings: &'s Settings<'e>) -> Self {
+    pub fn untimed(self) -> Self {
         Bench {
             repetitions: 0,
-            ..Bench::new(system, settings)
+            ..self
         }
     }
 
     /// The state at the start.
-    pub fn start(&self) -> &[f64] {
-        &self.x0
+    pub fn start(&self) -> Vec<f64> {
+        let states = self.system.states.iter();
+        states.map(|state| state.initial).collect()
     }
 
     /// Whether the dynamics jump across some surface.
@@ -149,220 +157,118 @@ impl<'s, 'e> Bench<'s, 'e> {
 
     /// Why the system has no finite elements.
     pub fn without_elements(&self) -> Option<&str> {
-        self.complementarity.as_ref().err().map(String::as_str)
+        self.without_elements.as_deref()
     }
 
     /// Runs to the horizon. A run that takes longer than `limit` fails.
-    pub fn run(&self, variant: Variant, limit: Duration) -> End {
-        let (outcome, seconds) = match variant {
+    pub fn run(&mut self, variant: Variant, limit: Duration) -> End {
+        let settings = variant.settings(&self.settings);
+        let limit = &Limit::within(limit);
+        if let Variant::Smoothing(options) = variant {
+            let smoothed = smoothing::smooth(self.system, &options);
+            let mut run = plan::method(&smoothed, &settings);
+            return self.measure(&mut *run, &Problem::of_end(&smoothed, &settings, limit));
+        }
+        let (system, name) = (self.system, settings.method.word());
+        let known = self.plans.iter().position(|(known, _)| *known == name);
+        let at = known.unwrap_or_else(|| {
+            self.plans.push((name, plan::method(system, &settings)));
+            self.plans.len() - 1
+        });
+        let mut plans = std::mem::take(&mut self.plans);
+        let problem = Problem::of_end(system, &settings, limit);
+        let end = self.measure(&mut *plans[at].1, &problem);
+        self.plans = plans;
+        end
+    }
+
+    /// The end of a solve, and the median time of those after the first.
+    fn measure(&self, run: &mut dyn Run<'e>, problem: &Problem<'_, 'e>) -> End {
+        let accuracy = Accuracy::of(problem.settings);
+        let started = Instant::now();
+        let Ended { outcome, failure } = run.march(problem, accuracy, &mut ());
+        let mut seconds = started.elapsed().as_secs_f64();
+        let (system, settings) = (problem.system, problem.settings);
+        let names = ModeNames::new(system);
+        let failure = failure.or_else(|| outcome::failure(system, &names, &outcome, settings));
+        let is_short = seconds <= REPETITIONS.as_secs_f64() && failure.is_none();
+        if self.repetitions > 0 && is_short {
+            let started = Instant::now();
+            let mut times = Vec::with_capacity(self.repetitions);
+            while times.is_empty()
+                || times.len() < self.repetitions && started.elapsed() < REPETITIONS
+            {
+                let started = Instant::now();
+                run.march(problem, accuracy, &mut ());
+                times.push(started.elapsed().as_secs_f64());
+            }
+            times.sort_by(f64::total_cmp);
+            seconds = times[times.len() / 2];
+        }
+        End {
+            x: outcome.x,
+            steps: outcome.stats.steps,
+            failure: failure.map(|failure| failure.to_string()),
+            seconds,
+        }
+    }
+}
+
+impl Variant {
+    /// An experiment with this method in place of its own.
+    fn settings<'e>(self, of: &Settings<'e>) -> Settings<'e> {
+        let mut settings = of.clone();
+        settings.method = match self {
             Variant::Event {
                 tolerance,
                 more_orders,
-            } => self.by_events(tolerance, more_orders, limit),
+            } => {
+                settings.tolerance = tolerance;
+                let mut options = match &of.method {
+                    Method::Event(options) => options.clone(),
+                    _ => EventOptions::default(),
+                };
+                if more_orders > 0 {
+                    let chosen = solver_settings(&of.method, tolerance, Limit::default());
+                    options.order = Some(chosen.series_order() + more_orders);
+                }
+                Method::Event(options)
+            }
             Variant::Fesd {
                 scheme,
                 steps,
                 elements,
-            } => self.by_elements(scheme, Grid::Steps { steps, elements }, limit),
-            Variant::Timestepping { scheme, steps } => self.by_steps(scheme, steps, limit),
-            Variant::Smoothing(options) => self.by_smoothing(&options, limit),
-            Variant::Adaptive { tolerance } => self.by_extrapolation(tolerance, limit),
+            } => Method::Fesd(FesdOptions {
+                scheme,
+                steps: Some(steps),
+                elements,
+                ..FesdOptions::default()
+            }),
+            Variant::Timestepping { scheme, steps } => Method::Timestepping(SteppingOptions {
+                scheme: Some(scheme),
+                steps,
+            }),
+            Variant::Smoothing(options) => {
+                settings.tolerance = SMOOTHED_TOLERANCE;
+                Method::Smoothing(options)
+            }
+            Variant::Adaptive { tolerance } => {
+                settings.tolerance = tolerance;
+                Method::Adaptive
+            }
         };
-        let names = ModeNames::new(self.system);
-        let failure = outcome::failure(self.system, &names, &outcome, self.settings);
-        End {
-            failure: failure.map(|failure| failure.to_string()),
-            x: outcome.x,
-            steps: outcome.stats.steps,
-            seconds,
-        }
-    }
-
-    fn by_events(&self, tolerance: f64, more_orders: usize, limit: Duration) -> (Outcome, f64) {
-        let mut settings = solver_settings(&self.settings.method, tolerance, Limit::within(limit));
-        if more_orders > 0 {
-            let order = Simulator::new(self.hybrid.clone(), settings.clone()).order();
-            settings.order = Some(order + more_orders);
-        }
-        let mut simulator = Simulator::new(self.hybrid.clone(), settings);
-        let horizon = self.settings.horizon;
-        self.measure(|| simulator.run(0.0, horizon, &self.x0, &mut Unseen))
-    }
-
-    fn by_elements(
-        &self,
-        (family, nodes): (Family, usize),
-        grid: Grid,
-        limit: Duration,
-    ) -> (Outcome, f64) {
-        let settings = fesd::Settings {
-            grid,
-            limit: Limit::within(limit),
-            ..fesd::Settings::new(family, nodes)
-        };
-        let system = self.complementarity.as_ref();
-        let system = system.expect("only systems with finite elements are run by them");
-        let guide = self.system.first_nonlinear().map(|_| &self.hybrid);
-        let mut simulator = elements::simulator(system, guide, settings);
-        let horizon = self.settings.horizon;
-        self.measure(|| {
-            let solution = simulator.run(0.0, horizon, &self.x0, &mut Unseen);
-            solution.outcome
-        })
-    }
-
-    fn by_steps(
-        &self,
-        (family, nodes): (Family, usize),
-        steps: usize,
-        limit: Duration,
-    ) -> (Outcome, f64) {
-        let settings = fesd::SteppingSettings {
-            family,
-            nodes,
-            steps,
-            limit: Limit::within(limit),
-        };
-        let system = self.complementarity.as_ref();
-        let system = system.expect("only systems that are lowered are stepped");
-        let stepper = fesd::Stepper::new(system, settings);
-        let mut stepper = stepper.expect("the number of nodes has been checked");
-        let horizon = self.settings.horizon;
-        self.measure(|| stepper.run(0.0, horizon, &self.x0, &mut Unseen))
-    }
-
-    fn by_smoothing(&self, options: &SmoothingOptions, limit: Duration) -> (Outcome, f64) {
-        let horizon = self.settings.horizon;
-        let smoothed = smoothing::smooth(self.system, options);
-        let settings = solver::Settings {
-            tolerance: SMOOTHED_TOLERANCE,
-            limit: Limit::within(limit),
-            ..solver::Settings::default()
-        };
-        let mut simulator = Simulator::new(hybrid::lower_over(&smoothed, horizon), settings);
-        let (mut outcome, seconds) =
-            self.measure(|| simulator.run(0.0, horizon, &self.x0, &mut Unseen));
-        // Its switches are others.
-        outcome.status = match outcome.status {
-            status @ (Status::Solved | Status::Over(_) | Status::StepLimit) => status,
-            _ => Status::Unsolved,
-        };
-        (outcome, seconds)
-    }
-
-    fn by_extrapolation(&self, tolerance: f64, limit: Duration) -> (Outcome, f64) {
-        let settings = adaptive::Settings {
-            tolerance,
-            limit: Limit::within(limit),
-            ..adaptive::Settings::default()
-        };
-        let horizon = self.settings.horizon;
-        let field = Jumping::new(self.system, Pulses::of(self.system, horizon));
-        let mut simulator = adaptive::Simulator::new(field, settings);
-        self.measure(|| simulator.run(0.0, horizon, &self.x0, &mut Unseen))
-    }
-
-    /// The outcome of a solve, and the median time of those after the first.
-    fn measure(&self, mut solve: impl FnMut() -> Outcome) -> (Outcome, f64) {
-        let started = Instant::now();
-        let outcome = solve();
-        let first = started.elapsed();
-        let once = self.repetitions == 0 || first > REPETITIONS;
-        if outcome.status != Status::Solved || once {
-            return (outcome, first.as_secs_f64());
-        }
-        let started = Instant::now();
-        let mut times = Vec::with_capacity(self.repetitions);
-        while times.is_empty() || times.len() < self.repetitions && started.elapsed() < REPETITIONS
-        {
-            let started = Instant::now();
-            solve();
-            times.push(started.elapsed().as_secs_f64());
-        }
-        times.sort_by(f64::total_cmp);
-        (outcome, times[times.len() / 2])
+        settings
     }
 }
 
-/// A run of an experiment as it is, with another method, for its end; its time is that of everything. A run that takes
-/// longer than `limit` fails.
-pub fn whole<'e>(
-    system: &System<'e>,
-    settings: &Settings<'e>,
-    variant: Variant,
-    limit: Duration,
-) -> End {
-    let mut settings = settings.clone();
-    settings.sampling = Sampling::Method;
-    settings.outputs = None;
-    settings.method = match variant {
-        Variant::Event { tolerance, .. } | Variant::Adaptive { tolerance } => {
-            settings.tolerance = tolerance;
-            Method::Event(EventOptions::default())
-        }
-        Variant::Fesd {
-            scheme,
-            steps,
-            elements,
-        } => Method::Fesd(FesdOptions {
-            scheme,
-            steps: Some(steps),
-            elements,
-            ..FesdOptions::default()
-        }),
-        Variant::Timestepping { steps, .. } => Method::Timestepping(SteppingOptions {
-            scheme: None,
-            steps,
-        }),
-        Variant::Smoothing(options) => Method::Smoothing(options),
-    };
-    let request = Request {
-        dense: false,
-        estimate: false,
-        multipliers: false,
-        limit: Limit::within(limit),
-    };
-    let run = super::run(system, &settings, &request);
-    let last = run.time.len() - 1;
-    End {
-        x: (run.states.iter())
-            .flat_map(|series| series.at(last).to_vec())
-            .collect(),
-        steps: run.stats.steps as usize,
-        failure: run.failure.map(|failure| failure.to_string()),
-        seconds: run.stats.solve_s,
-    }
-}
-
-/// The system as finite elements see it, or why they do not.
-fn complementarity<'e>(
-    system: &System<'e>,
-    settings: &Settings,
-) -> Result<Complementarity<'e>, String> {
+/// Why a system is not one that finite elements see.
+fn without_elements(system: &System, settings: &Settings) -> Option<String> {
     if let Some(k) = system.first_nonlinear()
         && let Some((beside, _)) = beside_branches(system)
     {
         let name = &system.switches[k].name;
-        return Err(format!("`{name}` is read nonlinearly beside {beside}"));
+        return Some(format!("`{name}` is read nonlinearly beside {beside}"));
     }
-    let lowerings = &settings.lowerings;
-    dcs::check(system, lowerings, true).map_err(|error| error.to_string())?;
-    let dcs = dcs::lower(system, lowerings).map_err(|error| error.to_string())?;
-    if let Some(impact) = dcs.impacts.first() {
-        return Err(format!("contact `{}` gives impulses", impact.name));
-    }
-    Ok(Complementarity::new(system, &dcs))
+    let checked = dcs::check(system, &settings.lowerings, true);
+    checked.err().map(|error| error.to_string())
 }
-
-/// Sees nothing.
-struct Unseen;
-
-impl Observer for Unseen {
-    fn segment(&mut self, _: &Segment) -> ControlFlow<()> {
-        ControlFlow::Continue(())
-    }
-
-    fn event(&mut self, _: &solver::Event) {}
-}
-
-impl fesd::Observer for Unseen {}

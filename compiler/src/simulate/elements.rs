@@ -5,9 +5,8 @@
 //! their 2α - 1 is inside of it, and are above where it is on the edge at all nodes. Where states have jumped there are
 //! two values at one time.
 
-use nsd_solver::simulate::{Note, Polynomials, Segment, Side};
+use nsd_solver::simulate::{Polynomials, Side};
 
-use super::overlooked::Look;
 use super::{Points, recorded};
 use crate::expr::{Expr, Var};
 use crate::report::{Dense, Piece, Trajectory};
@@ -20,13 +19,104 @@ const ROUNDING: f64 = 1e-7;
 /// Nodes that are closer, as a share of their element, make no polynomial.
 const CLOSEST: f64 = 1e-4;
 
-/// Points, polynomials and sides, element by element.
-pub(crate) struct Elements<'s, 'e> {
-    system: &'s System<'e>,
+/// Where the nodes of elements are.
+#[derive(Clone, Debug)]
+pub(super) struct Shape {
     /// Node 0, the Runge-Kutta nodes, and the end, in an element of length 1.
     nodes: Vec<f64>,
     /// How many of them are Runge-Kutta nodes.
     n_nodes: usize,
+}
+
+impl Shape {
+    /// With the nodes of an element of length 1: 0, those of a Runge-Kutta method, and the end where it is none of them.
+    pub fn new(nodes: &[f64], n_nodes: usize) -> Self {
+        Shape {
+            nodes: nodes.to_vec(),
+            n_nodes,
+        }
+    }
+
+    /// The polynomials and sides of an element with the instants and states of its nodes and ends, and α at its nodes.
+    pub fn element(
+        &self,
+        system: &System,
+        instants: &[f64],
+        x: &[&[f64]],
+        alphas: &[Vec<f64>],
+    ) -> (Piece, Box<[Side]>) {
+        let (from, to) = (instants[0], instants[instants.len() - 1]);
+        let (n, n_coefficients) = (system.states.len(), self.nodes.len());
+        let nodes = apart(instants, &self.nodes);
+        let through = basis(&nodes);
+        let inner = basis(&nodes[1..=self.n_nodes]);
+        let mut coefficients = Vec::with_capacity((n + alphas[0].len()) * n_coefficients);
+        for i in 0..n {
+            let values = x.iter().map(|x| x[i]);
+            push(
+                &mut coefficients,
+                &through,
+                values,
+                to - from,
+                n_coefficients,
+            );
+        }
+        for i in 0..alphas[0].len() {
+            let values = alphas.iter().map(|alpha| alpha[i]);
+            push(&mut coefficients, &inner, values, to - from, n_coefficients);
+        }
+        for data in &system.data {
+            let known = data.table.piece(0.5 * (from + to)).around(from);
+            let rest = n_coefficients.saturating_sub(known.len());
+            coefficients.extend(known.into_iter().take(n_coefficients));
+            coefficients.resize(coefficients.len() + rest, 0.0);
+        }
+        let m = x.len() / 2;
+        let sides = (0..alphas[0].len()).map(|i| side(system, i, alphas, (instants[m], x[m])));
+        let piece = Piece {
+            from,
+            to,
+            n_coefficients,
+            coefficients,
+        };
+        (piece, sides.collect())
+    }
+}
+
+/// The side of a switch in an element with α at its nodes, and an instant and the state in its middle.
+fn side(system: &System, i: usize, alphas: &[Vec<f64>], (t, x): (f64, &[f64])) -> Side {
+    let values = alphas.iter().map(|alpha| alpha[i]);
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), a| {
+        (low.min(a), high.max(a))
+    });
+    match system.switches[i].role {
+        Role::Step => {}
+        Role::Equation => return Side::Slide,
+        Role::Member(other) => {
+            // What is smaller in the middle of the element is zero.
+            let [own, others] = [i, other].map(|k| member(system, k, t, x));
+            let is_zero = own < others || own == others && i < other;
+            return if is_zero { Side::Slide } else { Side::Minus };
+        }
+    }
+    if let Some(other) = system.switches[i].across {
+        let inside = |alpha: f64| (2.0 * alpha - 1.0).powi(2);
+        let square = |alpha: &Vec<f64>| inside(alpha[i]) + inside(alpha[other]);
+        let on_edge = alphas.iter().all(|alpha| square(alpha) >= 1.0 - ROUNDING);
+        return if on_edge { Side::Plus } else { Side::Slide };
+    }
+    match (low >= 1.0 - ROUNDING, high <= ROUNDING) {
+        (true, _) => Side::Plus,
+        // A force has no bound.
+        (_, true) if !system.switches[i].unilateral => Side::Minus,
+        _ => Side::Slide,
+    }
+}
+
+/// Points, polynomials and sides, element by element.
+pub(crate) struct Elements<'s, 'e> {
+    system: &'s System<'e>,
+    shape: Shape,
     points: Points,
     pieces: Vec<Piece>,
     sides: Vec<(f64, Box<[Side]>)>,
@@ -36,8 +126,7 @@ impl<'s, 'e> Elements<'s, 'e> {
     pub fn new(system: &'s System<'e>, nodes: &[f64], n_nodes: usize) -> Self {
         Elements {
             system,
-            nodes: nodes.to_vec(),
-            n_nodes,
+            shape: Shape::new(nodes, n_nodes),
             points: Points::default(),
             pieces: Vec::new(),
             sides: Vec::new(),
@@ -59,93 +148,9 @@ impl<'s, 'e> Elements<'s, 'e> {
 
     /// An element with the instants and states of its nodes and ends, and α at its nodes.
     pub fn element(&mut self, instants: &[f64], x: &[&[f64]], alphas: &[Vec<f64>]) {
-        let (from, to) = (instants[0], instants[instants.len() - 1]);
-        let (n, n_coefficients) = (self.system.states.len(), self.nodes.len());
-        let nodes = apart(instants, &self.nodes);
-        let through = basis(&nodes);
-        let inner = basis(&nodes[1..=self.n_nodes]);
-        let mut coefficients = Vec::with_capacity((n + alphas[0].len()) * n_coefficients);
-        for i in 0..n {
-            let values = x.iter().map(|x| x[i]);
-            push(
-                &mut coefficients,
-                &through,
-                values,
-                to - from,
-                n_coefficients,
-            );
-        }
-        for i in 0..alphas[0].len() {
-            let values = alphas.iter().map(|alpha| alpha[i]);
-            push(&mut coefficients, &inner, values, to - from, n_coefficients);
-        }
-        for data in &self.system.data {
-            let known = data.table.piece(0.5 * (from + to)).around(from);
-            let rest = n_coefficients.saturating_sub(known.len());
-            coefficients.extend(known.into_iter().take(n_coefficients));
-            coefficients.resize(coefficients.len() + rest, 0.0);
-        }
-        self.pieces.push(Piece {
-            from,
-            to,
-            n_coefficients,
-            coefficients,
-        });
-        let side = |i: usize| {
-            let values = alphas.iter().map(|alpha| alpha[i]);
-            let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), a| {
-                (low.min(a), high.max(a))
-            });
-            match self.system.switches[i].role {
-                Role::Step => {}
-                Role::Equation => return Side::Slide,
-                Role::Member(other) => {
-                    // What is smaller in the middle of the element is zero.
-                    let m = x.len() / 2;
-                    let [own, others] =
-                        [i, other].map(|k| member(self.system, k, instants[m], x[m]));
-                    let is_zero = own < others || own == others && i < other;
-                    return if is_zero { Side::Slide } else { Side::Minus };
-                }
-            }
-            if let Some(other) = self.system.switches[i].across {
-                let inside = |alpha: f64| (2.0 * alpha - 1.0).powi(2);
-                let square = |alpha: &Vec<f64>| inside(alpha[i]) + inside(alpha[other]);
-                let on_edge = alphas.iter().all(|alpha| square(alpha) >= 1.0 - ROUNDING);
-                return if on_edge { Side::Plus } else { Side::Slide };
-            }
-            match (low >= 1.0 - ROUNDING, high <= ROUNDING) {
-                (true, _) => Side::Plus,
-                // A force has no bound.
-                (_, true) if !self.system.switches[i].unilateral => Side::Minus,
-                _ => Side::Slide,
-            }
-        };
-        let sides = (0..alphas[0].len()).map(side).collect();
-        self.sides.push((from, sides));
-    }
-
-    /// When the sides change from element to element, and to which.
-    pub fn changes(&self) -> Vec<&(f64, Box<[Side]>)> {
-        let pairs = self.sides.windows(2);
-        let changes = pairs.filter(|pair| pair[0].1 != pair[1].1);
-        changes.map(|pair| &pair[1]).collect()
-    }
-
-    /// Narrow functions of states that the elements have passed over.
-    pub fn overlooked(&self, settings: &Settings) -> Vec<Note> {
-        let mut look = Look::new(self.system, settings);
-        for (piece, (_, sides)) in self.pieces.iter().zip(&self.sides) {
-            let rows = Rows {
-                piece,
-                n: self.system.states.len(),
-            };
-            let end = piece.at(piece.to);
-            let length = piece.to - piece.from;
-            let segment = Segment::new(piece.from, length, piece.to, sides, &end, &rows);
-            look.at(&segment);
-        }
-        look.notes()
+        let (piece, sides) = self.shape.element(self.system, instants, x, alphas);
+        self.sides.push((piece.from, sides));
+        self.pieces.push(piece);
     }
 
     /// The trajectory to the horizon.
@@ -168,9 +173,9 @@ impl<'s, 'e> Elements<'s, 'e> {
 }
 
 /// The polynomials of an element, those of n states first.
-struct Rows<'p> {
-    piece: &'p Piece,
-    n: usize,
+pub(super) struct Rows<'p> {
+    pub piece: &'p Piece,
+    pub n: usize,
 }
 
 impl Rows<'_> {

@@ -2,23 +2,25 @@
 
 use std::sync::Arc;
 
-use nsd_solver::simulate::{self as solver, HybridSystem, Outcome, Simulator};
+use nsd_solver::simulate::{self as solver, HybridSystem, Observer, Simulator};
 
-use super::reported::Reported;
-use super::watch::{Progress, Watched};
-use super::{
-    Estimate, Recorder, Request, assemble, finer, judge, smoothed, solver_settings, tightened,
-};
-use crate::clock::Instant;
+use super::driver::{Accuracy, Ended, Problem, REFINEMENT, Run};
+use super::estimate::Estimator;
+use super::smoothed;
 use crate::hybrid;
+use crate::limit::Limit;
 use crate::report::{Method, MethodOption, Trajectory};
 use crate::system::System;
-use crate::system::experiment::{self, Settings};
+use crate::system::experiment::{self, Branch, EventOptions, Settings};
+
+/// Orders by which the second run is above the first, so that its rounding errors are others.
+const MORE_ORDERS: usize = 3;
 
 /// A system as data, and what runs keep of its functions.
-pub struct Events {
+pub(super) struct Events {
     hybrid: Arc<HybridSystem>,
-    reported: Arc<Reported>,
+    /// The parameters that stay open, by their numbers.
+    open: Vec<usize>,
     /// The last runs with the tolerance of an experiment, and with a smaller one.
     coarse: Option<Simulator>,
     fine: Option<Simulator>,
@@ -26,76 +28,58 @@ pub struct Events {
 
 impl Events {
     /// Compiles a system, with some parameters open, by their numbers.
-    pub(crate) fn new(system: &System, settings: &Settings, open: &[usize]) -> Self {
+    pub fn new(system: &System, settings: &Settings, open: &[usize]) -> Self {
         Events {
             hybrid: hybrid::lower_open(system, settings.horizon, open),
-            reported: Arc::new(Reported::new(system, open)),
+            open: open.to_vec(),
             coarse: None,
             fine: None,
         }
     }
 
-    /// Integrates the system, which may have other initial states and values of the open parameters than the one that was
-    /// compiled, over the horizon of the experiment.
-    pub(crate) fn run(
-        &mut self,
-        system: &System,
-        settings: &Settings,
-        request: &Request,
-        watch: &mut dyn FnMut(Progress),
-    ) -> Trajectory {
-        let started = Instant::now();
-        let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
-        let parameters: Vec<f64> = self.reported.parameters(system).collect();
-        let mut tolerance: f64 = settings.tolerance;
-        let mut attempt = 1;
-        let (outcome, recorder, estimate) = loop {
-            let solver_settings = solver::Settings {
-                kicks: settings.kicks.as_ref().map(|kicks| kicks.kicks(system)),
-                averages: settings.averages,
-                ..solver_settings(&settings.method, tolerance, request.limit.clone())
-            };
-            let simulator = ready(&mut self.coarse, &self.hybrid, &parameters, solver_settings);
-            let reported = self.reported.clone();
-            let mut recorder = Recorder::of(system, settings, tolerance, request.dense, reported);
-            let mut watched = Watched::new(&mut recorder, settings.horizon, false, watch);
-            let outcome = simulator.run(0.0, settings.horizon, &x0, &mut watched);
-            let wanted = request.estimate && !matches!(outcome.status, solver::Status::Over(_));
-            let estimate = wanted.then(|| {
-                let finer = finer(simulator.settings(), simulator.order(), tolerance);
-                if self.fine.is_none() {
-                    // What has been compiled for one serves the other.
-                    self.fine = Some(simulator.with(finer.clone()));
-                }
-                let fine = ready(&mut self.fine, &self.hybrid, &parameters, finer);
-                Estimate::of(fine, settings.horizon, &x0, &recorder, &outcome, watch)
-            });
-            let estimate = estimate.flatten();
-            match tightened(estimate.as_ref(), settings, tolerance, attempt) {
-                Some(next) => (tolerance, attempt) = (next, attempt + 1),
-                None => break (outcome, recorder, estimate),
-            }
+    /// A simulator with these settings, and the present values of the open parameters.
+    fn ready(&mut self, problem: &Problem, accuracy: Accuracy) -> &mut Simulator {
+        let settings = problem.settings;
+        let chosen = solver::Settings {
+            kicks: settings
+                .kicks
+                .as_ref()
+                .map(|kicks| kicks.kicks(problem.system)),
+            averages: settings.averages,
+            ..solver_settings(&settings.method, accuracy.tolerance, problem.limit.clone())
         };
-        let mut trajectory = assemble(system, settings, &outcome, recorder);
-        trajectory.method = self.method(settings, &outcome);
-        if let experiment::Method::Smoothing(options) = &settings.method {
-            let warning = smoothed::warning(system, options, settings.span);
-            trajectory.warnings.extend(warning);
+        let mut simulator = renewed(&mut self.coarse, &self.hybrid, chosen);
+        if accuracy.is_finer {
+            let finer = finer(simulator.settings(), simulator.order(), accuracy.tolerance);
+            if self.fine.is_none() {
+                // What has been compiled for one serves the other.
+                self.fine = Some(simulator.with(finer.clone()));
+            }
+            simulator = renewed(&mut self.fine, &self.hybrid, finer);
         }
-        if let Some(estimate) = estimate {
-            judge(&mut trajectory, &estimate, settings);
-            let touches = &estimate.touches;
-            let warning = touches.warning(system, settings.tolerance);
-            trajectory
-                .warnings
-                .extend(warning.filter(|_| estimate.same_modes));
-        }
-        trajectory.stats.solve_s = started.elapsed().as_secs_f64();
-        trajectory
+        let open = self
+            .open
+            .iter()
+            .map(|&place| problem.system.params[place].value);
+        simulator.set_parameters(&open.collect::<Vec<f64>>());
+        simulator
+    }
+}
+
+impl<'e> Run<'e> for Events {
+    fn march(
+        &mut self,
+        problem: &Problem<'_, 'e>,
+        accuracy: Accuracy,
+        mut observer: &mut dyn Observer,
+    ) -> Ended {
+        let simulator = self.ready(problem, accuracy);
+        let horizon = problem.settings.horizon;
+        Ended::by(simulator.run(0.0, horizon, &problem.x0, &mut observer))
     }
 
-    /// What the last run was made by.
-    fn method(&self, settings: &Settings, outcome: &Outcome) -> Method {
+    fn describe(&self, problem: &Problem<'_, 'e>, ended: &Ended) -> Method {
+        let settings = problem.settings;
         let mut method = match &settings.method {
             experiment::Method::Smoothing(options) => smoothed::method(options),
             _ => Method {
@@ -103,29 +87,44 @@ impl Events {
                 options: Vec::new(),
             },
         };
-        let orders = self.coarse.iter();
-        let orders =
-            orders.map(|run| [run.order(), run.implicit_order()].map(|order| order as f64));
-        for [order, implicit_order] in orders {
-            let mut add = |name: &str, value| {
-                let option = (name.to_owned(), MethodOption::Number(value));
-                method.options.push(option);
-            };
-            add("order", order);
+        let mut add = |name: &str, value| {
+            let option = (name.to_owned(), MethodOption::Number(value));
+            method.options.push(option);
+        };
+        if let Some(run) = &self.coarse {
+            add("order", run.order() as f64);
             add("tolerance", settings.tolerance);
-            if outcome.stats.implicit_steps > 0 {
-                add("implicit_order", implicit_order);
+            if ended.outcome.stats.implicit_steps > 0 {
+                add("implicit_order", run.implicit_order() as f64);
             }
         }
         method
     }
+
+    fn estimator(&self, _: &Settings<'e>) -> Estimator {
+        Estimator::Tolerance
+    }
+
+    fn least_sizes(&self, _: &System<'e>, sizes: &[f64]) -> Vec<f64> {
+        vec![0.0; sizes.len()]
+    }
+
+    fn sees_narrow(&self) -> bool {
+        true
+    }
+
+    fn tell(&mut self, problem: &Problem<'_, 'e>, _: &Ended, trajectory: &mut Trajectory) {
+        if let experiment::Method::Smoothing(options) = &problem.settings.method {
+            let warning = smoothed::warning(problem.system, options, problem.settings.span);
+            trajectory.warnings.extend(warning);
+        }
+    }
 }
 
-/// A simulator with these values of parameters and settings: the last one, if it had the same settings but for its time.
-fn ready<'s>(
+/// A simulator with these settings: the last one, if it had the same but for its time.
+fn renewed<'s>(
     last: &'s mut Option<Simulator>,
     hybrid: &Arc<HybridSystem>,
-    parameters: &[f64],
     settings: solver::Settings,
 ) -> &'s mut Simulator {
     let simulator = match last.take() {
@@ -138,7 +137,47 @@ fn ready<'s>(
         }
         None => Simulator::new(hybrid.clone(), settings),
     };
-    let simulator = last.insert(simulator);
-    simulator.set_parameters(parameters);
-    simulator
+    last.insert(simulator)
+}
+
+/// The settings of the solver that an experiment asks for.
+pub(crate) fn solver_settings(
+    method: &experiment::Method,
+    tolerance: f64,
+    limit: Limit,
+) -> solver::Settings {
+    let defaults = solver::Settings {
+        tolerance,
+        limit,
+        ..Default::default()
+    };
+    let experiment::Method::Event(EventOptions {
+        order,
+        branch,
+        max_events,
+    }) = method
+    else {
+        return defaults;
+    };
+    let side = |branch: &Branch| match branch {
+        Branch::Minus => solver::Side::Minus,
+        Branch::Slide => solver::Side::Slide,
+        Branch::Plus => solver::Side::Plus,
+    };
+    solver::Settings {
+        order: *order,
+        branch: branch.iter().map(side).collect(),
+        max_events: max_events.unwrap_or(defaults.max_events),
+        ..defaults
+    }
+}
+
+/// A run that is more accurate, and of another order. Infinitely many events end with the same one.
+pub(super) fn finer(run: &solver::Settings, order: usize, tolerance: f64) -> solver::Settings {
+    solver::Settings {
+        tolerance: tolerance * REFINEMENT,
+        settled: Some(tolerance),
+        order: Some(order + MORE_ORDERS),
+        ..run.clone()
+    }
 }

@@ -57,17 +57,14 @@ impl<'s, 'e> Look<'s, 'e> {
 }
 
 /// Passes on what a run does, and looks at its steps.
-pub(super) struct Looking<'s, 'e, 'o, O> {
-    observer: &'o mut O,
+pub(super) struct Looking<'s, 'e, 'o> {
+    observer: &'o mut dyn Observer,
     look: Look<'s, 'e>,
 }
 
-impl<'s, 'e, 'o, O: Observer> Looking<'s, 'e, 'o, O> {
-    pub fn new(system: &'s System<'e>, settings: &Settings, observer: &'o mut O) -> Self {
-        Looking {
-            observer,
-            look: Look::new(system, settings),
-        }
+impl<'s, 'e, 'o> Looking<'s, 'e, 'o> {
+    pub fn new(look: Look<'s, 'e>, observer: &'o mut dyn Observer) -> Self {
+        Looking { observer, look }
     }
 
     /// What has been passed over.
@@ -76,7 +73,7 @@ impl<'s, 'e, 'o, O: Observer> Looking<'s, 'e, 'o, O> {
     }
 }
 
-impl<O: Observer> Observer for Looking<'_, '_, '_, O> {
+impl Observer for Looking<'_, '_, '_> {
     fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
         self.look.at(segment);
         self.observer.segment(segment)

@@ -1,59 +1,77 @@
 //! The method of an experiment, with what is compiled of its system before it runs.
 
-use super::{Events, Progress, Request, adaptive, fesd, frozen, moreau};
+use std::sync::Arc;
+
+use super::adaptive::Adaptive;
+use super::driver::{self, Run};
+use super::events::Events;
+use super::fesd::ByElements;
+use super::fesd::impulses::WithImpulses;
+use super::fesd::stepping::Stepping;
+use super::frozen::InNumericalTime;
+use super::moreau::Contacts;
+use super::reported::Reported;
+use super::{Progress, Request};
 use crate::report::Trajectory;
 use crate::system::System;
 use crate::system::experiment::{Method, Settings};
 
-/// A system that is ready to be run, again and again with other seeds.
-pub enum Plan {
-    /// From event to event.
-    Events(Box<Events>),
-    /// By methods that compile as they run.
-    Other,
+/// A system that is ready to be run, again and again with other seeds and initial states.
+pub struct Plan<'e> {
+    run: Box<dyn Run<'e> + 'e>,
+    reported: Arc<Reported>,
 }
 
-impl Plan {
+impl<'e> Plan<'e> {
     /// Compiles a system for the method of an experiment.
-    pub fn new(system: &System, settings: &Settings) -> Self {
-        assert!(
-            system.impulsive.is_empty() || settings.steps_through_contacts(),
-            "contacts without forces are for steps of time"
-        );
-        match settings.method {
-            Method::Fesd(_) | Method::Timestepping(_) | Method::Adaptive => Plan::Other,
-            _ if settings.freezes() => Plan::Other,
-            _ => Plan::Events(Box::new(Events::new(system, settings, &[]))),
+    pub fn new(system: &System<'e>, settings: &Settings<'e>) -> Self {
+        Plan {
+            run: method(system, settings),
+            reported: Arc::new(Reported::new(system, &[])),
         }
     }
 
-    /// Integrates the system over the horizon of the experiment, and calls `watch` every few steps.
+    /// Compiles a system for runs from event to event, with some parameters open, by their numbers.
+    pub(crate) fn open(system: &System<'e>, settings: &Settings<'e>, open: &[usize]) -> Self {
+        Plan {
+            run: Box::new(Events::new(system, settings, open)),
+            reported: Arc::new(Reported::new(system, open)),
+        }
+    }
+
+    /// Integrates the system, which may have other initial states and values of open parameters than the one that was
+    /// compiled, over the horizon of the experiment, and calls `watch` every few steps.
     pub fn run(
         &mut self,
-        system: &System,
-        settings: &Settings,
+        system: &System<'e>,
+        settings: &Settings<'e>,
         request: &Request,
         watch: &mut dyn FnMut(Progress),
     ) -> Trajectory {
-        if let Plan::Events(events) = self {
-            return events.run(system, settings, request, watch);
+        let of = (system, settings);
+        driver::drive(&mut *self.run, of, &self.reported, request, watch)
+    }
+}
+
+/// The method of an experiment.
+pub(super) fn method<'e>(system: &System<'e>, settings: &Settings<'e>) -> Box<dyn Run<'e> + 'e> {
+    assert!(
+        system.impulsive.is_empty() || settings.steps_through_contacts(),
+        "contacts without forces are for steps of time"
+    );
+    // Without contacts there are no impulses to take.
+    let impulses = settings.takes_impulses() && !system.contacts.is_empty();
+    match settings.method {
+        Method::Adaptive => Box::new(Adaptive::new(system, settings)),
+        Method::Timestepping(_) if !system.impulsive.is_empty() => {
+            Box::new(Contacts::new(system, settings))
         }
-        if settings.freezes() {
-            return frozen::run(system, settings, request, watch);
-        }
-        match &settings.method {
-            // Without contacts there are no impulses to take.
-            Method::Fesd(options) if settings.takes_impulses() && !system.contacts.is_empty() => {
-                fesd::impulses::run(system, settings, options, request, watch)
-            }
-            Method::Fesd(options) => fesd::run(system, settings, options, request, watch),
-            Method::Timestepping(options) if !system.impulsive.is_empty() => {
-                moreau::run(system, settings, options, request, watch)
-            }
-            Method::Timestepping(options) => {
-                fesd::stepping::run(system, settings, options, request, watch)
-            }
-            _ => adaptive::run(system, settings, request, watch),
+        Method::Timestepping(_) => Box::new(Stepping::new(system, settings)),
+        _ if settings.freezes() => Box::new(InNumericalTime::new(system, settings)),
+        Method::Fesd(_) if impulses => Box::new(WithImpulses::new(system, settings)),
+        Method::Fesd(_) => Box::new(ByElements::new(system, settings)),
+        Method::Auto | Method::Event(_) | Method::Smoothing(_) => {
+            Box::new(Events::new(system, settings, &[]))
         }
     }
 }

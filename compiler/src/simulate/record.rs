@@ -9,7 +9,6 @@ use super::limits::Limits;
 use super::modes::{self, ModeNames};
 use super::pieces;
 use super::reported::Reported;
-use crate::model::Data;
 use crate::report::{self, EventKind, ModeInterval, Piece, Series, Trajectory};
 use crate::system::System;
 use crate::system::experiment::{Sampling, Settings};
@@ -32,44 +31,41 @@ pub(super) struct Jump {
     pub after: Vec<f64>,
 }
 
+/// A run, point by point and event by event.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Record {
+    /// Where it is to end.
+    pub horizon: f64,
+    /// Instants, and states and α at them, one after another.
+    pub times: Vec<f64>,
+    pub states: Vec<f64>,
+    pub alphas: Vec<f64>,
+    pub changes: Vec<Change>,
+    pub jumps: Vec<Jump>,
+    /// The states behind the first events, one after another.
+    pub behind: Vec<f64>,
+    /// Instants at which infinitely many events accumulate.
+    accumulations: Vec<f64>,
+}
+
 /// Observes a run and keeps what the experiment asks for.
 pub(super) struct Recorder<'s, 'e> {
     system: &'s System<'e>,
-    n: usize,
     sampling: Sampling,
-    horizon: f64,
     /// Instants sampled so far, of `Every` and `At`.
     sampled: usize,
-    times: Vec<f64>,
-    states: Vec<f64>,
-    alphas: Vec<f64>,
+    /// What is kept.
+    pub record: Record,
     pieces: Option<Vec<Piece>>,
     reported: Arc<Reported>,
     limits: Limits<'s, 'e>,
-    data: &'s [Data<'e>],
-    changes: Vec<Change>,
-    jumps: Vec<Jump>,
-    /// The states behind the first events, one after another.
-    behind: Vec<f64>,
-    /// Instants at which infinitely many of them accumulate.
-    accumulations: Vec<f64>,
     x: Vec<f64>,
     alpha: Vec<f64>,
 }
 
 impl<'s, 'e> Recorder<'s, 'e> {
+    /// For a run with a tolerance; functions that it is reported by have been compiled. `dense` keeps polynomials.
     pub(super) fn new(
-        system: &'s System<'e>,
-        settings: &Settings,
-        tolerance: f64,
-        dense: bool,
-    ) -> Self {
-        let reported = Arc::new(Reported::new(system, &[]));
-        Recorder::of(system, settings, tolerance, dense, reported)
-    }
-
-    /// The same with functions that have been compiled.
-    pub(super) fn of(
         system: &'s System<'e>,
         settings: &Settings,
         tolerance: f64,
@@ -79,49 +75,18 @@ impl<'s, 'e> Recorder<'s, 'e> {
         let (n, m) = (system.states.len(), system.switches.len());
         Recorder {
             system,
-            n,
             sampling: settings.sampling.clone(),
-            horizon: settings.horizon,
             sampled: 0,
-            times: Vec::new(),
-            states: Vec::new(),
-            alphas: Vec::new(),
+            record: Record {
+                horizon: settings.horizon,
+                ..Record::default()
+            },
             pieces: dense.then(Vec::new),
             limits: Limits::new(system, tolerance, &reported),
             reported,
-            data: &system.data,
-            changes: Vec::new(),
-            jumps: Vec::new(),
-            behind: Vec::new(),
-            accumulations: Vec::new(),
             x: vec![0.0; n],
             alpha: vec![0.0; m],
         }
-    }
-
-    pub(super) fn times(&self) -> &[f64] {
-        &self.times
-    }
-
-    pub(super) fn states(&self) -> &[f64] {
-        &self.states
-    }
-
-    pub(super) fn jumps(&self) -> &[Jump] {
-        &self.jumps
-    }
-
-    /// The states behind the first events, one after another.
-    pub(super) fn behind(&self) -> &[f64] {
-        &self.behind
-    }
-
-    pub(super) fn horizon(&self) -> f64 {
-        self.horizon
-    }
-
-    pub(super) fn changes(&self) -> &[Change] {
-        &self.changes
     }
 
     /// Takes α of a mode, where they are known.
@@ -144,11 +109,11 @@ impl<'s, 'e> Recorder<'s, 'e> {
 
     fn push(&mut self, t: f64) {
         // Of the limit of a series of events, rounding may be before the last one of them.
-        let t = self.times.last().map_or(t, |last| t.max(*last));
+        let t = self.record.times.last().map_or(t, |last| t.max(*last));
         self.system.see(t, &self.x, &mut self.alpha);
-        self.times.push(t);
-        self.states.extend_from_slice(&self.x);
-        self.alphas.extend_from_slice(&self.alpha);
+        self.record.times.push(t);
+        self.record.states.extend_from_slice(&self.x);
+        self.record.alphas.extend_from_slice(&self.alpha);
     }
 
     /// Names the recorded run.
@@ -160,9 +125,9 @@ impl<'s, 'e> Recorder<'s, 'e> {
         trajectory: &mut Trajectory,
     ) {
         // What jumps in the last instant has both values there, and the run ends with the second.
-        let jumps_last = (self.jumps.last()).is_some_and(|jump| jump.time >= outcome.time);
-        let is_known = self.times.last() == Some(&outcome.time)
-            && (!jumps_last || self.states.ends_with(&outcome.x));
+        let jumps_last = (self.record.jumps.last()).is_some_and(|jump| jump.time >= outcome.time);
+        let is_known = self.record.times.last() == Some(&outcome.time)
+            && (!jumps_last || self.record.states.ends_with(&outcome.x));
         if !is_known {
             self.x.copy_from_slice(&outcome.x);
             self.alpha.copy_from_slice(&outcome.alpha);
@@ -171,10 +136,10 @@ impl<'s, 'e> Recorder<'s, 'e> {
         if let Some(known) = self.pieces.as_mut().filter(|_| jumps_last)
             && let Some(last) = known.last().map(|piece| piece.to)
         {
-            known.push(pieces::of_instant(last, outcome, self.data));
+            known.push(pieces::of_instant(last, outcome, &self.system.data));
         }
         for group in &system.groups {
-            let rows = self.states.chunks(self.n.max(1));
+            let rows = self.record.states.chunks(system.states.len().max(1));
             trajectory.states.push(Series {
                 name: group.name.clone(),
                 shape: group.shape.clone(),
@@ -183,20 +148,25 @@ impl<'s, 'e> Recorder<'s, 'e> {
                     .collect(),
             });
         }
-        let points = [&self.times[..], &self.states, &self.alphas];
+        let points = [
+            &self.record.times[..],
+            &self.record.states,
+            &self.record.alphas,
+        ];
         [trajectory.outputs, trajectory.controls] = self.reported.series(system, points);
         trajectory.warnings.extend(self.limits.warnings());
         self.name_modes(names, outcome, trajectory);
         trajectory.dense.pieces = self.pieces.unwrap_or_default();
-        trajectory.time = self.times;
+        trajectory.time = self.record.times;
     }
 
     fn name_modes(&self, names: &ModeNames, outcome: &Outcome, trajectory: &mut Trajectory) {
-        let changes: Vec<(&Change, Vec<modes::Change>)> = (self.changes.iter())
+        let changes: Vec<(&Change, Vec<modes::Change>)> = (self.record.changes.iter())
             .map(|change| (change, names.decided(&change.1, &change.2, &change.3)))
             .filter(|(_, what)| !what.is_empty())
             .collect();
         let first = self
+            .record
             .changes
             .first()
             .map_or(&outcome.sides[..], |(_, from, ..)| from);
@@ -211,7 +181,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
                 .collect(),
             sides: names.sides(sides),
         };
-        let mut jumps = self.jumps.iter().peekable();
+        let mut jumps = self.record.jumps.iter().peekable();
         let instants = || changes.iter().map(|((time, ..), _)| *time);
         let ends = instants().chain([outcome.time]);
         let starts = [0.0].into_iter().chain(instants());
@@ -224,7 +194,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
             .map(|((from, to), sides)| interval(from, to, sides))
             .collect();
         // A run that does not get away from its start has no mode.
-        if outcome.time == 0.0 && self.changes.is_empty() {
+        if outcome.time == 0.0 && self.record.changes.is_empty() {
             trajectory.modes.clear();
         }
         for ((time, from, to, _), what) in changes {
@@ -234,7 +204,7 @@ impl<'s, 'e> Recorder<'s, 'e> {
                     .extend(jump.events(names, &names.mode(from)));
             }
             let (mode_from, mode_to) = (names.mode(from), names.mode(to));
-            let limit = self.accumulations.contains(time);
+            let limit = self.record.accumulations.contains(time);
             let mut ended: Vec<String> = Vec::new();
             for change in what {
                 // What accumulates on a surface is told once, however many switches it has.
@@ -360,16 +330,22 @@ pub(crate) fn recorded(
         let (from, to) = (pair[0].1.clone(), pair[1].1.clone());
         (pair[1].0, from, to, Vec::new())
     });
-    let recorder = Recorder {
+    let record = Record {
+        horizon: settings.horizon,
         times: points.times,
         states: points.states,
         alphas: points.alphas,
         jumps: points.jumps,
-        pieces: Some(pieces),
         changes: changes.collect(),
+        ..Record::default()
+    };
+    let reported = Arc::new(Reported::new(system, &[]));
+    let recorder = Recorder {
+        record,
+        pieces: Some(pieces),
         x,
         alpha,
-        ..Recorder::new(system, settings, settings.tolerance, true)
+        ..Recorder::new(system, settings, settings.tolerance, true, reported)
     };
     let mut trajectory = Trajectory {
         switches: (system.switches.iter())
@@ -386,7 +362,7 @@ impl Observer for Recorder<'_, '_> {
         let end = segment.until;
         self.limits.segment(segment);
         if let Some(known) = &mut self.pieces {
-            let mut piece = pieces::of_segment(segment, end, self.data);
+            let mut piece = pieces::of_segment(segment, end, &self.system.data);
             // Pieces of a run are without gaps.
             piece.from = known
                 .last()
@@ -394,7 +370,7 @@ impl Observer for Recorder<'_, '_> {
             known.push(piece);
         }
         if self.sampling == Sampling::Method {
-            if self.times.is_empty() {
+            if self.record.times.is_empty() {
                 segment.state(0.0, &mut self.x);
                 segment.alpha(0.0, &mut self.alpha);
                 self.push(segment.start);
@@ -405,7 +381,7 @@ impl Observer for Recorder<'_, '_> {
         }
         while let Some(t) = self
             .next_sample()
-            .filter(|t| *t <= end && *t <= self.horizon)
+            .filter(|t| *t <= end && *t <= self.record.horizon)
         {
             segment.state(t - segment.start, &mut self.x);
             segment.alpha(t - segment.start, &mut self.alpha);
@@ -417,20 +393,20 @@ impl Observer for Recorder<'_, '_> {
 
     fn event(&mut self, event: &Event) {
         if event.accumulates {
-            self.accumulations.push(event.time);
+            self.record.accumulations.push(event.time);
         }
         if !event.jumps.is_empty() {
             if self.sampling == Sampling::Method {
                 self.mark(event.from);
-                if self.times.is_empty() {
+                if self.record.times.is_empty() {
                     self.x.copy_from_slice(event.before);
                     self.push(event.time);
                 }
             }
-            self.jumps.push(Jump {
+            self.record.jumps.push(Jump {
                 time: event.time,
                 laws: event.jumps.to_vec(),
-                n_points: self.times.len(),
+                n_points: self.record.times.len(),
                 before: event.before.to_vec(),
                 after: event.x.to_vec(),
             });
@@ -440,10 +416,10 @@ impl Observer for Recorder<'_, '_> {
                 self.push(event.time);
             }
         }
-        if self.changes.len() < MOST_KEPT {
-            self.behind.extend_from_slice(event.x);
+        if self.record.changes.len() < MOST_KEPT {
+            self.record.behind.extend_from_slice(event.x);
         }
-        self.changes.push((
+        self.record.changes.push((
             event.time,
             event.from.into(),
             event.to.into(),

@@ -19,19 +19,20 @@ pub struct Progress {
     pub estimates: bool,
 }
 
-/// Steps between two calls: a call may ask for the time, which must not count beside a step.
+/// Steps between two calls, after as many at each of which there is one: a call may ask for the time, which must not count
+/// beside a step.
 const STEPS: usize = 16;
 
 /// Passes on what a run does, and calls `watch` on the way.
-pub(super) struct Watched<'w, O> {
-    observer: &'w mut O,
+pub(super) struct Watched<'w> {
+    observer: &'w mut dyn Observer,
     watch: &'w mut dyn FnMut(Progress),
     progress: Progress,
 }
 
-impl<'w, O: Observer> Watched<'w, O> {
+impl<'w> Watched<'w> {
     pub fn new(
-        observer: &'w mut O,
+        observer: &'w mut dyn Observer,
         horizon: f64,
         estimates: bool,
         watch: &'w mut dyn FnMut(Progress),
@@ -50,10 +51,11 @@ impl<'w, O: Observer> Watched<'w, O> {
     }
 }
 
-impl<O: Observer> Observer for Watched<'_, O> {
+impl Observer for Watched<'_> {
     fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
         self.progress.steps += 1;
-        if self.progress.steps.is_multiple_of(STEPS) {
+        let is_told = self.progress.steps < STEPS || self.progress.steps.is_multiple_of(STEPS);
+        if is_told {
             self.progress.time = segment.until;
             (self.watch)(self.progress);
         }

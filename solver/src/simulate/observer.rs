@@ -123,6 +123,24 @@ pub trait Observer {
     }
 }
 
+impl<O: Observer + ?Sized> Observer for &mut O {
+    fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
+        (**self).segment(segment)
+    }
+
+    fn event(&mut self, event: &Event) {
+        (**self).event(event);
+    }
+
+    fn displace(&mut self, x: &mut [f64], roundings: &[f64]) {
+        (**self).displace(x, roundings);
+    }
+
+    fn displaces(&self) -> bool {
+        (**self).displaces()
+    }
+}
+
 /// Sees nothing.
 impl Observer for () {
     fn segment(&mut self, _: &Segment) -> ControlFlow<()> {

@@ -61,7 +61,7 @@ impl Settings {
 
     /// Order that costs least for a tolerance: -½ ln ε + 1 (Jorba & Zou 2005, section 3.2),
     /// and seven more because a step has costs of its own (chosen by trial).
-    pub(super) fn series_order(&self) -> usize {
+    pub fn series_order(&self) -> usize {
         let optimal = (-0.5 * self.local_tolerance().ln()).ceil() as usize + 8;
         self.order.unwrap_or(optimal).clamp(4, 40)
     }

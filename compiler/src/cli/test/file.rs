@@ -16,7 +16,7 @@ use crate::expr::Exprs;
 use crate::launch::launch;
 use crate::report::Warning;
 use crate::report::expect::{self, Findings};
-use crate::simulate::{Plan, Request};
+use crate::simulate::Request;
 use crate::source::Span;
 use crate::syntax::{Expect, ExpectDiagnostic, Experiment, Item};
 use crate::threads;
@@ -371,9 +371,10 @@ fn other_seeds(
     watching: &mut Watching<'_>,
 ) -> Option<Outcome> {
     let seeds = ensemble::seeds(&compiled.settings)?;
-    let work = |compiled: &Compiled<'_>, plan: &mut Plan| {
-        let (system, settings) = (&compiled.system, &compiled.settings);
-        let trajectory = plan.run(system, settings, request, &mut |_| {});
+    let work = |seeded: &mut ensemble::Seeded<'_>| {
+        let settings = seeded.compiled.settings.clone();
+        let trajectory = seeded.run(&settings, request);
+        let compiled = &seeded.compiled;
         let mut warnings = warnings.to_vec();
         warnings.extend(trajectory.warnings.iter().map(|w| w.code.clone()));
         let findings = Findings {

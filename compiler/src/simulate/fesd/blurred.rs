@@ -2,10 +2,9 @@
 
 use nsd_solver::simulate::Outcome;
 
-use super::super::record::Recorder;
 use super::super::steepest;
 use crate::expr::Expr;
-use crate::report::Warning;
+use crate::report::{Trajectory, Warning};
 use crate::system::{Role, System};
 
 /// Within this share of its terms ψ is zero.
@@ -15,12 +14,18 @@ const BAND: f64 = 1e-12;
 const SHARE: f64 = 0.1;
 
 /// A warning about the first switch that counts as zero over much of where it moves.
-pub(super) fn warning(system: &System, outcome: &Outcome, recorder: &Recorder) -> Option<Warning> {
-    let n = outcome.x.len();
-    let mut ranges = vec![(f64::INFINITY, f64::NEG_INFINITY); n];
-    for states in recorder.states().chunks_exact(n.max(1)) {
-        for ((low, high), &x) in ranges.iter_mut().zip(states) {
-            (*low, *high) = (low.min(x), high.max(x));
+pub(super) fn warning(
+    system: &System,
+    outcome: &Outcome,
+    trajectory: &Trajectory,
+) -> Option<Warning> {
+    let mut ranges = vec![(f64::INFINITY, f64::NEG_INFINITY); outcome.x.len()];
+    for (group, series) in system.groups.iter().zip(&trajectory.states) {
+        for row in series.values.chunks_exact(group.entries.len().max(1)) {
+            for (&entry, &x) in group.entries.iter().zip(row) {
+                let (low, high) = &mut ranges[entry];
+                (*low, *high) = (low.min(x), high.max(x));
+            }
         }
     }
     let values = steepest::values(system, outcome);

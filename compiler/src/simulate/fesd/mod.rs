@@ -3,10 +3,6 @@
 //! A second run, on a grid twice as fine or with a smaller tolerance, gives the estimate of the
 //! global error.
 
-use crate::clock::Instant;
-use crate::hybrid::{self, Pulses};
-use nsd_solver::simulate::HybridSystem;
-use std::sync::Arc;
 mod active;
 mod blurred;
 mod branch;
@@ -19,26 +15,23 @@ pub(super) mod stepping;
 mod turns;
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
-use nsd_solver::fesd::{self, Grid, Simulator, Solution};
-use nsd_solver::simulate::{self as event, Event, Observer, Outcome, Segment, Status};
+use nsd_solver::fesd::{self, Grid, Rungs, Simulator};
+use nsd_solver::simulate::{self as event, Event, HybridSystem, Observer, Segment};
 use nsd_solver::tableau::Family;
 
 pub use complementarity::Complementarity;
-use turns::Turns;
+use turns::{Turned, Turns};
 
-use super::overlooked::Looking;
-use super::watch::{Progress, Watched};
-use super::{
-    Comparison, Estimate, HELD, REFINEMENT, Recorder, Request, Touches, assemble, judge, tightened,
-};
+use super::comparison::Comparison;
+use super::driver::{Accuracy, Ended, Problem, REFINEMENT, Run};
+use super::estimate::{Estimate, Estimator};
 use crate::dcs::{self, Formulation};
-use crate::report::{Failure, Method, MethodOption, Multipliers, Series, Trajectory, Warning};
+use crate::hybrid::{self, Pulses};
+use crate::report::{Method, MethodOption, Multipliers, Series, Trajectory};
 use crate::system::System;
-use crate::system::experiment::{FesdOptions, Settings};
-
-/// An estimate above this says that the grid is too coarse for the model.
-const COARSE: f64 = 0.01;
+use crate::system::experiment::{self, FesdOptions, Settings};
 
 /// Tolerances below this, in relation to rounding, make no other elements, so that a finer run says nothing (chosen by
 /// trial).
@@ -54,13 +47,13 @@ const MOST_SHARE: f64 = 0.5;
 const MOST_NODES: usize = 9;
 
 /// Keeps the multipliers of a run, and looks at surfaces that are touched, besides what another observer does.
-struct Keeper<'s, 'e, O> {
-    observer: O,
+struct Keeper<'s, 'e, 'o> {
+    observer: &'o mut dyn Observer,
     kept: Option<Multipliers>,
     turns: Option<Turns<'s, 'e>>,
 }
 
-impl<O: Observer> Observer for Keeper<'_, '_, O> {
+impl Observer for Keeper<'_, '_, '_> {
     fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
         if let Some(turns) = &mut self.turns {
             turns.segment(segment);
@@ -73,7 +66,7 @@ impl<O: Observer> Observer for Keeper<'_, '_, O> {
     }
 }
 
-impl<O: Observer> fesd::Observer for Keeper<'_, '_, O> {
+impl fesd::Observer for Keeper<'_, '_, '_> {
     fn wants_multipliers(&self) -> bool {
         self.kept.is_some()
     }
@@ -91,100 +84,159 @@ impl<O: Observer> fesd::Observer for Keeper<'_, '_, O> {
     }
 }
 
-/// Integrates the system by finite elements over the horizon of the experiment.
-pub(super) fn run(
-    system: &System,
-    settings: &Settings,
-    options: &FesdOptions,
-    request: &Request,
-    watch: &mut dyn FnMut(Progress),
-) -> Trajectory {
-    let started = Instant::now();
-    let (formulation, complementarity) = lower(system, settings);
-    let pulses = Pulses::of(system, settings.horizon);
-    let complementarity = complementarity.over(pulses.clone());
-    let guide = system.first_nonlinear().map(|_| hybrid::lower(system));
-    let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
-    let on = |grid: Grid, nodes: usize| {
-        let settings = fesd::Settings {
-            limit: request.limit.clone(),
-            grid,
-            ..fesd::Settings::new(options.scheme.0, nodes)
-        };
-        simulator(&complementarity, guide.as_ref(), settings)
-    };
-    let (mut tolerance, mut attempt) = (settings.tolerance, 1);
-    let (order, solution, recorder, kept, estimate) = loop {
-        let grid = grid(options, tolerance);
-        let mut first = on(grid, options.scheme.1);
-        let mut recorder = Recorder::new(system, settings, tolerance, request.dense);
-        let mut looking = Looking::new(system, settings, &mut recorder);
-        let mut keeper = Keeper {
-            observer: Watched::new(&mut looking, settings.horizon, false, watch),
-            kept: request.multipliers.then(|| empty(&complementarity)),
-            turns: request.estimate.then(|| Turns::new(system)),
-        };
-        let mut solution = first.run(0.0, settings.horizon, &x0, &mut keeper);
-        let (kept, turns) = (keeper.kept, keeper.turns);
-        solution.outcome.notes.extend(looking.notes());
-        let wanted = request.estimate && !matches!(solution.outcome.status, Status::Over(_));
-        let second = |recorder: &Recorder| {
-            let mut comparison = Comparison::new(recorder, &x0);
-            let mut keeper = Keeper {
-                observer: Watched::new(&mut comparison, settings.horizon, true, watch),
-                kept: None,
-                turns: None,
-            };
-            let mut second = on(finer(grid), nodes_of_finer(options));
-            let fine = second.run(0.0, settings.horizon, &x0, &mut keeper);
-            let outcomes = [&solution.outcome, &fine.outcome];
-            let mut found = estimate(system, &comparison, outcomes)?;
-            found.error /= 1.0 - share_of_finer(&first, &second);
-            if let Some(turns) = turns {
-                found.touches = turns.judge(found.error, solution.outcome.time);
-            }
-            Some(found)
-        };
-        let estimate = wanted.then(|| second(&recorder)).flatten();
-        // A grid is taken as it is.
-        let judged = estimate.as_ref().filter(|_| options.steps.is_none());
-        let next = tightened(judged, settings, tolerance, attempt).map(|next| next.max(FINEST));
-        match next.filter(|next| *next < tolerance) {
-            Some(next) => (tolerance, attempt) = (next, attempt + 1),
-            None => break (first.order(), solution, recorder, kept, estimate),
-        }
-    };
-    let blurred = blurred::warning(system, &solution.outcome, &recorder);
-    let mut trajectory = assemble(system, settings, &solution.outcome, recorder);
-    trajectory.warnings.extend(blurred);
-    trajectory.method = method(settings, options, order, formulation.word(), &solution);
-    trajectory.certificate.max_violation = -solution.least_member;
-    trajectory.multipliers = kept;
-    if let Some(steps) = options.steps {
-        let length = settings.horizon / (steps * options.elements) as f64;
-        trajectory.warnings.extend(pulses.warning(length, settings));
-    }
-    if let Some(estimate) = estimate {
-        tell(&mut trajectory, &estimate, system, (settings, options));
-    }
-    trajectory.stats.solve_s = started.elapsed().as_secs_f64();
-    trajectory
+/// A complementarity system that finite elements run.
+pub(super) struct ByElements<'e> {
+    complementarity: Complementarity<'e>,
+    formulation: Formulation,
+    /// Where switches are nonlinear: the same system event by event.
+    guide: Option<Arc<HybridSystem>>,
+    pulses: Pulses,
+    /// What the first run has left.
+    left: Left,
+    /// The defect that an element of the second run may have.
+    allowed: Option<f64>,
 }
 
-/// Tells what an estimate says of a run: whether it is accurate, and what it may have touched.
-fn tell(
-    trajectory: &mut Trajectory,
-    estimate: &Estimate,
-    system: &System,
-    (settings, options): (&Settings, &FesdOptions),
-) {
-    match options.steps {
-        None => judge(trajectory, estimate, settings),
-        Some(_) => judge_grid(trajectory, estimate, settings),
+/// What a run leaves besides its end.
+#[derive(Default)]
+struct Left {
+    order: usize,
+    least_member: f64,
+    added_elements: usize,
+    rungs: Rungs,
+    /// The defect that an element may have.
+    allowed: Option<f64>,
+    multipliers: Option<Multipliers>,
+    turned: Turned,
+}
+
+impl<'e> ByElements<'e> {
+    /// Compiles a system.
+    pub fn new(system: &System<'e>, settings: &Settings<'e>) -> Self {
+        let (formulation, complementarity) = lower(system, settings);
+        let pulses = Pulses::of(system, settings.horizon);
+        ByElements {
+            complementarity: complementarity.over(pulses.clone()),
+            formulation,
+            guide: system.first_nonlinear().map(|_| hybrid::lower(system)),
+            pulses,
+            left: Left::default(),
+            allowed: None,
+        }
     }
-    let warning = estimate.touches.warning(system, settings.tolerance);
-    let is_told = trajectory.failure.is_none() && estimate.same_modes;
-    trajectory.warnings.extend(warning.filter(|_| is_told));
+
+    /// What the finer run may itself be off by, as a share of the error of the other. Where a rate has no derivative an
+    /// element has no order, and is off by about its defect.
+    fn share_of_finer(&self) -> f64 {
+        let allowed = self.left.allowed.zip(self.allowed);
+        allowed.map_or(0.0, |(run, finer)| (finer / (USED * run)).min(MOST_SHARE))
+    }
+}
+
+/// The options of the method.
+pub(super) fn options<'s>(settings: &'s Settings) -> &'s FesdOptions {
+    match &settings.method {
+        experiment::Method::Fesd(options) => options,
+        _ => panic!("the method has finite elements"),
+    }
+}
+
+impl<'e> Run<'e> for ByElements<'e> {
+    fn march(
+        &mut self,
+        problem: &Problem<'_, 'e>,
+        accuracy: Accuracy,
+        observer: &mut dyn Observer,
+    ) -> Ended {
+        let options = options(problem.settings);
+        let nodes = match accuracy.is_finer {
+            true => nodes_of_finer(options),
+            false => options.scheme.1,
+        };
+        let settings = fesd::Settings {
+            limit: problem.limit.clone(),
+            grid: grid(options, accuracy),
+            ..fesd::Settings::new(options.scheme.0, nodes)
+        };
+        let mut simulator = simulator(&self.complementarity, self.guide.as_ref(), settings);
+        let is_kept = problem.multipliers && !accuracy.is_finer;
+        let mut keeper = Keeper {
+            observer,
+            kept: is_kept.then(|| empty(&self.complementarity)),
+            turns: (problem.estimates && !accuracy.is_finer).then(|| Turns::new(problem.system)),
+        };
+        let solution = simulator.run(0.0, problem.settings.horizon, &problem.x0, &mut keeper);
+        if accuracy.is_finer {
+            self.allowed = simulator.allowed_defect();
+        } else {
+            self.left = Left {
+                order: simulator.order(),
+                least_member: solution.least_member,
+                added_elements: solution.added_elements,
+                rungs: solution.rungs,
+                allowed: simulator.allowed_defect(),
+                multipliers: keeper.kept,
+                turned: keeper.turns.map(Turns::done).unwrap_or_default(),
+            };
+        }
+        Ended::by(solution.outcome)
+    }
+
+    fn describe(&self, problem: &Problem<'_, 'e>, _: &Ended) -> Method {
+        method(problem.settings, self.formulation.word(), &self.left)
+    }
+
+    fn estimator(&self, settings: &Settings<'e>) -> Estimator {
+        match options(settings).steps {
+            None => Estimator::Tolerance,
+            Some(_) => Estimator::Grid,
+        }
+    }
+
+    fn estimate(
+        &mut self,
+        problem: &Problem<'_, 'e>,
+        comparison: &Comparison,
+        [found, finer]: [&Ended; 2],
+    ) -> Option<Estimate> {
+        let outcomes = [&found.outcome, &finer.outcome];
+        let least = self.least_sizes(problem.system, &comparison.sizes(&found.outcome.x));
+        let mut estimate = Estimate::of(comparison, outcomes, &least)?;
+        estimate.error /= 1.0 - self.share_of_finer();
+        let (turned, end) = (&self.left.turned, found.outcome.time);
+        estimate.touches = turned.judge(problem.system, estimate.error, end);
+        Some(estimate)
+    }
+
+    fn refined(
+        &mut self,
+        settings: &Settings<'e>,
+        accuracy: Accuracy,
+        _: &Ended,
+        estimate: Option<&Estimate>,
+    ) -> Option<Accuracy> {
+        // A grid is taken as it is.
+        let is_open = options(settings).steps.is_none();
+        let next = accuracy.tightened(estimate.filter(|_| is_open)?, settings)?;
+        let tolerance = next.tolerance.max(FINEST);
+        (tolerance < accuracy.tolerance).then(|| accuracy.next(tolerance))
+    }
+
+    fn tell(&mut self, problem: &Problem<'_, 'e>, ended: &Ended, trajectory: &mut Trajectory) {
+        let Problem {
+            system, settings, ..
+        } = problem;
+        let blurred = blurred::warning(system, &ended.outcome, trajectory);
+        trajectory.warnings.extend(blurred);
+        trajectory.certificate.max_violation = -self.left.least_member;
+        trajectory.multipliers = self.left.multipliers.take();
+        let options = options(settings);
+        if let Some(steps) = options.steps {
+            let length = settings.horizon / (steps * options.elements) as f64;
+            let unseen = self.pulses.warning(length, settings);
+            trajectory.warnings.extend(unseen);
+        }
+    }
 }
 
 /// A simulator whose number of nodes has been checked. Where switches are nonlinear, complementarity does not say which
@@ -224,106 +276,34 @@ fn empty(complementarity: &Complementarity) -> Multipliers {
     }
 }
 
-fn grid(options: &FesdOptions, tolerance: f64) -> Grid {
-    match options.steps {
-        Some(steps) => Grid::Steps {
-            steps,
+/// The grid of a run; that of a finer one shows its error.
+pub(super) fn grid(options: &FesdOptions, accuracy: Accuracy) -> Grid {
+    match (options.steps, accuracy.is_finer) {
+        (Some(steps), finer) => Grid::Steps {
+            steps: if finer { 2 * steps } else { steps },
             elements: options.elements,
         },
-        None => Grid::Adaptive { tolerance },
-    }
-}
-
-/// The grid of the run that shows the error of another.
-fn finer(grid: Grid) -> Grid {
-    match grid {
-        Grid::Steps { steps, elements } => Grid::Steps {
-            steps: 2 * steps,
-            elements,
-        },
-        Grid::Adaptive { tolerance } => Grid::Adaptive {
-            tolerance: REFINEMENT * tolerance,
+        (None, finer) => Grid::Adaptive {
+            tolerance: if finer { REFINEMENT } else { 1.0 } * accuracy.tolerance,
         },
     }
 }
 
-/// What the finer run may itself be off by, as a share of the error of the other. Where a rate has no derivative an
-/// element has no order, and is off by about its defect.
-fn share_of_finer(run: &Simulator<Complementarity>, finer: &Simulator<Complementarity>) -> f64 {
-    let allowed = run.allowed_defect().zip(finer.allowed_defect());
-    allowed.map_or(0.0, |(run, finer)| (finer / (USED * run)).min(MOST_SHARE))
-}
-
-/// Its nodes: with a tolerance one more, where the scheme has it, so that its rounding is another.
+/// The nodes of the finer run: with a tolerance one more, where the scheme has it, so that its rounding is another.
 fn nodes_of_finer(options: &FesdOptions) -> usize {
     let (family, nodes) = options.scheme;
     let more = matches!(family, Family::RadauIia | Family::GaussLegendre) && nodes < MOST_NODES;
     nodes + usize::from(options.steps.is_none() && more)
 }
 
-/// What a finer run says, where differences are large compared with rounding. Algebraic states are measured by the
-/// largest of them at least.
-pub(super) fn estimate(
-    system: &System,
-    comparison: &Comparison,
-    outcomes: [&Outcome; 2],
-) -> Option<Estimate> {
-    let scale = |i: usize| comparison.scale[i].max(outcomes[0].x[i].abs());
-    let algebraic = system.algebraic_states();
-    let largest = algebraic.iter().map(|&i| scale(i)).fold(0.0, f64::max);
-    let least = |i: usize| match algebraic.binary_search(&i) {
-        Ok(_) => fesd::NEGLIGIBLE * largest,
-        Err(_) => 0.0,
-    };
-    estimate_with(least, comparison, outcomes)
-}
-
-/// The same with what each state is measured by at least.
-pub(super) fn estimate_with(
-    least: impl Fn(usize) -> f64,
-    comparison: &Comparison,
-    [found, fine]: [&Outcome; 2],
-) -> Option<Estimate> {
-    // What a second run does not get to is not known.
-    if matches!(fine.status, Status::Over(_)) {
-        return None;
-    }
-    let scale = |i: usize| comparison.scale[i].max(found.x[i].abs());
-    let relative = |(i, difference): (usize, &f64)| {
-        let scale = scale(i).max(least(i));
-        // What rounding of its rate makes of a state is no motion to be relative to.
-        let rounding = f64::EPSILON * found.activity[i] * found.time;
-        if scale > HELD * rounding {
-            difference / scale
-        } else {
-            0.0
-        }
-    };
-    let error = comparison.difference.iter().enumerate().map(relative);
-    let rounding = f64::EPSILON * (found.stats.steps as f64).sqrt();
-    let error = error.fold(rounding, f64::max);
-    let parted = comparison.parted(error);
-    Some(Estimate {
-        touches: Touches::default(),
-        parted,
-        error,
-        same_modes: parted.is_none() && fine.status == found.status,
-    })
-}
-
-fn method(
-    settings: &Settings,
-    options: &FesdOptions,
-    order: usize,
-    lowering: &str,
-    solution: &Solution,
-) -> Method {
+fn method(settings: &Settings, lowering: &str, left: &Left) -> Method {
+    let options = options(settings);
     let (family, nodes) = options.scheme;
     let number = |name: &str, value: usize| (name.to_owned(), MethodOption::Number(value as f64));
     let word = |name: &str, value: &str| (name.to_owned(), MethodOption::Text(value.to_owned()));
     let mut shown = vec![
         word("scheme", &format!("{}({nodes})", family.word())),
-        number("order", order),
+        number("order", left.order),
         word("lowering", lowering),
     ];
     match options.steps {
@@ -333,14 +313,14 @@ fn method(
         }
         None => shown.push(("tolerance".into(), MethodOption::Number(settings.tolerance))),
     }
-    if solution.added_elements > 0 {
-        shown.push(number("added_elements", solution.added_elements));
+    if left.added_elements > 0 {
+        shown.push(number("added_elements", left.added_elements));
     }
     // How the active sets were found: by rates alone unless said.
     for (name, count) in [
-        ("tried_sets", solution.rungs.tried),
-        ("smoothed_sets", solution.rungs.smoothed),
-        ("element_sets", solution.rungs.whole),
+        ("tried_sets", left.rungs.tried),
+        ("smoothed_sets", left.rungs.smoothed),
+        ("element_sets", left.rungs.whole),
     ] {
         if count > 0 {
             shown.push(number(name, count));
@@ -349,47 +329,5 @@ fn method(
     Method {
         name: "fesd".into(),
         options: shown,
-    }
-}
-
-/// What a grid of the user's choice is worth: no warning for what it was chosen for, but none that
-/// is too coarse to show what the model does passes for a solution.
-pub(super) fn judge_grid(trajectory: &mut Trajectory, estimate: &Estimate, settings: &Settings) {
-    trajectory.error_estimate = Some(estimate.error);
-    if trajectory.failure.is_some() {
-        return;
-    }
-    if !estimate.same_modes || estimate.error > COARSE {
-        let failure = Failure::Coarse {
-            error: format!("{:.1e}", estimate.error),
-            modes: !estimate.same_modes,
-            span: settings.span,
-        };
-        trajectory.status = failure.status();
-        trajectory.failure = Some(failure);
-    }
-}
-
-/// What steps without detection of switches are worth: their order is one across switches and impacts, so that large errors
-/// are what they were chosen for; but steps longer than a pulse are told, and an error as large as a state is no solution.
-pub(super) fn judge_steps(
-    trajectory: &mut Trajectory,
-    system: &System,
-    settings: &Settings,
-    steps: usize,
-    error: Option<f64>,
-) {
-    let pulses = Pulses::of(system, settings.horizon);
-    let unseen = pulses.warning(settings.horizon / steps as f64, settings);
-    trajectory.warnings.extend(unseen);
-    trajectory.error_estimate = error;
-    if let Some(error) = error.filter(|&error| error > 1.0) {
-        trajectory.warnings.push(Warning {
-            code: "W0702".into(),
-            message: format!(
-                "the estimated error {error:.1e} is above the size of a state: more `steps` are needed"
-            ),
-            span: Some(settings.span),
-        });
     }
 }

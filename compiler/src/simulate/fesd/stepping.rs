@@ -1,70 +1,98 @@
 //! `method timestepping`: the complementarity system in steps of one length, without switch detection.
 
 use nsd_solver::fesd::{Stepper, SteppingSettings};
-use nsd_solver::simulate::Status;
+use nsd_solver::simulate::Observer;
 
-use super::{estimate, judge_steps, lower};
-use crate::clock::Instant;
+use super::{Complementarity, lower};
+use crate::dcs::Formulation;
+use crate::hybrid::Pulses;
 use crate::report::{Method, MethodOption, Trajectory};
-use crate::simulate::overlooked::Looking;
+use crate::simulate::driver::{Accuracy, Ended, Problem, Run};
+use crate::simulate::estimate::Estimator;
 use crate::simulate::schedule::scheduled;
-use crate::simulate::watch::{Progress, Watched};
-use crate::simulate::{Comparison, Recorder, Request, assemble};
 use crate::system::System;
-use crate::system::experiment::{Settings, SteppingOptions};
+use crate::system::experiment::{self, Settings, SteppingOptions};
 
-/// Integrates the system step by step over the horizon of the experiment.
-pub(in crate::simulate) fn run(
-    system: &System,
-    settings: &Settings,
-    options: &SteppingOptions,
-    request: &Request,
-    watch: &mut dyn FnMut(Progress),
-) -> Trajectory {
-    let started = Instant::now();
-    let (formulation, complementarity) = lower(&scheduled(system, settings.horizon), settings);
-    let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
-    let stepper = |steps: usize| {
+/// A complementarity system that is stepped.
+pub(in crate::simulate) struct Stepping<'e> {
+    complementarity: Complementarity<'e>,
+    formulation: Formulation,
+    pulses: Pulses,
+}
+
+impl<'e> Stepping<'e> {
+    /// Compiles a system.
+    pub fn new(system: &System<'e>, settings: &Settings<'e>) -> Self {
+        let (formulation, complementarity) = lower(&scheduled(system, settings.horizon), settings);
+        Stepping {
+            complementarity,
+            formulation,
+            pulses: Pulses::of(system, settings.horizon),
+        }
+    }
+}
+
+/// The options of the method.
+pub(in crate::simulate) fn options<'s>(settings: &'s Settings) -> &'s SteppingOptions {
+    match &settings.method {
+        experiment::Method::Timestepping(options) => options,
+        _ => panic!("the method takes steps"),
+    }
+}
+
+/// The steps of a run.
+pub(in crate::simulate) fn steps(settings: &Settings, accuracy: Accuracy) -> usize {
+    let refinement = if accuracy.is_finer { 2 } else { 1 };
+    refinement * options(settings).steps
+}
+
+impl<'e> Run<'e> for Stepping<'e> {
+    fn march(
+        &mut self,
+        problem: &Problem<'_, 'e>,
+        accuracy: Accuracy,
+        mut observer: &mut dyn Observer,
+    ) -> Ended {
+        let (family, nodes) = options(problem.settings).scheme();
         let settings = SteppingSettings {
-            family: options.scheme().0,
-            nodes: options.scheme().1,
-            steps,
-            limit: request.limit.clone(),
+            family,
+            nodes,
+            steps: steps(problem.settings, accuracy),
+            limit: problem.limit.clone(),
         };
-        let stepper = Stepper::new(&complementarity, settings);
-        stepper.expect("the number of nodes has been checked")
-    };
-    let mut first = stepper(options.steps);
-    let mut recorder = Recorder::new(system, settings, settings.tolerance, request.dense);
-    let mut looking = Looking::new(system, settings, &mut recorder);
-    let mut watched = Watched::new(&mut looking, settings.horizon, false, watch);
-    let mut outcome = first.run(0.0, settings.horizon, &x0, &mut watched);
-    outcome.notes.extend(looking.notes());
-    // Across switches the order is one, so that halving the steps removes half of the error.
-    let error = (request.estimate && outcome.status == Status::Solved).then(|| {
-        let mut comparison = Comparison::new(&recorder, &x0);
-        let mut watched = Watched::new(&mut comparison, settings.horizon, true, watch);
-        let fine = stepper(2 * options.steps).run(0.0, settings.horizon, &x0, &mut watched);
-        Some(2.0 * estimate(system, &comparison, [&outcome, &fine])?.error)
-    });
-    let mut trajectory = assemble(system, settings, &outcome, recorder);
-    let (family, nodes) = options.scheme();
-    let text = |word: String| MethodOption::Text(word);
-    trajectory.method = Method {
-        name: "timestepping".into(),
-        options: vec![
-            ("scheme".into(), text(format!("{}({nodes})", family.word()))),
-            ("lowering".into(), text(formulation.word().into())),
-            ("steps".into(), MethodOption::Number(options.steps as f64)),
-        ],
-    };
-    judge_steps(
-        &mut trajectory,
-        system,
-        settings,
-        options.steps,
-        error.flatten(),
-    );
-    trajectory.stats.solve_s = started.elapsed().as_secs_f64();
-    trajectory
+        let stepper = Stepper::new(&self.complementarity, settings);
+        let mut stepper = stepper.expect("the number of nodes has been checked");
+        let horizon = problem.settings.horizon;
+        Ended::by(stepper.run(0.0, horizon, &problem.x0, &mut observer))
+    }
+
+    fn describe(&self, problem: &Problem<'_, 'e>, _: &Ended) -> Method {
+        let options = options(problem.settings);
+        let (family, nodes) = options.scheme();
+        let text = |word: String| MethodOption::Text(word);
+        Method {
+            name: "timestepping".into(),
+            options: vec![
+                ("scheme".into(), text(format!("{}({nodes})", family.word()))),
+                ("lowering".into(), text(self.formulation.word().into())),
+                ("steps".into(), MethodOption::Number(options.steps as f64)),
+            ],
+        }
+    }
+
+    fn estimator(&self, _: &Settings<'e>) -> Estimator {
+        Estimator::Steps
+    }
+
+    fn compares(&self, ended: &Ended) -> bool {
+        ended.is_solved()
+    }
+
+    fn tell(&mut self, problem: &Problem<'_, 'e>, _: &Ended, trajectory: &mut Trajectory) {
+        let settings = problem.settings;
+        let length = settings.horizon / options(settings).steps as f64;
+        trajectory
+            .warnings
+            .extend(self.pulses.warning(length, settings));
+    }
 }

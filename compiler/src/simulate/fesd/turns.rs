@@ -192,9 +192,25 @@ impl<'s, 'e> Turns<'s, 'e> {
         });
     }
 
+    /// What was found.
+    pub fn done(self) -> Turned {
+        Turned {
+            found: self.found,
+            scale: self.scale,
+        }
+    }
+}
+
+/// The turns of a run, and the largest magnitudes of its states.
+#[derive(Default)]
+pub(super) struct Turned {
+    found: Vec<Turn>,
+    scale: Vec<f64>,
+}
+
+impl Turned {
     /// What a run with errors of this share of every state cannot tell, until its end.
-    pub fn judge(&self, error: f64, end: f64) -> Touches {
-        let system = self.system;
+    pub fn judge<'e>(&self, system: &System<'e>, error: f64, end: f64) -> Touches {
         let mut touches = Touches::default();
         if self.found.is_empty() {
             return touches;

@@ -1,31 +1,27 @@
 //! Runs in numerical time: a system is frozen, run event by event or by finite elements, and thawed.
 
-use crate::clock::Instant;
-use crate::hybrid;
-use crate::limit::Limit;
-use nsd_solver::simulate::HybridSystem;
-use std::sync::Arc;
 mod law;
 mod stretch;
 mod thaw;
 
+use std::sync::Arc;
+
 use law::impact;
 use nsd_solver::fesd::{self as elements, Grid};
-use nsd_solver::simulate::{Coefficient, Observer, Outcome, Simulator, Status};
+use nsd_solver::simulate::{Coefficient, HybridSystem, Observer, Outcome, Simulator};
 use thaw::{End, Law, drive};
 
-use super::fesd::{Complementarity, estimate, judge_grid};
+use super::driver::{Accuracy, Ended, Problem, Run};
+use super::estimate::Estimator;
+use super::events::{finer, solver_settings};
+use super::fesd::{Complementarity, options};
 use super::modes::ModeNames;
-use super::overlooked::Looking;
-use super::watch::{Progress, Watched};
-use super::{
-    Comparison, REFINEMENT, Recorder, Request, assemble, finer, judge, outcome, solver_settings,
-    tightened,
-};
+use super::outcome;
 use crate::dcs::{self, Formulation};
+use crate::hybrid;
 use crate::report::{Failure, Method, MethodOption, Trajectory};
 use crate::system::System;
-use crate::system::experiment::{self, FesdOptions, Settings};
+use crate::system::experiment::{FesdOptions, Settings};
 use crate::system::freezing::{Frozen, freeze};
 
 /// A contact may start this far below its surface, which is rounding.
@@ -34,93 +30,165 @@ const ROUNDING: f64 = 1e-9;
 /// How a frozen system is run.
 enum Road<'e> {
     Events(Arc<HybridSystem>),
-    Elements(Box<Complementarity<'e>>, FesdOptions, Formulation),
+    Elements(Box<Complementarity<'e>>, Formulation),
 }
 
-/// A run in physical time.
-struct Found {
-    outcome: Outcome,
-    /// Order of the method.
+/// A system in numerical time.
+pub(super) struct InNumericalTime<'e> {
+    frozen: Frozen<'e>,
+    road: Road<'e>,
+    /// The system with jumps, which impacts are compared with where forces may make another one of them.
+    jumping: Option<Arc<HybridSystem>>,
+    /// Order of the method, and the least member of a pair of complementarity, of the first run.
     order: usize,
-    /// Least member of a pair of complementarity.
     least_member: f64,
-    failure: Option<Failure>,
 }
 
-/// Integrates the frozen system until its clock has reached the horizon of the experiment.
-pub(super) fn run(
-    system: &System,
-    settings: &Settings,
-    request: &Request,
-    watch: &mut dyn FnMut(Progress),
-) -> Trajectory {
-    let started = Instant::now();
-    let frozen = freeze(system, settings.pace());
-    let frozen = frozen.expect("compilation has checked that the system can be frozen");
-    let road = Road::new(&frozen, settings);
-    let jumping = frozen.meeting.is_open.then(|| hybrid::lower(system));
-    let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
-    let horizon = settings.horizon;
-    let (mut tolerance, mut attempt) = (settings.tolerance, 1);
-    let (found, recorder, estimated) = loop {
-        let mut recorder = Recorder::new(system, settings, tolerance, request.dense);
-        let mut looking = Looking::new(system, settings, &mut recorder);
-        let mut watched = Watched::new(&mut looking, horizon, false, watch);
-        let run = (tolerance, false);
-        let mut found = road.run(
-            (&frozen, jumping.as_ref()),
-            settings,
-            run,
-            &request.limit,
-            &mut watched,
-        );
-        found.outcome.notes.extend(looking.notes());
-        let wanted = request.estimate && !matches!(found.outcome.status, Status::Over(_));
-        let estimated = wanted.then(|| {
-            let mut comparison = Comparison::new(&recorder, &x0);
-            let mut watched = Watched::new(&mut comparison, horizon, true, watch);
-            let run = (tolerance, true);
-            let fine = road.run(
-                (&frozen, jumping.as_ref()),
-                settings,
-                run,
-                &request.limit,
-                &mut watched,
-            );
-            estimate(system, &comparison, [&found.outcome, &fine.outcome])
+impl<'e> InNumericalTime<'e> {
+    /// Freezes and compiles a system.
+    pub fn new(system: &System<'e>, settings: &Settings<'e>) -> Self {
+        let frozen = freeze(system, settings.pace());
+        let frozen = frozen.expect("compilation has checked that the system can be frozen");
+        InNumericalTime {
+            road: Road::new(&frozen, settings),
+            jumping: frozen.meeting.is_open.then(|| hybrid::lower(system)),
+            frozen,
+            order: 0,
+            least_member: 0.0,
+        }
+    }
+}
+
+impl<'e> Run<'e> for InNumericalTime<'e> {
+    /// Integrates the frozen system until its clock has reached the horizon of the experiment.
+    fn march(
+        &mut self,
+        problem: &Problem<'_, 'e>,
+        accuracy: Accuracy,
+        observer: &mut dyn Observer,
+    ) -> Ended {
+        let horizon = problem.settings.horizon;
+        let law = self.jumping.clone().map(|jumping| -> Box<Law> {
+            let mut simulator = Simulator::new(jumping, Default::default());
+            Box::new(move |t: f64, x: &[f64]| impact(&mut simulator, horizon, t, x))
         });
-        let estimated = estimated.flatten();
-        let judged = estimated.as_ref().filter(|_| !settings.method.has_steps());
-        if let Some(next) = tightened(judged, settings, tolerance, attempt) {
-            tolerance = next;
-            attempt += 1;
-            continue;
-        }
-        break (found, recorder, estimated);
-    };
-    let failure = penetration(system).or(found.failure);
-    let outcome = Outcome {
-        status: Status::Solved,
-        ..found.outcome
-    };
-    let mut trajectory = assemble(system, settings, &outcome, recorder);
-    if let Some(failure) = failure {
-        trajectory.status = failure.status();
-        trajectory.failure = Some(failure);
+        let (outcome, end) = match &self.road {
+            Road::Events(hybrid) => {
+                let mut simulator = self.by_events(hybrid, problem, accuracy);
+                if !accuracy.is_finer {
+                    self.order = simulator.order();
+                }
+                drive(&self.frozen, horizon, observer, law, |end, x, thaw| {
+                    simulator.run(0.0, end, x, thaw)
+                })
+            }
+            Road::Elements(complementarity, _) => {
+                let (mut least_member, mut order) = (0.0_f64, 0);
+                let found = drive(&self.frozen, horizon, observer, law, |end, x, thaw| {
+                    let settings = self.elements(problem, accuracy, end / horizon);
+                    let simulator = elements::Simulator::new(&**complementarity, settings);
+                    let mut simulator = simulator.expect("the number of nodes has been checked");
+                    let solution = simulator.run(0.0, end, x, thaw);
+                    least_member = least_member.min(solution.least_member);
+                    order = simulator.order();
+                    solution.outcome
+                });
+                if !accuracy.is_finer {
+                    (self.order, self.least_member) = (order, least_member);
+                }
+                found
+            }
+        };
+        let failure = penetration(problem.system);
+        let failure = failure.or_else(|| self.failure(problem.settings, &outcome, end));
+        Ended { outcome, failure }
     }
-    trajectory.method = road.method(settings, found.order);
-    if let Road::Elements(..) = road {
-        // As of `method fesd`.
-        trajectory.certificate.max_violation = -found.least_member;
+
+    fn describe(&self, problem: &Problem<'_, 'e>, _: &Ended) -> Method {
+        self.road.method(problem.settings, self.order)
     }
-    if let Some(estimate) = estimated {
+
+    fn estimator(&self, settings: &Settings<'e>) -> Estimator {
         match settings.method.has_steps() {
-            false => judge(&mut trajectory, &estimate, settings),
-            true => judge_grid(&mut trajectory, &estimate, settings),
+            false => Estimator::Tolerance,
+            true => Estimator::Grid,
         }
     }
-    trajectory.stats.solve_s = started.elapsed().as_secs_f64();
-    trajectory
+
+    fn tell(&mut self, _: &Problem<'_, 'e>, _: &Ended, trajectory: &mut Trajectory) {
+        if let Road::Elements(..) = self.road {
+            // As of `method fesd`.
+            trajectory.certificate.max_violation = -self.least_member;
+        }
+    }
+}
+
+impl InNumericalTime<'_> {
+    /// The switches of gaps, which stand still at zero while contacts act on each other: these are closed.
+    fn below(&self) -> Vec<usize> {
+        let contacts = self.frozen.contacts.iter();
+        contacts.map(|contact| contact.switch).collect()
+    }
+
+    fn by_events(
+        &self,
+        hybrid: &Arc<HybridSystem>,
+        problem: &Problem,
+        accuracy: Accuracy,
+    ) -> Simulator {
+        let tolerance = accuracy.tolerance;
+        let method = &problem.settings.method;
+        let mut chosen = solver_settings(method, tolerance, problem.limit.clone());
+        if accuracy.is_finer {
+            let order = Simulator::new(hybrid.clone(), chosen.clone()).order();
+            chosen = finer(&chosen, order, tolerance);
+        }
+        chosen.below = self.below();
+        Simulator::new(hybrid.clone(), chosen)
+    }
+
+    /// The settings of a run by elements over a numerical time, which is so many times the horizon.
+    fn elements(&self, problem: &Problem, accuracy: Accuracy, share: f64) -> elements::Settings {
+        let options = options(problem.settings);
+        elements::Settings {
+            below: self.below(),
+            limit: problem.limit.clone(),
+            grid: grid(options, accuracy, share),
+            ..elements::Settings::new(options.scheme.0, options.scheme.1)
+        }
+    }
+
+    /// Why a run has ended before its horizon.
+    fn failure(&self, settings: &Settings, outcome: &Outcome, end: Option<End>) -> Option<Failure> {
+        let system = &self.frozen.system;
+        let stops = |what: String| Failure::Standstill {
+            time: outcome.time,
+            what,
+            span: settings.span,
+        };
+        match end {
+            Some(End::Limit(limit)) => {
+                Some(stops(format!("bounces accumulate towards t = {limit:.6}")))
+            }
+            Some(End::Closed) => Some(stops("a contact stays closed".to_owned())),
+            Some(End::Unlawful) => {
+                let what = "forces act at once, which one after the other are another impact";
+                Some(stops(what.to_owned()))
+            }
+            Some(End::Locked(contact)) => Some(Failure::Painleve {
+                time: outcome.time,
+                name: system.switches[contact].name.clone(),
+                surfaces: outcome::labels(system, &[contact]),
+            }),
+            Some(End::Negative(contact, value)) => {
+                let name = system.switches[contact].name.clone();
+                let surfaces = outcome::labels(system, &[contact]);
+                let of = (Coefficient::Friction, value);
+                Some(outcome::outside(of, (outcome.time, name), surfaces))
+            }
+            None => outcome::failure(system, &ModeNames::new(system), outcome, settings),
+        }
+    }
 }
 
 /// The first contact that starts below its surface.
@@ -146,116 +214,13 @@ fn penetration(system: &System) -> Option<Failure> {
 
 impl<'e> Road<'e> {
     fn new(frozen: &Frozen<'e>, settings: &Settings<'e>) -> Self {
-        let experiment::Method::Fesd(options) = &settings.method else {
+        if !settings.method.needs_dcs() {
             return Road::Events(hybrid::lower(&frozen.system));
-        };
+        }
         let dcs = dcs::lower(&frozen.system, &settings.lowerings);
         let dcs = dcs.expect("compilation has checked that the system can be lowered");
         let complementarity = Complementarity::new(&frozen.system, &dcs);
-        Road::Elements(Box::new(complementarity), *options, dcs.formulation)
-    }
-
-    /// One run with a tolerance, or the finer one that shows its error; impacts are compared with those of the system
-    /// with jumps, if it is given.
-    fn run(
-        &self,
-        (frozen, jumping): (&Frozen, Option<&Arc<HybridSystem>>),
-        settings: &Settings,
-        (tolerance, fine): (f64, bool),
-        limit: &Limit,
-        observer: &mut dyn Observer,
-    ) -> Found {
-        let (order, mut least_member) = (self.order(settings, tolerance), 0.0_f64);
-        let horizon = settings.horizon;
-        // Gaps stand still at zero while contacts act on each other: these are closed.
-        let below: Vec<usize> = frozen
-            .contacts
-            .iter()
-            .map(|contact| contact.switch)
-            .collect();
-        let law = jumping.map(|jumping| -> Box<Law> {
-            let mut simulator = Simulator::new(jumping.clone(), Default::default());
-            Box::new(move |t: f64, x: &[f64]| impact(&mut simulator, horizon, t, x))
-        });
-        let (outcome, end) = match self {
-            Road::Events(hybrid) => {
-                let mut chosen = solver_settings(&settings.method, tolerance, limit.clone());
-                if fine {
-                    chosen = finer(&chosen, order, tolerance);
-                }
-                chosen.below.clone_from(&below);
-                let mut simulator = Simulator::new(hybrid.clone(), chosen);
-                drive(frozen, horizon, observer, law, |end, x, thaw| {
-                    simulator.run(0.0, end, x, thaw)
-                })
-            }
-            Road::Elements(complementarity, options, _) => {
-                drive(frozen, horizon, observer, law, |end, x, thaw| {
-                    let settings = elements::Settings {
-                        below: below.clone(),
-                        limit: limit.clone(),
-                        grid: grid(options, tolerance, fine, end / horizon),
-                        ..elements::Settings::new(options.scheme.0, options.scheme.1)
-                    };
-                    let simulator = elements::Simulator::new(&**complementarity, settings);
-                    let mut simulator = simulator.expect("the number of nodes has been checked");
-                    let solution = simulator.run(0.0, end, x, thaw);
-                    least_member = least_member.min(solution.least_member);
-                    solution.outcome
-                })
-            }
-        };
-        let stops = |what: String| Failure::Standstill {
-            time: outcome.time,
-            what,
-            span: settings.span,
-        };
-        let failure = match end {
-            Some(End::Limit(limit)) => {
-                Some(stops(format!("bounces accumulate towards t = {limit:.6}")))
-            }
-            Some(End::Closed) => Some(stops("a contact stays closed".to_owned())),
-            Some(End::Unlawful) => {
-                let what = "forces act at once, which one after the other are another impact";
-                Some(stops(what.to_owned()))
-            }
-            Some(End::Locked(contact)) => Some(Failure::Painleve {
-                time: outcome.time,
-                name: frozen.system.switches[contact].name.clone(),
-                surfaces: outcome::labels(&frozen.system, &[contact]),
-            }),
-            Some(End::Negative(contact, value)) => {
-                let name = frozen.system.switches[contact].name.clone();
-                let surfaces = outcome::labels(&frozen.system, &[contact]);
-                let of = (Coefficient::Friction, value);
-                Some(outcome::outside(of, (outcome.time, name), surfaces))
-            }
-            None => {
-                let names = ModeNames::new(&frozen.system);
-                outcome::failure(&frozen.system, &names, &outcome, settings)
-            }
-        };
-        Found {
-            outcome,
-            order,
-            least_member,
-            failure,
-        }
-    }
-
-    /// Order of the method.
-    fn order(&self, settings: &Settings, tolerance: f64) -> usize {
-        match self {
-            Road::Events(hybrid) => {
-                let chosen = solver_settings(&settings.method, tolerance, Limit::default());
-                Simulator::new(hybrid.clone(), chosen).order()
-            }
-            Road::Elements(complementarity, options, _) => {
-                let chosen = elements::Settings::new(options.scheme.0, options.scheme.1);
-                let simulator = elements::Simulator::new(&**complementarity, chosen);
-                simulator.map_or(0, |simulator| simulator.order())
-            }
-        }
+        Road::Elements(Box::new(complementarity), dcs.formulation)
     }
 
     fn method(&self, settings: &Settings, order: usize) -> Method {
@@ -268,7 +233,8 @@ impl<'e> Road<'e> {
                 shown.push(word("lowering", "timefreezing"));
                 "event"
             }
-            Road::Elements(_, options, formulation) => {
+            Road::Elements(_, formulation) => {
+                let options = options(settings);
                 let (family, nodes) = options.scheme;
                 let lowering = format!("timefreezing, {formulation}");
                 shown.push(word("scheme", &format!("{}({nodes})", family.word())));
@@ -290,20 +256,13 @@ impl<'e> Road<'e> {
     }
 }
 
-/// The grid of a numerical time, as a share of the horizon: steps keep their length.
-fn grid(options: &FesdOptions, tolerance: f64, fine: bool, share: f64) -> Grid {
-    let refined = if fine { 2 } else { 1 };
-    match options.steps {
-        Some(steps) => Grid::Steps {
-            steps: ((refined * steps) as f64 * share - 1e-9).ceil().max(1.0) as usize,
-            elements: options.elements,
+/// The grid of a numerical time, which is so many times the horizon: steps keep their length.
+fn grid(options: &FesdOptions, accuracy: Accuracy, share: f64) -> Grid {
+    match super::fesd::grid(options, accuracy) {
+        Grid::Steps { steps, elements } => Grid::Steps {
+            steps: (steps as f64 * share - 1e-9).ceil().max(1.0) as usize,
+            elements,
         },
-        None => Grid::Adaptive {
-            tolerance: if fine {
-                REFINEMENT * tolerance
-            } else {
-                tolerance
-            },
-        },
+        adaptive => adaptive,
     }
 }

@@ -11,6 +11,7 @@ use crate::simulate::adaptive::{Inputs, Jumping};
 use crate::system::System;
 
 /// f, ∂f/∂x and M.
+#[derive(Clone)]
 pub(super) struct Free {
     field: Jumping,
     slopes: Vec<(usize, usize)>,

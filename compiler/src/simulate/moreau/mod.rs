@@ -2,122 +2,145 @@
 //!
 //! A second run with twice as many steps gives the estimate of the error.
 
-use crate::clock::Instant;
 use crate::hybrid::Pulses;
 use crate::limit::Limit;
 mod free;
 mod record;
 mod scene;
 
-use nsd_solver::moreau::{Settings as StepSettings, Solution, Stepper};
-use nsd_solver::simulate::Status as End;
+use nsd_solver::moreau::{Change, Scene, Settings as StepSettings, Solution, Stepper};
+use nsd_solver::simulate::{Observer, Status as End};
 
 use self::free::Free;
 use self::record::Told;
 use super::adaptive::Inputs;
-use super::fesd::{estimate_with, judge_steps};
+use super::driver::{Accuracy, Ended, Problem, Run};
+use super::estimate::Estimator;
+use super::fesd::stepping::{options, steps};
 use super::outcome::outside;
-use super::overlooked::Looking;
-use super::watch::{Progress, Watched};
-use super::{Comparison, Recorder, Request, assemble};
 use crate::report::{Failure, Method, MethodOption, Trajectory, Warning};
 use crate::system::System;
-use crate::system::experiment::{Settings, SteppingOptions};
+use crate::system::experiment::Settings;
 
 /// An entry of a vector has this share of the largest one as its size at least: that of a place on a floor which
 /// nothing leaves is rounding.
 const SMALL: f64 = 1e-9;
 
-/// Integrates bodies and their contacts step by step over the horizon of the experiment.
-pub(super) fn run(
-    system: &System,
-    settings: &Settings,
-    options: &SteppingOptions,
-    request: &Request,
-    watch: &mut dyn FnMut(Progress),
-) -> Trajectory {
-    let started = Instant::now();
-    let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
-    let stepper = |steps: usize| stepper(system, settings.horizon, steps, request.limit.clone());
-    let mut recorder = Recorder::new(system, settings, settings.tolerance, request.dense);
-    let mut looking = Looking::new(system, settings, &mut recorder);
-    let mut told = Told {
-        watched: Watched::new(&mut looking, settings.horizon, false, watch),
-        changes: Vec::new(),
-    };
-    let solution = stepper(options.steps).run(0.0, settings.horizon, &x0, &mut told);
-    let changes = told.changes;
-    let overlooked = looking.notes();
-    let solved = solution.outcome.status == End::Solved;
-    let error = (request.estimate && solved).then(|| {
-        let mut comparison = Comparison::new(&recorder, &x0);
+/// Bodies and their contacts.
+pub(super) struct Contacts {
+    scene: Scene,
+    free: Free,
+    pulses: Pulses,
+    /// What the first run has left.
+    changes: Vec<(f64, usize, Change)>,
+    impulses: usize,
+    gaps: usize,
+    plastic: usize,
+    penetration: f64,
+}
+
+impl Contacts {
+    /// Compiles a system.
+    pub fn new(system: &System, settings: &Settings) -> Self {
+        let inputs = Inputs::new(system);
+        let pulses = Pulses::of(system, settings.horizon);
+        Contacts {
+            scene: scene::scene(system, &inputs),
+            free: Free::new(system, &inputs, pulses.clone()),
+            pulses,
+            changes: Vec::new(),
+            impulses: 0,
+            gaps: 0,
+            plastic: 0,
+            penetration: 0.0,
+        }
+    }
+}
+
+impl<'e> Run<'e> for Contacts {
+    fn march(
+        &mut self,
+        problem: &Problem<'_, 'e>,
+        accuracy: Accuracy,
+        observer: &mut dyn Observer,
+    ) -> Ended {
+        let settings = StepSettings {
+            steps: steps(problem.settings, accuracy),
+            limit: problem.limit.clone(),
+        };
         let mut told = Told {
-            watched: Watched::new(&mut comparison, settings.horizon, true, watch),
+            observer,
             changes: Vec::new(),
         };
-        let fine = stepper(2 * options.steps).run(0.0, settings.horizon, &x0, &mut told);
-        let least = least_sizes(system, |i| {
-            comparison.scale[i].max(solution.outcome.x[i].abs())
-        });
-        let outcomes = [&solution.outcome, &fine.outcome];
-        // The order is one: halving the steps removes half of the error.
-        Some(2.0 * estimate_with(|i| least[i], &comparison, outcomes)?.error)
-    });
-    let failure = failure(system, &solution);
-    let mut outcome = solution.outcome.clone();
-    outcome.notes.extend(overlooked);
-    if failure.is_some() {
-        outcome.status = End::Stopped;
+        let mut stepper = Stepper::new(self.scene.clone(), self.free.clone(), settings);
+        let solution = stepper.run(0.0, problem.settings.horizon, &problem.x0, &mut told);
+        if !accuracy.is_finer {
+            self.changes = told.changes;
+            self.impulses = solution.impulses;
+            self.gaps = solution.gaps;
+            self.plastic = solution.plastic;
+            self.penetration = solution.penetration;
+        }
+        Ended {
+            failure: failure(problem.system, &solution),
+            outcome: solution.outcome,
+        }
     }
-    let mut trajectory = assemble(system, settings, &outcome, recorder);
-    if let Some(failure) = failure {
-        trajectory.status = failure.status();
-        trajectory.failure = Some(failure);
+
+    fn describe(&self, problem: &Problem<'_, 'e>, _: &Ended) -> Method {
+        let number = |name: &str, value: usize| (name.into(), MethodOption::Number(value as f64));
+        Method {
+            name: "timestepping".into(),
+            options: vec![
+                ("scheme".into(), MethodOption::Text("moreau_jean".into())),
+                number("steps", options(problem.settings).steps),
+                number("impulses", self.impulses),
+                number("gaps", self.gaps),
+            ],
+        }
     }
-    record::write(system, &changes, outcome.time, &mut trajectory);
-    trajectory.certificate.max_violation = solution.penetration;
-    let number = |name: &str, value: usize| (name.into(), MethodOption::Number(value as f64));
-    trajectory.method = Method {
-        name: "timestepping".into(),
-        options: vec![
-            ("scheme".into(), MethodOption::Text("moreau_jean".into())),
-            number("steps", options.steps),
-            number("impulses", solution.impulses),
-            number("gaps", solution.gaps),
-        ],
-    };
-    if solution.plastic > 0 {
-        trajectory.warnings.push(Warning {
+
+    fn estimator(&self, _: &Settings<'e>) -> Estimator {
+        Estimator::Steps
+    }
+
+    fn compares(&self, ended: &Ended) -> bool {
+        ended.is_solved()
+    }
+
+    /// A share of the largest entry of its vector.
+    fn least_sizes(&self, system: &System<'e>, sizes: &[f64]) -> Vec<f64> {
+        let mut least = vec![0.0; sizes.len()];
+        for group in &system.groups {
+            let entries = group.entries.iter().map(|&i| sizes[i]);
+            let largest = entries.fold(0.0, f64::max);
+            for &i in &group.entries {
+                least[i] = SMALL * largest;
+            }
+        }
+        least
+    }
+
+    fn tell(&mut self, problem: &Problem<'_, 'e>, ended: &Ended, trajectory: &mut Trajectory) {
+        let Problem {
+            system, settings, ..
+        } = problem;
+        record::write(system, &self.changes, ended.outcome.time, trajectory);
+        trajectory.certificate.max_violation = self.penetration;
+        let plastic = (self.plastic > 0).then(|| Warning {
             code: "W0713".into(),
             message: format!(
                 "in {} steps impacts were taken without rebound: their restitutions contradict each other",
-                solution.plastic
+                self.plastic
             ),
             span: Some(settings.span),
         });
+        let length = settings.horizon / options(settings).steps as f64;
+        let unseen = self.pulses.warning(length, settings);
+        trajectory
+            .warnings
+            .extend(plastic.into_iter().chain(unseen));
     }
-    judge_steps(
-        &mut trajectory,
-        system,
-        settings,
-        options.steps,
-        error.flatten(),
-    );
-    trajectory.stats.solve_s = started.elapsed().as_secs_f64();
-    trajectory
-}
-
-/// What each state is measured by at least: a share of the largest entry of its vector.
-fn least_sizes(system: &System, size: impl Fn(usize) -> f64) -> Vec<f64> {
-    let mut least = vec![0.0; system.states.len()];
-    for group in &system.groups {
-        let sizes = group.entries.iter().map(|&i| size(i));
-        let largest = sizes.fold(0.0, f64::max);
-        for &i in &group.entries {
-            least[i] = SMALL * largest;
-        }
-    }
-    least
 }
 
 /// What steps through a system to a horizon.

@@ -7,27 +7,26 @@ use nsd_solver::moreau::{Change, Observer as Contacts};
 use nsd_solver::simulate::{Event, Observer, Segment};
 
 use crate::report::{self, EventKind, ModeInterval, Side, Trajectory};
-use crate::simulate::watch::Watched;
 use crate::system::System;
 
 /// Passes on what a run does, and keeps what contacts do.
-pub(super) struct Told<'w, O> {
-    pub watched: Watched<'w, O>,
+pub(super) struct Told<'w> {
+    pub observer: &'w mut dyn Observer,
     /// Changes of contacts, in order of time.
     pub changes: Vec<(f64, usize, Change)>,
 }
 
-impl<O: Observer> Observer for Told<'_, O> {
+impl Observer for Told<'_> {
     fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
-        self.watched.segment(segment)
+        self.observer.segment(segment)
     }
 
     fn event(&mut self, event: &Event) {
-        self.watched.event(event);
+        self.observer.event(event);
     }
 }
 
-impl<O: Observer> Contacts for Told<'_, O> {
+impl Contacts for Told<'_> {
     fn change(&mut self, time: f64, contact: usize, change: Change) {
         self.changes.push((time, contact, change));
     }

@@ -1,16 +1,12 @@
 //! How far a run is from a finer one.
 
-use nsd_solver::simulate::Side;
+use super::Reached;
+use crate::simulate::estimate::Estimate;
+use crate::simulate::touches::Touches;
 
-use super::super::super::{Estimate, Touches};
-use super::Run;
-
-/// When sides change, and to which.
-type Change = (f64, Box<[Side]>);
-
-impl Run<'_, '_> {
+impl Reached {
     /// How far the end of a finer run, its jumps and its changes of sides are away, where it comes to the end.
-    pub(super) fn compare(&self, finer: &Self, changes: [Vec<&Change>; 2], ends: bool) -> Estimate {
+    pub(super) fn compare(&self, finer: &Self, ends: bool) -> Estimate {
         // Whatever rests at zero differs by rounding alone.
         let size = match self.size > f64::EPSILON {
             true => self.size,
@@ -26,9 +22,11 @@ impl Run<'_, '_> {
         let instants = self.jumps.iter().zip(&finer.jumps);
         let instants = instants.map(|(a, b)| (a.0 - b.0).abs() / self.horizon);
         // Where states hardly depend on when a body stops, its instant is all that shows how well that is known.
-        let [own, others] = changes;
-        let sides = |changes: &[&Change]| changes.iter().map(|c| c.1.clone()).collect::<Vec<_>>();
-        let alike = sides(&own) == sides(&others);
+        let [own, others] = [self, finer].map(|run| {
+            let pairs = run.sides.windows(2).filter(|pair| pair[0].1 != pair[1].1);
+            pairs.map(|pair| &pair[1]).collect::<Vec<_>>()
+        });
+        let alike = own.iter().map(|c| &c.1).eq(others.iter().map(|c| &c.1));
         let stops = own.iter().zip(&others).filter(|_| alike);
         let stops = stops.map(|(a, b)| (a.0 - b.0).abs() / self.horizon);
         let rounding = f64::EPSILON * (self.steps as f64).sqrt();

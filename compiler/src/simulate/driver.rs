@@ -1,0 +1,340 @@
+//! A trajectory by any method: a run, a finer one that shows its error, both again where that is too large; then names,
+//! events and what a report says of them.
+
+use std::sync::Arc;
+
+use nsd_solver::fesd::NEGLIGIBLE;
+use nsd_solver::simulate::{Observer, Outcome, Status as End};
+
+use super::Request;
+use super::comparison::Comparison;
+use super::estimate::{Estimate, Estimator};
+use super::modes::ModeNames;
+use super::outcome;
+use super::overlooked::{Look, Looking};
+use super::record::Recorder;
+use super::reported::Reported;
+use super::watch::{Progress, Watched};
+use crate::clock::Instant;
+use crate::limit::Limit;
+use crate::report::{Certificate, Failure, Kind, Method, Stats, Status, Trajectory};
+use crate::system::System;
+use crate::system::experiment::Settings;
+
+/// How much more accurate the second run is.
+pub(super) const REFINEMENT: f64 = 1e-2;
+
+/// Runs with a tolerance that the estimate has shown to be too loose.
+const MAX_ATTEMPTS: usize = 3;
+
+/// A smaller tolerance than this is that of rounding.
+const LEAST_TOLERANCE: f64 = 1e-15;
+
+/// What is run, however accurately.
+pub(super) struct Problem<'r, 'e> {
+    pub system: &'r System<'e>,
+    pub settings: &'r Settings<'e>,
+    pub limit: &'r Limit,
+    /// Whether the multipliers of the method are kept, and whether a finer run is to show the error.
+    pub multipliers: bool,
+    pub estimates: bool,
+    pub x0: Vec<f64>,
+}
+
+impl<'r, 'e> Problem<'r, 'e> {
+    pub fn new(system: &'r System<'e>, settings: &'r Settings<'e>, request: &'r Request) -> Self {
+        Problem {
+            multipliers: request.multipliers,
+            estimates: request.estimate,
+            ..Problem::of_end(system, settings, &request.limit)
+        }
+    }
+
+    /// A run for its end alone.
+    pub fn of_end(system: &'r System<'e>, settings: &'r Settings<'e>, limit: &'r Limit) -> Self {
+        Problem {
+            system,
+            settings,
+            limit,
+            multipliers: false,
+            estimates: false,
+            x0: system.states.iter().map(|state| state.initial).collect(),
+        }
+    }
+}
+
+/// How accurate a run is.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Accuracy {
+    pub tolerance: f64,
+    /// The number of tolerances that were tried, with this one.
+    pub attempt: usize,
+    /// Whether it is the second run, which shows the error of one with this tolerance.
+    pub is_finer: bool,
+}
+
+impl Accuracy {
+    /// That of an experiment.
+    pub fn of(settings: &Settings) -> Self {
+        Accuracy {
+            tolerance: settings.tolerance,
+            attempt: 1,
+            is_finer: false,
+        }
+    }
+
+    /// That of the second run.
+    fn finer(self) -> Self {
+        Accuracy {
+            is_finer: true,
+            ..self
+        }
+    }
+
+    /// That of another attempt.
+    pub fn next(self, tolerance: f64) -> Self {
+        Accuracy {
+            tolerance,
+            attempt: self.attempt + 1,
+            is_finer: false,
+        }
+    }
+
+    /// A smaller tolerance, where an estimate has shown this one to be too loose.
+    pub fn tightened(self, estimate: &Estimate, settings: &Settings) -> Option<Self> {
+        if !estimate.same_modes {
+            return None;
+        }
+        let share = if estimate.error > settings.tolerance {
+            0.1 * settings.tolerance / estimate.error
+        } else {
+            estimate.touches.share_to_tell(settings.tolerance)?
+        };
+        let again = self.attempt < MAX_ATTEMPTS && self.tolerance > LEAST_TOLERANCE;
+        again.then(|| self.next(self.tolerance * share.max(1e-4)))
+    }
+}
+
+/// How a run ended.
+pub(super) struct Ended {
+    pub outcome: Outcome,
+    /// Why, where that is no matter of the states and switches of the system.
+    pub failure: Option<Failure>,
+}
+
+impl Ended {
+    /// As its outcome says.
+    pub fn by(outcome: Outcome) -> Self {
+        Ended {
+            outcome,
+            failure: None,
+        }
+    }
+
+    /// Whether the horizon was reached.
+    pub fn is_solved(&self) -> bool {
+        self.failure.is_none() && self.outcome.status == End::Solved
+    }
+}
+
+/// A method, with what it has compiled of a system. Other initial states, and other settings of the same method, compile
+/// nothing.
+pub(super) trait Run<'e> {
+    /// Integrates to the horizon.
+    fn march(
+        &mut self,
+        problem: &Problem<'_, 'e>,
+        accuracy: Accuracy,
+        observer: &mut dyn Observer,
+    ) -> Ended;
+
+    /// Name and options, as they were in the first run.
+    fn describe(&self, problem: &Problem<'_, 'e>, ended: &Ended) -> Method;
+
+    /// How a finer run shows the error of one.
+    fn estimator(&self, settings: &Settings<'e>) -> Estimator;
+
+    /// Whether a finer run is made.
+    fn compares(&self, ended: &Ended) -> bool {
+        !matches!(ended.outcome.status, End::Over(_))
+    }
+
+    /// The size that each state is measured by at least, by the largest magnitudes of all: algebraic states have no size of
+    /// their own.
+    fn least_sizes(&self, system: &System<'e>, sizes: &[f64]) -> Vec<f64> {
+        let mut least = vec![0.0; sizes.len()];
+        let algebraic = system.algebraic_states();
+        let largest = algebraic.iter().map(|&i| sizes[i]).fold(0.0, f64::max);
+        for i in algebraic {
+            least[i] = NEGLIGIBLE * largest;
+        }
+        least
+    }
+
+    /// What a finer run says.
+    fn estimate(
+        &mut self,
+        problem: &Problem<'_, 'e>,
+        comparison: &Comparison,
+        [found, finer]: [&Ended; 2],
+    ) -> Option<Estimate> {
+        let outcomes = [&found.outcome, &finer.outcome];
+        let sizes = comparison.sizes(&found.outcome.x);
+        let least = self.least_sizes(problem.system, &sizes);
+        Estimate::of(comparison, outcomes, &least)
+    }
+
+    /// How accurate another attempt is to be, where one is needed.
+    fn refined(
+        &mut self,
+        settings: &Settings<'e>,
+        accuracy: Accuracy,
+        _ended: &Ended,
+        estimate: Option<&Estimate>,
+    ) -> Option<Accuracy> {
+        let is_open = self.estimator(settings) == Estimator::Tolerance;
+        accuracy.tightened(estimate.filter(|_| is_open)?, settings)
+    }
+
+    /// Whether it sees by itself where functions of states are narrow.
+    fn sees_narrow(&self) -> bool {
+        false
+    }
+
+    /// Adds to a trajectory what only the method knows of it.
+    fn tell(&mut self, _problem: &Problem<'_, 'e>, _ended: &Ended, _trajectory: &mut Trajectory) {}
+}
+
+/// A run and its record.
+struct First<'r, 'e> {
+    ended: Ended,
+    recorder: Recorder<'r, 'e>,
+}
+
+/// Runs a problem as often as its error needs, and tells everything about it.
+pub(super) fn drive<'e>(
+    run: &mut dyn Run<'e>,
+    (system, settings): (&System<'e>, &Settings<'e>),
+    reported: &Arc<Reported>,
+    request: &Request,
+    watch: &mut dyn FnMut(Progress),
+) -> Trajectory {
+    let started = Instant::now();
+    let problem = Problem::new(system, settings, request);
+    let mut accuracy = Accuracy::of(settings);
+    let (First { ended, recorder }, estimate) = loop {
+        let recorder = Recorder::new(
+            system,
+            settings,
+            accuracy.tolerance,
+            request.dense,
+            reported.clone(),
+        );
+        let first = march(run, &problem, accuracy, recorder, watch);
+        let wanted = problem.estimates && run.compares(&first.ended);
+        let estimate = match wanted {
+            true => compare(run, &problem, accuracy.finer(), &first, watch),
+            false => None,
+        };
+        match run.refined(settings, accuracy, &first.ended, estimate.as_ref()) {
+            Some(next) => accuracy = next,
+            None => break (first, estimate),
+        }
+    };
+    let mut trajectory = assemble(&problem, &ended, recorder);
+    trajectory.method = run.describe(&problem, &ended);
+    run.tell(&problem, &ended, &mut trajectory);
+    if let Some(estimate) = estimate {
+        estimate.tell(run.estimator(settings), system, settings, &mut trajectory);
+    }
+    trajectory.stats.solve_s = started.elapsed().as_secs_f64();
+    trajectory
+}
+
+/// The first run.
+fn march<'r, 'e>(
+    run: &mut dyn Run<'e>,
+    problem: &Problem<'_, 'e>,
+    accuracy: Accuracy,
+    mut recorder: Recorder<'r, 'e>,
+    watch: &mut dyn FnMut(Progress),
+) -> First<'r, 'e> {
+    let Problem {
+        system, settings, ..
+    } = problem;
+    let horizon = settings.horizon;
+    let ended = match run.sees_narrow() {
+        true => {
+            let mut watched = Watched::new(&mut recorder, horizon, false, watch);
+            run.march(problem, accuracy, &mut watched)
+        }
+        false => {
+            let mut looking = Looking::new(Look::new(system, settings), &mut recorder);
+            let mut watched = Watched::new(&mut looking, horizon, false, watch);
+            let mut ended = run.march(problem, accuracy, &mut watched);
+            ended.outcome.notes.extend(looking.notes());
+            ended
+        }
+    };
+    First { ended, recorder }
+}
+
+/// What the second run says of the first.
+fn compare<'e>(
+    run: &mut dyn Run<'e>,
+    problem: &Problem<'_, 'e>,
+    accuracy: Accuracy,
+    first: &First<'_, 'e>,
+    watch: &mut dyn FnMut(Progress),
+) -> Option<Estimate> {
+    let approaches = &first.ended.outcome.approaches;
+    let mut comparison = Comparison::new(&first.recorder.record, &problem.x0, approaches);
+    let horizon = problem.settings.horizon;
+    let mut watched = Watched::new(&mut comparison, horizon, true, watch);
+    let finer = run.march(problem, accuracy, &mut watched);
+    run.estimate(problem, &comparison, [&first.ended, &finer])
+}
+
+/// Names everything and evaluates the outputs.
+fn assemble<'e>(
+    problem: &Problem<'_, 'e>,
+    ended: &Ended,
+    recorder: Recorder<'_, 'e>,
+) -> Trajectory {
+    let Problem {
+        system, settings, ..
+    } = problem;
+    let (names, outcome) = (ModeNames::new(system), &ended.outcome);
+    let failure = ended.failure.clone();
+    let failure = failure.or_else(|| outcome::failure(system, &names, outcome, settings));
+    let mut trajectory = Trajectory {
+        experiment: settings.name.clone(),
+        model: system.name.clone(),
+        kind: Kind::Simulate,
+        status: failure.as_ref().map_or(Status::Solved, Failure::status),
+        failure,
+        switches: system
+            .switches
+            .iter()
+            .map(|switch| switch.name.clone())
+            .collect(),
+        stats: Stats {
+            steps: outcome.stats.steps as u64,
+            rhs_evaluations: outcome.stats.rhs_evaluations as u64,
+            newton_iterations: outcome.stats.newton_iterations as u64,
+            factorizations: outcome.stats.factorizations as u64,
+            complementarity_residual: outcome.complementarity,
+            ..Stats::default()
+        },
+        certificate: Certificate {
+            max_violation: outcome.drift.max(outcome.defect),
+            ..Certificate::default()
+        },
+        skipped: system.skipped.clone(),
+        averaged: outcome::averaged(system, outcome),
+        warnings: outcome::warnings(system, outcome),
+        ..Trajectory::default()
+    };
+    recorder.fill(system, &names, outcome, &mut trajectory);
+    trajectory
+}

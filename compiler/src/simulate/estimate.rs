@@ -1,0 +1,169 @@
+//! What a second, finer run says about a run.
+
+use nsd_solver::simulate::{Outcome, Status};
+
+use super::comparison::Comparison;
+use super::touches::Touches;
+use crate::report::{Failure, Trajectory, Warning};
+use crate::system::System;
+use crate::system::experiment::Settings;
+
+/// A state that has always been below this many roundings of the terms of its rate is at rest.
+const HELD: f64 = 8.0;
+
+/// An estimate above this says that a grid is too coarse for the model.
+const COARSE: f64 = 0.01;
+
+/// Roundings below which errors are not told.
+const ROUNDING: f64 = 1e-13;
+
+/// How a second run shows the error of a first one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Estimator {
+    /// It has a smaller tolerance, and so has a third one where the error is too large.
+    Tolerance,
+    /// It is on a finer grid. What was chosen is not refined.
+    Grid,
+    /// It has twice as many steps. Across switches the order is one, so that it removes half of the error.
+    Steps,
+}
+
+/// What a more accurate run says about a run.
+pub(super) struct Estimate {
+    /// Largest difference of a state, relative to its largest magnitude.
+    pub error: f64,
+    /// Whether both went through the same modes.
+    pub same_modes: bool,
+    /// When they first did not, event by event.
+    pub parted: Option<f64>,
+    /// What neither can tell.
+    pub touches: Touches,
+}
+
+impl Estimate {
+    /// How far a finer run is from another one, whose states are measured by so much at least. Nothing where the time was
+    /// too short.
+    pub fn of(
+        comparison: &Comparison,
+        [outcome, fine]: [&Outcome; 2],
+        least: &[f64],
+    ) -> Option<Self> {
+        if matches!(fine.status, Status::Over(_)) {
+            return None;
+        }
+        let events = (outcome.stats.events as f64).sqrt();
+        let relative = |(i, &difference): (usize, &f64)| {
+            // What the rounding of one instant moves the state by.
+            let rounding = f64::EPSILON * outcome.activity[i] * outcome.time;
+            let scale = comparison.scale[i].max(outcome.x[i].abs()).max(least[i]);
+            if scale > HELD * rounding {
+                (4.0 * events * rounding)
+                    .max(outcome.moved[i])
+                    .max(difference)
+                    / scale
+            } else {
+                // Cancellation holds the state at zero: there is no motion to be relative to.
+                0.0
+            }
+        };
+        let error = comparison.difference.iter().enumerate().map(relative);
+        let error = error.fold(0.0, f64::max);
+        // Below rounding the two runs agree by chance.
+        let rounding = f64::EPSILON * (outcome.stats.steps as f64).sqrt();
+        let known = |i: usize| {
+            let activity = (4.0 * events).max(1.0) * f64::EPSILON * outcome.activity[i];
+            activity * outcome.time + outcome.moved[i] + rounding * comparison.scale[i]
+        };
+        let touches = Touches::find(outcome, &comparison.misses, known, &comparison.scale);
+        let error = error.max(rounding);
+        let parted = comparison.parted(error);
+        Some(Estimate {
+            touches,
+            error,
+            parted,
+            same_modes: parted.is_none() && fine.status.is_like(&outcome.status),
+        })
+    }
+
+    /// Tells what it says of a run: whether that is accurate, and what it may have touched.
+    pub fn tell(
+        &self,
+        by: Estimator,
+        system: &System,
+        settings: &Settings,
+        trajectory: &mut Trajectory,
+    ) {
+        match by {
+            Estimator::Tolerance => self.judge(settings, trajectory),
+            Estimator::Grid => self.judge_grid(settings, trajectory),
+            Estimator::Steps => self.judge_steps(settings, trajectory),
+        }
+        let warning = self.touches.warning(system, settings.tolerance);
+        let is_told = self.same_modes && trajectory.failure.is_none();
+        trajectory.warnings.extend(warning.filter(|_| is_told));
+    }
+
+    /// Whether a tolerance is kept.
+    fn judge(&self, settings: &Settings, trajectory: &mut Trajectory) {
+        trajectory.error_estimate = Some(self.error + self.touches.error);
+        let warning = if !self.same_modes {
+            let parts = self.parted.map_or(String::new(), |time| {
+                let mut modes = trajectory.modes.iter();
+                let before = modes.find(|mode| mode.from < time && time <= mode.to);
+                let mode = before.map_or(String::new(), |mode| format!(", behind `{}`", mode.mode));
+                format!(" from t = {time} on{mode}")
+            });
+            let message = format!(
+                "a more accurate run goes through other modes{parts}; the result may depend on the tolerance"
+            );
+            Some(("W0701", message))
+        } else if self.error > settings.tolerance.max(ROUNDING) {
+            let message = format!(
+                "the estimated error {:.1e} is above the tolerance",
+                self.error
+            );
+            Some(("W0702", message))
+        } else {
+            None
+        };
+        trajectory
+            .warnings
+            .extend(warning.map(|(code, message)| Warning {
+                code: code.into(),
+                message,
+                span: Some(settings.span),
+            }));
+    }
+
+    /// What a grid of the user's choice is worth: no warning for what it was chosen for, but none that
+    /// is too coarse to show what the model does passes for a solution.
+    fn judge_grid(&self, settings: &Settings, trajectory: &mut Trajectory) {
+        trajectory.error_estimate = Some(self.error);
+        if trajectory.failure.is_some() || self.same_modes && self.error <= COARSE {
+            return;
+        }
+        let failure = Failure::Coarse {
+            error: format!("{:.1e}", self.error),
+            modes: !self.same_modes,
+            span: settings.span,
+        };
+        trajectory.status = failure.status();
+        trajectory.failure = Some(failure);
+    }
+
+    /// What steps without detection of switches are worth: large errors are what they were chosen for, but an error as
+    /// large as a state is no solution.
+    fn judge_steps(&self, settings: &Settings, trajectory: &mut Trajectory) {
+        let error = 2.0 * self.error;
+        trajectory.error_estimate = Some(error);
+        if error > 1.0 {
+            trajectory.warnings.push(Warning {
+                code: "W0702".into(),
+                message: format!(
+                    "the estimated error {error:.1e} is above the size of a state: more `steps` are needed"
+                ),
+                span: Some(settings.span),
+            });
+        }
+    }
+}
