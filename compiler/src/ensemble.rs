@@ -4,13 +4,13 @@
 //! expressions belongs to one thread, so that every thread compiles the experiment once for itself.
 
 use std::ops::Range;
-use std::sync::atomic::AtomicBool;
 
 use crate::Compiled;
 use crate::clock::Clock;
 use crate::compile;
 use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
+use crate::limit::Cancel;
 use crate::report::{Bands, Ensemble, Failure, Status, Trajectory, Warning};
 use crate::simulate::{Plan, Request};
 use crate::syntax::{Bind, Experiment, File};
@@ -93,7 +93,7 @@ pub fn over_seeds<T: Send>(
             share.finish(run, work(&mut seeded));
         }
     };
-    let runs = threads::in_order(count, n_threads, &AtomicBool::new(false), each, heard);
+    let runs = threads::in_order(count, n_threads, &Cancel::default(), each, heard);
     runs.into_iter().flatten().collect()
 }
 

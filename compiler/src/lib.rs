@@ -53,7 +53,7 @@ use self::model::Model;
 use self::report::expect::{self, Subject};
 use self::source::SourceMap;
 use self::syntax::{Bind, Experiment, File, GuessSource, Item, SettingKind};
-use self::system::experiment::{ExperimentError, Method, Settings};
+use self::system::experiment::{ExperimentError, Feature, Method, MethodKind, Settings};
 use self::system::task::{Control, Shape};
 use self::system::{Allowed, Extent, Role, Switch, System, following, freezing};
 
@@ -205,9 +205,7 @@ fn refused_contacts(model: &Model, settings: &Settings) -> Option<ExperimentErro
     if let Some(error) = without_impulses(settings) {
         return Some(error);
     }
-    let method = &settings.method;
-    let (freezes, strikes) = (settings.freezes(), settings.takes_impulses());
-    if freezes && !method.takes_frozen_time() {
+    if settings.freezes() && !settings.method.kind().takes(Feature::TimeFreezing) {
         return Some(ExperimentError::Lowering {
             name: "timefreezing".to_owned(),
             with: "by this method ",
@@ -215,59 +213,14 @@ fn refused_contacts(model: &Model, settings: &Settings) -> Option<ExperimentErro
             span: settings.span,
         });
     }
-    let is_taken = method.takes_jumps() || settings.steps_through_contacts() || freezes || strikes;
-    let contact = model.contacts.first().filter(|_| !is_taken)?;
-    Some(ExperimentError::Contact {
-        method: method.word(),
-        help: method.way_with_contacts(),
-        name: contact.name.clone(),
-        span: contact.span,
-    })
+    settings.refused_of_model(model)
 }
 
 /// Relays, jumps, projections, algebraic states and switches beside contacts that the method does not take.
 fn refused_switches(system: &System, settings: &Settings) -> Option<ExperimentError> {
-    let method = &settings.method;
-    let mut switches = system.switches.iter();
-    let relay = switches.find(|switch| switch.relay.is_some());
-    if let Some(relay) = relay.filter(|_| method.is_without_memory()) {
-        return Some(ExperimentError::Relay {
-            method: method.word(),
-            name: relay.name.clone(),
-            span: relay.spans.first().copied().unwrap_or(settings.span),
-        });
-    }
     let steps = !system.impulsive.is_empty();
-    let jump = match steps {
-        true => (system.laws.first()).map(|law| (law.name.as_str(), law.span)),
-        false => system.first_jump(),
-    };
-    // Jumps that are no contacts are refused with the lowering.
-    let is_taken = method.takes_jumps() || settings.takes_impulses();
-    if let Some((name, span)) = jump.filter(|_| !is_taken) {
-        return Some(ExperimentError::Jump {
-            method: method.word(),
-            help: method.way_with_jumps(),
-            name: name.to_owned(),
-            span,
-        });
-    }
-    if method.is_without_memory() {
-        let projected = (0..system.switches.len()).find(|&k| system.is_projected(k));
-        if let Some(k) = projected {
-            return Some(ExperimentError::Projection {
-                method: method.word(),
-                span: system.switches[k].spans[0],
-            });
-        }
-        if let Some(kept) = system.switches.iter().find(|k| k.role != Role::Step) {
-            return Some(ExperimentError::Algebraic {
-                method: method.word(),
-                span: kept.spans[0],
-            });
-        }
-    }
-    beside_contacts(system, settings).filter(|_| steps)
+    let refused = settings.refused_of_system(system);
+    refused.or_else(|| beside_contacts(system, settings).filter(|_| steps))
 }
 
 /// The system as the discretization of the method takes it: smoothed where that is the method, with consistent algebraic
@@ -282,7 +235,7 @@ fn discretizable<'e>(
         _ => system,
     };
     let steps = !system.impulsive.is_empty();
-    let needs = settings.method.needs_dcs() && !steps || settings.optimize.is_some();
+    let needs = settings.method.kind().needs_dcs() && !steps || settings.optimize.is_some();
     for data in settings.optimize.iter().flat_map(|_| &system.data) {
         pass(bends(data, settings).err(), diags)?;
     }
@@ -350,7 +303,7 @@ fn open_algebraics(system: &System, settings: &Settings) -> Option<ExperimentErr
 /// What an experiment asks for besides `lower impact` that has no impulses.
 fn without_impulses(settings: &Settings) -> Option<ExperimentError> {
     let is_run = settings.optimize.is_none();
-    let by_elements = matches!(settings.method, Method::Fesd(_));
+    let takes_impulses = settings.method.kind().takes(Feature::Impulses);
     let span = settings.span;
     match settings.takes_impulses() {
         true if settings.freezes() => Some(ExperimentError::Lowering {
@@ -359,11 +312,12 @@ fn without_impulses(settings: &Settings) -> Option<ExperimentError> {
             help: "both are ways to take contacts: leave out one of them",
             span,
         }),
-        true if is_run && !by_elements => {
-            let method = match settings.method {
-                Method::Auto => "event",
-                ref other => other.word(),
+        true if is_run && !takes_impulses => {
+            let method = match settings.method.kind() {
+                MethodKind::Auto => MethodKind::Event,
+                other => other,
             };
+            let method = method.word();
             Some(ExperimentError::NoElements { method, span })
         }
         _ => None,
@@ -437,7 +391,7 @@ fn frozen<'e>(
 ) -> Option<Compiled<'e>> {
     let frozen = freezing::freeze(&system, settings.pace());
     let frozen = frozen.map_err(|error| diags.push(error)).ok()?;
-    let needs = settings.method.needs_dcs() || settings.optimize.is_some();
+    let needs = settings.method.kind().needs_dcs() || settings.optimize.is_some();
     let lowerings = dcs::check(&frozen.system, &settings.lowerings, needs);
     lowerings.map_err(|error| diags.push(error)).ok()?;
     Some(Compiled {

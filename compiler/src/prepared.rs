@@ -186,7 +186,7 @@ impl Prepared {
     fn of(compiled: &Compiled<'_>) -> Result<Self, NotPrepared> {
         let (system, settings) = (&compiled.system, &compiled.settings);
         if settings.kicks.is_some() {
-            return Err(NotPrepared::Method(settings.method.word()));
+            return Err(NotPrepared::Method(settings.method.kind().word()));
         }
         let Opened {
             places,
@@ -255,7 +255,7 @@ impl Opened {
         let (system, settings) = (&compiled.system, &compiled.settings);
         let is_run = settings.optimize.is_none() && !settings.freezes();
         if !is_run || !matches!(settings.method, Method::Auto | Method::Event(_)) {
-            return Err(NotPrepared::Method(settings.method.word()));
+            return Err(NotPrepared::Method(settings.method.kind().word()));
         }
         let values = &settings.values;
         let params = system.params.iter().enumerate();

@@ -106,6 +106,11 @@ impl<'e> Rerun<'e> {
         self
     }
 
+    /// The experiment.
+    pub fn compiled(&self) -> &Compiled<'e> {
+        &self.compiled
+    }
+
     /// A run with these values, in the order of the names. None where the experiment has to be compiled for them.
     pub fn run(&mut self, values: &[f64], request: &Request) -> Option<Trajectory> {
         let changes = || {

@@ -54,6 +54,24 @@ fn a_row_for_each_run_in_the_order_of_the_grid() {
     }
 }
 
+/// x(1) = exp(-k) is above 1/2 for k < 0.69, and x(1/2) above 1/2 for k < 1.38.
+#[test]
+fn expectations_that_do_not_hold_are_counted() {
+    let folder = folder("sweep_expectations");
+    let text = DECAY.replace(
+        "horizon 1;",
+        "horizon 1; expect x at end >= 0.5; expect x at 0.5 >= 0.5; expect lowering golden;",
+    );
+    fs::write(folder.join("decay.nsd"), text).expect("the folder is writable");
+    let ran = sweep(&folder, &["--over", "k=[0,0.5,1,2,6]", "--csv", "-"]);
+    assert_eq!(ran.status, 2, "{}", ran.err);
+    let missed: Vec<&str> = (ran.out.lines())
+        .filter_map(|line| line.rsplit(',').next())
+        .collect();
+    // Above 5 there is no run.
+    assert_eq!(missed, ["missed", "0", "0", "1", "2", ""]);
+}
+
 #[test]
 fn side_by_side() {
     let folder = with_decay("sweep_zip");

@@ -1,9 +1,10 @@
 //! The one source of threads: work that is done in any order, and told in that of its numbers.
 
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
 use std::thread;
 
+use crate::limit::Cancel;
 use crate::limit::work::is_counted;
 
 /// Whether the target has threads: where it has none, `std` panics.
@@ -25,7 +26,7 @@ pub fn count() -> usize {
 #[derive(Debug)]
 pub struct Share<'s, T> {
     next: &'s AtomicUsize,
-    stop: &'s AtomicBool,
+    stop: &'s Cancel,
     count: usize,
     done: mpsc::Sender<(usize, T)>,
 }
@@ -40,7 +41,7 @@ impl<T> Clone for Share<'_, T> {
 impl<T> Share<'_, T> {
     /// The number of what is to be done next; none where nothing is left, or work was stopped.
     pub fn next(&self) -> Option<usize> {
-        if self.stop.load(Ordering::Relaxed) {
+        if self.stop.is_canceled() {
             return None;
         }
         let next = self.next.fetch_add(1, Ordering::Relaxed);
@@ -59,7 +60,7 @@ impl<T> Share<'_, T> {
 pub fn in_order<T: Send>(
     count: usize,
     n_threads: usize,
-    stop: &AtomicBool,
+    stop: &Cancel,
     work: impl Fn(Share<'_, T>) + Sync,
     heard: &mut dyn FnMut(usize),
 ) -> Vec<Option<T>> {
@@ -81,7 +82,7 @@ pub fn in_order<T: Send>(
 pub fn share_out<T: Send>(
     count: usize,
     n_threads: usize,
-    stop: &AtomicBool,
+    stop: &Cancel,
     work: impl Fn(Share<'_, T>) + Sync,
     heard: &mut dyn FnMut(usize, T),
 ) {
@@ -136,18 +137,18 @@ mod tests {
         };
         for n_threads in [1, 3, 100] {
             let mut heard = Vec::new();
-            let stop = AtomicBool::new(false);
+            let stop = Cancel::default();
             let found = in_order(20, n_threads, &stop, work, &mut |done| heard.push(done));
             assert_eq!(found, (0..20).map(|k| Some(k * k)).collect::<Vec<_>>());
             assert_eq!(heard, (1..=20).collect::<Vec<_>>());
         }
-        assert!(in_order(0, 2, &AtomicBool::new(false), work, &mut |_| {}).is_empty());
+        assert!(in_order(0, 2, &Cancel::default(), work, &mut |_| {}).is_empty());
     }
 
     /// Where there are no threads, the caller's does it all.
     #[test]
     fn work_needs_no_threads() {
-        let (next, stop) = (AtomicUsize::new(0), AtomicBool::new(false));
+        let (next, stop) = (AtomicUsize::new(0), Cancel::default());
         let (done, found) = mpsc::channel();
         let share = Share {
             next: &next,
@@ -170,10 +171,12 @@ mod tests {
     /// What is begun is finished, and no other is begun.
     #[test]
     fn work_is_stopped() {
-        let stop = AtomicBool::new(false);
+        let stop = Cancel::default();
         let work = |share: Share<'_, ()>| {
             while let Some(k) = share.next() {
-                stop.store(k == 4, Ordering::Relaxed);
+                if k == 4 {
+                    stop.cancel();
+                }
                 share.finish(k, ());
             }
         };

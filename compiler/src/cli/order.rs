@@ -12,7 +12,7 @@ use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
 use crate::order::{self, Progress, Road, Study};
 use crate::syntax::{Bind, Experiment, ExperimentKind, ExperimentSetting, SettingKind};
-use crate::system::experiment::ExperimentError;
+use crate::system::experiment::{ExperimentError, MethodKind};
 use crate::{Compiled, compile};
 
 /// Measures the errors of all methods for one experiment.
@@ -31,7 +31,9 @@ pub fn run(args: &OrderArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
 
     // A method that changes the system would change it for all.
     let changes = |setting: &ExperimentSetting| match &setting.kind {
-        SettingKind::Method { name, .. } => ["smoothing", "adaptive"].contains(&&*name.name),
+        SettingKind::Method { name, .. } => {
+            MethodKind::named(&name.name).is_some_and(MethodKind::is_without_switches)
+        }
         _ => false,
     };
     if experiment.settings.iter().any(changes) {

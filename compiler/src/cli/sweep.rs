@@ -1,7 +1,6 @@
 //! `nsdc sweep`
 
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, OnceLock};
+use std::sync::OnceLock;
 use std::time::Duration;
 
 use super::args::SweepArgs;
@@ -16,13 +15,15 @@ use crate::expr::Exprs;
 #[cfg(feature = "parquet")]
 use crate::files::{FileError, WRITE};
 use crate::launch::launch;
+use crate::limit::{Cancel, Limit};
+use crate::report::expect::{self, Findings, Verdict};
 use crate::report::{Status, Trajectory, Warning};
 use crate::rerun::Rerun;
 use crate::simulate::Request;
 use crate::sweep::{self, Axis, Grid, Like, Row, SweepError, Table};
 use crate::syntax::{Bind, Experiment, ExprKind, Path};
 use crate::system::experiment::Sampling;
-use crate::{check_names, compile, threads};
+use crate::{Compiled, check_names, compile, threads};
 
 /// An experiment with the quantities that are swept.
 struct Swept<'s> {
@@ -35,6 +36,8 @@ struct Swept<'s> {
     states: Vec<String>,
     /// Of each run.
     time_limit: Option<Duration>,
+    /// Ends them all.
+    cancel: Cancel,
 }
 
 /// Runs an experiment at all points of a grid.
@@ -73,6 +76,7 @@ pub fn run(args: &SweepArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         axes,
         states: Vec::new(),
         time_limit: args.time_limit,
+        cancel: on_interrupt(),
     };
     let mut diags = Diagnostics::new();
     let first = swept.at(&grid.point(0));
@@ -81,6 +85,14 @@ pub fn run(args: &SweepArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         return Ok(Exit::Wrong);
     };
     swept.states = states;
+    // What is wrong without the values of axes, too, is wrong at all points.
+    if let Err(diags) = swept.check(&first)
+        && let Err(others) = swept.check(&overrides)
+        && project::error_codes(&diags) == project::error_codes(&others)
+    {
+        project::print(&diags, &project.sources, streams)?;
+        return Ok(Exit::Wrong);
+    }
     let (rows, columns) = swept.rows(&grid, args, streams.progress);
     // What is wrong with all points is told once, with its place.
     let mut begun = rows.iter().flatten().peekable();
@@ -140,18 +152,18 @@ fn examples(grid: &Grid) -> Vec<String> {
         .collect()
 }
 
-/// Set once the user has interrupted the program: runs that go on come to their end, no other is begun. The second time
-/// ends the program.
-fn on_interrupt() -> Arc<AtomicBool> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let told = stop.clone();
+/// Canceled once the user has interrupted the program: no run is begun or goes on. The second time ends the program.
+fn on_interrupt() -> Cancel {
+    let cancel = Cancel::default();
+    let told = cancel.clone();
     // Where something else listens, that keeps the signal.
     let _ = ctrlc::set_handler(move || {
-        if told.swap(true, Ordering::Relaxed) {
+        if told.is_canceled() {
             std::process::exit(130);
         }
+        told.cancel();
     });
-    stop
+    cancel
 }
 
 fn write(args: &SweepArgs, table: &Table, streams: &mut Streams<'_>) -> io::Result<bool> {
@@ -204,13 +216,12 @@ impl Swept<'_> {
         is_shown: bool,
     ) -> (Vec<Option<Row>>, Vec<String>) {
         let columns = OnceLock::new();
-        let stop = on_interrupt();
         let mut bar = Bar::new(&self.experiment.name.name, is_shown);
         let count = grid.len();
         let rows = sweep::over(
             grid,
             args.jobs.map_or_else(threads::count, usize::from),
-            &stop,
+            &self.cancel,
             |points| self.share(grid, points, &columns),
             &mut |done| {
                 let share = done as f64 / count as f64;
@@ -238,12 +249,15 @@ impl Swept<'_> {
                 compiled.push((first, rerun));
                 compiled.len() - 1
             });
-            let rerun = compiled[known].1.as_mut();
-            let run = rerun.and_then(|rerun| rerun.run(point, &self.request()));
-            match run.map_or_else(|| self.trajectory(point), Ok) {
-                Ok(run) => {
+            let found = (compiled[known].1.as_mut()).and_then(|rerun| {
+                let run = rerun.run(point, &self.request(rerun.compiled()))?;
+                let missed = self.missed(rerun.compiled(), &run);
+                Some((run, missed))
+            });
+            match found.map_or_else(|| self.trajectory(point), Ok) {
+                Ok((run, missed)) => {
                     columns.get_or_init(|| sweep::columns(&run));
-                    Row::of(&run)
+                    Row::of(&run, missed)
                 }
                 Err(diags) => Row::refused(project::error_codes(&diags).into_iter().next()),
             }
@@ -251,12 +265,13 @@ impl Swept<'_> {
     }
 
     /// What is asked of a run; its time begins now.
-    fn request(&self) -> Request {
+    fn request(&self, compiled: &Compiled<'_>) -> Request {
         Request {
-            dense: false,
+            // Expectations may be about any instant.
+            dense: !compiled.settings.expects.is_empty(),
             estimate: true,
             multipliers: false,
-            limit: self.time_limit.into(),
+            limit: Limit::from(self.time_limit).canceled_by(&self.cancel),
         }
     }
 
@@ -275,8 +290,34 @@ impl Swept<'_> {
         Some(Rerun::new(exprs, source, &names, &self.states)?.at_ends())
     }
 
-    /// The run of a point, with the warnings of its compilation.
-    fn trajectory(&self, point: &[f64]) -> Result<Trajectory, Diagnostics> {
+    /// How many expectations do not hold in a run, where there are any.
+    fn missed(&self, compiled: &Compiled<'_>, run: &Trajectory) -> Option<usize> {
+        let subject = compiled.subject(&self.project.sources);
+        let expects = expect::of_any_run(&subject, &compiled.settings.expects);
+        let findings = Findings {
+            warnings: run.warnings.iter().map(|w| w.code.clone()).collect(),
+            ..Findings::default()
+        };
+        let checks = expect::evaluate(&subject, &expects, run, &findings);
+        let missed = checks
+            .iter()
+            .filter(|check| matches!(check.verdict, Verdict::Failed { .. }));
+        (!expects.is_empty()).then(|| missed.count())
+    }
+
+    /// What does not compile with these overrides.
+    fn check(&self, overrides: &[Bind]) -> Result<(), Diagnostics> {
+        let (exprs, mut diags) = (Exprs::new(), Diagnostics::new());
+        let (file, clock) = (&self.project.file, &mut Clock::default());
+        let compiled = compile(&exprs, file, self.experiment, overrides, clock, &mut diags);
+        match compiled.is_some() && !diags.has_errors() {
+            true => Ok(()),
+            false => Err(diags),
+        }
+    }
+
+    /// The run of a point, with the warnings of its compilation, and how many expectations it misses.
+    fn trajectory(&self, point: &[f64]) -> Result<(Trajectory, Option<usize>), Diagnostics> {
         let (exprs, mut diags) = (Exprs::new(), Diagnostics::new());
         let (file, clock) = (&self.project.file, &mut Clock::default());
         let overrides = self.at(point);
@@ -288,8 +329,10 @@ impl Swept<'_> {
         if settings.optimize.is_none() {
             settings.sampling = Sampling::At(vec![settings.horizon]);
         }
-        let mut run = launch(self.project, &mut compiled, &self.request(), &mut ())?;
+        let request = self.request(&compiled);
+        let mut run = launch(self.project, &mut compiled, &request, &mut ())?;
         run.warnings.splice(0..0, Warning::all(&diags));
-        Ok(run)
+        let missed = self.missed(&compiled, &run);
+        Ok((run, missed))
     }
 }

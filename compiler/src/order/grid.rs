@@ -4,7 +4,9 @@ use nsd_solver::tableau::Family;
 
 use super::Knob;
 use crate::simulate::{Bench, Variant};
-use crate::system::experiment::{FesdOptions, Law, Method, Settings, SmoothingOptions};
+use crate::system::experiment::{
+    FesdOptions, Law, Lowering, Method, MethodKind, Settings, SmoothingOptions,
+};
 
 /// Runs of one method.
 pub struct Sweep {
@@ -53,13 +55,13 @@ pub fn sweeps(
         tolerance,
         more_orders: 0,
     };
-    let mut sweeps = vec![by_tolerance("event", (0, 0), event)];
+    let mut sweeps = vec![by_tolerance(MethodKind::Event.word(), (0, 0), event)];
     let mut left_out: Vec<(String, String)> = Vec::new();
     let branches = bench.with_branches();
     match bench.without_elements() {
         Some(reason) => {
-            let both = ["fesd", "timestepping"];
-            left_out.extend(both.map(|name| (name.to_owned(), reason.to_owned())));
+            let both = [MethodKind::Fesd, MethodKind::Timestepping];
+            left_out.extend(both.map(|method| (method.word().to_owned(), reason.to_owned())));
         }
         None => {
             let coarsest = coarsest(steps);
@@ -74,8 +76,8 @@ pub fn sweeps(
     }
     match bench.with_more_than_rates() {
         Some(reason) => {
-            let both = ["smoothing", "adaptive"].map(|name| (name.to_owned(), reason.clone()));
-            left_out.extend(both);
+            let both = [MethodKind::Smoothing, MethodKind::Adaptive];
+            left_out.extend(both.map(|method| (method.word().to_owned(), reason.clone())));
         }
         None => {
             if bench.has_jumps() {
@@ -83,13 +85,16 @@ pub fn sweeps(
             }
             if branches.is_none() {
                 let adaptive = |tolerance| Variant::Adaptive { tolerance };
-                sweeps.push(by_tolerance("adaptive", (5, 3), adaptive));
+                sweeps.push(by_tolerance(MethodKind::Adaptive.word(), (5, 3), adaptive));
             }
         }
     }
     if let Some(reason) = branches {
         let is_open = |name: &&str| left_out.iter().all(|(known, _)| known != name);
-        let both = ["timestepping", "adaptive"].into_iter().filter(is_open);
+        let blind = MethodKind::ALL
+            .into_iter()
+            .filter(|method| !method.locates());
+        let both = blind.map(MethodKind::word).filter(is_open);
         let both: Vec<_> = both.map(|name| (name.to_owned(), reason.clone())).collect();
         left_out.extend(both);
     }
@@ -123,9 +128,9 @@ impl Road {
     /// What it is called where it is left out.
     pub fn name(self) -> &'static str {
         match self {
-            Road::Frozen => "timefreezing",
-            Road::Impulses => "impact",
-            Road::Steps => "timestepping",
+            Road::Frozen => Lowering::TimeFreezing.word(),
+            Road::Impulses => Lowering::Impact.word(),
+            Road::Steps => MethodKind::Timestepping.word(),
         }
     }
 

@@ -17,7 +17,7 @@ use super::schedule::scheduled;
 use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::report::{Method, MethodOption, Trajectory, Warning};
 use crate::system::System;
-use crate::system::experiment::Settings;
+use crate::system::experiment::{MethodKind, Settings};
 use crate::system::roots::Vanishing;
 
 /// A system as if it had no switches.
@@ -57,7 +57,7 @@ impl<'e> Run<'e> for Adaptive {
     fn describe(&self, problem: &Problem<'_, 'e>, _: &Ended) -> Method {
         let tolerance = MethodOption::Number(problem.settings.tolerance);
         Method {
-            name: "adaptive".into(),
+            name: MethodKind::Adaptive.word().into(),
             options: vec![("tolerance".into(), tolerance)],
         }
     }

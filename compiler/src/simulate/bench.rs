@@ -169,7 +169,7 @@ impl<'s, 'e> Bench<'s, 'e> {
             let mut run = plan::method(&smoothed, &settings);
             return self.measure(&mut *run, &Problem::of_end(&smoothed, &settings, limit));
         }
-        let (system, name) = (self.system, settings.method.word());
+        let (system, name) = (self.system, settings.method.kind().word());
         let known = self.plans.iter().position(|(known, _)| *known == name);
         let at = known.unwrap_or_else(|| {
             self.plans.push((name, plan::method(system, &settings)));

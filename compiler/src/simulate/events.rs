@@ -11,7 +11,7 @@ use crate::hybrid;
 use crate::limit::Limit;
 use crate::report::{Method, MethodOption, Trajectory};
 use crate::system::System;
-use crate::system::experiment::{self, Branch, EventOptions, Settings};
+use crate::system::experiment::{self, Branch, EventOptions, MethodKind, Settings};
 
 /// Orders by which the second run is above the first, so that its rounding errors are others.
 const MORE_ORDERS: usize = 3;
@@ -83,7 +83,7 @@ impl<'e> Run<'e> for Events {
         let mut method = match &settings.method {
             experiment::Method::Smoothing(options) => smoothed::method(options),
             _ => Method {
-                name: "event".into(),
+                name: MethodKind::Event.word().into(),
                 options: Vec::new(),
             },
         };

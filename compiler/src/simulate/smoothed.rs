@@ -3,12 +3,12 @@
 use crate::report::{Method, MethodOption, Warning};
 use crate::source::Span;
 use crate::system::System;
-use crate::system::experiment::SmoothingOptions;
+use crate::system::experiment::{MethodKind, SmoothingOptions};
 
 /// The method with its options.
 pub(super) fn method(options: &SmoothingOptions) -> Method {
     Method {
-        name: "smoothing".into(),
+        name: MethodKind::Smoothing.word().into(),
         options: vec![
             ("epsilon".into(), MethodOption::Number(options.epsilon)),
             ("law".into(), MethodOption::Text(options.law.word())),

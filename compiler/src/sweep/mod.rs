@@ -8,11 +8,10 @@ mod axis;
 mod parquet;
 mod table;
 
-use std::sync::atomic::AtomicBool;
-
 pub use axis::{Axis, Grid, Like, SweepError};
 pub use table::Table;
 
+use crate::limit::Cancel;
 use crate::report::{Series, Status, Trajectory, Warning};
 use crate::threads::{self, Share};
 
@@ -31,6 +30,8 @@ pub struct Row {
     pub events: usize,
     /// Estimate of the error.
     pub error_estimate: Option<f64>,
+    /// How many expectations of the experiment do not hold, where it has any and the run came to its end.
+    pub missed: Option<usize>,
 }
 
 impl Row {
@@ -42,8 +43,8 @@ impl Row {
         }
     }
 
-    /// What a run came to; one that fails has no end.
-    pub fn of(run: &Trajectory) -> Self {
+    /// What a run came to, and how many expectations it misses; one that fails has no end.
+    pub fn of(run: &Trajectory, missed: Option<usize>) -> Self {
         let ends = matches!(run.status, Status::Solved | Status::Feasible);
         let last = run.time.len().checked_sub(1).filter(|_| ends);
         let entries = |last: usize| {
@@ -63,6 +64,7 @@ impl Row {
             objective: run.objective.filter(|_| ends),
             events: run.events.len(),
             error_estimate: run.error_estimate.filter(|_| ends),
+            missed: missed.filter(|_| ends),
         }
     }
 }
@@ -82,12 +84,17 @@ pub fn columns(run: &Trajectory) -> Vec<String> {
 pub fn over(
     grid: &Grid,
     n_threads: usize,
-    stop: &AtomicBool,
+    stop: &Cancel,
     work: impl Fn(Points<'_>) + Sync,
     heard: &mut dyn FnMut(usize),
 ) -> Vec<Option<Row>> {
     let each = |share: Share<'_, Row>| work(Points { grid, share });
-    threads::in_order(grid.len(), n_threads, stop, each, heard)
+    let mut rows = threads::in_order(grid.len(), n_threads, stop, each, heard);
+    let is_whole = |row: &Row| row.status != Some(Status::Canceled);
+    for row in &mut rows {
+        *row = row.take().filter(is_whole);
+    }
+    rows
 }
 
 /// The points of a grid that a thread gets to.

@@ -124,6 +124,10 @@ impl Table<'_> {
         columns.extend(objective);
         columns.push(("events".to_owned(), Column::Counts(events)));
         columns.push(("error_estimate".to_owned(), Column::known(errors)));
+        columns.extend(self.has_expectations().then(|| {
+            let values = rows().map(|row| row.missed.map(|missed| missed as f64));
+            ("missed".to_owned(), Column::known(values))
+        }));
         columns
     }
 }

@@ -42,17 +42,22 @@ impl Table<'_> {
         self.done().any(|(_, row)| row.objective.is_some())
     }
 
-    /// Parameters, status, code, end values, objective, number of events, error estimate: a line per run. Numbers
-    /// round-trip, and what a run does not have is empty.
+    pub(super) fn has_expectations(&self) -> bool {
+        self.done().any(|(_, row)| row.missed.is_some())
+    }
+
+    /// Parameters, status, code, end values, objective, number of events, error estimate, number of expectations that are
+    /// missed: a line per run. Numbers round-trip, and what a run does not have is empty.
     pub fn csv(&self) -> String {
-        let has_objective = self.has_objective();
+        let (has_objective, has_expectations) = (self.has_objective(), self.has_expectations());
         let mut text = csv::Writer::from_writer(Vec::new());
         let objective = has_objective.then_some("objective");
         let ends: Vec<String> = self.at_end().collect();
         let header = (self.names().chain(["status", "code"]))
             .chain(ends.iter().map(String::as_str))
             .chain(objective)
-            .chain(["events", "error_estimate"]);
+            .chain(["events", "error_estimate"])
+            .chain(has_expectations.then_some("missed"));
         // Writing to memory does not fail and every record has the same length.
         let _ = text.write_record(header);
         let number = |value: f64| format!("{value:?}");
@@ -63,7 +68,8 @@ impl Table<'_> {
                 .chain([word(row).to_owned(), row.code.clone().unwrap_or_default()])
                 .chain(end)
                 .chain(has_objective.then(|| known(row.objective)))
-                .chain([row.events.to_string(), known(row.error_estimate)]);
+                .chain([row.events.to_string(), known(row.error_estimate)])
+                .chain(has_expectations.then(|| missed(row)));
             let _ = text.write_record(record);
         }
         let bytes = text.into_inner().unwrap_or_default();
@@ -88,6 +94,7 @@ impl Table<'_> {
                 "objective": row.objective,
                 "events": row.events,
                 "error_estimate": row.error_estimate,
+                "missed": row.missed,
             });
             text.push_str(&line.to_string());
             text.push('\n');
@@ -164,7 +171,9 @@ impl Table<'_> {
             .chain(["status".to_owned()])
             .chain(self.at_end())
             .chain(objective)
-            .chain(["events".to_owned(), "code".to_owned()])
+            .chain(["events".to_owned()])
+            .chain(self.has_expectations().then(|| "missed".to_owned()))
+            .chain(["code".to_owned()])
             .collect()
     }
 
@@ -176,7 +185,9 @@ impl Table<'_> {
             .chain([word(row).to_owned()])
             .chain(end)
             .chain(objective)
-            .chain([row.events.to_string(), row.code.clone().unwrap_or_default()])
+            .chain([row.events.to_string()])
+            .chain(self.has_expectations().then(|| missed(row)))
+            .chain([row.code.clone().unwrap_or_default()])
             .collect()
     }
 }
@@ -184,6 +195,12 @@ impl Table<'_> {
 /// How a run ended.
 pub(super) fn word(row: &Row) -> &'static str {
     row.status.map_or("not_compiled", Status::as_str)
+}
+
+/// How many expectations a run misses, in words.
+fn missed(row: &Row) -> String {
+    row.missed
+        .map_or_else(String::new, |missed| missed.to_string())
 }
 
 /// Six digits, the fewest that say them.

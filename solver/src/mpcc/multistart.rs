@@ -1,9 +1,8 @@
 //! Many starts, in parallel.
 
-use std::sync::atomic::AtomicBool;
-
 use super::solution::{Solution, Status};
 use super::{Options, solve_from};
+use crate::limit::Cancel;
 use crate::problem::Mpcc;
 use crate::random;
 use crate::threads::{self, Share};
@@ -92,7 +91,7 @@ pub fn multistart<P: Mpcc + Clone + Sync>(
         watch(index, &solution);
         found[index] = Some(solution);
     };
-    let stop = AtomicBool::new(false);
+    let stop = Cancel::default();
     threads::share_out(starts.len(), n_threads, &stop, work, &mut heard);
     MultiStart::new(found.into_iter().flatten().collect())
 }

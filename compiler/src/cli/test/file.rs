@@ -381,13 +381,8 @@ fn other_seeds(
             warnings,
             ..Findings::default()
         };
-        // Those are about the method and the form, or about the run with the declared seed.
-        let mut expects = compiled.settings.expects.clone();
-        let is_golden =
-            |expect: &Expect| matches!(expect, Expect::LoweringGolden | Expect::NumbersGolden);
-        expects.retain(|(expect, _)| !is_golden(expect));
         let subject = compiled.subject(&project.sources);
-        expects.retain(|expect| !expect::asks_for_order(&subject, std::slice::from_ref(expect)));
+        let expects = expect::of_any_run(&subject, &compiled.settings.expects);
         let checks = expect::evaluate(&subject, &expects, &trajectory, &findings);
         Outcome::of(&checks, Vec::new())
     };

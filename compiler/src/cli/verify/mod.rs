@@ -12,6 +12,7 @@ use crate::limit::Limit;
 use crate::report::roads::Refusal;
 use crate::simulate::Request;
 use crate::syntax::{Bind, Experiment, ExperimentKind, SettingKind};
+use crate::system::experiment::MethodKind;
 
 /// What came of an experiment.
 struct Verified {
@@ -95,7 +96,7 @@ pub fn run(args: &VerifyArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
 fn smooths(experiment: &Experiment) -> bool {
     let mut settings = experiment.settings.iter();
     settings.any(|setting| match &setting.kind {
-        SettingKind::Method { name, .. } => name.name == "smoothing",
+        SettingKind::Method { name, .. } => name.name == MethodKind::Smoothing.word(),
         _ => false,
     })
 }

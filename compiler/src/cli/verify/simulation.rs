@@ -13,18 +13,23 @@ use crate::launch::launch;
 use crate::report::roads::{self, Refusal, Road, Roads};
 use crate::report::{Failure, Trajectory};
 use crate::syntax::Experiment;
-use crate::system::experiment::{Method, Sampling};
+use crate::system::experiment::{Feature, Lowering, Method, MethodKind, Sampling};
 
-/// Methods with their lowerings. All choose their own steps.
-const ROADS: [&str; 7] = [
-    "event",
-    "fesd",
-    "fesd; lower stewart",
-    "fesd; lower step",
-    "event; lower timefreezing",
-    "fesd; lower timefreezing",
-    "fesd; lower impact",
-];
+/// The methods that locate switches in the model as it is, with their lowerings. All choose their own steps.
+fn roads() -> impl Iterator<Item = (MethodKind, Option<Lowering>)> {
+    const METHODS: [MethodKind; 2] = [MethodKind::Event, MethodKind::Fesd];
+    let plain = METHODS.map(|method| (method, None));
+    let lowered = Lowering::ALL.into_iter().flat_map(|lowering| {
+        let takes = move |method: &MethodKind| match lowering {
+            Lowering::Stewart | Lowering::Step => method.needs_dcs(),
+            Lowering::TimeFreezing => method.takes(Feature::TimeFreezing),
+            Lowering::Impact => method.takes(Feature::Impulses),
+        };
+        let methods = METHODS.into_iter().filter(takes);
+        methods.map(move |method| (method, Some(lowering)))
+    });
+    plain.into_iter().chain(lowered)
+}
 
 /// The parts of the horizon at whose ends runs are compared, where the experiment reports no instants of its own: a
 /// number that shares few factors with those of models.
@@ -58,7 +63,9 @@ pub fn verify(
         name: format!("as written, {}", written.method.name),
         run: Ok(Box::new(written)),
     }];
-    for words in ROADS {
+    for (method, lowering) in roads() {
+        let lowering = lowering.map(|lowering| format!("; lower {}", lowering.word()));
+        let words = format!("{}{}", method.word(), lowering.unwrap_or_default());
         let Some(other) = project.on_road(experiment, "verify", &format!("method {words}")) else {
             continue;
         };

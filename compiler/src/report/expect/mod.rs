@@ -136,6 +136,17 @@ pub fn asks_for_order(subject: &Subject<'_, '_>, expects: &[(Expect, Span)]) -> 
     expects.iter().any(asks)
 }
 
+/// The expectations that are about any run: golden files are about the method and the form, or about the run with the
+/// numbers that are written, and an order of convergence takes runs of its own.
+pub fn of_any_run(subject: &Subject<'_, '_>, expects: &[(Expect, Span)]) -> Vec<(Expect, Span)> {
+    let mut open = expects.to_vec();
+    let is_golden =
+        |expect: &Expect| matches!(expect, Expect::LoweringGolden | Expect::NumbersGolden);
+    open.retain(|(expect, _)| !is_golden(expect));
+    open.retain(|expect| !asks_for_order(subject, std::slice::from_ref(expect)));
+    open
+}
+
 /// Finds the mistakes in expectations that need no run to be seen.
 pub fn check(subject: &Subject<'_, '_>, expects: &[(Expect, Span)], diags: &mut Diagnostics) {
     for (expect, span) in expects {

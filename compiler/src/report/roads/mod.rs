@@ -17,6 +17,7 @@ pub use optima_text::text as optima_text;
 pub use text::text;
 
 use super::{Event, EventKind, Series, Status, Trajectory};
+use crate::system::experiment::MethodKind;
 
 /// Estimates of errors are right to about this factor (chosen by trial).
 const SAFETY: f64 = 10.0;
@@ -209,7 +210,8 @@ impl Roads {
 
 /// Whether the method of a run does not look for instants of events.
 fn is_blind(run: &Trajectory) -> bool {
-    ["timestepping", "adaptive"].contains(&&*run.method.name)
+    let method = MethodKind::named(&run.method.name);
+    method.is_some_and(|method| !method.locates())
 }
 
 /// The largest difference of the last states, each relative to the largest value of its state in either run.

@@ -31,7 +31,7 @@ use crate::dcs::{self, Formulation};
 use crate::hybrid::{self, Pulses};
 use crate::report::{Method, MethodOption, Multipliers, Series, Trajectory};
 use crate::system::System;
-use crate::system::experiment::{self, FesdOptions, Settings};
+use crate::system::experiment::{self, FesdOptions, MethodKind, Settings};
 
 /// Tolerances below this, in relation to rounding, make no other elements, so that a finer run says nothing (chosen by
 /// trial).
@@ -327,7 +327,7 @@ fn method(settings: &Settings, lowering: &str, left: &Left) -> Method {
         }
     }
     Method {
-        name: "fesd".into(),
+        name: MethodKind::Fesd.word().into(),
         options: shown,
     }
 }

@@ -11,7 +11,7 @@ use crate::simulate::driver::{Accuracy, Ended, Problem, Run};
 use crate::simulate::estimate::Estimator;
 use crate::simulate::schedule::scheduled;
 use crate::system::System;
-use crate::system::experiment::{self, Settings, SteppingOptions};
+use crate::system::experiment::{self, MethodKind, Settings, SteppingOptions};
 
 /// A complementarity system that is stepped.
 pub(in crate::simulate) struct Stepping<'e> {
@@ -71,7 +71,7 @@ impl<'e> Run<'e> for Stepping<'e> {
         let (family, nodes) = options.scheme();
         let text = |word: String| MethodOption::Text(word);
         Method {
-            name: "timestepping".into(),
+            name: MethodKind::Timestepping.word().into(),
             options: vec![
                 ("scheme".into(), text(format!("{}({nodes})", family.word()))),
                 ("lowering".into(), text(self.formulation.word().into())),

@@ -21,7 +21,7 @@ use crate::dcs::{self, Formulation};
 use crate::hybrid;
 use crate::report::{Failure, Method, MethodOption, Trajectory};
 use crate::system::System;
-use crate::system::experiment::{FesdOptions, Settings};
+use crate::system::experiment::{FesdOptions, MethodKind, Settings};
 use crate::system::freezing::{Frozen, freeze};
 
 /// A contact may start this far below its surface, which is rounding.
@@ -214,7 +214,7 @@ fn penetration(system: &System) -> Option<Failure> {
 
 impl<'e> Road<'e> {
     fn new(frozen: &Frozen<'e>, settings: &Settings<'e>) -> Self {
-        if !settings.method.needs_dcs() {
+        if !settings.method.kind().needs_dcs() {
             return Road::Events(hybrid::lower(&frozen.system));
         }
         let dcs = dcs::lower(&frozen.system, &settings.lowerings);
@@ -231,7 +231,7 @@ impl<'e> Road<'e> {
         let name = match self {
             Road::Events(_) => {
                 shown.push(word("lowering", "timefreezing"));
-                "event"
+                MethodKind::Event
             }
             Road::Elements(_, formulation) => {
                 let options = options(settings);
@@ -243,14 +243,14 @@ impl<'e> Road<'e> {
                     shown.push(number("steps", steps as f64));
                     shown.push(number("elements", options.elements as f64));
                 }
-                "fesd"
+                MethodKind::Fesd
             }
         };
         if !settings.method.has_steps() {
             shown.push(number("tolerance", settings.tolerance));
         }
         Method {
-            name: name.to_owned(),
+            name: name.word().to_owned(),
             options: shown,
         }
     }

@@ -20,7 +20,7 @@ use super::fesd::stepping::{options, steps};
 use super::outcome::outside;
 use crate::report::{Failure, Method, MethodOption, Trajectory, Warning};
 use crate::system::System;
-use crate::system::experiment::Settings;
+use crate::system::experiment::{MethodKind, Settings};
 
 /// An entry of a vector has this share of the largest one as its size at least: that of a place on a floor which
 /// nothing leaves is rounding.
@@ -90,7 +90,7 @@ impl<'e> Run<'e> for Contacts {
     fn describe(&self, problem: &Problem<'_, 'e>, _: &Ended) -> Method {
         let number = |name: &str, value: usize| (name.into(), MethodOption::Number(value as f64));
         Method {
-            name: "timestepping".into(),
+            name: MethodKind::Timestepping.word().into(),
             options: vec![
                 ("scheme".into(), MethodOption::Text("moreau_jean".into())),
                 number("steps", options(problem.settings).steps),

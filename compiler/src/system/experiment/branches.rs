@@ -1,6 +1,6 @@
 //! What experiments do not take of switches that are read nonlinearly.
 
-use super::{ExperimentError, Method, Settings};
+use super::{ExperimentError, Feature, MethodKind, Settings};
 use crate::expr::{Expr, variables_of};
 use crate::model::Data;
 use crate::source::Span;
@@ -15,7 +15,8 @@ impl Settings<'_> {
     pub fn refuses_branches(&self, system: &System) -> Option<ExperimentError> {
         let mut k = system.first_nonlinear()?;
         let mut nonlinear = (k..system.switches.len()).filter(|&k| system.switches[k].is_nonlinear);
-        let by_elements = matches!(self.method, Method::Fesd(_));
+        let method = self.method.kind();
+        let by_elements = method == MethodKind::Fesd;
         let is_optimized = self.optimize.is_some();
         let mut beside = None;
         let what = if self.freezes() {
@@ -23,8 +24,8 @@ impl Settings<'_> {
         } else if let Some((other, span)) = beside_forces(system).filter(|_| is_optimized) {
             beside = Some(span);
             format!("`optimize` with {other}")
-        } else if !is_optimized && !self.method.takes_any_state() && !by_elements {
-            format!("`method {}`", self.method.word())
+        } else if !is_optimized && !method.takes(Feature::Nonlinear) {
+            format!("`method {}`", method.word())
         } else if let Some((other, span)) = beside_branches(system).filter(|_| by_elements) {
             beside = Some(span);
             format!("`method fesd` with {other}")

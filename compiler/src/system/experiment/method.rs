@@ -1,5 +1,7 @@
 //! Methods, their options, and lowerings.
 
+use super::capabilities::Feature;
+use super::capabilities::Taken::{self, Lowered, No, Yes};
 use super::fesd::{self, FesdOptions, SteppingOptions};
 use super::law::{self, Law};
 use super::{ExperimentError, Reader, unknown_choice};
@@ -23,22 +25,117 @@ pub enum Method<'e> {
     Adaptive,
 }
 
-impl Method<'_> {
+/// A method of simulation, without its options.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MethodKind {
+    /// The compiler chooses: from event to event.
+    Auto,
+    /// Switch-detecting active-set integration.
+    Event,
+    /// Finite elements with switch detection.
+    Fesd,
+    /// Steps of one length without switch detection.
+    Timestepping,
+    /// Steep functions in the place of switches.
+    Smoothing,
+    /// A high-order integrator that does not know of switches.
+    Adaptive,
+}
+
+/// What a method is and takes.
+struct Capabilities {
+    word: &'static str,
+    /// Whether it looks for the instants at which switches change.
+    locates: bool,
+    /// Whether it works on a complementarity system.
+    needs_dcs: bool,
+    /// By [`Feature::ALL`].
+    takes: [Taken; Feature::ALL.len()],
+}
+
+/// By [`MethodKind::ALL`].
+#[rustfmt::skip]
+const CAPABILITIES: [Capabilities; MethodKind::ALL.len()] = {
+    const FROZEN: Taken = Lowered(&[Lowering::TimeFreezing]);
+    const EITHER: Taken = Lowered(&[Lowering::Impact, Lowering::TimeFreezing]);
+    //                                                                                 contacts relays  jumps   projections algebraic nonlinear perturb averages timefreezing impact
+    [
+        Capabilities { word: "auto",         locates: true,  needs_dcs: false, takes: [Yes,     Yes,    Yes,    Yes,        Yes,      Yes,      Yes,    Yes,     Yes,         No ] },
+        Capabilities { word: "event",        locates: true,  needs_dcs: false, takes: [Yes,     Yes,    Yes,    Yes,        Yes,      Yes,      Yes,    Yes,     Yes,         No ] },
+        Capabilities { word: "fesd",         locates: true,  needs_dcs: true,  takes: [EITHER,  FROZEN, FROZEN, Yes,        Yes,      Yes,      No,     No,      Yes,         Yes] },
+        Capabilities { word: "timestepping", locates: false, needs_dcs: true,  takes: [Yes,     No,     No,     Yes,        Yes,      No,       No,     No,      No,          No ] },
+        Capabilities { word: "smoothing",    locates: true,  needs_dcs: false, takes: [No,      No,     No,     No,         No,       Yes,      Yes,    No,      No,          No ] },
+        Capabilities { word: "adaptive",     locates: false, needs_dcs: false, takes: [No,      No,     No,     No,         No,       No,       No,     No,      No,          No ] },
+    ]
+};
+
+impl MethodKind {
+    /// All of them.
+    pub const ALL: [MethodKind; 6] = [
+        MethodKind::Auto,
+        MethodKind::Event,
+        MethodKind::Fesd,
+        MethodKind::Timestepping,
+        MethodKind::Smoothing,
+        MethodKind::Adaptive,
+    ];
+
+    fn capabilities(self) -> &'static Capabilities {
+        &CAPABILITIES[self as usize]
+    }
+
     /// The word of the language.
-    pub fn word(&self) -> &'static str {
-        match self {
-            Method::Auto => "auto",
-            Method::Event(_) => "event",
-            Method::Fesd(_) => "fesd",
-            Method::Timestepping(_) => "timestepping",
-            Method::Smoothing(_) => "smoothing",
-            Method::Adaptive => "adaptive",
-        }
+    pub fn word(self) -> &'static str {
+        self.capabilities().word
+    }
+
+    /// The words of all methods.
+    pub fn words() -> Vec<&'static str> {
+        Self::ALL.iter().map(|kind| kind.word()).collect()
+    }
+
+    /// The method of a word.
+    pub fn named(word: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.word() == word)
+    }
+
+    /// Whether it looks for the instants at which switches change.
+    pub fn locates(self) -> bool {
+        self.capabilities().locates
     }
 
     /// Whether it works on a complementarity system.
-    pub fn needs_dcs(&self) -> bool {
-        matches!(self, Method::Fesd(_) | Method::Timestepping(_))
+    pub fn needs_dcs(self) -> bool {
+        self.capabilities().needs_dcs
+    }
+
+    /// Whether it looks at the present state alone, in rates without switches.
+    pub fn is_without_switches(self) -> bool {
+        self.taken(Feature::Projections) == No
+    }
+
+    /// How it takes something.
+    pub fn taken(self, feature: Feature) -> Taken {
+        self.capabilities().takes[feature as usize]
+    }
+
+    /// Whether it takes something as it is.
+    pub fn takes(self, feature: Feature) -> bool {
+        self.taken(feature) == Yes
+    }
+}
+
+impl Method<'_> {
+    /// Without its options.
+    pub fn kind(&self) -> MethodKind {
+        match self {
+            Method::Auto => MethodKind::Auto,
+            Method::Event(_) => MethodKind::Event,
+            Method::Fesd(_) => MethodKind::Fesd,
+            Method::Timestepping(_) => MethodKind::Timestepping,
+            Method::Smoothing(_) => MethodKind::Smoothing,
+            Method::Adaptive => MethodKind::Adaptive,
+        }
     }
 
     /// Whether it is told how many steps to take.
@@ -48,47 +145,6 @@ impl Method<'_> {
             Method::Timestepping(_) => true,
             _ => false,
         }
-    }
-
-    /// Whether the method knows of states that jump.
-    pub fn takes_jumps(&self) -> bool {
-        matches!(self, Method::Auto | Method::Event(_))
-    }
-
-    /// What takes jumps in its place.
-    pub fn way_with_jumps(&self) -> &'static str {
-        match self {
-            Method::Fesd(_) => {
-                "use `method event`, which is the default; `lower timefreezing;` makes motion of a jump that is a contact"
-            }
-            _ => "use `method event`, which is the default",
-        }
-    }
-
-    /// What takes contacts, where it does not take them itself.
-    pub fn way_with_contacts(&self) -> &'static str {
-        match self {
-            Method::Fesd(_) => {
-                "add `lower impact;` for impulses where elements meet, or `lower timefreezing;`; or use `method event`, which is the default"
-            }
-            _ => "use `method event`, which is the default, or `method timestepping`",
-        }
-    }
-
-    /// Whether it runs a system in numerical time.
-    pub fn takes_frozen_time(&self) -> bool {
-        matches!(self, Method::Auto | Method::Event(_) | Method::Fesd(_))
-    }
-
-    /// Whether the method finds by itself how the system goes on from any state: also where a nonlinear switch leaves
-    /// several ways, and where something else than the system has moved the state.
-    pub fn takes_any_state(&self) -> bool {
-        matches!(self, Method::Auto | Method::Event(_) | Method::Smoothing(_))
-    }
-
-    /// Whether the method looks at the present state alone, so that relays have no place in it.
-    pub fn is_without_memory(&self) -> bool {
-        matches!(self, Method::Smoothing(_) | Method::Adaptive)
     }
 }
 
@@ -146,18 +202,29 @@ pub enum Lowering {
     Impact,
 }
 
-pub(super) const METHODS: [&str; 6] = [
-    "auto",
-    "event",
-    "fesd",
-    "timestepping",
-    "smoothing",
-    "adaptive",
-];
+impl Lowering {
+    /// All of them.
+    pub const ALL: [Lowering; 4] = [
+        Lowering::Stewart,
+        Lowering::Step,
+        Lowering::TimeFreezing,
+        Lowering::Impact,
+    ];
+
+    /// The word of the language.
+    pub fn word(self) -> &'static str {
+        match self {
+            Lowering::Stewart => "stewart",
+            Lowering::Step => "step",
+            Lowering::TimeFreezing => "timefreezing",
+            Lowering::Impact => "impact",
+        }
+    }
+}
+
 const EVENT_OPTIONS: [&str; 3] = ["order", "branch", "max_events"];
 const SMOOTHING_OPTIONS: [&str; 2] = ["epsilon", "law"];
 const BRANCHES: [&str; 3] = ["plus", "minus", "slide"];
-const LOWERINGS: [&str; 4] = ["stewart", "step", "timefreezing", "impact"];
 
 /// Highest order of the Taylor method that a user may ask for.
 const HIGHEST_ORDER: f64 = 60.0;
@@ -169,27 +236,25 @@ pub(super) fn method<'e>(
     name: &Ident,
     options: &[Setting],
 ) -> Option<Method<'e>> {
-    match name.name.as_str() {
-        "auto" => {
+    let Some(kind) = MethodKind::named(&name.name) else {
+        reader.error(unknown_choice("method", name, &MethodKind::words()));
+        return None;
+    };
+    Some(match kind {
+        MethodKind::Auto => {
             let help = "name the method whose option it is";
-            no_options(reader, "auto", options, Some(help));
-            Some(Method::Auto)
+            no_options(reader, kind.word(), options, Some(help));
+            Method::Auto
         }
-        "adaptive" => {
-            no_options(reader, "adaptive", options, None);
-            Some(Method::Adaptive)
+        MethodKind::Adaptive => {
+            no_options(reader, kind.word(), options, None);
+            Method::Adaptive
         }
-        "smoothing" => Some(Method::Smoothing(smoothing_options(reader, options))),
-        "event" => Some(Method::Event(event_options(reader, options))),
-        "fesd" => Some(Method::Fesd(fesd::options(reader, options))),
-        "timestepping" => Some(Method::Timestepping(fesd::stepping_options(
-            reader, options,
-        ))),
-        _ => {
-            reader.error(unknown_choice("method", name, &METHODS));
-            None
-        }
-    }
+        MethodKind::Smoothing => Method::Smoothing(smoothing_options(reader, options)),
+        MethodKind::Event => Method::Event(event_options(reader, options)),
+        MethodKind::Fesd => Method::Fesd(fesd::options(reader, options)),
+        MethodKind::Timestepping => Method::Timestepping(fesd::stepping_options(reader, options)),
+    })
 }
 
 /// Reports options of a method that has none.
@@ -287,14 +352,24 @@ fn branches(reader: &mut Reader<'_, '_>, value: &syntax::Expr) -> Vec<Branch> {
 
 /// A name after `lower`.
 pub(super) fn lowering(reader: &mut Reader<'_, '_>, name: &Ident) -> Option<Lowering> {
-    match name.name.as_str() {
-        "stewart" => Some(Lowering::Stewart),
-        "step" => Some(Lowering::Step),
-        "timefreezing" => Some(Lowering::TimeFreezing),
-        "impact" => Some(Lowering::Impact),
-        _ => {
-            reader.error(unknown_choice("lowering", name, &LOWERINGS));
-            None
+    let found = Lowering::ALL
+        .into_iter()
+        .find(|lowering| lowering.word() == name.name);
+    if found.is_none() {
+        let words = Lowering::ALL.map(Lowering::word);
+        reader.error(unknown_choice("lowering", name, &words));
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{CAPABILITIES, MethodKind};
+
+    #[test]
+    fn methods_stand_in_their_rows() {
+        for (kind, row) in MethodKind::ALL.into_iter().zip(&CAPABILITIES) {
+            assert_eq!(MethodKind::named(row.word), Some(kind));
         }
     }
 }

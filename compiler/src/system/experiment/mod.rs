@@ -4,6 +4,7 @@
 //! its parameters. What is asserted (`expect`) stays as it was written.
 
 mod branches;
+mod capabilities;
 mod error;
 mod fesd;
 mod law;
@@ -23,10 +24,11 @@ use crate::source::Span;
 use crate::syntax::{self, Bind, Expect, OutputWhen, SettingKind, Sliding};
 
 pub use branches::beside_branches;
+pub use capabilities::{Feature, table};
 pub use error::ExperimentError;
 pub use fesd::{Cross, Equilibration, FesdOptions, Form, SteppingOptions};
 pub use law::Law;
-pub use method::{Branch, EventOptions, Lowering, Method, SmoothingOptions};
+pub use method::{Branch, EventOptions, Lowering, Method, MethodKind, SmoothingOptions};
 pub use optimize::{
     At, Cost, Freed, Integral, MpccOptions, Optimize, Row, Shape, Starts, Term, Tied,
     relaxation_word, steering_word,

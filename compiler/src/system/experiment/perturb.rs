@@ -3,7 +3,7 @@
 use nsd_solver::simulate::{KickSize, Kicks};
 
 use super::optimize::{LARGEST_SEED, one_argument};
-use super::{ExperimentError, Reader, Settings};
+use super::{ExperimentError, Feature, Reader, Settings};
 use crate::source::Span;
 use crate::syntax;
 use crate::system::{Role, System};
@@ -101,8 +101,8 @@ impl Settings<'_> {
         let mut switches = system.switches.iter();
         // A state on the wrong side of a constraint is none that the model has.
         let is_kept = switches.any(|switch| switch.unilateral || switch.role != Role::Step);
-        let what = if !self.method.takes_any_state() {
-            format!("`method {}`", self.method.word())
+        let what = if !self.method.kind().takes(Feature::Perturbations) {
+            format!("`method {}`", self.method.kind().word())
         } else if self.freezes() {
             "`lower timefreezing`".to_owned()
         } else if is_kept {

@@ -2,8 +2,8 @@
 
 use super::optimize::Draft;
 use super::{
-    DEFAULT_OPTIMIZE_TOLERANCE, DEFAULT_TOLERANCE, ExperimentError, Kept, Lowering, MOST_RUNS,
-    Method, Perturbation, Reader, Sampling, method, word_of,
+    DEFAULT_OPTIMIZE_TOLERANCE, DEFAULT_TOLERANCE, ExperimentError, Feature, Kept, Lowering,
+    MOST_RUNS, Method, Perturbation, Reader, Sampling, method, word_of,
 };
 use crate::model::Model;
 use crate::source::Span;
@@ -162,8 +162,8 @@ impl<'m, 'e> Statements<'m, 'e> {
         if let Some((_, span)) = (self.runs).filter(|_| !experiment.settings.iter().any(disturbs)) {
             reader.error(ExperimentError::SameRuns { span });
         }
-        let is_by_events = matches!(self.method, Method::Auto | Method::Event(_));
-        if let Some(span) = self.averages.filter(|_| !is_by_events) {
+        let averages = self.method.kind().takes(Feature::Averages);
+        if let Some(span) = self.averages.filter(|_| !averages) {
             reader.error(ExperimentError::NoChattering { span });
         }
     }

@@ -34,7 +34,7 @@ use crate::simulate::elements::{Rows, Shape};
 use crate::simulate::estimate::{Estimate, Estimator};
 use crate::simulate::{Rehearsed, outcome};
 use crate::system::System;
-use crate::system::experiment::{FesdOptions, Settings};
+use crate::system::experiment::{FesdOptions, MethodKind, Settings};
 use crate::system::task::{Cost, Shape as ControlShape, Task};
 
 /// Steps where the experiment does not say how many.
@@ -181,7 +181,7 @@ impl<'e> Run<'e> for WithImpulses<'e> {
         let added = self.coarse.added;
         shown.extend((added > 0).then(|| number("added_elements", added)));
         Method {
-            name: "fesd".into(),
+            name: MethodKind::Fesd.word().into(),
             options: shown,
         }
     }

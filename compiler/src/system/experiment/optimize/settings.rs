@@ -4,7 +4,7 @@ use nsd_solver::mpcc::{Relaxation, Steering};
 use nsd_solver::tableau::Family;
 use rustc_hash::FxHashSet;
 
-use super::super::{ExperimentError, Reader, fesd, method, unknown_choice, with};
+use super::super::{ExperimentError, MethodKind, Reader, fesd, method, unknown_choice, with};
 use super::goal::Words;
 use super::{At, Cost, Freed, MpccOptions, Optimize, Shape, Starts, Tied};
 use crate::expr::{Expr, Var};
@@ -351,7 +351,7 @@ impl<'m, 'e> Draft<'m, 'e> {
             let methods = ["auto", "mpcc"];
             let mut error = unknown_choice("method of optimal control", name, &methods);
             if let ExperimentError::UnknownChoice { help, .. } = &mut error
-                && method::METHODS.contains(&name.name.as_str())
+                && MethodKind::named(&name.name).is_some()
             {
                 let elsewhere = format!(
                     "`method {}` runs a `simulate` experiment, in which `with` gives the controls",
