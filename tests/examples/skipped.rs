@@ -169,7 +169,7 @@ impl Example {
 
 fn run(compiled: &Compiled<'_>) -> Trajectory {
     let mut system = compiled.system.clone();
-    if compiled.settings.method.needs_dcs() {
+    if compiled.settings.method.kind().needs_dcs() {
         // What cannot be settled says so in the run.
         let _ = simulate::settle(&mut system, compiled.settings.horizon);
     }

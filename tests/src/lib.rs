@@ -227,7 +227,7 @@ pub fn by_both_roads(text: &str) -> Vec<(String, Trajectory, Option<Trajectory>)
             }
             let own = std::mem::replace(&mut compiled.settings.method, method);
             compiled.settings.tolerance = 1e-11;
-            let needs = compiled.settings.method.needs_dcs();
+            let needs = compiled.settings.method.kind().needs_dcs();
             if needs
                 && compiled
                     .system
