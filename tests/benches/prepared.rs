@@ -21,6 +21,10 @@ const CHAIN: &str = include_str!("../../examples/friction_chain.nsd");
 
 /// Runs of a sweep, per thread.
 const SWEEP: u32 = 500_000;
+/// Balls, which fall from 1/2 with this acceleration, for so long.
+const BALLS: u32 = 100_000;
+const G: f64 = 9.81;
+const HORIZON: f64 = 1.5;
 
 fn main() {
     print("| model | tolerance | compiled in, us | other numbers, us | from the text, us |");
@@ -32,6 +36,7 @@ fn main() {
     row("bouncing ball", &ball, "bench", 1e-9);
     row("friction chain", CHAIN, "to_rest", 1e-8);
     with_experiment(OSCILLATOR, "crossing", sweep);
+    with_experiment(BALL, "bounces", balls);
 }
 
 fn row(name: &str, text: &str, experiment: &str, tolerance: f64) {
@@ -104,6 +109,43 @@ impl Turn {
         }
         (&self.next[0], &self.next[1])
     }
+}
+
+/// Balls with other restitutions, beside the closed form: a bounce with speed v lasts 2 v/g, and v = e v behind it.
+fn balls(compiled: &Compiled) {
+    let system = &compiled.system;
+    let open = hybrid::may_be_open(system);
+    let is_restitution = |&at: &usize| system.params[open[at]].name == "e";
+    let e = (0..open.len()).find(is_restitution).expect("it is open");
+    let lowered = hybrid::lower_open(system, HORIZON, &open);
+    let mut parameters = lowered.parameters.clone();
+    let mut simulator = Simulator::new(lowered, Settings::default());
+    let mut largest = 0.0_f64;
+    let started = Instant::now();
+    for k in 0..BALLS {
+        parameters[e] = 0.75 + 0.2 * f64::from(k) / f64::from(BALLS);
+        simulator.set_parameters(&parameters);
+        let outcome = simulator.run(0.0, HORIZON, &[0.5, 0.0], &mut Silent);
+        assert_eq!(outcome.status, Status::Solved, "e = {}", parameters[e]);
+        let (mut v, mut t) = (parameters[e] * G * (1.0 / G).sqrt(), (1.0 / G).sqrt());
+        while t + 2.0 * v / G <= HORIZON {
+            (t, v) = (t + 2.0 * v / G, parameters[e] * v);
+        }
+        let s = HORIZON - t;
+        let exact = [s * (v - 0.5 * G * s), v - G * s];
+        let errors = outcome
+            .x
+            .iter()
+            .zip(exact)
+            .map(|(x, exact)| (x - exact).abs());
+        largest = errors.fold(largest, f64::max);
+    }
+    let seconds = started.elapsed().as_secs_f64();
+    print(&format!(
+        "\n{BALLS} bouncing balls: at most {largest:.1e} from the closed form, {:.2} us a run.",
+        1e6 * seconds / f64::from(BALLS)
+    ));
+    assert!(largest <= 1e-12, "{largest:e}");
 }
 
 /// Many runs on one thread and on two; end values are kept.

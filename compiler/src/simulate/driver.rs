@@ -7,8 +7,7 @@ use nsd_solver::fesd::NEGLIGIBLE;
 use nsd_solver::simulate::{Observer, Outcome, Status as End};
 
 use super::Request;
-use super::comparison::Comparison;
-use super::estimate::{Estimate, Estimator};
+use super::estimate::{Comparison, Estimate, Estimator};
 use super::modes::ModeNames;
 use super::outcome;
 use super::overlooked::{Look, Looking};

@@ -1,27 +1,20 @@
 //! Simulations: a system becomes a trajectory by the method of its experiment.
 //!
-//! A method is compiled once (`plan.rs`) and makes runs ([`driver::Run`]); one driver makes trajectories of them, whatever the
+//! A method is compiled once (`methods/`) and makes runs ([`driver::Run`]); one driver makes trajectories of them, whatever the
 //! method. Every run is made twice, the second time more accurately: the difference is the estimate of the global error
-//! (`estimate.rs`), and a different sequence of modes is reported instead of being trusted.
+//! (`estimate/`), and a different sequence of modes is reported instead of being trusted.
 
-mod adaptive;
 pub(crate) mod again;
 mod bench;
-mod comparison;
 mod driver;
 mod elements;
 mod estimate;
-mod events;
-pub mod fesd;
-mod frozen;
 mod limits;
+mod methods;
 mod modes;
-pub mod moreau;
 mod outcome;
 mod overlooked;
-mod parting;
 mod pieces;
-mod plan;
 mod record;
 mod rehearsal;
 mod reported;
@@ -29,9 +22,7 @@ mod request;
 mod rooted;
 mod schedule;
 mod settle;
-mod smoothed;
 mod steepest;
-mod touches;
 mod watch;
 
 use crate::clock::Instant;
@@ -40,9 +31,9 @@ use crate::system::System;
 use crate::system::experiment::Settings;
 pub use bench::{Bench, End, Variant};
 pub(crate) use elements::Elements;
-pub(crate) use events::solver_settings;
+pub(crate) use methods::solver_settings;
+pub use methods::{Plan, fesd, moreau};
 pub use outcome::sampled;
-pub use plan::Plan;
 use record::{Points, recorded};
 pub(crate) use rehearsal::{Rehearsed, cut};
 pub use request::Request;

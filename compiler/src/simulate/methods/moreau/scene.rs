@@ -6,7 +6,7 @@ use rustc_hash::FxHashMap;
 
 use crate::expr::{Expr, Substitution, Var};
 use crate::hybrid::{self, Copy, ExprForm, tape, variable};
-use crate::simulate::adaptive::Inputs;
+use crate::simulate::methods::adaptive::Inputs;
 use crate::system::System;
 
 /// Where everything is that contacts depend on.

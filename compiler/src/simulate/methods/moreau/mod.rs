@@ -14,11 +14,11 @@ use nsd_solver::simulate::{Observer, Status as End};
 use self::free::Free;
 use self::record::Told;
 use super::adaptive::Inputs;
-use super::driver::{Accuracy, Ended, Problem, Run};
-use super::estimate::Estimator;
 use super::fesd::stepping::{options, steps};
-use super::outcome::outside;
 use crate::report::{Failure, Method, MethodOption, Trajectory, Warning};
+use crate::simulate::driver::{Accuracy, Ended, Problem, Run};
+use crate::simulate::estimate::Estimator;
+use crate::simulate::outcome::outside;
 use crate::system::System;
 use crate::system::experiment::{MethodKind, Settings};
 

@@ -1,9 +1,14 @@
 //! What a second, finer run says about a run.
 
+mod comparison;
+mod parting;
+mod touches;
+
 use nsd_solver::simulate::{Outcome, Status};
 
-use super::comparison::Comparison;
-use super::touches::Touches;
+pub use comparison::Comparison;
+pub use touches::{Touch, Touches};
+
 use crate::report::{Failure, Trajectory, Warning};
 use crate::system::System;
 use crate::system::experiment::Settings;

@@ -5,10 +5,10 @@ use std::ops::ControlFlow;
 use nsd_solver::simulate::{Approach, Event, Observer, Segment, Side};
 
 use super::parting;
-use super::record::Record;
+use crate::simulate::record::Record;
 
 /// Compares a second run with what is recorded of the first.
-pub(super) struct Comparison<'r> {
+pub struct Comparison<'r> {
     record: &'r Record,
     /// The next of its points.
     next: usize,

@@ -1,15 +1,24 @@
 //! The method of an experiment, with what is compiled of its system before it runs.
 
+mod adaptive;
+mod events;
+pub mod fesd;
+mod frozen;
+pub mod moreau;
+mod smoothed;
+
 use std::sync::Arc;
 
-use super::adaptive::Adaptive;
+use adaptive::Adaptive;
+use events::Events;
+pub(crate) use events::solver_settings;
+use fesd::ByElements;
+use fesd::impulses::WithImpulses;
+use fesd::stepping::Stepping;
+use frozen::InNumericalTime;
+use moreau::Contacts;
+
 use super::driver::{self, Run};
-use super::events::Events;
-use super::fesd::ByElements;
-use super::fesd::impulses::WithImpulses;
-use super::fesd::stepping::Stepping;
-use super::frozen::InNumericalTime;
-use super::moreau::Contacts;
 use super::reported::Reported;
 use super::{Progress, Request};
 use crate::report::Trajectory;
@@ -26,7 +35,7 @@ impl<'e> Plan<'e> {
     /// Compiles a system for the method of an experiment.
     pub fn new(system: &System<'e>, settings: &Settings<'e>) -> Self {
         Plan {
-            run: method(system, settings),
+            run: of(system, settings),
             reported: Arc::new(Reported::new(system, &[])),
         }
     }
@@ -54,7 +63,7 @@ impl<'e> Plan<'e> {
 }
 
 /// The method of an experiment.
-pub(super) fn method<'e>(system: &System<'e>, settings: &Settings<'e>) -> Box<dyn Run<'e> + 'e> {
+pub(super) fn of<'e>(system: &System<'e>, settings: &Settings<'e>) -> Box<dyn Run<'e> + 'e> {
     assert!(
         system.impulsive.is_empty() || settings.steps_through_contacts(),
         "contacts without forces are for steps of time"

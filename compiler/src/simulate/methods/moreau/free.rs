@@ -7,7 +7,7 @@ use nsd_solver::tape::{Scratch, Tape};
 
 use crate::expr::{self, Expr, variables_of};
 use crate::hybrid::{Pulses, tape};
-use crate::simulate::adaptive::{Inputs, Jumping};
+use crate::simulate::methods::adaptive::{Inputs, Jumping};
 use crate::system::System;
 
 /// f, ∂f/∂x and M.

@@ -1,8 +1,7 @@
 //! How far a run is from a finer one.
 
 use super::Reached;
-use crate::simulate::estimate::Estimate;
-use crate::simulate::touches::Touches;
+use crate::simulate::estimate::{Estimate, Touches};
 
 impl Reached {
     /// How far the end of a finer run, its jumps and its changes of sides are away, where it comes to the end.

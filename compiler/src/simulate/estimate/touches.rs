@@ -10,7 +10,7 @@ const SAFETY: f64 = 2.0;
 
 /// What a run cannot tell about the surfaces that it touches.
 #[derive(Default)]
-pub(super) struct Touches {
+pub struct Touches {
     /// What visits to the other sides, which end soon, would change in a state, relative to its
     /// largest magnitude.
     pub error: f64,
@@ -19,7 +19,7 @@ pub(super) struct Touches {
 }
 
 /// One surface that was touched.
-pub(super) struct Touch {
+pub struct Touch {
     pub switch: usize,
     pub time: f64,
     /// Uncertainty of ψ.
@@ -33,7 +33,7 @@ pub(super) struct Touch {
 impl Touches {
     /// Judges what came close in a run by what a more accurate run `misses` in each ψ, and by what
     /// rounding may do to a state; changes are relative to the `scale` of states.
-    pub(super) fn find(
+    pub fn find(
         outcome: &Outcome,
         misses: &[f64],
         rounding: impl Fn(usize) -> f64,
@@ -86,7 +86,7 @@ impl Touches {
     }
 
     /// Takes note of a touch; a visit that ends soon is an error of as much.
-    pub(super) fn add(&mut self, touch: Touch, ends: bool) {
+    pub fn add(&mut self, touch: Touch, ends: bool) {
         self.error += if ends { touch.matters } else { 0.0 };
         if self
             .worst
@@ -103,12 +103,12 @@ impl Touches {
     }
 
     /// The share of the tolerance with which it could be told what matters.
-    pub(super) fn share_to_tell(&self, tolerance: f64) -> Option<f64> {
+    pub fn share_to_tell(&self, tolerance: f64) -> Option<f64> {
         self.worst(tolerance)?.share_to_tell
     }
 
     /// What to say where it matters.
-    pub(super) fn warning(&self, system: &System, tolerance: f64) -> Option<Warning> {
+    pub fn warning(&self, system: &System, tolerance: f64) -> Option<Warning> {
         let touch = self.worst(tolerance)?;
         let switch = &system.switches[touch.switch];
         Some(Warning {

@@ -2,9 +2,9 @@
 
 use nsd_solver::simulate::Outcome;
 
-use super::super::steepest;
 use crate::expr::Expr;
 use crate::report::{Trajectory, Warning};
+use crate::simulate::steepest;
 use crate::system::{Role, System};
 
 /// Within this share of its terms ψ is zero.

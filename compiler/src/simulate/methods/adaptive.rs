@@ -11,11 +11,11 @@ use nsd_solver::adaptive::{self, Field, Simulator};
 use nsd_solver::simulate::{Observer, Side};
 use nsd_solver::tape::{Scratch, Tape};
 
-use super::driver::{Accuracy, Ended, Problem, REFINEMENT, Run};
-use super::estimate::{Estimate, Estimator};
-use super::schedule::scheduled;
 use crate::expr::{Expr, Substitution, Var, variables_of};
 use crate::report::{Method, MethodOption, Trajectory, Warning};
+use crate::simulate::driver::{Accuracy, Ended, Problem, REFINEMENT, Run};
+use crate::simulate::estimate::{Estimate, Estimator};
+use crate::simulate::schedule::scheduled;
 use crate::system::System;
 use crate::system::experiment::{MethodKind, Settings};
 use crate::system::roots::Vanishing;

@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use nsd_solver::simulate::{self as solver, HybridSystem, Observer, Simulator};
 
-use super::driver::{Accuracy, Ended, Problem, REFINEMENT, Run};
-use super::estimate::Estimator;
 use super::smoothed;
 use crate::hybrid;
 use crate::limit::Limit;
 use crate::report::{Method, MethodOption, Trajectory};
+use crate::simulate::driver::{Accuracy, Ended, Problem, REFINEMENT, Run};
+use crate::simulate::estimate::Estimator;
 use crate::system::System;
 use crate::system::experiment::{self, Branch, EventOptions, MethodKind, Settings};
 

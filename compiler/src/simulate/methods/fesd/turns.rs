@@ -9,8 +9,8 @@ use nsd_solver::simulate::{Segment, Side};
 use nsd_solver::tape::{Scratch, Tape};
 
 use crate::expr::Expr;
+use crate::simulate::estimate::{Touch, Touches};
 use crate::simulate::limits::tape_of;
-use crate::simulate::touches::{Touch, Touches};
 use crate::system::{Role, System};
 
 /// Points of an element at which ψ is looked at first, as parts of it.

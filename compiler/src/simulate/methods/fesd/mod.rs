@@ -24,12 +24,11 @@ use nsd_solver::tableau::Family;
 pub use complementarity::Complementarity;
 use turns::{Turned, Turns};
 
-use super::comparison::Comparison;
-use super::driver::{Accuracy, Ended, Problem, REFINEMENT, Run};
-use super::estimate::{Estimate, Estimator};
 use crate::dcs::{self, Formulation};
 use crate::hybrid::{self, Pulses};
 use crate::report::{Method, MethodOption, Multipliers, Series, Trajectory};
+use crate::simulate::driver::{Accuracy, Ended, Problem, REFINEMENT, Run};
+use crate::simulate::estimate::{Comparison, Estimate, Estimator};
 use crate::system::System;
 use crate::system::experiment::{self, FesdOptions, MethodKind, Settings};
 
