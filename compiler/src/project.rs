@@ -136,7 +136,8 @@ impl Project {
     /// let message = &found.list()[0];
     /// assert_eq!(message.text, "unknown name `g`");
     /// assert_eq!(message.code.as_deref(), Some("E0101"));
-    /// assert_eq!((message.labels[0].file.as_str(), message.labels[0].start), ("fall.nsd", (1, 33)));
+    /// let place = &message.labels[0].place;
+    /// assert_eq!((place.file.as_str(), place.line, place.column), ("fall.nsd", 1, 33));
     /// ```
     pub fn check(&self) -> Messages {
         Messages::new(self.checked(), self.sources.clone())

@@ -3,26 +3,18 @@
 use std::fmt;
 
 use miette::Diagnostic;
+use serde::Serialize;
 
 use crate::source::{SourceFile, Span};
 
 /// Whether an edit may be made without being looked at.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Applicability {
     /// The new text means what the old one was obviously meant to.
     Safe,
     /// It may mean that.
     Suggestion,
-}
-
-impl Applicability {
-    /// The word for it.
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Applicability::Safe => "safe",
-            Applicability::Suggestion => "suggestion",
-        }
-    }
 }
 
 /// A piece of text in the place of another.
