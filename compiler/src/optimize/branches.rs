@@ -30,7 +30,7 @@ struct Difference {
     alphas: [f64; 2],
 }
 
-impl<'e> Problem<'_, 'e> {
+impl<'e> Problem<'e> {
     /// A run from event to event with the controls of a point, for so long.
     pub(super) fn simulated(&self, w: &[f64], limit: &Limit) -> Rehearsed<'e> {
         let mut settings = self.settings.clone();

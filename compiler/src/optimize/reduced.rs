@@ -64,8 +64,8 @@ pub(super) struct Values {
 }
 
 /// The problem in free quantities.
-pub(super) struct Reduced<'r, 'p, 'e> {
-    problem: &'r Problem<'p, 'e>,
+pub(super) struct Reduced<'r, 'e> {
+    problem: &'r Problem<'e>,
     /// What is free.
     pub quantities: Vec<Quantity>,
     cost: Evaluator<'e>,
@@ -82,9 +82,9 @@ pub(super) struct Reduced<'r, 'p, 'e> {
     pub limit: Limit,
 }
 
-impl<'r, 'p, 'e> Reduced<'r, 'p, 'e> {
+impl<'r, 'e> Reduced<'r, 'e> {
     /// The problem near a point, with constraints where its nodes are. None for systems without a task.
-    pub fn new(problem: &'r Problem<'p, 'e>, w: &[f64], limit: &Limit) -> Option<Self> {
+    pub fn new(problem: &'r Problem<'e>, w: &[f64], limit: &Limit) -> Option<Self> {
         let task = problem.system.task.as_ref()?;
         let mut reduced = Reduced {
             problem,
@@ -228,7 +228,7 @@ impl<'r, 'p, 'e> Reduced<'r, 'p, 'e> {
         let instants = self.places.iter().map(|place| place.share * horizon);
         let instants: Vec<f64> = instants.map(|t| t.min(horizon)).collect();
         let run = prepared.values(&x0, horizon, &instants, limit)?;
-        let system = problem.system;
+        let system = &problem.system;
         let mut known = Known::new(problem, w);
         known.set(system, horizon, &run.end);
         known.decide(problem, w, problem.layout.steps, 1.0);
@@ -268,7 +268,7 @@ struct Known {
 
 impl Known {
     fn new(problem: &Problem, w: &[f64]) -> Self {
-        let system = problem.system;
+        let system = &problem.system;
         let mut values: FxHashMap<Var, f64> = FxHashMap::default();
         let params = system.params.iter();
         values.extend(params.filter_map(|p| Some((p.var.as_variable()?, p.value))));
@@ -322,7 +322,7 @@ fn params(problem: &Problem, w: &[f64]) -> Vec<f64> {
 }
 
 fn initial(problem: &Problem, w: &[f64]) -> Vec<f64> {
-    let system = problem.system;
+    let system = &problem.system;
     let mut x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
     for free in system.task.iter().flat_map(|task| &task.initial) {
         x0[free.place] = w[problem.layout.before(1, 1) + free.place];
@@ -382,6 +382,7 @@ fn quantities(problem: &Problem, w: &[f64]) -> Vec<Quantity> {
 mod tests {
     use std::time::Duration;
 
+    use super::super::Given;
     use super::{Problem, Reduced};
     use crate::limit::Limit;
     use crate::testing::with_last;
@@ -392,7 +393,7 @@ mod tests {
                     optimize o of m { horizon 1; intervals 2; minimize final(x); }";
         with_last(text, |compiled| {
             let task = (compiled.settings.optimize.as_ref()).expect("it is an optimization");
-            let problem = Problem::new(&compiled.system, &compiled.settings, task);
+            let problem = Problem::new(&compiled.system, &compiled.settings, task, Given::Numbers);
             let problem = problem.expect("it has a program");
             let (w, _) = problem.start(&[], &Limit::default());
             let hour = Duration::from_secs(3600);

@@ -11,7 +11,7 @@ use crate::system::{StateGroup, System};
 use crate::table::{Fit, Table};
 use std::sync::Arc;
 
-impl Problem<'_, '_> {
+impl Problem<'_> {
     /// T.
     pub(super) fn horizon(&self, w: &[f64]) -> f64 {
         let free = self.layout.horizon();
@@ -55,7 +55,7 @@ pub(super) fn run(
 }
 
 /// The system at a point, without its task; integrals are still states.
-pub(super) fn system<'e>(problem: &Problem<'_, 'e>, w: &[f64]) -> System<'e> {
+pub(super) fn system<'e>(problem: &Problem<'e>, w: &[f64]) -> System<'e> {
     let layout = &problem.layout;
     let mut system = problem.system.clone();
     let Some(task) = system.task.take() else {
