@@ -204,12 +204,14 @@ fn another_state_compiles_nothing() {
     let (_, mut prepared) = prepared(&exprs, &sliding());
     let start = [2.0944, 1.0472, 0.0, 0.0];
     let mut last = solve(&mut prepared, &start, None);
-    let nodes = exprs.n_nodes();
+    let (nodes, mut made) = (exprs.n_nodes(), Vec::new());
     for shift in [0.02, -0.02, 0.04] {
         let x0 = [start[0] + shift, start[1] - shift, shift, 0.0];
         last = solve(&mut prepared, &x0, Some(&last));
         assert_eq!(exprs.n_nodes(), nodes);
+        made.push(last.trajectory.optimum.as_ref().map(|o| o.analyses));
     }
+    assert_eq!(made, [Some(0); 3]);
 }
 
 #[test]
@@ -218,7 +220,8 @@ fn wrong_states_are_refused() {
     let text = "model m { state x = 1; state y = 0; control u in [-9, 9]; x' = u; y' = x; }
         optimize o of m { horizon 1; intervals 2; minimize integral(u^2); final { x = 0; } }
         optimize longer of m { horizon 1; intervals 3; minimize integral(u^2); final { x = 0; } }
-        simulate s of m { horizon 1; }";
+        model n { state x = 1; x' = -x; }
+        simulate s of n { horizon 1; }";
     let (project, mut prepared) = prepared(&exprs, text);
     assert_eq!(prepared.states(), ["x", "y"]);
     let limit = Limit::default();

@@ -124,6 +124,7 @@ fn options(problem: &Problem, rehearsed: bool, starts: Option<Starts>, limit: &L
         form,
         homotopy,
         limit: limit.clone(),
+        analyses: problem.analyses.clone(),
         trusts_start: rehearsed && starts.is_none(),
         ..Options::default()
     }

@@ -36,8 +36,9 @@ impl<'e> Problem<'e> {
         let mut settings = self.settings.clone();
         settings.horizon = self.horizon(w);
         let mut system = solved::system(self, w);
+        system.outputs.clear();
         system.controls.clear();
-        Rehearsed::new(&system, &settings, limit)
+        self.rehearsed((&system, w), &settings, limit)
     }
 
     /// Where nonlinear switches of a point differ from those of a run first, if they do for long.

@@ -26,12 +26,14 @@ mod read;
 mod record;
 mod reduced;
 mod rehearsal;
+mod runs;
 mod solved;
 mod thaw;
 mod transfer;
 
 use std::sync::Arc;
 
+use nsd_solver::linalg::analyses::Analyses;
 use nsd_solver::mpcc::{self, Class, MultiStart, Solution};
 use nsd_solver::problem::Nlp;
 
@@ -57,6 +59,7 @@ pub use guess::Sampled;
 use moved::Moved;
 pub use prepared::{PrepareError, Prepared, SolveError};
 use products::products;
+use runs::Runs;
 pub use transfer::Point;
 
 /// A solved task.
@@ -102,6 +105,8 @@ struct Problem<'e> {
     mpcc: Mpcc<'e>,
     layout: Layout,
     program: Program,
+    runs: Runs,
+    analyses: Analyses,
 }
 
 /// Solves the task of a system; `sampled` are trajectories to start from, the last one counts most.
@@ -194,6 +199,7 @@ impl<'e> Problem<'e> {
     /// What is found from a start that has been made ready since an instant, with what simulations say of it.
     fn outcome(&mut self, begin: Begin, started: Instant, watch: &mut dyn Watch) -> Solved<'e> {
         let built = started.elapsed();
+        let analyzed = self.analyses.made();
         let watch: &mut dyn Watch = &mut Counted::new(watch);
         let Begin { options, .. } = &begin;
         let limit = &options.limit;
@@ -225,6 +231,7 @@ impl<'e> Problem<'e> {
             values,
             built_s: built.as_secs_f64(),
             factor_entries: solution.stats.factor_entries,
+            analyses: self.analyses.made() - analyzed,
             starts: found.solutions.len(),
             spread: found.spread(),
             median_s: median(found.solutions.iter().map(|s| s.stats.seconds)),
@@ -304,6 +311,8 @@ impl<'e> Problem<'e> {
             mpcc,
             layout,
             program,
+            runs: Runs::default(),
+            analyses: Analyses::default(),
         })
     }
 }

@@ -37,7 +37,7 @@ use crate::discretize::check_given;
 use crate::limit::Limit;
 use crate::messages::Messages;
 use crate::report::{Status, Warning};
-use crate::simulate;
+use crate::simulate::Consistent;
 use crate::source::SourceMap;
 use crate::system::System;
 use crate::system::experiment::{Optimize, Settings};
@@ -55,6 +55,8 @@ pub struct Prepared<'e> {
     initial: Vec<f64>,
     /// What compilation has warned of, from wherever it starts.
     warnings: Vec<Warning>,
+    /// What finds algebraic states, where there are any.
+    consistent: Option<Consistent>,
     sources: SourceMap,
 }
 
@@ -127,7 +129,8 @@ impl<'e> Prepared<'e> {
         let n_integrals = task.map_or(0, |task| task.integrals);
         let freed = task.iter().flat_map(|task| &task.initial);
         let freed = freed.map(|free| free.place);
-        let others: Vec<usize> = freed.chain(system.algebraic_states()).collect();
+        let algebraic = system.algebraic_states();
+        let others: Vec<usize> = freed.chain(algebraic.iter().copied()).collect();
         let given = 0..system.states.len() - n_integrals;
         let given: Vec<usize> = given.filter(|place| !others.contains(place)).collect();
         let name = |&place: &usize| system.states[place].name.clone();
@@ -138,6 +141,7 @@ impl<'e> Prepared<'e> {
             sampled,
             given,
             warnings: Warning::all(&diags),
+            consistent: (!algebraic.is_empty()).then(|| Consistent::new(system)),
             sources,
         })
     }
@@ -202,7 +206,7 @@ impl<'e> Prepared<'e> {
         for (&place, &value) in self.given.iter().zip(x0) {
             initial[place] = value;
         }
-        match self.problem.restart(&initial) {
+        match self.problem.restart(&initial, self.consistent.as_mut()) {
             diags if diags.has_errors() => {
                 let messages = Messages::new(diags, self.sources.clone());
                 Err(SolveError::Start(messages))
@@ -214,14 +218,15 @@ impl<'e> Prepared<'e> {
 
 impl Problem<'_> {
     /// Gives x(0) to the system and all that was made of it; an error is why the model does not begin there.
-    fn restart(&mut self, initial: &[f64]) -> Diagnostics {
+    fn restart(&mut self, initial: &[f64], consistent: Option<&mut Consistent>) -> Diagnostics {
         for (state, &value) in self.system.states.iter_mut().zip(initial) {
             state.initial = value;
         }
         let mut diags = Diagnostics::new();
         self.system.check_start(&mut diags);
-        let settles = !diags.has_errors() && !self.system.algebraic_states().is_empty();
-        if settles && let Err(failure) = simulate::settle(&mut self.system, self.settings.horizon) {
+        let consistent = consistent.filter(|_| !diags.has_errors());
+        let settled = consistent.map(|found| found.settle(&mut self.system, self.settings.horizon));
+        if let Some(Err(failure)) = settled {
             diags.push(failure);
         }
         if diags.has_errors() {

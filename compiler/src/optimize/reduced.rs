@@ -8,13 +8,9 @@ use rustc_hash::FxHashMap;
 use super::{Problem, solved};
 use crate::expr::{Evaluator, Expr, Var};
 use crate::limit::Limit;
-use crate::simulate::again::Again;
 use crate::system::System;
 use crate::system::experiment::At;
 use crate::system::task::Shape;
-
-/// How accurate the simulations are.
-const TOLERANCE: f64 = 1e-11;
 
 /// What is free in a task.
 #[derive(Clone, Copy, Debug)]
@@ -75,9 +71,6 @@ pub(super) struct Reduced<'r, 'e> {
     rows: Vec<Row>,
     /// The rows at each place.
     at_place: Vec<Vec<usize>>,
-    /// The parameters and the horizon that `prepared` is made with.
-    params: Vec<f64>,
-    prepared: Again,
     /// When no more runs begin, and those that go on end.
     pub limit: Limit,
 }
@@ -86,6 +79,7 @@ impl<'r, 'e> Reduced<'r, 'e> {
     /// The problem near a point, with constraints where its nodes are. None for systems without a task.
     pub fn new(problem: &'r Problem<'e>, w: &[f64], limit: &Limit) -> Option<Self> {
         let task = problem.system.task.as_ref()?;
+        problem.run_again(w);
         let mut reduced = Reduced {
             problem,
             quantities: quantities(problem, w),
@@ -94,8 +88,6 @@ impl<'r, 'e> Reduced<'r, 'e> {
             asked: Vec::new(),
             rows: Vec::new(),
             at_place: Vec::new(),
-            params: params(problem, w),
-            prepared: prepared(problem, w),
             limit: limit.clone(),
         };
         reduced.ask(w);
@@ -212,22 +204,15 @@ impl<'r, 'e> Reduced<'r, 'e> {
         if limit.is_over() {
             return None;
         }
-        let mut own;
-        let prepared = match params(problem, w) == self.params {
-            true => &mut self.prepared,
-            // Parameters are numbers in what is compiled.
-            false => {
-                own = prepared(problem, w);
-                &mut own
-            }
-        };
         let horizon = problem.horizon(w);
         let tables = solved::tables(problem, w);
-        prepared.replace_data(problem.system.data.len(), &tables);
         let x0 = initial(problem, w);
         let instants = self.places.iter().map(|place| place.share * horizon);
         let instants: Vec<f64> = instants.map(|t| t.min(horizon)).collect();
-        let run = prepared.values(&x0, horizon, &instants, limit)?;
+        let run = problem.again(w, |runs| {
+            runs.replace_data(problem.system.data.len(), &tables);
+            runs.values(&x0, horizon, &instants, limit)
+        })?;
         let system = &problem.system;
         let mut known = Known::new(problem, w);
         known.set(system, horizon, &run.end);
@@ -315,12 +300,6 @@ impl Known {
     }
 }
 
-fn params(problem: &Problem, w: &[f64]) -> Vec<f64> {
-    let task = problem.system.task.iter();
-    let n = task.map(|task| task.params.len()).sum();
-    (0..n).map(|i| w[problem.layout.p(i)]).collect()
-}
-
 fn initial(problem: &Problem, w: &[f64]) -> Vec<f64> {
     let system = &problem.system;
     let mut x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
@@ -328,11 +307,6 @@ fn initial(problem: &Problem, w: &[f64]) -> Vec<f64> {
         x0[free.place] = w[problem.layout.before(1, 1) + free.place];
     }
     x0
-}
-
-fn prepared(problem: &Problem, w: &[f64]) -> Again {
-    let system = solved::system(problem, w);
-    Again::new(&system, problem.horizon(w), TOLERANCE)
 }
 
 /// What is free, with bounds and sizes; controls with finite sets of values are not.

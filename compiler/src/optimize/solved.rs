@@ -4,7 +4,7 @@ use super::Problem;
 use crate::limit::Limit;
 use crate::model::Data;
 use crate::report::Trajectory;
-use crate::simulate::{self, Request};
+use crate::simulate::Request;
 use crate::system::experiment::{EventOptions, Method, Settings};
 use crate::system::task::Shape;
 use crate::system::{StateGroup, System};
@@ -25,11 +25,11 @@ impl Problem<'_> {
 }
 
 /// A run of the system at a point from event to event, with all states, integrals among them, in one series.
-pub(super) fn run(
-    problem: &Problem,
+pub(super) fn run<'e>(
+    problem: &Problem<'e>,
     w: &[f64],
     limit: &Limit,
-    change: impl FnOnce(&mut Settings),
+    change: impl FnOnce(&mut Settings<'e>),
 ) -> Trajectory {
     let mut system = system(problem, w);
     system.outputs.clear();
@@ -51,7 +51,7 @@ pub(super) fn run(
         multipliers: false,
         limit: limit.clone(),
     };
-    simulate::run(&system, &settings, &request)
+    problem.simulate((&system, w), &settings, &request)
 }
 
 /// The system at a point, without its task; integrals are still states.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use nsd_solver::simulate::{self as solver, HybridSystem, Outcome, Simulator};
+use nsd_solver::simulate::{self as solver, HybridSystem, Outcome, Piecewise, Simulator};
 
 use super::reported::Reported;
 use super::watch::{Progress, Watched};
@@ -35,8 +35,8 @@ impl Events {
         }
     }
 
-    /// Integrates the system, which may have other initial states and values of the open parameters than the one that was
-    /// compiled, over the horizon of the experiment.
+    /// Integrates the system, which may have other initial states, data and values of the open parameters than the one that
+    /// was compiled, over the horizon of the experiment.
     pub(crate) fn run(
         &mut self,
         system: &System,
@@ -47,6 +47,7 @@ impl Events {
         let started = Instant::now();
         let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
         let parameters: Vec<f64> = self.reported.parameters(system).collect();
+        let numbers = (&parameters[..], &hybrid::data_of(system)[..]);
         let mut tolerance: f64 = settings.tolerance;
         let mut attempt = 1;
         let (outcome, recorder, estimate) = loop {
@@ -55,7 +56,7 @@ impl Events {
                 averages: settings.averages,
                 ..solver_settings(&settings.method, tolerance, request.limit.clone())
             };
-            let simulator = ready(&mut self.coarse, &self.hybrid, &parameters, solver_settings);
+            let simulator = ready(&mut self.coarse, &self.hybrid, numbers, solver_settings);
             let reported = self.reported.clone();
             let mut recorder = Recorder::of(system, settings, tolerance, request.dense, reported);
             let mut watched = Watched::new(&mut recorder, settings.horizon, false, watch);
@@ -67,7 +68,7 @@ impl Events {
                     // What has been compiled for one serves the other.
                     self.fine = Some(simulator.with(finer.clone()));
                 }
-                let fine = ready(&mut self.fine, &self.hybrid, &parameters, finer);
+                let fine = ready(&mut self.fine, &self.hybrid, numbers, finer);
                 Estimate::of(fine, settings.horizon, &x0, &recorder, &outcome, watch)
             });
             let estimate = estimate.flatten();
@@ -121,11 +122,11 @@ impl Events {
     }
 }
 
-/// A simulator with these values of parameters and settings: the last one, if it had the same settings but for its time.
+/// A simulator with these values of parameters, data and settings: the last one, if it had the same settings but for its time.
 fn ready<'s>(
     last: &'s mut Option<Simulator>,
     hybrid: &Arc<HybridSystem>,
-    parameters: &[f64],
+    (parameters, data): (&[f64], &[Arc<Piecewise>]),
     settings: solver::Settings,
 ) -> &'s mut Simulator {
     let simulator = match last.take() {
@@ -140,5 +141,6 @@ fn ready<'s>(
     };
     let simulator = last.insert(simulator);
     simulator.set_parameters(parameters);
+    simulator.set_data(0, data);
     simulator
 }

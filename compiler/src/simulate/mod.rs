@@ -50,6 +50,7 @@ use record::{Jump, Recorder};
 use record::{Points, recorded};
 pub(crate) use rehearsal::{Rehearsed, cut};
 pub use request::Request;
+pub(crate) use settle::Consistent;
 pub use settle::settle;
 use touches::Touches;
 pub use watch::Progress;
