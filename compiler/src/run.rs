@@ -5,6 +5,7 @@ use crate::diagnostics::Diagnostics;
 use crate::expr::Exprs;
 use crate::limit::Limit;
 use crate::messages::Messages;
+use crate::optimize::{self, PrepareError};
 use crate::prepared::{self, NotPrepared, Prepared};
 use crate::project::{Project, bindings};
 use crate::report::{Trajectory, Warning, csv, json, text};
@@ -193,6 +194,40 @@ impl Project {
         });
         let paths = paths.collect::<Result<Vec<_>, _>>()?;
         Prepared::new(&self.file, asked.experiment, &asked.overrides, &paths)
+    }
+
+    /// Compiles an optimal control problem once, to be solved from many initial states: see [`optimize::Prepared`].
+    ///
+    /// # Errors
+    ///
+    /// Where there is no such experiment, it does not compile, or has no value that is named; where it optimizes nothing,
+    /// or in numerical time.
+    pub fn prepare_optimal<'e>(
+        &self,
+        exprs: &'e Exprs,
+        experiment: &str,
+        values: &[(String, f64)],
+    ) -> Result<optimize::Prepared<'e>, PrepareError> {
+        let asked = self.ask(experiment, values);
+        let asked = asked.map_err(PrepareError::NotCompiled)?;
+        let (clock, mut diags) = (&mut Clock::default(), Diagnostics::new());
+        let (of, overrides) = (asked.experiment, &asked.overrides);
+        let compiled = compile(exprs, &self.file, of, overrides, clock, &mut diags);
+        let failed = |diags, sources| PrepareError::NotCompiled(Messages::new(diags, sources));
+        let Some(compiled) = compiled.filter(|_| !diags.has_errors()) else {
+            return Err(failed(diags, asked.sources));
+        };
+        let (system, settings) = (&compiled.system, &compiled.settings);
+        let Some(task) = &settings.optimize else {
+            return Err(PrepareError::NoTask(experiment.to_owned()));
+        };
+        match launch::sampled(self, task, &Request::default()) {
+            Ok(sampled) => {
+                let parts = (system, settings, task);
+                optimize::Prepared::new(parts, sampled, diags, asked.sources)
+            }
+            Err(diags) => Err(failed(diags, asked.sources)),
+        }
     }
 
     /// An experiment by its name, with values that replace its own.

@@ -48,6 +48,7 @@ mod narrow;
 mod nl;
 mod optimal_contacts;
 mod optimal_nl;
+mod optimal_prepared;
 mod optimal_size;
 mod optimize;
 mod outputs;

@@ -76,20 +76,35 @@ impl Sides {
 
     /// At t = 0, with the system's parameters and initial values.
     pub fn at_start(system: &System) -> Self {
-        let params = system.params.iter().map(|param| (param.var, param.value));
-        let states = system.states.iter().map(|state| (state.var, state.initial));
-        let start: FxHashMap<Var, f64> = params
-            .chain(states)
-            .chain([(system.time, 0.0)])
-            .chain(
-                system
-                    .data
-                    .iter()
-                    .map(|data| (data.var, data.table.value(0.0))),
-            )
-            .filter_map(|(var, value)| Some((var.as_variable()?, value)))
-            .collect();
+        let start = start(system);
         Sides::at(system, &|var| start.get(&var).copied().unwrap_or(f64::NAN))
+    }
+}
+
+/// Parameters, states, time and data at t = 0.
+fn start(system: &System) -> FxHashMap<Var, f64> {
+    let params = system.params.iter().map(|param| (param.var, param.value));
+    let states = system.states.iter().map(|state| (state.var, state.initial));
+    let data = (system.data.iter()).map(|data| (data.var, data.table.value(0.0)));
+    let known = (params.chain(states))
+        .chain([(system.time, 0.0)])
+        .chain(data);
+    let known = known.filter_map(|(var, value)| Some((var.as_variable()?, value)));
+    known.collect()
+}
+
+impl<'e> Dcs<'e> {
+    /// Takes over the initial values of the system that this is a lowering of, and z there.
+    pub fn restart(&mut self, system: &System<'e>) {
+        for (own, state) in self.states.iter_mut().zip(&system.states) {
+            own.initial = state.initial;
+        }
+        let start = start(system);
+        let value = |var: Var| start.get(&var).copied().unwrap_or(f64::NAN);
+        let found = solve_pointwise(system, self, &value);
+        for (own, z) in self.algebraics.iter_mut().zip(found.algebraics) {
+            own.guess = if z.is_finite() { z } else { 0.0 };
+        }
     }
 }
 

@@ -68,6 +68,14 @@ pub fn check_start(dcs: &Dcs, start: f64) -> Result<(), DiscretizeError> {
     }
 }
 
+/// The same where z are known at the start.
+pub fn check_given(dcs: &Dcs, start: f64) -> Result<(), DiscretizeError> {
+    match super::task::Start::of(dcs).is_free {
+        true => Ok(()),
+        false => check_start(dcs, start),
+    }
+}
+
 /// Arguments of all rows, which is what memory goes to.
 const MOST_ARGUMENTS: f64 = 2e7;
 

@@ -37,6 +37,7 @@ mod directions;
 mod dynamics;
 mod equilibrate;
 mod error;
+mod given;
 mod impulses;
 mod layout;
 mod led;
@@ -49,7 +50,7 @@ mod tests;
 use nsd_solver::tableau::{Family, Tableau};
 
 pub use data::inside;
-pub use error::{DiscretizeError, check_start};
+pub use error::{DiscretizeError, check_given, check_start};
 pub use impulses::WINDOW;
 pub use layout::Layout;
 
@@ -178,8 +179,8 @@ pub fn discretize<'e>(
     options: &Options,
 ) -> Result<(Mpcc<'e>, Layout), DiscretizeError> {
     error::check_size(dcs, grid, options)?;
-    if options.detection.is_some() && !task::Start::of(dcs).is_free {
-        check_start(dcs, grid.start)?;
+    if options.detection.is_some() {
+        check_given(dcs, grid.start)?;
     }
     let (reduced, integrals) = quadrature::split(dcs);
     let dcs = &reduced;

@@ -151,7 +151,11 @@ impl<'e> Problem<'_, 'e> {
                     _ => layout.x(k, j, m) + i,
                 };
                 let is_free = task.initial.iter().any(|free| free.place == i);
-                if row.at == At::Start || is_free && row.at != At::End {
+                // What is given has no bounds.
+                if row.at == At::Start && !is_free {
+                    return None;
+                }
+                if is_free && row.at != At::End {
                     indices.push(at((1, 1, 0)));
                 }
                 match row.at {
@@ -307,11 +311,5 @@ impl<'e> Mpcc<'e> {
         let block = self.variables.partition_point(|block| block.start <= index) - 1;
         let block = &self.variables[block];
         &block.bounds[index - block.start]
-    }
-
-    fn bound_mut(&mut self, index: usize) -> &mut Bounds {
-        let block = self.variables.partition_point(|block| block.start <= index) - 1;
-        let block = &mut self.variables[block];
-        &mut block.bounds[index - block.start]
     }
 }

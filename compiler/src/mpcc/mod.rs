@@ -366,10 +366,33 @@ impl<'e> Mpcc<'e> {
     ///
     /// When there is no such variable.
     pub fn free(&mut self, index: usize) {
+        let bounds = self.bound_mut(index);
+        *bounds = Bounds::free(bounds.guess);
+    }
+
+    /// Gives a variable a value.
+    ///
+    /// # Panics
+    ///
+    /// When there is no such variable.
+    pub fn give(&mut self, index: usize, value: f64) {
+        *self.bound_mut(index) = Bounds::fixed(value);
+    }
+
+    /// Changes where solvers start, as far as the bounds of a variable allow.
+    ///
+    /// # Panics
+    ///
+    /// When there is no such variable.
+    pub fn guess(&mut self, index: usize, value: f64) {
+        let bounds = self.bound_mut(index);
+        *bounds = Bounds::between(bounds.lower, bounds.upper, value);
+    }
+
+    pub(crate) fn bound_mut(&mut self, index: usize) -> &mut Bounds {
         let after = self.variables.partition_point(|block| block.start <= index);
         let block = &mut self.variables[after - 1];
-        let bounds = &mut block.bounds[index - block.start];
-        *bounds = Bounds::free(bounds.guess);
+        &mut block.bounds[index - block.start]
     }
 
     /// Changes where solvers start.

@@ -30,14 +30,15 @@ struct Difference {
     alphas: [f64; 2],
 }
 
-impl<'e> Problem<'_, 'e> {
+impl<'e> Problem<'e> {
     /// A run from event to event with the controls of a point, for so long.
     pub(super) fn simulated(&self, w: &[f64], limit: &Limit) -> Rehearsed<'e> {
         let mut settings = self.settings.clone();
         settings.horizon = self.horizon(w);
         let mut system = solved::system(self, w);
+        system.outputs.clear();
         system.controls.clear();
-        Rehearsed::new(&system, &settings, limit)
+        self.rehearsed((&system, w), &settings, limit)
     }
 
     /// Where nonlinear switches of a point differ from those of a run first, if they do for long.

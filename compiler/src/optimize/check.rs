@@ -31,7 +31,7 @@ pub(super) fn simulate(
         optimum.check_s = started.elapsed().as_secs_f64();
     }
     if run.status != Status::Solved {
-        let warning = unfinished(problem.settings, run.failure.as_ref());
+        let warning = unfinished(&problem.settings, run.failure.as_ref());
         return trajectory.warnings.push(warning);
     }
     let last = run.time.len() - 1;
@@ -54,7 +54,7 @@ pub(super) fn simulate(
              {:.1e}; more `elements` or nodes are more accurate",
             objective.abs()
         );
-        let warning = disagrees(problem.settings, message);
+        let warning = disagrees(&problem.settings, message);
         trajectory.warnings.push(warning);
     }
     trajectory.error_estimate = Some(relative);
@@ -77,7 +77,7 @@ pub(super) fn confirmation(problem: &Problem, trajectory: &mut Trajectory) -> Op
         optimum.confirmation = Confirmation::Differs;
         return None;
     }
-    Some(failure::descends(rate, problem.settings))
+    Some(failure::descends(rate, &problem.settings))
 }
 
 /// That a simulation with the controls does not come to the end.
@@ -107,7 +107,7 @@ fn disagrees(settings: &Settings, message: String) -> Warning {
     }
 }
 
-impl Problem<'_, '_> {
+impl Problem<'_> {
     /// The cost for states, integrals among them, at the end.
     fn cost(&self, x: &[f64], w: &[f64]) -> f64 {
         let Some(task) = &self.system.task else {

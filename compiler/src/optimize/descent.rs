@@ -63,8 +63,8 @@ struct Column {
 /// Looks for descent from a point with an objective and, where it can be simulated, its values. `weight` is above the
 /// multipliers of constraints, `doubt` an error of the objective, and `room` what the objective may gain from the room that
 /// constraints have in the simulation and not in the program.
-pub(super) struct Search<'s, 'r, 'p, 'e> {
-    pub reduced: &'s mut Reduced<'r, 'p, 'e>,
+pub(super) struct Search<'s, 'r, 'e> {
+    pub reduced: &'s mut Reduced<'r, 'e>,
     pub w: &'s [f64],
     pub objective: f64,
     pub base: Option<&'s Values>,
@@ -73,7 +73,7 @@ pub(super) struct Search<'s, 'r, 'p, 'e> {
     pub room: f64,
 }
 
-impl Search<'_, '_, '_, '_> {
+impl Search<'_, '_, '_> {
     /// What counts as a decrease per size of a quantity, in changes of such a share of it.
     pub(super) fn threshold(&self, change: f64) -> f64 {
         let least = RELATIVE * self.objective.abs() + ABSOLUTE;
@@ -333,8 +333,8 @@ impl Search<'_, '_, '_, '_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Problem;
     use super::super::reduced::Reduced;
+    use super::super::{Given, Problem};
     use super::{Found, SMALL, Search};
     use crate::limit::Limit;
     use crate::testing::with_last;
@@ -346,7 +346,7 @@ mod tests {
                     optimize o of m { horizon 1; intervals 1; minimize final(1 + 100*(x - 1)^2); }";
         with_last(text, |compiled| {
             let task = (compiled.settings.optimize.as_ref()).expect("it is an optimization");
-            let problem = Problem::new(&compiled.system, &compiled.settings, task);
+            let problem = Problem::new(&compiled.system, &compiled.settings, task, Given::Numbers);
             let problem = problem.expect("it has a program");
             let (w, _) = problem.start(&[], &Limit::default());
             let mut reduced = Reduced::new(&problem, &w, &Limit::default()).expect("it has a task");

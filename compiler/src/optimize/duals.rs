@@ -118,7 +118,7 @@ impl Declared {
     }
 }
 
-impl Problem<'_, '_> {
+impl Problem<'_> {
     /// What a solution consists of.
     pub(super) fn values(&mut self, solution: &Solution, options: &Options) -> Values {
         let constraints = match solution.class {

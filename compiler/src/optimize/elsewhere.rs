@@ -34,7 +34,7 @@ const APART: f64 = 0.1;
 /// How many ends of descents are looked into.
 const MOST_ENDS: usize = 3;
 
-impl Search<'_, '_, '_, '_> {
+impl Search<'_, '_, '_> {
     /// Points that are far away and better, or promising, the best first.
     pub fn elsewhere(&mut self) -> Found {
         let target = self.objective - self.threshold(1.0);

@@ -143,16 +143,16 @@ pub(super) fn start(problem: &Problem, sampled: &[Sampled]) -> Vec<f64> {
     w
 }
 
-struct Known<'k, 'p, 'e> {
-    problem: &'k Problem<'p, 'e>,
+struct Known<'k, 'e> {
+    problem: &'k Problem<'e>,
     sampled: &'k [Sampled],
     horizon: f64,
 }
 
-impl Known<'_, '_, '_> {
+impl Known<'_, '_> {
     /// What the experiment says about a quantity at a share of the horizon.
     fn value(&self, var: Expr, name: &str, share: f64) -> Option<f64> {
-        let system = self.problem.system;
+        let system = &self.problem.system;
         let var = var.as_variable()?;
         let mut guesses = self.problem.task.guess.iter().rev();
         if let Some((_, guess)) = guesses.find(|(known, _)| *known == var) {

@@ -10,6 +10,7 @@
 //!
 //! What is in numerical time ([`crate::system::freezing`]) comes back to physical time with the trajectory (`thaw.rs`).
 
+mod begin;
 mod branches;
 mod check;
 mod confirm;
@@ -19,18 +20,21 @@ mod elsewhere;
 mod failure;
 mod guess;
 mod moved;
+mod prepared;
 mod products;
 mod read;
 mod record;
 mod reduced;
 mod rehearsal;
+mod runs;
 mod solved;
 mod thaw;
 mod transfer;
 
 use std::sync::Arc;
 
-use nsd_solver::mpcc::{self, Class, Form, Homotopy, MultiStart, Options, Solution};
+use nsd_solver::linalg::analyses::Analyses;
+use nsd_solver::mpcc::{self, Class, MultiStart, Solution};
 use nsd_solver::problem::Nlp;
 
 use crate::clock::Instant;
@@ -48,12 +52,14 @@ use crate::system::System;
 use crate::system::experiment::{Optimize, Settings};
 use crate::system::freezing::{Frozen, freeze};
 use crate::system::task::Task;
-use crate::threads;
-use crate::watch::{self, Counted, Watch};
+use crate::watch::{Counted, Watch};
 
+use begin::{Begin, Start};
 pub use guess::Sampled;
 use moved::Moved;
+pub use prepared::{PrepareError, Prepared, SolveError};
 use products::products;
+use runs::Runs;
 pub use transfer::Point;
 
 /// A solved task.
@@ -64,14 +70,8 @@ pub struct Solved<'e> {
     pub system: System<'e>,
     /// What was found, for programs of other lowerings.
     pub point: Point,
-}
-
-/// Where a solver starts.
-enum Start<'s> {
-    /// As the task says, with these trajectories as guesses.
-    Task(&'s [Sampled]),
-    /// At a solution of the same task.
-    Point(&'s Point),
+    /// The point of the program.
+    w: Vec<f64>,
 }
 
 /// How far an optimization is.
@@ -85,24 +85,29 @@ pub struct Progress<'s> {
     pub last: Option<(usize, &'s Solution)>,
 }
 
+/// What initial values are in a program: which member of a pair is a variable may depend on them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Given {
+    /// Numbers.
+    Numbers,
+    /// Variables, which are given their values by [`Problem::restart`].
+    Inputs,
+}
+
 /// Everything about one task before it is solved.
-struct Problem<'p, 'e> {
-    system: &'p System<'e>,
+struct Problem<'e> {
+    system: System<'e>,
     /// The same in numerical time.
     frozen: Option<Frozen<'e>>,
-    settings: &'p Settings<'e>,
-    task: &'p Optimize<'e>,
+    settings: Settings<'e>,
+    task: Optimize<'e>,
     dcs: Dcs<'e>,
     mpcc: Mpcc<'e>,
     layout: Layout,
     program: Program,
+    runs: Runs<'e>,
+    analyses: Analyses,
 }
-
-/// How much a single start may cost while other ways are tried for a smaller objective: next to nothing, as there are
-/// `starts`.
-const SINGLE_EFFORT: usize = 50_000;
-/// How much it may cost until a point is stationary.
-const SINGLE_PATIENCE: usize = 2_000_000;
 
 /// Solves the task of a system; `sampled` are trajectories to start from, the last one counts most.
 pub fn run<'e>(
@@ -128,10 +133,8 @@ pub fn resume<'e>(
     request: &Request,
     watch: &mut dyn Watch,
 ) -> Result<Option<Solved<'e>>, DiscretizeError> {
-    let mut single = task.clone();
-    single.starts = None;
     let start = Start::Point(point);
-    run_from(system, settings, &single, start, request, watch)
+    run_from(system, settings, task, start, request, watch)
 }
 
 fn run_from<'e>(
@@ -143,88 +146,9 @@ fn run_from<'e>(
     watch: &mut dyn Watch,
 ) -> Result<Option<Solved<'e>>, DiscretizeError> {
     let started = Instant::now();
-    let watch: &mut dyn Watch = &mut Counted::new(watch);
-    let mut problem = Problem::new(system, settings, task)?;
-    let limit = &request.limit;
-    let (guess, rehearsed) = match start {
-        Start::Task(sampled) => problem.start(sampled, limit),
-        Start::Point(point) => match problem.lifted(point) {
-            Some(guess) => (guess, true),
-            None => return Ok(None),
-        },
-    };
-    let built = started.elapsed();
-
-    let mut options = options(&problem, rehearsed, limit);
-    if let Start::Point(_) = start {
-        // Other ways would lead elsewhere.
-        options.effort = 0;
-    }
-    let found = solve(&mut problem, &guess, &options, watch);
-    let best = found
-        .best
-        .unwrap_or_else(|| least_violated(&found.solutions));
-    let mut solution = found.solutions[best].clone();
-    let has_branches = !problem.dcs.branches.is_empty() && solution.is_feasible();
-    let in_other_mode = match has_branches {
-        true => branches::settle(&mut problem, &mut solution, &options, limit, watch),
-        false => None,
-    };
-    let (confirmation, elsewhere) = match solution.is_feasible() && in_other_mode.is_none() {
-        true => confirm::confirm(&mut problem, &mut solution, &options, limit, watch),
-        false => (Confirmation::None, None),
-    };
-    let seconds = (started.elapsed() - built).as_secs_f64();
-    let solution = &solution;
-    let mut solved = solved::system(&problem, &solution.w);
-    // Integrals are no states of the model.
-    let integrals = system.task.as_ref().map_or(0, |task| task.integrals);
-    solved.states.truncate(solved.states.len() - integrals);
-    let mut trajectory = record::trajectory(&problem, &solved, &solution.w);
-    describe(&problem, solution, &mut trajectory);
-    trajectory.warnings.extend(simulate::sampled(&solved));
-    trajectory
-        .warnings
-        .extend(unfinished_starts(&problem, &found, limit));
-    trajectory
-        .warnings
-        .extend(elsewhere.map(|objective| check::elsewhere(settings, objective)));
-    let values = problem.values(solution, &options);
-    trajectory.optimum = Some(Optimum {
-        values,
-        built_s: built.as_secs_f64(),
-        factor_entries: solution.stats.factor_entries,
-        starts: found.solutions.len(),
-        spread: found.spread(),
-        median_s: median(found.solutions.iter().map(|s| s.stats.seconds)),
-        certificate_s: (found.solutions.iter())
-            .map(|solution| solution.stats.certificate_seconds)
-            .sum(),
-        branches: solution.others,
-        confirmation,
-        ..Optimum::default()
-    });
-    trajectory.stats.solve_s = seconds;
-    if solution.is_feasible() {
-        simulate_again(
-            &problem,
-            solution,
-            in_other_mode.as_ref(),
-            limit,
-            &mut trajectory,
-        );
-    }
-    trajectory.failure = failure::of(&mut problem, solution)
-        .or(in_other_mode)
-        .or(check::confirmation(&problem, &mut trajectory));
-    if let Some(failure) = &trajectory.failure {
-        trajectory.status = failure.status();
-    }
-    Ok(Some(Solved {
-        point: problem.point(&solution.w),
-        trajectory,
-        system: solved,
-    }))
+    let mut problem = Problem::new(system, settings, task, Given::Numbers)?;
+    let begin = problem.begin(start, &request.limit);
+    Ok(begin.map(|begin| problem.outcome(begin, started, watch)))
 }
 
 /// Simulates with what was found, unless it is known already that this fails.
@@ -241,7 +165,7 @@ fn simulate_again(
         }
         Some(failure) if failure.is_over() => {}
         Some(failure) => {
-            let warning = check::unfinished(problem.settings, Some(failure));
+            let warning = check::unfinished(&problem.settings, Some(failure));
             trajectory.warnings.push(warning);
         }
     }
@@ -265,17 +189,95 @@ pub fn program<'e>(
     task: &Optimize<'e>,
     sampled: &[Sampled],
 ) -> Result<Mpcc<'e>, DiscretizeError> {
-    let mut problem = Problem::new(system, settings, task)?;
+    let mut problem = Problem::new(system, settings, task, Given::Numbers)?;
     let (guess, _) = problem.start(sampled, &Limit::default());
     problem.mpcc.set_guess(&guess);
     Ok(problem.mpcc)
 }
 
-impl<'p, 'e> Problem<'p, 'e> {
+impl<'e> Problem<'e> {
+    /// What is found from a start that has been made ready since an instant, with what simulations say of it.
+    fn outcome(&mut self, begin: Begin, started: Instant, watch: &mut dyn Watch) -> Solved<'e> {
+        let built = started.elapsed();
+        let analyzed = self.analyses.made();
+        let watch: &mut dyn Watch = &mut Counted::new(watch);
+        let Begin { options, .. } = &begin;
+        let limit = &options.limit;
+        let found = begin::solve(self, &begin, watch);
+        let best = found
+            .best
+            .unwrap_or_else(|| least_violated(&found.solutions));
+        let mut solution = found.solutions[best].clone();
+        let has_branches = !self.dcs.branches.is_empty() && solution.is_feasible();
+        let in_other_mode = match has_branches {
+            true => branches::settle(self, &mut solution, options, limit, watch),
+            false => None,
+        };
+        let (confirmation, elsewhere) = match solution.is_feasible() && in_other_mode.is_none() {
+            true => confirm::confirm(self, &mut solution, options, limit, watch),
+            false => (Confirmation::None, None),
+        };
+        let seconds = (started.elapsed() - built).as_secs_f64();
+        let solution = &solution;
+        let (system, mut trajectory) = self.described(solution);
+        trajectory
+            .warnings
+            .extend(unfinished_starts(&self.settings, &begin, &found));
+        trajectory
+            .warnings
+            .extend(elsewhere.map(|objective| check::elsewhere(&self.settings, objective)));
+        let values = self.values(solution, options);
+        trajectory.optimum = Some(Optimum {
+            values,
+            built_s: built.as_secs_f64(),
+            factor_entries: solution.stats.factor_entries,
+            analyses: self.analyses.made() - analyzed,
+            starts: found.solutions.len(),
+            spread: found.spread(),
+            median_s: median(found.solutions.iter().map(|s| s.stats.seconds)),
+            certificate_s: (found.solutions.iter())
+                .map(|solution| solution.stats.certificate_seconds)
+                .sum(),
+            branches: solution.others,
+            confirmation,
+            ..Optimum::default()
+        });
+        trajectory.stats.solve_s = seconds;
+        if solution.is_feasible() {
+            let other = in_other_mode.as_ref();
+            simulate_again(self, solution, other, limit, &mut trajectory);
+        }
+        trajectory.failure = failure::of(self, solution)
+            .or(in_other_mode)
+            .or(check::confirmation(self, &mut trajectory));
+        if let Some(failure) = &trajectory.failure {
+            trajectory.status = failure.status();
+        }
+        Solved {
+            point: self.point(&solution.w),
+            w: solution.w.clone(),
+            trajectory,
+            system,
+        }
+    }
+
+    /// A solution as a trajectory, of a system that has nothing left to decide.
+    fn described(&self, solution: &Solution) -> (System<'e>, Trajectory) {
+        let mut solved = solved::system(self, &solution.w);
+        // Integrals are no states of the model.
+        let integrals = self.system.task.as_ref().map_or(0, |task| task.integrals);
+        solved.states.truncate(solved.states.len() - integrals);
+        let mut trajectory = record::trajectory(self, &solved, &solution.w);
+        describe(self, solution, &mut trajectory);
+        trajectory.warnings.extend(simulate::sampled(&solved));
+        (solved, trajectory)
+    }
+
     fn new(
-        system: &'p System<'e>,
-        settings: &'p Settings<'e>,
-        task: &'p Optimize<'e>,
+        system: &System<'e>,
+        settings: &Settings<'e>,
+        task: &Optimize<'e>,
+        given: Given,
     ) -> Result<Self, DiscretizeError> {
         let frozen = settings.freezes().then(|| {
             let frozen = freeze(system, settings.pace());
@@ -289,127 +291,46 @@ impl<'p, 'e> Problem<'p, 'e> {
             steps: task.intervals,
         };
         let (mpcc, layout) = discretize(&dcs, grid, &discretize::Options::optimize(task))?;
-        let mut program = mpcc.program().expect("kernels are smooth");
+        let program = match given {
+            Given::Numbers => mpcc.program(),
+            Given::Inputs => {
+                let mut open = mpcc.clone();
+                layout.given(&dcs).for_each(|(index, _)| open.free(index));
+                open.program()
+            }
+        };
+        let mut program = program.expect("kernels are smooth");
         let moved = Moved::new(&layout, &mpcc.conditions, products(&dcs));
         program.set_others(Arc::new(moved));
         Ok(Problem {
-            system,
+            system: system.clone(),
             frozen,
-            settings,
-            task,
+            settings: settings.clone(),
+            task: task.clone(),
             dcs,
             mpcc,
             layout,
             program,
+            runs: Runs::default(),
+            analyses: Analyses::default(),
         })
     }
-
-    /// The point to start from, and whether elements end and modes are those of a run: where something may jump, and
-    /// where switches are read nonlinearly.
-    ///
-    /// Where controls are guessed and no states, these are those of a run with the controls, for the time that is left.
-    fn start(&self, sampled: &[Sampled], limit: &Limit) -> (Vec<f64>, bool) {
-        let mut guess = guess::start(self, sampled);
-        let is_decided = |(var, _): &(Var, _)| is_decided(self.system, *var);
-        if !sampled.is_empty() || !self.task.guess.iter().all(is_decided) {
-            return (guess, false);
-        }
-        if rehearsal::rehearse(self, &mut guess, limit) {
-            return (guess, true);
-        }
-        let asks = !self.task.guess.is_empty() && self.frozen.is_none();
-        let run = asks.then(|| rehearsal::sample(self, &guess, limit));
-        let run = run.flatten();
-        if let Some(run) = run {
-            guess = guess::start(self, &[run]);
-        }
-        (guess, false)
-    }
-}
-
-/// How a task is solved.
-fn options(problem: &Problem, rehearsed: bool, limit: &Limit) -> Options {
-    let chosen = &problem.task.options;
-    let form = Form {
-        relaxation: chosen.relaxation,
-        steering: chosen.steering,
-        ..Form::default()
-    };
-    let homotopy = match chosen.is_sequential {
-        true => Homotopy::Sequential {
-            start: 1.0,
-            factor: 0.1,
-            stop: 1e-8,
-        },
-        false => Options::default().homotopy,
-    };
-    let [effort, patience] = match problem.task.starts {
-        // Other ways would be cheaper in modes that the model is not in.
-        None if rehearsed && !problem.dcs.branches.is_empty() => [0, SINGLE_PATIENCE],
-        None => [SINGLE_EFFORT, SINGLE_PATIENCE],
-        Some(_) => [Options::default().effort, Options::default().patience],
-    };
-    Options {
-        effort,
-        patience,
-        form,
-        homotopy,
-        limit: limit.clone(),
-        trusts_start: rehearsed && problem.task.starts.is_none(),
-        ..Options::default()
-    }
-}
-
-/// All starts, several in parallel.
-fn solve(
-    problem: &mut Problem,
-    guess: &[f64],
-    options: &Options,
-    watch: &mut dyn Watch,
-) -> MultiStart {
-    let count = problem.task.starts.map_or(1, |starts| starts.count);
-    let mut progress = Progress {
-        done: 0,
-        starts: count,
-        last: None,
-    };
-    watch.progress(&watch::Progress::Starts(progress));
-    let Some(starts) = problem.task.starts else {
-        let found = mpcc::solve_observed(&mut problem.program, guess, options, watch);
-        return MultiStart::new(vec![found]);
-    };
-    let moved = |number| mpcc::perturbed(guess, starts.deviation, starts.seed, number as u64);
-    let starts: Vec<Vec<f64>> = (0..count).map(moved).collect();
-    let mut heard = |start: usize, found: &Solution| {
-        progress.done += 1;
-        watch.progress(&watch::Progress::Starts(Progress {
-            last: Some((start + 1, found)),
-            ..progress
-        }));
-    };
-    mpcc::multistart(
-        &problem.program,
-        &starts,
-        options,
-        threads::count(),
-        &mut heard,
-    )
 }
 
 /// That the run had to end before all starts were done, where some start led to a solution.
-fn unfinished_starts(problem: &Problem, found: &MultiStart, limit: &Limit) -> Option<Warning> {
-    let asked = problem.task.starts?.count;
+fn unfinished_starts(settings: &Settings, begin: &Begin, found: &MultiStart) -> Option<Warning> {
+    let asked = begin.starts?.count;
     let done = found.solutions.iter();
     let done = done.filter(|solution| !matches!(solution.status, mpcc::Status::Over(_)));
     let done = done.count();
-    let why = match limit.over() {
+    let why = match begin.options.limit.over() {
         Some(Over::Canceled) => "the run was canceled",
         _ => "the time limit was reached",
     };
     (found.best.is_some() && done < asked).then(|| Warning {
         code: "W0718".into(),
         message: format!("{why} after {done} of {asked} starts"),
-        span: Some(problem.settings.span),
+        span: Some(settings.span),
     })
 }
 

@@ -24,7 +24,7 @@ pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Traje
         true => horizon,
         false => horizon * k as f64 / layout.steps as f64,
     };
-    let follows = following(problem.system).states;
+    let follows = following(&problem.system).states;
     let mut elements = Elements::new(system, &layout.points, layout.nodes);
     // The state when the clock stopped, and the laws that have acted since.
     let mut stopped: Option<(Vec<f64>, Vec<usize>)> = None;
@@ -87,7 +87,7 @@ pub(super) fn trajectory(problem: &Problem, system: &System, w: &[f64]) -> Traje
         let alphas = problem.alphas(w, (k, j, layout.nodes));
         elements.jump(horizon, laws, [&before, x], &alphas);
     }
-    elements.finish(problem.settings, horizon)
+    elements.finish(&problem.settings, horizon)
 }
 
 /// The state where an element begins; of algebraic states that jump there, what the program has for them, or else the
@@ -111,7 +111,7 @@ fn left(problem: &Problem, follows: &[bool], w: &[f64], (k, j): (usize, usize)) 
     x
 }
 
-impl Problem<'_, '_> {
+impl Problem<'_> {
     /// The laws of the contacts that give impulses where an element begins: jumps come first.
     fn struck(&self, w: &[f64], (k, j): (usize, usize)) -> Vec<usize> {
         let Some(first) = self.layout.impulses(k, j) else {

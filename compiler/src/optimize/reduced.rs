@@ -8,13 +8,9 @@ use rustc_hash::FxHashMap;
 use super::{Problem, solved};
 use crate::expr::{Evaluator, Expr, Var};
 use crate::limit::Limit;
-use crate::simulate::again::Again;
 use crate::system::System;
 use crate::system::experiment::At;
 use crate::system::task::Shape;
-
-/// How accurate the simulations are.
-const TOLERANCE: f64 = 1e-11;
 
 /// What is free in a task.
 #[derive(Clone, Copy, Debug)]
@@ -64,8 +60,8 @@ pub(super) struct Values {
 }
 
 /// The problem in free quantities.
-pub(super) struct Reduced<'r, 'p, 'e> {
-    problem: &'r Problem<'p, 'e>,
+pub(super) struct Reduced<'r, 'e> {
+    problem: &'r Problem<'e>,
     /// What is free.
     pub quantities: Vec<Quantity>,
     cost: Evaluator<'e>,
@@ -75,17 +71,15 @@ pub(super) struct Reduced<'r, 'p, 'e> {
     rows: Vec<Row>,
     /// The rows at each place.
     at_place: Vec<Vec<usize>>,
-    /// The parameters and the horizon that `prepared` is made with.
-    params: Vec<f64>,
-    prepared: Again,
     /// When no more runs begin, and those that go on end.
     pub limit: Limit,
 }
 
-impl<'r, 'p, 'e> Reduced<'r, 'p, 'e> {
+impl<'r, 'e> Reduced<'r, 'e> {
     /// The problem near a point, with constraints where its nodes are. None for systems without a task.
-    pub fn new(problem: &'r Problem<'p, 'e>, w: &[f64], limit: &Limit) -> Option<Self> {
+    pub fn new(problem: &'r Problem<'e>, w: &[f64], limit: &Limit) -> Option<Self> {
         let task = problem.system.task.as_ref()?;
+        problem.run_again(w);
         let mut reduced = Reduced {
             problem,
             quantities: quantities(problem, w),
@@ -94,8 +88,6 @@ impl<'r, 'p, 'e> Reduced<'r, 'p, 'e> {
             asked: Vec::new(),
             rows: Vec::new(),
             at_place: Vec::new(),
-            params: params(problem, w),
-            prepared: prepared(problem, w),
             limit: limit.clone(),
         };
         reduced.ask(w);
@@ -212,23 +204,16 @@ impl<'r, 'p, 'e> Reduced<'r, 'p, 'e> {
         if limit.is_over() {
             return None;
         }
-        let mut own;
-        let prepared = match params(problem, w) == self.params {
-            true => &mut self.prepared,
-            // Parameters are numbers in what is compiled.
-            false => {
-                own = prepared(problem, w);
-                &mut own
-            }
-        };
         let horizon = problem.horizon(w);
         let tables = solved::tables(problem, w);
-        prepared.replace_data(problem.system.data.len(), &tables);
         let x0 = initial(problem, w);
         let instants = self.places.iter().map(|place| place.share * horizon);
         let instants: Vec<f64> = instants.map(|t| t.min(horizon)).collect();
-        let run = prepared.values(&x0, horizon, &instants, limit)?;
-        let system = problem.system;
+        let run = problem.again(w, |runs| {
+            runs.replace_data(problem.system.data.len(), &tables);
+            runs.values(&x0, horizon, &instants, limit)
+        })?;
+        let system = &problem.system;
         let mut known = Known::new(problem, w);
         known.set(system, horizon, &run.end);
         known.decide(problem, w, problem.layout.steps, 1.0);
@@ -268,7 +253,7 @@ struct Known {
 
 impl Known {
     fn new(problem: &Problem, w: &[f64]) -> Self {
-        let system = problem.system;
+        let system = &problem.system;
         let mut values: FxHashMap<Var, f64> = FxHashMap::default();
         let params = system.params.iter();
         values.extend(params.filter_map(|p| Some((p.var.as_variable()?, p.value))));
@@ -315,24 +300,13 @@ impl Known {
     }
 }
 
-fn params(problem: &Problem, w: &[f64]) -> Vec<f64> {
-    let task = problem.system.task.iter();
-    let n = task.map(|task| task.params.len()).sum();
-    (0..n).map(|i| w[problem.layout.p(i)]).collect()
-}
-
 fn initial(problem: &Problem, w: &[f64]) -> Vec<f64> {
-    let system = problem.system;
+    let system = &problem.system;
     let mut x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
     for free in system.task.iter().flat_map(|task| &task.initial) {
         x0[free.place] = w[problem.layout.before(1, 1) + free.place];
     }
     x0
-}
-
-fn prepared(problem: &Problem, w: &[f64]) -> Again {
-    let system = solved::system(problem, w);
-    Again::new(&system, problem.horizon(w), TOLERANCE)
 }
 
 /// What is free, with bounds and sizes; controls with finite sets of values are not.
@@ -382,6 +356,7 @@ fn quantities(problem: &Problem, w: &[f64]) -> Vec<Quantity> {
 mod tests {
     use std::time::Duration;
 
+    use super::super::Given;
     use super::{Problem, Reduced};
     use crate::limit::Limit;
     use crate::testing::with_last;
@@ -392,7 +367,7 @@ mod tests {
                     optimize o of m { horizon 1; intervals 2; minimize final(x); }";
         with_last(text, |compiled| {
             let task = (compiled.settings.optimize.as_ref()).expect("it is an optimization");
-            let problem = Problem::new(&compiled.system, &compiled.settings, task);
+            let problem = Problem::new(&compiled.system, &compiled.settings, task, Given::Numbers);
             let problem = problem.expect("it has a program");
             let (w, _) = problem.start(&[], &Limit::default());
             let hour = Duration::from_secs(3600);

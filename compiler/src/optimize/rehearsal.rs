@@ -25,7 +25,7 @@ const INSIDE: f64 = 1e-6;
 
 /// Gives lengths, states and multipliers the values of a run; false where there is none.
 pub(super) fn rehearse(problem: &Problem, w: &mut [f64], limit: &Limit) -> bool {
-    let (layout, settings) = (&problem.layout, problem.settings);
+    let (layout, settings) = (&problem.layout, &problem.settings);
     let Some(task) = &problem.dcs.task else {
         return false;
     };
@@ -193,7 +193,7 @@ pub(super) fn in_modes(problem: &Problem, run: &Rehearsed, w: &mut [f64]) -> boo
 
 /// A run in numerical time until its clock shows an instant, and how long it takes.
 fn run<'e>(
-    problem: &Problem<'_, 'e>,
+    problem: &Problem<'e>,
     system: &System<'e>,
     (clock, length, instant): (usize, f64, f64),
     limit: &Limit,

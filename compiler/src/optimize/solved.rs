@@ -4,14 +4,14 @@ use super::Problem;
 use crate::limit::Limit;
 use crate::model::Data;
 use crate::report::Trajectory;
-use crate::simulate::{self, Request};
+use crate::simulate::Request;
 use crate::system::experiment::{EventOptions, Method, Settings};
 use crate::system::task::Shape;
 use crate::system::{StateGroup, System};
 use crate::table::{Fit, Table};
 use std::sync::Arc;
 
-impl Problem<'_, '_> {
+impl Problem<'_> {
     /// T.
     pub(super) fn horizon(&self, w: &[f64]) -> f64 {
         let free = self.layout.horizon();
@@ -25,11 +25,11 @@ impl Problem<'_, '_> {
 }
 
 /// A run of the system at a point from event to event, with all states, integrals among them, in one series.
-pub(super) fn run(
-    problem: &Problem,
+pub(super) fn run<'e>(
+    problem: &Problem<'e>,
     w: &[f64],
     limit: &Limit,
-    change: impl FnOnce(&mut Settings),
+    change: impl FnOnce(&mut Settings<'e>),
 ) -> Trajectory {
     let mut system = system(problem, w);
     system.outputs.clear();
@@ -51,11 +51,11 @@ pub(super) fn run(
         multipliers: false,
         limit: limit.clone(),
     };
-    simulate::run(&system, &settings, &request)
+    problem.simulate((&system, w), &settings, &request)
 }
 
 /// The system at a point, without its task; integrals are still states.
-pub(super) fn system<'e>(problem: &Problem<'_, 'e>, w: &[f64]) -> System<'e> {
+pub(super) fn system<'e>(problem: &Problem<'e>, w: &[f64]) -> System<'e> {
     let layout = &problem.layout;
     let mut system = problem.system.clone();
     let Some(task) = system.task.take() else {

@@ -12,12 +12,12 @@ use crate::system::System;
 /// A clock slower than this stands still.
 const STANDS: f64 = 1e-6;
 
-impl<'e> Problem<'_, 'e> {
+impl<'e> Problem<'e> {
     /// The system that is discretized.
     pub(super) fn lowered(&self) -> &System<'e> {
         match &self.frozen {
             Some(frozen) => &frozen.system,
-            None => self.system,
+            None => &self.system,
         }
     }
 

@@ -54,7 +54,7 @@ struct Element {
     impulses: Vec<f64>,
 }
 
-impl Problem<'_, '_> {
+impl Problem<'_> {
     fn kind(&self) -> Kind {
         let layout = &self.layout;
         Kind {

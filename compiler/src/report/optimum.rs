@@ -11,6 +11,8 @@ pub struct Optimum {
     pub built_s: f64,
     /// Entries of the largest triangular factor: what memory and the time of an iteration grow with.
     pub factor_entries: usize,
+    /// How many symbolic factorizations were made: patterns of matrices that had not been met before.
+    pub analyses: usize,
     /// From how many points it was looked for.
     pub starts: usize,
     /// How the objectives of all starts spread, where some start led to a feasible point.

@@ -37,6 +37,7 @@ pub use outcome::sampled;
 use record::{Points, recorded};
 pub(crate) use rehearsal::{Rehearsed, cut};
 pub use request::Request;
+pub(crate) use settle::Consistent;
 pub use settle::settle;
 pub use watch::Progress;
 

@@ -2,7 +2,7 @@
 
 use nsd_solver::jumps::CLOSED;
 
-use super::{Request, run};
+use super::{Plan, Request, run};
 use crate::dcs::{Dcs, Friction, SlipLaw, directed, solve_in_mode};
 use crate::discretize::Layout;
 use crate::expr::{Expr, Var};
@@ -41,6 +41,16 @@ pub(crate) struct Rehearsed<'e> {
 impl<'e> Rehearsed<'e> {
     /// Over the horizon of the experiment, as long as the limit allows.
     pub fn new(system: &System<'e>, settings: &Settings<'e>, limit: &Limit) -> Self {
+        Rehearsed::by(None, system, settings, limit)
+    }
+
+    /// The same by runs that are compiled, if they are, without outputs.
+    pub fn by(
+        plan: Option<&mut Plan<'e>>,
+        system: &System<'e>,
+        settings: &Settings<'e>,
+        limit: &Limit,
+    ) -> Self {
         let mut system = system.clone();
         system.outputs.clear();
         let mut settings = settings.clone();
@@ -55,7 +65,10 @@ impl<'e> Rehearsed<'e> {
             multipliers: false,
             limit: limit.clone(),
         };
-        let run = run(&system, &settings, &request);
+        let run = match plan {
+            Some(plan) => plan.run(&system, &settings, &request, &mut |_| {}),
+            None => run(&system, &settings, &request),
+        };
         let jumps = run
             .events
             .iter()

@@ -26,21 +26,37 @@ fn with_guesses<'e>(system: &System<'e>) -> System<'e> {
     known
 }
 
+/// Finds consistent values of algebraic states.
+pub(crate) struct Consistent(Simulator);
+
+impl Consistent {
+    /// Compiles the equations of a system, whatever its initial values.
+    pub fn new(system: &System) -> Self {
+        let known = with_guesses(system);
+        Consistent(Simulator::new(hybrid::lower(&known), Default::default()))
+    }
+
+    /// Takes them as initial values of the same system, from those that it has.
+    ///
+    /// # Errors
+    ///
+    /// What a run by events would say of the start.
+    pub fn settle(&mut self, system: &mut System, horizon: f64) -> Result<(), Failure> {
+        let start: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
+        let found = self.0.consistent(0.0, &start, horizon);
+        let found = found.map_err(|status| outcome::of_start(system, &status))?;
+        for (state, value) in system.states.iter_mut().zip(found) {
+            state.initial = value;
+        }
+        Ok(())
+    }
+}
+
 /// Takes consistent values of the algebraic states as initial values.
 ///
 /// # Errors
 ///
 /// What a run by events would say of the start.
 pub fn settle(system: &mut System, horizon: f64) -> Result<(), Failure> {
-    let start: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
-    let found = {
-        let known = with_guesses(system);
-        let mut simulator = Simulator::new(hybrid::lower(&known), Default::default());
-        simulator.consistent(0.0, &start, horizon)
-    };
-    let found = found.map_err(|status| outcome::of_start(system, &status))?;
-    for (state, value) in system.states.iter_mut().zip(found) {
-        state.initial = value;
-    }
-    Ok(())
+    Consistent::new(system).settle(system, horizon)
 }

@@ -13,8 +13,10 @@
 //! known then whether the inertia is right. Pivots of a row with one of its variables lose nothing, and have more fill.
 
 use super::form::{Form, Sparse};
+use super::options::Options;
 use super::solution::Failure;
 use crate::limit::Limit;
+use crate::linalg::analyses::Analyses;
 use crate::linalg::bunch_kaufman::BunchKaufman;
 use crate::linalg::ldl::SparseLdl;
 use crate::linalg::matching::{self, Weights, matching};
@@ -60,6 +62,7 @@ pub(super) struct Kkt {
     /// Pivots of a row and a variable, used from where the static order has lost one.
     paired: Option<PairedLdl>,
     pairs_pivots: bool,
+    analyses: Analyses,
     pub has_lost_pivots: bool,
     /// δ_w of the matrix factored last, and the least δ_w.
     pub regularization: f64,
@@ -76,7 +79,7 @@ pub(super) struct Kkt {
 }
 
 impl Kkt {
-    pub fn new(form: &Form<'_>, pairs_pivots: bool, limit: Limit) -> Self {
+    pub fn new(form: &Form<'_>, options: &Options) -> Self {
         let (n, m) = (form.n, form.m);
         let mut entries: Vec<(u32, u32)> = (0..(n + m) as u32).map(|i| (i, i)).collect();
         let list = |sparse: &Sparse, first: usize| -> Vec<(u32, u32)> {
@@ -107,15 +110,16 @@ impl Kkt {
             values: vec![0.0; pattern.n_entries()],
             curvature: vec![0.0; n],
             diagonal: vec![0.0; n + m],
-            sparse: SparseLdl::new(&pattern),
+            sparse: options.analyses.sparse(&pattern),
             dense: (n + m <= MAX_DENSE).then(|| BunchKaufman::new(&pattern)),
             is_dense: false,
             paired: None,
-            pairs_pivots,
+            pairs_pivots: options.pairs_pivots,
+            analyses: options.analyses.clone(),
             has_lost_pivots: false,
             pattern,
             regularization: 0.0,
-            limit,
+            limit: options.limit.clone(),
             permanent: PERMANENT,
             last_correction: 0.0,
             was_corrected: false,
@@ -255,7 +259,8 @@ impl Kkt {
         }
         // None yet, or entries have become too small for the pairs that there were.
         let pairs = self.partners(form, jacobian);
-        let paired = self.paired.insert(PairedLdl::new(&self.pattern, &pairs));
+        let paired = self.analyses.paired(&self.pattern, &pairs);
+        let paired = self.paired.insert(paired);
         paired.factor(&self.values)
     }
 

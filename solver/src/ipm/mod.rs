@@ -173,7 +173,7 @@ impl<'a> Run<'a> {
         let all = || vec![0.0; n_all];
         let rows = || vec![0.0; m];
         Run {
-            kkt: Kkt::new(&form, options.pairs_pivots, options.limit.clone()),
+            kkt: Kkt::new(&form, options),
             options,
             iterations,
             v: all(),

@@ -1,6 +1,7 @@
 //! What a run is asked for.
 
 use crate::limit::Limit;
+use crate::linalg::analyses::Analyses;
 
 /// How the barrier parameter decreases.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,6 +21,8 @@ pub struct Options {
     pub max_iterations: usize,
     /// When it ends.
     pub limit: Limit,
+    /// Symbolic factorizations that are known, and those that are made.
+    pub analyses: Analyses,
     /// The rule for μ.
     pub barrier: BarrierRule,
     /// μ at the start, where no point brings its own; positive.
@@ -43,6 +46,7 @@ impl Default for Options {
             tolerance: 1e-8,
             max_iterations: 3000,
             limit: Limit::default(),
+            analyses: Analyses::default(),
             barrier: BarrierRule::Monotone,
             mu_init: 0.1,
             mu_target: 0.0,

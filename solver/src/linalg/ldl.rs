@@ -6,6 +6,8 @@
 //! of L follows from the elimination tree (Davis 2005, *Algorithm 849: a concise sparse Cholesky factorization
 //! package*), the order is that of minimum degree (Amestoy, Davis & Duff 1996).
 
+use std::sync::Arc;
+
 use super::symmetric::{FactorFailure, Inertia, KktSolver};
 use crate::limit::work;
 use crate::problem::Pattern;
@@ -13,24 +15,12 @@ use crate::problem::Pattern;
 /// A pivot that cancels to less than this share of its terms has no sign.
 pub(super) const CANCELLED: f64 = 1e-15;
 
-/// Memory and symbolic factorization for one pattern.
+/// Memory for matrices of one pattern.
 #[derive(Clone, Debug)]
 pub struct SparseLdl {
-    /// The place in the matrix of the k-th unknown that is eliminated.
-    order: Vec<u32>,
-    /// Entries of the matrix off its diagonal, and which entries of L they become.
-    sources: Vec<u32>,
-    places: Vec<u32>,
-    diagonal_sources: Vec<u32>,
-    /// Columns of L: rows, ascending.
-    starts: Vec<u32>,
-    rows: Vec<u32>,
+    analysis: Arc<Analysis>,
+    /// L below its diagonal.
     entries: Vec<f64>,
-    /// Where the products of entries p > q of a column go, column by column and q by q, and where those of a column
-    /// start. Of columns that are long they are runs, length and first target of each: there L is nearly full, and one
-    /// target for each product would take more memory than L itself.
-    targets: Vec<u32>,
-    target_starts: Vec<usize>,
     pivots: Vec<f64>,
     inverse: Vec<f64>,
     /// The sums of the absolute values of the terms of pivots.
@@ -41,12 +31,59 @@ pub struct SparseLdl {
     work: Vec<f64>,
 }
 
+/// The symbolic factorization of one pattern.
+#[derive(Debug)]
+pub(super) struct Analysis {
+    /// The place in the matrix of the k-th unknown that is eliminated.
+    order: Vec<u32>,
+    /// Entries of the matrix off its diagonal, and which entries of L they become.
+    sources: Vec<u32>,
+    places: Vec<u32>,
+    diagonal_sources: Vec<u32>,
+    /// Columns of L: rows, ascending.
+    starts: Vec<u32>,
+    rows: Vec<u32>,
+    /// Where the products of entries p > q of a column go, column by column and q by q, and where those of a column
+    /// start. Of columns that are long they are runs, length and first target of each: there L is nearly full, and one
+    /// target for each product would take more memory than L itself.
+    targets: Vec<u32>,
+    target_starts: Vec<usize>,
+}
+
 pub(super) const NONE: u32 = u32::MAX;
 
 /// Columns up to this length are eliminated by unrolled loops.
 const SHORT: usize = 16;
 
 impl SparseLdl {
+    /// Memory for matrices of a pattern.
+    pub fn new(pattern: &Pattern) -> Self {
+        SparseLdl::of(Arc::new(Analysis::new(pattern)))
+    }
+
+    pub(super) fn of(analysis: Arc<Analysis>) -> Self {
+        let n = analysis.order.len();
+        let lengths = analysis.starts.windows(2).map(|pair| pair[1] - pair[0]);
+        let column = vec![0.0; lengths.max().unwrap_or(0) as usize];
+        SparseLdl {
+            entries: vec![0.0; analysis.rows.len()],
+            pivots: vec![0.0; n],
+            inverse: vec![0.0; n],
+            sizes: vec![0.0; n],
+            scaled: column.clone(),
+            column,
+            work: vec![0.0; n],
+            analysis,
+        }
+    }
+
+    /// The number of entries of L below its diagonal.
+    pub fn n_entries(&self) -> usize {
+        self.entries.len()
+    }
+}
+
+impl Analysis {
     /// Orders the unknowns and finds where L has entries.
     pub fn new(pattern: &Pattern) -> Self {
         let n = pattern.n_rows();
@@ -116,30 +153,22 @@ impl SparseLdl {
             }
             target_starts.push(targets.len());
         }
-        let longest = starts.windows(2).map(|pair| pair[1] - pair[0]).max();
-        let column = vec![0.0; longest.unwrap_or(0) as usize];
-        SparseLdl {
+        Analysis {
             order,
             sources,
             places,
             diagonal_sources,
-            entries: vec![0.0; rows.len()],
             starts,
             rows,
             targets,
             target_starts,
-            pivots: vec![0.0; n],
-            inverse: vec![0.0; n],
-            sizes: vec![0.0; n],
-            scaled: column.clone(),
-            column,
-            work: vec![0.0; n],
         }
     }
 
-    /// The number of entries of L below its diagonal.
-    pub fn n_entries(&self) -> usize {
-        self.entries.len()
+    /// How many numbers of 4 bytes it holds, about.
+    pub fn size(&self) -> usize {
+        let entries = self.rows.len() + 2 * self.sources.len();
+        entries + self.targets.len() + 5 * self.order.len()
     }
 }
 
@@ -271,13 +300,13 @@ fn eliminate_long(entries: &mut [f64], runs: &[u32], column: &[f64], scaled: &[f
 
 impl KktSolver for SparseLdl {
     fn factor(&mut self, values: &[f64]) -> Result<Inertia, FactorFailure> {
-        let n = self.pivots.len();
+        let (n, analysis) = (self.pivots.len(), &*self.analysis);
         self.entries.fill(0.0);
-        for (&source, &place) in self.sources.iter().zip(&self.places) {
+        for (&source, &place) in analysis.sources.iter().zip(&analysis.places) {
             self.entries[place as usize] = values[source as usize];
         }
         for k in 0..n {
-            let pivot = match self.diagonal_sources[k] {
+            let pivot = match analysis.diagonal_sources[k] {
                 NONE => 0.0,
                 source => values[source as usize],
             };
@@ -292,18 +321,18 @@ impl KktSolver for SparseLdl {
                 return Err(FactorFailure::NotFinite);
             }
             if pivot.abs() <= CANCELLED * self.sizes[k] || pivot.abs() < f64::MIN_POSITIVE {
-                return Err(FactorFailure::ZeroPivot(self.order[k] as usize));
+                return Err(FactorFailure::ZeroPivot(analysis.order[k] as usize));
             }
             positive += usize::from(pivot > 0.0);
             let inverse = pivot.recip();
             self.inverse[k] = inverse;
             // y = a,  l = y / d,  aᵢⱼ -= lᵢ yⱼ for all pairs of rows of the column
-            let end = self.starts[k + 1] as usize;
-            let last = self.target_starts[k + 1];
+            let end = analysis.starts[k + 1] as usize;
+            let last = analysis.target_starts[k + 1];
             let count = end - start;
             work::add(1 + count * (count + 1) / 2);
             let (column, scaled) = (&mut self.column[..count], &mut self.scaled[..count]);
-            let rows = &self.rows[start..end];
+            let rows = &analysis.rows[start..end];
             let entries = &mut self.entries[start..end];
             for q in 0..count {
                 let y = entries[q];
@@ -315,7 +344,7 @@ impl KktSolver for SparseLdl {
             }
             eliminate(
                 &mut self.entries,
-                &self.targets[first..last],
+                &analysis.targets[first..last],
                 column,
                 scaled,
             );
@@ -329,29 +358,39 @@ impl KktSolver for SparseLdl {
 
     fn solve(&mut self, rhs: &mut [f64]) {
         work::add(2 * self.entries.len());
-        let work = &mut self.work;
-        for (value, &place) in work.iter_mut().zip(&self.order) {
+        let (analysis, work) = (&*self.analysis, &mut self.work);
+        for (value, &place) in work.iter_mut().zip(&analysis.order) {
             *value = rhs[place as usize];
         }
         let mut start = 0;
-        for (k, &end) in self.starts[1..].iter().enumerate() {
+        for (k, &end) in analysis.starts[1..].iter().enumerate() {
             let value = work[k];
             let column = start..end as usize;
             start = end as usize;
-            for (&row, &l) in self.rows[column.clone()].iter().zip(&self.entries[column]) {
+            for (&row, &l) in analysis.rows[column.clone()]
+                .iter()
+                .zip(&self.entries[column])
+            {
                 work[row as usize] -= l * value;
             }
         }
-        for (k, &next) in self.starts[..self.inverse.len()].iter().enumerate().rev() {
+        for (k, &next) in analysis.starts[..self.inverse.len()]
+            .iter()
+            .enumerate()
+            .rev()
+        {
             let column = next as usize..start;
             start = next as usize;
             let mut value = work[k] * self.inverse[k];
-            for (&row, &l) in self.rows[column.clone()].iter().zip(&self.entries[column]) {
+            for (&row, &l) in analysis.rows[column.clone()]
+                .iter()
+                .zip(&self.entries[column])
+            {
                 value -= l * work[row as usize];
             }
             work[k] = value;
         }
-        for (&value, &place) in work.iter().zip(&self.order) {
+        for (&value, &place) in work.iter().zip(&analysis.order) {
             rhs[place as usize] = value;
         }
     }

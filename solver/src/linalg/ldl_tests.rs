@@ -120,7 +120,12 @@ fn long_columns_agree_with_eigenvalues() {
         let entries: Vec<_> = (0..70 * count).map(entry).collect();
         let (pattern, values) = kkt(50, 30, &entries, 30.0, 30.0);
         let mut sparse = SparseLdl::new(&pattern);
-        let longest = sparse.starts.windows(2).map(|pair| pair[1] - pair[0]).max();
+        let longest = sparse
+            .analysis
+            .starts
+            .windows(2)
+            .map(|pair| pair[1] - pair[0])
+            .max();
         assert!(longest > Some(16), "{longest:?}");
         let x: Vec<f64> = (0..80).map(|i| (i as f64).sin()).collect();
         check(&mut sparse, &pattern, &values, &x, 1e-12);

@@ -3,6 +3,7 @@
 //! Symbolic work and memory in `new`, numbers in `factor`, then `solve`: nothing
 //! allocates in a loop.
 
+pub mod analyses;
 pub mod bunch_kaufman;
 pub mod envelope;
 pub mod ldl;

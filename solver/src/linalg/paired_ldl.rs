@@ -5,14 +5,28 @@
 //! one by itself. The order is that of minimum degree of the graph in which pairs are one node (Schenk & Gärtner 2006,
 //! *On fast factorization pivoting methods for sparse symmetric indefinite systems*).
 
+use std::sync::Arc;
+
 use super::ldl::{CANCELLED, NONE, columns_of_factor, minimum_degree, rows_of_factor};
 use super::symmetric::{FactorFailure, Inertia, KktSolver};
 use crate::limit::work;
 use crate::problem::Pattern;
 
-/// Memory and symbolic factorization for one pattern and its pairs.
+/// Memory for matrices of one pattern with its pairs.
 #[derive(Clone, Debug)]
 pub struct PairedLdl {
+    analysis: Arc<Analysis>,
+    /// L below its diagonal.
+    entries: Vec<f64>,
+    /// D⁻¹: its diagonal, and what is beside it at the first one of a pair.
+    inverse: Vec<f64>,
+    coupling: Vec<f64>,
+    work: Vec<f64>,
+}
+
+/// The symbolic factorization of one pattern with its pairs.
+#[derive(Debug)]
+pub(super) struct Analysis {
     /// The place in the matrix of the k-th unknown that is eliminated.
     order: Vec<u32>,
     /// Columns of the permuted upper triangle: row and number of the entry, `NONE` for a zero that a partner brings.
@@ -27,16 +41,42 @@ pub struct PairedLdl {
     /// Columns of L.
     column_starts: Vec<u32>,
     column_rows: Vec<u32>,
-    entries: Vec<f64>,
     /// Whether an unknown is eliminated together with the next one.
     is_first: Vec<bool>,
-    /// D⁻¹: its diagonal, and what is beside it at the first one of a pair.
-    inverse: Vec<f64>,
-    coupling: Vec<f64>,
-    work: Vec<f64>,
 }
 
 impl PairedLdl {
+    /// Memory for matrices of a pattern, of which `pairs` of unknowns stay together. No unknown is in two pairs.
+    pub fn new(pattern: &Pattern, pairs: &[[u32; 2]]) -> Self {
+        PairedLdl::of(Arc::new(Analysis::new(pattern, pairs)))
+    }
+
+    pub(super) fn of(analysis: Arc<Analysis>) -> Self {
+        let n = analysis.order.len();
+        PairedLdl {
+            entries: vec![0.0; analysis.row_columns.len()],
+            inverse: vec![0.0; n],
+            coupling: vec![0.0; n],
+            work: vec![0.0; n],
+            analysis,
+        }
+    }
+
+    /// yᵢ, and what it takes from the unknowns between i and the row of the entry.
+    fn eliminate(&mut self, i: usize, place: usize) -> f64 {
+        let y = std::mem::take(&mut self.work[i]);
+        let known = self.analysis.column_starts[i] as usize..place;
+        for (&row, &l) in self.analysis.column_rows[known.clone()]
+            .iter()
+            .zip(&self.entries[known])
+        {
+            self.work[row as usize] -= l * y;
+        }
+        y
+    }
+}
+
+impl Analysis {
     /// Orders the unknowns, of which `pairs` stay together, and finds where L has entries.
     ///
     /// No unknown is in two pairs.
@@ -95,7 +135,7 @@ impl PairedLdl {
         let sources = upper.iter().map(|entry| entry.2).collect();
         let (row_starts, row_columns) = rows_of_factor(n, &starts, &rows);
         let (column_starts, column_rows, places) = columns_of_factor(n, &row_starts, &row_columns);
-        PairedLdl {
+        Analysis {
             order,
             starts,
             rows,
@@ -104,27 +144,15 @@ impl PairedLdl {
             row_starts,
             places,
             column_starts,
-            entries: vec![0.0; row_columns.len()],
             row_columns,
             column_rows,
             is_first,
-            inverse: vec![0.0; n],
-            coupling: vec![0.0; n],
-            work: vec![0.0; n],
         }
     }
 
-    /// yᵢ, and what it takes from the unknowns between i and the row of the entry.
-    fn eliminate(&mut self, i: usize, place: usize) -> f64 {
-        let y = std::mem::take(&mut self.work[i]);
-        let known = self.column_starts[i] as usize..place;
-        for (&row, &l) in self.column_rows[known.clone()]
-            .iter()
-            .zip(&self.entries[known])
-        {
-            self.work[row as usize] -= l * y;
-        }
-        y
+    /// How many numbers of 4 bytes it holds, about.
+    pub fn size(&self) -> usize {
+        2 * self.rows.len() + 3 * self.row_columns.len() + 6 * self.order.len()
     }
 }
 
@@ -173,35 +201,39 @@ fn order_of(pattern: &Pattern, pairs: &[[u32; 2]]) -> (Vec<u32>, Vec<bool>) {
 
 impl KktSolver for PairedLdl {
     fn factor(&mut self, values: &[f64]) -> Result<Inertia, FactorFailure> {
-        let n = self.order.len();
+        let analysis = self.analysis.clone();
+        let n = analysis.order.len();
         let mut positive = 0;
         // Of the first one of a pair: its pivot, and the size of its terms.
         let (mut held, mut held_size) = (0.0, 0.0);
         self.work.fill(0.0);
         for k in 0..n {
-            let column = self.starts[k] as usize..self.starts[k + 1] as usize;
+            let column = analysis.starts[k] as usize..analysis.starts[k + 1] as usize;
             work::add(1 + column.len() * column.len());
-            for (&row, &source) in self.rows[column.clone()].iter().zip(&self.sources[column]) {
+            for (&row, &source) in analysis.rows[column.clone()]
+                .iter()
+                .zip(&analysis.sources[column])
+            {
                 self.work[row as usize] = match source {
                     NONE => 0.0,
                     source => values[source as usize],
                 };
             }
-            let mut pivot = match self.diagonal_sources[k] {
+            let mut pivot = match analysis.diagonal_sources[k] {
                 NONE => 0.0,
                 source => values[source as usize],
             };
             let mut size = pivot.abs();
-            let is_second = k > 0 && self.is_first[k - 1];
+            let is_second = k > 0 && analysis.is_first[k - 1];
             // What a second one has in the column of its first one belongs to D.
-            let end = self.row_starts[k + 1] as usize - usize::from(is_second);
-            let mut entry = self.row_starts[k] as usize;
+            let end = analysis.row_starts[k + 1] as usize - usize::from(is_second);
+            let mut entry = analysis.row_starts[k] as usize;
             while entry < end {
-                let i = self.row_columns[entry] as usize;
-                let place = self.places[entry] as usize;
+                let i = analysis.row_columns[entry] as usize;
+                let place = analysis.places[entry] as usize;
                 let y = self.eliminate(i, place);
-                if self.is_first[i] {
-                    let other_place = self.places[entry + 1] as usize;
+                if analysis.is_first[i] {
+                    let other_place = analysis.places[entry + 1] as usize;
                     let other = self.eliminate(i + 1, other_place);
                     let l = self.inverse[i] * y + self.coupling[i] * other;
                     let other_l = self.coupling[i] * y + self.inverse[i + 1] * other;
@@ -221,14 +253,14 @@ impl KktSolver for PairedLdl {
             if !pivot.is_finite() {
                 return Err(FactorFailure::NotFinite);
             }
-            if self.is_first[k] {
+            if analysis.is_first[k] {
                 (held, held_size) = (pivot, size);
                 continue;
             }
-            let lost = FactorFailure::ZeroPivot(self.order[k] as usize);
+            let lost = FactorFailure::ZeroPivot(analysis.order[k] as usize);
             if is_second {
                 let beside = std::mem::take(&mut self.work[k - 1]);
-                self.entries[self.places[end] as usize] = 0.0;
+                self.entries[analysis.places[end] as usize] = 0.0;
                 let determinant = held * pivot - beside * beside;
                 let sizes = held_size * pivot.abs() + held.abs() * size + beside * beside;
                 if determinant.abs() <= CANCELLED * sizes || determinant.abs() < f64::MIN_POSITIVE {
@@ -258,15 +290,16 @@ impl KktSolver for PairedLdl {
 
     fn solve(&mut self, rhs: &mut [f64]) {
         work::add(2 * self.entries.len());
-        let n = self.order.len();
-        let work = &mut self.work;
-        for (value, &place) in work.iter_mut().zip(&self.order) {
+        let (analysis, work) = (&*self.analysis, &mut self.work);
+        let n = analysis.order.len();
+        for (value, &place) in work.iter_mut().zip(&analysis.order) {
             *value = rhs[place as usize];
         }
-        let column = |k: usize| self.column_starts[k] as usize..self.column_starts[k + 1] as usize;
+        let column =
+            |k: usize| analysis.column_starts[k] as usize..analysis.column_starts[k + 1] as usize;
         for k in 0..n {
             let value = work[k];
-            for (&row, &l) in self.column_rows[column(k)]
+            for (&row, &l) in analysis.column_rows[column(k)]
                 .iter()
                 .zip(&self.entries[column(k)])
             {
@@ -275,7 +308,7 @@ impl KktSolver for PairedLdl {
         }
         let mut k = 0;
         while k < n {
-            if self.is_first[k] {
+            if analysis.is_first[k] {
                 let (a, b) = (work[k], work[k + 1]);
                 work[k] = self.inverse[k] * a + self.coupling[k] * b;
                 work[k + 1] = self.coupling[k] * a + self.inverse[k + 1] * b;
@@ -287,7 +320,7 @@ impl KktSolver for PairedLdl {
         }
         for k in (0..n).rev() {
             let mut value = work[k];
-            for (&row, &l) in self.column_rows[column(k)]
+            for (&row, &l) in analysis.column_rows[column(k)]
                 .iter()
                 .zip(&self.entries[column(k)])
             {
@@ -295,7 +328,7 @@ impl KktSolver for PairedLdl {
             }
             work[k] = value;
         }
-        for (&value, &place) in work.iter().zip(&self.order) {
+        for (&value, &place) in work.iter().zip(&analysis.order) {
             rhs[place as usize] = value;
         }
     }

@@ -5,6 +5,7 @@ use super::lift::Lifted;
 use super::local::{Local, Sets};
 use super::lpec::{Descent, descend};
 use crate::limit::Limit;
+use crate::linalg::analyses::Analyses;
 use crate::problem::Nlp;
 
 /// How far a point is from satisfying the problem.
@@ -36,6 +37,8 @@ pub struct Tolerances {
     pub node_limit: usize,
     /// When searches have to end, undecided if need be.
     pub limit: Limit,
+    /// Symbolic factorizations that are known, and those that are made.
+    pub analyses: Analyses,
 }
 
 impl Default for Tolerances {
@@ -48,6 +51,7 @@ impl Default for Tolerances {
             radius: 1e-4,
             node_limit: 100,
             limit: Limit::default(),
+            analyses: Analyses::default(),
         }
     }
 }

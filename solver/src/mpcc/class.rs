@@ -131,7 +131,12 @@ pub fn nearest<const N: usize>(
     let (cones, rows) = (conditions.strong_cones(), &conditions.rows);
     let is_zero: Vec<bool> = cones.iter().map(|&cone| cone == Cone::Zero).collect();
     let is_without: Vec<bool> = rows.iter().map(|&cone| cone == Cone::Zero).collect();
-    let mut least = LeastNorm::new(local, |i| is_zero[i], |row| !is_without[row]);
+    let mut least = LeastNorm::new(
+        local,
+        |i| is_zero[i],
+        |row| !is_without[row],
+        &tolerances.analyses,
+    );
     least.factor(&is_zero, &is_without)?;
     Some(points.map(|mut y| {
         for (y, is_without) in y.iter_mut().zip(&is_without) {
@@ -260,6 +265,7 @@ impl<'a> Conditions<'a> {
             self.local,
             |i| cones[i] != Cone::Free,
             |row| self.rows[row] != Cone::Zero,
+            &self.tolerances.analyses,
         );
         let mut is_zero: Vec<bool> = cones.iter().map(|&cone| cone == Cone::Zero).collect();
         let mut is_without = vec![false; self.rows.len()];

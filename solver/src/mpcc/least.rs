@@ -4,6 +4,7 @@
 //! there. y is least with r_i = 0 for all variables strictly between their bounds: (J Jᵀ + δ) (y⁺ - y) = -J r for these
 //! columns of J, from y = 0 on, where δ is taken back in every step.
 
+use crate::linalg::analyses::Analyses;
 use crate::linalg::ldl::SparseLdl;
 use crate::linalg::symmetric::KktSolver;
 use crate::problem::Pattern;
@@ -32,6 +33,7 @@ impl<'a> LeastNorm<'a> {
         local: &'a Local,
         takes_variable: impl Fn(usize) -> bool,
         takes_row: impl Fn(usize) -> bool,
+        analyses: &Analyses,
     ) -> Self {
         let numbers = |count: usize, takes: &dyn Fn(usize) -> bool| {
             let mut next = 0..;
@@ -46,7 +48,7 @@ impl<'a> LeastNorm<'a> {
         let diagonal = (0..(n + m) as u32).map(|i| (i, i));
         let entries = diagonal.chain(local.jacobian.iter().filter_map(entry));
         let pattern = Pattern::new(n + m, entries.collect());
-        let ldl = SparseLdl::new(&pattern);
+        let ldl = analyses.sparse(&pattern);
         LeastNorm {
             local,
             columns,
@@ -113,7 +115,7 @@ impl<'a> LeastNorm<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::LeastNorm;
+    use super::{Analyses, LeastNorm};
     use crate::mpcc::local::Local;
 
     #[test]
@@ -126,7 +128,7 @@ mod tests {
             jacobian: vec![(0, 0, 1.0), (1, 0, 1.0), (2, 0, 2.0), (2, 1, 1.0)],
             scale: 3.0,
         };
-        let mut least = LeastNorm::new(&local, |i| i == 0, |row| row < 2);
+        let mut least = LeastNorm::new(&local, |i| i == 0, |row| row < 2, &Analyses::default());
         let y = least
             .multipliers(&[true, false], &[false; 3])
             .expect("there are some");

@@ -3,6 +3,7 @@
 use super::certificate::Tolerances;
 use super::relaxed::{Coupling, Form};
 use crate::limit::Limit;
+use crate::linalg::analyses::Analyses;
 
 /// How σ is driven to zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,6 +49,8 @@ pub struct Options {
     pub max_iterations: usize,
     /// When it ends.
     pub limit: Limit,
+    /// Symbolic factorizations that are known, and those that are made.
+    pub analyses: Analyses,
 }
 
 impl Default for Options {
@@ -65,6 +68,7 @@ impl Default for Options {
             patience: 100_000,
             max_iterations: 3000,
             limit: Limit::default(),
+            analyses: Analyses::default(),
         }
     }
 }

@@ -13,6 +13,7 @@
 use super::branch::Branch;
 use super::lift::Lifted;
 use super::work::Work;
+use crate::linalg::analyses::Analyses;
 use crate::linalg::ldl::SparseLdl;
 use crate::linalg::symmetric::KktSolver;
 use crate::problem::{Member, Nlp, Pattern};
@@ -35,7 +36,7 @@ pub fn reach(
     work: &mut Work<'_>,
 ) -> Option<Vec<f64>> {
     let mut branch = Branch::new(lifted, zeros, start);
-    let mut newton = Newton::new(&branch);
+    let mut newton = Newton::new(&branch, &work.options.analyses);
     let mut w = branch.start().to_vec();
     newton.project(&branch, &mut w);
     let mut best = w.clone();
@@ -87,7 +88,7 @@ struct Newton {
 }
 
 impl Newton {
-    fn new(branch: &Branch<'_, '_>) -> Self {
+    fn new(branch: &Branch<'_, '_>, analyses: &Analyses) -> Self {
         let slacks = branch.free_slacks();
         let is_stated = |row: usize| slacks.binary_search_by_key(&row, |slack| slack.0).is_ok();
         let bounds = branch.variable_bounds();
@@ -139,7 +140,7 @@ impl Newton {
         Newton {
             entries: entries.collect(),
             diagonal: (0..size).map(|i| place((i, i))).collect(),
-            solver: SparseLdl::new(&pattern),
+            solver: analyses.sparse(&pattern),
             matrix: vec![0.0; pattern.n_entries()],
             right: vec![0.0; size as usize],
             jacobian: vec![0.0; jacobian.n_entries()],

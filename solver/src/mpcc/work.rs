@@ -50,6 +50,7 @@ impl<'o> Work<'o> {
                 Some(time) => limit.sooner(time.mul_f64(CERTIFICATE)),
                 None => limit.clone(),
             },
+            analyses: self.options.analyses.clone(),
             ..self.options.certificate.clone()
         }
     }
@@ -85,6 +86,7 @@ impl<'o> Work<'o> {
     ) -> ipm::Solution {
         let settings = ipm::Options {
             limit: self.options.limit.clone(),
+            analyses: self.options.analyses.clone(),
             max_iterations: self.options.max_iterations.min(settings.max_iterations),
             ..settings
         };

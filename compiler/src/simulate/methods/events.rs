@@ -37,7 +37,7 @@ impl Events {
         }
     }
 
-    /// A simulator with these settings, and the present values of the open parameters.
+    /// A simulator with these settings, and the present data and values of the open parameters.
     fn ready(&mut self, problem: &Problem, accuracy: Accuracy) -> &mut Simulator {
         let settings = problem.settings;
         let chosen = solver::Settings {
@@ -62,6 +62,7 @@ impl Events {
             .iter()
             .map(|&place| problem.system.params[place].value);
         simulator.set_parameters(&open.collect::<Vec<f64>>());
+        simulator.set_data(0, &hybrid::data_of(problem.system));
         simulator
     }
 }

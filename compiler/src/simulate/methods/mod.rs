@@ -48,7 +48,7 @@ impl<'e> Plan<'e> {
         }
     }
 
-    /// Integrates the system, which may have other initial states and values of open parameters than the one that was
+    /// Integrates the system, which may have other initial states, data and values of open parameters than the one that was
     /// compiled, over the horizon of the experiment, and calls `watch` every few steps.
     pub fn run(
         &mut self,
