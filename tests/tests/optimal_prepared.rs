@@ -271,7 +271,7 @@ fn a_start_below_the_floor_is_named() {
     let Err(SolveError::Start(messages)) = found else {
         panic!("it starts below the floor")
     };
-    assert_eq!(messages.list()[0].labels[0].file, "test.nsd");
+    assert_eq!(messages.list()[0].labels[0].place.file, "test.nsd");
     solve(&mut prepared, &[1.2, 0.0], None);
     let frozen = project.prepare_optimal(&exprs, "p", &[]);
     assert!(matches!(frozen.err(), Some(PrepareError::Frozen(_))));
