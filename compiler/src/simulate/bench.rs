@@ -18,7 +18,7 @@ use nsd_solver::tableau::Family;
 use solver::{Observer, Outcome, Segment, Simulator, Status};
 
 use super::adaptive::Jumping;
-use super::fesd::{self as elements, Complementarity};
+use super::fesd as elements;
 use super::modes::ModeNames;
 use super::{Request, outcome, solver_settings};
 use crate::dcs;
@@ -83,7 +83,7 @@ pub struct Bench<'s, 'e> {
     x0: Vec<f64>,
     hybrid: Arc<HybridSystem>,
     /// Or why there is none.
-    complementarity: Result<Complementarity<'e>, String>,
+    complementarity: Result<fesd::ComplementaritySystem, String>,
     /// Solves that are timed, at most.
     repetitions: usize,
 }
@@ -338,7 +338,7 @@ pub fn whole<'e>(
 fn complementarity<'e>(
     system: &System<'e>,
     settings: &Settings,
-) -> Result<Complementarity<'e>, String> {
+) -> Result<fesd::ComplementaritySystem, String> {
     if let Some(k) = system.first_nonlinear()
         && let Some((beside, _)) = beside_branches(system)
     {
@@ -351,7 +351,7 @@ fn complementarity<'e>(
     if let Some(impact) = dcs.impacts.first() {
         return Err(format!("contact `{}` gives impulses", impact.name));
     }
-    Ok(Complementarity::new(system, &dcs))
+    Ok(elements::complementarity(system, &dcs))
 }
 
 /// Sees nothing.

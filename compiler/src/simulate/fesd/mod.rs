@@ -7,24 +7,20 @@ use crate::clock::Instant;
 use crate::hybrid::{self, Pulses};
 use nsd_solver::simulate::HybridSystem;
 use std::sync::Arc;
-mod active;
 mod blurred;
-mod branch;
 mod complementarity;
-mod discs;
 pub(super) mod impulses;
 mod kept;
-mod reduce;
 pub(super) mod stepping;
 mod turns;
 
 use std::ops::ControlFlow;
 
-use nsd_solver::fesd::{self, Grid, Simulator, Solution};
+use nsd_solver::fesd::{self, ComplementaritySystem, Grid, Library, Simulator, Solution};
 use nsd_solver::simulate::{self as event, Event, Observer, Outcome, Segment, Status};
 use nsd_solver::tableau::Family;
 
-pub use complementarity::Complementarity;
+pub use complementarity::complementarity;
 use turns::Turns;
 
 use super::overlooked::Looking;
@@ -32,7 +28,7 @@ use super::watch::{Progress, Watched};
 use super::{
     Comparison, Estimate, HELD, REFINEMENT, Recorder, Request, Touches, assemble, judge, tightened,
 };
-use crate::dcs::{self, Formulation};
+use crate::dcs::{self, Dcs};
 use crate::report::{Failure, Method, MethodOption, Multipliers, Series, Trajectory, Warning};
 use crate::system::System;
 use crate::system::experiment::{FesdOptions, Settings};
@@ -100,28 +96,29 @@ pub(super) fn run(
     watch: &mut dyn FnMut(Progress),
 ) -> Trajectory {
     let started = Instant::now();
-    let (formulation, complementarity) = lower(system, settings);
+    let (dcs, mut complementarity) = lower(system, settings);
     let pulses = Pulses::of(system, settings.horizon);
-    let complementarity = complementarity.over(pulses.clone());
+    complementarity.stops = pulses.stops().to_vec();
     let guide = system.first_nonlinear().map(|_| hybrid::lower(system));
     let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
-    let on = |grid: Grid, nodes: usize| {
+    let mut library = Library::default();
+    let on = |grid: Grid, nodes: usize, library: &Library| {
         let settings = fesd::Settings {
             limit: request.limit.clone(),
             grid,
             ..fesd::Settings::new(options.scheme.0, nodes)
         };
-        simulator(&complementarity, guide.as_ref(), settings)
+        simulator(&complementarity, guide.as_ref(), settings).knowing(library.clone())
     };
     let (mut tolerance, mut attempt) = (settings.tolerance, 1);
     let (order, solution, recorder, kept, estimate) = loop {
         let grid = grid(options, tolerance);
-        let mut first = on(grid, options.scheme.1);
+        let mut first = on(grid, options.scheme.1, &library);
         let mut recorder = Recorder::new(system, settings, tolerance, request.dense);
         let mut looking = Looking::new(system, settings, &mut recorder);
         let mut keeper = Keeper {
             observer: Watched::new(&mut looking, settings.horizon, false, watch),
-            kept: request.multipliers.then(|| empty(&complementarity)),
+            kept: request.multipliers.then(|| empty(&dcs)),
             turns: request.estimate.then(|| Turns::new(system)),
         };
         let mut solution = first.run(0.0, settings.horizon, &x0, &mut keeper);
@@ -135,7 +132,7 @@ pub(super) fn run(
                 kept: None,
                 turns: None,
             };
-            let mut second = on(finer(grid), nodes_of_finer(options));
+            let mut second = on(finer(grid), nodes_of_finer(options), first.library());
             let fine = second.run(0.0, settings.horizon, &x0, &mut keeper);
             let outcomes = [&solution.outcome, &fine.outcome];
             let mut found = estimate(system, &comparison, outcomes)?;
@@ -150,14 +147,17 @@ pub(super) fn run(
         let judged = estimate.as_ref().filter(|_| options.steps.is_none());
         let next = tightened(judged, settings, tolerance, attempt).map(|next| next.max(FINEST));
         match next.filter(|next| *next < tolerance) {
-            Some(next) => (tolerance, attempt) = (next, attempt + 1),
+            Some(next) => {
+                (tolerance, attempt) = (next, attempt + 1);
+                library.clone_from(first.library());
+            }
             None => break (first.order(), solution, recorder, kept, estimate),
         }
     };
     let blurred = blurred::warning(system, &solution.outcome, &recorder);
     let mut trajectory = assemble(system, settings, &solution.outcome, recorder);
     trajectory.warnings.extend(blurred);
-    trajectory.method = method(settings, options, order, formulation.word(), &solution);
+    trajectory.method = method(settings, options, order, dcs.formulation.word(), &solution);
     trajectory.certificate.max_violation = -solution.least_member;
     trajectory.multipliers = kept;
     if let Some(steps) = options.steps {
@@ -189,11 +189,11 @@ fn tell(
 
 /// A simulator whose number of nodes has been checked. Where switches are nonlinear, complementarity does not say which
 /// of several sliding modes is taken: `guide` does.
-pub(super) fn simulator<'s, 'e>(
-    complementarity: &'s Complementarity<'e>,
+pub(super) fn simulator<'s>(
+    complementarity: &'s ComplementaritySystem,
     guide: Option<&'s Arc<HybridSystem>>,
     settings: fesd::Settings,
-) -> Simulator<'s, Complementarity<'e>> {
+) -> Simulator<'s> {
     let simulator = Simulator::new(complementarity, settings);
     let simulator = simulator.expect("the number of nodes has been checked");
     match guide {
@@ -205,22 +205,23 @@ pub(super) fn simulator<'s, 'e>(
     }
 }
 
-/// The complementarity system of an experiment, and how its switches are stated.
-fn lower<'e>(system: &System<'e>, settings: &Settings<'e>) -> (Formulation, Complementarity<'e>) {
+/// The complementarity system of an experiment, with names, and as data.
+fn lower<'e>(system: &System<'e>, settings: &Settings<'e>) -> (Dcs<'e>, ComplementaritySystem) {
     let dcs = dcs::lower(system, &settings.lowerings);
     let dcs = dcs.expect("compilation has checked that the system can be lowered");
-    (dcs.formulation, Complementarity::new(system, &dcs))
+    let complementarity = complementarity(system, &dcs);
+    (dcs, complementarity)
 }
 
 /// No values yet of any algebraic variable.
-fn empty(complementarity: &Complementarity) -> Multipliers {
-    let series = |name: String| Series {
-        name,
+fn empty(dcs: &Dcs) -> Multipliers {
+    let series = |z: &dcs::Algebraic| Series {
+        name: z.var.to_string(),
         ..Series::default()
     };
     Multipliers {
         time: Vec::new(),
-        values: complementarity.names().into_iter().map(series).collect(),
+        values: dcs.algebraics.iter().map(series).collect(),
     }
 }
 
@@ -249,7 +250,7 @@ fn finer(grid: Grid) -> Grid {
 
 /// What the finer run may itself be off by, as a share of the error of the other. Where a rate has no derivative an
 /// element has no order, and is off by about its defect.
-fn share_of_finer(run: &Simulator<Complementarity>, finer: &Simulator<Complementarity>) -> f64 {
+fn share_of_finer(run: &Simulator, finer: &Simulator) -> f64 {
     let allowed = run.allowed_defect().zip(finer.allowed_defect());
     allowed.map_or(0.0, |(run, finer)| (finer / (USED * run)).min(MOST_SHARE))
 }

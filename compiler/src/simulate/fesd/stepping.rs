@@ -22,7 +22,7 @@ pub(in crate::simulate) fn run(
     watch: &mut dyn FnMut(Progress),
 ) -> Trajectory {
     let started = Instant::now();
-    let (formulation, complementarity) = lower(&scheduled(system, settings.horizon), settings);
+    let (dcs, complementarity) = lower(&scheduled(system, settings.horizon), settings);
     let x0: Vec<f64> = system.states.iter().map(|state| state.initial).collect();
     let stepper = |steps: usize| {
         let settings = SteppingSettings {
@@ -54,7 +54,7 @@ pub(in crate::simulate) fn run(
         name: "timestepping".into(),
         options: vec![
             ("scheme".into(), text(format!("{}({nodes})", family.word()))),
-            ("lowering".into(), text(formulation.word().into())),
+            ("lowering".into(), text(dcs.formulation.word().into())),
             ("steps".into(), MethodOption::Number(options.steps as f64)),
         ],
     };

@@ -14,7 +14,7 @@ use nsd_solver::fesd::{self as elements, Grid};
 use nsd_solver::simulate::{Coefficient, Observer, Outcome, Simulator, Status};
 use thaw::{End, Law, drive};
 
-use super::fesd::{Complementarity, estimate, judge_grid};
+use super::fesd::{complementarity, estimate, judge_grid};
 use super::modes::ModeNames;
 use super::overlooked::Looking;
 use super::watch::{Progress, Watched};
@@ -32,9 +32,13 @@ use crate::system::freezing::{Frozen, freeze};
 const ROUNDING: f64 = 1e-9;
 
 /// How a frozen system is run.
-enum Road<'e> {
+enum Road {
     Events(Arc<HybridSystem>),
-    Elements(Box<Complementarity<'e>>, FesdOptions, Formulation),
+    Elements(
+        Box<elements::ComplementaritySystem>,
+        FesdOptions,
+        Formulation,
+    ),
 }
 
 /// A run in physical time.
@@ -144,14 +148,14 @@ fn penetration(system: &System) -> Option<Failure> {
     })
 }
 
-impl<'e> Road<'e> {
-    fn new(frozen: &Frozen<'e>, settings: &Settings<'e>) -> Self {
+impl Road {
+    fn new(frozen: &Frozen, settings: &Settings) -> Self {
         let experiment::Method::Fesd(options) = &settings.method else {
             return Road::Events(hybrid::lower(&frozen.system));
         };
         let dcs = dcs::lower(&frozen.system, &settings.lowerings);
         let dcs = dcs.expect("compilation has checked that the system can be lowered");
-        let complementarity = Complementarity::new(&frozen.system, &dcs);
+        let complementarity = complementarity(&frozen.system, &dcs);
         Road::Elements(Box::new(complementarity), *options, dcs.formulation)
     }
 
@@ -190,6 +194,7 @@ impl<'e> Road<'e> {
                 })
             }
             Road::Elements(complementarity, options, _) => {
+                let mut library = elements::Library::default();
                 drive(frozen, horizon, observer, law, |end, x, thaw| {
                     let settings = elements::Settings {
                         below: below.clone(),
@@ -197,9 +202,11 @@ impl<'e> Road<'e> {
                         grid: grid(options, tolerance, fine, end / horizon),
                         ..elements::Settings::new(options.scheme.0, options.scheme.1)
                     };
-                    let simulator = elements::Simulator::new(&**complementarity, settings);
-                    let mut simulator = simulator.expect("the number of nodes has been checked");
+                    let simulator = elements::Simulator::new(complementarity, settings);
+                    let simulator = simulator.expect("the number of nodes has been checked");
+                    let mut simulator = simulator.knowing(std::mem::take(&mut library));
                     let solution = simulator.run(0.0, end, x, thaw);
+                    library.clone_from(simulator.library());
                     least_member = least_member.min(solution.least_member);
                     solution.outcome
                 })
@@ -252,7 +259,7 @@ impl<'e> Road<'e> {
             }
             Road::Elements(complementarity, options, _) => {
                 let chosen = elements::Settings::new(options.scheme.0, options.scheme.1);
-                let simulator = elements::Simulator::new(&**complementarity, chosen);
+                let simulator = elements::Simulator::new(complementarity, chosen);
                 simulator.map_or(0, |simulator| simulator.order())
             }
         }
