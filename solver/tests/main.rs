@@ -2,6 +2,7 @@
 
 mod allocation;
 mod derivative;
+mod elements;
 mod nl_files;
 mod plain;
 mod tape;

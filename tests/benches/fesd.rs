@@ -11,7 +11,7 @@ use nsd_solver::tableau::Family;
 use nsd_tests::with_experiment;
 use nsdc::dcs;
 use nsdc::hybrid;
-use nsdc::simulate::fesd::Complementarity;
+use nsdc::simulate::fesd::complementarity;
 use serde_json::json;
 use support::{Silent, median, print, start};
 
@@ -31,7 +31,7 @@ fn main() {
     let text = format!("{OSCILLATOR}\nsimulate bench of oscillator {{ horizon pi/2; }}");
     with_experiment(&text, "bench", |compiled| {
         let dcs = dcs::lower(&compiled.system, &[]).expect("one switch has Stewart's form");
-        let system = Complementarity::new(&compiled.system, &dcs);
+        let system = complementarity(&compiled.system, &dcs);
         let (x0, horizon) = (start(compiled), compiled.settings.horizon);
         // x(T) = e^(T-1) (cos 2π(T-1), sin 2π(T-1))
         let (radius, angle) = (

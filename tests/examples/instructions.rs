@@ -22,7 +22,7 @@ use nsd_solver::tableau::Family;
 use nsd_tests::with_experiment;
 use nsdc::hybrid;
 use nsdc::simulate::Request;
-use nsdc::simulate::fesd::Complementarity;
+use nsdc::simulate::fesd::complementarity;
 use nsdc::simulate::moreau::stepper;
 use nsdc::{Compiled, dcs, optimize};
 
@@ -242,7 +242,7 @@ fn by_events(file: &str, experiment: &str, runs: usize) {
 fn by_elements(runs: usize) {
     with_experiment(&example("oscillator"), "crossing", |compiled| {
         let dcs = dcs::lower(&compiled.system, &[]).expect("one switch has Stewart's form");
-        let system = Complementarity::new(&compiled.system, &dcs);
+        let system = complementarity(&compiled.system, &dcs);
         let settings = fesd::Settings {
             grid: Grid::Steps {
                 steps: 20,

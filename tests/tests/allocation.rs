@@ -7,7 +7,7 @@ use nsd_solver::tableau::Family;
 use nsd_tests::with_experiment;
 use nsdc::dcs;
 use nsdc::limit::Limit;
-use nsdc::simulate::fesd::Complementarity;
+use nsdc::simulate::fesd::complementarity;
 use nsdc::simulate::moreau::stepper;
 use std::ops::ControlFlow;
 
@@ -38,7 +38,7 @@ const CHAIN: &str = "model chain { const n = 20; state x[n] = [0.5*sin(i) for i 
 fn steps_of_finite_elements_allocate_nothing() {
     with_experiment(CHAIN, "run", |compiled| {
         let dcs = dcs::lower(&compiled.system, &[]).expect("its switches can be lowered");
-        let system = Complementarity::new(&compiled.system, &dcs);
+        let system = complementarity(&compiled.system, &dcs);
         let states = compiled.system.states.iter();
         let x0: Vec<f64> = states.map(|state| state.initial).collect();
         let allocations = |steps: usize| {

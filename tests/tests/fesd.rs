@@ -1,5 +1,6 @@
 //! `method fesd` against closed forms, its orders, and the event road on the same models.
 
+mod data;
 mod elements;
 mod rungs;
 

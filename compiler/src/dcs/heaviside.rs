@@ -24,13 +24,15 @@ use crate::system::{Role, Switch, System};
 use super::lift::Lift;
 use super::pointwise::Sides;
 use super::{Algebraic, Branch, Cause, Dcs, Disc, Formulation, Origin, labels};
+use nsd_solver::fesd::{Rule, Rules};
 
 /// Declares α, λᵖ and λⁿ per switch, |w| and 1 - |u|² per disc, and one β per product of α.
 pub fn lower<'e>(system: &System<'e>) -> Dcs<'e> {
     let mut dcs = Dcs::frame(system, Formulation::Step);
     let labels = labels::of(system);
     let start = Sides::at_start(system);
-    let mut guesses = solution(system, &start).into_iter();
+    let guesses = rules(system).values(&start.psi, &start.alpha);
+    let mut guesses = guesses.into_iter();
     let mut guess = || guesses.next().unwrap_or(0.0);
 
     let [alpha, lambda_p, lambda_n, beta] =
@@ -234,40 +236,24 @@ pub(super) fn places(system: &System) -> Vec<usize> {
 }
 
 /// α, λᵖ and λⁿ of every switch, or its force and c, in the order in which [`lower`] declares them.
-pub(super) fn solution(system: &System, sides: &Sides) -> Vec<f64> {
-    let mut values = Vec::new();
-    let known = sides.alpha.iter().zip(&sides.psi);
-    for (k, (switch, (&alpha, &psi))) in system.switches.iter().zip(known).enumerate() {
-        match switch.role {
-            Role::Step => {}
-            Role::Equation => {
-                values.push(0.0);
-                continue;
+pub(super) fn rules(system: &System) -> Rules {
+    let mut rules = Rules::default();
+    for (k, switch) in system.switches.iter().enumerate() {
+        let own = match (switch.role, switch.across) {
+            (Role::Equation, _) => vec![Rule::Zero],
+            (Role::Member(other), _) if k < other => vec![Rule::Zero, Rule::Below(k)],
+            (Role::Member(_), _) => vec![Rule::Below(k)],
+            (Role::Step, Some(other)) if k < other => {
+                let both = [k, other];
+                vec![Rule::Alpha(k), Rule::Speed(both), Rule::Inside(both)]
             }
-            Role::Member(other) => {
-                let is_first = k < other;
-                values.extend(is_first.then_some(0.0));
-                values.push((-psi).max(0.0));
-                continue;
-            }
-        }
-        if let Some(other) = switch.across {
-            values.push(alpha);
-            if k < other {
-                let inside = [alpha, sides.alpha[other]].map(|alpha| (2.0 * alpha - 1.0).powi(2));
-                let stick = 1.0 - inside[0] - inside[1];
-                let on_edge = stick <= f64::EPSILON * 4.0;
-                values.push(psi.hypot(sides.psi[other]));
-                values.push(if on_edge { 0.0 } else { stick });
-            }
-            continue;
-        }
-        match switch.unilateral {
-            true => values.extend([if psi > 0.0 { 0.0 } else { 1.0 - alpha }, psi.max(0.0)]),
-            false => values.extend([alpha, psi.max(0.0), (-psi).max(0.0)]),
-        }
+            (Role::Step, Some(_)) => vec![Rule::Alpha(k)],
+            (Role::Step, None) if switch.unilateral => vec![Rule::Force(k), Rule::Above(k)],
+            (Role::Step, None) => vec![Rule::Alpha(k), Rule::Above(k), Rule::Below(k)],
+        };
+        rules.z.extend(own);
     }
-    values
+    rules
 }
 
 fn origin(system: &System, switch: usize, cause: Cause) -> Origin {

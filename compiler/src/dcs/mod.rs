@@ -43,7 +43,7 @@ pub use dot::{Vertex, dot, graph};
 pub use drift::Kept;
 pub use error::DcsError;
 pub use impact::{Friction, Impact, SlipLaw, Tangent};
-pub use pointwise::{Pointwise, directed, solve_in_mode, solve_led, solve_pointwise};
+pub use pointwise::{Pointwise, directed, indicators, rules, solve_in_mode, solve_pointwise};
 pub use tex::tex;
 
 use crate::expr::{Expr, Exprs};

@@ -3,10 +3,11 @@
 //! Off all surfaces a DCS determines z: the linear programs that it states have one solution there. On a surface this
 //! takes the middle: α = 1/2, and the middle of a disc. It gives guesses, and the tests their reference.
 
+use nsd_solver::fesd::{Rule, Rules, alpha_of, alphas_of};
 use rustc_hash::FxHashMap;
 
 use crate::expr::{Expr, Var};
-use crate::system::{Partition, System};
+use crate::system::System;
 
 use super::{Dcs, Formulation, heaviside, stewart};
 
@@ -16,12 +17,10 @@ const ROUNDING: f64 = 1e-6;
 /// Values of the switching functions and of α at a point.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Sides {
-    /// ψ(t, x, p, α).
+    /// ψ(t, x, p, α), and behind them the indicators of all partitions.
     pub psi: Vec<f64>,
     /// α = step(ψ), 1/2 on the surface; of a disc, 2α - 1 = w/|w|.
     pub alpha: Vec<f64>,
-    /// The indicators of every partition.
-    pub indicators: Vec<Vec<f64>>,
 }
 
 impl Sides {
@@ -36,15 +35,12 @@ impl Sides {
         let mut sides = Sides {
             psi: Vec::new(),
             alpha: Vec::new(),
-            indicators: Vec::new(),
         };
         // ψ contains α of earlier switches only.
         for (k, switch) in system.switches.iter().enumerate() {
             let psi = eval(switch.psi, &known, value);
             if let Some(first) = switch.across.filter(|&other| other < k) {
-                let size = psi.hypot(sides.psi[first]);
-                let inside = |psi: f64| if size > 0.0 { psi / size } else { 0.0 };
-                let [one, two] = [sides.psi[first], psi].map(|psi| 0.5 + 0.5 * inside(psi));
+                let [one, two] = alphas_of([sides.psi[first], psi]);
                 let vars = [first, k].map(|k| system.switches[k].alpha.as_variable());
                 let vars = vars.into_iter().zip([one, two]);
                 known.extend(vars.filter_map(|(var, alpha)| Some((var?, alpha))));
@@ -54,23 +50,16 @@ impl Sides {
                 continue;
             }
             let given = known_sides.iter().find(|(switch, _)| *switch == k);
-            let alpha = match given {
-                Some(&(_, alpha)) => alpha,
-                None if psi > 0.0 => 1.0,
-                None if psi < 0.0 => 0.0,
-                None => 0.5,
-            };
+            let alpha = given.map_or_else(|| alpha_of(psi), |&(_, alpha)| alpha);
             if let Some(var) = switch.alpha.as_variable() {
                 known.insert(var, alpha);
             }
             sides.psi.push(psi);
             sides.alpha.push(alpha);
         }
-        let values = |partition: &Partition| {
-            let indicators = partition.indicators.iter();
-            indicators.map(|&g| eval(g, &known, value)).collect()
-        };
-        sides.indicators = system.partitions.iter().map(values).collect();
+        let indicators = indicators(system).into_iter();
+        let indicators = indicators.map(|g| eval(g, &known, value));
+        sides.psi.extend(indicators);
         sides
     }
 
@@ -79,6 +68,29 @@ impl Sides {
         let start = start(system);
         Sides::at(system, &|var| start.get(&var).copied().unwrap_or(f64::NAN))
     }
+}
+
+/// What regions are compared by, of all partitions.
+pub fn indicators<'e>(system: &System<'e>) -> Vec<Expr<'e>> {
+    let partitions = system.partitions.iter();
+    partitions
+        .flat_map(|partition| partition.indicators.iter().copied())
+        .collect()
+}
+
+/// The algebraic variables of a lowering of `system` by ψ, with the indicators behind them, and α.
+pub fn rules(system: &System, dcs: &Dcs) -> Rules {
+    let mut rules = match dcs.formulation {
+        Formulation::Stewart => stewart::rules(system),
+        Formulation::Step => heaviside::rules(system),
+    };
+    // What is left are products, defined in order by the last equations: 0 = β - product.
+    let n_products = dcs.algebraics.len() - rules.z.len();
+    let n_rows = dcs.equations.len();
+    rules
+        .z
+        .extend((n_rows - n_products..n_rows).map(Rule::Product));
+    rules
 }
 
 /// Parameters, states, time and data at t = 0.
@@ -128,16 +140,6 @@ pub fn solve_pointwise<'e>(
     solve_with(system, dcs, &Sides::at(system, value), value)
 }
 
-/// The same where some switches are on sides that are given by their α, so that ψ of others have jumped.
-pub fn solve_led<'e>(
-    system: &System<'e>,
-    dcs: &Dcs<'e>,
-    led: &[(usize, f64)],
-    value: &impl Fn(Var) -> f64,
-) -> Pointwise {
-    solve_with(system, dcs, &Sides::with(system, led, value), value)
-}
-
 /// The same in a mode that is given by α.
 pub fn solve_in_mode<'e>(
     system: &System<'e>,
@@ -184,19 +186,14 @@ pub(super) fn solve_with<'e>(
     value: &impl Fn(Var) -> f64,
 ) -> Pointwise {
     let mut known: FxHashMap<Var, f64> = FxHashMap::default();
-    let mut declared = dcs.algebraics.iter().filter_map(|z| z.var.as_variable());
-    let direct = match dcs.formulation {
-        Formulation::Stewart => stewart::solution(system, sides),
-        Formulation::Step => heaviside::solution(system, sides),
-    };
-    known.extend(declared.by_ref().take(direct.len()).zip(direct));
-    // What is left are products, defined in order by the last equations: 0 = β - product.
-    let products: Vec<Var> = declared.collect();
-    let definitions = &dcs.equations[dcs.equations.len() - products.len()..];
-    for (&beta, &row) in products.iter().zip(definitions) {
-        known.insert(beta, 0.0);
-        let product = -eval(row, &known, value);
-        known.insert(beta, product);
+    let declared = || dcs.algebraics.iter().filter_map(|z| z.var.as_variable());
+    let rules = rules(system, dcs);
+    known.extend(declared().zip(rules.values(&sides.psi, &sides.alpha)));
+    for (var, rule) in declared().zip(&rules.z) {
+        if let Rule::Product(row) = *rule {
+            let product = -eval(dcs.equations[row], &known, value);
+            known.insert(var, product);
+        }
     }
 
     let at = |expr: Expr<'e>| eval(expr, &known, value);

@@ -22,6 +22,7 @@ use super::labels;
 use super::pointwise::Sides;
 use super::signs::{Row, row_name, rows, sign};
 use super::{Cause, Dcs, DcsError, Formulation, Origin};
+use nsd_solver::fesd::{Rule, Rules};
 
 /// θ of a subsystem with its rows.
 struct Simplex<'e> {
@@ -35,7 +36,9 @@ struct Simplex<'e> {
 pub fn lower<'e>(system: &System<'e>) -> Result<Dcs<'e>, DcsError> {
     let mut dcs = Dcs::frame(system, Formulation::Stewart);
     let labels = labels::of(system);
-    let mut guesses = solution(system, &Sides::at_start(system)).into_iter();
+    let start = Sides::at_start(system);
+    let guesses = rules(system).values(&start.psi, &start.alpha);
+    let mut guesses = guesses.into_iter();
     let mut guess = || guesses.next().unwrap_or(0.0);
     let mut taken = HashSet::new();
     let [theta, lambda, mu] = ["theta", "lambda", "mu"].map(|word| labels::prefix(system, word));
@@ -118,35 +121,37 @@ fn indicator<'e>(system: &System<'e>, row: &Row) -> Option<Expr<'e>> {
 }
 
 /// θ, λ and μ in the order in which [`lower`] declares them: θ_r = Π α or 1-α, μ = min g, λ = g - μ.
-pub(super) fn solution(system: &System, sides: &Sides) -> Vec<f64> {
-    let mut values = Vec::new();
+pub(super) fn rules(system: &System) -> Rules {
+    let mut rules = Rules::default();
     for subsystem in &system.subsystems {
         // `lower` refuses what has too many.
         let rows = rows(system, subsystem).unwrap_or_default();
-        let theta = rows.iter().map(|row| -> f64 {
-            let weight = |&place: &usize| {
-                let alpha = sides.alpha[subsystem.switches[place]];
-                if row.signs[place] { alpha } else { 1.0 - alpha }
-            };
-            row.own.iter().map(weight).product()
-        });
-        let theta: Vec<f64> = theta.collect();
-        let g = rows.iter().map(|row| -> f64 {
+        let own = |row: &Row| {
+            let own = row.own.iter();
+            own.map(|&place| (subsystem.switches[place], row.signs[place]))
+                .collect()
+        };
+        let compared = |row: &Row| {
+            let indicator = row.region.filter(|_| !row.indicated.is_empty());
+            let indicator = indicator.map(|(partition, region)| {
+                let before = system.partitions[..partition].iter();
+                let before: usize = before.map(|partition| partition.indicators.len()).sum();
+                (system.switches.len() + before + region, 1.0)
+            });
             let switches = subsystem.switches.iter().enumerate();
-            let compared = switches.filter(|(place, _)| !row.indicated.contains(place));
-            let compared = compared.map(|(place, &k)| sign(row.signs[place]) * sides.psi[k]);
-            let own = row.region.filter(|_| !row.indicated.is_empty());
-            own.map_or(0.0, |(partition, region)| {
-                sides.indicators[partition][region]
-            }) - compared.sum::<f64>()
-        });
-        let g: Vec<f64> = g.collect();
-        let mu = g.iter().copied().fold(f64::INFINITY, f64::min);
-        values.extend(theta);
-        values.extend(g.iter().map(|g| g - mu));
-        values.push(mu);
+            let others = switches.filter(|(place, _)| !row.indicated.contains(place));
+            let others = others.map(|(place, &k)| (k, -sign(row.signs[place])));
+            indicator.into_iter().chain(others).collect()
+        };
+        let first = rules.compared.len();
+        rules.compared.extend(rows.iter().map(compared));
+        let all = first..rules.compared.len();
+        rules.z.extend(rows.iter().map(own).map(Rule::Share));
+        let excess = |region: usize| Rule::Excess(region, all.clone());
+        rules.z.extend(all.clone().map(excess));
+        rules.z.push(Rule::Least(all));
     }
-    values
+    rules
 }
 
 /// Σ_r rate(corner r) θ_r where one subsystem drives the row, else f_0 + Σ_s Σ_r (rate(corner r) - f_0) θ_sr.

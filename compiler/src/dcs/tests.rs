@@ -368,7 +368,6 @@ fn check_between_corners(
     let sides = Sides {
         psi: vec![0.0; alpha.len()],
         alpha: alpha.to_vec(),
-        indicators: vec![Vec::new(); system.partitions.len()],
     };
     for formulation in [Formulation::Stewart, Formulation::Step] {
         let dcs = lower_as(system, formulation).expect("the system is small");

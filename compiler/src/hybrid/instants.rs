@@ -74,6 +74,11 @@ impl Pulses {
         self.pulses.iter().map(|pulse| pulse.at).collect()
     }
 
+    /// Instants that no step passes over, in order.
+    pub fn stops(&self) -> &[f64] {
+        &self.stops
+    }
+
     /// The next instant behind `t` that no step passes over; infinity where there is none.
     pub fn after(&self, t: f64) -> f64 {
         let next = self.stops.partition_point(|stop| *stop <= t);

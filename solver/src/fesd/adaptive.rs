@@ -7,7 +7,6 @@
 
 use super::emit::Observer;
 use super::fold::Length;
-use super::system::ComplementaritySystem;
 use super::watch::BAND;
 use super::{Grid, Run, Simulator};
 use crate::simulate::Status;
@@ -35,7 +34,7 @@ const MAX_STALLED: usize = 100;
 /// Lengths below this part of the horizon count as none.
 const SHORTEST: f64 = 1e-14;
 
-impl<S: ComplementaritySystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// What elements may miss their equations by between the nodes; none on a grid of steps.
     pub fn allowed_defect(&self) -> Option<f64> {
         match self.settings.grid {
@@ -142,7 +141,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         let (solved, scheme) = (&self.solved[0], &self.scheme);
         let reduced = &mode.element.reduced;
         let (n, h) = (run.x.len(), solved.h);
-        let algebraic = self.system.algebraic_states();
+        let algebraic = &self.system.algebraic_states;
         let largest = algebraic.iter().map(|&i| run.scale[i]).fold(0.0, f64::max);
         let mut worst = 0.0_f64;
         for sigma in scheme.probes() {

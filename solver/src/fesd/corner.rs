@@ -15,7 +15,7 @@ impl Directional {
     /// one of these may just have vanished.
     pub(super) fn corners(
         &mut self,
-        system: &impl ComplementaritySystem,
+        system: &ComplementaritySystem,
         (zeros, u): Solved,
         open: &[usize],
         before: &[Zero],
@@ -32,7 +32,7 @@ impl Directional {
 
     fn corner(
         &mut self,
-        system: &impl ComplementaritySystem,
+        system: &ComplementaritySystem,
         (mut zeros, mut u): Solved,
         open: &[usize],
         is_last: impl Fn(usize) -> bool,
@@ -45,7 +45,7 @@ impl Directional {
             is_last(*a).cmp(&is_last(*b)).then(by_weight)
         });
         // The weights of a group are 1 together, so the others determine one of them.
-        let group = |pair: &usize| system.pairs()[*pair].group;
+        let group = |pair: &usize| system.pairs[*pair].group;
         let is_first = |pair: &usize| {
             let mut of_group = positive.iter().filter(|other| group(other) == group(pair));
             of_group.next() == Some(pair)
@@ -102,8 +102,8 @@ impl Directional {
 }
 
 /// The member of a pair that jumps.
-fn weight(system: &impl ComplementaritySystem, pair: usize, u: &[f64]) -> f64 {
-    let Pair { left, right, .. } = &system.pairs()[pair];
+fn weight(system: &ComplementaritySystem, pair: usize, u: &[f64]) -> f64 {
+    let Pair { left, right, .. } = &system.pairs[pair];
     let mut members = [left, right].into_iter();
     let jumping = members.find(|member| !system.is_continuous(member.variable));
     jumping.map_or(0.0, |member| member.value(u))
@@ -111,8 +111,8 @@ fn weight(system: &impl ComplementaritySystem, pair: usize, u: &[f64]) -> f64 {
 
 /// Whether that is a weight that may be positive. α is none, which is in two pairs: at an end of its range its switch
 /// would not be where the solution has it.
-fn has_weight(system: &impl ComplementaritySystem, zeros: &[Zero], pair: usize) -> bool {
-    let all = system.pairs();
+fn has_weight(system: &ComplementaritySystem, zeros: &[Zero], pair: usize) -> bool {
+    let all = &system.pairs;
     let (zero, other) = all[pair].split(zeros[pair]);
     let has_it = |pair: &&Pair| {
         [pair.left, pair.right]

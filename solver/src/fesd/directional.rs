@@ -67,8 +67,8 @@ pub(super) struct Directional {
 }
 
 impl Directional {
-    pub fn new(system: &impl ComplementaritySystem) -> Self {
-        let (n, n_z, full) = (system.n_states(), system.start().len(), system.full());
+    pub fn new(system: &ComplementaritySystem) -> Self {
+        let (n, n_z, full) = (system.n_states(), system.n_algebraics(), &system.full);
         let tapes = [
             &full.directional,
             &full.directional_slopes.tape,
@@ -78,7 +78,7 @@ impl Directional {
         let n_equations = full.directional.n_outputs();
         let entries = full.directional_slopes.entries.iter();
         let entries = entries.map(|&(row, input)| (row, input - (1 + n + n_z)));
-        let members = system.pairs().iter().enumerate().flat_map(|(k, pair)| {
+        let members = system.pairs.iter().enumerate().flat_map(|(k, pair)| {
             [pair.left, pair.right].map(|member| (n_equations + k, member.variable))
         });
         Directional {
@@ -87,7 +87,7 @@ impl Directional {
             matrix: Blocks::new(n_z, entries.chain(members)),
             rhs: vec![0.0; n_z],
             residual: vec![0.0; n_equations],
-            held: vec![0.0; system.pairs().len()],
+            held: vec![0.0; system.pairs.len()],
             n,
         }
     }
@@ -103,7 +103,7 @@ impl Directional {
     /// next to `least` in any case.
     pub fn choices(
         &mut self,
-        system: &impl ComplementaritySystem,
+        system: &ComplementaritySystem,
         (t, x, z): (f64, &[f64], &[f64]),
         zeros: &[Zero],
         bands: &[f64],
@@ -150,7 +150,7 @@ impl Directional {
     /// guess; none where the first derivatives contradict it. Rates are zero next to `rate_scale`.
     pub fn choice(
         &mut self,
-        system: &impl ComplementaritySystem,
+        system: &ComplementaritySystem,
         (zeros, u): Solved,
         z: &[f64],
         bands: &[f64],
@@ -162,7 +162,7 @@ impl Directional {
 
     fn choice_of(
         &mut self,
-        system: &impl ComplementaritySystem,
+        system: &ComplementaritySystem,
         (zeros, u): Solved,
         z: &[f64],
         bands: &[f64],
@@ -186,12 +186,12 @@ impl Directional {
     /// The solutions for all choices of the open pairs.
     pub(super) fn all(
         &mut self,
-        system: &impl ComplementaritySystem,
+        system: &ComplementaritySystem,
         zeros: &[Zero],
         z: &[f64],
         open: &[usize],
     ) -> Vec<Solved> {
-        let is_affine = system.full().is_affine;
+        let is_affine = system.full.is_affine;
         let mut found: Vec<Solved> = Vec::new();
         let mut tried = zeros.to_vec();
         for mask in 0..1_usize << open.len() {
@@ -205,7 +205,7 @@ impl Directional {
             if !is_affine && contradicts(system, &tried, open) {
                 continue;
             }
-            let guesses = guesses(system.full());
+            let guesses = guesses(&system.full);
             let starts = guesses.map(|guess| self.start(system, z, open, guess));
             for mut u in from_directions(system, &tried, open, starts.collect()) {
                 let solved = match is_affine && mask > 0 {
@@ -227,7 +227,7 @@ impl Directional {
     /// of the terms that cancel in all of its rates.
     pub(super) fn one(
         &mut self,
-        system: &impl ComplementaritySystem,
+        system: &ComplementaritySystem,
         zeros: &[Zero],
         z: &[f64],
         open: &[usize],
@@ -253,12 +253,12 @@ impl Directional {
 
     /// The largest sum of terms that what jumps adds to the rate of what is continuous: next to these a rate is zero
     /// where they cancel.
-    fn terms(&mut self, system: &impl ComplementaritySystem, u: &[f64]) -> f64 {
+    fn terms(&mut self, system: &ComplementaritySystem, u: &[f64]) -> f64 {
         self.linearize(system, u);
         let first = 1 + self.n + u.len();
         let n_rows = self.residual.len();
         let (mut terms, mut slopes) = (vec![0.0; n_rows], vec![0.0_f64; n_rows]);
-        for &(row, input) in &system.full().directional_slopes.entries {
+        for &(row, input) in &system.full.directional_slopes.entries {
             let i = input - first;
             let slope = self.matrix.entry(row, i).abs();
             match system.is_continuous(i) {
@@ -273,7 +273,7 @@ impl Directional {
     /// Where Newton's method starts: what is open stands at `guess`, every other pair at the second.
     pub(super) fn start(
         &self,
-        system: &impl ComplementaritySystem,
+        system: &ComplementaritySystem,
         z: &[f64],
         open: &[usize],
         guess: [f64; 2],
@@ -282,7 +282,7 @@ impl Directional {
             .map(|i| if system.is_continuous(i) { 0.0 } else { z[i] })
             .collect();
         for (at, &pair) in open.iter().enumerate() {
-            let pair = &system.pairs()[pair];
+            let pair = &system.pairs[pair];
             for member in [pair.left, pair.right] {
                 if !system.is_continuous(member.variable) {
                     u[member.variable] = guess[at % 2];
@@ -295,7 +295,7 @@ impl Directional {
     /// The members of a pair in the directional form: a value, or the rate of what is continuous.
     pub(super) fn members(
         &self,
-        system: &impl ComplementaritySystem,
+        system: &ComplementaritySystem,
         pair: usize,
         u: &[f64],
     ) -> (f64, f64) {
@@ -303,21 +303,21 @@ impl Directional {
             true => member.slope() * u[member.variable],
             false => member.value(u),
         };
-        let pair = &system.pairs()[pair];
+        let pair = &system.pairs[pair];
         (value(pair.left), value(pair.right))
     }
 
     /// How the member of a pair that is not zero starts; none where it is negative or becomes so.
     pub(super) fn starts(
         &self,
-        system: &impl ComplementaritySystem,
+        system: &ComplementaritySystem,
         (zeros, u): (&[Zero], &[f64]),
         z: &[f64],
         bands: &[f64],
         rate_scale: f64,
         pair: usize,
     ) -> Option<Start> {
-        let (_, member) = system.pairs()[pair].split(zeros[pair]);
+        let (_, member) = system.pairs[pair].split(zeros[pair]);
         if system.is_continuous(member.variable) {
             match member.slope() * u[member.variable] / rate_scale {
                 _ if member.value(z) > bands[pair] => Some(Start::Inside),
@@ -335,8 +335,8 @@ impl Directional {
     }
 
     /// f where the problem was solved.
-    fn rates(&mut self, system: &impl ComplementaritySystem, u: &[f64]) -> Vec<f64> {
-        let full = system.full();
+    fn rates(&mut self, system: &ComplementaritySystem, u: &[f64]) -> Vec<f64> {
+        let full = &system.full;
         let n_z = u.len();
         self.inputs[1 + self.n + n_z..][..n_z].copy_from_slice(u);
         self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
@@ -348,11 +348,11 @@ impl Directional {
     /// determine u.
     pub(super) fn solve(
         &mut self,
-        system: &impl ComplementaritySystem,
+        system: &ComplementaritySystem,
         zeros: &[Zero],
         mut u: Vec<f64>,
     ) -> Option<Vec<f64>> {
-        let is_affine = system.full().is_affine;
+        let is_affine = system.full.is_affine;
         for _ in 0..MAX_NEWTON {
             self.linearize(system, &u);
             let largest = self.choose(system, zeros, &mut u)?;
@@ -367,14 +367,14 @@ impl Directional {
     /// size.
     fn choose(
         &mut self,
-        system: &impl ComplementaritySystem,
+        system: &ComplementaritySystem,
         zeros: &[Zero],
         u: &mut [f64],
     ) -> Option<f64> {
         let n_equations = self.residual.len();
         self.rhs[..n_equations].copy_from_slice(&self.residual);
         for (row, &zero) in zeros.iter().enumerate() {
-            let (member, _) = system.pairs()[row].split(zero);
+            let (member, _) = system.pairs[row].split(zero);
             let (left, right) = self.members(system, row, u);
             let at = n_equations + row;
             self.rhs[at] = self.held[row] - if zero == Zero::Left { left } else { right };
@@ -386,8 +386,8 @@ impl Directional {
 
     /// The directional form of g at u into `residual` and the first rows of `rhs`, with its negative
     /// sign, and of `matrix`; the rows of the pairs stay empty.
-    pub(super) fn linearize(&mut self, system: &impl ComplementaritySystem, u: &[f64]) {
-        let (full, n_z) = (system.full(), u.len());
+    pub(super) fn linearize(&mut self, system: &ComplementaritySystem, u: &[f64]) {
+        let (full, n_z) = (&system.full, u.len());
         let first = 1 + self.n + n_z;
         self.inputs[first..][..n_z].copy_from_slice(u);
         self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
@@ -427,8 +427,8 @@ fn guesses(full: &Full) -> impl Iterator<Item = [f64; 2]> {
 }
 
 /// Whether a variable would have two values.
-fn contradicts(system: &impl ComplementaritySystem, zeros: &[Zero], open: &[usize]) -> bool {
-    let zero = |pair: &usize| system.pairs()[*pair].split(zeros[*pair]).0;
+fn contradicts(system: &ComplementaritySystem, zeros: &[Zero], open: &[usize]) -> bool {
+    let zero = |pair: &usize| system.pairs[*pair].split(zeros[*pair]).0;
     let mut members = open.iter().map(zero).enumerate();
     members.any(|(at, member)| {
         let mut before = open[..at].iter().map(zero);
@@ -439,12 +439,12 @@ fn contradicts(system: &impl ComplementaritySystem, zeros: &[Zero], open: &[usiz
 /// The same starts in directions all around for each slip velocity with two entries that sets off, and in the middle of
 /// its disc where it rests.
 fn from_directions(
-    system: &impl ComplementaritySystem,
+    system: &ComplementaritySystem,
     zeros: &[Zero],
     open: &[usize],
     starts: Vec<Vec<f64>>,
 ) -> Vec<Vec<f64>> {
-    let discs = system.discs().iter();
+    let discs = system.discs.iter();
     let discs = discs.filter(|disc| open.contains(&disc.pair));
     discs.enumerate().fold(starts, |starts, (k, disc)| {
         let turned = |at: usize| TAU * at as f64 / DIRECTIONS as f64;
@@ -488,8 +488,8 @@ pub(super) fn agree(a: &Choice, b: &Choice, least: f64, sizes: &[f64]) -> bool {
 
 /// Pairs whose continuous member is zero, of the groups in which such a pair could be on another
 /// branch: its other member is not at the end of its range.
-fn open_pairs(system: &impl ComplementaritySystem, z: &[f64], bands: &[f64]) -> Vec<usize> {
-    let pairs = system.pairs();
+fn open_pairs(system: &ComplementaritySystem, z: &[f64], bands: &[f64]) -> Vec<usize> {
+    let pairs = &system.pairs;
     let vanishes = |&at: &usize| {
         let members = [pairs[at].left, pairs[at].right].into_iter();
         // Where both are continuous, the pair meets where both are zero.
@@ -501,7 +501,7 @@ fn open_pairs(system: &impl ComplementaritySystem, z: &[f64], bands: &[f64]) -> 
         let members = [pairs[*at].left, pairs[*at].right].into_iter();
         let mut jumping = members.filter(|member| !system.is_continuous(member.variable));
         // In the middle of its disc u may still leave it at once.
-        let of_disc = system.discs().iter().any(|disc| disc.pair == *at);
+        let of_disc = system.discs.iter().any(|disc| disc.pair == *at);
         !pairs[*at].is_bounded || of_disc || jumping.any(|member| member.value(z) < 1.0 - TIE)
     };
     let vanishing: Vec<usize> = (0..pairs.len()).filter(vanishes).collect();

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use super::system::{ComplementaritySystem, measure};
+use super::system::measure;
 use super::watch::{BAND, Start};
 use super::{Run, Simulator};
 use crate::simulate::{Segment, Side, Status, series};
@@ -25,7 +25,7 @@ pub trait Observer: crate::simulate::Observer {
     fn multipliers(&mut self, _multipliers: &Multipliers) {}
 }
 
-impl<S: ComplementaritySystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// Reports the elements solved since the last report, and moves the run to their end, which is
     /// `end` where the step ends there too.
     pub(super) fn report(
@@ -49,7 +49,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                     solved.h
                 }
             };
-            measure(&mut run.scale, &run.x, self.system.algebraic_states());
+            measure(&mut run.scale, &run.x, &self.system.algebraic_states);
             let activity = &self.modes[run.mode].element.activity;
             for (work, activity) in run.work.iter_mut().zip(activity) {
                 *work += activity * length;

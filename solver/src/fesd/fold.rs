@@ -9,11 +9,13 @@
 //! keeps the order of the method, and the element ends at the simple root T = 0, at the end of the step, or where
 //! another member vanishes. An observer gets polynomials in time, on parts that become shorter towards the fold.
 
+use std::sync::Arc;
+
 use super::adaptive::{GROWTH, ROUNDING, SAFETY};
 use super::element::Unsolved;
 use super::emit::Observer;
 use super::hidden::Hidden;
-use super::system::{ComplementaritySystem, Reduced};
+use super::system::Reduced;
 use super::watch::{BAND, Start, Verdict};
 use super::{Element, Mode, Run, Simulator};
 use crate::simulate::{Segment, Side, Status, series};
@@ -68,7 +70,7 @@ struct Solved {
     states: Vec<Vec<f64>>,
 }
 
-impl<S: ComplementaritySystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// The fold that the sliding modes are near.
     pub(super) fn fold_ahead(&mut self, run: &Run) -> Option<Ahead> {
         let Mode { element, hidden } = &mut self.modes[run.mode];
@@ -128,6 +130,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 let Some(reduced) = self.system.branch(&run.zeros, of, ahead.rises) else {
                     return Ok(false);
                 };
+                let reduced = Arc::new(reduced);
                 let (n, n_numbers) = (run.x.len() + 2, self.numbers.len());
                 Mode {
                     hidden: Hidden::new(n, n_numbers, &reduced),
@@ -146,10 +149,10 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         } else if let Some(member) = event {
             let is_fold = member + 1 == last;
             if is_fold {
-                let pairs = self.system.pairs().iter();
+                let pairs = self.system.pairs.iter();
                 let own = pairs.map(|pair| [pair.left.variable, pair.right.variable].contains(&of));
                 let pair = own.enumerate().find_map(|(at, own)| own.then_some(at));
-                run.fold = pair.and_then(|pair| self.system.switches_of(pair).first().copied());
+                run.fold = pair.and_then(|pair| self.system.switches_of[pair].first().copied());
             }
             self.change(run, length.h, observer)?;
         }

@@ -14,7 +14,7 @@ use crate::simulate::{Next, Side, Standing, Status};
 /// How far α of the directional equations may be from the α that was named.
 const SAME: f64 = 1e-7;
 
-impl<S: ComplementaritySystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// Finds the set that a run starts with.
     pub(super) fn begin_guided(&mut self, run: &mut Run, horizon: f64) -> Result<(), Status> {
         let bands = self.bands(run);
@@ -96,9 +96,9 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
     /// The switches that have come to their surface, or whose α is at its bound.
     fn triggers(&self, run: &Run, sides: &[Side], alpha: &[f64], bands: &[f64]) -> Vec<usize> {
         let is_near = |switch: usize| {
-            let pairs = self.system.pairs().iter().zip(bands).enumerate();
+            let pairs = self.system.pairs.iter().zip(bands).enumerate();
             let mut own =
-                pairs.filter(|(pair, _)| self.system.switches_of(*pair).contains(&switch));
+                pairs.filter(|(pair, _)| self.system.switches_of[*pair].contains(&switch));
             own.all(|(_, (pair, band))| {
                 let (continuous, _) = members(self.system, pair);
                 continuous.is_none_or(|member| member.value(&run.z) <= *band)
@@ -116,11 +116,11 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
     fn sides_of(&mut self, solved: &Solved, bands: &[f64], z: &[f64]) -> Vec<Solved> {
         let system = self.system;
         let mut found = Vec::new();
-        for (at, pair) in system.pairs().iter().enumerate() {
-            let own = |other: &usize| system.switches_of(*other) == system.switches_of(at);
-            let own: Vec<usize> = (0..system.pairs().len()).filter(own).collect();
+        for (at, pair) in system.pairs.iter().enumerate() {
+            let own = |other: &usize| system.switches_of[*other] == system.switches_of[at];
+            let own: Vec<usize> = (0..system.pairs.len()).filter(own).collect();
             let is_near = own.iter().all(|&other| {
-                let (continuous, _) = members(system, &system.pairs()[other]);
+                let (continuous, _) = members(system, &system.pairs[other]);
                 continuous.is_some_and(|member| member.value(z) <= bands[other])
             });
             let (_, Some(member)) = members(system, pair) else {
@@ -132,7 +132,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             // Every pair of a switch stands for one of its sides: α = 0 here, and 1 - α elsewhere.
             let (mut zeros, mut u) = solved.clone();
             for other in own {
-                let pair = &system.pairs()[other];
+                let pair = &system.pairs[other];
                 let is_continuous_left = system.is_continuous(pair.left.variable);
                 zeros[other] = match (other == at, is_continuous_left) {
                     (true, true) | (false, false) => Zero::Right,
@@ -155,15 +155,17 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         length: f64,
     ) -> Result<(), Status> {
         let system = self.system;
-        let mut zeros = Vec::with_capacity(system.pairs().len());
+        let mut zeros = Vec::with_capacity(system.pairs.len());
         let mut u: Vec<f64> = (run.z.iter().enumerate())
             .map(|(i, z)| if system.is_continuous(i) { 0.0 } else { *z })
             .collect();
         let mut named = Vec::new();
-        for (at, pair) in system.pairs().iter().enumerate() {
-            let (Some(member), [switch]) = (members(system, pair).1, system.switches_of(at)) else {
+        for (at, pair) in system.pairs.iter().enumerate() {
+            let (Some(member), [switch]) =
+                (members(system, pair).1, system.switches_of[at].as_slice())
+            else {
                 return Err(Status::Undetermined {
-                    switches: system.switches_of(at).to_vec(),
+                    switches: system.switches_of[at].to_vec(),
                 });
             };
             // α is zero below the surface, 1 - α above it, and what is continuous everywhere else.
@@ -215,7 +217,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
 }
 
 /// The member of a pair that is continuous, and the one that jumps.
-fn members(system: &impl ComplementaritySystem, pair: &Pair) -> (Option<Member>, Option<Member>) {
+fn members(system: &ComplementaritySystem, pair: &Pair) -> (Option<Member>, Option<Member>) {
     let both = [pair.left, pair.right];
     let is_continuous = |member: &Member| system.is_continuous(member.variable);
     let continuous = both.into_iter().find(is_continuous);

@@ -18,7 +18,7 @@ impl Directional {
     /// rate of all that were tried; none where a group is too large, or has none by itself.
     pub(super) fn each(
         &mut self,
-        system: &impl ComplementaritySystem,
+        system: &ComplementaritySystem,
         zeros: &[Zero],
         z: &[f64],
         open: &[usize],
@@ -79,7 +79,7 @@ impl Directional {
 }
 
 /// The largest rate of what is continuous in some solutions.
-pub(super) fn rate_scale(system: &impl ComplementaritySystem, found: &[Solved]) -> f64 {
+pub(super) fn rate_scale(system: &ComplementaritySystem, found: &[Solved]) -> f64 {
     let rates = found.iter().flat_map(|(_, u)| {
         let continuous = u.iter().enumerate();
         continuous.filter(|(i, _)| system.is_continuous(*i))
@@ -88,11 +88,11 @@ pub(super) fn rate_scale(system: &impl ComplementaritySystem, found: &[Solved]) 
 }
 
 /// The open pairs, those together that rows of the directional form connect.
-fn groups(system: &impl ComplementaritySystem, open: &[usize]) -> Vec<Vec<usize>> {
-    let (n, n_z) = (system.n_states(), system.start().len());
+fn groups(system: &ComplementaritySystem, open: &[usize]) -> Vec<Vec<usize>> {
+    let (n, n_z) = (system.n_states(), system.n_algebraics());
     let first = 1 + n + n_z;
-    let entries = &system.full().directional_slopes.entries;
-    let mut rows: Vec<Vec<usize>> = vec![Vec::new(); system.full().directional.n_outputs()];
+    let entries = &system.full.directional_slopes.entries;
+    let mut rows: Vec<Vec<usize>> = vec![Vec::new(); system.full.directional.n_outputs()];
     let mut occurs = vec![0; n_z];
     for &(row, input) in entries {
         rows[row].push(input - first);
@@ -100,14 +100,14 @@ fn groups(system: &impl ComplementaritySystem, open: &[usize]) -> Vec<Vec<usize>
     }
     let mut is_open = vec![false; n_z];
     for &pair in open {
-        let pair = &system.pairs()[pair];
+        let pair = &system.pairs[pair];
         is_open[pair.left.variable] = true;
         is_open[pair.right.variable] = true;
     }
     // What stays as it is connects nothing, and neither does a row that only gives the rate of a member
     // that is positive.
     let mut is_settled = vec![false; n_z];
-    for pair in system.pairs() {
+    for pair in &system.pairs {
         for member in [pair.left, pair.right] {
             let i = member.variable;
             is_settled[i] = !is_open[i];
@@ -127,12 +127,12 @@ fn groups(system: &impl ComplementaritySystem, open: &[usize]) -> Vec<Vec<usize>
         }
     }
     for &pair in open {
-        let pair = &system.pairs()[pair];
+        let pair = &system.pairs[pair];
         sets.join(pair.left.variable, pair.right.variable);
     }
     let mut groups: Vec<(usize, Vec<usize>)> = Vec::new();
     for &at in open {
-        let set = sets.of(system.pairs()[at].left.variable);
+        let set = sets.of(system.pairs[at].left.variable);
         match groups.iter_mut().find(|(of, _)| *of == set) {
             Some((_, group)) => group.push(at),
             None => groups.push((set, vec![at])),

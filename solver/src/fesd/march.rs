@@ -3,7 +3,6 @@
 use super::element::Unsolved;
 use super::emit::Observer;
 use super::fold::Length;
-use super::system::ComplementaritySystem;
 use super::watch::{BAND, Verdict};
 use super::{Run, Simulator};
 use crate::simulate::{Side, Status};
@@ -73,7 +72,7 @@ const EQUAL: f64 = 1e-13;
 /// Events in a row without progress in time that count as an accumulation.
 const MAX_STALLED: usize = 100;
 
-impl<S: ComplementaritySystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// Integrates over one step of the grid.
     pub(super) fn interval(
         &mut self,

@@ -9,22 +9,29 @@
 //! set was right, and where one of them vanishes the element ends. There the derivatives of the members say which set
 //! is next.
 
+mod active;
 mod adaptive;
 mod banded;
 mod blocks;
+mod branch;
+mod check;
 mod collocation;
 mod corner;
 mod directional;
 mod element;
 mod emit;
 mod fold;
+mod full;
 mod guided;
 mod hidden;
 mod independent;
 mod kept;
+mod library;
 mod march;
 mod nodes;
+mod pointwise;
 mod projection;
+mod reduce;
 mod rounding;
 mod scheme;
 mod select;
@@ -48,12 +55,16 @@ use crate::tableau::{Family, Tableau, TableauError};
 use directional::Directional;
 use element::Element;
 pub use emit::{Multipliers, Observer};
+pub use full::Kinds;
 use hidden::Hidden;
+pub use library::Library;
 use nodes::Nodes;
+pub use pointwise::{Leading, Rule, Rules, Surfaces, alpha_of, alphas_of};
 use scheme::Scheme;
 pub use stepping::{Stepper, SteppingSettings};
 pub use system::{
-    ComplementaritySystem, Disc, Full, Kept, Member, NEGLIGIBLE, Pair, Reduced, Watched, Zero,
+    ComplementaritySystem, Disc, Full, Kept, Member, NEGLIGIBLE, Pair, Reduced, Switch, Watched,
+    Zero,
 };
 use watch::{Start, Values};
 
@@ -145,10 +156,11 @@ struct Mode {
 }
 
 /// Runs a system, keeping the functions it has met from one run to the next.
-pub struct Simulator<'s, S> {
-    system: &'s S,
+pub struct Simulator<'s> {
+    system: &'s ComplementaritySystem,
     settings: Settings,
     scheme: Scheme,
+    library: Library,
     /// Places in `modes`; none for sets without functions.
     known: FxHashMap<Vec<Zero>, Option<usize>>,
     modes: Vec<Mode>,
@@ -239,13 +251,17 @@ impl Run {
     }
 }
 
-impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
+impl<'s> Simulator<'s> {
     /// A simulator that has met no active set yet.
-    pub fn new(system: &'s S, settings: Settings) -> Result<Self, TableauError> {
+    pub fn new(
+        system: &'s ComplementaritySystem,
+        settings: Settings,
+    ) -> Result<Self, TableauError> {
         let scheme = Scheme::new(Tableau::new(settings.family, settings.nodes)?);
         Ok(Simulator {
             system,
             settings,
+            library: Library::default(),
             known: FxHashMap::default(),
             modes: Vec::new(),
             branches: FxHashMap::default(),
@@ -268,6 +284,17 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
         self
     }
 
+    /// Takes what other runs of the system have made of its functions.
+    pub fn knowing(mut self, library: Library) -> Self {
+        self.library = library;
+        self
+    }
+
+    /// What runs have made of its functions.
+    pub fn library(&self) -> &Library {
+        &self.library
+    }
+
     /// The settings in force.
     pub fn settings(&self) -> &Settings {
         &self.settings
@@ -287,7 +314,7 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
             t1,
             x: x0.to_vec(),
             low: vec![0.0; x0.len()],
-            z: self.system.start().to_vec(),
+            z: self.system.start.to_vec(),
             zeros: Vec::new(),
             mode: 0,
             starts: Vec::new(),
@@ -312,7 +339,7 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
             fold: None,
             notes: Vec::new(),
         };
-        system::measure(&mut run.scale, x0, self.system.algebraic_states());
+        system::measure(&mut run.scale, x0, &self.system.algebraic_states);
         let status = match self.integrate(&mut run, t0, t1, observer) {
             Ok(()) => Status::Solved,
             Err(status) => status,
@@ -324,7 +351,7 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
         run.stats.functions = self.n_functions() - known;
         let elapsed = if run.t > t0 { run.t - t0 } else { 1.0 };
         let n = x0.len();
-        let alive = !run.zeros.is_empty() || self.system.pairs().is_empty();
+        let alive = !run.zeros.is_empty() || self.system.pairs.is_empty();
         let sides = match self.modes.get(run.mode).filter(|_| alive) {
             Some(mode) => mode.element.reduced.sides.to_vec(),
             None => vec![Side::Plus; self.system.n_switches()],
@@ -380,10 +407,10 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
         t1: f64,
         observer: &mut impl Observer,
     ) -> Result<(), Status> {
-        if let Some(switch) = self.system.below(t0, &run.x) {
+        self.load(run, t0);
+        if let Some(switch) = self.system.below(self.point(run)) {
             return Err(Status::Penetrates { switch });
         }
-        self.load(run, t0);
         self.begin(run, t1 - t0)?;
         match self.settings.grid {
             Grid::Steps { steps, elements } => {
@@ -451,13 +478,14 @@ impl<'s, S: ComplementaritySystem> Simulator<'s, S> {
             return known;
         }
         let n = self.system.n_states();
-        let place = self.system.reduced(zeros).map(|reduced| {
+        let reduced = self.library.reduced(self.system, zeros);
+        let place = reduced.map(|reduced| {
             let n_numbers = self.numbers.len();
             let mut mode = Mode {
                 hidden: Hidden::new(n, n_numbers, &reduced),
                 element: Element::new(&self.scheme, n, n_numbers, reduced),
             };
-            mode.element.follow(self.system.algebraic_states());
+            mode.element.follow(&self.system.algebraic_states);
             mode.element.set_numbers(&self.numbers);
             mode.hidden.set_numbers(&self.numbers);
             self.modes.push(mode);

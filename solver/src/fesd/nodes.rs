@@ -71,14 +71,14 @@ pub(super) struct Nodes {
 
 impl Nodes {
     /// Memory for `s` nodes of a system.
-    pub fn new(system: &impl ComplementaritySystem, s: usize) -> Self {
-        let (n, n_z) = (system.n_states(), system.start().len());
+    pub fn new(system: &ComplementaritySystem, s: usize) -> Self {
+        let (n, n_z) = (system.n_states(), system.n_algebraics());
         let size = s * (n + n_z);
-        let full = system.full();
+        let full = &system.full;
         let tapes = [&full.equations, &full.slopes.tape, &full.alphas];
         let registers = tapes.map(|tape| tape.n_registers().max(tape.n_inputs()));
         let mut is_rate = vec![false; n + n_z];
-        for &state in system.algebraic_states() {
+        for &state in &system.algebraic_states {
             is_rate[state] = true;
             let entries = full.slopes.entries.iter();
             let inputs = entries.filter(|(row, input)| *row == state && *input > n);
@@ -115,11 +115,11 @@ impl Nodes {
     }
 
     /// Takes z and the rates at a point as the guess of all nodes.
-    pub fn begin(&mut self, system: &impl ComplementaritySystem, t: f64, x: &[f64], z: &[f64]) {
+    pub fn begin(&mut self, system: &ComplementaritySystem, t: f64, x: &[f64], z: &[f64]) {
         self.load(t, x);
         self.inputs[1 + self.n..][..self.n_z].copy_from_slice(z);
         let n = self.n;
-        let rates: Vec<f64> = self.eval(&system.full().equations).take(n).collect();
+        let rates: Vec<f64> = self.eval(&system.full.equations).take(n).collect();
         let per_node = self.per_node();
         for node in self.unknowns.chunks_exact_mut(per_node) {
             node[..n].copy_from_slice(&rates);
@@ -164,7 +164,7 @@ impl Nodes {
     /// negative.
     pub fn solve(
         &mut self,
-        system: &impl ComplementaritySystem,
+        system: &ComplementaritySystem,
         scheme: &Scheme,
         step: Step,
         limit: &Limit,
@@ -199,7 +199,7 @@ impl Nodes {
     }
 
     /// Puts what jumps to the middle of its range.
-    fn centre(&mut self, system: &impl ComplementaritySystem) {
+    fn centre(&mut self, system: &ComplementaritySystem) {
         let (n, per_node) = (self.n, self.per_node());
         for node in self.unknowns.chunks_exact_mut(per_node) {
             for (i, z) in node[n..].iter_mut().enumerate() {
@@ -214,7 +214,7 @@ impl Nodes {
     /// converged.
     fn newton(
         &mut self,
-        system: &impl ComplementaritySystem,
+        system: &ComplementaritySystem,
         scheme: &Scheme,
         step: Step,
         rule: Rule,
@@ -222,7 +222,7 @@ impl Nodes {
     ) -> bool {
         let mut residual = self.assemble(system, scheme, step, rule);
         let mut start = self.unknowns.clone();
-        let algebraic = system.algebraic_states().iter();
+        let algebraic = system.algebraic_states.iter();
         let largest = algebraic.map(|&i| step.x[i].abs()).fold(0.0, f64::max);
         let (most, converged) = match rule {
             Rule::Least => (MAX_LEAST, CONVERGED),
@@ -273,11 +273,11 @@ impl Nodes {
     }
 
     /// Whether no member is negative.
-    fn is_complementary(&self, system: &impl ComplementaritySystem) -> bool {
+    fn is_complementary(&self, system: &ComplementaritySystem) -> bool {
         let per_node = self.per_node();
         self.unknowns.chunks_exact(per_node).all(|node| {
             let z = &node[self.n..];
-            let mut pairs = system.pairs().iter();
+            let mut pairs = system.pairs.iter();
             pairs.all(|pair| pair.left.value(z).min(pair.right.value(z)) >= SLACK)
         })
     }
@@ -285,13 +285,13 @@ impl Nodes {
     /// The negative residual and the Jacobian of all equations. Returns the norm of the residual.
     fn assemble(
         &mut self,
-        system: &impl ComplementaritySystem,
+        system: &ComplementaritySystem,
         scheme: &Scheme,
         Step { t, h, x: x0 }: Step,
         rule: Rule,
     ) -> f64 {
         let (s, n, a) = (scheme.s, self.n, &scheme.tableau.a);
-        let (full, per_node) = (system.full(), self.per_node());
+        let (full, per_node) = (&system.full, self.per_node());
         let (size, n_rows) = (s * per_node, full.equations.n_outputs());
         self.matrix.fill(0.0);
         for m in 0..s {
@@ -331,7 +331,7 @@ impl Nodes {
                 }
             }
             let z = &self.inputs[1 + n..=per_node];
-            for (k, pair) in system.pairs().iter().enumerate() {
+            for (k, pair) in system.pairs.iter().enumerate() {
                 let row = rows + n_rows + k;
                 let (a, b) = (pair.left.value(z), pair.right.value(z));
                 let [by_a, by_b, value] = match rule {

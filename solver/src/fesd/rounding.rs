@@ -5,7 +5,6 @@
 
 use super::element::Element;
 use super::scheme::Scheme;
-use super::system::ComplementaritySystem;
 use super::{Mode, Run, Simulator};
 use crate::simulate::series;
 use crate::tape::{Ball, Rounded};
@@ -142,7 +141,7 @@ impl Element {
     }
 }
 
-impl<S: ComplementaritySystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// Whether the polynomials of the element just solved miss some rates by their rounding, and the terms of these are
     /// larger than was known of them.
     pub(super) fn misses_by_rounding(&mut self, run: &Run) -> bool {

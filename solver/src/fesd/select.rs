@@ -3,7 +3,8 @@
 use super::adaptive::ROUNDING;
 use super::directional::{self, Choice, Found};
 use super::emit::Observer;
-use super::system::{ComplementaritySystem, Member, NEGLIGIBLE, Pair, Zero};
+use super::pointwise::Point;
+use super::system::{Member, NEGLIGIBLE, Pair, Zero};
 use super::watch::{BAND, Start, Verdict};
 use super::{Run, Simulator};
 use crate::simulate::{Candidate, Note, Side, Status};
@@ -32,7 +33,7 @@ fn sizes_of_rates(run: &Run, found: &Found, length: f64) -> Vec<f64> {
     states.map(size).collect()
 }
 
-impl<S: ComplementaritySystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// The only one of several modes in which the switches that are to be below their surfaces are.
     pub(super) fn preferred(&self, modes: &[usize]) -> Option<usize> {
         let below = &self.settings.below;
@@ -87,7 +88,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 side
             }
         };
-        run.zeros = self.system.pairs().iter().zip(&bands).map(zero).collect();
+        run.zeros = self.system.pairs.iter().zip(&bands).map(zero).collect();
         self.select_from(run, &bands, horizon)
     }
 
@@ -155,7 +156,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
     /// The sides of switches that lead, those on the other one that have come to their surface; none where none has.
     fn led(&self, run: &Run) -> Vec<(usize, Side)> {
         let mut led = self.led_sides(run);
-        let met = self.system.meets(run.t, &run.x, &led);
+        let met = self.system.meets(self.point(run), &led);
         if !met.contains(&true) {
             return Vec::new();
         }
@@ -168,8 +169,18 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
     /// Where the switches that lead stand.
     fn led_sides(&self, run: &Run) -> Vec<(usize, Side)> {
         let sides = &self.modes[run.mode].element.reduced.sides;
-        let leading = self.system.leading().iter();
-        leading.map(|&switch| (switch, sides[switch])).collect()
+        let leading = self.system.surfaces.leading.iter();
+        let leading = leading.map(|leading| leading.switch);
+        leading.map(|switch| (switch, sides[switch])).collect()
+    }
+
+    /// Where a run is.
+    pub(super) fn point<'p>(&'p self, run: &'p Run) -> Point<'p> {
+        Point {
+            t: run.t,
+            x: &run.x,
+            numbers: &self.numbers,
+        }
     }
 
     /// Finds the set where switching functions have jumped with data, or with switches on the sides `led`: λ is what
@@ -181,8 +192,8 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         length: f64,
     ) -> Result<(), Status> {
         let mut led = led;
-        for _ in 0..=self.system.leading().len() {
-            run.z = self.system.z_at(run.t, &run.x, &led);
+        for _ in 0..=self.system.surfaces.leading.len() {
+            run.z = self.system.z_at(self.point(run), &led);
             self.begin(run, length)?;
             let found = self.led_sides(run);
             if found == led {
@@ -190,8 +201,9 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             }
             led = found;
         }
+        let leading = self.system.surfaces.leading.iter();
         Err(Status::Restless {
-            switches: self.system.leading().to_vec(),
+            switches: leading.map(|leading| leading.switch).collect(),
         })
     }
 
@@ -200,7 +212,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         let point = (run.t, &run.x[..], &run.z[..]);
         // Where a force balances the rates, no choice has a rate that shows the size of their terms: what
         // moves a gap by no more than rounding within a step is none.
-        let gaps = self.system.pairs().iter().zip(bands);
+        let gaps = self.system.pairs.iter().zip(bands);
         let gaps = gaps.filter(|(pair, _)| !pair.is_bounded);
         let least = gaps.fold(0.0_f64, |size, (_, band)| size.max(band / BAND)) / length;
         let found = self
@@ -337,7 +349,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         let mode = &self.modes[place];
         let reduced = mode.element.reduced.clone();
         // s of what slips is no rate.
-        let slips = self.system.discs().iter().map(|disc| disc.slip);
+        let slips = self.system.discs.iter().map(|disc| disc.slip);
         let slips: Vec<usize> = slips.collect();
         let w = reduced.unknowns.iter().map(|i| match slips.contains(i) {
             true => run.z[*i],
@@ -377,7 +389,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         // A rate within the tie moves a member by as much, whatever is behind it.
         let is_tied = |member: usize| {
             let pair = watched[member].pair;
-            let (_, z) = self.system.pairs()[pair].split(choice.zeros[pair]);
+            let (_, z) = self.system.pairs[pair].split(choice.zeros[pair]);
             let tie = match self.system.is_continuous(z.variable) {
                 true => directional::TIE * choice.rate_scale * h,
                 false => directional::TIE,
@@ -440,7 +452,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
 
     /// The inputs of the equations at the present point, and their slopes.
     fn linearized(&self, run: &Run) -> (Vec<f64>, Vec<f64>) {
-        let full = self.system.full();
+        let full = &self.system.full;
         let mut inputs = vec![run.t];
         inputs.extend_from_slice(&run.x);
         inputs.extend_from_slice(&run.z);
@@ -458,8 +470,8 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
     fn measure_balance(&self, run: &mut Run) {
         let (n, full, algebraic) = (
             run.x.len(),
-            self.system.full(),
-            self.system.algebraic_states(),
+            &self.system.full,
+            &self.system.algebraic_states,
         );
         if algebraic.is_empty() {
             return;
@@ -495,7 +507,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
     /// Values of the continuous member of each pair below which it is zero: what rounding leaves of
     /// its terms, or of itself where these are zero.
     pub(super) fn bands(&mut self, run: &Run) -> Vec<f64> {
-        let (n, full) = (run.x.len(), self.system.full());
+        let (n, full) = (run.x.len(), &self.system.full);
         let (_, slopes) = self.linearized(run);
         let n_rows = full.equations.n_outputs() - n;
         let mut sizes = vec![0.0; n_rows];
@@ -522,14 +534,14 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             let size = |m: Member| of_variable[m.variable].max(m.value(&run.z).abs());
             BAND * continuous.map(size).fold(0.0, f64::max)
         };
-        let mut bands: Vec<f64> = self.system.pairs().iter().map(band).collect();
+        let mut bands: Vec<f64> = self.system.pairs.iter().map(band).collect();
         self.raise_bands(run, &mut bands);
         bands
     }
 
     /// What the member of a pair that is not zero is compared with: what jumps, like θ and α, is up to 1.
     fn size(&self, zeros: &[Zero], bands: &[f64], pair: usize) -> f64 {
-        let (_, member) = self.system.pairs()[pair].split(zeros[pair]);
+        let (_, member) = self.system.pairs[pair].split(zeros[pair]);
         match self.system.is_continuous(member.variable) {
             true => (self.size_of_stop(pair, bands)).unwrap_or(bands[pair] / BAND),
             false => 1.0,
@@ -551,7 +563,9 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
     }
 
     pub(super) fn switches_of_pairs(&self, pairs: &[usize]) -> Vec<usize> {
-        let switches = pairs.iter().flat_map(|&pair| self.system.switches_of(pair));
+        let switches = pairs
+            .iter()
+            .flat_map(|&pair| &self.system.switches_of[pair]);
         let mut switches: Vec<usize> = switches.copied().collect();
         switches.sort_unstable();
         switches.dedup();

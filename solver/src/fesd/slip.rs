@@ -7,7 +7,7 @@
 //! rests, or the direction that w sets off in. Then w has a small length in that direction.
 
 use super::directional::Choice;
-use super::system::{ComplementaritySystem, Disc, Reduced, Zero};
+use super::system::{Disc, Reduced, Zero};
 use super::watch::BAND;
 use super::{Run, Simulator};
 
@@ -42,10 +42,10 @@ pub(super) struct Slips {
     pub step: f64,
 }
 
-impl<S: ComplementaritySystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// Raises what counts as no slip.
     pub(super) fn raise_bands(&self, run: &Run, bands: &mut [f64]) {
-        for (k, disc) in self.system.discs().iter().enumerate() {
+        for (k, disc) in self.system.discs.iter().enumerate() {
             let size = bands[disc.pair] / BAND;
             let known = run.slips.stops.get(k).copied().unwrap_or(0.0);
             let at_once = AT_ONCE * disc.friction * run.slips.step;
@@ -56,20 +56,20 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
 
     /// Whether a slip velocity is at rest, of the pairs that meet.
     pub(super) fn rests_or_sets_off(&self, open: &[usize]) -> bool {
-        let mut discs = self.system.discs().iter();
+        let mut discs = self.system.discs.iter();
         discs.any(|disc| open.contains(&disc.pair))
     }
 
     /// What a watched slip velocity is where it stops, over the band of members.
     pub(super) fn size_of_stop(&self, pair: usize, bands: &[f64]) -> Option<f64> {
-        let discs = self.system.discs();
+        let discs = &self.system.discs;
         discs.iter().find(|disc| disc.pair == pair)?;
         Some(0.5 * bands[pair] / BAND)
     }
 
     /// Sets slip velocities that are next to none to zero; the others slip.
     pub(super) fn rest(&self, run: &mut Run, bands: &[f64]) {
-        for disc in self.system.discs() {
+        for disc in &self.system.discs {
             if run.z[disc.slip] > bands[disc.pair] {
                 run.zeros[disc.pair] = Zero::Right;
                 continue;
@@ -95,7 +95,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
         bands: &[f64],
     ) -> (Vec<f64>, Vec<Departure>) {
         let (mut x, mut departures) = (run.x.clone(), Vec::new());
-        for disc in self.system.discs() {
+        for disc in &self.system.discs {
             let leaves = choice.zeros[disc.pair] == Zero::Right
                 && run.z[disc.slip] <= bands[disc.pair]
                 && reduced.unknowns.contains(&disc.slip);
@@ -121,7 +121,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
 
     /// Takes note of what sets off.
     pub(super) fn keep_departures(&self, run: &mut Run, departures: Vec<Departure>) {
-        let discs = self.system.discs();
+        let discs = &self.system.discs;
         run.slips.stops.resize(discs.len(), 0.0);
         for departure in &departures {
             run.z[departure.slip] = departure.speed;
@@ -137,7 +137,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
 
     /// Moves x as little as possible so that w has this value.
     fn set_slip(&self, t: f64, x: &mut [f64], z: &[f64], disc: &Disc, target: [f64; 2]) {
-        let (n, full) = (x.len(), self.system.full());
+        let (n, full) = (x.len(), &self.system.full);
         let mut inputs = vec![t];
         inputs.extend_from_slice(x);
         inputs.extend_from_slice(z);

@@ -19,14 +19,14 @@ impl Directional {
     /// u where the open pairs are complementary and the others have the given members zero.
     pub(super) fn smooth(
         &mut self,
-        system: &impl ComplementaritySystem,
+        system: &ComplementaritySystem,
         zeros: &[Zero],
         open: &[usize],
         mut u: Vec<f64>,
     ) -> Option<Vec<f64>> {
         // Rates are measured by the largest one at the start.
         self.linearize(system, &u);
-        let n_equations = system.full().directional.n_outputs();
+        let n_equations = system.full.directional.n_outputs();
         let size = self.rhs[..n_equations]
             .iter()
             .fold(0.0_f64, |s, r| s.max(r.abs()));
@@ -65,7 +65,7 @@ impl Directional {
     /// Residual and Jacobian at u. Returns the norm of the residual.
     fn assemble(
         &mut self,
-        system: &impl ComplementaritySystem,
+        system: &ComplementaritySystem,
         zeros: &[Zero],
         open: &[usize],
         u: &[f64],
@@ -73,9 +73,9 @@ impl Directional {
         sigma: f64,
     ) -> f64 {
         self.linearize(system, u);
-        let n_equations = system.full().directional.n_outputs();
+        let n_equations = system.full.directional.n_outputs();
         for (row, &zero) in zeros.iter().enumerate() {
-            let pair = &system.pairs()[row];
+            let pair = &system.pairs[row];
             let (left, right) = self.members(system, row, u);
             let at = n_equations + row;
             if !open.contains(&row) {

@@ -6,7 +6,9 @@
 
 use std::ops::ControlFlow;
 
+use super::library::Library;
 use super::nodes::{Nodes, Step};
+use super::pointwise::Point;
 use super::scheme::Scheme;
 use super::system::ComplementaritySystem;
 use super::uniform::Uniform;
@@ -46,10 +48,11 @@ fn switching<'x>(time: f64, x: &'x [f64], from: &'x [Side], to: &'x [Side]) -> E
 const END: f64 = 1e-9;
 
 /// Runs a system step by step.
-pub struct Stepper<'s, S> {
-    system: &'s S,
+pub struct Stepper<'s> {
+    system: &'s ComplementaritySystem,
     settings: SteppingSettings,
     uniform: Uniform,
+    library: Library,
     nodes: Nodes,
     series: ElementSeries,
     alpha: Vec<f64>,
@@ -57,17 +60,21 @@ pub struct Stepper<'s, S> {
     forces: Vec<usize>,
 }
 
-impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
+impl<'s> Stepper<'s> {
     /// Memory for a system.
-    pub fn new(system: &'s S, settings: SteppingSettings) -> Result<Self, TableauError> {
+    pub fn new(
+        system: &'s ComplementaritySystem,
+        settings: SteppingSettings,
+    ) -> Result<Self, TableauError> {
         let tableau = Tableau::new(settings.family, settings.nodes)?;
         let s = tableau.n_nodes();
-        let pairs = system.pairs().iter().enumerate();
+        let pairs = system.pairs.iter().enumerate();
         let forces = pairs.filter(|(_, pair)| !pair.is_bounded);
-        let forces = forces.flat_map(|(at, _)| system.switches_of(at));
+        let forces = forces.flat_map(|(at, _)| &system.switches_of[at]);
         Ok(Stepper {
             nodes: Nodes::new(system, s),
             series: ElementSeries::default(),
+            library: Library::default(),
             alpha: vec![0.0; system.n_switches()],
             forces: forces.copied().collect(),
             uniform: Uniform::new(Scheme::new(tableau), system),
@@ -81,6 +88,17 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
         self.tableau().order
     }
 
+    /// The same, which knows what another one has made of the functions of the system.
+    pub fn knowing(mut self, library: Library) -> Self {
+        self.library = library;
+        self
+    }
+
+    /// What it has made of them.
+    pub fn library(&self) -> &Library {
+        &self.library
+    }
+
     /// Integrates from `x0` at `t0` to `t1`.
     pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut impl Observer) -> Outcome {
         let (n, steps) = (x0.len(), self.settings.steps);
@@ -88,12 +106,14 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
         let mut end = x.clone();
         let mut until = self.load_numbers(t0);
         self.uniform.begin(x0);
-        self.nodes.begin(self.system, t0, x0, self.system.start());
+        self.nodes.begin(self.system, t0, x0, &self.system.start);
         let mut ends = 0;
         let mut sides: Option<Box<[Side]>> = None;
         let (mut stats, mut t) = (Stats::default(), t0);
         let status = loop {
-            if let Some(switch) = self.system.below(t, &x).filter(|_| ends == 0) {
+            if ends == 0
+                && let Some(switch) = self.below(t, &x)
+            {
                 break Status::Penetrates { switch };
             }
             if ends == steps {
@@ -180,6 +200,12 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
         }
     }
 
+    /// The switch of a gap that is negative.
+    fn below(&mut self, t: f64, x: &[f64]) -> Option<usize> {
+        let numbers = self.nodes.numbers();
+        self.system.below(Point { t, x, numbers })
+    }
+
     fn tableau(&self) -> &Tableau {
         &self.uniform.scheme.tableau
     }
@@ -200,7 +226,8 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
         let (scheme, limit) = (&self.uniform.scheme, &self.settings.limit);
         let solved = nodes.solve(self.system, scheme, Step { t, h, x }, limit, stats);
         let last = scheme.s - 1;
-        self.uniform.enter(self.system, nodes.z(last));
+        let z = nodes.z(last);
+        self.uniform.enter(self.system, &mut self.library, z);
         solved
     }
 
@@ -217,7 +244,7 @@ impl<'s, S: ComplementaritySystem> Stepper<'s, S> {
     /// Where the switches stand at the last node.
     fn sides(&mut self, t: f64, x: &[f64]) -> Box<[Side]> {
         let last = self.tableau().n_nodes() - 1;
-        let alphas = &self.system.full().alphas;
+        let alphas = &self.system.full.alphas;
         let values = self.nodes.eval_at(alphas, (t, x), last);
         for (alpha, value) in self.alpha.iter_mut().zip(values) {
             *alpha = value;

@@ -1,4 +1,4 @@
-//! A complementarity system, one active set at a time.
+//! A complementarity system as plain data, and its functions in one active set.
 //!
 //! x' = f(t, x, z),   0 = g(t, x, z),   0 ≤ a ⟂ b ≥ 0
 //!
@@ -11,72 +11,92 @@
 
 use std::sync::Arc;
 
-use crate::simulate::{Partials, Side};
+use serde::{Deserialize, Serialize};
+
+use super::pointwise::Surfaces;
+use crate::simulate::{Partials, Piecewise, Side, write_pieces};
 use crate::tape::Tape;
 
-/// A complementarity system whose functions are compiled when they are needed.
-pub trait ComplementaritySystem {
-    /// Length of x.
-    fn n_states(&self) -> usize;
-    /// The entries of x that equations determine at each instant; their rates are among z.
-    fn algebraic_states(&self) -> &[usize] {
-        &[]
-    }
-    /// Length of ψ and α of the switches that the pairs state.
-    fn n_switches(&self) -> usize;
-    /// The pairs.
-    fn pairs(&self) -> &[Pair];
-    /// Slip velocities with two entries.
-    fn discs(&self) -> &[Disc] {
-        &[]
-    }
-    /// The switches that a pair is about.
-    fn switches_of(&self, pair: usize) -> &[usize];
+/// A complementarity system. All of it is known before a run: what an active set needs of its functions is made of them
+/// when a run meets it, and nothing is asked for elsewhere.
+///
+/// It can be written and read, the same bit for bit in formats that keep numbers; what is read is checked.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(remote = "Self")]
+pub struct ComplementaritySystem {
     /// All functions, with every z an input.
-    fn full(&self) -> &Full;
-    /// The functions while these members are zero; none where that contradicts the equations, or
-    /// leaves a z undetermined whatever x is.
-    fn reduced(&self, zeros: &[Zero]) -> Option<Arc<Reduced>>;
-    /// The functions while these members are zero, along a branch by one of its unknowns z_i: σ = z_i, or -z_i where it
-    /// does not rise, stands for t, t and the time that is left follow x, and dt/dσ is the first of w. The last
-    /// two watched members are dt/dσ and the time that is left. None where z_i is not determined alone.
-    fn branch(&self, _zeros: &[Zero], _i: usize, _rises: bool) -> Option<Arc<Reduced>> {
-        None
-    }
+    pub full: Full,
     /// z where t = 0, with every side's share where that is on a surface.
-    fn start(&self) -> &[f64];
+    pub start: Vec<f64>,
+    /// Whether a z is continuous along solutions.
+    pub continuous: Vec<bool>,
+    /// The entries of x that equations determine at each instant; their rates are among z.
+    pub algebraic_states: Vec<usize>,
+    /// The pairs.
+    pub pairs: Vec<Pair>,
+    /// The switches that a pair is about.
+    pub switches_of: Vec<Vec<usize>>,
+    /// Slip velocities with two entries.
+    pub discs: Vec<Disc>,
+    /// The switches that the pairs state.
+    pub switches: Vec<Switch>,
+    /// ψ of all switches, and z by them.
+    pub surfaces: Surfaces,
+    /// (i, j) for which the rate of ψ_i is a multiple of ψ_j, whatever z is: sliding on ψ_j = 0 keeps ψ_i.
+    pub followers: Vec<(usize, usize)>,
+    /// Functions of time that are made of pieces. For each in turn, where the present piece begins and its coefficients
+    /// are the numbers.
+    pub data: Vec<Arc<Piecewise>>,
+    /// Instants that no element passes over whose length is free, since functions of time are narrow there, in order.
+    pub stops: Vec<f64>,
+}
+
+/// What is known of a switch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Switch {
+    /// Whether rates contain its α in another way than affine.
+    pub is_nonlinear: bool,
+    /// The pair whose member it states, and which; none where it is a member of no complementarity.
+    pub member: Option<(usize, Zero)>,
+}
+
+impl ComplementaritySystem {
+    /// Length of x.
+    pub fn n_states(&self) -> usize {
+        self.full.rates.n_outputs()
+    }
+
+    /// Length of z.
+    pub fn n_algebraics(&self) -> usize {
+        self.start.len()
+    }
+
+    /// Length of ψ and α of the switches that the pairs state.
+    pub fn n_switches(&self) -> usize {
+        self.switches.len()
+    }
+
     /// How many numbers change at breakpoints.
-    fn n_numbers(&self) -> usize {
-        0
+    pub fn n_numbers(&self) -> usize {
+        let of_each = self.data.iter().map(|data| 1 + data.n_coefficients());
+        of_each.sum()
     }
+
     /// Writes the numbers that hold from `t` on; the next breakpoint, infinity where there is none.
-    fn numbers(&self, _t: f64, _numbers: &mut [f64]) -> f64 {
-        f64::INFINITY
+    pub(super) fn numbers(&self, t: f64, numbers: &mut [f64]) -> f64 {
+        write_pieces(&self.data, t, numbers)
     }
-    /// The next instant behind `t` that no element passes over whose length is free, since functions of
-    /// time are narrow there; infinity where there is none.
-    fn stop(&self, _t: f64) -> f64 {
-        f64::INFINITY
+
+    /// The next instant behind `t` that no element passes over whose length is free; infinity where there is none.
+    pub(super) fn stop(&self, t: f64) -> f64 {
+        let next = self.stops.partition_point(|stop| *stop <= t);
+        self.stops.get(next).copied().unwrap_or(f64::INFINITY)
     }
-    /// Switches of time, in order, with which other switching functions jump.
-    fn leading(&self) -> &[usize] {
-        &[]
-    }
-    /// Which of them have come to their surface at a point, where all are on these sides.
-    fn meets(&self, _t: f64, _x: &[f64], _led: &[(usize, Side)]) -> Vec<bool> {
-        Vec::new()
-    }
-    /// z at a point where switching functions may have jumped, with every side's share where it is on a surface;
-    /// of switches that lead some are on sides that are given.
-    fn z_at(&self, _t: f64, _x: &[f64], _led: &[(usize, Side)]) -> Vec<f64> {
-        self.start().to_vec()
-    }
-    /// The switch of a gap that is negative at a point by more than rounding, where no solution is.
-    fn below(&self, _t: f64, _x: &[f64]) -> Option<usize> {
-        None
-    }
+
     /// Whether a variable is continuous along solutions.
-    fn is_continuous(&self, algebraic: usize) -> bool;
+    pub(super) fn is_continuous(&self, algebraic: usize) -> bool {
+        self.continuous[algebraic]
+    }
 }
 
 /// An algebraic state that is smaller than this share of the largest one may be zero: the multiplier of a
@@ -95,7 +115,7 @@ pub(super) fn measure(sizes: &mut [f64], x: &[f64], algebraic: &[usize]) {
 }
 
 /// Which member of a pair is zero while an active set lasts.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, Serialize, Deserialize)]
 pub enum Zero {
     /// a = 0, b ≥ 0.
     Left,
@@ -114,7 +134,7 @@ impl Zero {
 }
 
 /// A member of a pair: z_i, or 1 - z_i.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Member {
     /// i.
     pub variable: usize,
@@ -139,7 +159,7 @@ impl Member {
 }
 
 /// 0 ≤ a ⟂ b ≥ 0.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Pair {
     /// a.
     pub left: Member,
@@ -164,7 +184,7 @@ impl Pair {
 /// A slip velocity w with two entries: 0 = w_k - s u_k, 0 = 1 - |u|² - r and 0 ≤ s ⟂ r ≥ 0 for u = 2α - 1.
 ///
 /// In the directional form u stays w/|w| where s is not zero, and s' is the rate of |w|.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Disc {
     /// The pair, s on its left.
     pub pair: usize,
@@ -174,12 +194,32 @@ pub struct Disc {
     pub alphas: [usize; 2],
     /// That of s.
     pub slip: usize,
+    /// That of r.
+    pub stick: usize,
+    /// The equation of r.
+    pub inside: usize,
+    /// Both switches.
+    pub switches: [usize; 2],
     /// How fast friction moves w at most, about.
     pub friction: f64,
 }
 
+impl Disc {
+    /// The places of its variables in z.
+    pub(super) fn own(&self) -> [usize; 4] {
+        let [first, second] = self.alphas;
+        [first, second, self.slip, self.stick]
+    }
+
+    /// All of its equations.
+    pub(super) fn all_rows(&self) -> [usize; 3] {
+        let [first, second] = self.rows;
+        [first, second, self.inside]
+    }
+}
+
 /// Functions of (t, x, z), and of the numbers that change at breakpoints.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Full {
     /// To (f, g).
     pub equations: Tape,

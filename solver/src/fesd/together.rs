@@ -5,7 +5,6 @@
 //! parallel, and with another field, if that is large between surfaces close together.
 
 use super::directional::Choice;
-use super::system::ComplementaritySystem;
 use super::watch::BAND;
 use super::{Grid, Run, Simulator};
 use crate::simulate::Note;
@@ -19,11 +18,11 @@ const MATTERS: f64 = 1e-8;
 /// Of more pairs it is not asked which was first.
 const MOST: usize = 8;
 
-impl<S: ComplementaritySystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// Takes note of members that are zero at once where it matters which vanishes first.
     pub(super) fn note_together(&mut self, run: &mut Run, bands: &[f64], length: f64) {
         let system = self.system;
-        let pairs = system.pairs();
+        let pairs = &system.pairs;
         // What was positive with the present set, and is zero now.
         let met = |&at: &usize| {
             let (_, member) = pairs[at].split(run.zeros[at]);
@@ -57,7 +56,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
             let lasts = (value / approach.max(still)).min(run.t1 - run.t);
             let mut rates = between.rates.iter().zip(&all.rates).zip(&run.scale);
             if rates.any(|((a, b), scale)| (a - b).abs() * lasts > tolerance * scale) {
-                let mut switches = system.switches_of(at).to_vec();
+                let mut switches = system.switches_of[at].to_vec();
                 for other in self.switches_of_pairs(&met) {
                     if !switches.contains(&other) {
                         switches.push(other);

@@ -8,6 +8,7 @@ use rustc_hash::FxHashMap;
 use wide::f64x4;
 
 use super::element::Element;
+use super::library::Library;
 use super::scheme::{Scheme, WIDTH};
 use super::system::{ComplementaritySystem, Zero, measure};
 use crate::simulate::Stats;
@@ -34,7 +35,7 @@ pub(super) struct Uniform {
 
 impl Uniform {
     /// No set yet.
-    pub fn new(scheme: Scheme, system: &impl ComplementaritySystem) -> Self {
+    pub fn new(scheme: Scheme, system: &ComplementaritySystem) -> Self {
         Uniform {
             scheme,
             known: FxHashMap::default(),
@@ -44,7 +45,7 @@ impl Uniform {
             zeros: Vec::new(),
             numbers: vec![0.0; system.n_numbers()],
             scale: vec![0.0; system.n_states()],
-            algebraic: system.algebraic_states().to_vec(),
+            algebraic: system.algebraic_states.to_vec(),
             registers: Vec::new(),
         }
     }
@@ -65,19 +66,19 @@ impl Uniform {
     }
 
     /// Takes the set that z is in, where it has equations that are those of the whole system.
-    pub fn enter(&mut self, system: &impl ComplementaritySystem, z: &[f64]) {
+    pub fn enter(&mut self, system: &ComplementaritySystem, library: &mut Library, z: &[f64]) {
         self.zeros.clear();
         let zero = |pair: &super::Pair| match pair.left.value(z) <= pair.right.value(z) {
             true => Zero::Left,
             false => Zero::Right,
         };
-        self.zeros.extend(system.pairs().iter().map(zero));
+        self.zeros.extend(system.pairs.iter().map(zero));
         self.repeats = false;
         if let Some(&known) = self.known.get(&self.zeros) {
             self.present = known;
             return;
         }
-        let reduced = system.reduced(&self.zeros);
+        let reduced = library.reduced(system, &self.zeros);
         self.present = reduced.filter(|reduced| reduced.is_direct).map(|reduced| {
             let (n, n_numbers) = (system.n_states(), self.numbers.len());
             let mut element = Element::new(&self.scheme, n, n_numbers, reduced);

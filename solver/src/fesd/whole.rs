@@ -9,7 +9,7 @@
 
 use super::directional::Choice;
 use super::nodes::{Nodes, Step};
-use super::system::{ComplementaritySystem, Zero};
+use super::system::Zero;
 use super::watch::BAND;
 use super::{Run, Simulator};
 
@@ -20,7 +20,7 @@ const SHRINK: f64 = 0.1;
 /// A pair whose members are both below this at a node is not told apart there.
 const TIED: f64 = 1e-9;
 
-impl<S: ComplementaritySystem> Simulator<'_, S> {
+impl Simulator<'_> {
     /// The set of the first nodes of an element about as long as `length`, where it is consistent.
     pub(super) fn whole(&mut self, run: &mut Run, bands: &[f64], length: f64) -> Option<Choice> {
         let (system, s) = (self.system, self.scheme.s);
@@ -79,7 +79,7 @@ impl<S: ComplementaritySystem> Simulator<'_, S> {
                 false => Zero::Right,
             })
         };
-        let pairs = system.pairs().iter().zip(&run.zeros);
+        let pairs = system.pairs.iter().zip(&run.zeros);
         let zeros: Vec<Zero> = pairs
             .map(|(pair, old)| zero(pair).unwrap_or(*old))
             .collect();

@@ -61,7 +61,7 @@ impl Piecewise {
     }
 
     /// Whether it is what [`Piecewise::new`] makes.
-    pub(super) fn is_sound(&self) -> bool {
+    pub(crate) fn is_sound(&self) -> bool {
         let is_ordered = self.starts.is_sorted_by(|a, b| a < b);
         let n = self.starts.len();
         n > 0 && is_ordered && self.coefficients.len().is_multiple_of(n)

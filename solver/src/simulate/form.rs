@@ -64,7 +64,7 @@ pub struct Rates {
 }
 
 /// Partial derivatives that are not structurally zero, as one tape.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Partials {
     /// One output per entry.
     pub tape: Tape,

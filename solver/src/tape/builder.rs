@@ -12,6 +12,12 @@ use super::{Instruction, Op, Slot, Tape, UNUSED};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Value(Slot);
 
+impl Value {
+    pub(super) fn number(self) -> Slot {
+        self.0
+    }
+}
+
 type Key = (std::mem::Discriminant<Op>, [Slot; 2], u64);
 
 /// Collects operations; every method gives the value of its result.
@@ -191,6 +197,12 @@ impl TapeBuilder {
 
     /// The tape with these outputs.
     pub fn finish(self, outputs: &[Value]) -> Tape {
+        let inputs: Vec<usize> = (0..self.n_inputs).collect();
+        self.part(outputs, &inputs)
+    }
+
+    /// The same of some of the inputs, in this order, which are all that the outputs need.
+    pub(super) fn part(&self, outputs: &[Value], inputs: &[usize]) -> Tape {
         // Mark what the outputs need, going backwards.
         let mut needed = vec![false; self.n_values];
         outputs
@@ -205,12 +217,20 @@ impl TapeBuilder {
             }
         }
 
-        // Number the values that stay.
-        let mut number: Vec<Slot> = (0..slot(self.n_values)).collect();
-        let mut n_values = slot(self.n_inputs);
+        // Number the inputs, and the values that stay.
+        let mut number = vec![UNUSED; self.n_values];
+        for (place, &input) in inputs.iter().enumerate() {
+            number[input] = slot(place);
+        }
+        let is_there = |input: usize| !needed[input] || number[input] != UNUSED;
+        debug_assert!(
+            (0..self.n_inputs).all(is_there),
+            "what is needed is an input"
+        );
+        let mut n_values = slot(inputs.len());
         let mut values = Vec::new();
         let mut wanted = Vec::new();
-        for instruction in self.instructions {
+        for instruction in &self.instructions {
             if !instruction.results().any(|value| needed[value as usize]) {
                 continue;
             }
@@ -231,7 +251,18 @@ impl TapeBuilder {
             .iter()
             .map(|value| number[value.0 as usize])
             .collect();
-        allocate(self.n_inputs, values, outputs, &wanted)
+        allocate(inputs.len(), values, outputs, &wanted)
+    }
+
+    /// Where the instructions stand whose results begin with a value of at least this number.
+    pub(super) fn from(&self, number: Slot) -> usize {
+        self.instructions
+            .partition_point(|instruction| instruction.out < number)
+    }
+
+    /// All instructions, in order.
+    pub(super) fn instructions(&self) -> &[Instruction] {
+        &self.instructions
     }
 
     /// Which values depend on these inputs.

@@ -23,6 +23,7 @@ mod recurrence;
 mod rounded;
 mod specialize;
 mod steps;
+mod sums;
 mod tame;
 mod term;
 
@@ -42,6 +43,7 @@ pub use lanes::{Lane, LaneScratch};
 pub(crate) use rounded::Rounded;
 pub use specialize::Linear;
 pub(crate) use steps::{Step, advance_all, start_all};
+pub(crate) use sums::{Sum, Sums};
 pub(crate) use tame::Tame;
 pub(crate) use term::Term;
 
@@ -144,6 +146,17 @@ impl Tape {
     /// The number of registers that an evaluation needs.
     pub fn n_registers(&self) -> usize {
         self.n_registers
+    }
+
+    /// The number that an output is, if it is one.
+    pub(crate) fn number(&self, output: usize) -> Option<f64> {
+        let value = self.outputs[output];
+        let place = self.values.partition_point(|made| made.out < value);
+        let maker = self.values.get(place).filter(|made| made.out == value);
+        match maker?.op {
+            Op::Constant(number) => Some(number),
+            _ => None,
+        }
     }
 
     /// Memory for [`Tape::eval`].

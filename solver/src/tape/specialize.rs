@@ -64,7 +64,7 @@ impl Tape {
     }
 
     /// The outputs in another tape, with sums of its values in place of inputs.
-    fn collect(
+    pub(super) fn collect(
         &self,
         builder: &mut TapeBuilder,
         input: impl Fn(usize, &TapeBuilder) -> Linear<Value>,
@@ -72,22 +72,7 @@ impl Tape {
         let mut sums: Vec<_> = (0..self.n_inputs).map(|i| input(i, builder)).collect();
         sums.resize(self.n_values, Linear::number(0.0));
         for instruction in &self.values {
-            let made = match instruction.op.linear(|slot| Some(&sums[slot as usize])) {
-                Some(sum) => [sum, Linear::number(0.0)],
-                None => {
-                    let op = instruction.op;
-                    let operands: Vec<Slot> = op.operands().collect();
-                    let terms = operands
-                        .iter()
-                        .map(|&slot| sums[slot as usize].term(builder));
-                    let terms: Vec<Term> = terms.collect();
-                    let at = |slot: Slot| {
-                        let place = operands.iter().position(|&operand| operand == slot);
-                        terms[place.expect("an operation reads its operands")]
-                    };
-                    replay(op, at, builder).map(Linear::from)
-                }
-            };
+            let made = remake(instruction.op, |slot| &sums[slot as usize], builder);
             for (slot, sum) in [instruction.out, instruction.second].into_iter().zip(made) {
                 if slot != UNUSED {
                     sums[slot as usize] = sum;
@@ -110,6 +95,26 @@ impl Tape {
     }
 }
 
+/// The results of an operation on sums of values.
+pub(super) fn remake<'s>(
+    op: Op,
+    sum: impl Fn(Slot) -> &'s Linear<Value>,
+    builder: &mut TapeBuilder,
+) -> [Linear<Value>; 2] {
+    if let Some(result) = op.linear(|slot| Some(sum(slot))) {
+        return [result, Linear::number(0.0)];
+    }
+    let operands: Vec<Slot> = op.operands().collect();
+    let terms: Vec<Term> = (operands.iter())
+        .map(|&slot| sum(slot).term(builder))
+        .collect();
+    let at = |slot: Slot| {
+        let place = operands.iter().position(|&operand| operand == slot);
+        terms[place.expect("an operation reads its operands")]
+    };
+    replay(op, at, builder).map(Linear::from)
+}
+
 fn finish(mut builder: TapeBuilder, outputs: &[Linear<Value>]) -> Tape {
     let outputs = outputs.iter();
     let placed: Vec<Value> = outputs
@@ -119,14 +124,14 @@ fn finish(mut builder: TapeBuilder, outputs: &[Linear<Value>]) -> Tape {
 }
 
 impl<K: Copy + Ord> Linear<K> {
-    fn number(constant: f64) -> Self {
+    pub(crate) fn number(constant: f64) -> Self {
         Linear {
             terms: Vec::new(),
             constant,
         }
     }
 
-    fn of(key: K) -> Self {
+    pub(crate) fn of(key: K) -> Self {
         Linear {
             terms: vec![(key, 1.0)],
             constant: 0.0,
@@ -134,10 +139,19 @@ impl<K: Copy + Ord> Linear<K> {
     }
 
     /// `self + c * other`.
-    fn plus(mut self, c: f64, other: &Self) -> Self {
+    pub(crate) fn plus(self, c: f64, other: &Self) -> Self {
+        self.plus_rounded(c, other, 0.0)
+    }
+
+    /// The same where a coefficient that is no more than this share of what it is made of is zero.
+    pub(super) fn plus_rounded(mut self, c: f64, other: &Self, rounding: f64) -> Self {
         for &(key, factor) in &other.terms {
             match self.terms.binary_search_by_key(&key, |term| term.0) {
-                Ok(at) => self.terms[at].1 += c * factor,
+                Ok(at) => {
+                    let sum = self.terms[at].1 + c * factor;
+                    let is_there = sum.abs() > rounding * (c * factor).abs();
+                    self.terms[at].1 = if is_there { sum } else { 0.0 };
+                }
                 Err(at) => self.terms.insert(at, (key, c * factor)),
             }
         }
@@ -146,18 +160,18 @@ impl<K: Copy + Ord> Linear<K> {
         self
     }
 
-    fn times(&self, c: f64) -> Self {
+    pub(crate) fn times(&self, c: f64) -> Self {
         Linear::number(0.0).plus(c, self)
     }
 
-    fn as_number(&self) -> Option<f64> {
+    pub(crate) fn as_number(&self) -> Option<f64> {
         self.terms.is_empty().then_some(self.constant)
     }
 }
 
 impl Linear<Value> {
     /// It as one term, computed where it is a sum.
-    fn term(&self, b: &mut TapeBuilder) -> Term {
+    pub(super) fn term(&self, b: &mut TapeBuilder) -> Term {
         match self.terms[..] {
             [] => Term::Number(self.constant),
             [(value, factor)] if self.constant == 0.0 => Term::Multiple(factor, value),

@@ -97,6 +97,7 @@ impl Term {
         match (self, other) {
             (term, Number(x)) => term.times(1.0 / x),
             (Number(x), term) => term.recip(b).times(x),
+            (Multiple(c, v), Multiple(d, w)) if v == w => Number(c / d),
             (Multiple(c, v), Multiple(d, w)) => Multiple(c / d, b.div(v, w)),
         }
     }

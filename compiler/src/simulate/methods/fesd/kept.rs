@@ -3,10 +3,7 @@
 //! Where the rate of ψ_i is a multiple of ψ_j whatever z is, as that of a frozen gap is one of the speed of its contact,
 //! sliding on ψ_j = 0 keeps ψ_i.
 
-use nsd_solver::fesd::{Kept, Watched};
-use nsd_solver::simulate::Side;
-
-use super::complementarity::Complementarity;
+use super::complementarity::Lowering;
 use crate::expr::{Evaluator, Expr, Var, variables_of};
 
 /// Points of ψ_j = 0 where the rate is looked at.
@@ -18,16 +15,16 @@ const ITERATIONS: usize = 30;
 /// A rate this much smaller than off the surface is rounding.
 const ROUNDING: f64 = 1e-9;
 
-impl<'e> Complementarity<'e> {
+impl<'e> Lowering<'e> {
     /// All (i, j) for which the rate of ψ_i is a multiple of ψ_j.
-    pub(super) fn followers(&self) -> Vec<(usize, usize)> {
+    pub(super) fn followers(&self, surfaces: &[Expr<'e>]) -> Vec<(usize, usize)> {
         let is_input = |var: &Var| *var == self.time || self.states.contains(var);
         let plain = |psi: &Expr<'e>| variables_of(&[*psi]).iter().all(is_input);
-        let surfaces = || self.surfaces.iter().enumerate();
+        let surfaces = || surfaces.iter().enumerate();
         let surfaces = || surfaces().filter(|(_, psi)| plain(psi));
         let mut found = Vec::new();
         for (i, &psi) in surfaces() {
-            let rate = self.along(psi, &variables_of(&[psi]), &self.rates);
+            let rate = self.along(psi, &variables_of(&[psi]));
             let below = variables_of(&[rate]);
             for (j, &other) in surfaces() {
                 let vars = variables_of(&[other]);
@@ -38,34 +35,6 @@ impl<'e> Complementarity<'e> {
             }
         }
         found
-    }
-
-    /// The followers of what slides.
-    pub(super) fn kept_on(&self, sides: &[Side]) -> Vec<(usize, usize)> {
-        let slides = |k: usize| sides[k] == Side::Slide;
-        let followers = self.followers.iter().copied();
-        followers
-            .filter(|&(i, j)| slides(j) && !slides(i))
-            .collect()
-    }
-
-    /// Whether a member stays what it was at the start.
-    pub(super) fn is_kept(&self, watched: &Watched, kept: &[(usize, usize)]) -> bool {
-        let is_of = |i: usize| self.switches_of[watched.pair] == [i];
-        kept.iter().any(|&(i, _)| is_of(i))
-    }
-
-    /// The followers and what they follow, compiled.
-    pub(super) fn compile_kept(&self, kept: &[(usize, usize)]) -> Option<Kept> {
-        let mut switches: Vec<usize> = kept.iter().flat_map(|&(i, j)| [i, j]).collect();
-        switches.sort_unstable();
-        switches.dedup();
-        let psi: Vec<Expr> = switches.iter().map(|&k| self.surfaces[k]).collect();
-        let inputs = self.inputs(&[]);
-        (!psi.is_empty()).then(|| Kept {
-            values: self.tape(&inputs, &psi),
-            slopes: self.partials(&inputs, &psi, &self.states),
-        })
     }
 }
 

@@ -3,28 +3,24 @@
 //! A second run, on a grid twice as fine or with a smaller tolerance, gives the estimate of the
 //! global error.
 
-mod active;
 mod blurred;
-mod branch;
 mod complementarity;
-mod discs;
 pub(super) mod impulses;
 mod kept;
-mod reduce;
 pub(super) mod stepping;
 mod turns;
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use nsd_solver::fesd::{self, Grid, Rungs, Simulator};
+use nsd_solver::fesd::{self, ComplementaritySystem, Grid, Library, Rungs, Simulator};
 use nsd_solver::simulate::{self as event, Event, HybridSystem, Observer, Segment};
 use nsd_solver::tableau::Family;
 
-pub use complementarity::Complementarity;
+pub use complementarity::complementarity;
 use turns::{Turned, Turns};
 
-use crate::dcs::{self, Formulation};
+use crate::dcs::{self, Dcs};
 use crate::hybrid::{self, Pulses};
 use crate::report::{Method, MethodOption, Multipliers, Series, Trajectory};
 use crate::simulate::driver::{Accuracy, Ended, Problem, REFINEMENT, Run};
@@ -84,9 +80,13 @@ impl fesd::Observer for Keeper<'_, '_, '_> {
 }
 
 /// A complementarity system that finite elements run.
-pub(super) struct ByElements<'e> {
-    complementarity: Complementarity<'e>,
-    formulation: Formulation,
+pub(super) struct ByElements {
+    complementarity: ComplementaritySystem,
+    /// What runs have made of its functions.
+    library: Library,
+    /// How it is stated, and the names of its algebraic variables.
+    lowering: &'static str,
+    algebraics: Vec<String>,
     /// Where switches are nonlinear: the same system event by event.
     guide: Option<Arc<HybridSystem>>,
     pulses: Pulses,
@@ -109,14 +109,17 @@ struct Left {
     turned: Turned,
 }
 
-impl<'e> ByElements<'e> {
+impl ByElements {
     /// Compiles a system.
-    pub fn new(system: &System<'e>, settings: &Settings<'e>) -> Self {
-        let (formulation, complementarity) = lower(system, settings);
+    pub fn new(system: &System, settings: &Settings) -> Self {
+        let (dcs, mut complementarity) = lower(system, settings);
         let pulses = Pulses::of(system, settings.horizon);
+        complementarity.stops = pulses.stops().to_vec();
         ByElements {
-            complementarity: complementarity.over(pulses.clone()),
-            formulation,
+            complementarity,
+            library: Library::default(),
+            lowering: dcs.formulation.word(),
+            algebraics: dcs.algebraics.iter().map(|z| z.var.to_string()).collect(),
             guide: system.first_nonlinear().map(|_| hybrid::lower(system)),
             pulses,
             left: Left::default(),
@@ -140,7 +143,7 @@ pub(super) fn options<'s>(settings: &'s Settings) -> &'s FesdOptions {
     }
 }
 
-impl<'e> Run<'e> for ByElements<'e> {
+impl<'e> Run<'e> for ByElements {
     fn march(
         &mut self,
         problem: &Problem<'_, 'e>,
@@ -157,14 +160,16 @@ impl<'e> Run<'e> for ByElements<'e> {
             grid: grid(options, accuracy),
             ..fesd::Settings::new(options.scheme.0, nodes)
         };
-        let mut simulator = simulator(&self.complementarity, self.guide.as_ref(), settings);
+        let simulator = simulator(&self.complementarity, self.guide.as_ref(), settings);
+        let mut simulator = simulator.knowing(std::mem::take(&mut self.library));
         let is_kept = problem.multipliers && !accuracy.is_finer;
         let mut keeper = Keeper {
             observer,
-            kept: is_kept.then(|| empty(&self.complementarity)),
+            kept: is_kept.then(|| empty(&self.algebraics)),
             turns: (problem.estimates && !accuracy.is_finer).then(|| Turns::new(problem.system)),
         };
         let solution = simulator.run(0.0, problem.settings.horizon, &problem.x0, &mut keeper);
+        self.library = simulator.library().clone();
         if accuracy.is_finer {
             self.allowed = simulator.allowed_defect();
         } else {
@@ -182,7 +187,7 @@ impl<'e> Run<'e> for ByElements<'e> {
     }
 
     fn describe(&self, problem: &Problem<'_, 'e>, _: &Ended) -> Method {
-        method(problem.settings, self.formulation.word(), &self.left)
+        method(problem.settings, self.lowering, &self.left)
     }
 
     fn estimator(&self, settings: &Settings<'e>) -> Estimator {
@@ -240,11 +245,11 @@ impl<'e> Run<'e> for ByElements<'e> {
 
 /// A simulator whose number of nodes has been checked. Where switches are nonlinear, complementarity does not say which
 /// of several sliding modes is taken: `guide` does.
-pub(super) fn simulator<'s, 'e>(
-    complementarity: &'s Complementarity<'e>,
+pub(super) fn simulator<'s>(
+    complementarity: &'s ComplementaritySystem,
     guide: Option<&'s Arc<HybridSystem>>,
     settings: fesd::Settings,
-) -> Simulator<'s, Complementarity<'e>> {
+) -> Simulator<'s> {
     let simulator = Simulator::new(complementarity, settings);
     let simulator = simulator.expect("the number of nodes has been checked");
     match guide {
@@ -256,22 +261,23 @@ pub(super) fn simulator<'s, 'e>(
     }
 }
 
-/// The complementarity system of an experiment, and how its switches are stated.
-fn lower<'e>(system: &System<'e>, settings: &Settings<'e>) -> (Formulation, Complementarity<'e>) {
+/// The complementarity system of an experiment, with names, and as data.
+fn lower<'e>(system: &System<'e>, settings: &Settings<'e>) -> (Dcs<'e>, ComplementaritySystem) {
     let dcs = dcs::lower(system, &settings.lowerings);
     let dcs = dcs.expect("compilation has checked that the system can be lowered");
-    (dcs.formulation, Complementarity::new(system, &dcs))
+    let complementarity = complementarity(system, &dcs);
+    (dcs, complementarity)
 }
 
 /// No values yet of any algebraic variable.
-fn empty(complementarity: &Complementarity) -> Multipliers {
-    let series = |name: String| Series {
-        name,
+fn empty(names: &[String]) -> Multipliers {
+    let series = |name: &String| Series {
+        name: name.clone(),
         ..Series::default()
     };
     Multipliers {
         time: Vec::new(),
-        values: complementarity.names().into_iter().map(series).collect(),
+        values: names.iter().map(series).collect(),
     }
 }
 

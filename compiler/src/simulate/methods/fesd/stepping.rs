@@ -1,10 +1,9 @@
 //! `method timestepping`: the complementarity system in steps of one length, without switch detection.
 
-use nsd_solver::fesd::{Stepper, SteppingSettings};
+use nsd_solver::fesd::{ComplementaritySystem, Library, Stepper, SteppingSettings};
 use nsd_solver::simulate::Observer;
 
-use super::{Complementarity, lower};
-use crate::dcs::Formulation;
+use super::lower;
 use crate::hybrid::Pulses;
 use crate::report::{Method, MethodOption, Trajectory};
 use crate::simulate::driver::{Accuracy, Ended, Problem, Run};
@@ -14,19 +13,23 @@ use crate::system::System;
 use crate::system::experiment::{self, MethodKind, Settings, SteppingOptions};
 
 /// A complementarity system that is stepped.
-pub(in crate::simulate) struct Stepping<'e> {
-    complementarity: Complementarity<'e>,
-    formulation: Formulation,
+pub(in crate::simulate) struct Stepping {
+    complementarity: ComplementaritySystem,
+    /// What runs have made of its functions.
+    library: Library,
+    /// How it is stated.
+    lowering: &'static str,
     pulses: Pulses,
 }
 
-impl<'e> Stepping<'e> {
+impl Stepping {
     /// Compiles a system.
-    pub fn new(system: &System<'e>, settings: &Settings<'e>) -> Self {
-        let (formulation, complementarity) = lower(&scheduled(system, settings.horizon), settings);
+    pub fn new(system: &System, settings: &Settings) -> Self {
+        let (dcs, complementarity) = lower(&scheduled(system, settings.horizon), settings);
         Stepping {
             complementarity,
-            formulation,
+            library: Library::default(),
+            lowering: dcs.formulation.word(),
             pulses: Pulses::of(system, settings.horizon),
         }
     }
@@ -46,7 +49,7 @@ pub(in crate::simulate) fn steps(settings: &Settings, accuracy: Accuracy) -> usi
     refinement * options(settings).steps
 }
 
-impl<'e> Run<'e> for Stepping<'e> {
+impl<'e> Run<'e> for Stepping {
     fn march(
         &mut self,
         problem: &Problem<'_, 'e>,
@@ -61,9 +64,12 @@ impl<'e> Run<'e> for Stepping<'e> {
             limit: problem.limit.clone(),
         };
         let stepper = Stepper::new(&self.complementarity, settings);
-        let mut stepper = stepper.expect("the number of nodes has been checked");
+        let stepper = stepper.expect("the number of nodes has been checked");
+        let mut stepper = stepper.knowing(std::mem::take(&mut self.library));
         let horizon = problem.settings.horizon;
-        Ended::by(stepper.run(0.0, horizon, &problem.x0, &mut observer))
+        let outcome = stepper.run(0.0, horizon, &problem.x0, &mut observer);
+        self.library = stepper.library().clone();
+        Ended::by(outcome)
     }
 
     fn describe(&self, problem: &Problem<'_, 'e>, _: &Ended) -> Method {
@@ -74,7 +80,7 @@ impl<'e> Run<'e> for Stepping<'e> {
             name: MethodKind::Timestepping.word().into(),
             options: vec![
                 ("scheme".into(), text(format!("{}({nodes})", family.word()))),
-                ("lowering".into(), text(self.formulation.word().into())),
+                ("lowering".into(), text(self.lowering.into())),
                 ("steps".into(), MethodOption::Number(options.steps as f64)),
             ],
         }

@@ -7,12 +7,12 @@ mod thaw;
 use std::sync::Arc;
 
 use law::impact;
-use nsd_solver::fesd::{self as elements, Grid};
+use nsd_solver::fesd::{self as elements, ComplementaritySystem, Grid, Library};
 use nsd_solver::simulate::{Coefficient, HybridSystem, Observer, Outcome, Simulator};
 use thaw::{End, Law, drive};
 
 use super::events::{finer, solver_settings};
-use super::fesd::{Complementarity, options};
+use super::fesd::{complementarity, options};
 use crate::dcs::{self, Formulation};
 use crate::hybrid;
 use crate::report::{Failure, Method, MethodOption, Trajectory};
@@ -28,15 +28,17 @@ use crate::system::freezing::{Frozen, freeze};
 const ROUNDING: f64 = 1e-9;
 
 /// How a frozen system is run.
-enum Road<'e> {
+enum Road {
     Events(Arc<HybridSystem>),
-    Elements(Box<Complementarity<'e>>, Formulation),
+    Elements(Box<ComplementaritySystem>, Formulation),
 }
 
 /// A system in numerical time.
 pub(super) struct InNumericalTime<'e> {
     frozen: Frozen<'e>,
-    road: Road<'e>,
+    road: Road,
+    /// What runs by elements have made of its functions.
+    library: Library,
     /// The system with jumps, which impacts are compared with where forces may make another one of them.
     jumping: Option<Arc<HybridSystem>>,
     /// Order of the method, and the least member of a pair of complementarity, of the first run.
@@ -53,6 +55,7 @@ impl<'e> InNumericalTime<'e> {
             road: Road::new(&frozen, settings),
             jumping: frozen.meeting.is_open.then(|| hybrid::lower(system)),
             frozen,
+            library: Library::default(),
             order: 0,
             least_member: 0.0,
         }
@@ -84,15 +87,19 @@ impl<'e> Run<'e> for InNumericalTime<'e> {
             }
             Road::Elements(complementarity, _) => {
                 let (mut least_member, mut order) = (0.0_f64, 0);
+                let mut library = std::mem::take(&mut self.library);
                 let found = drive(&self.frozen, horizon, observer, law, |end, x, thaw| {
                     let settings = self.elements(problem, accuracy, end / horizon);
-                    let simulator = elements::Simulator::new(&**complementarity, settings);
-                    let mut simulator = simulator.expect("the number of nodes has been checked");
+                    let simulator = elements::Simulator::new(complementarity, settings);
+                    let simulator = simulator.expect("the number of nodes has been checked");
+                    let mut simulator = simulator.knowing(std::mem::take(&mut library));
                     let solution = simulator.run(0.0, end, x, thaw);
+                    library = simulator.library().clone();
                     least_member = least_member.min(solution.least_member);
                     order = simulator.order();
                     solution.outcome
                 });
+                self.library = library;
                 if !accuracy.is_finer {
                     (self.order, self.least_member) = (order, least_member);
                 }
@@ -212,14 +219,14 @@ fn penetration(system: &System) -> Option<Failure> {
     })
 }
 
-impl<'e> Road<'e> {
-    fn new(frozen: &Frozen<'e>, settings: &Settings<'e>) -> Self {
+impl Road {
+    fn new(frozen: &Frozen, settings: &Settings) -> Self {
         if !settings.method.kind().needs_dcs() {
             return Road::Events(hybrid::lower(&frozen.system));
         }
         let dcs = dcs::lower(&frozen.system, &settings.lowerings);
         let dcs = dcs.expect("compilation has checked that the system can be lowered");
-        let complementarity = Complementarity::new(&frozen.system, &dcs);
+        let complementarity = complementarity(&frozen.system, &dcs);
         Road::Elements(Box::new(complementarity), dcs.formulation)
     }
 
