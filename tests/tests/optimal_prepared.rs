@@ -56,16 +56,22 @@ fn differ(one: &[Series], other: &[Series]) -> f64 {
     pairs.fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()))
 }
 
-/// Solves from one state after the other, each from the solution before, as if it were compiled for each.
+/// Solves from one state after the other, each from the solution before, without a new expression, as if the problem
+/// were compiled for each.
 #[track_caller]
 fn as_compiled(text: &str, states: &[&[f64]], [cost, controls]: [f64; 2]) -> Vec<Trajectory> {
     let exprs = Exprs::new();
     let (project, mut prepared) = prepared(&exprs, text);
     let names = prepared.states().to_vec();
     let mut last: Option<Solved> = None;
-    let mut all = Vec::new();
+    let (mut all, mut nodes) = (Vec::new(), None);
     for x0 in states {
         let solved = solve(&mut prepared, x0, last.as_ref());
+        assert_eq!(
+            *nodes.get_or_insert(exprs.n_nodes()),
+            exprs.n_nodes(),
+            "{x0:?}: it compiles"
+        );
         let (found, other) = (&solved.trajectory, fresh(&project, &names, x0));
         let apart = objective(found) - objective(&other);
         assert!(
@@ -102,7 +108,8 @@ fn sliding_modes_are_found_from_neighbouring_states() {
         &[2.0, 1.1, -0.1, 0.0],
         &[q1, q2, 0.0, 0.0],
     ];
-    let found = as_compiled(&sliding(), &states, [1e-7, 1e-4]);
+    // Elements of other branches lie otherwise, and their optima differ by errors of discretization.
+    let found = as_compiled(&sliding(), &states, [1e-5, 1e-2]);
     for one in &found {
         agrees(one, 1e-6);
     }

@@ -151,6 +151,12 @@ impl<'e> Prepared<'e> {
         &self.names
     }
 
+    /// Their values in the experiment.
+    pub fn initial(&self) -> Vec<f64> {
+        let values = self.given.iter().map(|&place| self.initial[place]);
+        values.collect()
+    }
+
     /// Solves the problem from an initial state, in the order of [`Prepared::states`]: from a solution, if there is one
     /// that leads to another, or else as the experiment does.
     ///
