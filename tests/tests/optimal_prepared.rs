@@ -209,7 +209,7 @@ fn the_horizon_stays_free() {
 fn another_state_compiles_nothing() {
     let exprs = Exprs::new();
     let (_, mut prepared) = prepared(&exprs, &sliding());
-    let start = [2.0944, 1.0472, 0.0, 0.0];
+    let start = prepared.initial();
     let mut last = solve(&mut prepared, &start, None);
     let (nodes, mut made) = (exprs.n_nodes(), Vec::new());
     for shift in [0.02, -0.02, 0.04] {

@@ -50,7 +50,7 @@ impl Problem<'_> {
                 });
             }
             Start::Point(point) => self.lifted(point)?,
-            Start::Variables(w) => self.from_solution(w)?,
+            Start::Variables(w) => self.restarted(w)?,
         };
         let options = Options {
             // Other ways would lead elsewhere.
@@ -65,7 +65,7 @@ impl Problem<'_> {
     }
 
     /// A solution of the program with other initial values.
-    fn from_solution(&self, w: &[f64]) -> Option<Vec<f64>> {
+    fn restarted(&self, w: &[f64]) -> Option<Vec<f64>> {
         let mut guess = (w.len() == self.program.n_variables()).then(|| w.to_vec())?;
         for (index, value) in self.layout.given(&self.dcs) {
             guess[index] = value;
