@@ -14,7 +14,7 @@ use crate::prepared::{Opened, Parameter};
 use crate::report::Trajectory;
 use crate::simulate::{Plan, Request};
 use crate::syntax::Path;
-use crate::system::experiment::Sampling;
+use crate::system::experiment::{Sampling, Settings};
 use crate::system::values::{Values, bounds};
 use crate::{Compiled, compile};
 
@@ -99,10 +99,10 @@ impl<'e> Rerun<'e> {
         })
     }
 
-    /// Lets runs be told at their ends alone.
-    pub fn at_ends(mut self) -> Self {
+    /// Lets runs be told at these instants.
+    pub fn sampled(mut self, sampling: impl FnOnce(&Settings<'_>) -> Sampling) -> Self {
         let settings = &mut self.compiled.settings;
-        settings.sampling = Sampling::At(vec![settings.horizon]);
+        settings.sampling = sampling(settings);
         self
     }
 

@@ -72,6 +72,47 @@ fn expectations_that_do_not_hold_are_counted() {
     assert_eq!(missed, ["missed", "0", "0", "1", "2", ""]);
 }
 
+/// x(t) = exp(-b t) with b = 2 k, and b/k = 2: what follows from what is swept follows in expectations, which are about all
+/// that is reported.
+#[test]
+fn expectations_follow_what_is_swept() {
+    let folder = folder("sweep_expectations_follow");
+    let text = "model decay { param k = 1; param b = 2*k; state x = 1; x' = -b*x; }
+        simulate falls of decay {
+          horizon 1; output x every 0.25;
+          expect x at 1/b ~ exp(-1) within b*1e-6;
+          expect x always <= 0.9;
+        }";
+    fs::write(folder.join("decay.nsd"), text).expect("the folder is writable");
+    let ran = sweep(&folder, &["--over", "k=[0.7,1,1.3]", "--csv", "-"]);
+    assert_eq!((ran.status, ran.err.as_str()), (0, ""));
+    // It starts at 1.
+    assert_eq!(column(&ran.out, "missed"), [1.0; 3]);
+    fs::write(
+        folder.join("decay.nsd"),
+        text.replace("x always", "y always"),
+    )
+    .expect("it is");
+    let ran = sweep(&folder, &["--over", "k=[0.7,1,1.3]", "--csv", "-"]);
+    assert_eq!((ran.status, ran.out.as_str()), (1, ""));
+    assert!(ran.err.contains("E0101"), "{}", ran.err);
+}
+
+/// A first point without a run is a row like others.
+#[test]
+fn a_first_point_that_is_refused_is_a_row() {
+    let folder = folder("sweep_first");
+    let text = DECAY.replace("= 1; state", "= 6; state");
+    fs::write(folder.join("decay.nsd"), text).expect("the folder is writable");
+    let ran = sweep(&folder, &["--over", "k=[6,1,2]", "--csv", "-"]);
+    assert_eq!(ran.status, 2, "{}", ran.err);
+    assert!(
+        ran.out.contains("not_compiled,E0504") && ran.out.contains("2.0,solved"),
+        "{}",
+        ran.out
+    );
+}
+
 #[test]
 fn side_by_side() {
     let folder = with_decay("sweep_zip");

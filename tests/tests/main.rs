@@ -55,6 +55,7 @@ mod outputs;
 mod perturbed_names;
 mod piecewise_affine;
 mod piles;
+mod plans;
 mod prepared;
 mod projections;
 mod rods;

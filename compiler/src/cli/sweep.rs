@@ -21,8 +21,8 @@ use crate::report::{Status, Trajectory, Warning};
 use crate::rerun::Rerun;
 use crate::simulate::Request;
 use crate::sweep::{self, Axis, Grid, Like, Row, SweepError, Table};
-use crate::syntax::{Bind, Experiment, ExprKind, Path};
-use crate::system::experiment::Sampling;
+use crate::syntax::{Bind, Expect, Experiment, ExperimentSetting, ExprKind, Path, SettingKind};
+use crate::system::experiment::{Sampling, Settings};
 use crate::{Compiled, check_names, compile, threads};
 
 /// An experiment with the quantities that are swept.
@@ -85,11 +85,7 @@ pub fn run(args: &SweepArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         return Ok(Exit::Wrong);
     };
     swept.states = states;
-    // What is wrong without the values of axes, too, is wrong at all points.
-    if let Err(diags) = swept.check(&first)
-        && let Err(others) = swept.check(&overrides)
-        && project::error_codes(&diags) == project::error_codes(&others)
-    {
+    if let Some(diags) = swept.mistakes(&grid.point(0)) {
         project::print(&diags, &project.sources, streams)?;
         return Ok(Exit::Wrong);
     }
@@ -107,6 +103,7 @@ pub fn run(args: &SweepArgs, streams: &mut Streams<'_>) -> io::Result<Exit> {
         grid: &grid,
         columns: &columns,
         rows: &rows,
+        has_expectations: swept.expects(),
     };
     let is_solved = |row: &Option<Row>| {
         let status = row.as_ref().and_then(|row| row.status);
@@ -254,13 +251,15 @@ impl Swept<'_> {
                 let missed = self.missed(rerun.compiled(), &run);
                 Some((run, missed))
             });
-            match found.map_or_else(|| self.trajectory(point), Ok) {
+            let row = match found.map_or_else(|| self.trajectory(point), Ok) {
                 Ok((run, missed)) => {
                     columns.get_or_init(|| sweep::columns(&run));
                     Row::of(&run, missed)
                 }
                 Err(diags) => Row::refused(project::error_codes(&diags).into_iter().next()),
-            }
+            };
+            // What was cut short anywhere is no row.
+            (!self.cancel.is_canceled()).then_some(row)
         });
     }
 
@@ -287,7 +286,21 @@ impl Swept<'_> {
         let axes = self.axes.iter().zip(point);
         let names = axes.map(|(axis, value)| (*value != 0.0).then(|| axis.target.clone()));
         let names: Vec<Option<Path>> = names.collect();
-        Some(Rerun::new(exprs, source, &names, &self.states)?.at_ends())
+        let rerun = Rerun::new(exprs, source, &names, &self.states)?;
+        Some(rerun.sampled(|settings| self.sampling(settings)))
+    }
+
+    /// When a run is told: at its end, and where there are expectations at all instants of the experiment, since they may
+    /// be about these.
+    fn sampling(&self, settings: &Settings<'_>) -> Sampling {
+        let horizon = settings.horizon;
+        match (self.expects(), &settings.sampling) {
+            (false, _) => Sampling::At(vec![horizon]),
+            (true, Sampling::At(instants)) if instants.last() != Some(&horizon) => {
+                Sampling::At([&instants[..], &[horizon]].concat())
+            }
+            (true, sampling) => sampling.clone(),
+        }
     }
 
     /// How many expectations do not hold in a run, where there are any.
@@ -301,19 +314,32 @@ impl Swept<'_> {
         let checks = expect::evaluate(&subject, &expects, run, &findings);
         let missed = checks
             .iter()
-            .filter(|check| matches!(check.verdict, Verdict::Failed { .. }));
+            .filter(|check| check.verdict != Verdict::Passed);
         (!expects.is_empty()).then(|| missed.count())
     }
 
-    /// What does not compile with these overrides.
-    fn check(&self, overrides: &[Bind]) -> Result<(), Diagnostics> {
+    /// Mistakes in expectations, as far as a point shows them.
+    fn mistakes(&self, point: &[f64]) -> Option<Diagnostics> {
         let (exprs, mut diags) = (Exprs::new(), Diagnostics::new());
         let (file, clock) = (&self.project.file, &mut Clock::default());
-        let compiled = compile(&exprs, file, self.experiment, overrides, clock, &mut diags);
-        match compiled.is_some() && !diags.has_errors() {
-            true => Ok(()),
-            false => Err(diags),
-        }
+        let overrides = self.at(point);
+        let compiled = compile(&exprs, file, self.experiment, &overrides, clock, &mut diags);
+        let compiled = compiled.filter(|_| !diags.has_errors())?;
+        let mut found = Diagnostics::new();
+        let subject = compiled.subject(&self.project.sources);
+        expect::check(&subject, &compiled.settings.expects, &mut found);
+        found.has_errors().then_some(found)
+    }
+
+    /// Whether the experiment has expectations that are about any run.
+    fn expects(&self) -> bool {
+        let is_open = |setting: &ExperimentSetting| match &setting.kind {
+            SettingKind::Expect(expect) => {
+                !matches!(expect, Expect::LoweringGolden | Expect::NumbersGolden)
+            }
+            _ => false,
+        };
+        self.experiment.settings.iter().any(is_open)
     }
 
     /// The run of a point, with the warnings of its compilation, and how many expectations it misses.
@@ -327,7 +353,7 @@ impl Swept<'_> {
         };
         let settings = &mut compiled.settings;
         if settings.optimize.is_none() {
-            settings.sampling = Sampling::At(vec![settings.horizon]);
+            settings.sampling = self.sampling(settings);
         }
         let request = self.request(&compiled);
         let mut run = launch(self.project, &mut compiled, &request, &mut ())?;

@@ -136,8 +136,7 @@ impl Ended {
     }
 }
 
-/// A method, with what it has compiled of a system. Other initial states, and other settings of the same method, compile
-/// nothing.
+/// A method, with what it has compiled of a system. Other settings of the same method compile nothing.
 pub(super) trait Run<'e> {
     /// Integrates to the horizon.
     fn march(
@@ -193,6 +192,11 @@ pub(super) trait Run<'e> {
     ) -> Option<Accuracy> {
         let is_open = self.estimator(settings) == Estimator::Tolerance;
         accuracy.tightened(estimate.filter(|_| is_open)?, settings)
+    }
+
+    /// Whether initial states and signals are numbers of a run; else they are compiled in.
+    fn takes_numbers(&self) -> bool {
+        false
     }
 
     /// Whether it sees by itself where functions of states are narrow.

@@ -248,6 +248,10 @@ fn basis(points: &[f64]) -> Vec<Vec<f64>> {
             }
             coefficients = next;
         }
+        // Its value at zero, which may be a point.
+        if points.contains(&0.0) {
+            coefficients[0] = if points[i] == 0.0 { 1.0 } else { 0.0 };
+        }
         coefficients
     };
     (0..points.len()).map(one).collect()

@@ -89,12 +89,7 @@ pub fn over(
     heard: &mut dyn FnMut(usize),
 ) -> Vec<Option<Row>> {
     let each = |share: Share<'_, Row>| work(Points { grid, share });
-    let mut rows = threads::in_order(grid.len(), n_threads, stop, each, heard);
-    let is_whole = |row: &Row| row.status != Some(Status::Canceled);
-    for row in &mut rows {
-        *row = row.take().filter(is_whole);
-    }
-    rows
+    threads::in_order(grid.len(), n_threads, stop, each, heard)
 }
 
 /// The points of a grid that a thread gets to.
@@ -104,10 +99,12 @@ pub struct Points<'g> {
 }
 
 impl Points<'_> {
-    /// Makes a row of every point.
-    pub fn each(self, mut row: impl FnMut(&[f64]) -> Row) {
+    /// Makes a row of every point; none of what was not brought to its end.
+    pub fn each(self, mut row: impl FnMut(&[f64]) -> Option<Row>) {
         while let Some(k) = self.share.next() {
-            self.share.finish(k, row(&self.grid.point(k)));
+            if let Some(row) = row(&self.grid.point(k)) {
+                self.share.finish(k, row);
+            }
         }
     }
 }

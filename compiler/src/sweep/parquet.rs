@@ -124,7 +124,7 @@ impl Table<'_> {
         columns.extend(objective);
         columns.push(("events".to_owned(), Column::Counts(events)));
         columns.push(("error_estimate".to_owned(), Column::known(errors)));
-        columns.extend(self.has_expectations().then(|| {
+        columns.extend(self.has_expectations.then(|| {
             let values = rows().map(|row| row.missed.map(|missed| missed as f64));
             ("missed".to_owned(), Column::known(values))
         }));
@@ -162,6 +162,7 @@ mod tests {
             grid: &grid,
             columns: &columns,
             rows: &rows,
+            has_expectations: false,
         };
         let path = std::env::temp_dir().join(format!("nsdc_{}.parquet", std::process::id()));
         let bytes = table.parquet().expect("it is encoded");

@@ -21,6 +21,8 @@ pub struct Table<'s> {
     pub columns: &'s [String],
     /// A row per point, none where it was not run.
     pub rows: &'s [Option<Row>],
+    /// Whether the experiment has expectations.
+    pub has_expectations: bool,
 }
 
 impl Table<'_> {
@@ -42,14 +44,10 @@ impl Table<'_> {
         self.done().any(|(_, row)| row.objective.is_some())
     }
 
-    pub(super) fn has_expectations(&self) -> bool {
-        self.done().any(|(_, row)| row.missed.is_some())
-    }
-
     /// Parameters, status, code, end values, objective, number of events, error estimate, number of expectations that are
     /// missed: a line per run. Numbers round-trip, and what a run does not have is empty.
     pub fn csv(&self) -> String {
-        let (has_objective, has_expectations) = (self.has_objective(), self.has_expectations());
+        let (has_objective, has_expectations) = (self.has_objective(), self.has_expectations);
         let mut text = csv::Writer::from_writer(Vec::new());
         let objective = has_objective.then_some("objective");
         let ends: Vec<String> = self.at_end().collect();
@@ -172,7 +170,7 @@ impl Table<'_> {
             .chain(self.at_end())
             .chain(objective)
             .chain(["events".to_owned()])
-            .chain(self.has_expectations().then(|| "missed".to_owned()))
+            .chain(self.has_expectations.then(|| "missed".to_owned()))
             .chain(["code".to_owned()])
             .collect()
     }
@@ -186,7 +184,7 @@ impl Table<'_> {
             .chain(end)
             .chain(objective)
             .chain([row.events.to_string()])
-            .chain(self.has_expectations().then(|| missed(row)))
+            .chain(self.has_expectations.then(|| missed(row)))
             .chain([row.code.clone().unwrap_or_default()])
             .collect()
     }

@@ -149,8 +149,10 @@ impl<K: Copy + Ord> Linear<K> {
             match self.terms.binary_search_by_key(&key, |term| term.0) {
                 Ok(at) => {
                     let sum = self.terms[at].1 + c * factor;
-                    let is_there = sum.abs() > rounding * (c * factor).abs();
-                    self.terms[at].1 = if is_there { sum } else { 0.0 };
+                    // What is no number stays, and so does what has no bound.
+                    let is_rounding = sum.abs() <= rounding * (c * factor).abs();
+                    let is_rounding = is_rounding && sum.is_finite();
+                    self.terms[at].1 = if is_rounding { 0.0 } else { sum };
                 }
                 Err(at) => self.terms.insert(at, (key, c * factor)),
             }

@@ -179,7 +179,7 @@ fn number(subject: &Subject<'_, '_>, expr: &syntax::Expr, diags: &mut Diagnostic
     let words = Words::new(subject, &Run::Unknown);
     let value = words.value(expr, diags)?;
     let params = Point::of_params(subject);
-    match value.as_scalar() {
+    match value.as_scalar().map(|entry| subject.system.read(entry)) {
         Some(entry) if !words.has_list.get() && params.unknown(&[entry]).is_none() => {
             Some(params.eval(entry))
         }

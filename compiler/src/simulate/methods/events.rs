@@ -110,6 +110,10 @@ impl<'e> Run<'e> for Events {
         vec![0.0; sizes.len()]
     }
 
+    fn takes_numbers(&self) -> bool {
+        true
+    }
+
     fn sees_narrow(&self) -> bool {
         true
     }

@@ -81,8 +81,8 @@ impl Feature {
         }
     }
 
-    /// The first place in a model that has it, and what it is called there.
-    fn place(self, seen: &Seen<'_, '_>) -> Option<(String, Span)> {
+    /// The first place in a model that has it, that of the experiment where it is nowhere else, and what it is called.
+    fn place(self, seen: &Seen<'_, '_>, experiment: Span) -> Option<(String, Span)> {
         match (self, seen) {
             (Feature::Contacts, Seen::Model(model)) => {
                 let contact = model.contacts.first()?;
@@ -106,7 +106,8 @@ impl Feature {
                     Feature::Projections => system.is_projected(*k),
                     _ => switch.role != Role::Step,
                 })?;
-                Some((switch.name.clone(), *switch.spans.first()?))
+                let span = switch.spans.first().copied();
+                Some((switch.name.clone(), span.unwrap_or(experiment)))
             }
             _ => None,
         }
@@ -172,7 +173,7 @@ impl<'e> Settings<'e> {
         let method = self.method.kind();
         let all = Feature::ALL.into_iter();
         let mut open = all.filter(|feature| !method.takes(*feature));
-        open.find_map(|feature| feature.error(method, feature.place(seen)?))
+        open.find_map(|feature| feature.error(method, feature.place(seen, self.span)?))
     }
 }
 

@@ -454,7 +454,11 @@ impl<'s, 'e> OnGrid<'s, 'e> {
         let StepProgram { step, layout } = &self.programs[&step.elements];
         let (system, reached) = (self.system, &mut self.reached);
         let n = system.states.len();
-        let passed = self.stepper.pass(step, w, interval);
+        let mut passed = self.stepper.pass(step, w, interval);
+        // Behind the last mode there is rounding.
+        if let Some(last) = passed.iter_mut().rfind(|element| element.is_long) {
+            last.to = interval.1;
+        }
         for (j, element) in passed.into_iter().enumerate() {
             let (from, to) = (element.from, element.to);
             let at = |m: usize| alphas(self.dcs, layout, w, (j + 1, m));
