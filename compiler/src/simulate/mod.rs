@@ -1,6 +1,6 @@
 //! Simulations: a system becomes a trajectory by the method of its experiment.
 //!
-//! A method is compiled once (`methods/`) and makes runs ([`driver::Run`]); one driver makes trajectories of them, whatever the
+//! A method is compiled once (`methods/`) and makes runs (`driver.rs`); one driver makes trajectories of them, whatever the
 //! method. Every run is made twice, the second time more accurately: the difference is the estimate of the global error
 //! (`estimate/`), and a different sequence of modes is reported instead of being trusted.
 
