@@ -21,22 +21,59 @@
 use crate::expr::{Expr, Substitution, variables_of};
 use crate::system::{Role, Switch, System};
 
-use super::lift::Lift;
+use super::lift::{Lift, Product};
 use super::pointwise::Sides;
 use super::{Algebraic, Branch, Cause, Dcs, Disc, Formulation, Origin, labels};
 use nsd_solver::fesd::{Rule, Rules};
+
+/// α of every switch, and its multipliers: λᵖ and λⁿ, c and λ, or |w| and 1 - |u|².
+struct Declared<'e> {
+    alphas: Vec<Expr<'e>>,
+    multipliers: Vec<(Expr<'e>, Expr<'e>)>,
+}
 
 /// Declares α, λᵖ and λⁿ per switch, |w| and 1 - |u|² per disc, and one β per product of α.
 pub fn lower<'e>(system: &System<'e>) -> Dcs<'e> {
     let mut dcs = Dcs::frame(system, Formulation::Step);
     let labels = labels::of(system);
+    let declared = declare(system, &labels, &mut dcs);
+    let alphas = &declared.alphas;
+
+    // Rates and ψ, affine in α and β. A rate that all regions share does not switch.
+    let rename: Substitution = (system.switches.iter().zip(alphas))
+        .filter_map(|(switch, &alpha)| Some((switch.alpha.as_variable()?, alpha)))
+        .collect();
+    let rates = system
+        .states
+        .iter()
+        .map(|state| without_idle(system, state.rate));
+    let psi = system.switches.iter().map(|switch| switch.psi);
+    let rows: Vec<Expr> = rates.chain(psi).map(|e| e.substitute(&rename)).collect();
+    let zero = system.exprs.constant(0.0);
+    let beta = labels::prefix(system, "beta");
+    // Powers of what is read nonlinearly stay.
+    let lifted = alphas.iter().zip(&system.switches);
+    let lifted = lifted.map(|(&alpha, switch)| if switch.is_nonlinear { zero } else { alpha });
+    let mut lift = Lift::new(system.exprs, lifted.collect(), labels, beta);
+    let mut rates = lift.lift(&rows);
+    let psi = rates.split_off(system.states.len());
+    dcs.rates = rates;
+    dcs.branches = branches(system, &dcs, &psi, alphas);
+    relate(system, &psi, &declared, &mut dcs);
+    define(system, lift.products, &mut dcs);
+    dcs.alphas = declared.alphas;
+    dcs
+}
+
+/// Declares the algebraic variables of all switches, in the order of [`rules`].
+fn declare<'e>(system: &System<'e>, labels: &[String], dcs: &mut Dcs<'e>) -> Declared<'e> {
     let start = Sides::at_start(system);
     let guesses = rules(system).values(&start.psi, &start.alpha);
     let mut guesses = guesses.into_iter();
     let mut guess = || guesses.next().unwrap_or(0.0);
 
-    let [alpha, lambda_p, lambda_n, beta] =
-        ["alpha", "lambda_p", "lambda_n", "beta"].map(|word| labels::prefix(system, word));
+    let [alpha, lambda_p, lambda_n] =
+        ["alpha", "lambda_p", "lambda_n"].map(|word| labels::prefix(system, word));
     let [gap, force, rate, slip, stick] =
         ["gap", "force", "rate", "slip", "stick"].map(|word| labels::prefix(system, word));
     let zero = system.exprs.constant(0.0);
@@ -74,7 +111,7 @@ pub fn lower<'e>(system: &System<'e>) -> Dcs<'e> {
             // The first of both has what they share.
             multipliers.push(match k < other {
                 true => {
-                    let label = labels::of_disc(system, &labels, k);
+                    let label = labels::of_disc(system, labels, k);
                     let slip = dcs.multiplier(&format!("{slip}[{label}]"), guess());
                     let stick = dcs.algebraic(&format!("{stick}[{label}]"), guess());
                     (slip, stick)
@@ -87,28 +124,25 @@ pub fn lower<'e>(system: &System<'e>) -> Dcs<'e> {
         let lambda_n = dcs.multiplier(&format!("{lambda_n}[{label}]"), guess());
         multipliers.push((lambda_p, lambda_n));
     }
+    Declared {
+        alphas,
+        multipliers,
+    }
+}
 
-    // Rates and ψ, affine in α and β. A rate that all regions share does not switch.
-    let rename: Substitution = (system.switches.iter().zip(&alphas))
-        .filter_map(|(switch, &alpha)| Some((switch.alpha.as_variable()?, alpha)))
-        .collect();
-    let rates = system
-        .states
-        .iter()
-        .map(|state| without_idle(system, state.rate));
-    let psi = system.switches.iter().map(|switch| switch.psi);
-    let rows: Vec<Expr> = rates.chain(psi).map(|e| e.substitute(&rename)).collect();
-    // Powers of what is read nonlinearly stay.
-    let lifted = alphas.iter().zip(&system.switches);
-    let lifted = lifted.map(|(&alpha, switch)| if switch.is_nonlinear { zero } else { alpha });
-    let mut lift = Lift::new(system.exprs, lifted.collect(), labels, beta);
-    let mut rates = lift.lift(&rows);
-    let psi = rates.split_off(system.states.len());
-    dcs.rates = rates;
-    dcs.branches = branches(system, &dcs, &psi, &alphas);
+/// States the conditions of all switches with these ψ.
+fn relate<'e>(
+    system: &System<'e>,
+    psi: &[Expr<'e>],
+    Declared {
+        alphas,
+        multipliers,
+    }: &Declared<'e>,
+    dcs: &mut Dcs<'e>,
+) {
     let places = places(system);
 
-    for (k, (psi, &alpha)) in psi.into_iter().zip(&alphas).enumerate() {
+    for (k, (&psi, &alpha)) in psi.iter().zip(alphas).enumerate() {
         let (lambda_p, lambda_n) = multipliers[k];
         let origin = origin(system, k, Cause::Switch(k));
         match system.switches[k].role {
@@ -152,7 +186,11 @@ pub fn lower<'e>(system: &System<'e>) -> Dcs<'e> {
         dcs.pair(lambda_n, alpha, origin);
         dcs.pair(lambda_p, 1.0 - alpha, origin);
     }
-    for product in lift.products {
+}
+
+/// Declares β of products, and says what they are.
+fn define<'e>(system: &System<'e>, products: Vec<Product<'e>>, dcs: &mut Dcs<'e>) {
+    for product in products {
         let (left, right) = product.factors;
         let subsystem = system
             .subsystems
@@ -176,8 +214,6 @@ pub fn lower<'e>(system: &System<'e>) -> Dcs<'e> {
             continuous: false,
         });
     }
-    dcs.alphas = alphas;
-    dcs
 }
 
 /// What tells the sliding modes of nonlinear switches apart, for the rates of a system with these ψ and α.
@@ -219,7 +255,7 @@ fn without_idle<'e>(system: &System<'e>, rate: Expr<'e>) -> Expr<'e> {
     rate.substitute(&idle.map(|alpha| (alpha, zero)).collect())
 }
 
-/// Where the variables of every switch begin, in the order in which [`lower`] declares them.
+/// Where the variables of every switch begin, in the order in which [`declare`] takes them.
 pub(super) fn places(system: &System) -> Vec<usize> {
     let width = |(k, switch): (usize, &Switch)| match (switch.role, switch.across) {
         (Role::Equation, _) => 1,
@@ -235,7 +271,7 @@ pub(super) fn places(system: &System) -> Vec<usize> {
     starts.collect()
 }
 
-/// α, λᵖ and λⁿ of every switch, or its force and c, in the order in which [`lower`] declares them.
+/// α, λᵖ and λⁿ of every switch, or its force and c, in the order in which [`declare`] takes them.
 pub(super) fn rules(system: &System) -> Rules {
     let mut rules = Rules::default();
     for (k, switch) in system.switches.iter().enumerate() {

@@ -179,7 +179,13 @@ pub(super) trait Run<'e> {
         let outcomes = [&found.outcome, &finer.outcome];
         let sizes = comparison.sizes(&found.outcome.x);
         let least = self.least_sizes(problem.system, &sizes);
-        Estimate::of(comparison, outcomes, &least)
+        let estimate = Estimate::of(comparison, outcomes, &least)?;
+        Some(self.corrected(estimate, problem.system, &found.outcome))
+    }
+
+    /// The estimate with what only the method knows of its error.
+    fn corrected(&self, estimate: Estimate, _: &System<'e>, _: &Outcome) -> Estimate {
+        estimate
     }
 
     /// How accurate another attempt is to be, where one is needed.

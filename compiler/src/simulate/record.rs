@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use nsd_solver::simulate::{Decision, Event, Observer, Outcome, Segment, Side};
+use nsd_solver::simulate::{Decision, Event, Observer, Outcome, Segment, Side, Status};
 
 use super::limits::Limits;
 use super::modes::{self, ModeNames};
@@ -310,20 +310,10 @@ pub(crate) fn recorded(
     let whole = |sides: Option<&(f64, Box<[Side]>)>| {
         sides.map_or_else(|| vec![Side::Plus; m], |(_, sides)| sides.to_vec())
     };
+    let time = points.times.last().copied().unwrap_or(0.0);
     let outcome = Outcome {
-        status: nsd_solver::simulate::Status::Solved,
-        time: points.times.last().copied().unwrap_or(0.0),
-        x: x.clone(),
-        sides: whole(end.or(first)),
         alpha: alpha.clone(),
-        activity: vec![0.0; n],
-        moved: vec![0.0; n],
-        drift: 0.0,
-        defect: 0.0,
-        complementarity: 0.0,
-        notes: Vec::new(),
-        approaches: Vec::new(),
-        stats: nsd_solver::simulate::Stats::default(),
+        ..Outcome::at(Status::Solved, time, x.clone(), whole(end.or(first)))
     };
     let changes = sides.windows(2).filter(|pair| pair[0].1 != pair[1].1);
     let changes = changes.map(|pair| {

@@ -256,22 +256,9 @@ struct Run {
 
 impl Run {
     fn outcome(self, status: Status) -> Outcome {
-        let n = self.x.len();
-        let share = |side: &Side| 0.5 + 0.5 * side.sign();
         Outcome {
-            status,
-            time: self.t,
-            x: self.x,
-            alpha: self.sides.iter().map(share).collect(),
-            sides: self.sides,
-            activity: vec![0.0; n],
-            moved: vec![0.0; n],
-            drift: 0.0,
-            defect: 0.0,
-            complementarity: 0.0,
-            notes: Vec::new(),
-            approaches: Vec::new(),
             stats: self.stats,
+            ..Outcome::at(status, self.t, self.x, self.sides)
         }
     }
 }

@@ -210,6 +210,33 @@ impl Simulator<'_> {
         Ok(solved.event)
     }
 
+    /// The member that vanishes first in an element of length h, which then ends there; states and members have sizes.
+    fn first_member(
+        &mut self,
+        mode: &mut Mode,
+        h: f64,
+        starts: &[Start],
+        (sizes, scale, rates): (&[f64], &[f64], f64),
+    ) -> Result<Option<usize>, Unsolved> {
+        let (scheme, element, hidden) = (&self.scheme, &mut mode.element, &mut mode.hidden);
+        self.values.evaluate(scheme, element, hidden)?;
+        let verdict = (self.values).judge(scheme, starts, (sizes, rates), &mut self.roots);
+        match verdict {
+            Verdict::Stays => Ok(None),
+            Verdict::Wrong { .. } => Err(Unsolved::Diverged),
+            Verdict::Leaves { sigma, member } => {
+                element.shorten(scheme, sigma);
+                let zero = (member, BAND * sizes[member]);
+                let taken = element.solve_to(scheme, hidden, zero, scale)?;
+                if !(taken > 0.0 && taken <= h * (1.0 + 1e-9)) {
+                    return Err(Unsolved::Diverged);
+                }
+                self.values.evaluate(scheme, element, hidden)?;
+                Ok(Some(member))
+            }
+        }
+    }
+
     fn solve_to_fold(
         &mut self,
         run: &mut Run,
@@ -254,26 +281,8 @@ impl Simulator<'_> {
             mode.element.guess(&rates, &unknowns);
             let scheme = &self.scheme;
             let solved = mode.element.solve(scheme, sigma, h, &x0, &scale);
-            let event = solved.and_then(|()| {
-                let (element, hidden) = (&mut mode.element, &mut mode.hidden);
-                self.values.evaluate(scheme, element, hidden)?;
-                let scales = (&sizes[..], run.rate_scale * h * ahead.speed);
-                let verdict = self.values.judge(scheme, &starts, scales, &mut self.roots);
-                match verdict {
-                    Verdict::Stays => Ok(None),
-                    Verdict::Wrong { .. } => Err(Unsolved::Diverged),
-                    Verdict::Leaves { sigma, member } => {
-                        element.shorten(scheme, sigma);
-                        let zero = (member, BAND * sizes[member]);
-                        let taken = element.solve_to(scheme, hidden, zero, &scale)?;
-                        if !(taken > 0.0 && taken <= h * (1.0 + 1e-9)) {
-                            return Err(Unsolved::Diverged);
-                        }
-                        self.values.evaluate(scheme, element, hidden)?;
-                        Ok(Some(member))
-                    }
-                }
-            });
+            let scales = (&sizes[..], &scale[..], run.rate_scale * h * ahead.speed);
+            let event = solved.and_then(|()| self.first_member(mode, h, &starts, scales));
             let Ok(event) = event else {
                 h *= 0.5;
                 continue;

@@ -101,7 +101,7 @@ impl<'s> Stepper<'s> {
 
     /// Integrates from `x0` at `t0` to `t1`.
     pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut impl Observer) -> Outcome {
-        let (n, steps) = (x0.len(), self.settings.steps);
+        let steps = self.settings.steps;
         let mut x = x0.to_vec();
         let mut end = x.clone();
         let mut until = self.load_numbers(t0);
@@ -162,20 +162,11 @@ impl<'s> Stepper<'s> {
             }
         };
         let sides = sides.map(Vec::from);
+        let sides = sides.unwrap_or_else(|| vec![Side::Plus; self.alpha.len()]);
         Outcome {
-            status,
-            time: t,
-            sides: sides.unwrap_or_else(|| vec![Side::Plus; self.alpha.len()]),
             alpha: self.alpha.clone(),
-            activity: vec![0.0; n],
-            moved: vec![0.0; n],
-            drift: 0.0,
-            defect: 0.0,
-            complementarity: 0.0,
-            notes: Vec::new(),
-            approaches: Vec::new(),
             stats,
-            x,
+            ..Outcome::at(status, t, x, sides)
         }
     }
 

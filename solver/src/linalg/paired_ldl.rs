@@ -45,6 +45,13 @@ pub(super) struct Analysis {
     is_first: Vec<bool>,
 }
 
+/// What is left on a diagonal, and the size of its terms.
+#[derive(Clone, Copy, Default)]
+struct Pivot {
+    value: f64,
+    size: f64,
+}
+
 impl PairedLdl {
     /// Memory for matrices of a pattern, of which `pairs` of unknowns stay together. No unknown is in two pairs.
     pub fn new(pattern: &Pattern, pairs: &[[u32; 2]]) -> Self {
@@ -73,6 +80,83 @@ impl PairedLdl {
             self.work[row as usize] -= l * y;
         }
         y
+    }
+
+    /// Eliminates what is before a column from it; what is left on its diagonal.
+    fn column(&mut self, analysis: &Analysis, k: usize, values: &[f64]) -> Pivot {
+        let value = |source: u32| match source {
+            NONE => 0.0,
+            source => values[source as usize],
+        };
+        let column = analysis.starts[k] as usize..analysis.starts[k + 1] as usize;
+        work::add(1 + column.len() * column.len());
+        let sources = &analysis.sources[column.clone()];
+        for (&row, &source) in analysis.rows[column].iter().zip(sources) {
+            self.work[row as usize] = value(source);
+        }
+        let diagonal = value(analysis.diagonal_sources[k]);
+        let mut pivot = Pivot {
+            value: diagonal,
+            size: diagonal.abs(),
+        };
+        let mut entry = analysis.row_starts[k] as usize;
+        let end = analysis.end_of_row(k);
+        while entry < end {
+            let i = analysis.row_columns[entry] as usize;
+            let place = analysis.places[entry] as usize;
+            let y = self.eliminate(i, place);
+            if analysis.is_first[i] {
+                let other_place = analysis.places[entry + 1] as usize;
+                let other = self.eliminate(i + 1, other_place);
+                let l = self.inverse[i] * y + self.coupling[i] * other;
+                let other_l = self.coupling[i] * y + self.inverse[i + 1] * other;
+                self.entries[place] = l;
+                self.entries[other_place] = other_l;
+                pivot.value -= l * y + other_l * other;
+                pivot.size += (l * y).abs() + (other_l * other).abs();
+                entry += 2;
+            } else {
+                let l = y * self.inverse[i];
+                self.entries[place] = l;
+                pivot.value -= l * y;
+                pivot.size += (l * y).abs();
+                entry += 1;
+            }
+        }
+        pivot
+    }
+
+    /// Inverts a pivot of one unknown; how many positive eigenvalues it has, none where it is lost.
+    fn invert(&mut self, k: usize, Pivot { value, size }: Pivot) -> Option<usize> {
+        if value.abs() <= CANCELLED * size || value.abs() < f64::MIN_POSITIVE {
+            return None;
+        }
+        self.inverse[k] = value.recip();
+        Some(usize::from(value > 0.0))
+    }
+
+    /// The same of a pair, k - 1 and k.
+    fn invert_pair(
+        &mut self,
+        analysis: &Analysis,
+        k: usize,
+        [held, pivot]: [Pivot; 2],
+    ) -> Option<usize> {
+        let beside = std::mem::take(&mut self.work[k - 1]);
+        self.entries[analysis.places[analysis.end_of_row(k)] as usize] = 0.0;
+        let determinant = held.value * pivot.value - beside * beside;
+        let sizes = held.size * pivot.value.abs() + held.value.abs() * pivot.size + beside * beside;
+        if determinant.abs() <= CANCELLED * sizes || determinant.abs() < f64::MIN_POSITIVE {
+            return None;
+        }
+        self.inverse[k - 1] = pivot.value / determinant;
+        self.inverse[k] = held.value / determinant;
+        self.coupling[k - 1] = -beside / determinant;
+        Some(match determinant > 0.0 {
+            true if held.value > 0.0 => 2,
+            true => 0,
+            false => 1,
+        })
     }
 }
 
@@ -150,6 +234,12 @@ impl Analysis {
         }
     }
 
+    /// Where the entries of a row end: what the second one of a pair has in the column of its first one belongs to D.
+    fn end_of_row(&self, k: usize) -> usize {
+        let is_second = k > 0 && self.is_first[k - 1];
+        self.row_starts[k + 1] as usize - usize::from(is_second)
+    }
+
     /// How many numbers of 4 bytes it holds, about.
     pub fn size(&self) -> usize {
         2 * self.rows.len() + 3 * self.row_columns.len() + 6 * self.order.len()
@@ -204,83 +294,23 @@ impl KktSolver for PairedLdl {
         let analysis = self.analysis.clone();
         let n = analysis.order.len();
         let mut positive = 0;
-        // Of the first one of a pair: its pivot, and the size of its terms.
-        let (mut held, mut held_size) = (0.0, 0.0);
+        let mut held = Pivot::default();
         self.work.fill(0.0);
         for k in 0..n {
-            let column = analysis.starts[k] as usize..analysis.starts[k + 1] as usize;
-            work::add(1 + column.len() * column.len());
-            for (&row, &source) in analysis.rows[column.clone()]
-                .iter()
-                .zip(&analysis.sources[column])
-            {
-                self.work[row as usize] = match source {
-                    NONE => 0.0,
-                    source => values[source as usize],
-                };
-            }
-            let mut pivot = match analysis.diagonal_sources[k] {
-                NONE => 0.0,
-                source => values[source as usize],
-            };
-            let mut size = pivot.abs();
-            let is_second = k > 0 && analysis.is_first[k - 1];
-            // What a second one has in the column of its first one belongs to D.
-            let end = analysis.row_starts[k + 1] as usize - usize::from(is_second);
-            let mut entry = analysis.row_starts[k] as usize;
-            while entry < end {
-                let i = analysis.row_columns[entry] as usize;
-                let place = analysis.places[entry] as usize;
-                let y = self.eliminate(i, place);
-                if analysis.is_first[i] {
-                    let other_place = analysis.places[entry + 1] as usize;
-                    let other = self.eliminate(i + 1, other_place);
-                    let l = self.inverse[i] * y + self.coupling[i] * other;
-                    let other_l = self.coupling[i] * y + self.inverse[i + 1] * other;
-                    self.entries[place] = l;
-                    self.entries[other_place] = other_l;
-                    pivot -= l * y + other_l * other;
-                    size += (l * y).abs() + (other_l * other).abs();
-                    entry += 2;
-                } else {
-                    let l = y * self.inverse[i];
-                    self.entries[place] = l;
-                    pivot -= l * y;
-                    size += (l * y).abs();
-                    entry += 1;
-                }
-            }
-            if !pivot.is_finite() {
+            let pivot = self.column(&analysis, k, values);
+            if !pivot.value.is_finite() {
                 return Err(FactorFailure::NotFinite);
             }
             if analysis.is_first[k] {
-                (held, held_size) = (pivot, size);
+                held = pivot;
                 continue;
             }
+            let found = match k > 0 && analysis.is_first[k - 1] {
+                true => self.invert_pair(&analysis, k, [held, pivot]),
+                false => self.invert(k, pivot),
+            };
             let lost = FactorFailure::ZeroPivot(analysis.order[k] as usize);
-            if is_second {
-                let beside = std::mem::take(&mut self.work[k - 1]);
-                self.entries[analysis.places[end] as usize] = 0.0;
-                let determinant = held * pivot - beside * beside;
-                let sizes = held_size * pivot.abs() + held.abs() * size + beside * beside;
-                if determinant.abs() <= CANCELLED * sizes || determinant.abs() < f64::MIN_POSITIVE {
-                    return Err(lost);
-                }
-                positive += match determinant > 0.0 {
-                    true if held > 0.0 => 2,
-                    true => 0,
-                    false => 1,
-                };
-                self.inverse[k - 1] = pivot / determinant;
-                self.inverse[k] = held / determinant;
-                self.coupling[k - 1] = -beside / determinant;
-            } else {
-                if pivot.abs() <= CANCELLED * size || pivot.abs() < f64::MIN_POSITIVE {
-                    return Err(lost);
-                }
-                positive += usize::from(pivot > 0.0);
-                self.inverse[k] = pivot.recip();
-            }
+            positive += found.ok_or(lost)?;
         }
         Ok(Inertia {
             positive,

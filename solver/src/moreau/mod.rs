@@ -236,22 +236,11 @@ impl<F: Free> Stepper<F> {
         stats.events = self.contacts.n_changes();
         stats.newton_iterations = self.impulses.sweeps + self.shifts.sweeps;
         stats.factorizations = self.impulses.factorizations + self.shifts.factorizations;
-        let n = x.len();
         Solution {
             outcome: Outcome {
-                status,
-                time: t,
-                alpha: sides.iter().map(|side| 0.5 + 0.5 * side.sign()).collect(),
-                sides,
-                activity: vec![0.0; n],
-                moved: vec![0.0; n],
-                drift: 0.0,
-                defect: 0.0,
                 complementarity: self.counts.residual,
-                notes: Vec::new(),
-                approaches: Vec::new(),
                 stats,
-                x,
+                ..Outcome::at(status, t, x, sides)
             },
             penetration: self.counts.penetration,
             stuck,

@@ -171,6 +171,29 @@ pub struct Outcome {
     pub stats: Stats,
 }
 
+impl Outcome {
+    /// A run that has ended at an instant and a state with switches on these sides, and has nothing else to tell: α of those
+    /// that slide is 1/2.
+    pub fn at(status: Status, time: f64, x: Vec<f64>, sides: Vec<Side>) -> Self {
+        let n = x.len();
+        Outcome {
+            status,
+            time,
+            x,
+            alpha: sides.iter().map(|side| 0.5 + 0.5 * side.sign()).collect(),
+            sides,
+            activity: vec![0.0; n],
+            moved: vec![0.0; n],
+            drift: 0.0,
+            defect: 0.0,
+            complementarity: 0.0,
+            notes: Vec::new(),
+            approaches: Vec::new(),
+            stats: Stats::default(),
+        }
+    }
+}
+
 /// Runs a system, keeping the functions it has met from one run to the next.
 pub struct Simulator {
     system: Arc<HybridSystem>,

@@ -33,6 +33,16 @@ pub(super) enum Estimator {
     Steps,
 }
 
+impl Estimator {
+    /// That of finite elements, which are on a grid where they are told how many steps to take.
+    pub fn of_elements(settings: &Settings) -> Self {
+        match settings.method.has_steps() {
+            false => Estimator::Tolerance,
+            true => Estimator::Grid,
+        }
+    }
+}
+
 /// What a more accurate run says about a run.
 pub(super) struct Estimate {
     /// Largest difference of a state, relative to its largest magnitude.

@@ -14,7 +14,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use nsd_solver::fesd::{self, ComplementaritySystem, Grid, Library, Rungs, Simulator};
-use nsd_solver::simulate::{self as event, Event, HybridSystem, Observer, Segment};
+use nsd_solver::simulate::{self as event, Event, HybridSystem, Observer, Outcome, Segment};
 use nsd_solver::tableau::Family;
 
 pub use complementarity::complementarity;
@@ -24,7 +24,7 @@ use crate::dcs::{self, Dcs};
 use crate::hybrid::{self, Pulses};
 use crate::report::{Method, MethodOption, Multipliers, Series, Trajectory};
 use crate::simulate::driver::{Accuracy, Ended, Problem, REFINEMENT, Run};
-use crate::simulate::estimate::{Comparison, Estimate, Estimator};
+use crate::simulate::estimate::{Estimate, Estimator};
 use crate::system::System;
 use crate::system::experiment::{self, FesdOptions, MethodKind, Settings};
 
@@ -191,25 +191,16 @@ impl<'e> Run<'e> for ByElements {
     }
 
     fn estimator(&self, settings: &Settings<'e>) -> Estimator {
-        match options(settings).steps {
-            None => Estimator::Tolerance,
-            Some(_) => Estimator::Grid,
-        }
+        Estimator::of_elements(settings)
     }
 
-    fn estimate(
-        &mut self,
-        problem: &Problem<'_, 'e>,
-        comparison: &Comparison,
-        [found, finer]: [&Ended; 2],
-    ) -> Option<Estimate> {
-        let outcomes = [&found.outcome, &finer.outcome];
-        let least = self.least_sizes(problem.system, &comparison.sizes(&found.outcome.x));
-        let mut estimate = Estimate::of(comparison, outcomes, &least)?;
-        estimate.error /= 1.0 - self.share_of_finer();
-        let (turned, end) = (&self.left.turned, found.outcome.time);
-        estimate.touches = turned.judge(problem.system, estimate.error, end);
-        Some(estimate)
+    fn corrected(&self, estimate: Estimate, system: &System<'e>, found: &Outcome) -> Estimate {
+        let error = estimate.error / (1.0 - self.share_of_finer());
+        Estimate {
+            error,
+            touches: self.left.turned.judge(system, error, found.time),
+            ..estimate
+        }
     }
 
     fn refined(

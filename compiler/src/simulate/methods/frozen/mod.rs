@@ -116,10 +116,7 @@ impl<'e> Run<'e> for InNumericalTime<'e> {
     }
 
     fn estimator(&self, settings: &Settings<'e>) -> Estimator {
-        match settings.method.has_steps() {
-            false => Estimator::Tolerance,
-            true => Estimator::Grid,
-        }
+        Estimator::of_elements(settings)
     }
 
     fn tell(&mut self, _: &Problem<'_, 'e>, _: &Ended, trajectory: &mut Trajectory) {

@@ -186,10 +186,7 @@ impl<'e> Run<'e> for WithImpulses<'e> {
     }
 
     fn estimator(&self, settings: &Settings<'e>) -> Estimator {
-        match options(settings).steps {
-            None => Estimator::Tolerance,
-            Some(_) => Estimator::Grid,
-        }
+        Estimator::of_elements(settings)
     }
 
     fn compares(&self, ended: &Ended) -> bool {
@@ -232,30 +229,17 @@ impl<'e> Run<'e> for WithImpulses<'e> {
 impl Reached {
     /// As of every simulation.
     fn outcome(&self, system: &System) -> Outcome {
-        let n = system.states.len();
-        let open = || vec![Side::Plus; system.switches.len()].into();
-        let sides: Box<[Side]> = self
-            .sides
-            .last()
-            .map_or_else(open, |(_, sides)| sides.clone());
+        let open = || vec![Side::Plus; system.switches.len()];
+        let last = self.sides.last();
+        let sides = last.map_or_else(open, |(_, sides)| sides.to_vec());
+        let x = self.x[..system.states.len()].to_vec();
         Outcome {
-            status: Status::Solved,
-            time: self.time,
-            x: self.x[..n].to_vec(),
-            alpha: sides.iter().map(|side| 0.5 + 0.5 * side.sign()).collect(),
-            sides: sides.into_vec(),
-            activity: vec![0.0; n],
-            moved: vec![0.0; n],
-            drift: 0.0,
-            defect: 0.0,
-            complementarity: 0.0,
-            notes: Vec::new(),
-            approaches: Vec::new(),
             stats: event::Stats {
                 steps: self.steps,
                 newton_iterations: self.work.iterations,
                 ..event::Stats::default()
             },
+            ..Outcome::at(Status::Solved, self.time, x, sides)
         }
     }
 }
