@@ -9,7 +9,7 @@
 //!
 //! ```
 //! use std::ops::ControlFlow;
-//! use nsd_solver::simulate::{Event, Observer, Segment, Status};
+//! use nsd_solver::event::{Event, Observer, Segment, Status};
 //! use nsdc::prepared::Prepared;
 //!
 //! let text = "model ball {
@@ -47,7 +47,9 @@
 
 use std::sync::Arc;
 
-use nsd_solver::simulate::{self as solver, HybridSystem, Observer, Outcome, Simulator};
+use nsd_solver::event::{Observer, Simulator};
+use nsd_solver::hybrid as solver;
+use nsd_solver::hybrid::{HybridSystem, Outcome};
 use nsd_solver::tape::{Scratch, Tape};
 
 use crate::Compiled;

@@ -3,11 +3,12 @@
 
 use std::ops::ControlFlow;
 
+use nsd_solver::event::{Event, Segment};
 use nsd_solver::fesd::{
     ComplementaritySystem, Full, Kinds, Member, Observer, Pair, Rule, Rules, Settings, Simulator,
     Surfaces, Switch,
 };
-use nsd_solver::simulate::{Event, Piecewise, Segment, Side, Status};
+use nsd_solver::hybrid::{Piecewise, Side, Status};
 use nsd_solver::tableau::Family;
 use nsd_solver::tape::Tape;
 
@@ -75,7 +76,7 @@ fn relay() -> ComplementaritySystem {
 #[derive(Default)]
 struct Seen(Vec<f64>);
 
-impl nsd_solver::simulate::Observer for Seen {
+impl nsd_solver::event::Observer for Seen {
     fn segment(&mut self, _: &Segment) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }

@@ -1,6 +1,6 @@
 //! What is read is checked: bytes that are no tape, or no system, are refused.
 
-use nsd_solver::simulate::{HybridSystem, Input, Piecewise, Switch, SwitchKind};
+use nsd_solver::hybrid::{HybridSystem, Input, Piecewise, Switch, SwitchKind};
 use nsd_solver::tape::Tape;
 use proptest::prelude::*;
 

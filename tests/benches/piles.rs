@@ -10,8 +10,9 @@ mod support;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
+use nsd_solver::event::{Event, Segment};
+use nsd_solver::hybrid::Status;
 use nsd_solver::moreau::{Change, Observer, Solution};
-use nsd_solver::simulate::{Event, Segment, Status};
 use nsd_tests::with_experiment;
 use nsdc::simulate::moreau::stepper;
 use records::record;
@@ -24,7 +25,7 @@ const STEPS: usize = 1000;
 
 struct Silent;
 
-impl nsd_solver::simulate::Observer for Silent {
+impl nsd_solver::event::Observer for Silent {
     fn segment(&mut self, _: &Segment) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }
@@ -121,7 +122,7 @@ impl Falling {
     }
 }
 
-impl nsd_solver::simulate::Observer for Falling {
+impl nsd_solver::event::Observer for Falling {
     fn segment(&mut self, segment: &Segment) -> ControlFlow<()> {
         self.look(segment.start);
         self.x.clear();

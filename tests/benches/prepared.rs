@@ -8,7 +8,8 @@ use std::sync::Arc;
 use std::thread;
 use std::time::Instant;
 
-use nsd_solver::simulate::{HybridSystem, Settings, Simulator, Status};
+use nsd_solver::event::Simulator;
+use nsd_solver::hybrid::{HybridSystem, Settings, Status};
 use nsd_tests::with_experiment;
 use nsdc::Compiled;
 use nsdc::hybrid;

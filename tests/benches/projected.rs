@@ -15,7 +15,7 @@ use std::hint::black_box;
 
 use criterion::Criterion;
 use nalgebra::{DMatrix, DVector};
-use nsd_solver::simulate::Status;
+use nsd_solver::hybrid::Status;
 use nsd_tests::with_experiment;
 use nsdc::Compiled;
 use nsdc::hybrid;

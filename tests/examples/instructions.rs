@@ -15,9 +15,10 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
+use nsd_solver::event::{Event, Observer, Segment, Simulator};
 use nsd_solver::fesd::{self, Grid};
+use nsd_solver::hybrid::Settings;
 use nsd_solver::moreau::{self, Change};
-use nsd_solver::simulate::{Event, Observer, Segment, Settings, Simulator};
 use nsd_solver::tableau::Family;
 use nsd_tests::with_experiment;
 use nsdc::hybrid;

@@ -13,8 +13,8 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use nsd_solver::event::{Event, Segment};
 use nsd_solver::moreau::{Change, Observer};
-use nsd_solver::simulate::{Event, Segment};
 use nsd_tests::DataFolder;
 use nsdc::clock::Clock;
 use nsdc::diagnostics::Diagnostics;
@@ -351,7 +351,7 @@ fn power(n: usize) -> String {
 
 struct Silent;
 
-impl nsd_solver::simulate::Observer for Silent {
+impl nsd_solver::event::Observer for Silent {
     fn segment(&mut self, _: &Segment) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }

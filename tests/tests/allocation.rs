@@ -1,8 +1,9 @@
 //! Finite elements allocate nothing but where the active set changes, and steps through contacts nothing at all.
 
+use nsd_solver::event::{Event, Segment};
 use nsd_solver::fesd::{Grid, Observer, Settings, Simulator};
+use nsd_solver::hybrid::Status;
 use nsd_solver::moreau::{self, Change};
-use nsd_solver::simulate::{Event, Segment, Status};
 use nsd_solver::tableau::Family;
 use nsd_tests::with_experiment;
 use nsdc::dcs;
@@ -13,7 +14,7 @@ use std::ops::ControlFlow;
 
 struct Silent;
 
-impl nsd_solver::simulate::Observer for Silent {
+impl nsd_solver::event::Observer for Silent {
     fn segment(&mut self, _: &Segment) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }

@@ -4,7 +4,8 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::thread;
 
-use nsd_solver::simulate::{Event, HybridSystem, Observer, Segment, Settings, Simulator, Status};
+use nsd_solver::event::{Event, Observer, Segment, Simulator};
+use nsd_solver::hybrid::{HybridSystem, Settings, Status};
 use nsd_tests::{for_each_example, with_experiment};
 use nsdc::hybrid;
 use nsdc::system::System;

@@ -2,7 +2,8 @@
 
 use std::ops::ControlFlow;
 
-use nsd_solver::simulate::{Event, Observer, Segment, Status};
+use nsd_solver::event::{Event, Observer, Segment};
+use nsd_solver::hybrid::Status;
 use nsd_tests::{end, run};
 use nsdc::hybrid::Structural;
 use nsdc::prepared::{NotPrepared, NotRun, Prepared};

@@ -3,7 +3,7 @@
 //! Rates with costly expressions in common form a block, which computes them once. To have an α in
 //! common is no reason: then every change of one side would concern all that is connected.
 
-use nsd_solver::simulate::Block;
+use nsd_solver::hybrid::Block;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::expr::{Expr, Node, Var};

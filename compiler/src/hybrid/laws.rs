@@ -1,6 +1,6 @@
 //! Laws by which states jump, and impacts, as the simulator sees them.
 
-use nsd_solver::simulate::{Effect, Guard, Impact, Input, Law, Reset};
+use nsd_solver::hybrid::{Effect, Guard, Impact, Input, Law, Reset};
 use rustc_hash::FxHashMap;
 
 use super::tape;

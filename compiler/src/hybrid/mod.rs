@@ -15,7 +15,7 @@ mod tests;
 
 use std::sync::Arc;
 
-use nsd_solver::simulate::{
+use nsd_solver::hybrid::{
     Argument, Block, Form, HybridSystem, Input, Instance, Piecewise, Side, Switch, SwitchKind,
 };
 use nsd_solver::tape::Tape;

@@ -1,6 +1,6 @@
 //! What occurs where: which α in which rates and ψ, and what a change of one concerns.
 
-use nsd_solver::simulate::Input;
+use nsd_solver::hybrid::Input;
 use rustc_hash::FxHashMap;
 
 use super::substituted::variable;

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use nsd_solver::simulate::{HybridSystem, Settings, Simulator};
+use nsd_solver::event::Simulator;
+use nsd_solver::hybrid::{HybridSystem, Settings};
 
 use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
@@ -61,12 +62,12 @@ fn instances_of_one_part_share_their_functions() {
 
 struct Silent;
 
-impl nsd_solver::simulate::Observer for Silent {
-    fn segment(&mut self, _: &nsd_solver::simulate::Segment) -> std::ops::ControlFlow<()> {
+impl nsd_solver::event::Observer for Silent {
+    fn segment(&mut self, _: &nsd_solver::event::Segment) -> std::ops::ControlFlow<()> {
         std::ops::ControlFlow::Continue(())
     }
 
-    fn event(&mut self, _: &nsd_solver::simulate::Event) {}
+    fn event(&mut self, _: &nsd_solver::event::Event) {}
 }
 
 #[test]

@@ -11,7 +11,8 @@ mod table;
 
 use std::ops::Range;
 
-use nsd_solver::simulate::{Settings, Simulator};
+use nsd_solver::event::Simulator;
+use nsd_solver::hybrid::Settings;
 
 use crate::hybrid;
 use crate::report::{self, Boundary, Change, Map, Sample};

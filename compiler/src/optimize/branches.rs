@@ -2,7 +2,7 @@
 //!
 //! The program tells sliding modes that attract from those that repel, but not which of several is entered, nor that one
 //! is not left before it ends: that depends on the side that the state comes from, which the dummy system knows
-//! ([`nsd_solver::simulate`]). So the controls that were found are run from event to event. Where that run is in other
+//! ([`nsd_solver::event`]). So the controls that were found are run from event to event. Where that run is in other
 //! modes the program is solved again from it, in its modes. What differs still is no solution of the model.
 
 use nsd_solver::mpcc::{self, Options, Solution, Status};

@@ -5,7 +5,9 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use nsd_solver::simulate::{self as solver, Observer, Segment, Simulator, Status};
+use nsd_solver::event as solver;
+use nsd_solver::event::{Observer, Segment, Simulator};
+use nsd_solver::hybrid::Status;
 
 use crate::hybrid;
 use crate::limit::Limit;
@@ -31,9 +33,9 @@ pub(crate) struct Values {
 impl Again {
     /// A system as it stands, for runs to about this horizon.
     pub fn new(system: &System, horizon: f64, tolerance: f64) -> Self {
-        let settings = solver::Settings {
+        let settings = nsd_solver::hybrid::Settings {
             tolerance,
-            ..solver::Settings::default()
+            ..nsd_solver::hybrid::Settings::default()
         };
         let simulator = Simulator::new(hybrid::lower_over(system, horizon), settings);
         Again { simulator }

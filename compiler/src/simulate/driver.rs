@@ -3,8 +3,9 @@
 
 use std::sync::Arc;
 
+use nsd_solver::event::Observer;
 use nsd_solver::fesd::NEGLIGIBLE;
-use nsd_solver::simulate::{Observer, Outcome, Status as End};
+use nsd_solver::hybrid::{Outcome, Status as End};
 
 use super::Request;
 use super::estimate::{Comparison, Estimate, Estimator};

@@ -5,7 +5,8 @@
 //! their 2α - 1 is inside of it, and are above where it is on the edge at all nodes. Where states have jumped there are
 //! two values at one time.
 
-use nsd_solver::simulate::{Polynomials, Side};
+use nsd_solver::expansion::Polynomials;
+use nsd_solver::hybrid::Side;
 
 use super::{Points, recorded};
 use crate::expr::{Expr, Var};

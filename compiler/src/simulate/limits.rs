@@ -3,7 +3,7 @@
 //! A state is a polynomial within a step, and enclosures of it on shorter and shorter intervals find
 //! the instant at which it leaves its bounds. A control is looked at in a few points of every step.
 
-use nsd_solver::simulate::Segment;
+use nsd_solver::event::Segment;
 use nsd_solver::tape::{Scratch, Tape};
 
 use super::reported::Reported;

@@ -1,6 +1,7 @@
 //! Names of modes and kinds of events.
 
-use nsd_solver::simulate::{Decision, Side};
+use nsd_solver::hybrid::Side;
+use nsd_solver::selector::Decision;
 
 use crate::expr::{Expr, Var, variables_of};
 use crate::report::{self, EventKind};

@@ -1,9 +1,8 @@
 //! How a run ended, in the words of the language.
 
 use miette::LabeledSpan;
-use nsd_solver::simulate::{
-    Candidate, Coefficient, Function, MAX_NAMED, Note, Outcome, Side, Status,
-};
+use nsd_solver::hybrid::{Coefficient, Function, Note, Outcome, Side, Status};
+use nsd_solver::selector::{Candidate, MAX_NAMED};
 
 use super::modes::{ModeNames, law_of};
 use super::{rooted, steepest};

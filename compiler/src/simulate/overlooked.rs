@@ -2,7 +2,9 @@
 
 use std::ops::ControlFlow;
 
-use nsd_solver::simulate::{Event, Function, Note, Observer, Overlooked, Segment};
+use nsd_solver::event::{Event, Observer, Segment};
+use nsd_solver::events::Overlooked;
+use nsd_solver::hybrid::{Function, Note};
 
 use super::limits::tape_of;
 use crate::system::System;

@@ -1,6 +1,7 @@
 //! The polynomials of a recorded run, piece by piece.
 
-use nsd_solver::simulate::{Outcome, Segment};
+use nsd_solver::event::Segment;
+use nsd_solver::hybrid::Outcome;
 
 use crate::model::Data;
 use crate::report::Piece;

@@ -3,7 +3,9 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use nsd_solver::simulate::{Decision, Event, Observer, Outcome, Segment, Side, Status};
+use nsd_solver::event::{Event, Observer, Segment};
+use nsd_solver::hybrid::{Outcome, Side, Status};
+use nsd_solver::selector::Decision;
 
 use super::limits::Limits;
 use super::modes::{self, ModeNames};

@@ -4,7 +4,7 @@
 //! there its slope has no bound, or one of its slopes has none. What it says of elements and steps is not the cause then.
 
 use crate::hybrid::with_numbers;
-use nsd_solver::simulate::{Outcome, Status};
+use nsd_solver::hybrid::{Outcome, Status};
 
 use super::steepest;
 use crate::expr::{Expr, rewrite};

@@ -9,7 +9,8 @@ use crate::hybrid::{self, variable};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use nsd_solver::simulate::{Event, Observer, Segment, Settings, Side, Simulator, Status};
+use nsd_solver::event::{Event, Observer, Segment, Simulator};
+use nsd_solver::hybrid::{Settings, Side, Status};
 
 use crate::expr::{Expr, Substitution, Var};
 use crate::model::Data;

@@ -1,7 +1,7 @@
 //! Algebraic states at the start.
 
 use crate::hybrid;
-use nsd_solver::simulate::Simulator;
+use nsd_solver::event::Simulator;
 
 use super::outcome;
 use crate::expr::Substitution;

@@ -6,7 +6,7 @@
 
 use miette::LabeledSpan;
 
-use nsd_solver::simulate::Outcome;
+use nsd_solver::hybrid::Outcome;
 use rustc_hash::FxHashMap;
 
 use crate::expr::{Expr, Node, Var, variables_of};

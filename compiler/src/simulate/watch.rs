@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use nsd_solver::simulate::{Event, Observer, Segment};
+use nsd_solver::event::{Event, Observer, Segment};
 
 /// How far a run is.
 #[derive(Clone, Copy, Debug, PartialEq)]

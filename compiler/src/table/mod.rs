@@ -13,7 +13,7 @@ mod tests;
 use std::fmt;
 use std::sync::Arc;
 
-use nsd_solver::simulate::{Piece, Piecewise};
+use nsd_solver::hybrid::{Piece, Piecewise};
 
 pub use read::Fault;
 pub use source::{MAX_BYTES, Source, Sources};

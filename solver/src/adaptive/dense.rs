@@ -9,7 +9,7 @@
 //! Nørsett & Wanner 1993, section II.9, dense output).
 
 use super::extrapolation::{MOST_ROWS, substeps};
-use crate::simulate::dense::ElementSeries;
+use crate::expansion::dense::ElementSeries;
 
 /// Powers of the polynomial of a step, at most.
 const MOST: usize = 2 * MOST_ROWS + 2;

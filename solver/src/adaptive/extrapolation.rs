@@ -15,8 +15,8 @@
 
 use super::dense::Middle;
 use super::{DEFECTS, Field};
-use crate::simulate::dense::ElementSeries;
-use crate::simulate::series;
+use crate::expansion::dense::ElementSeries;
+use crate::expansion::series;
 
 /// Rows of a step: order 18.
 pub const MOST_ROWS: usize = 9;

@@ -14,9 +14,11 @@ mod tests;
 
 use std::ops::ControlFlow;
 
+use crate::event::{Event, Observer, Segment};
+use crate::expansion::dense::ElementSeries;
+use crate::hybrid::status::{Stats, Status};
+use crate::hybrid::{Outcome, Side};
 use crate::limit::Limit;
-use crate::simulate::dense::ElementSeries;
-use crate::simulate::{Event, Observer, Outcome, Segment, Side, Stats, Status};
 use control::{Control, Verdict};
 use extrapolation::Extrapolation;
 

@@ -3,7 +3,9 @@
 use std::ops::ControlFlow;
 
 use super::{Field, Settings, Simulator};
-use crate::simulate::{Event, Observer, Segment, Side, Status};
+use crate::event::{Event, Observer, Segment};
+use crate::hybrid::Side;
+use crate::hybrid::status::Status;
 
 /// A field with one sign at most.
 struct Given<F, P> {

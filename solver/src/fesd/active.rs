@@ -3,7 +3,7 @@
 use super::full::{NO_DIRECTION, partials};
 use super::reduce::{Remainder, eliminate};
 use super::system::{ComplementaritySystem, Disc, Kept, Reduced, Watched, Zero};
-use crate::simulate::Side;
+use crate::hybrid::Side;
 use crate::tape::{Sum, Sums, Tape};
 
 /// Derivatives that are looked at for one that contains an unknown.

@@ -9,7 +9,7 @@ use super::emit::Observer;
 use super::fold::Length;
 use super::watch::BAND;
 use super::{Grid, Run, Simulator};
-use crate::simulate::Status;
+use crate::hybrid::status::Status;
 
 /// A hundredth of the global aim, which the growth of errors along well-conditioned runs does not
 /// use up.
@@ -146,7 +146,7 @@ impl Simulator<'_> {
         let mut worst = 0.0_f64;
         for sigma in scheme.probes() {
             let tau = sigma * h;
-            let x = (0..n).map(|i| crate::simulate::series::value(self.series.row(i), tau));
+            let x = (0..n).map(|i| crate::expansion::series::value(self.series.row(i), tau));
             mode.hidden
                 .set(solved.t + tau, x, mode.element.w(scheme.s / 2));
             if mode.hidden.solve(reduced).is_err() {
@@ -164,7 +164,7 @@ impl Simulator<'_> {
                 }
             }
             for (i, f) in mode.hidden.eval(&reduced.equations).take(n).enumerate() {
-                let rate = crate::simulate::series::slope(self.series.row(i), tau);
+                let rate = crate::expansion::series::slope(self.series.row(i), tau);
                 // What rounding leaves of the rate is no reason for a shorter element. Equations leave that of
                 // their terms in all that they determine, a multiplier that is zero, too.
                 let terms = match algebraic.contains(&i) {

@@ -11,7 +11,7 @@
 use super::active::{Active, sides, sliding};
 use super::full::partials;
 use super::system::{ComplementaritySystem, Reduced, Watched, Zero};
-use crate::simulate::Partials;
+use crate::hybrid::form::Partials;
 use crate::tape::Sum;
 
 impl ComplementaritySystem {

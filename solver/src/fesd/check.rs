@@ -5,7 +5,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::pointwise::{Rule, Rules};
 use super::system::ComplementaritySystem;
-use crate::simulate::Partials;
+use crate::hybrid::form::Partials;
 use crate::tape::Tape;
 
 /// Why something is no system.

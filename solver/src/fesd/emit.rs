@@ -5,7 +5,10 @@ use std::ops::ControlFlow;
 use super::system::measure;
 use super::watch::{BAND, Start};
 use super::{Run, Simulator};
-use crate::simulate::{Segment, Side, Status, series};
+use crate::event::Segment;
+use crate::expansion::series;
+use crate::hybrid::Side;
+use crate::hybrid::status::Status;
 
 /// z at the points of an element.
 pub struct Multipliers<'a> {
@@ -16,7 +19,7 @@ pub struct Multipliers<'a> {
 }
 
 /// Sees a run while it happens.
-pub trait Observer: crate::simulate::Observer {
+pub trait Observer: crate::event::Observer {
     /// Whether [`Observer::multipliers`] is to be called.
     fn wants_multipliers(&self) -> bool {
         false

@@ -18,7 +18,10 @@ use super::hidden::Hidden;
 use super::system::Reduced;
 use super::watch::{BAND, Start, Verdict};
 use super::{Element, Mode, Run, Simulator};
-use crate::simulate::{Segment, Side, Status, series};
+use crate::event::Segment;
+use crate::expansion::series;
+use crate::hybrid::Side;
+use crate::hybrid::status::Status;
 use crate::tableau::monomials;
 
 /// α is the independent variable where a fold is no farther than this, as ∂φ/∂α shows it.

@@ -9,7 +9,9 @@ use super::independent::rate_scale;
 use super::system::{ComplementaritySystem, Zero};
 use super::watch::BAND;
 use super::{Member, Pair, Run, Simulator};
-use crate::simulate::{Next, Side, Standing, Status};
+use crate::hybrid::Side;
+use crate::hybrid::status::Status;
+use crate::selector::guide::{Next, Standing};
 
 /// How far α of the directional equations may be from the α that was named.
 const SAME: f64 = 1e-7;

@@ -5,7 +5,8 @@ use super::emit::Observer;
 use super::fold::Length;
 use super::watch::{BAND, Verdict};
 use super::{Run, Simulator};
-use crate::simulate::{Side, Status};
+use crate::hybrid::Side;
+use crate::hybrid::status::Status;
 
 /// Below this share of the largest state one may be rounding of terms that cancel.
 const SMALL: f64 = 1e-8;
@@ -390,7 +391,7 @@ impl Simulator<'_> {
             if slides(after) > slides(&before) && run.events.limit(after).is_some() {
                 return Err(Status::Accumulation);
             }
-            observer.event(&crate::simulate::Event {
+            observer.event(&crate::event::Event {
                 time: run.t,
                 x: &run.x,
                 before: &run.x,

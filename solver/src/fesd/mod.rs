@@ -46,11 +46,14 @@ mod whole;
 
 use rustc_hash::FxHashMap;
 
+use crate::events::roots::RootFinder;
+use crate::events::zeno::Events;
+use crate::expansion::dense::ElementSeries;
+use crate::hybrid::status::{Note, Stats, Status};
+use crate::hybrid::{Outcome, Side};
 use crate::limit::Limit;
-use crate::simulate::dense::ElementSeries;
-use crate::simulate::roots::RootFinder;
-use crate::simulate::zeno::Events;
-use crate::simulate::{Decision, Guide, Note, Outcome, Side, Stats, Status};
+use crate::selector::guide::Guide;
+use crate::selector::nonlinear::Decision;
 use crate::tableau::{Family, Tableau, TableauError};
 use directional::Directional;
 use element::Element;

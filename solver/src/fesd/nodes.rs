@@ -9,9 +9,9 @@
 use super::scheme::Scheme;
 use super::system::ComplementaritySystem;
 use super::uniform::SLACK;
+use crate::hybrid::status::Stats;
 use crate::limit::Limit;
 use crate::linalg::DenseLu;
-use crate::simulate::Stats;
 use crate::tape::Tape;
 
 /// Newton iterations for one σ, and by the smaller members, which go in circles if they take longer.

@@ -8,7 +8,7 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 
 use super::system::ComplementaritySystem;
-use crate::simulate::Side;
+use crate::hybrid::Side;
 use crate::tape::Tape;
 
 /// |ψ| of a switch of time below this share of |ψ'| t is its surface.

@@ -6,7 +6,7 @@
 use super::element::Element;
 use super::scheme::Scheme;
 use super::{Mode, Run, Simulator};
-use crate::simulate::series;
+use crate::expansion::series;
 use crate::tape::{Ball, Rounded};
 
 /// Chains of states that pass on each other's rounding, at most this long.

@@ -7,7 +7,9 @@ use super::pointwise::Point;
 use super::system::{Member, NEGLIGIBLE, Pair, Zero};
 use super::watch::{BAND, Start, Verdict};
 use super::{Run, Simulator};
-use crate::simulate::{Candidate, Note, Side, Status};
+use crate::hybrid::Side;
+use crate::hybrid::status::{Note, Status};
+use crate::selector::select::Candidate;
 
 /// Length of the first trial element, relative to that of a step, and of every other to the one before.
 const TRIAL: f64 = 1e-3;

@@ -12,9 +12,11 @@ use super::pointwise::Point;
 use super::scheme::Scheme;
 use super::system::ComplementaritySystem;
 use super::uniform::Uniform;
+use crate::event::{Event, Observer, Segment};
+use crate::expansion::dense::ElementSeries;
+use crate::hybrid::status::{Stats, Status};
+use crate::hybrid::{Outcome, Side};
 use crate::limit::Limit;
-use crate::simulate::dense::ElementSeries;
-use crate::simulate::{Event, Observer, Outcome, Segment, Side, Stats, Status};
 use crate::tableau::{Family, Tableau, TableauError};
 
 /// What the user may choose.

@@ -7,7 +7,7 @@
 use super::directional::Choice;
 use super::watch::BAND;
 use super::{Grid, Run, Simulator};
-use crate::simulate::Note;
+use crate::hybrid::status::Note;
 
 /// Roundings of a member that is zero, and of a rate.
 const ROUNDINGS: f64 = 8.0 * f64::EPSILON;

@@ -11,7 +11,7 @@ use super::element::Element;
 use super::library::Library;
 use super::scheme::{Scheme, WIDTH};
 use super::system::{ComplementaritySystem, Zero, measure};
-use crate::simulate::Stats;
+use crate::hybrid::status::Stats;
 
 /// Members above this are not negative.
 pub(super) const SLACK: f64 = -1e-10;

@@ -6,7 +6,7 @@ use super::element::{Element, Unsolved};
 use super::hidden::Hidden;
 use super::scheme::{Scheme, WIDTH};
 use super::system::Reduced;
-use crate::simulate::roots::RootFinder;
+use crate::events::roots::RootFinder;
 
 /// How a member starts.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
@@ -220,7 +220,7 @@ impl Values {
             .fold(value.abs().max(floor), |most, v| most.max(v.abs()));
         self.series.resize(n_points, 0.0);
         scheme.point_series(values, &mut self.series);
-        (crate::simulate::series::value(&self.series, sigma) - value).abs() / largest
+        (crate::expansion::series::value(&self.series, sigma) - value).abs() / largest
     }
 
     /// Whether the members stay positive; `starts` says how each begins, above zero where it does not.

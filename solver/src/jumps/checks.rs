@@ -1,7 +1,7 @@
 //! What must hold of a step of contacts besides its equations.
 
 use super::{Program, SHORTEST, StepProgram, Stepper, largest};
-use crate::simulate::Coefficient;
+use crate::hybrid::status::Coefficient;
 use crate::tableau::lagrange;
 
 /// Impulses below this are rounding.

@@ -3,7 +3,7 @@
 use super::rows::Pair;
 use super::scene::Free;
 use super::{Stepper, Velocities, cone, rows};
-use crate::simulate;
+use crate::event;
 
 /// What a contact does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,7 +21,7 @@ pub enum Change {
 }
 
 /// Sees a run while it happens.
-pub trait Observer: simulate::Observer {
+pub trait Observer: event::Observer {
     /// A contact changes; instants are those at which a straight line between the ends of the step meets the surface.
     fn change(&mut self, time: f64, contact: usize, change: Change);
 }

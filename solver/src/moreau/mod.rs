@@ -43,9 +43,11 @@ use std::ops::ControlFlow;
 pub use events::{Change, Observer};
 pub use scene::{Body, Family, Free, Scene};
 
+use crate::event::Segment;
+use crate::expansion::dense::ElementSeries;
+use crate::hybrid::status::{Stats, Status};
+use crate::hybrid::{Outcome, Side};
 use crate::limit::Limit;
-use crate::simulate::dense::ElementSeries;
-use crate::simulate::{Outcome, Segment, Side, Stats, Status};
 use crate::tape::LaneScratch;
 use energy::Energy;
 use events::Contacts;

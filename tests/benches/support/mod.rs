@@ -4,7 +4,8 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
 
-use nsd_solver::simulate::{Event, HybridSystem, Observer, Segment, Settings, Simulator};
+use nsd_solver::event::{Event, Observer, Segment, Simulator};
+use nsd_solver::hybrid::{HybridSystem, Settings};
 use nsdc::Compiled;
 
 /// A simulator at a tolerance, otherwise as `nsdc` sets it.

@@ -9,7 +9,7 @@ use std::hint::black_box;
 use std::sync::Arc;
 
 use criterion::Criterion;
-use nsd_solver::simulate::{HybridSystem, Status};
+use nsd_solver::hybrid::{HybridSystem, Status};
 use nsdc::{Compiled, hybrid};
 use serde_json::{Value, json};
 

@@ -55,7 +55,9 @@ impl<'a> Names<'a> {
 pub fn circles(sources: &[Source]) -> Vec<Vec<String>> {
     let names = Names::of(sources);
     let mut graph = DiGraph::<usize, ()>::new();
-    let nodes: Vec<_> = (0..sources.len()).map(|file| graph.add_node(file)).collect();
+    let nodes: Vec<_> = (0..sources.len())
+        .map(|file| graph.add_node(file))
+        .collect();
     for (from, source) in sources.iter().enumerate() {
         let mut paths = Paths::default();
         source.items.iter().for_each(|item| paths.visit_item(item));
@@ -70,7 +72,12 @@ pub fn circles(sources: &[Source]) -> Vec<Vec<String>> {
     }
     let mut circles: Vec<Vec<String>> = tarjan_scc(&graph)
         .into_iter()
-        .map(|circle| circle.iter().map(|&node| sources[graph[node]].name()).collect())
+        .map(|circle| {
+            circle
+                .iter()
+                .map(|&node| sources[graph[node]].name())
+                .collect()
+        })
         .collect();
     circles.iter_mut().for_each(|circle| circle.sort());
     circles.sort();
@@ -101,9 +108,10 @@ fn imported(source: &Source) -> BTreeMap<String, Vec<String>> {
         if let syn::Item::Use(item) = item {
             for (name, path) in leaves(&item.tree) {
                 let first = path.first().map_or("", String::as_str);
-                let is_child = source.items.iter().any(
-                    |item| matches!(item, syn::Item::Mod(child) if child.ident == first),
-                );
+                let is_child = source
+                    .items
+                    .iter()
+                    .any(|item| matches!(item, syn::Item::Mod(child) if child.ident == first));
                 if is_child || ["crate", "self", "super"].contains(&first) {
                     names.insert(name, absolute(source, &path));
                 }
@@ -150,7 +158,8 @@ struct Paths {
 impl<'ast> Visit<'ast> for Paths {
     fn visit_item_use(&mut self, item: &'ast syn::ItemUse) {
         if matches!(item.vis, syn::Visibility::Inherited) {
-            self.found.extend(leaves(&item.tree).into_iter().map(|leaf| leaf.1));
+            self.found
+                .extend(leaves(&item.tree).into_iter().map(|leaf| leaf.1));
         }
     }
 

@@ -41,7 +41,9 @@ pub fn of(sources: &[Source]) -> Sizes {
                 let name = of.path.segments.last().expect("a path has a name");
                 let is_method = |item: &&syn::ImplItem| matches!(item, syn::ImplItem::Fn(_));
                 let count = block.items.iter().filter(is_method).count();
-                *methods.entry(format!("{} of {file}", name.ident)).or_default() += count;
+                *methods
+                    .entry(format!("{} of {file}", name.ident))
+                    .or_default() += count;
             }
         }
     }

@@ -8,7 +8,12 @@ use proc_macro2::{TokenStream, TokenTree};
 use syn::spanned::Spanned;
 
 /// Folders of the crates that a user runs.
-const CRATES: [&str; 4] = ["grammar/src", "solver/src", "compiler/expr/src", "compiler/src"];
+const CRATES: [&str; 4] = [
+    "grammar/src",
+    "solver/src",
+    "compiler/expr/src",
+    "compiler/src",
+];
 
 /// A file that is parsed.
 pub struct Source {
@@ -26,7 +31,9 @@ impl Source {
     /// Lines with code in this piece of it.
     pub fn lines_of(&self, piece: &impl Spanned) -> usize {
         let span = piece.span();
-        self.lines.range(span.start().line..=span.end().line).count()
+        self.lines
+            .range(span.start().line..=span.end().line)
+            .count()
     }
 
     /// The path from the root of the project.
@@ -44,7 +51,9 @@ pub fn of(root: &Path) -> Vec<Source> {
         paths.sort();
         for path in paths {
             let text = fs::read_to_string(&path).expect("a source file is text");
-            let path = path.strip_prefix(root.join(of)).expect("it is in the crate");
+            let path = path
+                .strip_prefix(root.join(of))
+                .expect("it is in the crate");
             let path = path.to_string_lossy().into_owned();
             sources.push(parse(of, path, &text));
         }
@@ -136,6 +145,9 @@ fn is_test(item: &syn::Item) -> bool {
     attributes.iter().any(|attribute| {
         let meta = &attribute.meta;
         let is_cfg = meta.path().is_ident("cfg");
-        is_cfg && meta.require_list().is_ok_and(|list| list.tokens.to_string() == "test")
+        is_cfg
+            && meta
+                .require_list()
+                .is_ok_and(|list| list.tokens.to_string() == "test")
     })
 }

@@ -3,8 +3,8 @@
 use std::ops::ControlFlow;
 use std::thread;
 
+use nsd_solver::event::{Event, Segment};
 use nsd_solver::fesd::{ComplementaritySystem, Observer, Settings, Simulator};
-use nsd_solver::simulate::{Event, Segment};
 use nsd_solver::tableau::Family;
 use nsd_tests::for_each_example;
 use nsdc::dcs;
@@ -19,7 +19,7 @@ struct Seen {
     status: String,
 }
 
-impl nsd_solver::simulate::Observer for Seen {
+impl nsd_solver::event::Observer for Seen {
     fn segment(&mut self, _: &Segment) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }

@@ -2,7 +2,9 @@
 
 use std::ops::ControlFlow;
 
-use nsd_solver::simulate::{Approach, Event, Observer, Segment, Side};
+use nsd_solver::event::{Event, Observer, Segment};
+use nsd_solver::events::Approach;
+use nsd_solver::hybrid::Side;
 
 use super::parting;
 use crate::simulate::record::Record;

@@ -4,7 +4,7 @@ mod comparison;
 mod parting;
 mod touches;
 
-use nsd_solver::simulate::{Outcome, Status};
+use nsd_solver::hybrid::{Outcome, Status};
 
 pub use comparison::Comparison;
 pub use touches::{Touch, Touches};

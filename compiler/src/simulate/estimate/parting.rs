@@ -4,7 +4,7 @@
 //! is. Events that are closer together than a run is accurate may come in another order, or at once in one run alone: they
 //! are a group, and only the mode behind it counts.
 
-use nsd_solver::simulate::Side;
+use nsd_solver::hybrid::Side;
 
 /// Changes of the mode that are closer than this share of the horizon happen at once: only rounding has told them apart.
 const AT_ONCE: f64 = 1e-12;

@@ -1,6 +1,7 @@
 //! Surfaces that came closer than a run is accurate, so that it cannot be told whether they are crossed.
 
-use nsd_solver::simulate::{Approach, Outcome, Visit};
+use nsd_solver::events::{Approach, Visit};
+use nsd_solver::hybrid::Outcome;
 
 use crate::report::Warning;
 use crate::system::System;

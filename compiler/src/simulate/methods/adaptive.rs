@@ -4,11 +4,12 @@
 //! A second run with a hundredth of the tolerance gives the estimate of the error.
 
 use crate::hybrid::{self, Polynomials, Pulses, data_of, tape, variable};
-use nsd_solver::simulate::{Piecewise, write_pieces};
+use nsd_solver::hybrid::{Piecewise, write_pieces};
 use std::sync::Arc;
 
 use nsd_solver::adaptive::{self, Field, Simulator};
-use nsd_solver::simulate::{Observer, Side};
+use nsd_solver::event::Observer;
+use nsd_solver::hybrid::Side;
 use nsd_solver::tape::{Scratch, Tape};
 
 use crate::expr::{Expr, Substitution, Var, variables_of};

@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use nsd_solver::simulate::{self as solver, HybridSystem, Observer, Simulator};
+use nsd_solver::event::{Observer, Simulator};
+use nsd_solver::hybrid as solver;
+use nsd_solver::hybrid::HybridSystem;
 
 use super::smoothed;
 use crate::hybrid;
@@ -165,9 +167,9 @@ pub(crate) fn solver_settings(
         return defaults;
     };
     let side = |branch: &Branch| match branch {
-        Branch::Minus => solver::Side::Minus,
-        Branch::Slide => solver::Side::Slide,
-        Branch::Plus => solver::Side::Plus,
+        Branch::Minus => nsd_solver::hybrid::Side::Minus,
+        Branch::Slide => nsd_solver::hybrid::Side::Slide,
+        Branch::Plus => nsd_solver::hybrid::Side::Plus,
     };
     solver::Settings {
         order: *order,

@@ -1,6 +1,6 @@
 //! `perturb every 0.16 by sphere(1e-4) seed 1;`
 
-use nsd_solver::simulate::{KickSize, Kicks};
+use nsd_solver::event::{KickSize, Kicks};
 
 use super::optimize::{LARGEST_SEED, one_argument};
 use super::{ExperimentError, Feature, Reader, Settings};

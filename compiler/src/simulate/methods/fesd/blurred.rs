@@ -1,6 +1,6 @@
 //! Switches far from zero: elements count ψ as zero within a share of the size of its terms, however little it moves.
 
-use nsd_solver::simulate::Outcome;
+use nsd_solver::hybrid::Outcome;
 
 use crate::expr::Expr;
 use crate::report::{Trajectory, Warning};

@@ -13,8 +13,10 @@ mod turns;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
+use nsd_solver::event;
+use nsd_solver::event::{Event, Observer, Segment};
 use nsd_solver::fesd::{self, ComplementaritySystem, Grid, Library, Rungs, Simulator};
-use nsd_solver::simulate::{self as event, Event, HybridSystem, Observer, Outcome, Segment};
+use nsd_solver::hybrid::{HybridSystem, Outcome};
 use nsd_solver::tableau::Family;
 
 pub use complementarity::complementarity;
@@ -246,7 +248,7 @@ pub(super) fn simulator<'s>(
     match guide {
         Some(hybrid) => simulator.guided(event::Simulator::new(
             hybrid.clone(),
-            event::Settings::default(),
+            nsd_solver::hybrid::Settings::default(),
         )),
         None => simulator,
     }

@@ -1,7 +1,7 @@
 //! `method timestepping`: the complementarity system in steps of one length, without switch detection.
 
+use nsd_solver::event::Observer;
 use nsd_solver::fesd::{ComplementaritySystem, Library, Stepper, SteppingSettings};
-use nsd_solver::simulate::Observer;
 
 use super::lower;
 use crate::hybrid::Pulses;

@@ -5,7 +5,8 @@
 //! turn, a run that is wrong by more than d might be behind the surface for 2 √(·/c), or to the end, where the field
 //! there leads away.
 
-use nsd_solver::simulate::{Segment, Side};
+use nsd_solver::event::Segment;
+use nsd_solver::hybrid::Side;
 use nsd_solver::tape::{Scratch, Tape};
 
 use crate::expr::Expr;

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use nsd_solver::simulate::{Event, Observer, Segment, Simulator};
+use nsd_solver::event::{Event, Observer, Segment, Simulator};
 
 /// A contact that strikes does so within this share of the horizon.
 const SOON: f64 = 1e-6;

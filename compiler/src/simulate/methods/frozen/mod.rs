@@ -7,8 +7,9 @@ mod thaw;
 use std::sync::Arc;
 
 use law::impact;
+use nsd_solver::event::{Observer, Simulator};
 use nsd_solver::fesd::{self as elements, ComplementaritySystem, Grid, Library};
-use nsd_solver::simulate::{Coefficient, HybridSystem, Observer, Outcome, Simulator};
+use nsd_solver::hybrid::{Coefficient, HybridSystem, Outcome};
 use thaw::{End, Law, drive};
 
 use super::events::{finer, solver_settings};

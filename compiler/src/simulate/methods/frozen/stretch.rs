@@ -5,7 +5,7 @@
 //!
 //! λ_k = a_k (1 - ϑ_k) g'(t).
 
-use nsd_solver::simulate::Polynomials;
+use nsd_solver::expansion::Polynomials;
 
 /// A contact that lasts.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -5,10 +5,10 @@
 
 use std::ops::ControlFlow;
 
+use nsd_solver::event::{Clock, Clocked, Event, Observer, Segment};
+use nsd_solver::expansion::Polynomials;
 use nsd_solver::fesd;
-use nsd_solver::simulate::{
-    Clock, Clocked, Event, Observer, Outcome, Polynomials, Segment, Side, Status,
-};
+use nsd_solver::hybrid::{Outcome, Side, Status};
 
 use rustc_hash::FxHashMap;
 

@@ -1,8 +1,8 @@
 //! The motion without contacts, with its derivatives and the masses of the bodies.
 
 use nsd_solver::adaptive::Field;
+use nsd_solver::hybrid::Side;
 use nsd_solver::moreau;
-use nsd_solver::simulate::Side;
 use nsd_solver::tape::{Scratch, Tape};
 
 use crate::expr::{self, Expr, variables_of};

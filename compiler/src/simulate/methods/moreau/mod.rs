@@ -8,8 +8,9 @@ mod free;
 mod record;
 mod scene;
 
+use nsd_solver::event::Observer;
+use nsd_solver::hybrid::Status as End;
 use nsd_solver::moreau::{Change, Scene, Settings as StepSettings, Solution, Stepper};
-use nsd_solver::simulate::{Observer, Status as End};
 
 use self::free::Free;
 use self::record::Told;

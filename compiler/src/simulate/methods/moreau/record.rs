@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
+use nsd_solver::event::{Event, Observer, Segment};
 use nsd_solver::moreau::{Change, Observer as Contacts};
-use nsd_solver::simulate::{Event, Observer, Segment};
 
 use crate::report::{self, EventKind, ModeInterval, Side, Trajectory};
 use crate::system::System;

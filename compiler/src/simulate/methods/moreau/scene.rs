@@ -1,7 +1,7 @@
 //! Bodies and contacts as the solver sees them: one function serves all contacts of one form.
 
+use nsd_solver::hybrid::Input;
 use nsd_solver::moreau::{Body, Family, Scene};
-use nsd_solver::simulate::Input;
 use rustc_hash::FxHashMap;
 
 use crate::expr::{Expr, Substitution, Var};

@@ -13,9 +13,10 @@ mod compare;
 mod program;
 
 use miette::LabeledSpan;
+use nsd_solver::event::{Event, Observer, Segment};
+use nsd_solver::hybrid::{Outcome, Side, Status};
 use nsd_solver::jumps::{CLOSED, StepStart, Stepper, Work};
 use nsd_solver::problem::Nlp;
-use nsd_solver::simulate::{self as event, Event, Observer, Outcome, Segment, Side, Status};
 use nsd_solver::tableau::Tableau;
 use rustc_hash::FxHashMap;
 
@@ -234,10 +235,10 @@ impl Reached {
         let sides = last.map_or_else(open, |(_, sides)| sides.to_vec());
         let x = self.x[..system.states.len()].to_vec();
         Outcome {
-            stats: event::Stats {
+            stats: nsd_solver::hybrid::Stats {
                 steps: self.steps,
                 newton_iterations: self.work.iterations,
-                ..event::Stats::default()
+                ..nsd_solver::hybrid::Stats::default()
             },
             ..Outcome::at(Status::Solved, self.time, x, sides)
         }

@@ -1,0 +1,188 @@
+//! Impacts: velocities jump where contacts are struck.
+//!
+//! v⁺ = v⁻ + D Λ - T β,   0 ≤ Λ ⟂ J_nᵀ(v⁺ + e v⁻) ≥ 0,   β ∈ Λ ∂|J_tᵀ v⁺|,
+//!
+//! over all closed contacts that hang together, those at rest too: Newton's law with Coulomb's friction for
+//! impulses (Moreau 1988), the problem of `meeting` with a₀ = (1 + e) J_nᵀv⁻ and b₀ = J_tᵀv⁻.
+
+use crate::contact::problem::{Meeting, NoForces, Touch};
+use crate::event::Simulator;
+use crate::hybrid::Side;
+use crate::hybrid::state::State;
+use crate::hybrid::status::{Coefficient, Note, Status};
+use crate::hybrid::system::HybridSystem;
+use crate::hybrid::system::{Effect, Guard, Impact, Input};
+
+/// Energy that is gained by less than this fraction of what is exchanged is rounding.
+const GAIN: f64 = 1e-9;
+
+impl Simulator {
+    /// Lets velocities jump by the impulses of the contacts that `laws` strike, and all that they act on.
+    pub(crate) fn impact(&mut self, state: &mut State, laws: &[usize]) -> Result<(), Status> {
+        let struck = laws.iter();
+        let struck = struck.filter_map(|&law| impact_of(&self.system, law));
+        let struck: Vec<usize> = struck.map(|(normal, _)| normal).collect();
+        if struck.is_empty() {
+            return Ok(());
+        }
+        let near = self.jumps.near.iter().map(|(_, normal)| *normal);
+        let near: Vec<usize> = near
+            .filter(|normal| !self.jumps.grazed.contains(normal))
+            .collect();
+        self.note_order(state, &struck, &near);
+        self.strike_together(state, &struck, &near)?;
+        for (scale, x) in state.scale.iter_mut().zip(&state.x) {
+            *scale = scale.max(x.abs());
+        }
+        Ok(())
+    }
+
+    /// One impact of each of the contacts `struck`, with all that hang together with it among those that are `near`.
+    pub(crate) fn strike_together(
+        &mut self,
+        state: &mut State,
+        struck: &[usize],
+        near: &[usize],
+    ) -> Result<(), Status> {
+        let system = self.system.clone();
+        let laws = 0..system.laws.len();
+        let impacts = laws.filter_map(|law| impact_of(&system, law));
+        let impacts: Vec<_> = impacts
+            .filter(|(normal, _)| near.contains(normal))
+            .collect();
+        let entries =
+            |&(normal, impact): &(usize, &Impact)| [&[normal], &impact.slips[..]].concat();
+        let mut touching: Vec<usize> = impacts.iter().flat_map(entries).collect();
+        touching.sort_unstable();
+        let mut done: Vec<usize> = Vec::new();
+        for &normal in struck {
+            if done.contains(&normal) {
+                continue;
+            }
+            let group = self.interacting(normal, &touching);
+            let of_group = |(normal, _): &&(usize, &Impact)| group.contains(normal);
+            let impacts: Vec<_> = impacts.iter().filter(of_group).copied().collect();
+            self.strike(state, &impacts)?;
+            done.extend(impacts.iter().map(|(normal, _)| normal));
+        }
+        Ok(())
+    }
+
+    /// One impact of contacts that hang together.
+    fn strike(&mut self, state: &mut State, impacts: &[(usize, &Impact)]) -> Result<(), Status> {
+        let touch = |&(normal, impact): &(usize, &Impact)| Touch {
+            normal,
+            slips: impact.slips.clone(),
+        };
+        let contacts: Vec<Touch> = impacts.iter().map(touch).collect();
+        let switches = || impacts.iter().map(|&(normal, _)| normal).collect();
+        let mut sides = state.sides.clone();
+        for touch in &contacts {
+            sides[touch.normal] = Side::Slide;
+            state.alpha[touch.normal] = 0.0;
+            for &slip in &touch.slips {
+                sides[slip] = Side::Slide;
+                state.alpha[slip] = 0.5;
+            }
+        }
+        self.mode.enter(&self.system, &sides);
+        self.mode.eval(state.t, &state.x, &state.alpha);
+        let numbers: Vec<[f64; 2]> = impacts.iter().map(|(_, i)| self.numbers(i)).collect();
+        for (&[e, mu], &(switch, _)) in numbers.iter().zip(impacts) {
+            if let Some((coefficient, value)) = Coefficient::outside(e, mu) {
+                return Err(Status::Coefficient {
+                    switch,
+                    coefficient,
+                    value,
+                });
+            }
+        }
+        let mode = &mut self.mode;
+        let mut all: Vec<usize> = contacts.iter().flat_map(Touch::switches).collect();
+        all.sort_unstable();
+        mode.linearize_impulses(&all);
+        let speeds: Vec<f64> = contacts.iter().map(|c| mode.psi(c.normal)).collect();
+        let slips = contacts.iter().flat_map(|c| &c.slips);
+        let slips: Vec<f64> = slips.map(|&t| mode.psi(t)).collect();
+        let meeting = Meeting::of(mode, contacts);
+        let rebound = speeds
+            .iter()
+            .zip(&numbers)
+            .map(|(speed, [e, _])| (1.0 + e) * speed);
+        let rebound: Vec<f64> = rebound.collect();
+        let impulses = meeting
+            .solve(&rebound, &slips, &slips)
+            .map_err(|why| match why {
+                NoForces::Paradox(at) => Status::Painleve {
+                    switch: impacts[at].0,
+                },
+                NoForces::NotFound => Status::NoSolution {
+                    switches: switches(),
+                },
+            })?;
+        state.complementarity = state.complementarity.max(impulses.residual);
+        for (j, x) in state.x.iter_mut().enumerate() {
+            for (switch, slope) in mode.field.slopes(j) {
+                for (i, touch) in meeting.contacts.iter().enumerate() {
+                    if switch == touch.normal {
+                        *x -= slope * impulses.normal[i];
+                    } else if let Some(k) = touch.slips.iter().position(|&slip| slip == switch) {
+                        *x += 0.5 * slope * impulses.friction[meeting.entries(i).start + k];
+                    }
+                }
+            }
+        }
+        if !state.x.iter().all(|x| x.is_finite()) {
+            return Err(Status::NotFinite);
+        }
+        // ½ (v⁺ + v⁻)ᵀ M (v⁺ - v⁻), impulse by impulse.
+        mode.set(state.t, &state.x, &state.alpha);
+        let (mut gain, mut exchanged) = (0.0, 0.0);
+        for (i, touch) in meeting.contacts.iter().enumerate() {
+            let speed = mode.psi(touch.normal) + speeds[i];
+            gain += 0.5 * impulses.normal[i] * speed;
+            exchanged += impulses.normal[i] * speeds[i].abs();
+            for (&slip, t) in touch.slips.iter().zip(meeting.entries(i)) {
+                let drag = numbers[i][1] * impulses.friction[t];
+                gain -= 0.5 * drag * (mode.psi(slip) + slips[t]);
+                exchanged += (drag * slips[t]).abs();
+            }
+        }
+        if gain > GAIN * exchanged {
+            state.note(Note::EnergyGained {
+                time: state.t,
+                switches: switches(),
+            });
+        }
+        Ok(())
+    }
+
+    /// Restitution and friction where the state is.
+    fn numbers(&mut self, impact: &Impact) -> [f64; 2] {
+        let registers = &mut self.jumps.registers;
+        registers.resize(impact.numbers.n_registers().max(impact.inputs.len()), 0.0);
+        for (register, &input) in registers.iter_mut().zip(&impact.inputs) {
+            *register = match input {
+                Input::Number(number) => number,
+                input => {
+                    let slot = self.mode.memory.slot(input);
+                    self.mode.memory.values[slot]
+                }
+            };
+        }
+        impact.numbers.run(registers);
+        let mut numbers = impact.numbers.results(registers);
+        [numbers.next().unwrap_or(0.0), numbers.next().unwrap_or(0.0)]
+    }
+}
+
+/// The switch and the impact of a law that is one.
+pub(crate) fn impact_of(system: &HybridSystem, law: usize) -> Option<(usize, &Impact)> {
+    match &system.laws[law] {
+        crate::hybrid::system::Law {
+            guard: Guard::Strikes(normal),
+            effect: Effect::Impact(impact),
+        } => Some((*normal, impact)),
+        _ => None,
+    }
+}

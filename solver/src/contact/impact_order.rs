@@ -1,0 +1,134 @@
+//! Impacts whose order is not known.
+//!
+//! Where several contacts are struck at one instant, all of them have one impact. One after the other they may leave
+//! other velocities: with Newton's law these do not depend continuously on the gaps between the bodies. So contacts that
+//! hang together and are struck within the tolerance of a run, but not at one instant, are told, where the first of them
+//! matters. Gaps that are equal but for rounding are meant to be equal.
+
+use super::impact::impact_of;
+use crate::event::Simulator;
+use crate::hybrid::Side;
+use crate::hybrid::state::State;
+use crate::hybrid::status::{Note, Status};
+use crate::selector::select::BAND;
+
+/// Roundings of their terms by which equal gaps differ.
+const ROUNDINGS: f64 = 64.0;
+
+/// Of more contacts it is not asked which was first.
+const MOST: usize = 8;
+
+/// Impacts one after the other, before they count as endless.
+const MAX_ROUNDS: usize = 20;
+
+impl Simulator {
+    /// Takes note of contacts that are struck with those of `struck`, or almost, where it matters which one is first.
+    /// `near` are the contacts without a gap.
+    pub(crate) fn note_order(&mut self, state: &mut State, struck: &[usize], near: &[usize]) {
+        let laws = 0..self.system.laws.len();
+        let normals = laws.filter_map(|law| impact_of(&self.system, law));
+        let normals: Vec<usize> = normals.map(|(normal, _)| normal).collect();
+        let mut gaps: Vec<(usize, f64)> = Vec::new();
+        self.mode.set(state.t, &state.x, &state.alpha);
+        for i in normals {
+            let is_open = state.sides[i] != Side::Slide && !self.jumps.grazed.contains(&i);
+            if is_open && let Some(gap) = self.gap(state, i) {
+                gaps.push((i, gap));
+            }
+        }
+        if gaps.len() < 2 {
+            self.mode.enter(&self.system, &state.sides);
+            return;
+        }
+        let mut all: Vec<usize> = near
+            .iter()
+            .chain(gaps.iter().map(|(i, _)| i))
+            .copied()
+            .collect();
+        all.sort_unstable();
+        all.dedup();
+        let mut known: Vec<usize> = Vec::new();
+        for &first in struck {
+            let group = self.interacting(first, &all);
+            let of_group = || gaps.iter().filter(|(i, _)| group.contains(i));
+            let members: Vec<usize> = of_group().map(|(i, _)| *i).collect();
+            if known.contains(&first) || !members.contains(&first) {
+                continue;
+            }
+            known.extend(&members);
+            let (least, most) = of_group()
+                .fold((f64::INFINITY, 0.0_f64), |(low, high), (_, gap)| {
+                    (low.min(*gap), high.max(*gap))
+                });
+            let are_one = most - least <= ROUNDINGS * f64::EPSILON;
+            if are_one || members.len() > MOST || !self.order_matters(state, &members, near) {
+                continue;
+            }
+            state.note(Note::Together {
+                time: state.t,
+                switches: members,
+            });
+        }
+        self.mode.enter(&self.system, &state.sides);
+        self.mode.set(state.t, &state.x, &state.alpha);
+    }
+
+    /// The gap of a contact that is approached where the point is, relative to the size of its terms, if that is within
+    /// the tolerance.
+    fn gap(&mut self, state: &State, switch: usize) -> Option<f64> {
+        let mode = &mut self.mode;
+        mode.surfaces.stand_for(switch, 0);
+        let gap = mode.psi(switch).abs() * BAND / state.band[switch];
+        let is_near = gap <= self.settings.tolerance;
+        (is_near && mode.closing_speed(state, switch).is_some()).then_some(gap)
+    }
+
+    /// Whether velocities are others where one of these contacts is struck before the rest.
+    fn order_matters(&mut self, state: &mut State, members: &[usize], near: &[usize]) -> bool {
+        let kept = (
+            state.x.clone(),
+            state.alpha.clone(),
+            state.complementarity,
+            state.notes.clone(),
+        );
+        let mut ends: Vec<Vec<f64>> = Vec::new();
+        for &first in members {
+            let struck = self.strike_in_turn(state, first, members, near);
+            let end = std::mem::replace(&mut state.x, kept.0.clone());
+            ends.extend(struck.is_ok().then_some(end));
+        }
+        let matters = ends.iter().any(|end| {
+            end.iter().zip(&ends[0]).enumerate().any(|(j, (a, b))| {
+                (a - b).abs() > self.settings.tolerance * state.scale[j].max(a.abs())
+            })
+        });
+        (state.x, state.alpha, state.complementarity, state.notes) = kept;
+        matters
+    }
+
+    /// Strikes one of these contacts, and those behind it that are approached then, until none is.
+    fn strike_in_turn(
+        &mut self,
+        state: &mut State,
+        first: usize,
+        members: &[usize],
+        near: &[usize],
+    ) -> Result<(), Status> {
+        let is_other = |i: &usize| *i != first && members.contains(i);
+        let mut met: Vec<usize> = near.iter().copied().filter(|i| !is_other(i)).collect();
+        met.push(first);
+        self.strike_together(state, &[first], &met)?;
+        met.extend(members);
+        for _ in 0..MAX_ROUNDS {
+            let mode = &mut self.mode;
+            mode.set(state.t, &state.x, &state.alpha);
+            let mut next = members.to_vec();
+            next.retain(|&i| mode.closing_speed(state, i).is_some());
+            if next.is_empty() {
+                break;
+            }
+            self.strike_together(state, &next, &met)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,53 @@
+//! How far ahead a contact without a force can be judged.
+//!
+//! Bodies may rest on each other as a pencil rests on its tip: rounding grows like exp(|∂f/∂x| t), and after a while
+//! moves what does not move. Of contacts that touch and do not push, only what grows less is taken for a motion.
+
+use crate::expansion::mode::Mode;
+use crate::hybrid::Side;
+use crate::hybrid::state::State;
+use crate::hybrid::system::HybridSystem;
+use crate::selector::judge::TIE;
+
+/// What rounding grows by, at most.
+const GROWTH: f64 = 100.0;
+
+/// Rounds of the power method, each with the square of |∂f/∂x|: places are moved by speeds, and these by places.
+const ROUNDS: usize = 12;
+
+impl Mode {
+    /// The time in which errors grow by so much, where the point is: ln `GROWTH` over the largest eigenvalue of |∂f/∂x|.
+    pub(crate) fn sight(&mut self, system: &HybridSystem) -> f64 {
+        let mut entries = Vec::new();
+        self.jacobian(system, |row, column, value: f64| {
+            entries.push((row, column, value.abs()));
+        });
+        let times = |v: &[f64]| {
+            let mut product = vec![0.0; v.len()];
+            for &(row, column, value) in &entries {
+                product[row] += value * v[column];
+            }
+            product
+        };
+        let (mut v, mut square) = (vec![1.0; self.n], 0.0);
+        for _ in 0..ROUNDS {
+            v = times(&times(&v));
+            square = v.iter().copied().fold(0.0, f64::max);
+            if !(square > 0.0 && square.is_finite()) {
+                return f64::INFINITY;
+            }
+            v.iter_mut().for_each(|v| *v /= square);
+        }
+        GROWTH.ln() / square.sqrt()
+    }
+
+    /// True where a contact touches and does not push, open or closed.
+    pub(crate) fn has_idle_contact(&self, state: &State) -> bool {
+        let idles = |i: usize| match state.sides[i] {
+            Side::Slide => (1.0 - state.alpha[i]).abs() <= TIE,
+            _ => state.armed[i],
+        };
+        let mut all = 0..state.sides.len();
+        all.any(|i| self.is_contact(i) && idles(i))
+    }
+}

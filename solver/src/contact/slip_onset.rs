@@ -1,0 +1,463 @@
+//! Slip velocities with two entries that set off from rest.
+//!
+//! Where a contact breaks loose w = 0, and w/|w| is a direction u of its own. With w = τᵐ ρ(τ) u(τ), |u| = 1, both have
+//! series: α = ½ + ½ u is what it is while a contact sticks, but
+//!
+//! φ = w' = m τᵐ⁻¹ ρ u + τᵐ (ρ u)'   instead of   φ = 0.
+//!
+//! A force that leaves its cone has m = 1, one that grows until it does has m = 2, or more where it touches the cone
+//! first: 1 - |u|² of the contact as if it stuck starts with τᵐ⁻¹. Order k of φ has u_k, of which |u| = 1 leaves what
+//! is across u₀, and ρ_{k+1-m}: both follow from one linear system. So a first step is as long as these series allow,
+//! where one from a tiny w would follow the direction of the forces in steps as tiny, as it does so within |w| over the
+//! force. The series need not converge, but their first terms are those of the solution, which the length of the step
+//! and its defect take care of.
+
+use crate::contact::friction_disk;
+use crate::contact::friction_disk::{RIM, STOPS, STRAIGHT};
+use crate::event::Simulator;
+use crate::expansion::dense::Dense;
+use crate::expansion::mode::Mode;
+use crate::expansion::series;
+use crate::hybrid::Side;
+use crate::hybrid::state::State;
+use crate::integrate::step::{Step, Watch, first_event};
+use crate::linalg::DenseLu;
+use crate::selector::select::Choice;
+
+/// Rounds of Newton's method for the direction of a force that leaves its cone.
+const ROUNDS: usize = 5;
+
+/// Steps as short as this share of the time that is left may be rounding.
+const LEAST: f64 = 1e-6;
+
+/// Halvings of the first step.
+const MAX_HALVINGS: usize = 40;
+
+/// A slip velocity with two entries that starts from rest.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Departure {
+    /// Both switches.
+    pub switches: [usize; 2],
+    /// Of unit length.
+    pub direction: [f64; 2],
+}
+
+/// The series of one of them.
+struct Leaving {
+    switches: [usize; 2],
+    /// m.
+    power: usize,
+    u: Vec<[f64; 2]>,
+    rho: Vec<f64>,
+}
+
+impl Leaving {
+    /// Whether order k has a term of ρ.
+    fn moves(&self, k: usize) -> bool {
+        k + 1 >= self.power
+    }
+
+    /// What is known of the order k + 1 of w.
+    fn known(&self, k: usize) -> [f64; 2] {
+        let last = (k + 1).saturating_sub(self.power);
+        let first = usize::from(self.power == 1);
+        let mut sum = [0.0; 2];
+        if self.moves(k) {
+            for j in first..last {
+                let u = self.u[last - j];
+                (0..2).for_each(|e| sum[e] += self.rho[j] * u[e]);
+            }
+        }
+        sum
+    }
+
+    /// u₀ᵀ u_k
+    fn along(&self, k: usize) -> f64 {
+        let terms = (1..k).map(|j| dot(self.u[j], self.u[k - j]));
+        -0.5 * terms.sum::<f64>()
+    }
+}
+
+fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
+    a[0] * b[0] + a[1] * b[1]
+}
+
+impl Mode {
+    /// Expands x and α where slip velocities set off, in the mode in which they stick; false where they do not, or where
+    /// that is not known.
+    pub(crate) fn expand_departures(
+        &mut self,
+        state: &State,
+        alpha: &[f64],
+        departures: &[Departure],
+        tolerance: f64,
+        longest: f64,
+    ) -> bool {
+        let mut alpha = alpha.to_vec();
+        for departure in departures {
+            for (&i, d) in departure.switches.iter().zip(departure.direction) {
+                alpha[i] = 0.5 + 0.5 * d;
+            }
+        }
+        let Some(mut leaving) = self.powers(state, &alpha, departures, tolerance, longest) else {
+            return false;
+        };
+        self.expand_leaving(state, &mut alpha, &mut leaving)
+            .is_some_and(|()| {
+                let starts = leaving.iter().map(|one| one.rho.first());
+                starts
+                    .into_iter()
+                    .all(|rho| rho.is_some_and(|rho| *rho > 0.0))
+            })
+    }
+
+    /// The powers of time that they set off with, from what would hold them.
+    fn powers(
+        &mut self,
+        state: &State,
+        alpha: &[f64],
+        departures: &[Departure],
+        tolerance: f64,
+        longest: f64,
+    ) -> Option<Vec<Leaving>> {
+        let mut held = alpha.to_vec();
+        self.expand(state.t, &state.x, &mut held).ok()?;
+        let places = 0..self.sliding.len();
+        let is_shared = |at: usize| self.equations.tie(at).is_some() || self.equations.is_held(at);
+        if places.into_iter().any(is_shared) {
+            return None;
+        }
+        let h = self.step_size(tolerance, state, longest);
+        let mut margin = Vec::new();
+        let mut leaving = Vec::new();
+        for &Departure { switches, .. } in departures {
+            let [first, second] = switches;
+            friction_disk::margin(Dense::Taylor(self), first, second, &mut margin);
+            let (power, start) = if margin[0] < -RIM {
+                (1, alpha)
+            } else {
+                let leading = series::leading(&margin, h, RIM)?;
+                if margin[leading] >= 0.0 {
+                    return None;
+                }
+                (leading + 1, &held[..])
+            };
+            leaving.push(Leaving {
+                switches,
+                power,
+                u: vec![switches.map(|i| 2.0 * start[i] - 1.0)],
+                rho: Vec::new(),
+            });
+        }
+        Some(leaving)
+    }
+
+    fn expand_leaving(
+        &mut self,
+        state: &State,
+        alpha: &mut [f64],
+        leaving: &mut [Leaving],
+    ) -> Option<()> {
+        for one in &*leaving {
+            for (&i, u) in one.switches.iter().zip(one.u[0]) {
+                alpha[i] = 0.5 + 0.5 * u;
+            }
+        }
+        self.direct(state, alpha, leaving)?;
+        self.start_series(state.t, &state.x, alpha);
+        for k in 1..=self.order {
+            self.advance_field(k);
+            self.raise_states(k);
+            self.equate(k);
+            for one in &*leaving {
+                let known = one.known(k);
+                for (&i, known) in one.switches.iter().zip(known) {
+                    let at = self.place_of(i)?;
+                    self.equations.rhs[at] += (k + 1) as f64 * known;
+                }
+            }
+            let ends: Vec<f64> = leaving.iter().map(|one| one.along(k)).collect();
+            let steps = self.solve_leaving(leaving, k, &ends)?;
+            for (one, step) in leaving.iter_mut().zip(steps) {
+                let u = one.switches.map(|i| self.place_of(i));
+                let [Some(first), Some(second)] = u else {
+                    return None;
+                };
+                one.u
+                    .push([first, second].map(|at| 2.0 * self.equations.rhs[at]));
+                if one.moves(k) {
+                    one.rho.push(step);
+                }
+            }
+            self.take_alpha(k);
+        }
+        if self.slips_in_a_plane() {
+            self.cut_overflow();
+        }
+        Some(())
+    }
+
+    /// α where they set off: φ = 0 of what goes on to slide, and φ = ρ u of a force that leaves its cone. The matrix of
+    /// the equations is that of this place afterwards.
+    fn direct(&mut self, state: &State, alpha: &mut [f64], leaving: &mut [Leaving]) -> Option<()> {
+        for one in leaving.iter_mut().filter(|one| one.power == 1) {
+            one.rho.push(f64::NAN);
+        }
+        for _ in 0..ROUNDS {
+            self.eval(state.t, &state.x, alpha);
+            self.linearize_surfaces();
+            self.factor().ok()?;
+            for at in 0..self.sliding.len() {
+                self.equations.rhs[at] = -self.phi(self.equations.switches[at]);
+            }
+            let mut ends = Vec::new();
+            for one in leaving.iter_mut() {
+                if one.power > 1 {
+                    ends.push(0.0);
+                    continue;
+                }
+                let rate = one.switches.map(|i| self.phi(i));
+                if one.rho[0].is_nan() {
+                    one.rho[0] = dot(rate, one.u[0]);
+                }
+                for (&i, u) in one.switches.iter().zip(one.u[0]) {
+                    let at = self.place_of(i)?;
+                    self.equations.rhs[at] += one.rho[0] * u;
+                }
+                ends.push(0.5 * (1.0 - dot(one.u[0], one.u[0])));
+            }
+            let steps = self.solve_leaving(leaving, 0, &ends)?;
+            for (&i, step) in self.equations.switches.iter().zip(&self.equations.rhs) {
+                alpha[i] += step;
+            }
+            for (one, step) in leaving.iter_mut().zip(steps) {
+                one.u[0] = one.switches.map(|i| 2.0 * alpha[i] - 1.0);
+                if one.power == 1 {
+                    one.rho[0] += step;
+                }
+            }
+        }
+        self.eval(state.t, &state.x, alpha);
+        self.linearize_surfaces();
+        self.factor().ok()?;
+        self.equations.expand_here();
+        Some(())
+    }
+
+    /// Solves A α_k - (k + 1) (ρ u₀ + ρ₀ u_k) = rhs with u₀ᵀ u_k given, where u_k belongs to the same order of w as ρ
+    /// does for m = 1 alone. Leaves α_k in the right-hand sides, and returns ρ.
+    fn solve_leaving(&mut self, leaving: &[Leaving], k: usize, ends: &[f64]) -> Option<Vec<f64>> {
+        let n = self.equations.switches.len();
+        let size = n + leaving.len();
+        let mut matrix = vec![0.0; size * size];
+        for (row, &i) in self.equations.switches.iter().enumerate() {
+            for (column, &j) in self.equations.switches.iter().enumerate() {
+                matrix[row * size + column] = self.coupling(i, j);
+            }
+        }
+        let order = (k + 1) as f64;
+        let mut z = self.equations.rhs.clone();
+        for (at, one) in leaving.iter().enumerate() {
+            let row = n + at;
+            z.push(if one.moves(k) { ends[at] } else { 0.0 });
+            if !one.moves(k) {
+                matrix[row * size + row] = 1.0;
+                continue;
+            }
+            for (&i, u) in one.switches.iter().zip(one.u[0]) {
+                let place = self.place_of(i)?;
+                matrix[row * size + place] = 2.0 * u;
+                matrix[place * size + row] = -order * u;
+                if one.power == 1 {
+                    matrix[place * size + place] -= 2.0 * order * one.rho[0];
+                }
+            }
+        }
+        let mut lu = DenseLu::new(size);
+        lu.factor(&matrix).ok()?;
+        lu.solve(&mut z);
+        self.equations.rhs.copy_from_slice(&z[..n]);
+        Some(z[n..].to_vec())
+    }
+
+    fn place_of(&self, switch: usize) -> Option<usize> {
+        let mut switches = self.equations.switches.iter();
+        switches.position(|&i| i == switch)
+    }
+
+    /// Whether a slip velocity that sets off has the direction that its α say, where the point is.
+    pub(crate) fn goes_along(&mut self, switch: usize, state: &State, allowed: f64) -> bool {
+        let Some(other) = self.other(switch) else {
+            return true;
+        };
+        let [first, second] = [switch, other].map(|i| {
+            self.surfaces.linearize(i, &self.memory.values);
+            let size = self.weigh(i, |j| state.size(j));
+            (
+                self.psi(i),
+                2.0 * self.memory.values[1 + self.n + i] - 1.0,
+                size,
+            )
+        });
+        let speed = first.0.hypot(second.0);
+        let rounding = 64.0 * f64::EPSILON * (first.2 + second.2);
+        let off = (first.0 - speed * first.1).hypot(second.0 - speed * second.1);
+        off <= allowed * speed + rounding
+    }
+}
+
+impl Simulator {
+    /// The switches of a group that slip from where they may be at rest, with their directions.
+    pub(crate) fn departures(
+        &self,
+        state: &State,
+        group: &[usize],
+        choice: &Choice,
+    ) -> Vec<Departure> {
+        let mut found = Vec::new();
+        let mut sides = state.sides.clone();
+        for (&i, &side) in group.iter().zip(&choice.sides) {
+            sides[i] = side;
+        }
+        for (at, &i) in group.iter().enumerate() {
+            let Some(other) = self.mode.other(i) else {
+                continue;
+            };
+            let Ok(of_other) = group.binary_search(&other) else {
+                continue;
+            };
+            let meets = self.system.slip_of(i).is_none_or(|of| group.contains(&of));
+            if meets && self.rubs(i, &sides) && choice.sides[at] != Side::Slide {
+                let entry = |at: usize| 2.0 * choice.alpha[at] - 1.0;
+                let straight = |u: f64| if u.abs() <= STRAIGHT { 0.0 } else { u };
+                found.push(Departure {
+                    switches: [i, other],
+                    direction: [at, of_other].map(|at| straight(entry(at))),
+                });
+            }
+        }
+        found
+    }
+
+    /// Whether a slip velocity has friction on these sides: of a contact that is closed, or one that rates read.
+    fn rubs(&self, switch: usize, sides: &[Side]) -> bool {
+        match self.system.slip_of(switch) {
+            Some(of) => sides[of] == Side::Slide,
+            None => !self.mode.is_free(switch, sides),
+        }
+    }
+
+    /// Takes the functions in which these slip velocities stick.
+    pub(crate) fn hold(&mut self, sides: &[Side], departures: &[Departure]) {
+        let mut held: Box<[Side]> = sides.into();
+        for i in departures.iter().flat_map(|one| one.switches) {
+            held[i] = Side::Slide;
+        }
+        self.mode.enter(&self.system, &held);
+    }
+
+    /// The first step of what sets off from rest; nothing where there is none, or where it has to be taken from a speed
+    /// that is rounding.
+    pub(crate) fn departure_step(&mut self, state: &mut State, goal: f64, t1: f64) -> Option<Step> {
+        let mut departures = std::mem::take(&mut state.departures);
+        self.mode.set(state.t, &state.x, &state.alpha);
+        let (sides, band) = (&state.sides, &state.band);
+        departures.retain(|one| {
+            let rubs = self.rubs(one.switches[0], sides);
+            let mut slips =
+                |i: usize| sides[i] != Side::Slide && self.mode.psi(i).abs() <= STOPS * band[i];
+            rubs && one.switches.into_iter().all(&mut slips)
+        });
+        if departures.is_empty() {
+            return None;
+        }
+        self.hold(&state.sides, &departures);
+        let step = self.set_off(state, &departures, goal, t1);
+        self.mode.departing.clear();
+        if step.is_none() {
+            let mut x = state.x.clone();
+            self.depart(state, &mut x, &departures, t1);
+            state.x = x;
+            self.mode.enter(&self.system, &state.sides);
+        }
+        step
+    }
+
+    fn set_off(
+        &mut self,
+        state: &mut State,
+        departures: &[Departure],
+        goal: f64,
+        t1: f64,
+    ) -> Option<Step> {
+        let (order, tolerance) = (self.order, self.settings.local_tolerance());
+        let remaining = (goal - state.t) - state.t_low;
+        let mode = &mut self.mode;
+        mode.blind.clear();
+        let longest = t1 - state.t;
+        if !mode.expand_departures(state, &state.alpha, departures, tolerance, longest) {
+            return None;
+        }
+        mode.measure_terms(state);
+        state.stats.rhs_evaluations += 2 * order;
+        mode.departing = departures.iter().flat_map(|one| one.switches).collect();
+        let allowed = 10.0 * (order as f64) * tolerance.max(4.0 * f64::EPSILON);
+        let h = mode.step_size(tolerance, state, remaining);
+        // Rounding in the last terms of what does not move at all shows no length: then the defect does, which allows
+        // more than those terms.
+        let mut is_shown = h > LEAST * remaining;
+        let h = if is_shown { h } else { remaining };
+        let h = mode.watch(tolerance, state, h);
+        let mut h = self.coefficients.expand(mode, tolerance, h);
+        for _ in 0..MAX_HALVINGS {
+            if h < remaining && state.t + h <= state.t {
+                return None;
+            }
+            // What happens on the way is left to the steps behind this one.
+            let dense = Dense::Taylor(mode);
+            let event = first_event(&mut self.roots, dense, state, h, self.settings.tolerance);
+            // What leaves its rim at the same instant sets off together with this.
+            if let Some((root, watch @ Watch::Disc(_))) = event
+                && state.t + root.tau <= state.t
+            {
+                state.departures = departures.to_vec();
+                return Some(Step {
+                    departs: true,
+                    ..Step::at_once(watch.switch())
+                });
+            }
+            let left = self.coefficients.leave(&mut self.roots, mode, h);
+            let defect = mode.defect(state, h, tolerance, allowed);
+            let is_accurate = defect.rate <= allowed && defect.switches_agree;
+            let is_seen = !mode.on_wrong_side(state);
+            let looked = self.coefficients.agree(mode, state, h, allowed);
+            let passes = event.is_none() && left.is_none() && is_accurate && is_seen && looked;
+            if passes && is_shown {
+                let dense = Dense::Taylor(mode);
+                dense.states_at(h, &mut state.next);
+                if !state.next.iter().all(|x| x.is_finite()) {
+                    return None;
+                }
+                std::mem::swap(&mut state.x, &mut state.next);
+                dense.alphas_at(h, &mut state.alpha);
+                for &i in &mode.departing {
+                    state.alpha[i] = 1.0;
+                }
+                state.last_step = h;
+                return Some(Step {
+                    length: h,
+                    reaches_end: h >= remaining,
+                    triggers: Vec::new(),
+                    defect: defect.rate,
+                    implicit: false,
+                    ends: None,
+                    departs: true,
+                });
+            }
+            is_shown |= passes;
+            state.stats.rejected += 1;
+            h *= 0.5;
+        }
+        None
+    }
+}

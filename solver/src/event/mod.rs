@@ -1,0 +1,157 @@
+//! Event-driven simulation of switched systems
+//!
+//! x' = f(t, x, α),   α_i ∈ step(ψ_i(t, x)),   f multi-affine in α, but for those of nonlinear switches.
+//!
+//! A mode fixes every switch to one side of its surface or to sliding on it.
+//! Inside a mode the system is smooth and is expanded in a Taylor series, which
+//! is at once the step, its dense output of the same order, and the series of
+//! every switching function; where it is stiff, collocation polynomials take the
+//! place of the series. Each turn of the loop is one such step, cut at the first
+//! event inside it; the next mode follows from the rates on all surfaces that meet
+//! there.
+
+pub(crate) mod jump;
+pub(crate) mod numerical_time;
+pub(crate) mod observer;
+pub(crate) mod perturbation;
+mod run;
+#[cfg(test)]
+pub(crate) mod tests;
+
+use std::sync::Arc;
+
+use crate::hybrid::{HybridSystem, Piecewise, Settings, Side};
+use crate::limit::Limit;
+
+use crate::contact::coefficients::Coefficients;
+pub use crate::event::numerical_time::{Clock, Clocked};
+pub use crate::event::perturbation::{KickSize, Kicks};
+use crate::events::roots::RootFinder;
+use crate::events::unseen::Unseen;
+use crate::expansion::mode::Mode;
+use crate::hybrid::breakpoints::Pieces;
+use crate::hybrid::state::State;
+use crate::integrate::stiffness::Stiffness;
+use jump::Jumps;
+pub use observer::{Event, Observer, Segment};
+
+/// Runs a system, keeping the functions it has met from one run to the next.
+pub struct Simulator {
+    pub(crate) system: Arc<HybridSystem>,
+    pub(crate) settings: Settings,
+    pub(crate) order: usize,
+    pub(crate) mode: Mode,
+    /// Switches whose rates the α of a switch may occur in.
+    pub(crate) coupled_by: Vec<Vec<usize>>,
+    pub(crate) pieces: Pieces,
+    pub(crate) roots: RootFinder,
+    pub(crate) stiffness: Stiffness,
+    pub(crate) jumps: Jumps,
+    pub(crate) coefficients: Coefficients,
+    pub(crate) unseen: Unseen,
+    /// Memory that one run leaves to the next.
+    pub(crate) state: State,
+}
+
+impl Simulator {
+    /// A simulator without any mode yet.
+    pub fn new(system: Arc<HybridSystem>, settings: Settings) -> Self {
+        let order = settings.series_order();
+        let mut coupled_by = vec![Vec::new(); system.n_switches()];
+        for rate in 0..system.n_switches() {
+            for &alpha in &system.switches[rate].couplings {
+                coupled_by[alpha].push(rate);
+            }
+        }
+        Simulator {
+            order,
+            stiffness: Stiffness::new(settings.local_tolerance()),
+            settings,
+            mode: Mode::new(&system, order),
+            coupled_by,
+            pieces: Pieces::new(&system),
+            roots: RootFinder::new(order.max(crate::integrate::stiffness::MOST_NODES)),
+            jumps: Jumps::default(),
+            coefficients: Coefficients::of(&system),
+            unseen: Unseen::default(),
+            state: State::default(),
+            system,
+        }
+    }
+
+    /// One with other settings, which knows what this one has met.
+    pub fn with(&self, settings: Settings) -> Self {
+        let mut other = Simulator::new(self.system.clone(), settings);
+        other.mode.library.clone_from(&self.mode.library);
+        other.mode.memory.data.clone_from(&self.mode.memory.data);
+        other.set_parameters(&self.mode.memory.values[self.mode.memory.parameters()]);
+        other
+    }
+
+    /// Gives data from number `first` on other values, by as many coefficients a piece.
+    pub fn set_data(&mut self, first: usize, data: &[Arc<Piecewise>]) {
+        let known = &mut self.mode.memory.data[first..first + data.len()];
+        for (known, data) in known.iter_mut().zip(data) {
+            assert_eq!(
+                known.n_coefficients(),
+                data.n_coefficients(),
+                "the same fit"
+            );
+            known.clone_from(data);
+        }
+    }
+
+    /// Gives all parameters other values.
+    pub fn set_parameters(&mut self, parameters: &[f64]) {
+        assert_eq!(
+            parameters.len(),
+            self.system.parameters.len(),
+            "one value each"
+        );
+        let mode = &mut self.mode;
+        mode.memory.set_parameters(parameters);
+        mode.surfaces.take_parameters(&mode.memory);
+        mode.probed.load(&mode.memory);
+    }
+
+    /// Ends all runs that follow where the limit does.
+    pub fn set_limit(&mut self, limit: Limit) {
+        self.settings.limit = limit;
+    }
+
+    /// The number of functions that were made so far, of all sides that runs have met: blocks and surfaces of one form
+    /// share them.
+    pub fn n_functions(&self) -> usize {
+        self.mode.library.len()
+    }
+
+    /// The settings in force.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Order of the Taylor series.
+    pub fn order(&self) -> usize {
+        self.order
+    }
+
+    /// Order of the implicit method that takes over where a mode is stiff.
+    pub fn implicit_order(&self) -> usize {
+        self.stiffness.order()
+    }
+
+    /// Calls `entry(row, column, value)` for every ∂f_row/∂x_column that is not structurally zero, at
+    /// a point of a mode; α of switches that do not slide is that of their side.
+    pub fn jacobian(
+        &mut self,
+        t: f64,
+        x: &[f64],
+        sides: &[Side],
+        alpha: &[f64],
+        entry: impl FnMut(usize, usize, f64),
+    ) {
+        self.mode.enter(&self.system, sides);
+        self.mode.set(t, x, alpha);
+        self.mode.jacobian(&self.system, entry);
+    }
+}

@@ -1,0 +1,434 @@
+//! The loop of a run: step, event, next mode.
+
+use super::jump::Met;
+use super::{Event, Observer, Segment, Simulator};
+use crate::events::grazing::Approach;
+use crate::events::{chattering, zeno};
+use crate::expansion::dense::Dense;
+use crate::hybrid::state::State;
+use crate::hybrid::status::Status;
+use crate::hybrid::{Outcome, Side};
+use crate::integrate::step::Step;
+
+/// Events in a row without progress in time that count as an accumulation.
+const MAX_STALLED: usize = 100;
+
+/// Steps in a row without an event after which it is asked whether a run can come to its end.
+const PACED: usize = 4096;
+
+/// Where such steps begin.
+#[derive(Clone, Copy, Default)]
+struct Pace {
+    time: f64,
+    steps: usize,
+    events: usize,
+}
+
+/// What a run remembers of the steps and events behind it.
+#[derive(Default)]
+struct History {
+    events: zeno::Events,
+    chatter: chattering::Chatter,
+    /// The mode before an accumulation of events, and where it ends.
+    limit: Option<(Box<[Side]>, f64)>,
+    drift: f64,
+    defect: f64,
+    pace: Pace,
+}
+
+/// What a step meets at its end besides its triggers.
+#[derive(Clone, Copy)]
+struct Meets {
+    breakpoint: bool,
+    kick: Option<f64>,
+}
+
+impl Simulator {
+    /// Integrates from `x0` at `t0` to `t1`.
+    pub fn run(&mut self, t0: f64, t1: f64, x0: &[f64], observer: &mut impl Observer) -> Outcome {
+        let known = self.mode.n_functions();
+        let mut state = std::mem::take(&mut self.state);
+        state.begin(t0, x0, self.system.n_switches());
+        state.limit = self.settings.limit.clone();
+        self.stiffness.reset();
+        let mut history = History::default();
+        let status = match self.begin(&mut state, [t0, t1], observer) {
+            Err(status) => status,
+            Ok(()) => loop {
+                if let Err(status) = self.go_on(&mut state, &mut history, [t0, t1], observer) {
+                    break status;
+                }
+            },
+        };
+        state.stats.functions = self.mode.n_functions() - known;
+        let outcome = outcome(&mut state, &history, t0, status);
+        self.state = state;
+        outcome
+    }
+
+    /// Finds the first mode, with the jumps that are due at once.
+    fn begin(
+        &mut self,
+        state: &mut State,
+        [t0, t1]: [f64; 2],
+        observer: &mut impl Observer,
+    ) -> Result<(), Status> {
+        let started = self.start(state, t1 - t0);
+        if started.is_ok() && !self.jumps.fired.is_empty() {
+            state.stats.events += 1;
+            observer.event(&Event {
+                time: state.t,
+                x: &state.x,
+                before: self.jumps.before(&state.x),
+                jumps: &self.jumps.fired,
+                decisions: &[],
+                from: &state.sides,
+                to: &state.sides,
+                accumulates: false,
+            });
+        }
+        state.begun = true;
+        started
+    }
+
+    /// One step, and the next mode where it ends in an event; how the run ends where it does.
+    fn go_on(
+        &mut self,
+        state: &mut State,
+        history: &mut History,
+        [t0, t1]: [f64; 2],
+        observer: &mut impl Observer,
+    ) -> Result<(), Status> {
+        if !state.pending.is_empty() {
+            self.look_behind(state);
+        }
+        if state.t >= t1 {
+            return Err(Status::Solved);
+        }
+        if let Some(status) = self.limit(state) {
+            return Err(match status {
+                Status::EventLimit => history.chatter.at_limit(t1 - state.t),
+                status => status,
+            });
+        }
+        if self.falls_short(state, &mut history.pace, t1) {
+            return Err(Status::StepLimit);
+        }
+
+        // Find the solution in the current mode and cut it at its first event.
+        self.mode.enter(&self.system, &state.sides);
+        let kick = self.next_kick(state.t);
+        let goal = history.limit.as_ref().map_or(t1, |(_, end)| *end);
+        let goal = goal.min(self.pieces.until).min(kick);
+        let mut step = self.step(state, goal, t1)?;
+        self.take(state, history, &mut step, goal, observer)?;
+        self.end_accumulation(state, history, &step, observer);
+
+        // At an event, the rates on all surfaces that meet decide the next mode.
+        self.disarm(state);
+        let meets = Meets {
+            breakpoint: state.t >= self.pieces.until && state.t < t1,
+            kick: (state.t >= kick && state.t < t1).then_some(kick),
+        };
+        if step.triggers.is_empty() && !meets.breakpoint && meets.kick.is_none() {
+            return Ok(());
+        }
+        self.locate(state, &mut step, meets, [t0, t1])?;
+        let (from, length) = (state.sides.clone(), step.length);
+        self.next_mode(state, step.triggers, meets, t1)?;
+        let jumped = !self.jumps.fired.is_empty();
+        let folded = state.decisions.iter().any(|decision| decision.folds);
+        if from == state.sides && !jumped && !folded {
+            return Ok(());
+        }
+        self.record(state, history, from, [length, t1], observer)
+    }
+
+    /// Moves to the end of a step, projecting the drift off the sliding surfaces, and hands the step on.
+    fn take(
+        &mut self,
+        state: &mut State,
+        history: &mut History,
+        step: &mut Step,
+        goal: f64,
+        observer: &mut impl Observer,
+    ) -> Result<(), Status> {
+        history.defect = f64::max(history.defect, step.defect);
+        if !step.implicit {
+            self.mode.close_window(state);
+        }
+        state.window = 0.0;
+        let start = state.t;
+        if step.reaches_end {
+            (state.t, state.t_low) = (goal, 0.0);
+        } else {
+            state.advance(step.length);
+        }
+        if !step.departs {
+            history.drift = f64::max(history.drift, self.mode.project(&self.system, state));
+        }
+        state.record(step.length);
+        state.stats.steps += 1;
+        // What sets off is expanded in the mode in which it sticks, and slips.
+        let sides = match step.departs {
+            true => &state.sides,
+            false => &self.mode.sides,
+        };
+        let segment = Segment {
+            start,
+            length: step.length,
+            until: state.t,
+            sides,
+            end: &state.x,
+            dense: &self.dense(step.implicit),
+        };
+        if step.length > 0.0 && observer.segment(&segment).is_break() {
+            return Err(Status::Stopped);
+        }
+        self.look_again(state);
+        if let Some(status) = step.ends.take() {
+            return Err(status);
+        }
+        if history.chatter.is_last() {
+            let mut x = state.x.clone();
+            self.dense(step.implicit)
+                .states_at(0.5 * step.length, &mut x);
+            let middle = (start + 0.5 * step.length, &x[..]);
+            self.measure(&mut history.chatter, state, middle);
+        }
+        Ok(())
+    }
+
+    /// Where events accumulate, the mode changes at their limit.
+    fn end_accumulation(
+        &mut self,
+        state: &mut State,
+        history: &mut History,
+        step: &Step,
+        observer: &mut impl Observer,
+    ) {
+        let ends = step.reaches_end || !step.triggers.is_empty();
+        let Some((from, _)) = history.limit.take_if(|_| ends) else {
+            return;
+        };
+        if step.reaches_end {
+            self.repay(state);
+        }
+        observer.event(&Event {
+            time: state.t,
+            x: &state.x,
+            before: &state.x,
+            jumps: &[],
+            decisions: &[],
+            from: &from,
+            to: &state.sides,
+            accumulates: true,
+        });
+    }
+
+    /// Tells apart what a step has met at its end, and how well the instant is known.
+    fn locate(
+        &mut self,
+        state: &mut State,
+        step: &mut Step,
+        meets: Meets,
+        [t0, t1]: [f64; 2],
+    ) -> Result<(), Status> {
+        if step.triggers.is_empty() {
+            return Ok(());
+        }
+        if !meets.breakpoint {
+            self.tell_apart(state, &mut step.triggers, t1);
+        }
+        self.stiffness.after_event();
+        if !step.implicit && !meets.breakpoint {
+            self.mode.open_window(state, step.length, &step.triggers);
+        }
+        state.count_event(step.length, t1 - t0);
+        match state.stalled > MAX_STALLED {
+            true => Err(Status::Accumulation),
+            false => Ok(()),
+        }
+    }
+
+    /// The mode behind the end of a step, with jumps and perturbations.
+    fn next_mode(
+        &mut self,
+        state: &mut State,
+        triggers: Vec<usize>,
+        meets: Meets,
+        t1: f64,
+    ) -> Result<(), Status> {
+        state.decisions.clear();
+        if self.has_jumps() {
+            let met = match meets.breakpoint {
+                true => Met::Breakpoint(triggers),
+                false => Met::Surfaces(triggers),
+            };
+            self.jump_and_change(state, met, t1)?;
+        } else if meets.breakpoint {
+            self.pass_breakpoint(state, &triggers, t1)?;
+        } else if !triggers.is_empty() {
+            self.change(state, &triggers, t1)?;
+        }
+        if let Some(kick) = meets.kick {
+            self.kick(state, kick, t1)?;
+        }
+        state.fold = None;
+        Ok(())
+    }
+
+    /// Takes note of an event that has changed the mode or the state, behind a step of a length.
+    fn record(
+        &mut self,
+        state: &mut State,
+        history: &mut History,
+        from: Box<[Side]>,
+        [length, t1]: [f64; 2],
+        observer: &mut impl Observer,
+    ) -> Result<(), Status> {
+        self.stiffness.after_event();
+        state.stats.events += 1;
+        let slides = |sides: &[Side]| sides.iter().filter(|s| **s == Side::Slide).count();
+        let more = slides(&state.sides) > slides(&from);
+        if from != state.sides {
+            history.events.record(state.t, &from);
+            history.chatter.record(state.t, &state.x, &from);
+            self.average(&mut history.chatter, state, t1)?;
+        }
+        let jumped = !self.jumps.fired.is_empty();
+        let end = match jumped {
+            true => self.jumps.limit(state),
+            false => history.events.limit(&state.sides),
+        };
+        let end = end.filter(|end| more && *end < t1);
+        let waits = end.filter(|end| *end > state.t);
+        if jumped || waits.is_none() {
+            observer.event(&Event {
+                time: state.t,
+                x: &state.x,
+                before: self.jumps.before(&state.x),
+                jumps: &self.jumps.fired,
+                decisions: &state.decisions,
+                from: &from,
+                to: if waits.is_some() { &from } else { &state.sides },
+                accumulates: end.is_some() && waits.is_none(),
+            });
+            self.displace(state, length, observer);
+        }
+        let undisturbed = t1.min(self.pieces.until).min(self.next_kick(state.t));
+        if let Some(status) = self.chatters(&history.chatter, state, undisturbed) {
+            if !self.settings.averages {
+                return Err(status);
+            }
+            history.chatter.look_at_last();
+        }
+        history.limit = waits.map(|end| (from, end));
+        Ok(())
+    }
+
+    /// Lets an observer move the state by roundings: of each x, and of the terms of its rate over the last step.
+    fn displace(&self, state: &mut State, length: f64, observer: &mut impl Observer) {
+        if !observer.displaces() {
+            return;
+        }
+        let before = self.jumps.before(&state.x);
+        // What laws count is whole, and exact.
+        let jumps = |i: usize| state.x[i] != before[i] && state.x[i].fract() != 0.0;
+        let moves = |i: usize| self.mode.x_series(i)[1] != 0.0 || jumps(i);
+        let rests = |i: usize| self.mode.is_algebraic[i] || !moves(i);
+        let size = |i: usize| state.x[i].abs().max(state.activity[i] * length);
+        let rounding = |i: usize| {
+            if rests(i) {
+                0.0
+            } else {
+                f64::EPSILON * size(i)
+            }
+        };
+        let roundings: Vec<f64> = (0..state.x.len()).map(rounding).collect();
+        observer.displace(&mut state.x, &roundings);
+    }
+
+    fn limit(&self, state: &mut State) -> Option<Status> {
+        if state.stats.steps >= self.settings.max_steps {
+            return Some(Status::StepLimit);
+        }
+        if state.stats.events >= self.settings.max_events {
+            return Some(Status::EventLimit);
+        }
+        // A look at the clock costs as much as a small step; functions may take long to compile.
+        let known = self.mode.n_functions();
+        let compiled = std::mem::replace(&mut state.functions, known) < known;
+        let over = match compiled || state.stats.steps.is_multiple_of(16) {
+            true => state.limit.over(),
+            false => state.limit.canceled(),
+        };
+        over.map(Status::Over)
+    }
+
+    /// Whether the limit of steps comes before the end at the pace of the last ones: where rates turn over within what a
+    /// tolerance tells apart, a run creeps from one side to the other.
+    fn falls_short(&self, state: &State, pace: &mut Pace, t1: f64) -> bool {
+        let Pace {
+            time,
+            steps,
+            events,
+        } = *pace;
+        let taken = state.stats.steps - steps;
+        let is_uneventful = state.stats.events == events;
+        if is_uneventful && taken < PACED {
+            return false;
+        }
+        *pace = Pace {
+            time: state.t,
+            steps: state.stats.steps,
+            events: state.stats.events,
+        };
+        let left = (t1 - state.t) / (state.t - time) * taken as f64;
+        is_uneventful && left > self.settings.max_steps as f64
+    }
+
+    /// The polynomials of the last step.
+    fn dense(&self, implicit: bool) -> Dense<'_> {
+        match self.stiffness.method() {
+            Some(radau) if implicit => Dense::Collocation(&self.mode, radau),
+            _ => Dense::Taylor(&self.mode),
+        }
+    }
+
+    /// A surface left tangentially is watched again once it is outside its band.
+    fn disarm(&mut self, state: &mut State) {
+        let left = |i: usize| state.armed[i] && state.sides[i] != Side::Slide;
+        if !(0..state.armed.len()).any(left) {
+            return;
+        }
+        self.mode.set(state.t, &state.x, &state.alpha);
+        for i in 0..state.armed.len() {
+            if state.armed[i] && state.sides[i] != Side::Slide {
+                state.armed[i] = self.mode.is_near(i, state) || self.mode.is_rounding(i);
+            }
+        }
+    }
+}
+
+/// Where a run from `t0` has ended, and how.
+fn outcome(state: &mut State, history: &History, t0: f64, status: Status) -> Outcome {
+    let by_time = |a: &Approach, b: &Approach| a.time.total_cmp(&b.time);
+    state.approaches.sort_by(by_time);
+    let elapsed = if state.t > t0 { state.t - t0 } else { 1.0 };
+    Outcome {
+        status,
+        time: state.t,
+        x: state.x.clone(),
+        sides: state.sides.to_vec(),
+        alpha: state.alpha.clone(),
+        activity: state.work.iter().map(|work| work / elapsed).collect(),
+        moved: state.moved.iter().map(|squares| squares.sqrt()).collect(),
+        drift: history.drift,
+        defect: history.defect,
+        complementarity: state.complementarity,
+        notes: std::mem::take(&mut state.notes),
+        approaches: std::mem::take(&mut state.approaches),
+        stats: state.stats,
+    }
+}

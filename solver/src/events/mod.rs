@@ -1,0 +1,14 @@
+//! Location of events along a step: roots, grazing, accumulation.
+
+pub(crate) mod chattering;
+pub(crate) mod grazing;
+pub(crate) mod minima;
+pub(crate) mod overlooked;
+pub(crate) mod roots;
+pub(crate) mod sensitivity;
+pub(crate) mod simultaneous;
+pub(crate) mod unseen;
+pub(crate) mod zeno;
+
+pub use grazing::{Approach, Visit};
+pub use overlooked::Overlooked;

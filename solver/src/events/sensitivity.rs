@@ -1,0 +1,51 @@
+//! What rounding does to the states by moving events.
+//!
+//! ψ is known to its rounding ε only, and its root τ to the δ for which one term of ψ(τ + δ) is as
+//! large as that, |ψ⁽ᵏ⁾(τ)| δᵏ/k! = ε: ε/|ψ'| at a crossing, and much longer where the surface is
+//! met at a small angle. For that time one field acts for the other, and every run may be wrong
+//! there by the same |f⁺ - f⁻| δ, however accurate its steps are.
+
+use crate::expansion::mode::Mode;
+use crate::expansion::series;
+use crate::hybrid::Side;
+use crate::hybrid::state::State;
+
+/// Derivatives of ψ that are looked at.
+const DERIVATIVES: usize = 4;
+
+/// Roundings of a term that a value has seen.
+const ROUNDINGS: f64 = 8.0;
+
+impl Mode {
+    /// Takes note of the fields before an event at `tau`, and of how long it is uncertain.
+    pub(crate) fn open_window(&self, state: &mut State, tau: f64, triggers: &[usize]) {
+        let crossings = triggers.iter().filter(|i| self.sides[**i] != Side::Slide);
+        let windows = crossings.map(|&i| {
+            let c = self.psi_series(i);
+            // A few roundings of every term, and of the states as large as they have been.
+            let sizes = c.iter().rev().fold(0.0, |sum, c| sum * tau + c.abs());
+            let past = self.weigh(i, |j| state.scale[j]);
+            let rounding = ROUNDINGS * f64::EPSILON * state.terms[i].max(sizes).max(past);
+            let around: [f64; 1 + DERIVATIVES] = series::around(c, tau);
+            let terms = around.into_iter().enumerate().skip(1);
+            series::soonest(rounding, terms).map_or(f64::INFINITY, |(_, length)| length)
+        });
+        let window = windows.fold(0.0, f64::max);
+        state.window = if window.is_finite() { window } else { 0.0 };
+        if state.window > 0.0 {
+            for i in 0..self.n {
+                state.before[i] = series::value(&self.rate_series(i)[..self.order], tau);
+            }
+        }
+    }
+
+    /// Adds what the fields after the event, expanded by now, have to do with those before.
+    pub(crate) fn close_window(&self, state: &mut State) {
+        if state.window > 0.0 {
+            for i in 0..self.n {
+                let moved = state.window * (self.x_series(i)[1] - state.before[i]);
+                state.moved[i] += moved * moved;
+            }
+        }
+    }
+}

@@ -1,0 +1,227 @@
+//! Events that are close together, but not one.
+//!
+//! Rounding does not tell apart events at a distance of some ε, so that those below `TOGETHER` are one.
+//! The mode between them is skipped, which is no matter unless its field moves a state even in such a
+//! short time, or is one in which the second surface is come to slowly: then the later ones are left to the next
+//! step, and where rounding does not say which is first, the run says so.
+
+use crate::event::Simulator;
+use crate::expansion::mode::Mode;
+use crate::hybrid::Side;
+use crate::hybrid::state::State;
+use crate::hybrid::status::Note;
+
+/// Roundings of its terms below which ψ is zero.
+const ROUNDINGS: f64 = 64.0;
+
+/// Roundings of a rate that is zero.
+const STILL: f64 = 8.0;
+
+/// Of more surfaces that meet it is not asked which was first.
+const MOST: usize = 8;
+
+/// A mode that some of the surfaces lead to, with its rates.
+struct Between {
+    sides: Box<[Side]>,
+    alpha: Vec<f64>,
+    f: Vec<f64>,
+}
+
+impl Simulator {
+    /// Takes out of `triggers`, which meet here, those whose surfaces are reached later, where that makes
+    /// a difference to a state above its tolerance.
+    pub(crate) fn tell_apart(&mut self, state: &mut State, triggers: &mut Vec<usize>, t1: f64) {
+        let has_no_side = |&i: &usize| {
+            let is_relay = self.system.relay(i).is_some();
+            is_relay || self.system.across(i).is_some()
+        };
+        if triggers.len() < 2 || triggers.iter().any(has_no_side) {
+            return;
+        }
+        let mode = &mut self.mode;
+        mode.set(state.t, &state.x, &state.alpha);
+        let mut is_ahead = |i: usize| {
+            let psi = mode.psi(i) * state.sides[i].sign();
+            psi > ROUNDINGS * f64::EPSILON * state.terms[i]
+        };
+        let (later, now): (Vec<usize>, Vec<usize>) = triggers.iter().partition(|&&i| is_ahead(i));
+        let apart = !later.is_empty() && !now.is_empty();
+        if apart && self.moves_between(state, &now, &later) {
+            *triggers = now;
+            return;
+        }
+        if state.is_bound(&self.mode, triggers) {
+            return;
+        }
+        if apart
+            && let Some(between) = self.between(state, &now, t1)
+            && let Some(all) = self.between(state, triggers, t1)
+            && (later.iter()).any(|&i| self.is_slow(state, i, [&between, &all], t1))
+        {
+            *triggers = now;
+            return;
+        }
+        self.note_together(state, triggers, t1);
+    }
+
+    /// Whether a state moves where those of `now` have changed sides, until the others are met.
+    fn moves_between(&mut self, state: &State, now: &[usize], later: &[usize]) -> bool {
+        let mode = &mut self.mode;
+        // The mode between: what is reached now has changed sides.
+        let mut sides = state.sides.clone();
+        let mut alpha = state.alpha.clone();
+        for &i in now {
+            sides[i] = match state.sides[i] {
+                Side::Minus => Side::Plus,
+                Side::Plus => Side::Minus,
+                Side::Slide if alpha[i] < 0.5 => Side::Minus,
+                Side::Slide => Side::Plus,
+            };
+            alpha[i] = if sides[i] == Side::Plus { 1.0 } else { 0.0 };
+        }
+        mode.eval(state.t, &state.x, &state.alpha);
+        let before = mode.f().to_vec();
+        mode.enter(&self.system, &sides);
+        mode.eval(state.t, &state.x, &alpha);
+        mode.linearize(later);
+        let lasts = later.iter().map(|&i| {
+            let (psi, approach) = (mode.psi(i).abs(), -mode.phi(i) * sides[i].sign());
+            if approach > 0.0 { psi / approach } else { 0.0 }
+        });
+        let lasts = lasts.fold(0.0, f64::max);
+        let matters = (mode.f().iter().zip(&before))
+            .enumerate()
+            .any(|(j, (f, before))| {
+                let size = state.scale[j].max(state.x[j].abs());
+                (f - before).abs() * lasts > self.settings.tolerance * size
+            });
+        mode.enter(&self.system, &state.sides);
+        matters
+    }
+
+    /// Takes note of surfaces that count as met at once, where one may be met later by a time that matters.
+    fn note_together(&mut self, state: &mut State, triggers: &[usize], t1: f64) {
+        let Some(all) = self.between(state, triggers, t1) else {
+            return;
+        };
+        for &i in triggers {
+            if state.sides[i] == Side::Slide {
+                continue;
+            }
+            // Nothing lies between two names of one surface.
+            let others: Vec<usize> = triggers
+                .iter()
+                .copied()
+                .filter(|&j| j != i && !self.is_one(state, [i, j]))
+                .collect();
+            if others.is_empty() {
+                continue;
+            }
+            let Some(between) = self.between(state, &others, t1) else {
+                continue;
+            };
+            if between.sides[i] == state.sides[i] && self.is_slow(state, i, [&between, &all], t1) {
+                let switches = std::iter::once(i).chain(others).collect();
+                let time = state.t;
+                state.note(Note::Together { time, switches });
+                return;
+            }
+        }
+    }
+
+    /// Whether two surfaces that meet here have one tangent plane, as far as rounding tells. Planes are compared by their
+    /// numbers before: two of them are two.
+    fn is_one(&mut self, state: &State, both: [usize; 2]) -> bool {
+        let mode = &mut self.mode;
+        if both.iter().all(|&i| mode.is_watched_affine(i)) {
+            return false;
+        }
+        mode.set(state.t, &state.x, &state.alpha);
+        mode.linearize(&both);
+        let normals = both.map(|i| {
+            let mut normal: Vec<f64> = vec![0.0; state.x.len() + 1];
+            for &(j, g) in mode.gradient(i) {
+                normal[j] += g * state.scale[j].max(state.x[j].abs());
+            }
+            normal[state.x.len()] = mode.time_gradient(i) * state.t.abs();
+            normal
+        });
+        let sizes = [0, 1].map(|k| normals[k].iter().fold(0.0_f64, |most, g| most.max(g.abs())));
+        let known = [0, 1].map(|k| STILL * f64::EPSILON * state.terms[both[k]] / sizes[k]);
+        let at = [0, 1].map(|k| mode.psi(both[k]).abs() / sizes[k]);
+        at.iter().zip(known).all(|(at, known)| *at <= known)
+            && are_parallel(&normals[0], &normals[1])
+    }
+
+    /// The mode that these surfaces lead to; nothing where there is none.
+    fn between(&mut self, state: &mut State, met: &[usize], t1: f64) -> Option<Between> {
+        let kept = (
+            state.x.clone(),
+            state.sides.clone(),
+            state.alpha.clone(),
+            state.armed.clone(),
+            state.band.clone(),
+            state.notes.clone(),
+        );
+        let changed = self.change(state, met, t1);
+        let found = changed.is_ok().then(|| {
+            let (sides, alpha) = (state.sides.clone(), state.alpha.clone());
+            self.mode.enter(&self.system, &sides);
+            self.mode.eval(state.t, &state.x, &alpha);
+            let f = self.mode.f().to_vec();
+            Between { sides, alpha, f }
+        });
+        (
+            state.x,
+            state.sides,
+            state.alpha,
+            state.armed,
+            state.band,
+            state.notes,
+        ) = kept;
+        self.mode.enter(&self.system, &state.sides);
+        found
+    }
+
+    /// Whether a surface is come to so slowly in the mode between that a state moves otherwise until it is met.
+    fn is_slow(&mut self, state: &State, i: usize, [between, all]: [&Between; 2], t1: f64) -> bool {
+        let mode = &mut self.mode;
+        mode.enter(&self.system, &between.sides);
+        mode.eval(state.t, &state.x, &between.alpha);
+        mode.linearize(&[i]);
+        let still = STILL * f64::EPSILON * mode.terms_of_phi(i);
+        let approach = -mode.phi(i) * between.sides[i].sign();
+        let distance = (mode.psi(i).abs()).max(STILL * f64::EPSILON * state.terms[i]);
+        mode.enter(&self.system, &state.sides);
+        if approach < -still {
+            return false;
+        }
+        let lasts = (distance / approach.max(still)).min(t1 - state.t);
+        (between.f.iter().zip(&all.f))
+            .enumerate()
+            .any(|(j, (between, all))| {
+                let size = state.scale[j].max(state.x[j].abs());
+                (between - all).abs() * lasts > self.settings.tolerance * size
+            })
+    }
+}
+
+/// Whether two vectors differ by a factor, but for rounding.
+fn are_parallel(a: &[f64], b: &[f64]) -> bool {
+    let size = |v: &[f64]| v.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    let rounding = ROUNDINGS * f64::EPSILON * size(a) * size(b);
+    // a_i b_j = a_j b_i for the largest a_i.
+    let largest = (0..a.len()).max_by(|&i, &j| a[i].abs().total_cmp(&a[j].abs()));
+    largest.is_some_and(|i| {
+        let mut pairs = a.iter().zip(b);
+        rounding > 0.0 && pairs.all(|(c, d)| (a[i] * d - c * b[i]).abs() <= rounding)
+    })
+}
+
+impl State {
+    /// True where surfaces are those of contacts or of nonlinear switches, or too many.
+    fn is_bound(&self, mode: &Mode, triggers: &[usize]) -> bool {
+        let is_other = |i: &usize| mode.nonlinear[*i] || mode.is_unilateral(*i);
+        triggers.len() > MOST || triggers.iter().any(is_other)
+    }
+}

@@ -1,0 +1,628 @@
+//! Algebraic states z: equations 0 = F(t, x, z), and pairs 0 ≤ a(t, x, z) ⟂ b(t, x, z) ≥ 0.
+//!
+//! Equations and members of pairs are switches with ψ = F, ψ = -a and ψ = -b, and z' are their α. An equation
+//! slides always, and of a pair one member at a time: then φ = dψ/dt = 0 determines z' where the Jacobian by z is
+//! regular, which is index one, and the drift off ψ = 0 is projected away by z alone. A member that is off its
+//! surface is watched like any other switch; where it gets there, the rates decide which of the two slides on.
+//!
+//! z itself is computed where a run starts and where anything jumps: for every choice of members by Newton's method
+//! from the z there is, damped by the length of the step that follows (Deuflhard 2011); a choice is a solution where no other member
+//! is above its surface.
+
+use super::mode::Mode;
+use crate::event::Simulator;
+use crate::hybrid::Side;
+use crate::hybrid::state::State;
+use crate::hybrid::status::{Note, Status};
+use crate::hybrid::system::Role;
+use crate::lcp::lemke;
+use crate::linalg::DenseLu;
+use crate::selector::select::Candidate;
+
+/// Up to this many pairs all choices are solved, which shows whether there is one solution.
+const MAX_PAIRS: usize = 8;
+
+/// Up to this many choices where pairs meet, all are tried by their rates.
+const MAX_CHOICES: f64 = 4096.0;
+
+/// Solutions of other choices that Newton's method starts from.
+const MAX_GUESSES: usize = 8;
+
+/// Linear complementarity problems one after the other.
+const MAX_LINEARIZED: usize = 20;
+
+/// Newton iterations.
+const MAX_NEWTON: usize = 60;
+
+/// The shortest part of a Newton step that is taken.
+const SHORTEST: f64 = 1e-5;
+
+/// Relative changes below this are taken without a test.
+const CLOSE: f64 = 1e-9;
+
+/// Solutions that differ less than this fraction of themselves are one.
+const SAME: f64 = 1e-8;
+
+/// Bands that ψ may be off its surface before z has jumped.
+const UNSETTLED: f64 = 1e3;
+
+/// Terms below this fraction of the others are their rounding.
+const ROUNDED: f64 = 64.0 * f64::EPSILON;
+
+/// Why a choice of members has no z.
+enum Failure {
+    Singular,
+    Diverged,
+}
+
+/// α of a sliding mode that is so far outside of [0, 1] is none.
+const ASTRAY: f64 = 0.5;
+
+/// A state, and of each pair whether its second member is the one that is kept.
+type Chosen = (Vec<f64>, Vec<bool>);
+
+/// All choices of n members; none where they are too many.
+fn all_choices(n: usize) -> Vec<Vec<bool>> {
+    match n <= MAX_PAIRS {
+        true => (0..1_usize << n)
+            .map(|bits| (0..n).map(|k| bits >> k & 1 == 1).collect())
+            .collect(),
+        false => Vec::new(),
+    }
+}
+
+impl Simulator {
+    /// The state with consistent algebraic states, from those in `x` as guesses.
+    ///
+    /// # Errors
+    ///
+    /// The status of a run that starts there and finds none.
+    pub fn consistent(&mut self, t: f64, x: &[f64], horizon: f64) -> Result<Vec<f64>, Status> {
+        let mut state = std::mem::take(&mut self.state);
+        state.begin(t, x, self.system.n_switches());
+        self.load(&state);
+        let relay = |i: usize| self.system.relay(i).unwrap_or(Side::Plus);
+        state.set_sides((0..state.sides.len()).map(relay).collect());
+        let settled = self.settle(&mut state, horizon);
+        let x = state.x.clone();
+        self.state = state;
+        settled.map(|()| x)
+    }
+
+    /// Computes the algebraic states where the others are, and takes the members that are zero there.
+    pub(crate) fn settle(&mut self, state: &mut State, horizon: f64) -> Result<(), Status> {
+        if self.system.algebraics.is_empty() {
+            return Ok(());
+        }
+        let (equations, pairs) = self.kept();
+        let guess = state.x.clone();
+        let (mut found, mut regular) = self.search_members(state, &equations, &pairs, horizon);
+        if pairs.len() > MAX_PAIRS {
+            state.x.clone_from(&guess);
+            let choice = self.linear_pairs(state, &equations, &pairs, horizon);
+            regular = true;
+            found.extend(choice.map(|choice| (state.x.clone(), choice)));
+            if !found.is_empty() {
+                state.note(Note::Unsearched {
+                    time: state.t,
+                    switches: pairs.iter().map(|pair| pair.0).collect(),
+                });
+            }
+        }
+        let mut distinct = self.distinct(&found, &state.floor);
+        if distinct.len() > 1 {
+            found.retain(|(x, choice)| self.goes_on(state, x, &equations, &pairs, choice, horizon));
+            distinct = self.distinct(&found, &state.floor);
+        }
+        if distinct.len() > 1 {
+            state.x = guess;
+            let name = |&at: &usize| candidate(&pairs, &found[at].1);
+            return Err(Status::NonUnique(distinct.iter().map(name).collect()));
+        }
+        let first = distinct.first().map(|&at| found.swap_remove(at));
+        let Some((x, choice)) = first else {
+            state.x = guess;
+            let members = pairs.iter().flat_map(|&(a, b)| [a, b]);
+            let switches = equations.into_iter().chain(members).collect();
+            return Err(match regular {
+                true => Status::Inconsistent { switches },
+                false => Status::HighIndex { switches },
+            });
+        };
+        state.x = x;
+        self.take_members(state, &equations, &pairs, &choice);
+        self.measure_algebraics(state);
+        Ok(())
+    }
+
+    /// Solutions with every choice of members, few as they are, and whether some choice has a regular system.
+    fn search_members(
+        &mut self,
+        state: &mut State,
+        equations: &[usize],
+        pairs: &[(usize, usize)],
+        horizon: f64,
+    ) -> (Vec<Chosen>, bool) {
+        let (mut found, mut regular) = (Vec::new(), false);
+        let scale = state.scale.clone();
+        // What other choices of members lead to are guesses, too.
+        let mut guesses = vec![state.x.clone()];
+        let mut unsolved: Vec<Vec<bool>> = Vec::new();
+        for again in [false, true] {
+            let (tried, starts) = match again {
+                true => (std::mem::take(&mut unsolved), guesses[1..].to_vec()),
+                false => (all_choices(pairs.len()), guesses.clone()),
+            };
+            for choice in tried {
+                let mut solved = None;
+                for start in &starts {
+                    state.x.clone_from(start);
+                    state.scale.clone_from(&scale);
+                    let outcome = self.solve_choice(state, equations, pairs, &choice);
+                    regular |= !matches!(outcome, Err(Failure::Singular));
+                    if outcome.is_ok() {
+                        solved = Some(state.x.clone());
+                        break;
+                    }
+                }
+                let Some(x) = solved else {
+                    unsolved.push(choice);
+                    continue;
+                };
+                if !again && guesses.len() <= MAX_GUESSES {
+                    guesses.push(x.clone());
+                }
+                if self.violated(state, pairs, &choice, horizon).is_none() {
+                    found.push((x, choice));
+                }
+            }
+            if guesses.len() == 1 {
+                break;
+            }
+        }
+        state.scale.clone_from(&scale);
+        (found, regular)
+    }
+
+    /// True where the equations do not hold as they stand, since something in them has jumped.
+    pub(crate) fn is_unsettled(&mut self, state: &mut State, t1: f64) -> bool {
+        if self.system.algebraics.is_empty() {
+            return false;
+        }
+        let kept = |i: &usize| self.system.role(*i) != Role::Step;
+        let kept: Vec<usize> = (0..state.sides.len()).filter(kept).collect();
+        self.mode.enter_surfaces(&self.system, &state.sides);
+        self.measure_algebraics(state);
+        self.measure_bands(state, &kept, t1 - state.t);
+        kept.into_iter().any(|i| {
+            let psi = self.mode.psi(i);
+            let off = match state.sides[i] {
+                Side::Slide => psi.abs(),
+                _ => psi,
+            };
+            !off.is_finite() || off > UNSETTLED * state.band[i]
+        })
+    }
+
+    /// Equations, and pairs.
+    fn kept(&self) -> (Vec<usize>, Vec<(usize, usize)>) {
+        let all = || (0..self.system.n_switches()).map(|i| (i, self.system.role(i)));
+        let equations = all().filter(|(_, role)| *role == Role::Equation);
+        let pairs = all().filter_map(|(i, role)| match role {
+            Role::Member(other) if i < other => Some((i, other)),
+            _ => None,
+        });
+        (equations.map(|(i, _)| i).collect(), pairs.collect())
+    }
+
+    /// The first of each of the solutions that differ.
+    fn distinct(&self, found: &[(Vec<f64>, Vec<bool>)], floor: &[f64]) -> Vec<usize> {
+        let mut distinct: Vec<usize> = Vec::new();
+        for (at, (x, _)) in found.iter().enumerate() {
+            if !(distinct.iter()).any(|&other| self.is_same(&found[other].0, x, floor)) {
+                distinct.push(at);
+            }
+        }
+        distinct
+    }
+
+    /// Whether members on their surface that are not held there come off it. Where more rows of a program hold as
+    /// equations than z has entries, as in a corner that another row is about to cut off, their multipliers are not
+    /// determined in that instant; those that are left without the row that comes off are.
+    fn goes_on(
+        &mut self,
+        state: &mut State,
+        x: &[f64],
+        equations: &[usize],
+        pairs: &[(usize, usize)],
+        choice: &[bool],
+        horizon: f64,
+    ) -> bool {
+        state.x.copy_from_slice(x);
+        self.take_members(state, equations, pairs, choice);
+        let others = pairs.iter().zip(choice);
+        let others = others.map(|(&(a, b), &second)| if second { a } else { b });
+        let mut others: Vec<usize> = others.collect();
+        self.measure_bands(state, &others, horizon);
+        others.retain(|&i| self.mode.psi(i).abs() <= state.band[i]);
+        self.mode.enter(&self.system, &state.sides);
+        let mut alpha = state.alpha.clone();
+        if self.mode.solve_alpha(state.t, x, &mut alpha).is_err() {
+            return false;
+        }
+        self.mode.linearize(&others);
+        let mut others = others.into_iter();
+        others.all(|i| self.mode.phi(i) <= ROUNDED * self.mode.terms_of_phi(i))
+    }
+
+    /// Whether two solutions are one. Where both members of a pair are zero, two choices have the same solution, up to
+    /// the rounding of what z balances.
+    fn is_same(&self, a: &[f64], b: &[f64], floor: &[f64]) -> bool {
+        let mut algebraics = self.system.algebraics.iter();
+        algebraics.all(|&z| (a[z] - b[z]).abs() <= SAME * a[z].abs().max(b[z].abs()).max(floor[z]))
+    }
+
+    /// Takes note of how large algebraic states are, and of what they balance: z_k = 0 is known to the rounding of the
+    /// other terms of its rows, the least of (Σ_{j≠k} |∂ψ/∂x_j x_j| + |ψ - ∇ψ·x|) / |∂ψ/∂z_k|.
+    fn measure_algebraics(&mut self, state: &mut State) {
+        if self.system.algebraics.is_empty() {
+            return;
+        }
+        let mode = &mut self.mode;
+        mode.set(state.t, &state.x, &state.alpha);
+        for &z in &self.system.algebraics {
+            state.scale[z] = state.scale[z].max(state.x[z].abs());
+            state.floor[z] = f64::INFINITY;
+        }
+        for i in (0..state.sides.len()).filter(|&i| self.system.role(i) != Role::Step) {
+            mode.surfaces.stand_for(i, 0);
+            mode.surfaces.linearize(i, &mode.memory.values);
+            let along: f64 = mode.gradient(i).iter().map(|&(j, g)| g * state.x[j]).sum();
+            let terms = mode.weigh(i, |j| state.scale[j]) + (mode.psi(i) - along).abs();
+            for &(j, g) in mode
+                .gradient(i)
+                .iter()
+                .filter(|(j, _)| mode.is_algebraic[*j])
+            {
+                let others = terms - g.abs() * state.scale[j];
+                if g != 0.0 && others > ROUNDED * terms {
+                    state.floor[j] = state.floor[j].min(others / g.abs());
+                }
+            }
+        }
+        for &z in &self.system.algebraics {
+            if state.floor[z].is_infinite() {
+                state.floor[z] = 0.0;
+            }
+        }
+    }
+
+    /// Sets the sides of equations and members.
+    fn take_members(
+        &mut self,
+        state: &mut State,
+        equations: &[usize],
+        pairs: &[(usize, usize)],
+        choice: &[bool],
+    ) {
+        let mut sides = state.sides.clone();
+        for &i in equations {
+            sides[i] = Side::Slide;
+        }
+        for (i, side) in candidate(pairs, choice) {
+            sides[i] = side;
+        }
+        state.set_sides(sides);
+    }
+
+    /// Takes the sides of all switches that may be inside an equation.
+    fn take_kinks(&mut self, state: &mut State) {
+        for _ in 0..=state.sides.len() {
+            let psi = self.psi(state);
+            let is_free = |i: usize| {
+                self.system.role(i) == Role::Step
+                    && self.system.relay(i).is_none()
+                    && !self.system.is_unilateral(i)
+            };
+            let mut sides = state.sides.clone();
+            for (i, &psi) in psi.iter().enumerate().filter(|(i, _)| is_free(*i)) {
+                sides[i] = Side::of(psi);
+            }
+            if sides == state.sides {
+                break;
+            }
+            state.set_sides(sides);
+        }
+    }
+
+    /// Solves for z where these members are zero.
+    fn solve_choice(
+        &mut self,
+        state: &mut State,
+        equations: &[usize],
+        pairs: &[(usize, usize)],
+        choice: &[bool],
+    ) -> Result<(), Failure> {
+        self.take_members(state, equations, pairs, choice);
+        let members = pairs.iter().zip(choice);
+        let members = members.map(|(&(a, b), &second)| if second { b } else { a });
+        let rows: Vec<usize> = equations.iter().copied().chain(members).collect();
+        let system = self.system.clone();
+        let unknowns = &system.algebraics;
+        let n = unknowns.len();
+        let mut lu = DenseLu::new(n);
+        let (mut scales, mut last) = (Vec::new(), f64::INFINITY);
+        for round in 0..MAX_NEWTON {
+            let mut step = self.residuals(state, &rows);
+            let matrix = self.jacobian_of(&rows);
+            if lu.factor(&matrix).is_err() {
+                return Err(match round {
+                    0 => Failure::Singular,
+                    _ => Failure::Diverged,
+                });
+            }
+            lu.solve(&mut step);
+            if scales.is_empty() {
+                let scale = |(&z, d): (&usize, &f64)| match state.x[z].abs().max(d.abs()) {
+                    0.0 => 1.0,
+                    scale => scale,
+                };
+                scales = unknowns.iter().zip(&step).map(scale).collect();
+            }
+            let norm = |step: &[f64]| {
+                let relative = step.iter().zip(&scales).map(|(d, s)| (d / s).powi(2));
+                relative.sum::<f64>().sqrt()
+            };
+            let size = norm(&step);
+            if !size.is_finite() {
+                return Err(Failure::Diverged);
+            }
+            let before = state.x.clone();
+            let mut part = 1.0;
+            loop {
+                for (&z, d) in unknowns.iter().zip(&step) {
+                    state.x[z] = before[z] - part * d;
+                }
+                if size <= CLOSE {
+                    break;
+                }
+                // The step that follows with the same matrix must be shorter.
+                let mut next = self.residuals(state, &rows);
+                lu.solve(&mut next);
+                if norm(&next) <= (1.0 - 0.25 * part) * size {
+                    break;
+                }
+                part *= 0.5;
+                if part < SHORTEST {
+                    return Err(Failure::Diverged);
+                }
+            }
+            if size <= f64::EPSILON || size <= CLOSE && size >= 0.5 * last {
+                self.take_kinks(state);
+                return Ok(());
+            }
+            last = size;
+        }
+        Err(Failure::Diverged)
+    }
+
+    /// ψ of some switches.
+    fn residuals(&mut self, state: &mut State, rows: &[usize]) -> Vec<f64> {
+        self.take_kinks(state);
+        self.mode.set(state.t, &state.x, &state.alpha);
+        rows.iter().map(|&i| self.mode.psi(i)).collect()
+    }
+
+    /// The first pair whose other member is above its surface.
+    fn violated(
+        &mut self,
+        state: &mut State,
+        pairs: &[(usize, usize)],
+        choice: &[bool],
+        horizon: f64,
+    ) -> Option<usize> {
+        self.measure_algebraics(state);
+        let others = pairs.iter().zip(choice);
+        let others = others.map(|(&(a, b), &second)| if second { a } else { b });
+        let others: Vec<usize> = others.collect();
+        self.measure_bands(state, &others, horizon);
+        let mut others = others.into_iter();
+        others.position(|i| self.mode.psi(i) > state.band[i])
+    }
+
+    /// The choice of many pairs, from linear complementarity problems by Lemke's method, one around the solution of the
+    /// other (Josephy 1979).
+    fn linear_pairs(
+        &mut self,
+        state: &mut State,
+        equations: &[usize],
+        pairs: &[(usize, usize)],
+        horizon: f64,
+    ) -> Option<Vec<bool>> {
+        for _ in 0..MAX_LINEARIZED {
+            let (choice, x) = self.linearized(state, equations, pairs)?;
+            state.x.clone_from(&x);
+            let solved = self.solve_choice(state, equations, pairs, &choice).is_ok();
+            if solved && self.violated(state, pairs, &choice, horizon).is_none() {
+                return Some(choice);
+            }
+            state.x = x;
+        }
+        None
+    }
+
+    /// The members that are zero in the complementarity problem linearized where the state is, and its solution.
+    ///
+    /// With a = s the equations give z + d, F + F_z d = 0 and a + a_z d = s, so that b + b_z d = q + M s.
+    fn linearized(
+        &mut self,
+        state: &mut State,
+        equations: &[usize],
+        pairs: &[(usize, usize)],
+    ) -> Option<(Vec<bool>, Vec<f64>)> {
+        self.take_members(state, equations, pairs, &vec![false; pairs.len()]);
+        let firsts = pairs.iter().map(|pair| pair.0);
+        let rows: Vec<usize> = equations.iter().copied().chain(firsts).collect();
+        let seconds: Vec<usize> = pairs.iter().map(|pair| pair.1).collect();
+        let mut step = self.residuals(state, &rows);
+        let others = self.residuals(state, &seconds);
+        let (n, m) = (self.system.algebraics.len(), pairs.len());
+        let mut lu = DenseLu::new(n);
+        lu.factor(&self.jacobian_of(&rows)).ok()?;
+        lu.solve(&mut step);
+        let slopes = self.jacobian_of(&seconds);
+        let along = |row: usize, d: &[f64]| {
+            let terms = slopes[row * n..][..n].iter().zip(d);
+            terms.map(|(slope, d)| slope * d).sum::<f64>()
+        };
+        // ψ = -a and -b.
+        let q: Vec<f64> = (0..m).map(|row| along(row, &step) - others[row]).collect();
+        let mut by_member = Vec::with_capacity(m);
+        for k in 0..m {
+            let mut unit = vec![0.0; n];
+            unit[equations.len() + k] = 1.0;
+            lu.solve(&mut unit);
+            by_member.push(unit);
+        }
+        let entries = (0..m).flat_map(|row| by_member.iter().map(move |d| (row, d)));
+        let matrix: Vec<f64> = entries.map(|(row, d)| along(row, d)).collect();
+        let s = lemke(&matrix, &q, &vec![1.0; m]).ok()?;
+        let mut x = state.x.clone();
+        for (at, &z) in self.system.algebraics.iter().enumerate() {
+            let moved = by_member.iter().zip(&s).map(|(d, s)| d[at] * s);
+            x[z] -= step[at] + moved.sum::<f64>();
+        }
+        Some((s.iter().map(|&s| s > 0.0).collect(), x))
+    }
+
+    /// ∂ψ/∂z of some switches where the point is, row by row.
+    fn jacobian_of(&mut self, rows: &[usize]) -> Vec<f64> {
+        let unknowns = &self.system.algebraics;
+        let n = unknowns.len();
+        let mut matrix = vec![0.0; rows.len() * n];
+        for (row, &i) in rows.iter().enumerate() {
+            let mode = &mut self.mode;
+            mode.surfaces.linearize(i, &mode.memory.values);
+            for &(j, g) in self.mode.gradient(i) {
+                if let Ok(column) = unknowns.binary_search(&j) {
+                    matrix[row * n + column] = g;
+                }
+            }
+        }
+        matrix
+    }
+
+    /// The sides of an equation or a member of a pair where it meets others.
+    pub(crate) fn options_of_role(
+        &self,
+        state: &State,
+        group: &[usize],
+        switch: usize,
+    ) -> Option<Vec<Side>> {
+        match self.system.role(switch) {
+            Role::Step => None,
+            Role::Equation => Some(vec![Side::Slide]),
+            Role::Member(other) if !group.contains(&other) => Some(vec![state.sides[switch]]),
+            // What the second one does follows from the first.
+            Role::Member(other) if other < switch => Some(vec![Side::Minus]),
+            Role::Member(_) => Some(match state.sides[switch] {
+                Side::Slide => vec![Side::Slide, Side::Minus],
+                _ => vec![Side::Minus, Side::Slide],
+            }),
+        }
+    }
+
+    /// All choices of a group in which there are equations or pairs; false where they are too many.
+    pub(crate) fn with_members(
+        &self,
+        group: &[usize],
+        options: &[Vec<Side>],
+    ) -> (Vec<Vec<Side>>, bool) {
+        let sizes = options.iter().map(|sides| sides.len() as f64);
+        let (mut candidates, all) = match sizes.product::<f64>() <= MAX_CHOICES {
+            true => (crate::selector::candidates::product(options), true),
+            false => (crate::selector::candidates::alternatives(options), false),
+        };
+        for (at, &i) in group.iter().enumerate() {
+            let Role::Member(other) = self.system.role(i) else {
+                continue;
+            };
+            let Some(first) = group.iter().position(|&j| j == other && other < i) else {
+                continue;
+            };
+            for sides in &mut candidates {
+                sides[at] = match sides[first] {
+                    Side::Slide => Side::Minus,
+                    _ => Side::Slide,
+                };
+            }
+        }
+        (candidates, all)
+    }
+}
+
+/// The sides of all members.
+fn candidate(pairs: &[(usize, usize)], choice: &[bool]) -> Candidate {
+    let sides = pairs.iter().zip(choice).flat_map(|(&(a, b), &second)| {
+        let (zero, positive) = if second { (b, a) } else { (a, b) };
+        [(zero, Side::Slide), (positive, Side::Minus)]
+    });
+    sides.collect()
+}
+
+impl Mode {
+    /// Finds the states that are not moved where drift is projected away: those that determine algebraic ones and
+    /// nothing else that slides.
+    pub(crate) fn hold_still(&mut self) {
+        self.still.fill(false);
+        for component in self.equations.components() {
+            if component.iter().any(|&i| self.roles[i] == Role::Step) {
+                continue;
+            }
+            for &i in component {
+                for &(j, _) in self.surfaces.gradient(i) {
+                    self.still[j] = !self.is_algebraic[j];
+                }
+            }
+        }
+    }
+
+    /// How far state j may be moved in a projection, in relation to others.
+    pub(crate) fn mobility(&self, state: &State, j: usize) -> f64 {
+        match state.size(j) {
+            _ if self.still[j] => 0.0,
+            0.0 if self.is_algebraic[j] => 1.0,
+            size => size,
+        }
+    }
+
+    /// Why no step goes on from here.
+    pub(crate) fn stuck(&self) -> Status {
+        // An α that was not found makes rates infinite, and is not made so by them.
+        let is_lost = |&i: &usize| {
+            let alpha = self.memory.values[1 + self.n + i];
+            self.nonlinear[i] && !(-ASTRAY..=1.0 + ASTRAY).contains(&alpha)
+        };
+        let lost: Vec<usize> = self.sliding.iter().copied().filter(is_lost).collect();
+        if !lost.is_empty() {
+            return Status::SingularSliding { switches: lost };
+        }
+        let kept = self.sliding.iter().copied();
+        let kept: Vec<usize> = kept.filter(|&i| self.roles[i] != Role::Step).collect();
+        let states = self.f().iter().zip(&self.is_algebraic);
+        // Where it is the rates of algebraic states that grow without bound, their equations turn singular.
+        let mut others = states.filter(|(_, is_algebraic)| !**is_algebraic);
+        if self.sliding.is_empty()
+            || others.any(|(f, _)| !f.is_finite())
+            || kept.is_empty() && self.f().iter().any(|f| !f.is_finite())
+        {
+            return Status::NotFinite;
+        }
+        match kept.is_empty() {
+            true => Status::SingularSliding {
+                switches: self.sliding.clone(),
+            },
+            false => Status::HighIndex { switches: kept },
+        }
+    }
+}

@@ -1,0 +1,456 @@
+//! The rates f of all blocks, each compiled for the local sides that a run meets.
+
+use std::sync::Arc;
+
+use rustc_hash::FxHashMap;
+use wide::f64x4;
+
+use super::layout::Memory;
+use crate::hybrid::Side;
+use crate::hybrid::form::{Library, Partials};
+use crate::hybrid::system::HybridSystem;
+use crate::hybrid::system::{Block, Input};
+use crate::tape::{Ball, Lane, Recurrences, Step, Tape};
+
+pub(crate) struct Field {
+    blocks: Vec<Local>,
+    /// The block of every state and its place there.
+    place: Vec<(usize, usize)>,
+    /// Blocks whose α is that of a switch.
+    of_switch: Vec<Vec<usize>>,
+    /// f at the point evaluated last.
+    pub f: Vec<f64>,
+    /// Where the series of every rate is.
+    pub rows: Vec<usize>,
+    /// The recurrences of all blocks: those of time alone, all others, and of these what depends on a
+    /// sliding α.
+    timed: Vec<Step>,
+    steps: Vec<Step>,
+    by_alpha: Vec<Step>,
+    /// States whose rates contain a sliding α.
+    sliding_states: Vec<usize>,
+    /// Steps of the blocks that may hide what they do within a step.
+    hiding: Vec<(usize, Step)>,
+    /// Whether the lists above are those of the present sides.
+    listed: bool,
+    registers: Vec<f64>,
+    balls: Vec<Ball>,
+    /// f at the lanes evaluated last.
+    pub wide: Vec<f64x4>,
+    wide_registers: Vec<f64x4>,
+    /// Functions taken up so far.
+    pub n_functions: usize,
+}
+
+/// A block with its functions by local sides.
+struct Local {
+    block: Block,
+    known: Vec<Compiled>,
+    index: FxHashMap<Box<[Side]>, usize>,
+    now: usize,
+}
+
+/// The functions of a block on certain local sides.
+struct Compiled {
+    sides: Box<[Side]>,
+    inputs: Vec<Input>,
+    /// Places of the inputs among the values of a point.
+    gather: Vec<usize>,
+    field: Arc<Tape>,
+    series: Recurrences,
+    by_alpha: Arc<Partials>,
+    /// The values of `by_alpha` where it was last evaluated.
+    slopes: Vec<f64>,
+    /// ∂f/∂x with its values, once somebody has asked for it.
+    jacobian: Option<(Arc<Partials>, Vec<f64>)>,
+}
+
+impl Compiled {
+    fn slides(&self) -> bool {
+        self.sides.contains(&Side::Slide)
+    }
+}
+
+impl Field {
+    /// All blocks, without functions yet.
+    pub(crate) fn new(system: &HybridSystem) -> Self {
+        let n = system.n_states();
+        let mut place = vec![(0, 0); n];
+        let mut of_switch = vec![Vec::new(); system.n_switches()];
+        for (b, block) in system.blocks.iter().enumerate() {
+            for (at, &state) in block.states.iter().enumerate() {
+                place[state] = (b, at);
+            }
+            for &switch in &block.switches {
+                of_switch[switch].push(b);
+            }
+        }
+        let local = |block: &Block| Local {
+            block: block.clone(),
+            known: Vec::new(),
+            index: FxHashMap::default(),
+            now: 0,
+        };
+        Field {
+            blocks: system.blocks.iter().map(local).collect(),
+            place,
+            of_switch,
+            f: vec![0.0; n],
+            rows: vec![0; n],
+            timed: Vec::new(),
+            steps: Vec::new(),
+            by_alpha: Vec::new(),
+            sliding_states: Vec::new(),
+            hiding: Vec::new(),
+            listed: false,
+            registers: Vec::new(),
+            balls: Vec::new(),
+            wide: vec![f64x4::splat(0.0); n],
+            wide_registers: Vec::new(),
+            n_functions: 0,
+        }
+    }
+
+    /// Instructions of all rates.
+    pub(crate) fn operations(&self) -> usize {
+        let lengths = self.blocks.iter().map(|local| local.now().field.len());
+        lengths.sum()
+    }
+
+    pub(crate) fn n_blocks(&self) -> usize {
+        self.blocks.len()
+    }
+
+    /// The blocks whose rates contain the α of a switch.
+    pub(crate) fn of_switch(&self, switch: usize) -> &[usize] {
+        &self.of_switch[switch]
+    }
+
+    /// The states of a block.
+    pub(crate) fn states_of(&self, block: usize) -> &[usize] {
+        &self.blocks[block].block.states
+    }
+
+    /// The block of a state.
+    pub(crate) fn block_of(&self, state: usize) -> usize {
+        self.place[state].0
+    }
+
+    /// Takes the function of a block on the present sides, compiling it at its first use.
+    pub(crate) fn enter(
+        &mut self,
+        (system, library): (&HybridSystem, &mut Library),
+        memory: &mut Memory,
+        block: usize,
+        sides: &[Side],
+    ) {
+        let local = &mut self.blocks[block];
+        let switches = local.block.switches.iter();
+        let sides: Box<[Side]> = switches.map(|&switch| sides[switch]).collect();
+        local.now = match local.index.get(&sides) {
+            Some(&known) => known,
+            None => {
+                let rates = library.rates(system, block, &sides);
+                self.n_functions += 1;
+                let inputs: Vec<_> = rates.inputs.iter().map(|&i| memory.row(i)).collect();
+                let base = memory.rows.len();
+                let series = Recurrences::new(&rates.field, &inputs, base, memory.stride);
+                memory.grow((series.end - base) / memory.stride);
+                let wanted = rates
+                    .field
+                    .n_registers()
+                    .max(rates.by_alpha.tape.n_registers());
+                if self.registers.len() < wanted {
+                    self.registers.resize(wanted, 0.0);
+                }
+                // A Jacobian may have taken more of the others.
+                if self.wide_registers.len() < wanted {
+                    self.wide_registers.resize(wanted, f64x4::splat(0.0));
+                }
+                local.known.push(Compiled {
+                    sides: sides.clone(),
+                    gather: rates.inputs.iter().map(|&i| memory.slot(i)).collect(),
+                    inputs: rates.inputs,
+                    field: rates.field,
+                    series,
+                    slopes: vec![0.0; rates.by_alpha.entries.len()],
+                    by_alpha: rates.by_alpha,
+                    jacobian: None,
+                });
+                local.index.insert(sides, local.known.len() - 1);
+                local.known.len() - 1
+            }
+        };
+        let outputs = &local.known[local.now].series.outputs;
+        for (&state, &row) in local.block.states.iter().zip(outputs) {
+            self.rows[state] = row;
+        }
+        self.listed = false;
+    }
+
+    /// Evaluates f where `values` say.
+    pub(crate) fn eval(&mut self, values: &[f64]) {
+        for block in 0..self.blocks.len() {
+            self.eval_block(block, values);
+        }
+    }
+
+    /// Evaluates f at all lanes of `values`.
+    pub(crate) fn eval_lanes(&mut self, values: &[f64x4]) {
+        for local in &self.blocks {
+            let compiled = local.now();
+            for (register, &slot) in self.wide_registers.iter_mut().zip(&compiled.gather) {
+                *register = values[slot];
+            }
+            compiled.field.run(&mut self.wide_registers);
+            let results = compiled.field.results(&self.wide_registers);
+            for (&state, result) in local.block.states.iter().zip(results) {
+                self.wide[state] = result;
+            }
+        }
+    }
+
+    /// Evaluates the rates that contain a sliding α.
+    pub(crate) fn eval_sliding(&mut self, values: &[f64]) {
+        for block in 0..self.blocks.len() {
+            if self.blocks[block].now().slides() {
+                self.eval_block(block, values);
+            }
+        }
+    }
+
+    /// Evaluates the rates of one block.
+    pub(crate) fn eval_block(&mut self, block: usize, values: &[f64]) {
+        let local = &self.blocks[block];
+        let compiled = local.now();
+        gather(&compiled.gather, values, &mut self.registers);
+        compiled.field.run(&mut self.registers);
+        let results = compiled.field.results(&self.registers);
+        for (&state, result) in local.block.states.iter().zip(results) {
+            self.f[state] = result;
+        }
+    }
+
+    /// Evaluates ∂f/∂α where `values` say, for the rate of a state and all of its block.
+    pub(crate) fn linearize(&mut self, state: usize, values: &[f64]) {
+        self.linearize_block(self.place[state].0, values);
+    }
+
+    /// The same for all rates.
+    pub(crate) fn linearize_sliding(&mut self, values: &[f64]) {
+        for block in 0..self.blocks.len() {
+            self.linearize_block(block, values);
+        }
+    }
+
+    /// The same for all rates of a block.
+    pub(crate) fn linearize_block(&mut self, block: usize, values: &[f64]) {
+        let local = &mut self.blocks[block];
+        let compiled = &mut local.known[local.now];
+        if compiled.slopes.is_empty() {
+            return;
+        }
+        let tape = &compiled.by_alpha.tape;
+        gather(&compiled.gather, values, &mut self.registers);
+        tape.run(&mut self.registers);
+        for (slope, result) in compiled
+            .slopes
+            .iter_mut()
+            .zip(tape.results(&self.registers))
+        {
+            *slope = result;
+        }
+    }
+
+    /// ∂f_state/∂α of sliding switches where `linearize` was last called: (switch, value).
+    pub(crate) fn slopes(&self, state: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
+        let (block, at) = self.place[state];
+        let compiled = self.blocks[block].now();
+        let entries = &compiled.by_alpha.entries;
+        let first = entries.partition_point(|&(function, _)| function < at);
+        let of_state = entries[first..].iter().zip(&compiled.slopes[first..]);
+        of_state
+            .take_while(move |((function, _), _)| *function == at)
+            .filter_map(|(&(_, input), &value)| match compiled.inputs[input] {
+                Input::Alpha(switch) => Some((switch, value)),
+                _ => None,
+            })
+    }
+
+    /// Enclosures of the rate of a state and of its derivative by α of a sliding switch, which is at `slot` of
+    /// the values, while that is in a ball.
+    pub(crate) fn enclose(
+        &mut self,
+        state: usize,
+        switch: usize,
+        values: &[f64],
+        slot: usize,
+        inside: Ball,
+    ) -> [Ball; 2] {
+        let (block, at) = self.place[state];
+        let compiled = self.blocks[block].now();
+        self.balls.resize(self.registers.len(), Ball::new(0.0, 0.0));
+        let mut run = |tape: &Tape, output: usize| {
+            for (ball, &from) in self.balls.iter_mut().zip(&compiled.gather) {
+                *ball = match from == slot {
+                    true => inside,
+                    false => Ball::new(values[from], 0.0),
+                };
+            }
+            tape.run(&mut self.balls);
+            let found = tape.results(&self.balls).nth(output);
+            found.expect("a tape has its outputs")
+        };
+        let partials = &compiled.by_alpha;
+        let is_slope = |&(function, input): &(usize, usize)| {
+            function == at && compiled.inputs[input] == Input::Alpha(switch)
+        };
+        let slope = match partials.entries.iter().position(is_slope) {
+            Some(output) => run(&partials.tape, output),
+            None => Ball::new(0.0, 0.0),
+        };
+        [run(&compiled.field, at), slope]
+    }
+
+    /// Calls `entry(state, input, value)` for every ∂f/∂x that is not structurally zero where
+    /// `values` say; compiles what is missing.
+    pub(crate) fn jacobian(
+        &mut self,
+        (system, library): (&HybridSystem, &mut Library),
+        values: &[f64],
+        mut entry: impl FnMut(usize, usize, f64),
+    ) {
+        for block in 0..self.blocks.len() {
+            self.jacobian_of((system, library), block, values, &mut entry);
+        }
+    }
+
+    /// The same for the rates of one block.
+    pub(crate) fn jacobian_of(
+        &mut self,
+        (system, library): (&HybridSystem, &mut Library),
+        block: usize,
+        values: &[f64],
+        mut entry: impl FnMut(usize, usize, f64),
+    ) {
+        let local = &mut self.blocks[block];
+        let compiled = &mut local.known[local.now];
+        let sides = &compiled.sides;
+        let registers = &mut self.registers;
+        let (partials, numbers) = compiled.jacobian.get_or_insert_with(|| {
+            let partials = library.jacobian(system, block, sides);
+            if registers.len() < partials.tape.n_registers() {
+                registers.resize(partials.tape.n_registers(), 0.0);
+            }
+            let numbers = vec![0.0; partials.entries.len()];
+            (partials, numbers)
+        });
+        gather(&compiled.gather, values, registers);
+        partials.tape.run(registers);
+        for (number, result) in numbers.iter_mut().zip(partials.tape.results(registers)) {
+            *number = result;
+        }
+        for (&(function, input), &number) in partials.entries.iter().zip(&*numbers) {
+            if let Input::State(state) = compiled.inputs[input] {
+                entry(local.block.states[function], state, number);
+            }
+        }
+    }
+
+    /// Lists the recurrences of all blocks one after another.
+    pub(crate) fn list(&mut self) {
+        if self.listed {
+            return;
+        }
+        self.listed = true;
+        self.timed.clear();
+        self.steps.clear();
+        self.by_alpha.clear();
+        self.sliding_states.clear();
+        self.hiding.clear();
+        for (block, local) in self.blocks.iter().enumerate() {
+            let compiled = local.now();
+            let hiding = compiled.series.hiding.iter();
+            self.hiding.extend(hiding.map(|step| (block, *step)));
+            self.timed.extend_from_slice(&compiled.series.timed);
+            self.steps.extend_from_slice(&compiled.series.moving);
+            if compiled.slides() {
+                self.by_alpha.extend_from_slice(&compiled.series.by_alpha);
+                self.sliding_states.extend_from_slice(&local.block.states);
+            }
+        }
+    }
+
+    /// Steps that may hide what they do within a step, each with its block, after `list`.
+    pub(crate) fn hiding(&self) -> &[(usize, Step)] {
+        &self.hiding
+    }
+
+    /// Encloses the rates of a block where its inputs are in balls, by their places among the values: calls `see` with
+    /// the state and the enclosure of each.
+    pub(crate) fn examine<L: Lane + From<Ball>>(
+        &self,
+        block: usize,
+        input: impl Fn(usize) -> Ball,
+        registers: &mut Vec<L>,
+        mut see: impl FnMut(usize, L),
+    ) {
+        let local = &self.blocks[block];
+        let compiled = local.now();
+        run_balls(&compiled.field, &compiled.gather, input, registers);
+        let results = compiled.field.results(registers);
+        for (&state, result) in local.block.states.iter().zip(results) {
+            see(state, result);
+        }
+    }
+
+    /// The recurrences that depend on time alone, after `list`.
+    pub(crate) fn timed(&self) -> &[Step] {
+        &self.timed
+    }
+
+    /// All others, after `list`.
+    pub(crate) fn steps(&self) -> &[Step] {
+        &self.steps
+    }
+
+    /// Those that depend on a sliding α, after `list`.
+    pub(crate) fn by_alpha(&self) -> &[Step] {
+        &self.by_alpha
+    }
+
+    /// The states of these rates.
+    pub(crate) fn sliding_states(&self) -> &[usize] {
+        &self.sliding_states
+    }
+}
+
+impl Local {
+    fn now(&self) -> &Compiled {
+        &self.known[self.now]
+    }
+}
+
+/// Runs a tape on enclosures of its inputs.
+pub(crate) fn run_balls<L: Lane + From<Ball>>(
+    tape: &Tape,
+    from: &[usize],
+    input: impl Fn(usize) -> Ball,
+    registers: &mut Vec<L>,
+) {
+    let wanted = tape.n_registers().max(from.len());
+    if registers.len() < wanted {
+        registers.resize(wanted, L::splat(0.0));
+    }
+    for (register, &slot) in registers.iter_mut().zip(from) {
+        *register = L::from(input(slot));
+    }
+    tape.run(registers);
+}
+
+/// Copies the inputs of a function to the first registers.
+pub(crate) fn gather(from: &[usize], values: &[f64], registers: &mut [f64]) {
+    for (register, &slot) in registers.iter_mut().zip(from) {
+        *register = values[slot];
+    }
+}

@@ -1,0 +1,443 @@
+//! The present mode: its functions, its Taylor expansion, and its algebra.
+//!
+//! Entering a mode takes up the functions of those blocks and surfaces alone whose own sides have
+//! changed; they were compiled when a run first met these sides.
+//!
+//! While surfaces K slide, α_K solves φ_K(t, x, α_K) = 0, φ_i = ∇ψ_i·f + ∂ψ_i/∂t. Along the solution
+//! φ_i = dψ_i/dt, so the order-k coefficient of φ_i is k + 1 times the order-(k+1) coefficient of
+//! ψ_i. It is linear in the order-k coefficient of α_K with the matrix A = ∂φ_K/∂α_K of the expansion
+//! point, so one factorization serves all orders: evaluate f with α_K,k = 0, from it x and ψ_K of
+//! order k + 1, solve A α_K,k = -(k + 1) ψ_K,k+1, and evaluate again what contains α_K.
+
+use super::field::Field;
+use super::layout::Memory;
+use super::sliding::Sliding;
+use super::surfaces::Surfaces;
+use crate::contact::friction_disk::Discs;
+use crate::expansion::step_size::Probed;
+use crate::expansion::unobserved;
+use crate::hybrid::Side;
+use crate::hybrid::form::Library;
+use crate::hybrid::state::State;
+use crate::hybrid::system::{HybridSystem, Role};
+use crate::integrate::implicit::Workspace;
+use crate::linalg::Singular;
+
+pub(crate) struct Mode {
+    pub sides: Box<[Side]>,
+    /// K: the sliding switches.
+    pub sliding: Vec<usize>,
+    /// Switches whose sides have the same field where they meet.
+    pub continuous: Vec<bool>,
+    pub n: usize,
+    pub order: usize,
+    pub(crate) memory: Memory,
+    /// What has been made of forms.
+    pub(crate) library: Library,
+    pub(crate) field: Field,
+    pub(crate) surfaces: Surfaces,
+    pub(crate) equations: Sliding,
+    /// What the α are, and which states are algebraic.
+    pub(crate) roles: Vec<Role>,
+    pub(crate) is_algebraic: Vec<bool>,
+    /// States that no projection moves in the present mode.
+    pub(crate) still: Vec<bool>,
+    /// Switches whose rates have roots of their ψ, and those that rest where they are on `Slide`.
+    pub(crate) roots: Vec<bool>,
+    pub(crate) rests: Vec<bool>,
+    /// Whether there are any.
+    pub(crate) may_rest: bool,
+    /// Switches whose α has no lower bound.
+    pub(crate) unilateral: Vec<bool>,
+    /// Switches whose α rates contain in another way than affine.
+    pub(crate) nonlinear: Vec<bool>,
+    /// The contacts whose slip velocities ψ are.
+    pub(crate) slip_of: Vec<Option<usize>>,
+    /// Switches on whose upper side a switch means nothing.
+    pub(crate) idle_above: Vec<Vec<usize>>,
+    /// Slip velocities with two entries, by the first of their switches.
+    pub(crate) discs: Discs,
+    /// Whether the components of `equations` are those of the present mode.
+    arranged: bool,
+    /// Whether functions of any sides have been taken.
+    entered: bool,
+    /// Size of the terms of f at the expansion point, which may cancel.
+    pub terms: Vec<f64>,
+    /// Inputs next to those of the expansion point, and by what share they differ.
+    pub perturbed: Vec<f64>,
+    /// Others: terms that happen to cancel once do not do so twice.
+    pub(crate) perturbed_again: Vec<f64>,
+    pub(crate) perturbation: f64,
+    /// f where these turn what slips in a plane.
+    pub(crate) turned: Vec<f64>,
+    /// Switches off their surface whose ψ might vanish within the step.
+    pub watched: Vec<usize>,
+    /// Switches that nothing but outputs looks at, and those of them without a series within the step.
+    pub(crate) observers: Vec<bool>,
+    pub blind: Vec<usize>,
+    /// What projections of contacts take.
+    pub(crate) mend: crate::contact::stabilization::Mend,
+    /// How far each state may move within the step.
+    pub reach: Vec<f64>,
+    /// Switches of slip velocities that set off from rest within the step.
+    pub(crate) departing: Vec<usize>,
+    focus: Focus,
+    pub probed: Probed,
+    pub(crate) rounding: super::rounding::Rounding,
+    pub(crate) implicit: Workspace,
+}
+
+/// A few switches whose α are varied while all else stays as it is.
+#[derive(Default)]
+struct Focus {
+    switches: Vec<usize>,
+    states: Vec<usize>,
+    blocks: Vec<usize>,
+}
+
+/// Newton iterations for α before the equations count as unsolvable.
+const MAX_NEWTON: usize = 30;
+
+impl Mode {
+    /// No mode yet: `enter` takes one.
+    pub(crate) fn new(system: &HybridSystem, order: usize) -> Self {
+        let (n, m) = (system.n_states(), system.n_switches());
+        let rests = |i: usize| system.switches[i].has_root && system.is_continuous(i);
+        let rests: Vec<bool> = (0..m).map(rests).collect();
+        Mode {
+            roots: (system.switches.iter())
+                .map(|switch| switch.has_root)
+                .collect(),
+            may_rest: rests.contains(&true),
+            rests,
+            sides: vec![Side::Plus; m].into(),
+            sliding: Vec::new(),
+            continuous: (0..m)
+                .map(|i| system.is_continuous(i) || system.role(i) != Role::Step)
+                .collect(),
+            n,
+            order,
+            memory: Memory::new(system, order),
+            library: Library::default(),
+            field: Field::new(system),
+            surfaces: Surfaces::new(system),
+            equations: Sliding::new(n, m),
+            roles: (0..m).map(|i| system.role(i)).collect(),
+            is_algebraic: (0..n)
+                .map(|i| system.algebraics.binary_search(&i).is_ok())
+                .collect(),
+            still: vec![false; n],
+            unilateral: (0..m).map(|i| system.is_unilateral(i)).collect(),
+            nonlinear: (system.switches.iter())
+                .map(|switch| switch.is_nonlinear)
+                .collect(),
+            slip_of: (0..m).map(|i| system.slip_of(i)).collect(),
+            idle_above: (system.switches.iter())
+                .map(|switch| switch.idle_above.clone())
+                .collect(),
+            discs: Discs::new(system),
+            arranged: false,
+            entered: false,
+            terms: vec![0.0; n],
+            perturbed: Vec::new(),
+            perturbed_again: Vec::new(),
+            perturbation: 0.0,
+            turned: vec![0.0; n],
+            watched: Vec::new(),
+            observers: unobserved::observers(system),
+            blind: Vec::new(),
+            mend: crate::contact::stabilization::Mend::default(),
+            reach: vec![0.0; n],
+            departing: Vec::new(),
+            focus: Focus::default(),
+            probed: Probed::new(n),
+            rounding: super::rounding::Rounding::default(),
+            implicit: Workspace::default(),
+        }
+    }
+
+    /// Takes the functions of these sides.
+    pub(crate) fn enter(&mut self, system: &HybridSystem, sides: &[Side]) {
+        self.enter_surfaces(system, sides);
+        self.surfaces.stand(sides);
+        if self.entered && *self.sides == *sides {
+            return;
+        }
+        if self.entered {
+            for (i, side) in sides.iter().enumerate() {
+                if self.sides[i] != *side {
+                    for at in 0..self.field.of_switch(i).len() {
+                        let block = self.field.of_switch(i)[at];
+                        let functions = (system, &mut self.library);
+                        self.field.enter(functions, &mut self.memory, block, sides);
+                    }
+                }
+            }
+        } else {
+            for block in 0..self.field.n_blocks() {
+                let functions = (system, &mut self.library);
+                self.field.enter(functions, &mut self.memory, block, sides);
+            }
+            self.entered = true;
+        }
+        self.sides.copy_from_slice(sides);
+        self.sliding.clear();
+        let slides = |&i: &usize| sides[i] == Side::Slide && !self.rests[i];
+        self.sliding.extend((0..sides.len()).filter(slides));
+        self.arranged = false;
+    }
+
+    /// Moves to a point where the α of some switches are to be varied.
+    pub(crate) fn focus(&mut self, t: f64, x: &[f64], alpha: &[f64], switches: &[usize]) {
+        self.set(t, x, alpha);
+        let focus = &mut self.focus;
+        focus.switches.clear();
+        focus.switches.extend_from_slice(switches);
+        focus.states.clear();
+        focus.blocks.clear();
+        for &i in switches {
+            let states = self.surfaces.gradient(i).iter().map(|&(state, _)| state);
+            focus.states.extend(states);
+            focus.blocks.extend_from_slice(self.field.of_switch(i));
+        }
+        focus.states.sort_unstable();
+        focus.states.dedup();
+        let blocks = focus.states.iter().map(|&state| self.field.block_of(state));
+        focus.blocks.extend(blocks);
+        focus.blocks.sort_unstable();
+        focus.blocks.dedup();
+    }
+
+    /// Evaluates what the α in focus and their rates φ depend on.
+    pub(crate) fn vary(&mut self, alpha: &[f64]) {
+        for &i in &self.focus.switches {
+            self.memory.values[1 + self.n + i] = alpha[i];
+        }
+        for &block in &self.focus.blocks {
+            self.field.eval_block(block, &self.memory.values);
+        }
+    }
+
+    /// States that the ψ in focus depend on, in order.
+    pub(crate) fn states_in_focus(&self) -> &[usize] {
+        &self.focus.states
+    }
+
+    /// Takes the switching functions of these sides, and no rates.
+    pub(crate) fn enter_surfaces(&mut self, system: &HybridSystem, sides: &[Side]) {
+        let functions = (system, &mut self.library);
+        self.surfaces.enter(functions, &mut self.memory, sides);
+    }
+
+    /// Functions taken up so far.
+    pub(crate) fn n_functions(&self) -> usize {
+        self.field.n_functions + self.surfaces.n_functions
+    }
+
+    /// Takes the coefficients of the pieces that hold from `t` on, and gives the instant at which
+    /// they change.
+    pub(crate) fn load(&mut self, system: &HybridSystem, t: f64) -> f64 {
+        let until = self.memory.load(system, t);
+        self.probed.load(&self.memory);
+        until
+    }
+
+    /// Moves to a point without evaluating anything.
+    pub(crate) fn set(&mut self, t: f64, x: &[f64], alpha: &[f64]) {
+        self.memory.set(t, x, alpha);
+    }
+
+    /// Evaluates f at a point.
+    pub(crate) fn eval(&mut self, t: f64, x: &[f64], alpha: &[f64]) {
+        self.set(t, x, alpha);
+        self.field.eval(&self.memory.values);
+    }
+
+    /// Evaluates ∇ψ, ∂ψ/∂t and ∂f/∂α for the rates φ of some switches, where the point is.
+    pub(crate) fn linearize(&mut self, switches: &[usize]) {
+        for &i in switches {
+            self.surfaces.linearize(i, &self.memory.values);
+            for at in 0..self.surfaces.gradient(i).len() {
+                let state = self.surfaces.gradient(i)[at].0;
+                self.field.linearize(state, &self.memory.values);
+            }
+        }
+    }
+
+    /// Calls `entry(row, column, value)` for every ∂f/∂x that is not structurally zero where the point is; compiles
+    /// what is missing. ∂f/∂α comes from `linearize` as slopes of the field, ∂ψ/∂x as gradients of the surfaces.
+    pub(crate) fn jacobian(&mut self, system: &HybridSystem, entry: impl FnMut(usize, usize, f64)) {
+        let functions = (system, &mut self.library);
+        self.field.jacobian(functions, &self.memory.values, entry);
+    }
+
+    /// f where it was last evaluated.
+    pub(crate) fn f(&self) -> &[f64] {
+        &self.field.f
+    }
+
+    /// ψ where the point is.
+    pub(crate) fn psi(&mut self, switch: usize) -> f64 {
+        self.surfaces.value(switch, &self.memory.values)
+    }
+
+    /// φ = ∇ψ·f + ∂ψ/∂t, from the gradient where it was last linearized.
+    pub(crate) fn phi(&self, switch: usize) -> f64 {
+        let terms = self.gradient(switch).iter();
+        terms
+            .map(|&(state, g)| g * self.field.f[state])
+            .sum::<f64>()
+            + self.time_gradient(switch)
+    }
+
+    /// Σ |∇ψ_j f_j| + |∂ψ/∂t|, the terms of φ.
+    pub(crate) fn terms_of_phi(&self, switch: usize) -> f64 {
+        let terms = self.gradient(switch).iter();
+        let terms = terms.map(|&(state, g)| (g * self.field.f[state]).abs());
+        terms.sum::<f64>() + self.time_gradient(switch).abs()
+    }
+
+    /// ∂φ_switch/∂α_alpha of a sliding α, where it was last linearized.
+    pub(crate) fn coupling(&self, switch: usize, alpha: usize) -> f64 {
+        let gradient = self.gradient(switch).iter();
+        let by_alpha = gradient.flat_map(|&(state, g)| {
+            let slopes = self.field.slopes(state).filter(move |(j, _)| *j == alpha);
+            slopes.map(move |(_, slope)| g * slope)
+        });
+        by_alpha.sum::<f64>() + self.surfaces.mixed(switch, alpha, &self.field.f)
+    }
+
+    /// (j, ∂ψ/∂x_j), where it was last linearized.
+    pub(crate) fn gradient(&self, switch: usize) -> &[(usize, f64)] {
+        self.surfaces.gradient(switch)
+    }
+
+    /// Σ |∂ψ/∂x_j| size(j), where it was last linearized.
+    pub(crate) fn weigh(&self, switch: usize, size: impl Fn(usize) -> f64) -> f64 {
+        let terms = self.gradient(switch).iter();
+        terms.map(|&(j, g)| g.abs() * size(j)).sum()
+    }
+
+    /// ∂ψ/∂t, where it was last linearized.
+    pub(crate) fn time_gradient(&self, switch: usize) -> f64 {
+        self.surfaces.time_gradient(switch)
+    }
+
+    /// Σ_l |∂φ/∂α_l| of a sliding switch at the expansion point.
+    pub(crate) fn gain(&self, switch: usize) -> f64 {
+        self.equations.gain(switch)
+    }
+
+    /// Finds what interacts while sliding, once per mode.
+    fn arrange(&mut self) {
+        if !self.arranged {
+            self.equations
+                .arrange(&self.sliding, &self.field, &self.surfaces);
+            self.hold_still();
+            self.find_mended();
+            self.arranged = true;
+        }
+    }
+
+    /// Finds what interacts where a mode begins.
+    pub(crate) fn start_equations(&mut self, state: &State) {
+        self.set(state.t, &state.x, &state.alpha);
+        self.linearize_surfaces();
+        self.arrange();
+    }
+
+    /// Factors A where the point is.
+    pub(crate) fn factor(&mut self) -> Result<(), Singular> {
+        self.field.linearize_sliding(&self.memory.values);
+        self.equations.factor(&self.field, &self.surfaces)
+    }
+
+    /// Evaluates the gradients of the sliding surfaces where the point is.
+    pub(crate) fn linearize_surfaces(&mut self) {
+        for &i in &self.sliding {
+            self.surfaces.linearize(i, &self.memory.values);
+        }
+    }
+
+    /// Solves φ_K(α_K) = 0 by Newton's method from the given α; leaves A factored.
+    pub(crate) fn solve_alpha(
+        &mut self,
+        t: f64,
+        x: &[f64],
+        alpha: &mut [f64],
+    ) -> Result<(), Singular> {
+        self.eval(t, x, alpha);
+        if self.sliding.is_empty() {
+            return Ok(());
+        }
+        self.linearize_surfaces();
+        self.arrange();
+        let mut last = f64::INFINITY;
+        for _ in 0..MAX_NEWTON {
+            self.factor()?;
+            for at in 0..self.sliding.len() {
+                self.equations.rhs[at] = match self.equations.tie(at) {
+                    _ if self.equations.is_held(at) => 0.0,
+                    None => self.phi(self.equations.switches[at]),
+                    Some(tie) => tie.residual(alpha),
+                };
+            }
+            self.equations.solve();
+            let mut change = 0.0_f64;
+            for (&i, delta) in self.equations.switches.iter().zip(&self.equations.rhs) {
+                alpha[i] -= delta;
+                change = change.max(delta.abs() / (1.0 + alpha[i].abs()));
+            }
+            self.set(t, x, alpha);
+            self.field.eval_sliding(&self.memory.values);
+            // Close to a fold, what rounding does to φ is large in α.
+            if change <= 1e-13 || change <= 1e-9 && change > 0.5 * last {
+                return Ok(());
+            }
+            last = change;
+        }
+        Err(Singular { column: 0 })
+    }
+
+    /// Solves for α where a step starts, and takes note of ∂φ_K/∂α_K there.
+    pub(crate) fn start(&mut self, t: f64, x: &[f64], alpha: &mut [f64]) -> Result<(), Singular> {
+        self.solve_alpha(t, x, alpha)?;
+        self.equations.expand_here();
+        Ok(())
+    }
+
+    /// True when a determinant of ∂φ_K/∂α_K has another sign where `eval` was last called than at the
+    /// expansion point: in between, α_K was not determined.
+    pub(crate) fn turned_over(&mut self) -> bool {
+        if self.sliding.is_empty() {
+            return false;
+        }
+        self.linearize_surfaces();
+        self.factor().is_err() || self.equations.turned_over()
+    }
+
+    fn row(&self, start: usize) -> &[f64] {
+        &self.memory.rows[start..=start + self.order]
+    }
+
+    /// Series of state i.
+    pub(crate) fn x_series(&self, i: usize) -> &[f64] {
+        self.row(self.memory.state(i))
+    }
+
+    /// Series of the rate of state i, but for its highest order.
+    pub(crate) fn rate_series(&self, i: usize) -> &[f64] {
+        self.row(self.field.rows[i])
+    }
+
+    /// Series of α of a sliding switch.
+    pub(crate) fn alpha_series(&self, switch: usize) -> &[f64] {
+        self.row(self.memory.alpha(switch))
+    }
+
+    /// Series of ψ of a switch, or of what is watched of two entries, after `expand_psi`.
+    pub(crate) fn psi_series(&self, switch: usize) -> &[f64] {
+        let along = self.series_along(switch);
+        along.unwrap_or_else(|| self.row(self.surfaces.row(switch)))
+    }
+}

@@ -1,0 +1,257 @@
+//! One ψ, compiled for the sides of the switches inside it.
+
+use super::field::gather;
+use super::layout::Memory;
+use crate::hybrid::form::{Affine, Smooth, Surface};
+use crate::hybrid::system::Input;
+use crate::tape::{self, Recurrences, Step, Tape};
+
+/// ψ for certain sides inside it.
+pub(crate) struct Compiled {
+    pub form: Form,
+    /// (j, ∂ψ/∂x_j) where it was last linearized.
+    pub gradient: Vec<(usize, f64)>,
+    /// ∂ψ/∂t there.
+    pub by_time: f64,
+    /// Where its series is, once it was needed.
+    pub row: Option<usize>,
+    /// What coefficients of an affine function follow from, where they depend on parameters.
+    coefficients: Option<Box<Parametric>>,
+}
+
+/// An affine function with its coefficients as functions of parameters: the derivatives, and its value at zero.
+struct Parametric {
+    functions: Smooth,
+    gather: Vec<usize>,
+    registers: Vec<f64>,
+}
+
+pub(crate) enum Form {
+    Affine(Affine),
+    Smooth(Box<Tapes>),
+}
+
+pub(crate) struct Tapes {
+    pub functions: Smooth,
+    pub gather: Vec<usize>,
+    /// The places in the gradient of its entries; none for time.
+    pub places: Vec<Option<usize>>,
+    pub series: Option<Recurrences>,
+    /// Steps of the series that may hide what they do within a step.
+    pub hiding: Vec<Step>,
+    /// (place in the gradient or none for time, switch, ∂²ψ).
+    pub mixed: Vec<(Option<usize>, usize, f64)>,
+}
+
+impl Compiled {
+    pub(crate) fn new(surface: Surface, memory: &mut Memory) -> Self {
+        match surface {
+            Surface::Affine(affine) => Compiled {
+                gradient: affine.terms.clone(),
+                by_time: affine.time,
+                row: None,
+                form: Form::Affine(affine),
+                coefficients: None,
+            },
+            Surface::Parametric(functions) => {
+                let mut surface = Compiled {
+                    gradient: Vec::new(),
+                    by_time: 0.0,
+                    row: None,
+                    form: Form::Affine(Affine::default()),
+                    coefficients: Some(Box::new(Parametric::new(functions, memory))),
+                };
+                surface.take_parameters(memory);
+                surface
+            }
+            Surface::Smooth(functions) => {
+                let mut gradient = Vec::new();
+                let mut place_of = vec![None; functions.inputs.len()];
+                for &(_, input) in &functions.gradient.entries {
+                    if let Input::State(state) = functions.inputs[input] {
+                        place_of[input] = Some(gradient.len());
+                        gradient.push((state, 0.0));
+                    }
+                }
+                let entries = functions.gradient.entries.iter();
+                let mixed = functions.mixed.entries.iter();
+                let mixed = mixed.filter_map(|&(by, alpha)| match functions.inputs[alpha] {
+                    Input::Alpha(switch) => Some((place_of[by], switch, 0.0)),
+                    _ => None,
+                });
+                let tapes = Tapes {
+                    places: entries.map(|&(_, input)| place_of[input]).collect(),
+                    mixed: mixed.collect(),
+                    gather: functions.inputs.iter().map(|&i| memory.slot(i)).collect(),
+                    series: None,
+                    hiding: Vec::new(),
+                    functions,
+                };
+                Compiled {
+                    gradient,
+                    by_time: 0.0,
+                    row: None,
+                    form: Form::Smooth(Box::new(tapes)),
+                    coefficients: None,
+                }
+            }
+        }
+    }
+
+    /// Takes the coefficients of an affine function that parameters make.
+    pub(crate) fn take_parameters(&mut self, memory: &Memory) {
+        let (Some(coefficients), Form::Affine(affine)) = (&mut self.coefficients, &mut self.form)
+        else {
+            return;
+        };
+        coefficients.write(memory, affine);
+        self.gradient.clone_from(&affine.terms);
+        self.by_time = affine.time;
+    }
+
+    /// The row of ψ, and what computes it where it is not affine.
+    fn place(&mut self, memory: &mut Memory) -> usize {
+        if let Some(row) = self.row {
+            return row;
+        }
+        let row = match &mut self.form {
+            Form::Affine(_) => memory.grow(1),
+            Form::Smooth(tapes) => {
+                let functions = &tapes.functions;
+                let inputs: Vec<_> = functions.inputs.iter().map(|&i| memory.row(i)).collect();
+                let base = memory.rows.len();
+                let series = Recurrences::new(&functions.psi, &inputs, base, memory.stride);
+                memory.grow((series.end - base) / memory.stride);
+                let hiding = series.moving.iter().filter(|step| step.can_hide());
+                tapes.hiding = hiding.copied().collect();
+                tapes.series.insert(series).outputs[0]
+            }
+        };
+        *self.row.insert(row)
+    }
+
+    /// Computes the coefficient of order k along the series of the states, from all lower ones.
+    pub(crate) fn advance(&mut self, memory: &mut Memory, k: usize) {
+        let row = self.place(memory);
+        let Memory {
+            rows,
+            weights,
+            stride,
+            ..
+        } = memory;
+        match &self.form {
+            Form::Affine(affine) => {
+                let terms = affine.terms.iter();
+                let sum: f64 = terms
+                    .map(|&(state, c)| c * rows[(1 + state) * *stride + k])
+                    .sum();
+                rows[row + k] = sum + affine.term(k, rows[0]);
+            }
+            Form::Smooth(tapes) => {
+                let series = tapes.series.iter();
+                for steps in series.flat_map(|series| [&series.timed, &series.moving]) {
+                    match k {
+                        0 => tape::start_all(steps, rows, *stride),
+                        _ => tape::advance_all(steps, rows, weights, k, *stride),
+                    }
+                }
+            }
+        }
+    }
+
+    /// Computes the coefficients of all orders below `n`.
+    pub(crate) fn expand(&mut self, memory: &mut Memory, n: usize) {
+        let row = self.place(memory);
+        let Memory {
+            rows,
+            weights,
+            stride,
+            ..
+        } = memory;
+        match &self.form {
+            Form::Affine(affine) => {
+                let (states, own) = rows.split_at_mut(row);
+                own[..n].fill(0.0);
+                for &(state, c) in &affine.terms {
+                    let of_state = &states[(1 + state) * *stride..][..n];
+                    for (sum, x) in own.iter_mut().zip(of_state) {
+                        *sum += c * x;
+                    }
+                }
+                for (k, sum) in own.iter_mut().enumerate().take(2) {
+                    *sum += affine.term(k, states[0]);
+                }
+            }
+            Form::Smooth(tapes) => {
+                let series = tapes.series.iter();
+                for steps in series.flat_map(|series| [&series.timed, &series.moving]) {
+                    tape::fill_all(steps, rows, weights, n, *stride);
+                }
+            }
+        }
+    }
+}
+
+impl Parametric {
+    fn new(functions: Smooth, memory: &mut Memory) -> Self {
+        let n_registers = (functions.psi.n_registers()).max(functions.gradient.tape.n_registers());
+        Parametric {
+            gather: functions.inputs.iter().map(|&i| memory.slot(i)).collect(),
+            registers: vec![0.0; n_registers],
+            functions,
+        }
+    }
+
+    /// Writes the coefficients.
+    fn write(&mut self, memory: &Memory, affine: &mut Affine) {
+        let Smooth {
+            inputs,
+            psi,
+            gradient,
+            ..
+        } = &self.functions;
+        let registers = &mut self.registers;
+        run(&gradient.tape, &self.gather, &memory.values, registers);
+        affine.terms.clear();
+        affine.time = 0.0;
+        let results = gradient.tape.results(registers);
+        for (&(_, input), c) in gradient.entries.iter().zip(results) {
+            match inputs[input] {
+                Input::State(state) => affine.terms.push((state, c)),
+                _ => affine.time = c,
+            }
+        }
+        affine.terms.sort_unstable_by_key(|&(state, _)| state);
+        gather(&self.gather, &memory.values, registers);
+        for (register, input) in registers.iter_mut().zip(inputs) {
+            if !input.is_constant() {
+                *register = 0.0;
+            }
+        }
+        psi.run(registers);
+        affine.constant = psi.results(registers).next().unwrap_or(0.0);
+    }
+}
+
+impl Affine {
+    /// What time and numbers make of order k at a time t.
+    fn term(&self, k: usize, t: f64) -> f64 {
+        match k {
+            0 => self.time * t + self.constant,
+            1 => self.time,
+            _ => 0.0,
+        }
+    }
+
+    /// ψ at a point.
+    pub(crate) fn value(&self, values: &[f64]) -> f64 {
+        let terms = self.terms.iter().map(|&(state, c)| c * values[1 + state]);
+        terms.sum::<f64>() + self.time * values[0] + self.constant
+    }
+}
+
+/// Evaluates where `values` say, into the registers.
+pub(crate) fn run(tape: &Tape, from: &[usize], values: &[f64], registers: &mut [f64]) {
+    gather(from, values, registers);
+    tape.run(registers);
+}

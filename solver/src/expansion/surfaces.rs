@@ -1,0 +1,475 @@
+//! The switching functions ψ, each compiled for the sides of the switches inside it.
+
+use rustc_hash::FxHashMap;
+
+use super::field::run_balls;
+use super::layout::Memory;
+use super::psi::{Compiled, Form, run};
+use crate::hybrid::Side;
+use crate::hybrid::form::{Library, Smooth};
+use crate::hybrid::system::HybridSystem;
+use crate::tape::{self, Ball, Lane, Rounded, Tame};
+
+pub(crate) struct Surfaces {
+    /// All ψ, and behind them the derivatives of those of higher relative degree.
+    surfaces: Vec<Local>,
+    /// (switch, order) of these derivatives.
+    derivatives: Vec<(usize, usize)>,
+    /// The first derivative of every switch, and how many there are.
+    of_switch: Vec<(usize, usize)>,
+    /// Switches of slip velocities.
+    slips: Vec<bool>,
+    /// What stands for a switch at present: its ψ, or the derivative that has its α in its rate.
+    slot: Vec<usize>,
+    /// Switches in whose ψ the α of a switch occurs, and the switches that have any.
+    around: Vec<Vec<usize>>,
+    inner: Vec<usize>,
+    /// Switches of higher relative degree.
+    deep: Vec<usize>,
+    /// The sides taken last, of the switches inside others; none before the first time.
+    sides: Option<Box<[Side]>>,
+    registers: Vec<f64>,
+    balls: Vec<Ball>,
+    /// Functions taken up so far.
+    pub n_functions: usize,
+}
+
+/// A ψ by the sides inside it.
+struct Local {
+    inside: Vec<usize>,
+    known: Vec<Compiled>,
+    index: FxHashMap<Box<[Side]>, usize>,
+    now: usize,
+}
+
+impl Surfaces {
+    /// All ψ, without functions yet.
+    pub(crate) fn new(system: &HybridSystem) -> Self {
+        let m = system.n_switches();
+        let mut around = vec![Vec::new(); m];
+        for i in 0..m {
+            for &inner in &system.switches[i].inside {
+                around[inner].push(i);
+            }
+        }
+        let local = |inside: &[usize]| Local {
+            inside: inside.to_vec(),
+            known: Vec::new(),
+            index: FxHashMap::default(),
+            now: 0,
+        };
+        let mut derivatives = Vec::new();
+        let mut of_switch = Vec::new();
+        for i in 0..m {
+            let count = system.switches[i].derivatives.len();
+            of_switch.push((m + derivatives.len(), count));
+            derivatives.extend((1..=count).map(|order| (i, order)));
+        }
+        let own = (0..m).map(|i| local(&system.switches[i].inside));
+        let surfaces: Vec<Local> = own.chain(derivatives.iter().map(|_| local(&[]))).collect();
+        Surfaces {
+            surfaces,
+            derivatives,
+            inner: (0..m).filter(|&i| !around[i].is_empty()).collect(),
+            deep: (0..m).filter(|&i| of_switch[i].1 > 0).collect(),
+            of_switch,
+            slips: (0..m).map(|i| system.slip_of(i).is_some()).collect(),
+            slot: (0..m).collect(),
+            around,
+            sides: None,
+            registers: Vec::new(),
+            balls: Vec::new(),
+            n_functions: 0,
+        }
+    }
+
+    /// Takes the functions of these sides, compiling what is new.
+    pub(crate) fn enter(
+        &mut self,
+        (system, library): (&HybridSystem, &mut Library),
+        memory: &mut Memory,
+        sides: &[Side],
+    ) {
+        match self.sides.take() {
+            None => {
+                for i in 0..self.surfaces.len() {
+                    self.enter_one((system, library), memory, i, sides);
+                }
+                self.sides = Some(sides.into());
+            }
+            Some(mut present) => {
+                for inner in 0..self.inner.len() {
+                    let i = self.inner[inner];
+                    if present[i] != sides[i] {
+                        present[i] = sides[i];
+                        for at in 0..self.around[i].len() {
+                            self.enter_one((system, library), memory, self.around[i][at], sides);
+                        }
+                    }
+                }
+                self.sides = Some(present);
+            }
+        }
+    }
+
+    fn enter_one(
+        &mut self,
+        (system, library): (&HybridSystem, &mut Library),
+        memory: &mut Memory,
+        switch: usize,
+        sides: &[Side],
+    ) {
+        let local = &mut self.surfaces[switch];
+        let sides: Box<[Side]> = local.inside.iter().map(|&inner| sides[inner]).collect();
+        if let Some(&known) = local.index.get(&sides) {
+            local.now = known;
+            return;
+        }
+        let surface = match switch.checked_sub(self.slot.len()) {
+            None => library.surface(system, switch, &sides),
+            Some(at) => {
+                let (switch, order) = self.derivatives[at];
+                library.derivative(system, switch, order)
+            }
+        };
+        let compiled = Compiled::new(surface, memory);
+        if let Form::Smooth(tapes) = &compiled.form {
+            let Smooth {
+                psi,
+                gradient,
+                mixed,
+                ..
+            } = &tapes.functions;
+            let wanted = [
+                psi.n_registers(),
+                gradient.tape.n_registers(),
+                mixed.tape.n_registers(),
+            ];
+            let wanted = wanted.into_iter().max().unwrap_or(0);
+            if self.registers.len() < wanted {
+                self.registers.resize(wanted, 0.0);
+                self.balls.resize(wanted, Ball::splat(0.0));
+            }
+        }
+        self.n_functions += 1;
+        local.known.push(compiled);
+        local.now = local.known.len() - 1;
+        local.index.insert(sides, local.now);
+    }
+
+    /// Takes the coefficients of affine functions that parameters make.
+    pub(crate) fn take_parameters(&mut self, memory: &Memory) {
+        let known = self.surfaces.iter_mut().flat_map(|local| &mut local.known);
+        known.for_each(|surface| surface.take_parameters(memory));
+    }
+
+    /// Lets every switch that slides stand for its highest derivative without α, the others for
+    /// their ψ.
+    pub(crate) fn stand(&mut self, sides: &[Side]) {
+        for &i in &self.deep {
+            let (first, count) = self.of_switch[i];
+            self.slot[i] = match sides[i] {
+                Side::Slide => first + count - 1,
+                _ => i,
+            };
+        }
+    }
+
+    /// Lets a switch stand for its ψ, or one of its derivatives.
+    pub(crate) fn stand_for(&mut self, switch: usize, order: usize) {
+        self.slot[switch] = match order {
+            0 => switch,
+            _ => self.of_switch[switch].0 + order - 1,
+        };
+    }
+
+    /// How many derivatives of ψ contain no α.
+    pub(crate) fn n_derivatives(&self, switch: usize) -> usize {
+        self.of_switch[switch].1
+    }
+
+    /// Whether ψ is a slip velocity.
+    pub(crate) fn is_slip(&self, switch: usize) -> bool {
+        self.slips[switch]
+    }
+
+    /// Whether a switch stands for a derivative.
+    pub(crate) fn is_deep(&self, switch: usize) -> bool {
+        self.slot[switch] != switch
+    }
+
+    /// True when two switches stand for multiples of one affine function, and one of them for a
+    /// derivative, or are slip velocities with one direction: then keeping one at zero keeps the other there
+    /// too.
+    pub(crate) fn is_same(&self, a: usize, b: usize) -> bool {
+        if self.slips[a] && self.slips[b] {
+            return are_parallel(self.gradient(a), self.gradient(b));
+        }
+        // A force along a surface and one across another are no shares of one force.
+        let is_mixed = self.slips[a] != self.slips[b];
+        if is_mixed || !self.is_deep(a) && !self.is_deep(b) {
+            return false;
+        }
+        let form = |i: usize| match &self.now(i).form {
+            Form::Affine(affine) => affine.terms.first().map(|first| (affine, first.1)),
+            Form::Smooth(_) => None,
+        };
+        let (Some((a, first)), Some((b, second))) = (form(a), form(b)) else {
+            return false;
+        };
+        let ratio = second / first;
+        let same = |x: f64, y: f64| (x * ratio - y).abs() <= 1e-14 * y.abs();
+        a.terms.len() == b.terms.len()
+            && same(a.time, b.time)
+            && (a.terms.iter().zip(&b.terms)).all(|(x, y)| x.0 == y.0 && same(x.1, y.1))
+    }
+
+    fn now(&self, switch: usize) -> &Compiled {
+        self.surfaces[self.slot[switch]].now()
+    }
+
+    /// ψ where `values` say.
+    pub(crate) fn value(&mut self, switch: usize, values: &[f64]) -> f64 {
+        let local = &self.surfaces[self.slot[switch]];
+        match &local.known[local.now].form {
+            Form::Affine(affine) => affine.value(values),
+            Form::Smooth(tapes) => {
+                run(
+                    &tapes.functions.psi,
+                    &tapes.gather,
+                    values,
+                    &mut self.registers,
+                );
+                let mut results = tapes.functions.psi.results(&self.registers);
+                results.next().unwrap_or(f64::NAN)
+            }
+        }
+    }
+
+    /// How far rounding may take ψ from what exact arithmetic gives; 0 where ψ is affine, or no bound is known.
+    pub(crate) fn running_error(
+        &self,
+        switch: usize,
+        values: &[f64],
+        registers: &mut Vec<Rounded>,
+    ) -> f64 {
+        let Form::Smooth(tapes) = &self.now(switch).form else {
+            return 0.0;
+        };
+        let tape = &tapes.functions.psi;
+        let input = |slot: usize| Ball::splat(values[slot]);
+        run_balls(tape, &tapes.gather, input, registers);
+        let error = tape.results(registers).next();
+        let error = error.map_or(0.0, |psi| psi.ball().radius);
+        if error.is_finite() { error } else { 0.0 }
+    }
+
+    /// The same of ∂ψ/∂x and ∂ψ/∂t: calls `see` with the state, or none for time, and its error.
+    pub(crate) fn running_errors_of_gradient(
+        &self,
+        switch: usize,
+        values: &[f64],
+        registers: &mut Vec<Rounded>,
+        mut see: impl FnMut(Option<usize>, f64),
+    ) {
+        let compiled = self.now(switch);
+        let Form::Smooth(tapes) = &compiled.form else {
+            return;
+        };
+        let tape = &tapes.functions.gradient.tape;
+        let input = |slot: usize| Ball::splat(values[slot]);
+        run_balls(tape, &tapes.gather, input, registers);
+        for (place, slope) in tapes.places.iter().zip(tape.results(registers)) {
+            see(
+                place.map(|place| compiled.gradient[place].0),
+                slope.ball().radius,
+            );
+        }
+    }
+
+    /// Evaluates ∂ψ/∂x and ∂ψ/∂t where `values` say.
+    pub(crate) fn linearize(&mut self, switch: usize, values: &[f64]) {
+        let local = &mut self.surfaces[self.slot[switch]];
+        let compiled = &mut local.known[local.now];
+        let Form::Smooth(tapes) = &mut compiled.form else {
+            return;
+        };
+        let registers = &mut self.registers;
+        let gradient = &tapes.functions.gradient;
+        run(&gradient.tape, &tapes.gather, values, registers);
+        for (place, value) in tapes.places.iter().zip(gradient.tape.results(registers)) {
+            match place {
+                Some(place) => compiled.gradient[*place].1 = value,
+                None => compiled.by_time = value,
+            }
+        }
+        if !tapes.mixed.is_empty() {
+            let mixed = &tapes.functions.mixed.tape;
+            run(mixed, &tapes.gather, values, registers);
+            for (entry, value) in tapes.mixed.iter_mut().zip(mixed.results(registers)) {
+                entry.2 = value;
+            }
+        }
+    }
+
+    /// (j, ∂ψ/∂x_j) where it was last linearized.
+    pub(crate) fn gradient(&self, switch: usize) -> &[(usize, f64)] {
+        &self.now(switch).gradient
+    }
+
+    /// ∂ψ/∂t where it was last linearized.
+    pub(crate) fn time_gradient(&self, switch: usize) -> f64 {
+        self.now(switch).by_time
+    }
+
+    /// What α of a continuous switch changes in the rate φ through ∇ψ: Σ ∂²ψ/∂x∂α f + ∂²ψ/∂t∂α.
+    pub(crate) fn mixed(&self, switch: usize, alpha: usize, f: &[f64]) -> f64 {
+        let compiled = self.now(switch);
+        let Form::Smooth(tapes) = &compiled.form else {
+            return 0.0;
+        };
+        let of_alpha = tapes.mixed.iter().filter(|entry| entry.1 == alpha);
+        let rate = |place: Option<usize>| place.map_or(1.0, |at| f[compiled.gradient[at].0]);
+        of_alpha.map(|&(place, _, value)| value * rate(place)).sum()
+    }
+
+    /// Computes the coefficient of order k of ψ along the series of the states, from all lower ones.
+    pub(crate) fn advance(&mut self, switch: usize, memory: &mut Memory, k: usize) {
+        let local = &mut self.surfaces[self.slot[switch]];
+        local.known[local.now].advance(memory, k);
+    }
+
+    /// Computes the coefficients of all orders below `n` of ψ.
+    pub(crate) fn expand(&mut self, switch: usize, memory: &mut Memory, n: usize) {
+        let local = &mut self.surfaces[self.slot[switch]];
+        local.known[local.now].expand(memory, n);
+    }
+
+    /// Computes the coefficient of order k ≥ 1 again, after that of the states has changed.
+    pub(crate) fn correct(&self, switch: usize, memory: &mut Memory, k: usize) {
+        if let Form::Smooth(tapes) = &self.now(switch).form
+            && let Some(series) = &tapes.series
+        {
+            let Memory {
+                rows,
+                weights,
+                stride,
+                ..
+            } = memory;
+            tape::advance_all(&series.moving, rows, weights, k, *stride);
+        }
+    }
+
+    /// Where the series of ψ starts, after `advance`.
+    pub(crate) fn row(&self, switch: usize) -> usize {
+        self.now(switch).row.unwrap_or(0)
+    }
+
+    /// Whether ψ is affine in the present mode.
+    pub(crate) fn is_affine(&self, switch: usize) -> bool {
+        matches!(self.now(switch).form, Form::Affine(_))
+    }
+
+    /// Size of the terms of ψ, which may cancel, from two perturbations of all inputs by a small
+    /// `share` of themselves: one alone may change two terms by the same amount.
+    pub(crate) fn terms(
+        &mut self,
+        switch: usize,
+        values: &[f64],
+        perturbed: [&[f64]; 2],
+        share: f64,
+    ) -> f64 {
+        let local = &self.surfaces[self.slot[switch]];
+        if let Form::Affine(affine) = &local.known[local.now].form {
+            let terms = affine.terms.iter();
+            let sizes = terms.map(|&(state, c)| (c * values[1 + state]).abs());
+            return sizes.sum::<f64>() + (affine.time * values[0]).abs();
+        }
+        let psi = self.value(switch, values);
+        let differences = perturbed.map(|values| (self.value(switch, values) - psi).abs());
+        let size = differences[0].max(differences[1]) / share;
+        if size.is_finite() { size } else { 0.0 }
+    }
+
+    /// Whether ψ may hide what it does within a step h, from the first `n` coefficients of what it reads.
+    pub(crate) fn may_hide(&self, switch: usize, memory: &Memory, h: f64, n: usize) -> bool {
+        let Form::Smooth(tapes) = &self.now(switch).form else {
+            return false;
+        };
+        let mut hiding = tapes.hiding.iter();
+        hiding.any(|step| step.may_hide(&memory.rows, h, n, memory.stride))
+    }
+
+    /// Encloses ψ where its inputs are in balls, by their places among the values; none where it is affine.
+    pub(crate) fn examine(
+        &self,
+        switch: usize,
+        input: impl Fn(usize) -> Ball,
+        registers: &mut Vec<Tame>,
+    ) -> Option<Tame> {
+        let Form::Smooth(tapes) = &self.now(switch).form else {
+            return None;
+        };
+        let psi = &tapes.functions.psi;
+        run_balls(psi, &tapes.gather, input, registers);
+        psi.results(registers).next()
+    }
+
+    /// True when ψ cannot vanish within a step h in which no state moves by more than its `reach`.
+    pub(crate) fn stays_away(
+        &mut self,
+        switch: usize,
+        values: &[f64],
+        reach: &[f64],
+        h: f64,
+    ) -> bool {
+        let local = &self.surfaces[self.slot[switch]];
+        match &local.known[local.now].form {
+            Form::Affine(affine) => {
+                let terms = affine.terms.iter();
+                let moves = terms.map(|&(state, c)| c.abs() * reach[state]);
+                affine.value(values).abs() > moves.sum::<f64>() + affine.time.abs() * h
+            }
+            Form::Smooth(tapes) => {
+                let n = reach.len();
+                for (ball, &slot) in self.balls.iter_mut().zip(&tapes.gather) {
+                    let radius = match slot {
+                        0 => h,
+                        slot if slot <= n => reach[slot - 1],
+                        _ => 0.0,
+                    };
+                    *ball = Ball::new(values[slot], radius);
+                }
+                let psi = &tapes.functions.psi;
+                psi.run(&mut self.balls);
+                psi.results(&self.balls).all(Ball::excludes_zero)
+            }
+        }
+    }
+}
+
+/// True where one gradient is a multiple of the other.
+fn are_parallel(a: &[(usize, f64)], b: &[(usize, f64)]) -> bool {
+    const SAME: f64 = 1e-9;
+    let largest = |a: &(usize, f64), b: &(usize, f64)| a.1.abs().total_cmp(&b.1.abs());
+    let Some(&(at, first)) = a.iter().max_by(|x, y| largest(x, y)) else {
+        return false;
+    };
+    let of = |list: &[(usize, f64)], state: usize| {
+        let entry = list.iter().find(|entry| entry.0 == state);
+        entry.map_or(0.0, |entry| entry.1)
+    };
+    let ratio = of(b, at) / first;
+    let size = SAME * (ratio * first).abs();
+    let states = a.iter().chain(b).map(|entry| entry.0);
+    size > 0.0
+        && states
+            .into_iter()
+            .all(|state| (of(a, state) * ratio - of(b, state)).abs() <= size)
+}
+
+impl Local {
+    fn now(&self) -> &Compiled {
+        &self.known[self.now]
+    }
+}

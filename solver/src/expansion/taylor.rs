@@ -1,0 +1,120 @@
+//! The Taylor expansion of a mode, order by order.
+
+use super::layout::Memory;
+use super::mode::Mode;
+use crate::linalg::Singular;
+use crate::tape;
+
+impl Mode {
+    /// Expands x and α around (t, x).
+    pub(crate) fn expand(&mut self, t: f64, x: &[f64], alpha: &mut [f64]) -> Result<(), Singular> {
+        self.start(t, x, alpha)?;
+        self.start_series(t, x, alpha);
+        for k in 1..self.order {
+            self.advance_field(k);
+            self.raise_states(k);
+            self.solve_order(k);
+        }
+        if !self.sliding.is_empty() {
+            self.advance_field(self.order);
+            self.raise_states(self.order);
+            self.solve_order(self.order);
+        }
+        if self.slips_in_a_plane() {
+            self.cut_overflow();
+        }
+        Ok(())
+    }
+
+    /// The terms of order 0, and those of x of order 1.
+    pub(crate) fn start_series(&mut self, t: f64, x: &[f64], alpha: &[f64]) {
+        self.field.list();
+        let Memory {
+            rows,
+            weights,
+            stride,
+            ..
+        } = &mut self.memory;
+        (rows[0], rows[1]) = (t, 1.0);
+        for (i, &x) in x.iter().enumerate() {
+            rows[(1 + i) * *stride] = x;
+        }
+        for &i in &self.sliding {
+            rows[(1 + self.n + i) * *stride] = alpha[i];
+        }
+        tape::fill_all(self.field.timed(), rows, weights, self.order + 1, *stride);
+        tape::start_all(self.field.steps(), rows, *stride);
+        self.raise_states(0);
+    }
+
+    /// f of order k.
+    pub(crate) fn advance_field(&mut self, k: usize) {
+        let Memory {
+            rows,
+            weights,
+            stride,
+            ..
+        } = &mut self.memory;
+        for &i in &self.sliding {
+            rows[(1 + self.n + i) * *stride + k] = 0.0;
+        }
+        tape::advance_all(self.field.steps(), rows, weights, k, *stride);
+    }
+
+    /// (k + 1) x_{k+1} = f_k
+    pub(crate) fn raise_states(&mut self, k: usize) {
+        let Memory { rows, stride, .. } = &mut self.memory;
+        let over = 1.0 / (k + 1) as f64;
+        for (i, &rate) in self.field.rows.iter().enumerate() {
+            rows[(1 + i) * *stride + k + 1] = rows[rate + k] * over;
+        }
+    }
+
+    /// A α_K,k = -(k + 1) ψ_K,k+1, where α_K,k is 0 so far.
+    fn solve_order(&mut self, k: usize) {
+        if self.sliding.is_empty() {
+            return;
+        }
+        self.equate(k);
+        self.equations.solve();
+        self.take_alpha(k);
+    }
+
+    /// The right-hand sides of order k.
+    pub(crate) fn equate(&mut self, k: usize) {
+        for (at, &i) in self.equations.switches.iter().enumerate() {
+            if self.equations.tie(at).is_some() || self.equations.is_held(at) {
+                self.equations.rhs[at] = 0.0;
+                continue;
+            }
+            // What is kept of lower orders must be that of the states as they are by now.
+            match k {
+                1 if !self.surfaces.is_affine(i) => {
+                    self.surfaces.advance(i, &mut self.memory, 0);
+                    self.surfaces.advance(i, &mut self.memory, 1);
+                }
+                _ => self.surfaces.correct(i, &mut self.memory, k),
+            }
+            self.surfaces.advance(i, &mut self.memory, k + 1);
+            let psi = self.memory.rows[self.surfaces.row(i) + k + 1];
+            self.equations.rhs[at] = -((k + 1) as f64) * psi;
+        }
+    }
+
+    /// Takes what the equations were solved for as α_K,k, and evaluates again what contains it.
+    pub(crate) fn take_alpha(&mut self, k: usize) {
+        let Memory {
+            rows,
+            weights,
+            stride,
+            ..
+        } = &mut self.memory;
+        for (&i, alpha) in self.equations.switches.iter().zip(&self.equations.rhs) {
+            rows[(1 + self.n + i) * *stride + k] = *alpha;
+        }
+        tape::advance_all(self.field.by_alpha(), rows, weights, k, *stride);
+        for &i in self.field.sliding_states() {
+            rows[(1 + i) * *stride + k + 1] = rows[self.field.rows[i] + k] / (k + 1) as f64;
+        }
+    }
+}

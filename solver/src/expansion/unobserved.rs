@@ -1,0 +1,93 @@
+//! Switches that nothing but outputs looks at, where their ψ has no series.
+//!
+//! |v| has no derivative where a body comes to rest. In a rate this ends a run; in an output it must not, whose values
+//! alone are wanted. Within a step such a switch is not watched: its α is not known, and follows from ψ itself wherever
+//! an output is evaluated. At the end of the step it takes the side of ψ.
+
+use super::mode::Mode;
+use crate::event::Simulator;
+use crate::hybrid::Side;
+use crate::hybrid::state::State;
+use crate::hybrid::system::{Effect, Guard, HybridSystem, Input, Role};
+
+/// Steps as short as this share of the longest one are not taken for an output.
+const LEAST: f64 = 1e-6;
+
+/// The switches that no rate and no law contains, nor any ψ but those of others of this kind.
+pub(crate) fn observers(system: &HybridSystem) -> Vec<bool> {
+    let n = system.n_switches();
+    let is_own = |i: usize| system.role(i) == Role::Step && system.relay(i).is_none();
+    let is_free = |i: usize| !system.is_unilateral(i) && system.slip_of(i).is_none();
+    let mut used: Vec<bool> = (0..n).map(|i| !(is_own(i) && is_free(i))).collect();
+    let of_blocks = system.blocks.iter().flat_map(|block| &block.switches);
+    of_blocks.for_each(|&i| used[i] = true);
+    for law in &system.laws {
+        match &law.guard {
+            Guard::Sides { switches, .. } => switches.iter().for_each(|&i| used[i] = true),
+            Guard::Strikes(switch) => used[*switch] = true,
+        }
+        let inputs = match &law.effect {
+            Effect::Reset(reset) => &reset.inputs,
+            Effect::Impact(impact) => &impact.inputs,
+        };
+        for input in inputs {
+            if let Input::Alpha(switch) = input {
+                used[*switch] = true;
+            }
+        }
+    }
+    // Inner switches come before what they are inside of.
+    for i in (0..n).rev().filter(|&i| used[i]).collect::<Vec<_>>() {
+        let inside = system.switches[i].inside.iter();
+        inside.for_each(|&inner| used[inner] = true);
+    }
+    used.into_iter().map(|used| !used).collect()
+}
+
+impl Mode {
+    /// True for a switch that only outputs look at, whose series does not exist here.
+    pub(crate) fn is_blind(&self, switch: usize) -> bool {
+        self.observers[switch] && !self.psi_series(switch).iter().all(|c| c.is_finite())
+    }
+
+    /// Stops watching what only outputs look at, within this step.
+    pub(crate) fn look_away(&mut self) {
+        let observers = &self.observers;
+        let (blind, watched) = self.watched.iter().partition(|i| observers[**i]);
+        self.watched = watched;
+        let mut blind: Vec<usize> = blind;
+        self.blind.append(&mut blind);
+    }
+
+    /// Whether a step of this length is too short for what only outputs look at.
+    pub(crate) fn is_too_short(&self, state: &State, h: f64) -> bool {
+        h < LEAST * state.longest_step && self.watched.iter().any(|&i| self.observers[i])
+    }
+}
+
+impl Simulator {
+    /// Takes the sides of switches that were not watched in the last step.
+    pub(crate) fn look_again(&mut self, state: &mut State) {
+        for at in 0..self.mode.blind.len() {
+            let switch = self.mode.blind[at];
+            self.mode.set(state.t, &state.x, &state.alpha);
+            let psi = self.mode.psi(switch);
+            let mut sides = state.sides.clone();
+            sides[switch] = Side::of(psi);
+            state.set_sides(sides);
+            state.armed[switch] = false;
+        }
+    }
+
+    /// True for a switch on its surface that only outputs look at, and whose ψ has no gradient here.
+    pub(crate) fn has_no_rate(&mut self, state: &State, switch: usize) -> bool {
+        if !self.mode.observers[switch] {
+            return false;
+        }
+        let mode = &mut self.mode;
+        mode.set(state.t, &state.x, &state.alpha);
+        mode.surfaces.linearize(switch, &mode.memory.values);
+        let mut gradient = mode.gradient(switch).iter();
+        !gradient.all(|(_, g)| g.is_finite()) || !mode.time_gradient(switch).is_finite()
+    }
+}

@@ -1,0 +1,22 @@
+//! A system with switches as plain data, and what describes a run of it.
+
+pub(crate) mod breakpoints;
+pub(crate) mod check;
+pub(crate) mod form;
+pub(crate) mod outcome;
+pub(crate) mod piecewise;
+pub(crate) mod settings;
+pub(crate) mod side;
+pub(crate) mod state;
+pub(crate) mod status;
+pub(crate) mod system;
+
+pub use form::{Argument, Form, Instance, Partials};
+pub use outcome::Outcome;
+pub use piecewise::{Piece, Piecewise, write_pieces};
+pub use settings::Settings;
+pub use side::Side;
+pub use status::{Coefficient, Function, Note, Stats, Status};
+pub use system::{
+    Block, Effect, Guard, HybridSystem, Impact, Input, Law, Reset, Role, Switch, SwitchKind,
+};

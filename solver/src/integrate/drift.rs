@@ -1,0 +1,182 @@
+//! The drift off the surfaces that a mode slides on, projected away after each step.
+
+use crate::expansion::mode::Mode;
+use crate::hybrid::state::State;
+use crate::hybrid::system::HybridSystem;
+use crate::linalg::Singular;
+
+/// Rounds of Newton's method.
+const ROUNDS: usize = 3;
+
+/// Where ψ is a larger share of its terms, these are rounding themselves, and no measure of how far their states may be
+/// moved. Then none of them counts as smaller than a share of the largest one.
+const ASTRAY: f64 = 1e-9;
+const SMALLEST: f64 = 1e-6;
+
+impl Mode {
+    /// Projects x onto the sliding surfaces, those of higher relative degree from ψ to its highest derivative, and returns
+    /// the largest |ψ| found, relative to the size of its terms: contacts in the metric of the mass, others in the norm of
+    /// the states' sizes.
+    pub(crate) fn project(&mut self, system: &HybridSystem, state: &mut State) -> f64 {
+        let mut drift = 0.0_f64;
+        if self.sliding.is_empty() {
+            return drift;
+        }
+        let others = self.sliding.iter().filter(|&&i| !self.is_contact(i));
+        let deepest = others.map(|&i| self.surfaces.n_derivatives(i)).max();
+        let deepest = deepest.unwrap_or(0);
+        let mut placed = std::mem::take(&mut self.mend.placed);
+        for round in 0..ROUNDS {
+            placed.clear();
+            placed.resize(state.x.len(), false);
+            let mut below = self.mend_gaps(system, state, &mut placed);
+            for order in 0..deepest {
+                let (worst, stepped) = self.step_onto(state, Some(order), &mut placed);
+                below = below.max(worst);
+                // Surfaces that depend on each other make the matrix singular.
+                if stepped.is_err() {
+                    self.step_onto_each(state, order);
+                }
+            }
+            let rates = self.mend_rates(system, state, &mut placed);
+            let (worst, stepped) = self.step_onto(state, None, &mut placed);
+            let worst = worst.max(rates);
+            if round == 0 {
+                drift = worst;
+            }
+            if worst.max(below) <= f64::EPSILON || stepped.is_err() {
+                break;
+            }
+        }
+        self.mend.placed = placed;
+        drift
+    }
+
+    /// One step of Newton's method towards all sliding surfaces at once, those of higher relative degree standing for
+    /// their derivative of this order or their highest. The largest |ψ| before it, relative to the size of its terms.
+    fn step_onto(
+        &mut self,
+        state: &mut State,
+        order: Option<usize>,
+        placed: &mut [bool],
+    ) -> (f64, Result<(), Singular>) {
+        self.stand_for_order(order);
+        self.set(state.t, &state.x, &state.alpha);
+        self.linearize_surfaces();
+        let mut worst = 0.0_f64;
+        for at in 0..self.sliding.len() {
+            let i = self.equations.switches[at];
+            if self.is_mended(i, order) {
+                self.equations.rhs[at] = 0.0;
+                continue;
+            }
+            let psi = self.psi(i);
+            let size = self.weigh(i, |j| state.size(j));
+            let follows = self.equations.tie(at).is_some() || self.equations.is_held(at);
+            self.equations.rhs[at] = if follows { 0.0 } else { psi };
+            if size > 0.0 {
+                worst = worst.max(psi.abs() / size);
+            }
+        }
+        let mut factored = Ok(());
+        if worst > f64::EPSILON {
+            self.find_least(state, order, worst);
+            // What lower derivatives have placed stays there, as far as the others can be met without it.
+            factored = self.correct(state, order, |j| placed[j]);
+            if factored.is_err() && placed.contains(&true) {
+                factored = self.correct(state, order, |_| false);
+            }
+        }
+        if order.is_some() {
+            let deep = self.sliding.iter().copied();
+            for i in deep.filter(|&i| self.surfaces.n_derivatives(i) > 0) {
+                let gradient = self.surfaces.gradient(i).iter();
+                gradient.for_each(|&(j, _)| placed[j] = true);
+            }
+        }
+        self.stand_for_order(None);
+        (worst, factored)
+    }
+
+    /// The least mobility of states that have any.
+    fn find_least(&mut self, state: &State, order: Option<usize>, worst: f64) {
+        let mut least = std::mem::take(&mut self.mend.least);
+        least.clear();
+        least.resize(state.x.len(), 0.0);
+        let left = self.sliding.iter().filter(|_| worst > ASTRAY);
+        for &i in left.filter(|&&i| !self.is_mended(i, order)) {
+            let terms = self.gradient(i).iter();
+            let sizes = terms.map(|&(j, _)| self.mobility(state, j));
+            let share = SMALLEST * sizes.fold(0.0_f64, f64::max);
+            for &(j, _) in self.gradient(i) {
+                least[j] = share.max(least[j]);
+            }
+        }
+        self.mend.least = least;
+    }
+
+    /// Moves x by what the right sides of the equations ask for, but for states that stay.
+    fn correct(
+        &mut self,
+        state: &mut State,
+        order: Option<usize>,
+        stays: impl Fn(usize) -> bool,
+    ) -> Result<(), Singular> {
+        let mobility = |mode: &Mode, state: &State, j: usize| match mode.mobility(state, j) {
+            _ if stays(j) => 0.0,
+            // What has never moved does not begin to.
+            0.0 => 0.0,
+            size => size.max(mode.mend.least[j]),
+        };
+        let mut equations = std::mem::take(&mut self.equations);
+        let factored = equations.factor_gram(
+            &self.surfaces,
+            |j| mobility(self, state, j),
+            |i| self.is_mended(i, order),
+        );
+        if factored.is_ok() {
+            equations.solve();
+            for (&i, multiplier) in equations.switches.iter().zip(&equations.rhs) {
+                for &(j, g) in self.surfaces.gradient(i) {
+                    state.x[j] -= g * multiplier * mobility(self, state, j).powi(2);
+                }
+            }
+        }
+        self.equations = equations;
+        factored
+    }
+
+    /// Projects x onto one surface after the other.
+    fn step_onto_each(&mut self, state: &mut State, order: usize) {
+        for at in 0..self.sliding.len() {
+            let i = self.sliding[at];
+            let highest = self.surfaces.n_derivatives(i);
+            if order >= highest || self.is_mended(i, Some(order)) {
+                continue;
+            }
+            self.set(state.t, &state.x, &state.alpha);
+            self.surfaces.stand_for(i, order);
+            self.surfaces.linearize(i, &self.memory.values);
+            let psi = self.psi(i);
+            let gradient = self.surfaces.gradient(i).iter();
+            let square: f64 = gradient.map(|&(j, g)| (g * state.size(j)).powi(2)).sum();
+            if square > 0.0 {
+                for &(j, g) in self.surfaces.gradient(i) {
+                    state.x[j] -= g * psi / square * state.size(j).powi(2);
+                }
+            }
+            self.surfaces.stand_for(i, highest);
+        }
+    }
+
+    /// Lets sliding switches of higher relative degree stand for their derivative of an order, or their highest.
+    fn stand_for_order(&mut self, order: Option<usize>) {
+        for &i in &self.sliding {
+            let highest = self.surfaces.n_derivatives(i);
+            if highest > 0 {
+                let order = order.map_or(highest, |order| order.min(highest));
+                self.surfaces.stand_for(i, order);
+            }
+        }
+    }
+}

@@ -1,0 +1,526 @@
+//! One implicit step: solve, cut at the first event, and check.
+//!
+//! An event is found as a root of the step's polynomials, and then located by the length of the step
+//! that ends on it, so that it is as accurate as a step's end.
+
+use super::radau::{Implicit, Radau, Shape, Start};
+use super::step::{Step, Watch, first_event, met, simultaneous, verify_start};
+use crate::event::Simulator;
+use crate::events::roots::Root;
+use crate::events::unseen::Unseen;
+use crate::expansion::dense::Dense;
+use crate::expansion::mode::Mode;
+use crate::expansion::series;
+use crate::hybrid::Side;
+use crate::hybrid::breakpoints::is_at_end;
+use crate::hybrid::state::State;
+use crate::hybrid::status::Status;
+use crate::hybrid::system::HybridSystem;
+use crate::selector::judge::ROUNDINGS;
+
+/// Steps rejected in a row, for what their polynomials missed, before the method is given up.
+const MAX_REJECTED: usize = 30;
+
+/// Newton steps on the length of a step that ends at an event.
+const MAX_POLISH: usize = 8;
+
+/// Implicit steps are worth it when they are longer than Taylor steps by this factor, at equal cost.
+const WORTH: f64 = 4.0;
+
+/// Dense matrices of more rows than this take too much memory.
+const MOST_UNKNOWNS: usize = 1000;
+
+/// Difference of a polynomial of ψ from ψ, in tolerances.
+const UNSEEN: f64 = 100.0;
+
+/// Relative length of a difference along the flow.
+const NUDGE: f64 = 1e-7;
+
+/// What implicit steps of a mode need besides the method's own memory.
+#[derive(Default)]
+pub(crate) struct Workspace {
+    /// α of all switches at the point.
+    alphas: Vec<f64>,
+    y: Vec<f64>,
+    /// Polynomials of the ψ that are watched, one after another.
+    psi: Vec<f64>,
+    /// Their values at the start and the nodes.
+    values: Vec<f64>,
+    /// ∇ψ before a difference along the flow is taken.
+    gradient: Vec<f64>,
+    f: Vec<f64>,
+}
+
+impl Simulator {
+    /// Takes an implicit step; none where that is not possible.
+    pub(crate) fn implicit_step(
+        &mut self,
+        state: &mut State,
+        t1: f64,
+    ) -> Result<Option<Step>, Status> {
+        let mode = &mut self.mode;
+        let look = self.stiffness.wants_series();
+        let mut alpha = std::mem::take(&mut state.alpha);
+        let solved = if look {
+            mode.expand(state.t, &state.x, &mut alpha)
+        } else {
+            mode.start(state.t, &state.x, &mut alpha)
+        };
+        mode.measure_terms(state);
+        mode.measure_held(state, t1 - state.t);
+        state.alpha = alpha;
+        if solved.is_err() {
+            return Err(mode.stuck());
+        }
+        if look {
+            let tolerance = self.settings.local_tolerance();
+            self.stiffness.explicit_length = mode.step_size(tolerance, state, t1 - state.t);
+        }
+        let mut start = std::mem::take(&mut state.start);
+        mode.write_start(state, &mut start);
+        let mut radau = self.stiffness.take(mode.shape());
+        let step = self.attempts(&mut radau, &start, state, t1);
+        state.stats.absorb(&mut radau);
+        self.stiffness.give_back(radau);
+        state.start = start;
+        if let Ok(None) = step {
+            self.stiffness.give_up();
+        }
+        step
+    }
+
+    fn attempts(
+        &mut self,
+        radau: &mut Radau,
+        start: &Start,
+        state: &mut State,
+        t1: f64,
+    ) -> Result<Option<Step>, Status> {
+        let tolerance = self.settings.local_tolerance();
+        let remaining = (t1 - state.t) - state.t_low;
+        if let Some(length) = self.stiffness.first_length() {
+            radau.restart(length);
+        }
+        let mut stiff = Stiff {
+            mode: &mut self.mode,
+            system: &self.system,
+        };
+        for _ in 0..MAX_REJECTED {
+            // The longest step that the tolerance allows, and the first event within it.
+            let Ok(h) = radau.step(&mut stiff, start, remaining) else {
+                return Ok(None);
+            };
+            stiff.mode.watch_along(radau, start, state);
+            let mut seen = stiff.mode.is_faithful(radau, start, state, tolerance)
+                && stiff.vouches(radau, start, state, tolerance, &mut self.unseen);
+            let dense = Dense::Collocation(stiff.mode, radau);
+            let closeness = self.settings.tolerance;
+            let event = first_event(&mut self.roots, dense, state, h, closeness);
+            let (mut length, mut triggers) = (h, Vec::new());
+            // What slips in two directions turns too fast where it stops.
+            if let Some((_, Watch::Surface(i))) = event
+                && stiff.mode.is_in_disc(i)
+            {
+                return Ok(None);
+            }
+            if let Some((root, watch)) = event {
+                verify_start(dense, state, root.tau, watch, h)?;
+                let at_end = is_at_end(dense, root.tau, h, watch);
+                length = if at_end { h } else { root.tau };
+                if !at_end && start.t + length > start.t {
+                    match stiff.locate(radau, start, root, watch, h) {
+                        Some(tau) => length = tau,
+                        None => seen = false,
+                    }
+                    stiff.mode.watch_along(radau, start, state);
+                }
+                let dense = Dense::Collocation(stiff.mode, radau);
+                let reach = radau.reach();
+                triggers = simultaneous(dense, state, length, reach, watch.switch());
+            }
+
+            // What the polynomials did not see shows at the end.
+            let mode = &mut *stiff.mode;
+            mode.write_end(radau, start, length, state);
+            mode.eval(start.t + length, &state.next, &state.next_alpha);
+            let unseen = event.is_none() && mode.on_wrong_side(state);
+            if !seen || unseen || mode.turned_over() {
+                state.stats.rejected += 1;
+                radau.limit_next(0.5 * h);
+                continue;
+            }
+            // What is not watched any more since the step ends earlier does not come close.
+            state.close.retain(|(i, _)| mode.watched.contains(i));
+            let met = met(event).filter(|(i, _)| mode.watched.contains(i));
+            let dense = Dense::Collocation(mode, radau);
+            mode.note_approaches(dense, state, length, met, closeness);
+            state.accept(radau, h);
+            let worth = mode.worth(radau.degree());
+            self.stiffness.after_implicit(h, worth);
+            return Ok(Some(Step {
+                length,
+                reaches_end: length >= remaining,
+                triggers,
+                defect: radau.error(),
+                implicit: true,
+                ends: None,
+                departs: false,
+            }));
+        }
+        Ok(None)
+    }
+}
+
+impl Mode {
+    fn shape(&self) -> Shape {
+        Shape {
+            states: self.n,
+            algebraic: self.sliding.len(),
+        }
+    }
+
+    /// The place of a sliding α in y = (x, α_K).
+    pub(crate) fn unknown(&self, switch: usize) -> usize {
+        self.n + self.sliding.partition_point(|&i| i < switch)
+    }
+
+    /// The polynomial of a ψ that is watched.
+    pub(crate) fn interpolant(&self, switch: usize, degree: usize) -> &[f64] {
+        let place = self.watched.partition_point(|&i| i < switch);
+        &self.implicit.psi[place * (degree + 1)..][..=degree]
+    }
+
+    /// Moves to a point y = (x, α_K) without evaluating anything.
+    fn place(&mut self, t: f64, y: &[f64]) {
+        let alphas = &mut self.implicit.alphas;
+        let (x, sliding) = y.split_at(self.n);
+        for (&i, &alpha) in self.sliding.iter().zip(sliding) {
+            alphas[i] = alpha;
+        }
+        self.memory.set(t, x, alphas);
+    }
+
+    fn write_start(&mut self, state: &State, start: &mut Start) {
+        start.t = state.t;
+        start.y.clear();
+        start.y.extend_from_slice(&state.x);
+        start.y.extend(self.sliding.iter().map(|&i| state.alpha[i]));
+        start.scales.clear();
+        start.scales.extend_from_slice(&state.scale);
+        start.scales.resize(start.y.len(), 1.0);
+        start.terms.clear();
+        start.terms.extend_from_slice(&self.terms);
+        let size = |state: usize| self.terms[state].max(self.field.f[state].abs());
+        let rates = self.sliding.iter().map(|&i| self.weigh(i, size));
+        start.terms.extend(rates);
+        self.implicit.alphas.clone_from(&state.alpha);
+    }
+
+    /// Writes the state and α `length` after the start, which is the end of the step or within it.
+    fn write_end(&self, radau: &Radau, start: &Start, length: f64, state: &mut State) {
+        let dense = Dense::Collocation(self, radau);
+        dense.states_at(length, &mut state.next);
+        dense.alphas_at(length, &mut state.next_alpha);
+        if length == radau.reach() {
+            for (row, x) in state.next.iter_mut().enumerate() {
+                *x = radau.end(start, row);
+            }
+            for (j, &i) in self.sliding.iter().enumerate() {
+                state.next_alpha[i] = radau.end(start, self.n + j);
+            }
+        }
+    }
+
+    /// Looks for the switches off their surface that may reach it within the step solved last, and
+    /// interpolates their ψ.
+    fn watch_along(&mut self, radau: &Radau, start: &Start, state: &mut State) {
+        let (h, s) = (radau.reach(), radau.degree());
+        self.watched.clear();
+        self.blind.clear();
+        for i in 0..self.n {
+            self.reach[i] = series::reach(radau.series(i), h);
+        }
+        self.place(start.t, &start.y);
+        for watched in 0..self.sides.len() {
+            let is_off = self.sides[watched] != Side::Slide && !self.is_idle(watched, &self.sides);
+            if !is_off || self.keeps_off(watched, h) {
+                continue;
+            }
+            self.watched.push(watched);
+            self.aim(watched);
+            for i in std::iter::once(watched).chain(self.other(watched)) {
+                if !self.continuous[i] {
+                    self.surfaces.linearize(i, &self.memory.values);
+                }
+                self.measure_terms_of_psi(i, state);
+            }
+        }
+        let n_watched = self.watched.len();
+        self.implicit.values.resize(n_watched * (s + 1), 0.0);
+        self.implicit.psi.resize(n_watched * (s + 1), 0.0);
+        let mut y = std::mem::take(&mut self.implicit.y);
+        y.clone_from(&start.y);
+        for node in 0..=s {
+            if node > 0 {
+                for ((y, start), z) in y.iter_mut().zip(&start.y).zip(radau.displacement(node - 1))
+                {
+                    *y = start + z;
+                }
+                self.place(start.t + radau.tableau().nodes[node - 1] * h, &y);
+            }
+            for at in 0..n_watched {
+                self.implicit.values[at * (s + 1) + node] = self.watched_psi(self.watched[at]);
+            }
+        }
+        self.implicit.y = y;
+        let Workspace { psi, values, .. } = &mut self.implicit;
+        for (series, values) in psi.chunks_mut(s + 1).zip(values.chunks(s + 1)) {
+            let displacement = |node: usize| values[node + 1] - values[0];
+            radau
+                .tableau()
+                .interpolate(values[0], displacement, h, series);
+        }
+    }
+
+    /// True when every ψ that is watched has the value of its polynomial at the probes of the step.
+    fn is_faithful(&mut self, radau: &Radau, start: &Start, state: &State, tolerance: f64) -> bool {
+        let h = radau.reach();
+        let mut probes = 0..radau.tableau().probes.len();
+        probes.all(|at| {
+            let tau = radau.tableau().probes[at] * h;
+            self.is_faithful_at(tau, radau, start, state, tolerance)
+        })
+    }
+
+    /// The same at one instant of the step.
+    fn is_faithful_at(
+        &mut self,
+        tau: f64,
+        radau: &Radau,
+        start: &Start,
+        state: &State,
+        tolerance: f64,
+    ) -> bool {
+        let (h, s) = (radau.reach(), radau.degree());
+        let allowed = UNSEEN * tolerance.max(f64::EPSILON);
+        let mut y = std::mem::take(&mut self.implicit.y);
+        for (row, y) in y.iter_mut().enumerate() {
+            *y = series::value(radau.series(row), tau);
+        }
+        self.place(start.t + tau, &y);
+        self.implicit.y = y;
+        (0..self.watched.len()).all(|at| {
+            let i = self.watched[at];
+            let psi = self.watched_psi(i);
+            let polynomial = self.interpolant(i, s);
+            let (terms, magnitude) = (state.terms[i], series::magnitude(polynomial, h, 0));
+            let value = series::value(polynomial, tau);
+            let difference = (value - psi).abs();
+            // Where ψ is steep its terms are large beside itself, and say nothing of a side that it is on for an instant.
+            let is_small = difference <= allowed * magnitude + ROUNDINGS * terms;
+            let is_one_side = Side::of(value) == Side::of(psi);
+            difference <= allowed * (terms + magnitude) && (is_small || is_one_side)
+        })
+    }
+
+    /// Taylor steps that an implicit step with this many nodes must be longer than, by the operations
+    /// of both.
+    pub(crate) fn worth(&self, nodes: usize) -> f64 {
+        let (order, nodes) = (self.order as f64, nodes as f64);
+        let unknowns = self.n + self.sliding.len();
+        if unknowns > MOST_UNKNOWNS {
+            return f64::INFINITY;
+        }
+        let evaluation = self.field.operations() as f64;
+        let series = (evaluation * 0.5 * order * order).max(1.0);
+        // A real factorization and (s - 1)/2 complex ones, and about four iterations.
+        let factors = 2.0 / 3.0 * (unknowns as f64).powi(3) * (2.0 * nodes - 1.0);
+        WORTH * ((factors + 4.0 * nodes * evaluation) / series).max(1.0)
+    }
+}
+
+/// A mode as the implicit method sees it.
+struct Stiff<'a> {
+    mode: &'a mut Mode,
+    system: &'a HybridSystem,
+}
+
+impl Stiff<'_> {
+    /// True where the polynomials of the step solved last are what they stand for between the nodes and probes, too.
+    fn vouches(
+        &mut self,
+        radau: &mut Radau,
+        start: &Start,
+        state: &mut State,
+        tolerance: f64,
+        unseen: &mut Unseen,
+    ) -> bool {
+        let h = radau.reach();
+        unseen.begin_implicit(self.mode, radau, h);
+        while let Some(tau) = unseen.next(self.mode, start.t, |_| 0.0) {
+            let agrees = radau.error_at(self, start, tau) < UNSEEN
+                && self
+                    .mode
+                    .is_faithful_at(tau, radau, start, state, tolerance);
+            if !agrees {
+                return false;
+            }
+        }
+        unseen.tell(self.mode, state);
+        true
+    }
+
+    /// The length of the step that ends where `watch` is zero, by Newton's method from the root of its
+    /// polynomial; that step is then the one solved last. None where it cannot be solved, or where only
+    /// the polynomial has a root, as when a surface has just been left at a small angle.
+    fn locate(
+        &mut self,
+        radau: &mut Radau,
+        start: &Start,
+        root: Root,
+        watch: Watch,
+        h: f64,
+    ) -> Option<f64> {
+        let (mut tau, mut last) = (root.tau, f64::INFINITY);
+        for _ in 0..MAX_POLISH {
+            radau.solve(self, start, tau).ok()?;
+            // A double root is no better known from the function than from its polynomial.
+            if !root.crosses {
+                break;
+            }
+            let (value, slope) = self.event_function(radau, start, tau, watch);
+            let next = (tau - value / slope).min(h);
+            let moved = (next - tau).abs();
+            let rounding = f64::EPSILON * (start.t.abs() + tau);
+            if moved <= rounding || moved >= last {
+                break;
+            }
+            if moved.is_nan() || next <= 0.0 || moved > 1e-3 * h {
+                return None;
+            }
+            (tau, last) = (next, moved);
+        }
+        if radau.reach() != tau {
+            radau.solve(self, start, tau).ok()?;
+        }
+        Some(tau)
+    }
+
+    /// ψ, or the distance of α to its bound, at the end of the step `tau` solved last, and its slope.
+    fn event_function(
+        &mut self,
+        radau: &Radau,
+        start: &Start,
+        tau: f64,
+        watch: Watch,
+    ) -> (f64, f64) {
+        match watch {
+            Watch::Surface(i) => {
+                let mut y = std::mem::take(&mut self.mode.implicit.y);
+                for (row, y) in y.iter_mut().enumerate() {
+                    *y = radau.end(start, row);
+                }
+                self.mode.place(start.t + tau, &y);
+                self.mode.implicit.y = y;
+                self.mode.field.eval(&self.mode.memory.values);
+                self.mode.linearize(&[i]);
+                (self.mode.psi(i), self.mode.phi(i))
+            }
+            Watch::Bound(i, limit) => {
+                let row = self.mode.unknown(i);
+                let slope = series::slope(radau.series(row), tau);
+                (radau.end(start, row) - limit, slope)
+            }
+            Watch::Disc(i) => {
+                let row = |i: usize| self.mode.unknown(i);
+                let entries = std::iter::once(i).chain(self.mode.other(i)).map(row);
+                entries.fold((1.0, 0.0), |(value, slope), row| {
+                    let u = 2.0 * radau.end(start, row) - 1.0;
+                    let rate = series::slope(radau.series(row), tau);
+                    (value - u * u, slope - 4.0 * u * rate)
+                })
+            }
+        }
+    }
+
+    /// Adds d∇ψ/dt along the flow f to the rows of φ, by differences.
+    fn add_curvature(&mut self, t: f64, y: &[f64], rows: &mut [f64]) {
+        let (mode, width) = (&mut *self.mode, y.len());
+        let largest = |v: &[f64]| v.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        let (size, speed) = (largest(&y[..mode.n]), largest(mode.f()));
+        let over = |v: f64| if v > 0.0 { v } else { 1.0 };
+        let nudge = NUDGE * over(size) / over(speed);
+        for (row, at) in rows.chunks_mut(width).zip(0..mode.sliding.len()) {
+            let i = mode.sliding[at];
+            if mode.surfaces.is_affine(i) {
+                continue;
+            }
+            mode.place(t, y);
+            mode.linearize(&[i]);
+            let mut before = std::mem::take(&mut mode.implicit.gradient);
+            before.clear();
+            before.extend(mode.gradient(i).iter().map(|entry| entry.1));
+            mode.memory.values[0] += nudge;
+            for (value, f) in mode.memory.values[1..].iter_mut().zip(&mode.implicit.f) {
+                *value += nudge * f;
+            }
+            mode.linearize(&[i]);
+            for (&(state, after), before) in mode.gradient(i).iter().zip(&before) {
+                row[state] += (after - before) / nudge;
+            }
+            mode.implicit.gradient = before;
+        }
+    }
+}
+
+impl Implicit for Stiff<'_> {
+    fn eval(&mut self, t: f64, y: &[f64], values: &mut [f64]) {
+        let mode = &mut *self.mode;
+        mode.place(t, y);
+        mode.field.eval(&mode.memory.values);
+        let (f, phi) = values.split_at_mut(mode.n);
+        f.copy_from_slice(mode.f());
+        if !phi.is_empty() {
+            mode.linearize_surfaces();
+            for (phi, &i) in phi.iter_mut().zip(&mode.sliding) {
+                *phi = mode.phi(i);
+            }
+        }
+    }
+
+    /// ∂φ/∂x = ∇ψ·∂f/∂x + d∇ψ/dt, the last along the flow.
+    fn jacobian(&mut self, t: f64, y: &[f64], matrix: &mut [f64]) {
+        let (mode, width) = (&mut *self.mode, y.len());
+        let n = mode.n;
+        matrix.fill(0.0);
+        mode.place(t, y);
+        mode.jacobian(self.system, |row, column, value| {
+            matrix[row * width + column] += value;
+        });
+        if width == n {
+            return;
+        }
+        mode.field.eval(&mode.memory.values);
+        mode.implicit.f.clone_from(&mode.field.f);
+        mode.linearize_surfaces();
+        mode.field.linearize_sliding(&mode.memory.values);
+        let (by_f, by_phi) = matrix.split_at_mut(n * width);
+        for (state, row) in by_f.chunks_mut(width).enumerate() {
+            for (switch, slope) in mode.field.slopes(state) {
+                row[mode.unknown(switch)] += slope;
+            }
+        }
+        for (row, &i) in by_phi.chunks_mut(width).zip(&mode.sliding) {
+            for &(state, g) in mode.gradient(i) {
+                let of_state = &by_f[state * width..(state + 1) * width];
+                for (entry, value) in row[..n].iter_mut().zip(of_state) {
+                    *entry += g * value;
+                }
+            }
+            for (entry, &j) in row[n..].iter_mut().zip(&mode.sliding) {
+                *entry = mode.coupling(i, j);
+            }
+        }
+        self.add_curvature(t, y, by_phi);
+    }
+}

@@ -1,0 +1,9 @@
+//! Integration of a mode: Taylor series, or Radau IIA where it is stiff.
+
+pub(crate) mod drift;
+pub(crate) mod implicit;
+pub(crate) mod radau;
+pub(crate) mod singular;
+pub(crate) mod singular_rates;
+pub(crate) mod step;
+pub(crate) mod stiffness;

@@ -1,0 +1,287 @@
+//! Steps off points at which f has no Taylor series.
+//!
+//! √(t - t₀), |x|^(1/3) and max(q, 0)^1.5 are smooth off the point where they vanish, and there they have values
+//! alone. Towards it the series converge for less than what is left, so that steps shrink until the next one reaches
+//! over it; behind it they grow again. From the point itself one straight step leads away,
+//!
+//! x₁ = x₀ + h f(t₀ + h/2, x₀ + h/2 f(t₀, x₀)),
+//!
+//! so short that f changes in it by less than the tolerance of x over h: the error is a fraction of that, since f - f₀
+//! grows like a power of time.
+
+use super::step::{Step, first_event, simultaneous};
+use crate::event::Simulator;
+use crate::expansion::dense::Dense;
+use crate::expansion::mode::Mode;
+use crate::expansion::step_size::SMALLEST;
+use crate::hybrid::Side;
+use crate::hybrid::state::State;
+use crate::hybrid::status::Status;
+
+/// What the error of a straight step is of h times the change of f: 1/(1 + p) - 1/2ᵖ is no larger for 0 < p ≤ 1.
+const SHARE: f64 = 0.1;
+
+/// How much shorter the next try is.
+const SHORTER: f64 = 0.25;
+
+/// Tries.
+const MAX_TRIES: usize = 80;
+
+/// What starts at zero is as large as its rates after this share of the time that is left make it.
+const EARLY: f64 = 1e-3;
+
+/// The share of its rate by which what leaves a surface may slow down or speed up in a straight step.
+const STEADY: f64 = 0.1;
+
+/// A straight step is no longer than so many of the last ones.
+const MAX_GROWTH: f64 = 10.0;
+
+/// A step as short as this share of the time that is left moves nothing that matters.
+const SHORTEST: f64 = 1e-13;
+
+/// The straight step.
+pub(crate) struct Line {
+    pub length: f64,
+    /// Rates at the middle of it.
+    pub rates: Vec<f64>,
+    /// α there.
+    pub alpha: Vec<f64>,
+}
+
+/// The longest straight step that f hardly changes in.
+pub(crate) struct Longest {
+    pub line: Line,
+    /// What errors of the states are relative to.
+    sizes: Vec<f64>,
+    /// Whether it is too short to move anything that matters.
+    is_shortest: bool,
+}
+
+/// Terms of series below this do not overflow by the next one.
+const MODERATE: f64 = 1e100;
+
+impl Mode {
+    /// Whether a series of a state ends at a root: a term is no number, and those below it are moderate, or there are
+    /// switches with roots, close to which terms grow, too. Close to a pole those below it are not moderate.
+    pub(crate) fn ends_at_root(&self) -> bool {
+        let has_roots = self.roots.contains(&true);
+        let ends = |series: &[f64]| {
+            let grows = |c: &&f64| has_roots && c.is_finite();
+            let moderate = |c: &&f64| c.abs() < MODERATE || grows(c);
+            let first = series.iter().take_while(moderate).count();
+            series.get(first).is_some_and(|c| !c.is_finite())
+        };
+        (0..self.n).any(|i| ends(self.x_series(i)))
+    }
+
+    /// Whether the state is on a surface at which rates have roots, but for rounding: then series are numbers that say
+    /// nothing.
+    pub(crate) fn is_on_root(&self, state: &State) -> bool {
+        let mut roots = self.roots.iter().zip(&state.armed);
+        roots.any(|(root, armed)| *root && *armed)
+    }
+
+    /// Leaves the terms of all series below order `end`, and below the first one of a state that is no number; false where
+    /// that leaves less than all.
+    pub(crate) fn cut_short(&mut self, end: usize) -> bool {
+        let orders = 1..=self.order;
+        let mut broken = orders.filter(|&k| (0..self.n).any(|i| !self.x_series(i)[k].is_finite()));
+        let end = end.min(broken.next().unwrap_or(usize::MAX));
+        if end > self.order {
+            return true;
+        }
+        let of_states = (0..self.n).map(|i| (self.memory.state(i), end));
+        let of_rates = self.field.rows.iter().map(|&row| (row, end - 1));
+        let of_alphas = self.sliding.iter().map(|&i| (self.memory.alpha(i), end));
+        let starts: Vec<_> = of_states.chain(of_rates).chain(of_alphas).collect();
+        for (start, end) in starts {
+            self.memory.rows[start + end.max(1)..=start + self.order].fill(0.0);
+        }
+        false
+    }
+
+    /// The longest straight step up to `longest` that is accurate; none where f is not finite.
+    pub(crate) fn line(&mut self, state: &State, tolerance: f64, longest: f64) -> Option<Longest> {
+        let mut alpha = state.alpha.clone();
+        let (t, x) = (state.t, &state.x);
+        self.solve_alpha(t, x, &mut alpha).ok()?;
+        let start = self.f().to_vec();
+        if !start.iter().all(|f| f.is_finite()) {
+            return None;
+        }
+        let shortest = f64::max(SHORTEST * longest, 4.0 * f64::EPSILON * t.abs());
+        let shortest = longest.min(shortest);
+        let left = self.rates_left(state, &start);
+        let ahead = |tau: f64, f: &[f64]| -> Vec<f64> {
+            x.iter().zip(f).map(|(x, f)| x + tau * f).collect()
+        };
+        let mut h = match state.last_step {
+            last if last > 0.0 => longest.min(MAX_GROWTH * last),
+            _ => longest,
+        };
+        let soon = ahead(EARLY * longest, &start);
+        self.solve_alpha(t + EARLY * longest, &soon, &mut alpha)
+            .ok()?;
+        let early = self.f().to_vec();
+        // What starts at zero is as large as its rate makes it.
+        let sizes = |f: &[f64]| -> Vec<f64> {
+            let size = |(i, early): (usize, &f64)| match state.scale[i].max(x[i].abs()) {
+                0.0 => (early.abs().max(f[i].abs()) * longest).max(SMALLEST),
+                size => size.max(SMALLEST),
+            };
+            early.iter().enumerate().map(size).collect()
+        };
+        for _ in 0..MAX_TRIES {
+            let middle = ahead(0.5 * h, &start);
+            self.solve_alpha(t + 0.5 * h, &middle, &mut alpha).ok()?;
+            let rates = self.f().to_vec();
+            let of_middle = alpha.clone();
+            let end = ahead(h, &rates);
+            self.solve_alpha(t + h, &end, &mut alpha).ok()?;
+            let sizes = sizes(self.f());
+            let is_accurate = (0..self.n).all(|i| {
+                let change = (self.f()[i] - start[i])
+                    .abs()
+                    .max((rates[i] - start[i]).abs());
+                SHARE * h * change <= tolerance * sizes[i]
+            });
+            let keeps = |(i, before): &(usize, f64)| {
+                let change = self.along(*i, &rates) - before;
+                *before == 0.0 || change.abs() <= STEADY * before.abs()
+            };
+            if is_accurate && left.iter().all(keeps) || h <= shortest {
+                return Some(Longest {
+                    line: Line {
+                        length: h,
+                        rates,
+                        alpha: of_middle,
+                    },
+                    sizes,
+                    is_shortest: h <= shortest,
+                });
+            }
+            h = f64::max(SHORTER * h, shortest);
+        }
+        None
+    }
+
+    /// φ for rates f, where ψ was last linearized.
+    fn along(&self, switch: usize, f: &[f64]) -> f64 {
+        let terms = self.gradient(switch).iter();
+        terms.map(|&(j, g)| g * f[j]).sum::<f64>() + self.time_gradient(switch)
+    }
+
+    /// The rates with which ψ of switches with roots leave their surfaces.
+    fn rates_left(&mut self, state: &State, f: &[f64]) -> Vec<(usize, f64)> {
+        let mut left = Vec::new();
+        for i in 0..self.roots.len() {
+            if self.roots[i] && state.armed[i] && self.sides[i] != Side::Slide {
+                self.surfaces.linearize(i, &self.memory.values);
+                left.push((i, self.along(i, f)));
+            }
+        }
+        left
+    }
+
+    /// φ of some switches in the middle of the straight step; not numbers where there is none.
+    pub(crate) fn rates_ahead(
+        &mut self,
+        state: &State,
+        switches: &[usize],
+        tolerance: f64,
+        longest: f64,
+    ) -> Vec<f64> {
+        let Some(Longest { line, .. }) = self.line(state, tolerance, longest) else {
+            return vec![f64::NAN; switches.len()];
+        };
+        let middle = state.x.iter().zip(&line.rates);
+        let middle: Vec<f64> = middle.map(|(x, f)| x + 0.5 * line.length * f).collect();
+        let mut alpha = line.alpha;
+        let at = state.t + 0.5 * line.length;
+        if self.solve_alpha(at, &middle, &mut alpha).is_err() {
+            return vec![f64::NAN; switches.len()];
+        }
+        let rate = |&i: &usize| {
+            self.surfaces.linearize(i, &self.memory.values);
+            self.phi(i)
+        };
+        switches.iter().map(rate).collect()
+    }
+
+    /// Takes a straight line as the series of the step.
+    pub(crate) fn lay(&mut self, state: &State, line: &Line) {
+        let stride = self.memory.stride;
+        let mut set = |start: usize, value: f64, rate: f64| {
+            let row = &mut self.memory.rows[start..start + stride];
+            row.fill(0.0);
+            (row[0], row[1]) = (value, rate);
+        };
+        set(0, state.t, 1.0);
+        for (i, (&x, &rate)) in state.x.iter().zip(&line.rates).enumerate() {
+            set((1 + i) * stride, x, rate);
+        }
+        for &i in &self.sliding {
+            set((1 + self.n + i) * stride, line.alpha[i], 0.0);
+        }
+        for (&row, &rate) in self.field.rows.iter().zip(&line.rates) {
+            self.memory.rows[row..row + stride].fill(0.0);
+            self.memory.rows[row] = rate;
+        }
+        self.memory.set(state.t, &state.x, &line.alpha);
+    }
+}
+
+impl Simulator {
+    /// The step off a point at which f has no series.
+    pub(crate) fn step_off(&mut self, state: &mut State, remaining: f64) -> Result<Step, Status> {
+        let line = self.lay_line(state, remaining)?;
+        let mode = &mut self.mode;
+        let (dense, closeness) = (Dense::Taylor(mode), self.settings.tolerance);
+        let event = first_event(&mut self.roots, dense, state, line.length, closeness);
+        let (length, triggers) = match event {
+            Some((root, watch)) => {
+                let together = simultaneous(dense, state, root.tau, line.length, watch.switch());
+                (root.tau, together)
+            }
+            None => (line.length, Vec::new()),
+        };
+        dense.states_at(length, &mut state.next);
+        if !state.next.iter().all(|x| x.is_finite()) {
+            return Err(Status::NotFinite);
+        }
+        dense.alphas_at(length, &mut state.alpha);
+        std::mem::swap(&mut state.x, &mut state.next);
+        state.last_step = line.length;
+        Ok(Step {
+            length,
+            reaches_end: length >= remaining,
+            triggers,
+            defect: 0.0,
+            implicit: false,
+            ends: None,
+            departs: false,
+        })
+    }
+
+    /// Takes the longest straight line that passes over nothing as the series of the step.
+    fn lay_line(&mut self, state: &mut State, remaining: f64) -> Result<Line, Status> {
+        let (tolerance, allowed) = (self.settings.local_tolerance(), self.allowed_defect());
+        let mut longest = remaining;
+        for _ in 0..MAX_TRIES {
+            let Some(found) = self.mode.line(state, tolerance, longest) else {
+                break;
+            };
+            let line = found.line;
+            self.mode.lay(state, &line);
+            self.mode.watch(tolerance, state, line.length);
+            self.mode.take_scales(&found.sizes);
+            let (mode, unseen) = (&mut self.mode, &mut self.unseen);
+            unseen.suspect_all(mode);
+            if found.is_shortest || unseen.vouches(mode, state, line.length, allowed) {
+                return Ok(line);
+            }
+            longest = SHORTER * line.length;
+        }
+        Err(self.mode.stuck())
+    }
+}

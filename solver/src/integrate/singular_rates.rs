@@ -1,0 +1,369 @@
+//! Switches whose rates have powers of ψ without a derivative at ψ = 0.
+//!
+//! With ψ' = φ₀(t, x) + c |ψ|^p near a surface, the root has no part in what happens where φ₀ ≠ 0: the surface is
+//! crossed. Where φ₀ = 0, c and the first derivative of φ₀ that is not zero decide. A root *attracts* from a side if it
+//! takes ψ back to zero, in finite time where p < 1, and *repels* if it takes ψ away:
+//!
+//! - φ₀ stays zero and no root repels: ψ stays zero, and no other solution leaves it, since f satisfies a one-sided
+//!   Lipschitz condition there. The switch *rests*: its side is `Slide`, without an equation for α. An empty tank.
+//! - φ₀ stays zero and a root with p < 1 repels: ψ = 0 is one solution, and another one leaves it at once, or at any
+//!   later time, as for x' = √|x|.
+//! - φ₀ grows to one side: ψ goes there, against a root that attracts or with one that repels. Where a root on the other
+//!   side repels there may be solutions that go there as well.
+//!
+//! φ₀ is the rate where the switch is on `Slide`, in which there are no roots.
+
+use super::singular::Line;
+use super::step::Step;
+use crate::event::Simulator;
+use crate::expansion::mode::Mode;
+use crate::expansion::series;
+use crate::hybrid::Side;
+use crate::hybrid::state::State;
+use crate::hybrid::status::Status;
+use crate::selector::select::BAND;
+
+/// How far from the surface a root is looked at, relative to the size of ψ, and how much closer again.
+const NEAR: f64 = 1e-6;
+const CLOSER: f64 = 1.0 / 16.0;
+
+/// The same where ψ has no size yet.
+const NEAR_ZERO: f64 = 1e-12;
+
+/// How many times its band a switch that comes back to its surface must leave it.
+const BEYOND: f64 = 4.0;
+
+/// What crosses a surface ever more slowly has at most this share of its speed the time before.
+const SHRINKS: f64 = 0.9;
+
+/// Powers above this have a derivative, or nearly so: nothing leaves zero by them, or comes there, soon.
+const STEEP: f64 = 0.97;
+
+/// A smooth rate below this share of the whole has no part in it.
+const SMALL: f64 = 0.01;
+
+/// Roundings of the terms of a rate.
+const ROUNDINGS: f64 = 64.0 * f64::EPSILON;
+
+/// A switch that comes to rest by infinitely many crossings, at once but for less than the tolerance.
+pub(crate) struct Settling {
+    pub switch: usize,
+    /// What the states move by until then, beside what they do with the switch at rest.
+    pub moves: Vec<f64>,
+}
+
+impl Mode {
+    /// Whether a switch that rests would leave its surface within a step h, because something has changed since.
+    pub(crate) fn wakes(&mut self, state: &mut State, h: f64) -> Option<usize> {
+        let rests = |i: &usize| self.rests[*i] && self.sides[*i] == Side::Slide;
+        let resting: Vec<usize> = (0..self.sides.len()).filter(rests).collect();
+        resting.into_iter().find(|&i| {
+            self.expand_psi(i, state);
+            let c = self.psi_series(i);
+            series::leading(c, h, state.level(i, c, h)).is_some()
+        })
+    }
+
+    /// A displacement of the states that moves ψ by one, where it was last linearized.
+    fn across_surface(&self, switch: usize, state: &State) -> Vec<f64> {
+        let mut d = vec![0.0; self.n];
+        let size = |j: usize| match state.size(j) {
+            0.0 => 1.0,
+            size => size,
+        };
+        let square = |&(j, g): &(usize, f64)| (g * size(j)).powi(2);
+        let sum: f64 = self.gradient(switch).iter().map(square).sum();
+        if sum > 0.0 {
+            for &(j, g) in self.gradient(switch) {
+                d[j] = g * size(j).powi(2) / sum;
+            }
+        }
+        d
+    }
+
+    /// The nearest place at which ψ is zero.
+    pub(crate) fn onto_surface(&mut self, state: &State, switch: usize) -> Vec<f64> {
+        self.set(state.t, &state.x, &state.alpha);
+        self.surfaces.linearize(switch, &self.memory.values);
+        let psi = self.psi(switch);
+        let across = self.across_surface(switch, state);
+        let moved = state.x.iter().zip(across);
+        moved.map(|(x, d)| x - psi * d).collect()
+    }
+
+    /// φ at a point.
+    fn rate_from(&mut self, switch: usize, t: f64, x: &[f64], alpha: &[f64]) -> f64 {
+        let mut alpha = alpha.to_vec();
+        if self.solve_alpha(t, x, &mut alpha).is_err() {
+            return f64::NAN;
+        }
+        self.surfaces.linearize(switch, &self.memory.values);
+        self.phi(switch)
+    }
+}
+
+impl Simulator {
+    /// Decides a group of which some switches may rest: the others first, whose rates do not depend on the sides of these,
+    /// and then these, one after another until none changes. False, with nothing settled, where that takes series and
+    /// `series` does not allow it.
+    pub(crate) fn choose_around_rest(
+        &mut self,
+        state: &mut State,
+        group: &[usize],
+        wanted: &[Option<Side>],
+        t1: f64,
+        series: bool,
+    ) -> Result<bool, Status> {
+        if !series {
+            return Ok(false);
+        }
+        let pairs = group.iter().copied().zip(wanted.iter().copied());
+        let (roots, others): (Vec<_>, Vec<_>) = pairs.partition(|(i, _)| self.mode.rests[*i]);
+        let mut sides = state.sides.clone();
+        roots.iter().for_each(|(i, _)| sides[*i] = Side::Slide);
+        state.set_sides(sides);
+        if !others.is_empty() {
+            let (others, wanted): (Vec<usize>, Vec<Option<Side>>) = others.into_iter().unzip();
+            self.choose(state, &others, &wanted, t1, true)?;
+        }
+        for _ in 0..=roots.len() {
+            let before = state.sides.clone();
+            for &(i, wanted) in &roots {
+                let side = self.decide_rest(state, i, wanted, t1)?;
+                let mut sides = state.sides.clone();
+                sides[i] = side;
+                state.set_sides(sides);
+            }
+            if state.sides == before {
+                break;
+            }
+        }
+        Ok(true)
+    }
+
+    /// Whether a switch on its surface rests, or to which side it goes.
+    fn decide_rest(
+        &mut self,
+        state: &mut State,
+        switch: usize,
+        wanted: Option<Side>,
+        t1: f64,
+    ) -> Result<Side, Status> {
+        let drift = self.drift(state, switch, t1)?;
+        let leaves = match drift {
+            Some((1, side)) => return Ok(side),
+            drift => drift.map(|(_, side)| side),
+        };
+        let first = leaves.unwrap_or(Side::Slide);
+        let mut ways = vec![first];
+        for side in [Side::Minus, Side::Plus] {
+            if side != first && self.repels(state, switch, side) {
+                ways.push(side);
+            }
+        }
+        match wanted.filter(|side| ways.contains(side)) {
+            Some(side) => Ok(side),
+            None if ways.len() == 1 => Ok(first),
+            None => {
+                let named = ways.into_iter().map(|side| vec![(switch, side)]);
+                Err(Status::NonUnique(named.collect()))
+            }
+        }
+    }
+
+    /// The order and the side of the first term of ψ along the motion without its roots; none where ψ stays zero.
+    fn drift(
+        &mut self,
+        state: &mut State,
+        switch: usize,
+        t1: f64,
+    ) -> Result<Option<(usize, Side)>, Status> {
+        let mut sides = state.sides.clone();
+        sides[switch] = Side::Slide;
+        let tolerance = self.settings.local_tolerance();
+        let mode = &mut self.mode;
+        mode.enter(&self.system, &sides);
+        let mut alpha = state.alpha.clone();
+        if mode.expand(state.t, &state.x, &mut alpha).is_err() {
+            return Err(mode.stuck());
+        }
+        let is_smooth = mode.cut_short(usize::MAX);
+        mode.measure_terms(state);
+        mode.watched.clear();
+        mode.expand_psi(switch, state);
+        mode.watched.push(switch);
+        let h = mode.step_size(tolerance, state, t1 - state.t);
+        let h = mode.step_size_of_psi(tolerance, state, h);
+        let c = mode.psi_series(switch);
+        if let Some(k) = series::leading(c, h, state.level(switch, c, h)) {
+            return Ok(Some((k, Side::of(c[k]))));
+        }
+        if is_smooth {
+            return Ok(None);
+        }
+        // What drives it has no series either: its rate a moment later tells.
+        let found = mode.line(state, tolerance, t1 - state.t);
+        let Some(Line { length, rates, .. }) = found.map(|found| found.line) else {
+            return Err(mode.stuck());
+        };
+        let ahead = state.x.iter().zip(&rates);
+        let ahead: Vec<f64> = ahead.map(|(x, f)| x + length * f).collect();
+        let rate = mode.rate_from(switch, state.t + length, &ahead, &alpha);
+        let is_seen = rate.abs() > ROUNDINGS * mode.terms_of_phi(switch);
+        Ok(is_seen.then_some((2, Side::of(rate))))
+    }
+
+    /// What roots add to φ at a displacement of ψ by `by` from where the state is, on the side of that.
+    fn root_at(&mut self, state: &State, switch: usize, by: f64) -> f64 {
+        let mut sides = state.sides.clone();
+        sides[switch] = Side::Slide;
+        self.mode.enter(&self.system, &sides);
+        self.mode.set(state.t, &state.x, &state.alpha);
+        self.mode
+            .surfaces
+            .linearize(switch, &self.mode.memory.values);
+        let across = self.mode.across_surface(switch, state);
+        let moved = state.x.iter().zip(&across);
+        let moved: Vec<f64> = moved.map(|(x, d)| x + by * d).collect();
+        let smooth = self.mode.rate_from(switch, state.t, &moved, &state.alpha);
+        sides[switch] = Side::of(by);
+        self.mode.enter(&self.system, &sides);
+        let mut alpha = state.alpha.clone();
+        alpha[switch] = f64::from(u8::from(by > 0.0));
+        self.mode.rate_from(switch, state.t, &moved, &alpha) - smooth
+    }
+
+    /// Whether a root takes ψ away from zero to this side, in finite time.
+    fn repels(&mut self, state: &State, switch: usize, side: Side) -> bool {
+        let near = match state.band[switch] {
+            0.0 => NEAR_ZERO,
+            band => NEAR / BAND * band,
+        };
+        let far = self.root_at(state, switch, near * side.sign());
+        let close = self.root_at(state, switch, CLOSER * near * side.sign());
+        far * side.sign() > 0.0 && is_steep(close / far)
+    }
+
+    /// Switches of a group that come to a lasting rest here, but for less than the tolerance, and what they change in
+    /// the states until then.
+    ///
+    /// With ψ' = w + c |ψ|^p sign ψ and w' = a₊ < 0 above and a₋ > 0 below the surface, ψ goes away from it by w²/(2|a|)
+    /// and comes back. Where the root attracts, w is less every time, and ψ = w = 0 is reached in finite time: at last
+    /// by steps whose errors are as large as ψ. Beside α at rest, which keeps w where it is, that takes
+    ///
+    /// ∫ δα dt = -w / (∂w'/∂α),   δx = ∂f/∂α ∫ δα dt.
+    pub(crate) fn settling(&mut self, state: &mut State, group: &[usize]) -> Vec<Settling> {
+        let is_one = |i: &usize| self.mode.roots[*i] && self.mode.surfaces.n_derivatives(*i) == 1;
+        let roots: Vec<usize> = group.iter().copied().filter(is_one).collect();
+        let roots = roots.into_iter();
+        roots.filter_map(|i| self.settles(state, i)).collect()
+    }
+
+    fn settles(&mut self, state: &mut State, switch: usize) -> Option<Settling> {
+        let mut sides = state.sides.clone();
+        sides[switch] = Side::Slide;
+        let mode = &mut self.mode;
+        mode.enter(&self.system, &sides);
+        let mut alpha = state.alpha.clone();
+        let [(below, minus), (above, plus)] = [0.0, 1.0].map(|value| {
+            alpha[switch] = value;
+            mode.eval(state.t, &state.x, &alpha);
+            mode.linearize(&[switch]);
+            (mode.phi(switch), mode.f().to_vec())
+        });
+        let speed = mode.psi(switch);
+        let way = usize::from(speed > 0.0);
+        state.crossed[switch][way] = speed.abs();
+        let before = state.crossed[switch][1 - way];
+        if !(above < 0.0 && below > 0.0 && speed.abs() <= SHRINKS * before) {
+            return None;
+        }
+        mode.surfaces.stand_for(switch, 0);
+        mode.surfaces.linearize(switch, &mode.memory.values);
+        let size = mode.weigh(switch, |j| state.size(j));
+        let near = (self.settings.settled() * size).max(BEYOND * state.band[switch]);
+        if speed * speed > 2.0 * near * below.min(-above) {
+            return None;
+        }
+        let across = mode.across_surface(switch, state);
+        let attracts = [Side::Minus, Side::Plus].into_iter().all(|side| {
+            sides[switch] = side;
+            alpha[switch] = f64::from(u8::from(side == Side::Plus));
+            self.mode.enter(&self.system, &sides);
+            let moved = state.x.iter().zip(&across);
+            let moved: Vec<f64> = moved.map(|(x, d)| x + side.sign() * near * d).collect();
+            let rate = self.mode.rate_from(switch, state.t, &moved, &alpha);
+            (rate - speed) * side.sign() < 0.0
+        });
+        let by_alpha = plus.iter().zip(&minus).map(|(plus, minus)| plus - minus);
+        let moves = by_alpha.map(|slope| -slope * speed / (above - below));
+        attracts.then(|| Settling {
+            switch,
+            moves: moves.collect(),
+        })
+    }
+
+    /// The end of a way to a surface on which a switch will rest, from where it is on it but for rounding: there
+    /// ψ' = c |ψ|^p takes |ψ| / ((1 - p) |ψ'|), over which the root is 1 - p times what it is now in the mean.
+    pub(crate) fn arrive(&mut self, state: &mut State, remaining: f64) -> Option<Step> {
+        for i in 0..state.sides.len() {
+            let side = state.sides[i];
+            if !self.mode.rests[i] || side == Side::Slide || state.armed[i] {
+                continue;
+            }
+            let (t, x) = (state.t, state.x.clone());
+            self.mode.set(t, &x, &state.alpha);
+            state.band[i] = self.mode.band(i, state, remaining);
+            let psi = self.mode.psi(i);
+            if psi.abs() > state.band[i] {
+                continue;
+            }
+            let rate = self.mode.rate_from(i, t, &x, &state.alpha);
+            let f = self.mode.f().to_vec();
+            if rate * side.sign() >= 0.0 {
+                continue;
+            }
+            let mut sides = state.sides.clone();
+            sides[i] = Side::Slide;
+            self.mode.enter(&self.system, &sides);
+            let smooth = self.mode.rate_from(i, t, &x, &state.alpha);
+            let at_rest = self.mode.f().to_vec();
+            self.mode.enter(&self.system, &state.sides);
+            let closer = CLOSER * psi - psi;
+            let ratio = (self.root_at(state, i, closer)) / (rate - smooth);
+            self.mode.enter(&self.system, &state.sides);
+            if smooth.abs() > SMALL * rate.abs() {
+                continue;
+            }
+            let rest = 1.0 + ratio.ln() / -CLOSER.ln();
+            let length = psi.abs() / (rest * rate.abs());
+            if !is_steep(ratio) || length > remaining || t + length <= t {
+                return Some(Step::at_once(i));
+            }
+            let mean = f.iter().zip(&at_rest);
+            let line = Line {
+                length,
+                rates: mean
+                    .map(|(f, smooth)| smooth + rest * (f - smooth))
+                    .collect(),
+                alpha: state.alpha.clone(),
+            };
+            self.mode.lay(state, &line);
+            self.mode.watched.clear();
+            for (x, rate) in state.x.iter_mut().zip(&line.rates) {
+                *x += length * rate;
+            }
+            return Some(Step {
+                length,
+                reaches_end: length >= remaining,
+                ..Step::at_once(i)
+            });
+        }
+        None
+    }
+}
+
+/// Whether a root with these values closer to zero and farther from it has a power p < 1.
+fn is_steep(ratio: f64) -> bool {
+    ratio > CLOSER.powf(STEEP)
+}

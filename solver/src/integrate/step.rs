@@ -1,0 +1,595 @@
+//! One step: expand, bound, cut at the first event, and check.
+
+use crate::contact::friction_disk;
+use crate::event::Simulator;
+use crate::events::roots::{Root, RootFinder};
+use crate::expansion::dense::Dense;
+use crate::expansion::mode::Mode;
+use crate::expansion::series;
+use crate::hybrid::breakpoints::is_at_end;
+use crate::hybrid::state::State;
+use crate::hybrid::status::Status;
+use crate::selector::fold::Fold;
+use crate::selector::select::BAND;
+
+/// An accepted step. `State::x` holds its end.
+pub(crate) struct Step {
+    pub length: f64,
+    pub reaches_end: bool,
+    /// Switches whose surface is reached, or whose sliding ends, at the end of the step.
+    pub triggers: Vec<usize>,
+    /// ‖x' - f‖ h at the end, relative to the magnitude of the states.
+    pub defect: f64,
+    /// Whether its polynomials are those of the implicit method.
+    pub implicit: bool,
+    /// What ends the run where it ends.
+    pub ends: Option<Status>,
+    /// Whether it is the first one of what sets off from rest, in the mode in which that sticks.
+    pub departs: bool,
+}
+
+impl Step {
+    /// One that ends in a fold, where the point behind it is known.
+    fn to_fold(state: &mut State, fold: Fold) -> Self {
+        std::mem::swap(&mut state.x, &mut state.next);
+        for turn in &fold.turns {
+            state.alpha[turn.switch] = turn.alpha;
+        }
+        let (length, switch) = (fold.after, fold.switch);
+        state.fold = Some(fold);
+        Step {
+            length,
+            ..Step::at_once(switch)
+        }
+    }
+
+    /// One without a length, at the end of which a switch changes.
+    pub(crate) fn at_once(switch: usize) -> Self {
+        Step {
+            length: 0.0,
+            reaches_end: false,
+            triggers: vec![switch],
+            defect: 0.0,
+            implicit: false,
+            ends: None,
+            departs: false,
+        }
+    }
+}
+
+/// What is watched for a root: ψ off the surface, α and 1 - α on it.
+#[derive(Clone, Copy)]
+pub(crate) enum Watch {
+    Surface(usize),
+    /// Switch and the bound 0 or 1.
+    Bound(usize, f64),
+    /// The first of two entries of a slip velocity that stick: 1 - |2α - 1|².
+    Disc(usize),
+}
+
+impl Watch {
+    pub(crate) fn switch(self) -> usize {
+        match self {
+            Watch::Surface(i) | Watch::Bound(i, ..) | Watch::Disc(i) => i,
+        }
+    }
+}
+
+/// Halvings of a step before it counts as impossible.
+const MAX_HALVINGS: usize = 60;
+
+/// Halvings of a step for a switch that nothing but outputs looks at.
+const PATIENCE: usize = 20;
+
+/// Steps grow at most by this factor, which bounds the search for their size.
+const MAX_GROWTH: f64 = 10.0;
+
+impl Simulator {
+    /// Takes the longest step up to `goal` that the tolerance and the next event allow; the run goes
+    /// on to `t1`.
+    pub(crate) fn step(&mut self, state: &mut State, goal: f64, t1: f64) -> Result<Step, Status> {
+        if !state.departures.is_empty()
+            && let Some(step) = self.departure_step(state, goal, t1)
+        {
+            return Ok(step);
+        }
+        // The implicit method solves φ_K = 0 as it stands, which lower derivatives have no part in, and sees no folds.
+        if self.stiffness.implicit
+            && !self.mode.slides_deeply()
+            && !self.mode.slides_nonlinearly()
+            && let Some(step) = self.implicit_step(state, goal)?
+        {
+            return Ok(step);
+        }
+        self.explicit_step(state, goal, t1)
+    }
+
+    fn explicit_step(&mut self, state: &mut State, goal: f64, t1: f64) -> Result<Step, Status> {
+        let remaining = (goal - state.t) - state.t_low;
+        if self.mode.may_rest
+            && let Some(step) = self.arrive(state, remaining)
+        {
+            return Ok(step);
+        }
+        let mode = &mut self.mode;
+        mode.blind.clear();
+        if mode.expand(state.t, &state.x, &mut state.alpha).is_err() {
+            return Err(mode.stuck());
+        }
+        mode.measure_terms(state);
+        mode.measure_held(state, remaining);
+        state.stats.rhs_evaluations += self.order;
+        if mode.slides_nonlinearly()
+            && let Some(fold) = mode.fold_ahead(state, remaining)
+        {
+            return Ok(Step::to_fold(state, fold));
+        }
+        let longest = self.longest(state, remaining);
+        let h = self.first_size(state, [remaining, longest]);
+        if self.mode.may_rest
+            && let Some(switch) = self.mode.wakes(state, h)
+        {
+            return Ok(Step::at_once(switch));
+        }
+        let tolerance = self.settings.local_tolerance();
+        let mut h = self.coefficients.expand(&mut self.mode, tolerance, h);
+        for attempt in 0..MAX_HALVINGS {
+            let cut = self.cut(state, h);
+            let moves = cut.length >= remaining || cut.moves(state);
+            if !moves && cut.ends.is_none() && self.mode.is_on_root(state) {
+                return self.step_off(state, remaining);
+            }
+            let defect = match self.judge_step(state, &cut, attempt) {
+                Judged::Accepted(defect) => defect,
+                Judged::Again => continue,
+                Judged::EndsAtRoot => return self.step_off(state, remaining),
+                Judged::Rejected => {
+                    state.stats.rejected += 1;
+                    if attempt == PATIENCE {
+                        self.mode.look_away();
+                    }
+                    h *= 0.5;
+                    continue;
+                }
+            };
+            if !moves && cut.event.is_none() && cut.ends.is_none() {
+                break;
+            }
+            return self.accept(state, cut, [h, longest], [remaining, t1 - state.t], defect);
+        }
+        let rests = self.mode.comes_to_rest(state);
+        rests.ok_or_else(|| self.mode.stuck())
+    }
+
+    /// How long the step may be at most.
+    fn longest(&mut self, state: &State, remaining: f64) -> f64 {
+        let longest = if state.last_step > 0.0 {
+            remaining.min(MAX_GROWTH * state.last_step)
+        } else {
+            remaining
+        };
+        match self.mode.has_idle_contact(state) {
+            true => longest.min(self.mode.sight(&self.system)),
+            false => longest,
+        }
+    }
+
+    /// How long it may be by the series of states, directions and ψ.
+    fn first_size(&mut self, state: &mut State, [remaining, longest]: [f64; 2]) -> f64 {
+        let (explicit, tolerance) = (
+            self.stiffness.explicit_tolerance(),
+            self.settings.local_tolerance(),
+        );
+        let mode = &mut self.mode;
+        let h = mode.step_size_above_rounding(explicit, state, [remaining, longest]);
+        let h = mode.keeps_directions(tolerance, state, h);
+        let h = mode.watch(tolerance, state, h);
+        mode.leaves_rest(tolerance, state, h)
+    }
+
+    /// Where the first of what is watched cuts a step h.
+    fn cut(&mut self, state: &mut State, h: f64) -> Cut {
+        let closeness = self.settings.tolerance;
+        let mode = &mut self.mode;
+        let event = first_event(&mut self.roots, Dense::Taylor(mode), state, h, closeness);
+        let length = event.as_ref().map_or(h, |(root, _)| root.tau);
+        // What slips in two directions stops once it is all but at rest.
+        let short = event.as_ref().and_then(|(root, watch)| match watch {
+            Watch::Surface(i) => mode.stops_short(state, *i, root.tau),
+            _ => None,
+        });
+        let (event, length) = match short {
+            Some(length) => (None, length),
+            None => (event, length),
+        };
+        match self.coefficients.leave(&mut self.roots, mode, length) {
+            Some((length, status)) => Cut {
+                event: None,
+                length,
+                ends: Some(status),
+            },
+            None => Cut {
+                event,
+                length,
+                ends: None,
+            },
+        }
+    }
+
+    /// The defect of a step: the last term of the series, differentiated, is what it shows of the error.
+    pub(crate) fn allowed_defect(&self) -> f64 {
+        let tolerance = self.settings.local_tolerance();
+        10.0 * (self.order as f64) * tolerance.max(4.0 * f64::EPSILON)
+    }
+
+    /// Whether the series of a step that is cut are the solution.
+    fn judge_step(&mut self, state: &mut State, cut: &Cut, attempt: usize) -> Judged {
+        let (tolerance, allowed) = (self.settings.local_tolerance(), self.allowed_defect());
+        let mode = &mut self.mode;
+        // Where it is, the direction of its friction is rounding, or its share of a force that is zero.
+        let is_blurred = |watch| mode.stops(watch) || mode.lets_go(watch);
+        let stops = (cut.event.as_ref()).is_some_and(|(_, watch)| is_blurred(*watch));
+        let seen = if stops {
+            friction_disk::DIRECTED * cut.length
+        } else {
+            cut.length
+        };
+        let defect = mode.defect(state, seen, tolerance, allowed);
+        if attempt == 0 && !defect.rate.is_finite() && mode.ends_at_root() {
+            return Judged::EndsAtRoot;
+        }
+        let inaccurate = defect.rate.is_nan() || defect.rate > allowed;
+        if inaccurate && mode.differs_by_rounding(state, seen, allowed) {
+            return Judged::Again;
+        }
+        let unseen = cut.event.is_none() && cut.ends.is_none() && mode.on_wrong_side(state);
+        let looked = (self.coefficients).agree(mode, state, cut.length, allowed);
+        // Without friction nothing determines a force that sticks.
+        let turned = cut.ends.is_none() && mode.turned_over();
+        let differs = inaccurate || !defect.switches_agree || unseen || !looked || turned;
+        if differs {
+            return Judged::Rejected;
+        }
+        self.unseen.suspect(mode, cut.length);
+        match self.unseen.vouches(mode, state, cut.length, allowed) {
+            true => Judged::Accepted(defect.rate),
+            false => Judged::Rejected,
+        }
+    }
+
+    /// Moves to the end of a step of size h, at most `longest`, that is cut.
+    fn accept(
+        &mut self,
+        state: &mut State,
+        cut: Cut,
+        [h, longest]: [f64; 2],
+        left: [f64; 2],
+        defect: f64,
+    ) -> Result<Step, Status> {
+        let Cut { event, ends, .. } = cut;
+        let (length, triggers) = match event {
+            Some((root, watch)) => self.polish_event(state, root, watch, h)?,
+            None => (cut.length, Vec::new()),
+        };
+        let mode = &mut self.mode;
+        if triggers.is_empty() && h < longest && ends.is_none() {
+            let motion = mode.motion(state, h);
+            self.stiffness.after_explicit(mode, h, motion, left);
+        }
+        let dense = Dense::Taylor(mode);
+        let met = met(event).filter(|(i, _)| !mode.is_in_disc(*i));
+        mode.note_approaches(dense, state, length, met, self.settings.tolerance);
+        dense.states_at(length, &mut state.next);
+        std::mem::swap(&mut state.x, &mut state.next);
+        if !state.x.iter().all(|x| x.is_finite()) {
+            std::mem::swap(&mut state.x, &mut state.next);
+            return Err(Status::NotFinite);
+        }
+        dense.alphas_at(length, &mut state.alpha);
+        let reaches_end = length >= left[0];
+        let is_cut = reaches_end || ends.is_some() || !triggers.is_empty();
+        state.last_step = if is_cut && state.last_step > 0.0 {
+            state.last_step.max(length)
+        } else {
+            h
+        };
+        Ok(Step {
+            length,
+            reaches_end,
+            triggers,
+            defect,
+            implicit: false,
+            ends,
+            departs: false,
+        })
+    }
+
+    /// When an event is exactly, and all switches that it is of.
+    fn polish_event(
+        &mut self,
+        state: &mut State,
+        root: Root,
+        watch: Watch,
+        h: f64,
+    ) -> Result<(f64, Vec<usize>), Status> {
+        let mode = &mut self.mode;
+        verify_start(Dense::Taylor(mode), state, root.tau, watch, h)?;
+        // A double root of ψ is no better known from ψ than from its series.
+        let tau = if is_at_end(Dense::Taylor(mode), root.tau, h, watch) {
+            h
+        } else if root.crosses && !mode.stops(watch) {
+            mode.polish(state, root.tau, watch, h)?
+        } else {
+            root.tau
+        };
+        let triggers = simultaneous(Dense::Taylor(mode), state, tau, h, watch.switch());
+        Ok((tau, triggers))
+    }
+}
+
+/// What cuts a step: an event, or what ends the run.
+struct Cut {
+    event: Option<(Root, Watch)>,
+    length: f64,
+    ends: Option<Status>,
+}
+
+impl Cut {
+    /// Whether time has digits for its length.
+    fn moves(&self, state: &State) -> bool {
+        state.t + (self.length + state.t_low) > state.t
+    }
+}
+
+/// Whether the series of a step are the solution.
+enum Judged {
+    /// They are, with this defect.
+    Accepted(f64),
+    /// They differ from it by rounding, whose size is known now.
+    Again,
+    /// They are none, at a root.
+    EndsAtRoot,
+    Rejected,
+}
+
+/// The surface that an event meets, and how.
+pub(crate) fn met(event: Option<(Root, Watch)>) -> Option<(usize, Root)> {
+    match event {
+        Some((root, Watch::Surface(switch))) => Some((switch, root)),
+        _ => None,
+    }
+}
+
+/// The least root of everything watched in (0, h]. Takes note of each ψ that turns back before as close
+/// to zero as a run of this tolerance may be on either side.
+pub(crate) fn first_event(
+    roots: &mut RootFinder,
+    dense: Dense,
+    state: &mut State,
+    h: f64,
+    tolerance: f64,
+) -> Option<(Root, Watch)> {
+    let mut first: Option<(Root, Watch)> = None;
+    let mode = dense.mode();
+    state.close.clear();
+    for &i in &mode.sliding {
+        if mode.departing.contains(&i) {
+            continue;
+        }
+        let alpha = dense.alpha(i);
+        let reach = first.map_or(h, |(root, _)| root.tau);
+        let mut margin = std::mem::take(&mut state.margin);
+        if let Some(root) = friction_disk::leaves(roots, dense, &mut margin, i, reach) {
+            first = Some((root, Watch::Disc(i)));
+        }
+        state.margin = margin;
+        for &limit in mode.limits(i) {
+            let reach = first.map_or(h, |(root, _)| root.tau);
+            let inside = if limit == 0.0 { 1.0 } else { -1.0 };
+            let start = alpha[0] - limit;
+            let band =
+                (start.abs() <= crate::selector::judge::TIE).then_some(crate::selector::judge::TIE);
+            if let Some(root) = first_root(roots, start, alpha, reach, inside, band, 0.0) {
+                first = Some((root, Watch::Bound(i, limit)));
+            }
+        }
+    }
+    for &i in &mode.watched {
+        let reach = first.map_or(h, |(root, _)| root.tau);
+        let c = dense.psi(i);
+        // Contacts close where they open by less than their band.
+        let band = state.armed[i].then(|| match mode.is_plain(i) {
+            true => mode.rounding_of_motion(i, state, h),
+            false if mode.is_contact(i) => state.level(i, c, h),
+            false => SEEN * state.level(i, c, h),
+        });
+        let level = match mode.is_in_disc(i) {
+            true => 0.0,
+            false => mode.closeness(i, state, tolerance, h),
+        };
+        let root = first_root(roots, c[0], c, reach, mode.sides[i].sign(), band, level);
+        state.close.extend(roots.close.iter().map(|&tau| (i, tau)));
+        if let Some(root) = root {
+            first = Some((root, Watch::Surface(i)));
+        }
+    }
+    first
+}
+
+/// The fraction of its band that ψ must leave between two events to have been there: sixteen roundings of
+/// its terms.
+const SEEN: f64 = 16.0 * f64::EPSILON / BAND;
+
+/// The least root of a series that should have sign `side`; its constant term is `start` instead of
+/// `c[0]`. One that starts at zero, within `band`, is divided by its leading power first, as is `level`;
+/// one that starts on the wrong side has its root at once.
+pub(crate) fn first_root(
+    roots: &mut RootFinder,
+    start: f64,
+    c: &[f64],
+    h: f64,
+    side: f64,
+    band: Option<f64>,
+    level: f64,
+) -> Option<Root> {
+    roots.close.clear();
+    let (start, c, level) = match band {
+        Some(band) => {
+            let leading = series::leading(c, h, band)?;
+            (c[leading], &c[leading..], level / h.powi(leading as i32))
+        }
+        None => (start, c, level),
+    };
+    if start * side <= 0.0 {
+        return Some(Root {
+            tau: 0.0,
+            crosses: true,
+        });
+    }
+    roots.first(start, &c[1..], h, level)
+}
+
+/// A root at the very start is rounding, or a switch that was missed.
+pub(crate) fn verify_start(
+    dense: Dense,
+    state: &State,
+    tau: f64,
+    watch: Watch,
+    h: f64,
+) -> Result<(), Status> {
+    if let (Watch::Surface(switch), 0.0) = (watch, tau) {
+        let c = dense.psi(switch);
+        let rounding = state.band[switch].max(64.0 * f64::EPSILON * state.terms[switch]);
+        if c[0].abs() > rounding.max(1e-9 * series::magnitude(c, h, 0)) {
+            return Err(Status::MissedSwitch { switch });
+        }
+    }
+    Ok(())
+}
+
+/// `trigger` and every other switch whose own event is not told apart from it.
+pub(crate) fn simultaneous(
+    dense: Dense,
+    state: &State,
+    tau: f64,
+    h: f64,
+    trigger: usize,
+) -> Vec<usize> {
+    let mode = dense.mode();
+    let together = |&i: &usize| {
+        let alpha = series::value(dense.alpha(i), tau);
+        friction_disk::is_at_rim(dense, i, tau)
+            || (mode.limits(i).iter()).any(|limit| (alpha - limit).abs() <= TOGETHER)
+    };
+    let mut triggers: Vec<usize> = mode.sliding.iter().copied().filter(together).collect();
+    let reached = |&i: &usize| {
+        let c = dense.psi(i);
+        let size = match mode.is_in_disc(i) {
+            true => friction_disk::STOPS * state.band[i],
+            false => TOGETHER * series::magnitude(c, h, 0),
+        };
+        !state.armed[i] && series::value(c, tau).abs() <= size
+    };
+    triggers.extend(mode.watched.iter().copied().filter(reached));
+    triggers.push(trigger);
+    triggers.sort_unstable();
+    triggers.dedup();
+    triggers
+}
+
+/// Events closer than this, relative to the size of ψ in the step, are one.
+pub(crate) const TOGETHER: f64 = 1e-12;
+
+impl Mode {
+    /// True when a switch of higher relative degree slides.
+    pub(crate) fn slides_deeply(&self) -> bool {
+        let mut sliding = self.sliding.iter();
+        sliding.any(|&i| self.surfaces.n_derivatives(i) > 0)
+    }
+
+    /// True when the last evaluation, at the end of the step, has left a surface behind that the
+    /// series did not see.
+    pub(crate) fn on_wrong_side(&mut self, state: &State) -> bool {
+        for at in 0..self.watched.len() {
+            let i = self.watched[at];
+            if !state.armed[i] && self.watched_psi(i) * self.sides[i].sign() < -state.band[i] {
+                return true;
+            }
+        }
+        false
+    }
+
+    /// Whether a slip velocity with two entries stops: it has no sign behind that.
+    fn stops(&self, watch: Watch) -> bool {
+        matches!(watch, Watch::Surface(i) if self.is_in_disc(i))
+    }
+
+    /// Whether a contact opens that sticks to the end: a force that is zero has no friction to be determined.
+    fn lets_go(&self, watch: Watch) -> bool {
+        let Watch::Bound(normal, _) = watch else {
+            return false;
+        };
+        let mut sliding = self.sliding.iter();
+        sliding.any(|&i| self.slip_of[i] == Some(normal))
+    }
+
+    /// Moves a root of the series to the root of the function itself, by Newton's method on
+    /// the length of the step.
+    fn polish(
+        &mut self,
+        state: &mut State,
+        mut tau: f64,
+        watch: Watch,
+        h: f64,
+    ) -> Result<f64, Status> {
+        for _ in 0..4 {
+            Dense::Taylor(self).states_at(tau, &mut state.next);
+            Dense::Taylor(self).alphas_at(tau, &mut state.next_alpha);
+            let (value, slope) = match watch {
+                Watch::Surface(i) => {
+                    self.set(state.t + tau, &state.next, &state.next_alpha);
+                    (self.psi(i), series::slope(self.psi_series(i), tau))
+                }
+                Watch::Bound(..) | Watch::Disc(_) => {
+                    let singular = self
+                        .solve_alpha(state.t + tau, &state.next, &mut state.next_alpha)
+                        .is_err();
+                    if singular && self.lets_go(watch) {
+                        break;
+                    }
+                    if singular {
+                        return Err(self.stuck());
+                    }
+                    match watch {
+                        Watch::Bound(i, limit) => (
+                            state.next_alpha[i] - limit,
+                            series::slope(self.alpha_series(i), tau),
+                        ),
+                        _ => {
+                            let dense = Dense::Taylor(self);
+                            friction_disk::margin_at(dense, watch.switch(), tau, &state.next_alpha)
+                        }
+                    }
+                }
+            };
+            let next = tau - value / slope;
+            // A root that the function and its series do not share is a tangency: keep the series'.
+            if !next.is_finite() || next < 0.0 || (next - tau).abs() > 1e-3 * h {
+                break;
+            }
+            // Where the surface has just been left, a value that is rounding says nothing of the root.
+            if let Watch::Surface(i) = watch
+                && state.armed[i]
+                && value.abs() <= 8.0 * f64::EPSILON * state.terms[i]
+            {
+                break;
+            }
+            let moved = (next - tau).abs();
+            tau = next.min(h);
+            if moved <= f64::EPSILON * (state.t.abs() + tau) {
+                break;
+            }
+        }
+        Ok(tau)
+    }
+}

@@ -1,0 +1,172 @@
+//! What does not wait for the rates at an event: relays, switches of time, and every ψ that jumps
+//! with them.
+//!
+//! Where one of them changes its side, x is kept and all ψ are evaluated again. A ψ that has jumped to
+//! the other side of its surface takes its switch there, one that has jumped onto it is decided by the
+//! rates, and sliding does not survive a jump of its own ψ. Relays among them may make others jump in
+//! turn; all that is due at one time happens together.
+
+use crate::event::Simulator;
+use crate::expansion::series;
+use crate::hybrid::Side;
+use crate::hybrid::state::State;
+use crate::hybrid::status::Status;
+use crate::hybrid::system::Role;
+
+/// The switches on another side.
+fn changes(before: &[Side], after: &[Side]) -> Vec<usize> {
+    (0..before.len())
+        .filter(|&i| before[i] != after[i])
+        .collect()
+}
+
+impl Simulator {
+    /// True for switches that are decided before the others.
+    pub(crate) fn leads(&self, switch: usize) -> bool {
+        self.system.switches[switch].is_timed || self.system.relay(switch).is_some()
+    }
+
+    /// Decides what leads among `triggers`, and all that jumps with it. Returns the switches that
+    /// their rates decide.
+    pub(crate) fn lead(
+        &mut self,
+        state: &mut State,
+        triggers: &[usize],
+        t1: f64,
+    ) -> Result<Vec<usize>, Status> {
+        let (leading, mut open): (Vec<usize>, Vec<usize>) =
+            triggers.iter().partition(|&&i| self.leads(i));
+        if leading.is_empty() {
+            return Ok(open);
+        }
+        self.measure_bands(state, &leading, t1 - state.t);
+        let before = state.sides.clone();
+        let psi = self.psi(state);
+        let flips: Vec<usize> = (leading.iter().copied())
+            .filter(|&i| self.system.relay(i).is_some() && self.leaves(state, i, t1))
+            .collect();
+        for &i in &leading {
+            state.armed[i] = true;
+            if self.system.switches[i].is_timed {
+                let wanted = self.wanted(&[i], &[i]);
+                self.choose(state, &[i], &wanted, t1, true)?;
+            }
+        }
+        self.flip(state, &flips);
+        self.cascade(state, &before, psi, &mut open, t1)?;
+        let changed = changes(&before, &state.sides);
+        open.extend((0..before.len()).filter(|&i| {
+            let meets = state.sides[i] == Side::Slide || state.armed[i];
+            let couplings = &self.system.switches[i].couplings;
+            let coupled = || changed.iter().any(|j| couplings.binary_search(j).is_ok());
+            meets && !self.leads(i) && coupled()
+        }));
+        open.sort_unstable();
+        open.dedup();
+        Ok(open)
+    }
+
+    /// Follows what jumps with the switches that are on other sides than `before`, where ψ were `psi`,
+    /// to the end.
+    pub(crate) fn cascade(
+        &mut self,
+        state: &mut State,
+        before: &[Side],
+        mut psi: Vec<f64>,
+        open: &mut Vec<usize>,
+        t1: f64,
+    ) -> Result<(), Status> {
+        let mut seen: Vec<Box<[Side]>> = Vec::new();
+        while *state.sides != *seen.last().map_or(before, |sides| &**sides) {
+            let last = seen.last().map_or(before, |sides| &**sides);
+            if *state.sides == *before || seen.contains(&state.sides) {
+                let all = || seen.iter().map(|sides| &**sides).chain([before]);
+                let differs = |i: &usize| all().any(|sides| sides[*i] != state.sides[*i]);
+                let switches = (0..before.len()).filter(differs).collect();
+                return Err(Status::Restless { switches });
+            }
+            let changed = changes(last, &state.sides);
+            seen.push(state.sides.clone());
+            let last = std::mem::replace(&mut psi, self.psi(state));
+            let holds = |&i: &usize| {
+                let inside = &self.system.switches[i].inside;
+                (changed.iter()).any(|j| *j != i && inside.binary_search(j).is_ok())
+            };
+            let held: Vec<usize> = (0..before.len()).filter(holds).collect();
+            self.measure_bands(state, &held, t1 - state.t);
+            for i in held {
+                self.jump(state, i, last[i], psi[i], open);
+            }
+        }
+        Ok(())
+    }
+
+    /// What the jump of ψ of a switch from `last` to `psi` does to it.
+    pub(crate) fn jump(
+        &self,
+        state: &mut State,
+        i: usize,
+        last: f64,
+        psi: f64,
+        open: &mut Vec<usize>,
+    ) {
+        let band = state.band[i];
+        // z jumps with an equation, which stays one.
+        if self.system.role(i) != Role::Step {
+            return;
+        }
+        if self.system.relay(i).is_some() {
+            state.armed[i] = psi.abs() <= band;
+            if psi * state.sides[i].sign() < -band {
+                self.flip(state, &[i]);
+            }
+        } else if (psi - last).abs() > band {
+            state.armed[i] = false;
+            if psi.abs() <= band {
+                open.push(i);
+            } else {
+                open.retain(|&other| other != i);
+                let mut sides = state.sides.clone();
+                sides[i] = Side::of(psi);
+                state.set_sides(sides);
+            }
+        }
+    }
+
+    /// Sends relays to their other side.
+    fn flip(&self, state: &mut State, relays: &[usize]) {
+        let mut sides = state.sides.clone();
+        for &i in relays {
+            state.armed[i] = false;
+            sides[i] = Side::of(-sides[i].sign());
+        }
+        state.set_sides(sides);
+    }
+
+    /// ψ of all switches.
+    pub(crate) fn psi(&mut self, state: &State) -> Vec<f64> {
+        self.mode.set(state.t, &state.x, &state.alpha);
+        self.mode.enter_surfaces(&self.system, &state.sides);
+        (0..state.sides.len()).map(|i| self.mode.psi(i)).collect()
+    }
+
+    /// True when a relay on its threshold goes beyond it, in the present mode.
+    fn leaves(&mut self, state: &mut State, relay: usize, t1: f64) -> bool {
+        let tolerance = self.settings.local_tolerance();
+        let mut alpha = state.alpha.clone();
+        let mode = &mut self.mode;
+        mode.enter(&self.system, &state.sides);
+        if mode.expand(state.t, &state.x, &mut alpha).is_err() {
+            return true;
+        }
+        mode.measure_terms(state);
+        mode.expand_psi(relay, state);
+        mode.watched.clear();
+        mode.watched.push(relay);
+        let h = mode.step_size(tolerance, state, t1 - state.t);
+        let h = mode.step_size_of_psi(tolerance, state, h);
+        let c = mode.psi_series(relay);
+        let leading = series::leading(c, h, state.band[relay]);
+        leading.is_some_and(|k| c[k] * state.sides[relay].sign() < 0.0)
+    }
+}

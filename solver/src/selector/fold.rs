@@ -1,0 +1,272 @@
+//! Sliding folds: where the branch of sliding modes that nonlinear switches follow turns back.
+//!
+//! A = ∂φ_K/∂α_K of switches K that interact is singular there, which for one switch is S = ∂φ/∂α = 0, and
+//! α_K(t) = α_f - v √(t_f - t) + .. has an infinite slope along the null vector v of A. Steps of the Taylor method become
+//! shorter in proportion to what is left, and the last one goes to the fold itself: with a₁ and a₂ the first coefficients
+//! of α,
+//!
+//! t_f - t ≈ a₁ / (4 a₂),   α_f - α ≈ 2 a₁ (t_f - t).
+//!
+//! Along the branch by its length s, A dα/ds + φ_t dt/ds = 0. So Newton's method solves φ_K(t_f, x_f, α_f) = 0 and
+//! dt/ds = 0, with c along α_f - α and
+//!
+//! | A  φ_t | | y  v    |   | -φ_K  0 |
+//! | cᵀ  0  | | τ  dt/ds | = |  0    1 |
+//!
+//! which is regular in the fold (Govaerts 2000, chapter 3). The state moves there by (t_f - t) f at the mean of α, which
+//! is α + (α_f - α)/3; what this neglects is of order (α_f - α)⁴.
+
+use crate::expansion::mode::Mode;
+use crate::hybrid::state::State;
+use crate::linalg::DenseLu;
+
+/// Steps end at the fold once α is this close to it.
+const CLOSE: f64 = 3e-5;
+
+/// Newton iterations.
+const MAX_ITERATIONS: usize = 30;
+
+/// Roundings of its terms that φ may be wrong by.
+const ROUNDINGS: f64 = 4.0;
+
+/// A change of α over which dt/ds is compared.
+const APART: f64 = 1e-5;
+
+/// Where a branch ends.
+#[derive(Clone, Debug)]
+pub(crate) struct Fold {
+    /// The switch whose α is fastest.
+    pub switch: usize,
+    /// How long after the start of the step.
+    pub after: f64,
+    /// The switches that interact, that one among them.
+    pub turns: Vec<Turn>,
+}
+
+/// A switch in a fold.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Turn {
+    pub switch: usize,
+    pub alpha: f64,
+    /// Where the dummy system goes from there, relative to the one that goes farthest.
+    pub direction: f64,
+}
+
+impl Fold {
+    /// What becomes of a switch in it.
+    pub(crate) fn turn(&self, switch: usize) -> Option<&Turn> {
+        self.turns.iter().find(|turn| turn.switch == switch)
+    }
+}
+
+/// φ_K where the point is, and A, row by row.
+struct Rates {
+    phi: Vec<f64>,
+    slopes: Vec<f64>,
+}
+
+/// The matrix of Newton's method, factored.
+struct Bordered(DenseLu);
+
+impl Bordered {
+    fn new(slopes: &[f64], by_time: &[f64], along: &[f64]) -> Option<Self> {
+        let n = along.len();
+        let mut matrix = Vec::with_capacity((n + 1) * (n + 1));
+        for (row, by_time) in slopes.chunks_exact(n).zip(by_time) {
+            matrix.extend_from_slice(row);
+            matrix.push(*by_time);
+        }
+        matrix.extend_from_slice(along);
+        matrix.push(0.0);
+        let mut lu = DenseLu::new(n + 1);
+        lu.factor(&matrix).ok()?;
+        Some(Bordered(lu))
+    }
+
+    /// The solution for these right-hand sides and a last one.
+    fn solve(&self, rhs: impl Iterator<Item = f64>, last: f64) -> Vec<f64> {
+        let mut rhs: Vec<f64> = rhs.chain([last]).collect();
+        self.0.solve(&mut rhs);
+        rhs
+    }
+
+    /// dα/ds and dt/ds along the branch.
+    fn tangent(&self, n: usize) -> Vec<f64> {
+        self.solve(std::iter::repeat_n(0.0, n), 1.0)
+    }
+}
+
+impl Mode {
+    /// The fold that nonlinear switches are about to reach, with the state there in `state.next`.
+    pub(crate) fn fold_ahead(&mut self, state: &mut State, remaining: f64) -> Option<Fold> {
+        for at in 0..self.sliding.len() {
+            let i = self.sliding[at];
+            if !self.nonlinear[i] {
+                continue;
+            }
+            let a = self.alpha_series(i);
+            let left = a[1] / (4.0 * a[2]);
+            let moves = 2.0 * a[1] * left;
+            let is_close = moves.abs() <= CLOSE && left > 0.0 && left < remaining;
+            if !is_close || !(0.0..=1.0).contains(&(a[0] + moves)) {
+                continue;
+            }
+            let fold = self.fold_of(state, i, left);
+            if fold.is_some() {
+                return fold;
+            }
+        }
+        None
+    }
+
+    fn fold_of(&mut self, state: &mut State, i: usize, left: f64) -> Option<Fold> {
+        let own = |switches: &&[usize]| switches.contains(&i);
+        let switches = self.equations.components().find(own)?.to_vec();
+        let n = switches.len();
+        let start: Vec<f64> = switches.iter().map(|&k| state.alpha[k]).collect();
+        let moves = |&k: &usize| 2.0 * self.alpha_series(k)[1] * left;
+        let moves: Vec<f64> = switches.iter().map(moves).collect();
+        let size = norm(&moves);
+        let along: Vec<f64> = moves.iter().map(|m| m / size).collect();
+        let mut alpha = sum(&start, 1.0, &moves);
+        let (mut tau, mut rate) = (left, vec![0.0; self.n]);
+        for _ in 0..MAX_ITERATIONS {
+            self.set(state.t, &state.x, &state.alpha);
+            let moved = sum(&alpha, -1.0, &start);
+            self.rates_at(&switches, &sum(&start, 1.0 / 3.0, &moved));
+            rate.copy_from_slice(self.f());
+            self.shift(state, tau + left, &rate);
+            let ahead = self.rates_at(&switches, &alpha);
+            self.shift(state, tau, &rate);
+            let here = self.rates_at(&switches, &alpha);
+            let rises = ahead.phi.iter().zip(&here.phi);
+            let by_time: Vec<f64> = rises.map(|(ahead, here)| (ahead - here) / left).collect();
+            let newton = Bordered::new(&here.slopes, &by_time, &along)?;
+            let step = newton.solve(here.phi.iter().map(|phi| -phi), 0.0);
+            let tangent = newton.tangent(n);
+            let aside = self.rates_at(&switches, &sum(&alpha, APART, &tangent[..n]));
+            let beside = Bordered::new(&aside.slopes, &by_time, &along)?.tangent(n);
+            let by = -tangent[n] * APART / (beside[n] - tangent[n]);
+            // An instant is known as far as rounding in t and in φ lets it be.
+            let terms = switches.iter().map(|&k| self.terms_of_phi(k));
+            let terms = terms.fold(0.0, f64::max) / norm(&by_time);
+            let rounding = ROUNDINGS * f64::EPSILON * (state.t.abs() + terms);
+            alpha = sum(&sum(&alpha, 1.0, &step[..n]), by, &tangent[..n]);
+            tau += step[n] + by * tangent[n];
+            let is_near = norm(&sum(&sum(&alpha, -1.0, &start), -1.0, &moves)) <= 0.5 * size
+                && (tau - left).abs() <= 0.5 * left;
+            if !is_near {
+                return None;
+            }
+            let is_there = by.abs() <= 1e-12 && step[n].abs() <= (1e-10 * left).max(rounding);
+            if is_there && norm(&step[..n]) <= 1e-12 {
+                self.shift(state, tau, &rate);
+                let leaves = self.leaves_before(state, i);
+                let turns = self.turns(&switches, &alpha, &by_time, &along)?;
+                let speed = |turn: &&Turn| turn.direction.abs();
+                let fastest = turns.iter().max_by(|a, b| speed(a).total_cmp(&speed(b)));
+                let switch = fastest.map_or(i, |turn| turn.switch);
+                return (!leaves).then_some(Fold {
+                    switch,
+                    after: tau,
+                    turns,
+                });
+            }
+        }
+        None
+    }
+
+    /// Where the dummy system goes from a fold in which the point is: along v, in the direction of wᵀφ for the left null
+    /// vector w of A.
+    fn turns(
+        &mut self,
+        switches: &[usize],
+        alpha: &[f64],
+        by_time: &[f64],
+        along: &[f64],
+    ) -> Option<Vec<Turn>> {
+        let n = switches.len();
+        let here = self.rates_at(switches, alpha);
+        let newton = Bordered::new(&here.slopes, by_time, along)?;
+        let tangent = &newton.tangent(n)[..n];
+        let aside = self.rates_at(switches, &sum(alpha, APART, tangent));
+        let mut left: Vec<f64> = vec![0.0; n + 1];
+        left[n] = 1.0;
+        newton.0.solve_transposed(&mut left);
+        let bends = (here
+            .slopes
+            .chunks_exact(n)
+            .zip(aside.slopes.chunks_exact(n)))
+        .map(|(here, aside)| {
+            let change = here.iter().zip(aside).zip(tangent);
+            change
+                .map(|((here, aside), v)| (aside - here) * v)
+                .sum::<f64>()
+        });
+        let curvature: f64 = left.iter().zip(bends).map(|(w, bend)| w * bend).sum();
+        let pull: f64 = left.iter().zip(tangent).map(|(w, v)| w * v).sum();
+        let largest = tangent.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+        let sense = (curvature * pull).signum() / largest;
+        let turns = switches.iter().zip(alpha).zip(tangent);
+        let turns = turns.map(|((&switch, &alpha), v)| Turn {
+            switch,
+            alpha,
+            direction: sense * v,
+        });
+        let turns: Vec<Turn> = turns.collect();
+        let is_known = |turn: &Turn| turn.direction.is_finite();
+        (curvature * pull != 0.0 && turns.iter().all(is_known)).then_some(turns)
+    }
+
+    /// Where the dummy system of one switch goes from a fold in which the point is; zero where nothing tells.
+    pub(crate) fn direction_at(&mut self, i: usize, alpha: f64) -> f64 {
+        let aside = if alpha < 0.5 { APART } else { -APART };
+        let [before, beside] = [0.0, aside].map(|by| self.rates_at(&[i], &[alpha + by]).slopes[0]);
+        match (beside - before) / aside {
+            0.0 => 0.0,
+            curvature => curvature.signum(),
+        }
+    }
+
+    /// Takes a state at a rate, some time after the start of the step, into `next`, and moves there.
+    fn shift(&mut self, state: &mut State, tau: f64, rate: &[f64]) {
+        for (next, (x, rate)) in state.next.iter_mut().zip(state.x.iter().zip(rate)) {
+            *next = x + tau * rate;
+        }
+        self.set(state.t + (tau + state.t_low), &state.next, &state.alpha);
+    }
+
+    /// Rates of switches and their derivatives at these α, where the point is.
+    fn rates_at(&mut self, switches: &[usize], alpha: &[f64]) -> Rates {
+        for (&i, &alpha) in switches.iter().zip(alpha) {
+            self.memory.values[1 + self.n + i] = alpha;
+        }
+        self.field.eval(&self.memory.values);
+        self.linearize(switches);
+        let pairs = switches
+            .iter()
+            .flat_map(|&i| switches.iter().map(move |&j| (i, j)));
+        Rates {
+            phi: switches.iter().map(|&i| self.phi(i)).collect(),
+            slopes: pairs.map(|(i, j)| self.coupling(i, j)).collect(),
+        }
+    }
+
+    /// True when another surface is left behind at the state in `next`.
+    fn leaves_before(&mut self, state: &State, fold: usize) -> bool {
+        (0..self.sides.len()).any(|i| {
+            let watched =
+                i != fold && self.sides[i] != crate::hybrid::Side::Slide && !state.armed[i];
+            watched && self.psi(i) * self.sides[i].sign() < -state.band[i]
+        })
+    }
+}
+
+/// a + c b
+fn sum(a: &[f64], c: f64, b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a + c * b).collect()
+}
+
+fn norm(a: &[f64]) -> f64 {
+    a.iter().map(|a| a * a).sum::<f64>().sqrt()
+}

@@ -1,0 +1,395 @@
+//! Whether a choice of sides is a solution, and whether two are the same one.
+//!
+//! Rates and α decide where they are clearly off zero and off their bounds. Where
+//! a rate vanishes or an α starts at its bound, the Taylor series in the choice's own
+//! mode decide by their first non-negligible term, so that tangencies of any order
+//! are the same rule.
+
+use super::select::Choice;
+use crate::contact::friction_disk;
+use crate::contact::slip_onset::Departure;
+use crate::event::Simulator;
+use crate::expansion::mode::Mode;
+use crate::expansion::series;
+use crate::hybrid::Side;
+use crate::hybrid::state::State;
+use crate::hybrid::system::Role;
+use crate::linalg::DenseLu;
+
+/// Rates and distances to a bound below this fraction of their scale are ties.
+pub(crate) const TIE: f64 = 1e-9;
+
+/// Motions that differ less than this fraction of themselves are one.
+const SAME: f64 = 1e-9;
+
+/// Rounding of the terms of a rate.
+pub(crate) const ROUNDINGS: f64 = 64.0 * f64::EPSILON;
+
+/// Rounding of α = 1, which is no force.
+const NO_FORCE: f64 = 8.0 * f64::EPSILON;
+
+/// What an error grows by at most before motions are told apart.
+const GROWTH: f64 = 1e6;
+
+pub(crate) enum Check {
+    Consistent,
+    Inconsistent,
+    /// Decided by the choice's own series.
+    Tie,
+}
+
+/// What the series in a choice's own mode say.
+pub(crate) struct Verdict {
+    /// They stay on the choice's side of every surface.
+    pub agrees: bool,
+    /// A step of this length is accurate.
+    h: f64,
+    /// Terms c_k hᵏ of the states, k from 1, one state after another.
+    terms: Vec<f64>,
+    /// Per state, what rounding may have done to them.
+    rounding: Vec<f64>,
+}
+
+impl Verdict {
+    /// True when both mean the same motion of the states.
+    pub(crate) fn same_motion(&self, other: &Verdict) -> bool {
+        let order = self.terms.len() / self.rounding.len().max(1);
+        let h = self.h.min(other.h);
+        if h <= 0.0 {
+            return true;
+        }
+        let shrink = |verdict: &Verdict, i: usize, k: usize| {
+            verdict.terms[i * order + k] * (h / verdict.h).powi(k as i32 + 1)
+        };
+        (0..self.rounding.len()).all(|i| {
+            let pairs = || (0..order).map(|k| (shrink(self, i, k), shrink(other, i, k)));
+            let size = pairs().fold(0.0_f64, |m, (a, b)| m.max(a.abs()).max(b.abs()));
+            let noise = self.rounding[i].max(other.rounding[i]);
+            pairs().all(|(a, b)| (a - b).abs() <= SAME * size + noise)
+        })
+    }
+}
+
+impl Simulator {
+    /// Size of each rate of the group: |∇ψ|·|f| + |∂ψ/∂t| over all choices, with the terms of f that
+    /// cancel, and what would move ψ by its own size within a step. Where nothing acts, what rounding of forces that are
+    /// zero does is a tie, and so is a rate that is rounding of what cancels within a gradient.
+    pub(crate) fn rates(&mut self, state: &State, group: &[usize], choices: &[Choice]) -> Vec<f64> {
+        let mode = &mut self.mode;
+        mode.vary(&state.alpha);
+        mode.linearize(group);
+        let states = mode.states_in_focus().to_vec();
+        let largest = |component: usize| {
+            let at = states.partition_point(|&state| state < component);
+            let values = choices.iter().map(|choice| choice.f[at].abs());
+            values.fold(state.activity[component], f64::max)
+        };
+        let rate = |i: &usize| {
+            let terms = mode.weigh(*i, largest);
+            let size = mode.weigh(*i, |j| state.size(j));
+            let within_a_step = if state.last_step > 0.0 {
+                size / state.last_step
+            } else {
+                0.0
+            };
+            let contacts = group.iter().filter(|j| mode.is_contact(**j));
+            let push: f64 = contacts.map(|&j| mode.coupling(*i, j).abs()).sum();
+            terms + mode.time_gradient(*i).abs() + within_a_step + NO_FORCE / TIE * push
+        };
+        let rates: Vec<f64> = group.iter().map(rate).collect();
+        let rounded = |(&i, rate)| rate + mode.running_error_of_phi(i, largest) / TIE;
+        group.iter().zip(rates).map(rounded).collect()
+    }
+
+    /// What the rates and α say, in the mode where the group is free.
+    pub(crate) fn check(
+        &mut self,
+        state: &State,
+        group: &[usize],
+        choice: &Choice,
+        rates: &[f64],
+        units: &[f64],
+    ) -> Check {
+        self.enter_surfaces(state, group, &choice.sides);
+        let mode = &mut self.mode;
+        let mut alpha = state.alpha.clone();
+        for (&i, &a) in group.iter().zip(&choice.alpha) {
+            alpha[i] = a;
+        }
+        mode.vary(&alpha);
+        mode.linearize(group);
+        let mut tie = false;
+        let mut sides = state.sides.clone();
+        for (&i, &side) in group.iter().zip(&choice.sides) {
+            sides[i] = side;
+        }
+        for (at, &i) in group.iter().enumerate() {
+            if mode.is_idle(i, &sides) {
+                continue;
+            }
+            // Positive inside, negative outside, relative to the natural size.
+            let margin = match choice.sides[at] {
+                _ if mode.is_second(i) => continue,
+                side if mode.is_in_disc(i) => mode.margin_in_disc(i, side, &alpha, rates[at]),
+                Side::Slide if mode.roles[i] != Role::Step => continue,
+                Side::Slide if mode.is_unilateral(i) => {
+                    let force = 1.0 - choice.alpha[at];
+                    let gain = mode.coupling(i, i).abs();
+                    force
+                        * if rates[at] > 0.0 {
+                            gain / rates[at]
+                        } else {
+                            1.0
+                        }
+                }
+                Side::Slide => choice.alpha[at].min(1.0 - choice.alpha[at]) / units[at],
+                side if rates[at] > 0.0 => side.sign() * mode.phi(i) / rates[at],
+                _ => 0.0,
+            };
+            // Of a contact that is open, what is slower than an impact is left to its series.
+            let is_open = mode.is_contact(i) && !mode.surfaces.is_deep(i);
+            if margin.is_nan() || margin < -TIE && !is_open {
+                return Check::Inconsistent;
+            }
+            tie |= margin <= TIE;
+        }
+        if tie { Check::Tie } else { Check::Consistent }
+    }
+
+    /// Sizes of the terms of all rates, with what they grow to within a step h where one state acts on another:
+    /// exp(|J| h) times them, up to the order of the series. Forces of contacts are as large as they are known to be.
+    fn spread(&mut self, state: &State, group: &[usize], units: &[f64], h: f64) -> Vec<f64> {
+        let mut entries = Vec::new();
+        let keep = |row, column, value: f64| entries.push((row, column, value.abs() * h));
+        self.mode.jacobian(&self.system, keep);
+        let mut spread = state.activity.clone();
+        let forces = group.iter().zip(units);
+        let forces: Vec<_> = forces.filter(|(i, _)| self.mode.is_contact(**i)).collect();
+        // Masses couple states: what is left of a force in one is rounded as it is where it acts most.
+        let slopes = |state: usize| self.mode.field.slopes(state);
+        for &(&i, unit) in &forces {
+            let of_contact = |state| slopes(state).filter(|(switch, _)| *switch == i);
+            let acts = |state: &usize| of_contact(*state).next().is_some();
+            let moved: Vec<usize> = (0..spread.len()).filter(acts).collect();
+            let slopes = moved.iter().flat_map(|&state| of_contact(state));
+            let most = slopes.fold(0.0_f64, |most, (_, slope)| most.max(slope.abs()));
+            moved
+                .into_iter()
+                .for_each(|state| spread[state] += TIE * unit * most / ROUNDINGS);
+        }
+        let mut last = spread.clone();
+        for k in 1..=self.order {
+            let mut next = vec![0.0; last.len()];
+            for &(row, column, value) in &entries {
+                next[row] += value * last[column] / k as f64;
+            }
+            spread
+                .iter_mut()
+                .zip(&next)
+                .for_each(|(sum, term)| *sum += term);
+            last = next;
+        }
+        let most = GROWTH * state.activity.iter().copied().fold(0.0, f64::max);
+        spread.iter_mut().for_each(|size| *size = size.min(most));
+        spread
+    }
+
+    /// What α of each of the group that slides is measured in, once rates are known: in what moves its ψ as fast as the
+    /// rate is large, while the others that slide with it keep theirs. So an α is a tie at its bound exactly where the
+    /// rate without it is one. 1 for others.
+    pub(crate) fn units(&self, group: &[usize], choice: &Choice, rates: &[f64]) -> Vec<f64> {
+        let mode = &self.mode;
+        let slides = |at: &usize| choice.sides[*at] == Side::Slide;
+        let sliding: Vec<usize> = (0..group.len()).filter(slides).collect();
+        let factors = self.factors(group, &sliding);
+        // 1/(A⁻¹)_ii, or A_ii where it is that, or A is singular.
+        let gain = |at: usize| {
+            let place = sliding.iter().position(|&other| other == at);
+            let (Some(place), Some(factors)) = (place, &factors) else {
+                return mode.coupling(group[at], group[at]).abs();
+            };
+            let mut column = vec![0.0; sliding.len()];
+            column[place] = 1.0;
+            factors.solve(&mut column);
+            1.0 / column[place].abs()
+        };
+        let unit = |(at, &rate): (usize, &f64)| {
+            let i = group[at];
+            let gain = match mode.roles[i] {
+                _ if mode.is_unilateral(i) => mode.coupling(i, i).abs(),
+                Role::Step if slides(&at) && !mode.is_in_disc(i) => gain(at),
+                _ => return 1.0,
+            };
+            let is_known = rate > 0.0 && gain > 0.0 && gain.is_finite();
+            if is_known { rate / gain } else { 1.0 }
+        };
+        rates.iter().enumerate().map(unit).collect()
+    }
+
+    /// The couplings A of those of a group that slide, factored; none where there is one, or A is singular.
+    fn factors(&self, group: &[usize], sliding: &[usize]) -> Option<DenseLu> {
+        if sliding.len() < 2 {
+            return None;
+        }
+        let pairs = sliding
+            .iter()
+            .flat_map(|&row| sliding.iter().map(move |&column| (row, column)));
+        let matrix: Vec<f64> = pairs
+            .map(|(row, column)| self.mode.coupling(group[row], group[column]))
+            .collect();
+        let mut factors = DenseLu::new(sliding.len());
+        factors.factor(&matrix).is_ok().then_some(factors)
+    }
+
+    /// Expands a choice in its own mode; nothing where that is singular. True where some of it sets off from rest.
+    fn expand_choice(
+        &mut self,
+        state: &mut State,
+        (sides, alpha): (&[Side], &mut [f64]),
+        departures: &[Departure],
+        root: Option<usize>,
+        t1: f64,
+    ) -> Option<bool> {
+        self.hold(sides, departures);
+        let tolerance = self.settings.local_tolerance();
+        let left = t1 - state.t;
+        if !departures.is_empty()
+            && (self.mode).expand_departures(state, alpha, departures, tolerance, left)
+        {
+            return Some(true);
+        }
+        let mut x = match root {
+            Some(i) => self.mode.onto_surface(state, i),
+            None => state.x.clone(),
+        };
+        self.depart(state, &mut x, departures, t1);
+        self.mode.enter(&self.system, sides);
+        self.mode.expand(state.t, &x, alpha).ok()?;
+        Some(false)
+    }
+
+    /// What the series in the choice's own mode say; nothing where that mode is singular.
+    pub(crate) fn verdict(
+        &mut self,
+        state: &mut State,
+        group: &[usize],
+        choice: &Choice,
+        units: &[f64],
+        t1: f64,
+    ) -> Option<Verdict> {
+        let (mut sides, mut alpha) = (state.sides.clone(), state.alpha.clone());
+        for (at, &i) in group.iter().enumerate() {
+            sides[i] = choice.sides[at];
+            alpha[i] = choice.alpha[at];
+        }
+        let tolerance = self.settings.local_tolerance();
+        let mut departures = self.departures(state, group, choice);
+        // What another group has been found to set off with moves from now on.
+        let others = state.departures.iter();
+        departures.extend(others.filter(|one| !group.contains(&one.switches[0])));
+        let root = group
+            .iter()
+            .copied()
+            .find(|&i| self.system.switches[i].has_root);
+        let departs = self.expand_choice(state, (&sides, &mut alpha), &departures, root, t1)?;
+        let sets_off = |i: usize| departs && departures.iter().any(|d| d.switches.contains(&i));
+        let mode = &mut self.mode;
+        // At a root nothing but rates is known. Without roots, a series that is no number speaks against its mode.
+        let is_smooth = match (root, mode.roots.contains(&true)) {
+            (Some(_), _) => mode.cut_short(2),
+            (None, has_roots) => !has_roots || mode.cut_short(usize::MAX),
+        };
+        mode.measure_terms(state);
+        mode.watched.clear();
+        for &i in group {
+            if sides[i] == Side::Slide || mode.is_idle(i, &sides) || sets_off(i) {
+                continue;
+            }
+            mode.expand_psi(i, state);
+            mode.watched.push(i);
+        }
+        let mut longest = t1 - state.t;
+        if group.len() > 1 && group.iter().any(|&i| mode.is_contact(i)) {
+            longest = longest.min(mode.sight(&self.system));
+        }
+        let h = mode.step_size(tolerance, state, longest);
+        let h = mode.step_size_of_psi(tolerance, state, h);
+        let h = match departs {
+            true => h,
+            false => mode.leaves_rest(tolerance, state, h),
+        };
+        // Where series end early, rates a moment later tell.
+        let later = match is_smooth {
+            true => Vec::new(),
+            false => mode.rates_ahead(state, group, tolerance, longest),
+        };
+        let mode = &self.mode;
+        // A gap that is still open is struck behind this instant.
+        let near = &self.jumps.near;
+        let comes = |i: usize| {
+            let c = mode.psi_series(i);
+            let is_near = near.iter().any(|&(_, switch)| switch == i);
+            mode.is_contact(i) && !is_near && c[0] > 0.0 && c[1] < 0.0
+        };
+        let goes_there = |i: usize, side: Side| {
+            let mut later = group.iter().zip(&later).filter(|(j, _)| **j == i);
+            later.all(|(_, rate)| rate * side.sign() >= 0.0)
+        };
+        let stays = |((&i, side), unit): ((&usize, &Side), &f64)| match side {
+            _ if mode.is_idle(i, &sides) => true,
+            _ if mode.is_second(i) || sets_off(i) => true,
+            Side::Slide => mode.keeps_sliding(i, h, TIE * unit),
+            _ if comes(i) => true,
+            side => {
+                let series = mode.psi_series(i);
+                let leading = series::leading(series, h, state.level(i, series, h));
+                leading.map_or_else(|| goes_there(i, *side), |k| series[k] * side.sign() > 0.0)
+            }
+        };
+        let agrees = (group.iter().zip(&choice.sides).zip(units)).all(stays);
+        let terms = mode.terms_of_step(h);
+        let spread = self.spread(state, group, units, h);
+        Some(Verdict {
+            agrees,
+            h,
+            terms,
+            rounding: spread.iter().map(|a| ROUNDINGS * a * h).collect(),
+        })
+    }
+}
+
+impl Mode {
+    /// Whether the series of a sliding switch keep it on its surface for a time h: an α within a tie of its bound goes
+    /// inward.
+    fn keeps_sliding(&self, switch: usize, h: f64, tie: f64) -> bool {
+        if self.roles[switch] != Role::Step {
+            return true;
+        }
+        if self.is_in_disc(switch) {
+            return friction_disk::goes_on(self, switch, h);
+        }
+        let series = self.alpha_series(switch);
+        let inward = if series[0] <= tie && !self.is_unilateral(switch) {
+            1.0
+        } else if series[0] >= 1.0 - tie {
+            -1.0
+        } else {
+            return true;
+        };
+        series::leading(series, h, tie).is_none_or(|k| series[k] * inward > 0.0)
+    }
+
+    /// Terms c_k hᵏ of the states, k from 1, one state after another.
+    fn terms_of_step(&self, h: f64) -> Vec<f64> {
+        let order = self.order;
+        let mut terms = Vec::with_capacity(self.n * order);
+        for i in 0..self.n {
+            let mut power = 1.0;
+            terms.extend(self.x_series(i)[1..=order].iter().map(|c| {
+                power *= h;
+                c * power
+            }));
+        }
+        terms
+    }
+}

@@ -1,0 +1,185 @@
+//! More surfaces than can be enumerated: one choice by Lemke's method, others by search.
+
+use super::judge::TIE;
+use crate::expansion::mode::Mode;
+use crate::hybrid::Side;
+use crate::hybrid::state::State;
+use crate::lcp;
+
+/// α and rates this close to their bounds after Lemke's method are tried on both sides.
+const NEAR: f64 = 1e-7;
+
+/// Partial choices looked at by the search for further solutions.
+const MAX_NODES: usize = 4000;
+
+/// φ = b + Aα on the surfaces of a group.
+pub(crate) struct Problem<'m> {
+    pub mode: &'m mut Mode,
+    pub state: &'m State,
+    pub group: &'m [usize],
+}
+
+impl Problem<'_> {
+    /// -A, with every row divided by its size.
+    fn matrix(&self) -> (Vec<f64>, Vec<f64>) {
+        let n = self.group.len();
+        let mut matrix = vec![0.0; n * n];
+        let mut sizes = vec![1.0; n];
+        for row in 0..n {
+            for col in 0..n {
+                matrix[row * n + col] = -self.mode.coupling(self.group[row], self.group[col]);
+            }
+            let row_of = &mut matrix[row * n..(row + 1) * n];
+            let size = row_of.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+            sizes[row] = size.max(self.mode.phi(self.group[row]).abs());
+            if sizes[row] == 0.0 {
+                sizes[row] = 1.0;
+            }
+            row_of.iter_mut().for_each(|v| *v /= sizes[row]);
+        }
+        (matrix, sizes)
+    }
+
+    /// True when -A is proved to be a P-matrix here, so that there is exactly one solution.
+    pub(crate) fn is_unique(&mut self) -> bool {
+        self.mode.vary(&self.state.alpha);
+        self.mode.linearize(self.group);
+        let (matrix, _) = self.matrix();
+        lcp::is_p_matrix(&matrix, self.group.len()) == Some(true)
+    }
+
+    /// One solution by Lemke's method, relinearized until the sides repeat: the sides of every
+    /// switch, several where a rate vanishes at a bound of α.
+    ///
+    /// w = Mz + q with z = (α, p), w = (n, 1 - α), M = (-A I; -I 0), q = (-b, e).
+    pub(crate) fn pivot(&mut self, options: &[Vec<Side>]) -> Option<Vec<Vec<Side>>> {
+        let n = self.group.len();
+        let mut alpha = self.state.alpha.clone();
+        let mut last = Vec::new();
+        for _ in 0..20 {
+            self.mode.vary(&alpha);
+            self.mode.linearize(self.group);
+            let (matrix, sizes) = self.matrix();
+            let size = 2 * n;
+            let mut m = vec![0.0; size * size];
+            let (mut q, mut cover) = (vec![1.0; size], vec![1.0; size]);
+            for row in 0..n {
+                let mut b = self.mode.phi(self.group[row]) / sizes[row];
+                for col in 0..n {
+                    let entry = matrix[row * n + col];
+                    b += entry * alpha[self.group[col]];
+                    m[row * size + col] = entry;
+                    cover[row] += entry.abs();
+                }
+                m[row * size + n + row] = 1.0;
+                m[(n + row) * size + row] = -1.0;
+                q[row] = -b;
+            }
+            let z = lcp::lemke(&m, &q, &cover).ok()?;
+            let rate = |row: usize| {
+                let terms = (0..n).map(|col| matrix[row * n + col] * z[col]);
+                -q[row] - terms.sum::<f64>()
+            };
+            let sides: Vec<Vec<Side>> = (0..n)
+                .map(|row| nearest(z[row], rate(row), &options[row]))
+                .collect();
+            for (&i, &a) in self.group.iter().zip(&z) {
+                alpha[i] = a;
+            }
+            if sides == last {
+                break;
+            }
+            last = sides;
+        }
+        Some(last)
+    }
+
+    /// Choices that the ranges of the rates do not exclude, and whether these are all of them: the
+    /// search is bounded. Side by side, the rate of a switch must be able to have the sign its side asks for, whatever the undecided and
+    /// sliding switches do.
+    pub(crate) fn search(&mut self, options: &[Vec<Side>]) -> (Vec<Vec<Side>>, bool) {
+        let n = self.group.len();
+        self.mode.vary(&self.state.alpha);
+        self.mode.linearize(self.group);
+        let (matrix, sizes) = self.matrix();
+        let (mut low, mut high) = (vec![0.0; n], vec![0.0; n]);
+        for row in 0..n {
+            let mut start = self.mode.phi(self.group[row]) / sizes[row];
+            for (entry, &i) in matrix[row * n..(row + 1) * n].iter().zip(self.group) {
+                start += entry * self.state.alpha[i];
+                low[row] -= entry.max(0.0);
+                high[row] -= entry.min(0.0);
+            }
+            low[row] += start;
+            high[row] += start;
+        }
+        let possible = |sides: &[Side], low: &[f64], high: &[f64]| {
+            sides.iter().enumerate().all(|(row, side)| match side {
+                Side::Minus => low[row] <= NEAR,
+                Side::Slide => low[row] <= NEAR && high[row] >= -NEAR,
+                Side::Plus => high[row] >= -NEAR,
+            })
+        };
+        let mut found = Vec::new();
+        let mut left = vec![(Vec::new(), low, high)];
+        for _ in 0..MAX_NODES {
+            let Some((sides, low, high)) = left.pop() else {
+                break;
+            };
+            if !possible(&sides, &low, &high) {
+                continue;
+            }
+            let at = sides.len();
+            if at == n {
+                found.push(sides);
+                continue;
+            }
+            for &side in &options[at] {
+                let (mut low, mut high) = (low.clone(), high.clone());
+                if side != Side::Slide {
+                    let alpha = if side == Side::Plus { 1.0 } else { 0.0 };
+                    for row in 0..n {
+                        let rate = -matrix[row * n + at];
+                        low[row] += rate * alpha - rate.min(0.0);
+                        high[row] += rate * alpha - rate.max(0.0);
+                    }
+                }
+                left.push(([sides.as_slice(), &[side]].concat(), low, high));
+            }
+        }
+        (found, left.is_empty())
+    }
+}
+
+/// The sides α and its rate stand for, of those a switch has.
+fn nearest(alpha: f64, rate: f64, options: &[Side]) -> Vec<Side> {
+    let side = if alpha <= TIE {
+        Side::Minus
+    } else if alpha >= 1.0 - TIE {
+        Side::Plus
+    } else {
+        Side::Slide
+    };
+    let slides = options.contains(&Side::Slide);
+    if !slides {
+        // α of a continuous switch does not matter: its rate decides.
+        return match rate {
+            rate if rate.abs() <= NEAR => options.to_vec(),
+            rate => vec![Side::of(rate)],
+        };
+    }
+    let mut sides = vec![side];
+    if rate.abs() <= NEAR {
+        let other = if side != Side::Slide {
+            Some(Side::Slide)
+        } else if alpha <= NEAR {
+            Some(Side::Minus)
+        } else if alpha >= 1.0 - NEAR {
+            Some(Side::Plus)
+        } else {
+            None
+        };
+        sides.extend(other);
+    }
+    sides
+}

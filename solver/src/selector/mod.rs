@@ -1,0 +1,18 @@
+//! The mode that goes on from a point where surfaces meet.
+
+pub(crate) mod candidates;
+pub(crate) mod decided;
+#[cfg(test)]
+mod decided_tests;
+pub(crate) mod dummy;
+pub(crate) mod fold;
+pub(crate) mod guide;
+pub(crate) mod interacting;
+pub(crate) mod judge;
+pub(crate) mod lemke;
+pub(crate) mod nonlinear;
+pub(crate) mod select;
+
+pub use guide::{Guide, Next, Standing};
+pub use nonlinear::{Decision, SlidingMode};
+pub use select::{Candidate, MAX_NAMED};

@@ -1,0 +1,224 @@
+//! Sliding modes of a nonlinear switch: all α in [0, 1] at which φ(α) = ∇ψ·f(α) + ∂ψ/∂t vanishes.
+//!
+//! They are the fixed points of the dummy system dα/dτ = φ(α), and attract where S = ∂φ/∂α < 0
+//! (Jeffrey 2014, definitions 1 and 2). The interval is halved until each part is proven to hold none,
+//! as an enclosure of φ or its mean value form φ(m) + S([a, b]) (α - m) excludes zero, or one at most, as an
+//! enclosure of S does.
+
+use crate::event::Simulator;
+use crate::expansion::mode::Mode;
+use crate::hybrid::Side;
+use crate::tape::Ball;
+
+/// An α that keeps the state on the surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SlidingMode {
+    /// α ∈ [0, 1].
+    pub alpha: f64,
+    /// S = ∂φ/∂α: attracting where it is negative, repelling where it is positive.
+    pub stability: f64,
+}
+
+/// What decided about nonlinear switches at an event.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Decision {
+    /// The switch.
+    pub switch: usize,
+    /// All sliding modes at the event, other switches being as they are afterwards; α ascending.
+    pub modes: Vec<SlidingMode>,
+    /// α with which it slides on; none where it leaves its surface, or crosses it.
+    pub taken: Option<f64>,
+    /// A sliding mode has ended in a fold here.
+    pub folds: bool,
+}
+
+/// Parts of [0, 1] looked at before a search gives up.
+const MAX_PARTS: usize = 20_000;
+
+/// Parts of this width hold a double zero, as far as can be told.
+const NARROW: f64 = 1e-8;
+
+/// Zeros that are closer are one.
+const SAME: f64 = 4.0 * NARROW;
+
+/// Newton iterations onto a surface.
+const MAX_MOVES: usize = 50;
+
+/// Roundings of its terms that φ may be wrong by.
+const ROUNDINGS: f64 = 16.0;
+
+/// A part of the interval was left open: φ or S has no bound there, or vanishes all along it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Unbounded;
+
+impl Mode {
+    /// φ and S of a switch in focus, and the rounding of φ.
+    pub(crate) fn rate_at(&mut self, switch: usize, alphas: &mut [f64], alpha: f64) -> [f64; 3] {
+        alphas[switch] = alpha;
+        self.vary(alphas);
+        self.linearize(&[switch]);
+        let rounding = ROUNDINGS * f64::EPSILON * self.terms_of_phi(switch);
+        [self.phi(switch), self.coupling(switch, switch), rounding]
+    }
+
+    /// Enclosures of φ and S while α is within `radius` of `middle`.
+    fn enclose(&mut self, switch: usize, middle: f64, radius: f64) -> [Ball; 2] {
+        let slot = 1 + self.n + switch;
+        let inside = Ball::new(middle, radius);
+        let (mut phi, mut slope) = (
+            Ball::new(self.time_gradient(switch), 0.0),
+            Ball::new(0.0, 0.0),
+        );
+        for at in 0..self.gradient(switch).len() {
+            let (state, g) = self.gradient(switch)[at];
+            let [f, by_alpha] =
+                self.field
+                    .enclose(state, switch, &self.memory.values, slot, inside);
+            let g = Ball::new(g, 0.0);
+            (phi, slope) = (phi + g * f, slope + g * by_alpha);
+        }
+        [phi, slope]
+    }
+
+    /// All sliding modes of a switch in focus on its surface, in order.
+    pub(crate) fn sliding_modes(
+        &mut self,
+        switch: usize,
+        alphas: &mut [f64],
+    ) -> Result<Vec<SlidingMode>, Unbounded> {
+        let mut found: Vec<SlidingMode> = Vec::new();
+        let mut parts = vec![(0.5, 0.5)];
+        for _ in 0..MAX_PARTS {
+            let Some((middle, radius)) = parts.pop() else {
+                found.sort_by(|a, b| a.alpha.total_cmp(&b.alpha));
+                found.dedup_by(|b, a| (a.alpha - b.alpha).abs() <= SAME);
+                return Ok(found);
+            };
+            let [value, _, rounding] = self.rate_at(switch, alphas, middle);
+            if value.is_nan() {
+                return Err(Unbounded);
+            }
+            let [phi, slope] = self.enclose(switch, middle, radius);
+            let steepest = slope.middle.abs() + slope.radius;
+            let nearest = (phi.middle.abs() - phi.radius).max(value.abs() - steepest * radius);
+            if nearest > rounding {
+                continue;
+            }
+            let (low, high) = (middle - radius, middle + radius);
+            if slope.excludes_zero() {
+                let ends = [low, high].map(|end| self.rate_at(switch, alphas, end));
+                let has_none = ends[0][0] * ends[1][0] > 0.0
+                    && ends
+                        .iter()
+                        .all(|[value, _, rounding]| value.abs() > *rounding);
+                if !has_none {
+                    found.push(self.zero_between(switch, alphas, low, high));
+                }
+            } else if radius <= NARROW {
+                let [_, stability, _] = self.rate_at(switch, alphas, middle);
+                found.push(SlidingMode {
+                    alpha: middle,
+                    stability,
+                });
+            } else {
+                let half = 0.5 * radius;
+                parts.extend([(middle - half, half), (middle + half, half)]);
+            }
+        }
+        Err(Unbounded)
+    }
+
+    /// The zero of φ in an interval in which it is monotonic, or the end that is closest to it: Newton's method,
+    /// with bisection where that would leave the interval.
+    fn zero_between(
+        &mut self,
+        switch: usize,
+        alphas: &mut [f64],
+        mut low: f64,
+        mut high: f64,
+    ) -> SlidingMode {
+        let [at_low, ..] = self.rate_at(switch, alphas, low);
+        let [at_high, ..] = self.rate_at(switch, alphas, high);
+        let rises = at_high > at_low;
+        let mut alpha = 0.5 * (low + high);
+        let mut stability = 0.0;
+        for _ in 0..100 {
+            let [value, slope, _] = self.rate_at(switch, alphas, alpha);
+            stability = slope;
+            if (value > 0.0) == rises {
+                high = alpha;
+            } else {
+                low = alpha;
+            }
+            let newton = alpha - value / slope;
+            let next = match low <= newton && newton <= high {
+                true => newton,
+                false => 0.5 * (low + high),
+            };
+            let change = (next - alpha).abs();
+            alpha = next;
+            if change <= f64::EPSILON || value == 0.0 {
+                break;
+            }
+        }
+        SlidingMode { alpha, stability }
+    }
+
+    /// True when a nonlinear switch slides.
+    pub(crate) fn slides_nonlinearly(&self) -> bool {
+        self.sliding.iter().any(|&i| self.nonlinear[i])
+    }
+}
+
+impl Simulator {
+    /// All sliding modes of a switch where the state is on its surface, other switches being on the sides that their ψ
+    /// have. States that are not `held` are moved onto the surface first; none where that does not succeed, or where
+    /// the modes cannot be told apart.
+    pub fn sliding_modes(
+        &mut self,
+        t: f64,
+        x: &mut [f64],
+        switch: usize,
+        held: &[usize],
+    ) -> Option<Vec<SlidingMode>> {
+        self.pieces.until = self.mode.load(&self.system, t);
+        let mut alphas = vec![1.0; self.system.n_switches()];
+        let mut sides = vec![Side::Plus; alphas.len()];
+        sides[switch] = Side::Slide;
+        for _ in 0..MAX_MOVES {
+            self.mode.enter(&self.system, &sides);
+            self.mode.set(t, x, &alphas);
+            for i in 0..sides.len() {
+                if i != switch {
+                    sides[i] = Side::of(self.mode.psi(i));
+                    alphas[i] = 0.5 + 0.5 * sides[i].sign();
+                }
+            }
+            self.mode.enter(&self.system, &sides);
+            self.mode.focus(t, x, &alphas, &[switch]);
+            self.mode.linearize(&[switch]);
+            let psi = self.mode.psi(switch);
+            let free = self.mode.gradient(switch).iter();
+            let free: Vec<(usize, f64)> = free
+                .copied()
+                .filter(|(state, _)| !held.contains(state))
+                .collect();
+            let size: f64 = free.iter().map(|(_, g)| g * g).sum();
+            let change = psi / size;
+            if psi == 0.0
+                || free
+                    .iter()
+                    .all(|&(j, g)| (change * g).abs() <= 1e-15 * x[j].abs())
+            {
+                return self.mode.sliding_modes(switch, &mut alphas).ok();
+            }
+            if !change.is_finite() {
+                return None;
+            }
+            for (state, g) in free {
+                x[state] -= change * g;
+            }
+        }
+        None
+    }
+}

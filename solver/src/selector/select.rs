@@ -1,0 +1,567 @@
+//! The next mode, where surfaces meet.
+//!
+//! On the surfaces I that meet in a point, find α_I ∈ [0, 1]^I with
+//! φ_i > 0 ⇒ α_i = 1 and φ_i < 0 ⇒ α_i = 0. Surfaces that do not interact are decided
+//! one group after the other, those whose rates decide before those that need
+//! higher derivatives, which depend on the others' sides.
+
+use super::judge::{Check, Verdict};
+use crate::event::Simulator;
+use crate::event::jump::{Met, TOUCH};
+use crate::expansion::mode::Mode;
+use crate::hybrid::Side;
+use crate::hybrid::settings::Settings;
+use crate::hybrid::state::{Entry, State};
+use crate::hybrid::status::{Note, Status};
+use crate::hybrid::system::Role;
+use crate::integrate::singular_rates::Settling;
+
+/// One way to go on: the sides of the switches that meet.
+pub type Candidate = Vec<(usize, Side)>;
+
+/// |ψ| below this fraction of how far its states have moved is the surface; of a contact, a slip velocity or an
+/// equation below this fraction of how large they are.
+pub(crate) const BAND: f64 = 1e-12;
+
+/// Roundings of the terms of a switch: where a run starts those of evaluating ψ and of the numbers of the model; later
+/// x has more, of the step to it or of a law; and those within which a surface that has just been left is not seen again.
+const AT_START: f64 = 2.0;
+const LATER: f64 = 4.0;
+const LEFT: f64 = 16.0;
+
+/// Solutions looked for where one cannot be chosen: as many as three repelling surfaces have.
+pub const MAX_NAMED: usize = 27;
+
+/// A choice on one group of interacting surfaces.
+#[derive(Clone)]
+pub(crate) struct Choice {
+    pub sides: Vec<Side>,
+    pub alpha: Vec<f64>,
+    /// f of the states that ψ of the group depend on.
+    pub f: Vec<f64>,
+}
+
+/// What is known of the choices on a group.
+pub(crate) struct Choices {
+    pub found: Vec<Choice>,
+    /// Some choice of sides leaves its α undetermined.
+    pub singular: bool,
+    /// No bound of a search was met, so that there are no others.
+    pub all: bool,
+}
+
+impl Mode {
+    /// Below what |ψ| is the surface, where the point is. The switch stands for ψ afterwards.
+    pub(crate) fn band(&mut self, switch: usize, state: &State, horizon: f64) -> f64 {
+        let rounding = self.rounding(switch, state);
+        self.band_above(rounding, switch, state, horizon)
+    }
+
+    /// The same of a ψ that was linearized there, and has this rounding.
+    fn band_above(&self, rounding: f64, switch: usize, state: &State, horizon: f64) -> f64 {
+        let by_time = self.time_gradient(switch).abs();
+        if !self.is_plain(switch) {
+            let size = self.weigh(switch, |j| state.size(j));
+            return BAND * (size + by_time * horizon);
+        }
+        if !state.begun {
+            return AT_START * rounding;
+        }
+        let motion = self.weigh(switch, |j| state.motion(j));
+        (LATER * rounding).max(BAND * (motion + by_time * state.t.abs()))
+    }
+
+    /// One rounding of every term of ψ of a switch where the point is, be it one that cancels within ψ. The switch
+    /// stands for ψ afterwards, and is linearized.
+    fn rounding(&mut self, switch: usize, state: &State) -> f64 {
+        self.surfaces.stand_for(switch, 0);
+        self.surfaces.linearize(switch, &self.memory.values);
+        let size = self.weigh(switch, |j| state.size(j));
+        let of_inputs = f64::EPSILON * (size + self.time_gradient(switch).abs() * state.t.abs());
+        match self.is_plain(switch) {
+            true => of_inputs.max(self.running_error(switch)),
+            false => of_inputs,
+        }
+    }
+
+    /// What rounding makes of a ψ that has just left its surface, or waits there, within a step h: its own, and how far
+    /// what follows from states that are held at zero takes it.
+    pub(crate) fn rounding_of_motion(&self, switch: usize, state: &State, h: f64) -> f64 {
+        let held = self.weigh(switch, |j| state.held[j]);
+        state.rounding[switch] + LEFT * f64::EPSILON * held * h
+    }
+
+    /// True for a switch whose surface nothing but a sign of ψ tells: none of a contact, a projection or an equation.
+    pub(crate) fn is_plain(&self, switch: usize) -> bool {
+        let is_slip = self.slip_of[switch].is_some();
+        self.roles[switch] == Role::Step && !self.unilateral[switch] && !is_slip
+    }
+}
+
+/// A choice that rates and α do not rule out, and what each α is measured in.
+struct Checked {
+    choice: Choice,
+    check: Check,
+    units: Vec<f64>,
+}
+
+impl Simulator {
+    /// Finds the mode at the start, taking every surface that holds the state as meeting there.
+    pub(crate) fn start(&mut self, state: &mut State, horizon: f64) -> Result<(), Status> {
+        self.load(state);
+        let relay = |i: usize| self.system.relay(i).unwrap_or(Side::Plus);
+        state.set_sides((0..state.sides.len()).map(relay).collect());
+        let on = self.place(state, horizon, &[])?;
+        let t1 = state.t + horizon;
+        self.enter(state, on, t1)
+    }
+
+    /// Takes the mode of a state that was set, which is on these surfaces.
+    pub(crate) fn enter(
+        &mut self,
+        state: &mut State,
+        on: Vec<usize>,
+        t1: f64,
+    ) -> Result<(), Status> {
+        if self.has_jumps() {
+            self.jump_and_change(state, Met::Surfaces(on), t1)
+        } else if on.is_empty() {
+            Ok(())
+        } else {
+            self.change(state, &on, t1)
+        }
+    }
+
+    /// Takes the sides that ψ have where the state is, and returns the switches on their surface: closed contacts that
+    /// are `kept` where they are, too, whose gaps are rounding.
+    pub(crate) fn place(
+        &mut self,
+        state: &mut State,
+        horizon: f64,
+        kept: &[usize],
+    ) -> Result<Vec<usize>, Status> {
+        let all: Vec<usize> = (0..state.sides.len()).collect();
+        let before = state.alpha.clone();
+        self.settle(state, horizon)?;
+        // ψ of a nested max depends on the sides of the inner one: settle from the inside out.
+        for round in 0.. {
+            let psi = self.psi(state);
+            let side = |(i, &psi): (usize, &f64)| match self.system.relay(i) {
+                // A relay stays where ψ is zero.
+                Some(_) if psi == 0.0 => state.sides[i],
+                _ if self.system.role(i) != Role::Step => state.sides[i],
+                _ if self.system.is_unilateral(i) || self.system.across(i).is_some() => Side::Plus,
+                _ => Side::of(psi),
+            };
+            let sides: Box<[Side]> = psi.iter().enumerate().map(side).collect();
+            if sides == state.sides {
+                break;
+            }
+            if round > all.len() {
+                let switches = (all.into_iter())
+                    .filter(|&i| sides[i] != state.sides[i])
+                    .collect();
+                return Err(Status::Restless { switches });
+            }
+            state.set_sides(sides);
+            self.mode.set(state.t, &state.x, &state.alpha);
+        }
+        self.measure_bands(state, &all, horizon);
+        let below = |&&i: &&usize| {
+            let is_kept = kept.contains(&i) || !self.system.is_unilateral(i);
+            !is_kept && self.mode.psi(i) < -state.band[i]
+        };
+        if let Some(&switch) = all.iter().find(below) {
+            return Err(Status::Penetrates { switch });
+        }
+        let near: Vec<bool> = (all.iter())
+            .map(|&i| {
+                let share = if self.is_contact(i) { TOUCH } else { 1.0 };
+                kept.contains(&i) || self.mode.psi(i).abs() <= share * state.band[i]
+            })
+            .collect();
+        let near: Vec<bool> = (all.iter())
+            .map(|&i| near[i] && self.system.across(i).is_none_or(|other| near[other]))
+            .collect();
+        let is_kept = |i: usize| self.system.role(i) != Role::Step && state.sides[i] == Side::Slide;
+        let on =
+            |&i: &usize| near[i] && !is_kept(i) && self.system.slip_of(i).is_none_or(|of| near[of]);
+        let on: Vec<usize> = all.into_iter().filter(on).collect();
+        state.armed.fill(false);
+        for &i in on.iter().filter(|i| self.mode.nonlinear[**i]) {
+            state.entry[i] = match state.begun {
+                true => Entry::From(before[i]),
+                false => Entry::Unknown,
+            };
+        }
+        Ok(on)
+    }
+
+    /// The same where contacts that were closed before jumps stay where they are.
+    pub(crate) fn place_kept(
+        &mut self,
+        state: &mut State,
+        horizon: f64,
+    ) -> Result<Vec<usize>, Status> {
+        let kept = std::mem::take(&mut self.jumps.kept);
+        let on = self.place(state, horizon, &kept);
+        self.jumps.kept = kept;
+        on
+    }
+
+    /// Finds the next mode where `triggers` have reached their surface or stop to slide.
+    pub(crate) fn change(
+        &mut self,
+        state: &mut State,
+        triggers: &[usize],
+        t1: f64,
+    ) -> Result<(), Status> {
+        let open = self.lead(state, triggers, t1)?;
+        let selected = match self.is_unsettled(state, t1) {
+            true => None,
+            false => Some(self.select(state, &open, t1)),
+        };
+        match selected {
+            // Algebraic states jump, with others or where their rows depend on each other.
+            None | Some(Err(Status::Inconsistent { .. })) => {
+                let on = self.place_kept(state, t1 - state.t)?;
+                self.select(state, &on, t1)
+            }
+            Some(selected) => selected,
+        }
+    }
+
+    /// |ψ| ≤ band is the surface, and what rounding does to ψ is a part of it.
+    pub(crate) fn measure_bands(&mut self, state: &mut State, switches: &[usize], horizon: f64) {
+        self.mode.set(state.t, &state.x, &state.alpha);
+        for &i in switches {
+            let rounding = self.mode.rounding(i, state);
+            state.band[i] = self.mode.band_above(rounding, i, state, horizon);
+            state.rounding[i] = LEFT * rounding;
+        }
+    }
+
+    /// Chooses the sides of all switches that meet here and interact with `triggers`.
+    fn select(&mut self, state: &mut State, triggers: &[usize], t1: f64) -> Result<(), Status> {
+        let mut triggers = triggers.to_vec();
+        self.wake_free(state, &mut triggers, t1);
+        // What made no difference may make one behind this event.
+        triggers.extend((0..state.open.len()).filter(|&i| state.open[i] && state.armed[i]));
+        let others = triggers.iter().filter_map(|&i| self.system.across(i));
+        let others: Vec<usize> = others.collect();
+        triggers.extend(others);
+        triggers.sort_unstable();
+        triggers.dedup();
+        triggers.retain(|&i| !self.has_no_rate(state, i));
+        let triggers = &triggers[..];
+        let meets = |i: &usize| state.sides[*i] == Side::Slide || state.armed[*i];
+        let is_met = |i: &usize| triggers.contains(i) || meets(i) && !self.leads(*i);
+        let meeting: Vec<usize> = (0..state.sides.len())
+            .filter(|i| is_met(i) && self.system.slip_of(*i).is_none_or(|of| is_met(&of)))
+            .collect();
+        self.measure_bands(state, &meeting, t1 - state.t);
+        let mut groups: Vec<Vec<usize>> = Vec::new();
+        for &trigger in triggers {
+            if !groups.iter().any(|group| group.contains(&trigger)) {
+                groups.push(self.interacting(trigger, &meeting));
+            }
+        }
+        // What only looks at others is decided behind them.
+        for &i in meeting.iter().filter(|i| self.only_watches(**i)) {
+            let watches = |j: &usize| self.system.switches[i].couplings.contains(j);
+            let known = |group: &Vec<usize>| group.contains(&i);
+            if groups.iter().flatten().any(watches) && !groups.iter().any(known) {
+                groups.push(vec![i]);
+            }
+        }
+        let mut decided = groups.concat();
+        decided.sort_unstable();
+        let is_behind = |group: &Vec<usize>| group.iter().all(|&i| self.only_watches(i));
+        let (behind, first): (Vec<_>, Vec<_>) = groups.into_iter().partition(is_behind);
+        for groups in [first, behind] {
+            let mut tied = Vec::new();
+            for group in groups {
+                let wanted = self.wanted(&group, &decided);
+                if !self.choose(state, &group, &wanted, t1, false)? {
+                    tied.push((group, wanted));
+                }
+            }
+            for (group, wanted) in tied {
+                self.choose(state, &group, &wanted, t1, true)?;
+            }
+        }
+        for &i in &meeting {
+            state.armed[i] = true;
+        }
+        // What was small before the event is zero after it.
+        let deep = |&i: &usize| self.mode.surfaces.n_derivatives(i) > 0;
+        if meeting.iter().any(deep) {
+            if meeting.iter().any(|&i| self.mode.is_contact(i)) {
+                self.halt(state);
+            }
+            self.mode.enter(&self.system, &state.sides);
+            self.mode.start_equations(state);
+            self.mode.project(&self.system, state);
+        }
+        Ok(())
+    }
+
+    /// The sides asked for at a non-unique point: one for all, or one for each of the switches
+    /// `decided` there, in order.
+    pub(crate) fn wanted(&self, group: &[usize], decided: &[usize]) -> Vec<Option<Side>> {
+        let Settings { branch, below, .. } = &self.settings;
+        let of_switch = |i: &usize| match branch[..] {
+            [] => below.contains(i).then_some(Side::Minus),
+            [side] => Some(side),
+            _ => branch.get(decided.binary_search(i).ok()?).copied(),
+        };
+        group.iter().map(of_switch).collect()
+    }
+
+    /// True for a switch whose α no rate of a switching function contains, as that of a term in an output.
+    fn only_watches(&self, switch: usize) -> bool {
+        let is_step = self.system.role(switch) == Role::Step;
+        is_step
+            && self.coupled_by[switch].is_empty()
+            && self.system.slip_of(switch).is_none()
+            && !self.system.is_unilateral(switch)
+    }
+
+    /// The surfaces among `meeting` that `switch` interacts with, in order.
+    pub(crate) fn interacting(&self, switch: usize, meeting: &[usize]) -> Vec<usize> {
+        let mut group = vec![switch];
+        if self.only_watches(switch) {
+            return group;
+        }
+        let mut next = 0;
+        while next < group.len() {
+            let i = group[next];
+            let linked = self.system.switches[i]
+                .couplings
+                .iter()
+                .chain(&self.coupled_by[i]);
+            let partner = match self.system.role(i) {
+                Role::Member(partner) => Some(partner),
+                Role::Step | Role::Equation => None,
+            };
+            let across = self.system.across(i);
+            for &j in linked.chain(&partner).chain(&across) {
+                let is_met = meeting.binary_search(&j).is_ok() && !self.only_watches(j);
+                if is_met && !group.contains(&j) {
+                    group.push(j);
+                }
+            }
+            next += 1;
+        }
+        group.sort_unstable();
+        group
+    }
+
+    /// Decides one group of interacting surfaces and sets its sides; false, with nothing set, where
+    /// that takes the series and `series` does not allow it.
+    pub(crate) fn choose(
+        &mut self,
+        state: &mut State,
+        group: &[usize],
+        wanted: &[Option<Side>],
+        t1: f64,
+        series: bool,
+    ) -> Result<bool, Status> {
+        if group.iter().any(|&i| self.mode.rests[i]) {
+            return self.choose_around_rest(state, group, wanted, t1, series);
+        }
+        let settling = self.settling(state, group);
+        let mut sides = state.sides.clone();
+        for &i in group {
+            sides[i] = Side::Slide;
+            state.open[i] = false;
+        }
+        self.mode.enter(&self.system, &sides);
+        for &i in group {
+            let settles = settling.iter().any(|one| one.switch == i);
+            self.take_order(state, i, settles);
+        }
+        self.mode.focus(state.t, &state.x, &state.alpha, group);
+        if let ([switch], [wanted]) = (group, wanted)
+            && self.mode.nonlinear[*switch]
+        {
+            return self.decide_nonlinear(state, *switch, *wanted, t1, series);
+        }
+        // What follows takes rates to be affine in each α.
+        if group.iter().any(|&i| self.mode.nonlinear[i]) {
+            return self.decide_several(state, group, wanted, t1);
+        }
+        let choices = self.choices(state, group)?;
+        let rates = self.rates(state, group, &choices.found);
+        let measured = choices.found.into_iter().map(|choice| {
+            let units = self.units(group, &choice, &rates);
+            (choice, units)
+        });
+        let mut checked = Vec::new();
+        for (choice, units) in measured.collect::<Vec<_>>() {
+            match self.check(state, group, &choice, &rates, &units) {
+                Check::Inconsistent => {}
+                Check::Tie if !series => return Ok(false),
+                check => checked.push(Checked {
+                    choice,
+                    check,
+                    units,
+                }),
+            }
+        }
+        let valid = self.confirm(state, group, checked, t1);
+        if !choices.all && valid.len() == 1 {
+            state.note(Note::Unsearched {
+                time: state.t,
+                switches: group.to_vec(),
+            });
+        }
+        let choice = self.only(group, wanted, valid, choices.singular)?;
+        self.adopt(state, group, &choice, settling);
+        Ok(true)
+    }
+
+    /// The choice that goes on: the only one, or the only one of several that is asked for.
+    fn only(
+        &self,
+        group: &[usize],
+        wanted: &[Option<Side>],
+        mut valid: Vec<Choice>,
+        is_singular: bool,
+    ) -> Result<Choice, Status> {
+        if valid.len() > 1 {
+            let matches = |choice: &Choice| {
+                let mut pairs = choice.sides.iter().zip(wanted);
+                pairs.all(|(side, wanted)| wanted.is_none_or(|wanted| *side == wanted))
+            };
+            if valid.iter().filter(|choice| matches(choice)).count() != 1 {
+                let name = |choice: &Choice| {
+                    let sides = choice.sides.iter().copied();
+                    group.iter().copied().zip(sides).collect()
+                };
+                return Err(Status::NonUnique(valid.iter().map(name).collect()));
+            }
+            valid.retain(matches);
+        }
+        valid.pop().ok_or_else(|| {
+            let switches = group.to_vec();
+            let is_equation = |&i: &usize| self.system.role(i) != Role::Step;
+            if group.iter().any(is_equation) {
+                Status::Inconsistent { switches }
+            } else if is_singular {
+                Status::Undetermined { switches }
+            } else {
+                Status::NoSolution { switches }
+            }
+        })
+    }
+
+    /// Sets the sides and α of a choice, and what they depart from.
+    fn adopt(
+        &mut self,
+        state: &mut State,
+        group: &[usize],
+        choice: &Choice,
+        settling: Vec<Settling>,
+    ) {
+        let mut sides = state.sides.clone();
+        for (&i, &side) in group.iter().zip(&choice.sides) {
+            sides[i] = side;
+        }
+        state.set_sides(sides);
+        for (&i, &alpha) in group.iter().zip(&choice.alpha) {
+            state.alpha[i] = alpha;
+        }
+        for one in settling {
+            if state.sides[one.switch] == Side::Slide {
+                let moved = state.x.iter_mut().zip(one.moves);
+                moved.for_each(|(x, by)| *x += by);
+            }
+        }
+        state
+            .departures
+            .retain(|one| !group.contains(&one.switches[0]));
+        let departures = self.departures(state, group, choice);
+        state.departures.extend(departures);
+    }
+
+    /// Lets a switch of higher relative degree that is free be decided by its highest derivative where
+    /// the lower ones vanish, or will at once, else by its rate.
+    fn take_order(&mut self, state: &mut State, switch: usize, settles: bool) {
+        let mode = &mut self.mode;
+        let highest = mode.surfaces.n_derivatives(switch);
+        let is_contact = mode.is_contact(switch);
+        mode.set(state.t, &state.x, &state.alpha);
+        let mut vanishes = |order: usize| {
+            mode.surfaces.stand_for(switch, order);
+            mode.surfaces.linearize(switch, &mode.memory.values);
+            let size = mode.weigh(switch, |j| state.size(j));
+            if order == 1 && is_contact {
+                state.still[switch] = BAND * size;
+            }
+            mode.surfaces.value(switch, &mode.memory.values).abs() <= BAND * size
+        };
+        let order = if (1..=highest).all(&mut vanishes) || settles {
+            highest
+        } else {
+            0
+        };
+        mode.surfaces.stand_for(switch, order);
+    }
+
+    /// The choices that their series confirm, one for each solution.
+    fn confirm(
+        &mut self,
+        state: &mut State,
+        group: &[usize],
+        choices: Vec<Checked>,
+        t1: f64,
+    ) -> Vec<Choice> {
+        let alone = choices.len() == 1;
+        let deep = (group.iter()).any(|&i| self.mode.surfaces.n_derivatives(i) > 0);
+        let mut valid: Vec<(Choice, Option<Verdict>)> = Vec::new();
+        for Checked {
+            choice,
+            check,
+            units,
+        } in choices
+        {
+            if alone && matches!(check, Check::Consistent) {
+                return vec![choice];
+            }
+            let verdict = self.verdict(state, group, &choice, &units, t1);
+            let consistent = match check {
+                Check::Tie => verdict.as_ref().is_some_and(|verdict| verdict.agrees),
+                _ => true,
+            };
+            let known = |other: &(Choice, Option<Verdict>)| match (&verdict, &other.1) {
+                (Some(a), Some(b)) => a.same_motion(b),
+                _ => false,
+            };
+            let slides =
+                |choice: &Choice| choice.sides.iter().filter(|s| **s == Side::Slide).count();
+            let known = valid.iter().position(known).filter(|_| consistent);
+            if let Some(at) = known {
+                let sides = choice.sides.iter().zip(&valid[at].0.sides);
+                for (&i, (side, other)) in group.iter().zip(sides) {
+                    state.open[i] |= side != other && !self.system.is_continuous(i);
+                }
+            }
+            match known {
+                _ if !consistent => {}
+                None => valid.push((choice, verdict)),
+                // Where a surface is kept by what keeps another one, it slides as well.
+                Some(at) if deep && slides(&choice) > slides(&valid[at].0) => {
+                    valid[at] = (choice, verdict);
+                }
+                Some(_) => {}
+            }
+            // Without a choice of branch, it is enough to know that there are several.
+            let Settings { branch, below, .. } = &self.settings;
+            if valid.len() >= MAX_NAMED && branch.is_empty() && below.is_empty() {
+                break;
+            }
+        }
+        valid.into_iter().map(|(choice, _)| choice).collect()
+    }
+}
