@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-pub use nsd_solver::clock::Instant;
+pub use nsd_solver::runtime::clock::Instant;
 
 /// Durations of the phases of a compilation and a run, in order of their first appearance.
 #[derive(Clone, Debug, Default)]

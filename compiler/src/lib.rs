@@ -39,8 +39,8 @@ mod testing;
 pub mod watch;
 
 pub use nsd_expr as expr;
-use nsd_solver::tableau::Family;
-pub use nsd_solver::{limit, threads};
+use nsd_solver::integrate::tableau::Family;
+pub use nsd_solver::runtime::{limit, threads};
 
 pub use self::messages::Messages;
 pub use self::project::Project;

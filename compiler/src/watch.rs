@@ -2,8 +2,8 @@
 
 use std::fmt;
 
-use nsd_solver::ipm;
-use nsd_solver::mpcc::{Observer, Program};
+use nsd_solver::optimization::ipm;
+use nsd_solver::optimization::mpcc::{Observer, Program};
 
 use crate::optimize;
 use crate::simulate;
@@ -129,7 +129,7 @@ impl Observer for Counted<'_> {
         self.watch.program(program);
     }
 
-    fn stationary(&mut self, objective: f64, class: nsd_solver::mpcc::Class) {
+    fn stationary(&mut self, objective: f64, class: nsd_solver::optimization::mpcc::Class) {
         self.watch.stationary(objective, class);
     }
 

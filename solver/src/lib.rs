@@ -1,9 +1,6 @@
 #![doc = include_str!("../README.md")]
 
 pub mod adaptive;
-pub mod cell;
-pub mod clock;
-pub mod conic;
 pub mod contact;
 pub mod event;
 pub mod events;
@@ -11,20 +8,9 @@ pub mod expansion;
 pub mod fesd;
 pub mod hybrid;
 pub mod integrate;
-pub mod ipm;
-pub mod jumps;
-pub mod kernels;
-pub mod lcp;
-pub mod limit;
 pub mod linalg;
 pub mod moreau;
-pub mod mpcc;
-pub mod nl;
-pub mod problem;
-pub mod qp;
-pub mod quadratic;
-pub mod random;
+pub mod optimization;
+pub mod runtime;
 pub mod selector;
-pub mod tableau;
 pub mod tape;
-pub mod threads;

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use nsd_solver::event::{Event, Observer, Segment, Simulator};
 use nsd_solver::hybrid::{HybridSystem, Input, Settings, Side, Status, Switch, SwitchKind};
-use nsd_solver::ipm::{BarrierRule, Options, solve};
-use nsd_solver::problem::{Bounds, Nlp, Pattern};
+use nsd_solver::optimization::ipm::{BarrierRule, Options, solve};
+use nsd_solver::optimization::problem::{Bounds, Nlp, Pattern};
 use nsd_solver::tape::{Tape, TapeBuilder, Value};
 
 /// x₁' = x₂, x₂' = -x₁, x₃' = 1 + x₁/2 - 2α on ψ₁ = x₃, and ψ₂ = x₁ - 1.001 and ψ₃ = x₁² - 1.001,

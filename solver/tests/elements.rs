@@ -9,7 +9,7 @@ use nsd_solver::fesd::{
     Surfaces, Switch,
 };
 use nsd_solver::hybrid::{Piecewise, Side, Status};
-use nsd_solver::tableau::Family;
+use nsd_solver::integrate::tableau::Family;
 use nsd_solver::tape::Tape;
 
 /// x' = r(t) - 2α, α ∈ step(x), r = 1.5 up to t = 1 and 1 behind:

@@ -4,8 +4,9 @@
 
 use std::path::PathBuf;
 
-use nsd_solver::nl::{self, Problem};
-use nsd_solver::problem::{Nlp, Pattern};
+use nsd_solver::optimization::nl;
+use nsd_solver::optimization::nl::Problem;
+use nsd_solver::optimization::problem::{Nlp, Pattern};
 
 /// The files, or none with a message.
 #[allow(clippy::print_stderr, reason = "a skipped test says so")]

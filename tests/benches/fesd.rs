@@ -7,7 +7,7 @@ mod support;
 
 use criterion::Criterion;
 use nsd_solver::fesd::{Grid, Observer, Settings, Simulator};
-use nsd_solver::tableau::Family;
+use nsd_solver::integrate::tableau::Family;
 use nsd_tests::with_experiment;
 use nsdc::dcs;
 use nsdc::hybrid;

@@ -3,11 +3,11 @@
 use std::hint::black_box;
 
 use criterion::Criterion;
-use nsd_solver::lcp::Lemke;
 use nsd_solver::linalg::DenseLu;
 use nsd_solver::linalg::ldl::SparseLdl;
 use nsd_solver::linalg::symmetric::KktSolver;
-use nsd_solver::problem::Pattern;
+use nsd_solver::optimization::lcp::Lemke;
+use nsd_solver::optimization::problem::Pattern;
 use nsd_solver::tape::{Jet, Tape};
 
 /// Orders of a series, and unknowns of what is solved.

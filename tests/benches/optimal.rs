@@ -14,7 +14,7 @@ mod records;
 use std::process::Command;
 use std::time::Instant;
 
-use nsd_solver::mpcc;
+use nsd_solver::optimization::mpcc;
 use nsd_tests::with_experiment;
 use nsdc::optimize::{self, Solved};
 use nsdc::report::Trajectory;

@@ -9,8 +9,8 @@ mod records;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
-use nsd_solver::ipm;
-use nsd_solver::mpcc::{Observer, Program};
+use nsd_solver::optimization::ipm;
+use nsd_solver::optimization::mpcc::{Observer, Program};
 use nsd_tests::with_experiment;
 use nsdc::limit::Limit;
 use nsdc::optimize;

@@ -2,7 +2,7 @@
 //!
 //! | file | line as it stands | becomes | caught by |
 //! | --- | --- | --- | --- |
-//! | `solver/src/lcp.rs` | `row[i] = 1.0;` | `row[i] = -1.0;` | nsd-solver lib: `lcp::tests::name` |
+//! | `solver/src/optimization/lcp.rs` | `row[i] = 1.0;` | `row[i] = -1.0;` | nsd-solver lib: `lcp::tests::name` |
 //!
 //! Lines are written without what they are indented by; `\|` stands for a bar. What becomes nothing is left out.
 

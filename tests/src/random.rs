@@ -1,6 +1,6 @@
 //! Random numbers with a fixed seed.
 
-use nsd_solver::random;
+use nsd_solver::runtime::random;
 
 /// SplitMix64 (Steele, Lea, Flood 2014).
 #[derive(Clone, Debug)]

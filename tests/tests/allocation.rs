@@ -3,8 +3,8 @@
 use nsd_solver::event::{Event, Segment};
 use nsd_solver::fesd::{Grid, Observer, Settings, Simulator};
 use nsd_solver::hybrid::Status;
+use nsd_solver::integrate::tableau::Family;
 use nsd_solver::moreau::{self, Change};
-use nsd_solver::tableau::Family;
 use nsd_tests::with_experiment;
 use nsdc::dcs;
 use nsdc::limit::Limit;

@@ -4,7 +4,7 @@
 //! solution near the true one, and that is the solution of the run.
 
 use nalgebra::{DMatrix, DVector};
-use nsd_solver::tableau::{Family, Tableau};
+use nsd_solver::integrate::tableau::{Family, Tableau};
 use nsd_tests::{end, run, with_experiment};
 use nsdc::dcs::{Formulation, lower_as};
 use nsdc::discretize::{Cross, Detection, Equilibration, Form, Grid, Layout, Options, discretize};

@@ -14,7 +14,7 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::process::Command;
 
-use nsd_solver::tableau::Family;
+use nsd_solver::integrate::tableau::Family;
 use nsd_tests::with_experiment;
 use nsdc::dcs::{Formulation, lower_as};
 use nsdc::discretize::{Cross, Detection, Equilibration, Form, Grid, Options, discretize};

@@ -1,8 +1,10 @@
 //! Optimal control problems of the examples as AMPL files: read back by the solver's reader, they are the same programs.
 
-use nsd_solver::mpcc::{self, Options};
-use nsd_solver::nl::{self, Problem};
-use nsd_solver::problem::{Mpcc as _, Nlp, Side};
+use nsd_solver::optimization::mpcc;
+use nsd_solver::optimization::mpcc::Options;
+use nsd_solver::optimization::nl;
+use nsd_solver::optimization::nl::Problem;
+use nsd_solver::optimization::problem::{Mpcc as _, Nlp, Side};
 use nsd_tests::with_experiment;
 use nsdc::mpcc::{Ampl, Evaluator, Kind, Mpcc};
 use nsdc::optimize;

@@ -1,7 +1,8 @@
 //! What a longer optimal control problem needs: everything grows in proportion to the number of intervals.
 
-use nsd_solver::mpcc::{self, Options};
-use nsd_solver::problem::{Mpcc, Nlp};
+use nsd_solver::optimization::mpcc;
+use nsd_solver::optimization::mpcc::Options;
+use nsd_solver::optimization::problem::{Mpcc, Nlp};
 use nsd_tests::with_experiment;
 use nsdc::optimize;
 

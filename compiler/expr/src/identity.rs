@@ -5,7 +5,7 @@
 //! with one residue. What is proven so holds as an identity of polynomials, however it is written; identities of the
 //! functions themselves, as sin² + cos² = 1, are not known here.
 
-use nsd_solver::random::mix;
+use nsd_solver::runtime::random::mix;
 
 use super::Expr;
 use super::arena::{Arena, Data, Id};

@@ -2,8 +2,8 @@
 
 use std::io::Write;
 
-use nsd_solver::ipm::Progress;
-use nsd_solver::mpcc::{Observer, Program, Solution, Steering};
+use nsd_solver::optimization::ipm::Progress;
+use nsd_solver::optimization::mpcc::{Observer, Program, Solution, Steering};
 
 use crate::report::text::{duration, significant};
 use crate::system::experiment::{relaxation_word, steering_word};

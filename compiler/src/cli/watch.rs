@@ -1,7 +1,7 @@
 //! What is told of an experiment while it runs: a line that comes and goes on a terminal, or a log of the solver.
 
-use nsd_solver::ipm;
-use nsd_solver::mpcc::{Observer, Program};
+use nsd_solver::optimization::ipm;
+use nsd_solver::optimization::mpcc::{Observer, Program};
 
 use super::iterations::Iterations;
 use super::progress::Bar;

@@ -13,7 +13,7 @@
 //! A mode may end with α inside of (0, 1), at a sliding fold, where S = 0. So where a nonlinear switch leaves its surface
 //! not a = 0 is asked for, as of others, but a S = 0; where controls are continuous, at ends of steps, too.
 
-use nsd_solver::tableau::lagrange;
+use nsd_solver::integrate::tableau::lagrange;
 
 use super::Problem;
 use super::block::{Builder, variable};

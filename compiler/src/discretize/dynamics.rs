@@ -1,6 +1,6 @@
 //! Rows of the dynamics, of the equations, and of the grid.
 
-use nsd_solver::tableau::{differentiation, lagrange};
+use nsd_solver::integrate::tableau::{differentiation, lagrange};
 
 use super::block::{Builder, variable};
 use super::layout::End;

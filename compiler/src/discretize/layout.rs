@@ -1,6 +1,6 @@
 //! Which variable is what: the way from the program back to the trajectory.
 
-use nsd_solver::tableau::Tableau;
+use nsd_solver::integrate::tableau::Tableau;
 use rustc_hash::FxHashSet;
 
 use super::block::variable;

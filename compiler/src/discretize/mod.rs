@@ -47,7 +47,7 @@ mod task;
 #[cfg(test)]
 mod tests;
 
-use nsd_solver::tableau::{Family, Tableau};
+use nsd_solver::integrate::tableau::{Family, Tableau};
 
 pub use data::inside;
 pub use error::{DiscretizeError, check_given, check_start};

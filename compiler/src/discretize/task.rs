@@ -24,7 +24,7 @@ use crate::expr::{Expr, Var, variables_of};
 use crate::mpcc::{self, Block, Bounds, Conditions, Kind, Mpcc, Source, Span};
 use crate::system::Allowed;
 use crate::system::task::{Control, Shape};
-use nsd_solver::tableau::lagrange;
+use nsd_solver::integrate::tableau::lagrange;
 
 /// First indices of what is decided besides states.
 #[derive(Clone, Copy, Debug, Default)]

@@ -4,7 +4,7 @@ mod derivatives;
 mod known;
 mod printed;
 
-use nsd_solver::tableau::Family;
+use nsd_solver::integrate::tableau::Family;
 
 use super::*;
 use crate::dcs::{Cause, Formulation, lower_as};

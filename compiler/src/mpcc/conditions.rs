@@ -17,7 +17,7 @@
 
 use std::ops::Range;
 
-use nsd_solver::problem::Member;
+use nsd_solver::optimization::problem::Member;
 
 /// The blocks of one grid of elements.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -254,7 +254,7 @@ impl Group {
 #[cfg(test)]
 mod tests {
     use super::{Conditions, Group, Rests};
-    use nsd_solver::problem::Member;
+    use nsd_solver::optimization::problem::Member;
 
     #[test]
     fn a_mode_that_ends_has_the_row_of_its_member_and_boundary() {

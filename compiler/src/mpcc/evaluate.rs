@@ -1,7 +1,7 @@
 //! Values and first derivatives of all rows, terms of the objective and members of pairs among them.
 
-use nsd_solver::kernels;
-use nsd_solver::problem::{Nlp, Pattern};
+use nsd_solver::optimization::kernels;
+use nsd_solver::optimization::problem::{Nlp, Pattern};
 
 use super::{Block, Mpcc};
 use crate::expr::{CompileError, Expr, Var, compile, variables_of};

@@ -9,8 +9,10 @@ use std::fmt;
 use std::ops::Range;
 use std::sync::Arc;
 
-use nsd_solver::kernels::{self, ProgramBuilder};
-use nsd_solver::problem::{self, Member, Nlp, Other, Pair, Pattern, Side};
+use nsd_solver::optimization::kernels;
+use nsd_solver::optimization::kernels::ProgramBuilder;
+use nsd_solver::optimization::problem;
+use nsd_solver::optimization::problem::{Member, Nlp, Other, Pair, Pattern, Side};
 use rustc_hash::FxHashMap;
 
 use super::conditions::Conditions;
@@ -34,7 +36,7 @@ pub struct Program {
     others: Option<Arc<dyn Others>>,
 }
 
-/// Points of other branches that mean the same: see [`nsd_solver::problem::Mpcc::others`].
+/// Points of other branches that mean the same: see [`nsd_solver::optimization::problem::Mpcc::others`].
 pub trait Others: fmt::Debug + Send + Sync {
     /// Those of a point.
     fn at(&self, w: &[f64], zeros: &[Member], near: &Linearized) -> Vec<Other>;

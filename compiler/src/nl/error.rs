@@ -3,7 +3,8 @@
 use std::fmt;
 
 use miette::{Diagnostic, LabeledSpan};
-use nsd_solver::nl::{self, Fault, Place};
+use nsd_solver::optimization::nl;
+use nsd_solver::optimization::nl::{Fault, Place};
 
 use crate::diagnostics::Fixable;
 use crate::source::{SourceFile, Span};

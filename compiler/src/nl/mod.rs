@@ -9,9 +9,11 @@ mod error;
 mod json;
 mod text;
 
-use nsd_solver::mpcc::{self, Class};
-use nsd_solver::nl::{self, Code, Named, Problem, Quality};
-use nsd_solver::problem::Nlp;
+use nsd_solver::optimization::mpcc;
+use nsd_solver::optimization::mpcc::Class;
+use nsd_solver::optimization::nl;
+use nsd_solver::optimization::nl::{Code, Named, Problem, Quality};
+use nsd_solver::optimization::problem::Nlp;
 
 pub use ampl::{BadOption, Settings, tolerance};
 pub use benchmark::{Known, Peer, Record, Table, read_known};

@@ -1,7 +1,8 @@
 //! Where a program is solved from, and how.
 
-use nsd_solver::mpcc::{self, Form, Homotopy, MultiStart, Options, Solution};
-use nsd_solver::problem::Nlp;
+use nsd_solver::optimization::mpcc;
+use nsd_solver::optimization::mpcc::{Form, Homotopy, MultiStart, Options, Solution};
+use nsd_solver::optimization::problem::Nlp;
 
 use super::{Point, Problem, Progress, Sampled, guess, is_decided, rehearsal};
 use crate::expr::Var;

@@ -5,8 +5,9 @@
 //! ([`nsd_solver::event`]). So the controls that were found are run from event to event. Where that run is in other
 //! modes the program is solved again from it, in its modes. What differs still is no solution of the model.
 
-use nsd_solver::mpcc::{self, Options, Solution, Status};
-use nsd_solver::tableau::lagrange;
+use nsd_solver::integrate::tableau::lagrange;
+use nsd_solver::optimization::mpcc;
+use nsd_solver::optimization::mpcc::{Options, Solution, Status};
 
 use super::{Problem, rehearsal, solved};
 use crate::limit::Limit;

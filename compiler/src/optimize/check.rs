@@ -1,6 +1,6 @@
 //! The controls that were found, simulated from event to event.
 
-use nsd_solver::mpcc::Solution;
+use nsd_solver::optimization::mpcc::Solution;
 
 use super::{Problem, failure, solved};
 use crate::clock::Instant;

@@ -5,7 +5,8 @@
 //! trajectory. So the free quantities are changed and simulated. Where there is descent, the program is solved again from
 //! the simulation after a step along it.
 
-use nsd_solver::mpcc::{self, Options, Solution};
+use nsd_solver::optimization::mpcc;
+use nsd_solver::optimization::mpcc::{Options, Solution};
 
 use super::descent::{Candidate, Found, LARGE, SMALL, Search};
 use super::reduced::Reduced;

@@ -6,7 +6,7 @@
 
 use std::time::Duration;
 
-use nsd_solver::mpcc::linear::{LinearProgram, Outcome, solve};
+use nsd_solver::optimization::mpcc::linear::{LinearProgram, Outcome, solve};
 
 use super::reduced::{Reduced, Values};
 

@@ -7,8 +7,9 @@
 //! need each other, as two that hold the same value, the optimum has no derivative by one alone: then multipliers are
 //! not unique, and other ones have other sums.
 
-use nsd_solver::mpcc::{self, Class, Multipliers, Options, Solution};
-use nsd_solver::problem::{Bounds, Nlp};
+use nsd_solver::optimization::mpcc;
+use nsd_solver::optimization::mpcc::{Class, Multipliers, Options, Solution};
+use nsd_solver::optimization::problem::{Bounds, Nlp};
 
 use super::Problem;
 use crate::report::{Constraint, Term, Values};

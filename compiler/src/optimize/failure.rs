@@ -1,8 +1,8 @@
 //! How the solver ended -> diagnostic at the lines of the model that it failed at.
 
 use miette::LabeledSpan;
-use nsd_solver::mpcc::{Class, Solution, Status};
-use nsd_solver::problem::Nlp;
+use nsd_solver::optimization::mpcc::{Class, Solution, Status};
+use nsd_solver::optimization::problem::Nlp;
 
 use super::Problem;
 use crate::discretize::DiscretizeError;

@@ -1,7 +1,7 @@
 //! Optimal control: a system with a task becomes a program, and its solution a trajectory.
 //!
 //! 1. The complementarity system is discretized ([`crate::discretize`]) and compiled.
-//! 2. It is solved from one or several starts: relaxation, polish, certificate ([`nsd_solver::mpcc`]).
+//! 2. It is solved from one or several starts: relaxation, polish, certificate ([`nsd_solver::optimization::mpcc`]).
 //! 3. The best solution is a trajectory (`record.rs`) of a system that has nothing left to decide (`solved.rs`).
 //! 4. Where switches are read nonlinearly, it is brought into the sliding modes of the model (`branches.rs`).
 //! 5. Free quantities are changed and simulated from event to event (`reduced.rs`): where there is descent
@@ -34,8 +34,9 @@ mod transfer;
 use std::sync::Arc;
 
 use nsd_solver::linalg::analyses::Analyses;
-use nsd_solver::mpcc::{self, Class, MultiStart, Solution};
-use nsd_solver::problem::Nlp;
+use nsd_solver::optimization::mpcc;
+use nsd_solver::optimization::mpcc::{Class, MultiStart, Solution};
+use nsd_solver::optimization::problem::Nlp;
 
 use crate::clock::Instant;
 use crate::dcs::{self, Dcs};

@@ -15,8 +15,8 @@
 
 use std::collections::BTreeMap;
 
-use nsd_solver::problem::{Member, Other};
-use nsd_solver::tableau::lagrange;
+use nsd_solver::integrate::tableau::lagrange;
+use nsd_solver::optimization::problem::{Member, Other};
 use rustc_hash::FxHashMap;
 
 use super::products::Product;

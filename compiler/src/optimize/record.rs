@@ -1,6 +1,6 @@
 //! The solution of a program as a trajectory.
 
-use nsd_solver::tableau::lagrange;
+use nsd_solver::integrate::tableau::lagrange;
 
 use super::Problem;
 use crate::report::Trajectory;

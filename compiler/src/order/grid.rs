@@ -1,6 +1,6 @@
 //! The methods of a study, and the grids and tolerances of each from coarse to fine.
 
-use nsd_solver::tableau::Family;
+use nsd_solver::integrate::tableau::Family;
 
 use super::Knob;
 use crate::simulate::{Bench, Variant};

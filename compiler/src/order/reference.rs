@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use nsd_solver::tableau::Family;
+use nsd_solver::integrate::tableau::Family;
 
 use crate::Compiled;
 use crate::report::expect;

@@ -1,6 +1,6 @@
 //! How an optimum was found, and what a simulation says about it.
 
-use nsd_solver::mpcc::Spread;
+use nsd_solver::optimization::mpcc::Spread;
 
 /// What is known about an optimum besides its certificate.
 #[derive(Clone, Debug, Default, PartialEq)]

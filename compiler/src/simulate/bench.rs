@@ -5,7 +5,7 @@
 
 use std::time::Duration;
 
-use nsd_solver::tableau::Family;
+use nsd_solver::integrate::tableau::Family;
 
 use super::driver::{Accuracy, Ended, Problem, Run};
 use super::modes::ModeNames;

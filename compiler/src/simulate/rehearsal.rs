@@ -1,6 +1,6 @@
 //! A run from event to event says where elements may meet, and what goes on in them: where a program starts.
 
-use nsd_solver::jumps::CLOSED;
+use nsd_solver::fesd::jumps::CLOSED;
 
 use super::{Plan, Request, run};
 use crate::dcs::{Dcs, Friction, SlipLaw, directed, solve_in_mode};

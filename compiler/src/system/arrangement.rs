@@ -3,7 +3,7 @@
 //! ψ_k = b_k + Σ_j a_kj y_j
 //!
 //! where y_j are states, time, or whatever else ψ adds up, as x^2 or sin(x). With y as independent coordinates, the
-//! surfaces are planes, and a combination of sides is a polyhedron (see `nsd_solver::cell`). Where it is empty, the sides
+//! surfaces are planes, and a combination of sides is a polyhedron (see `nsd_solver::optimization::cell`). Where it is empty, the sides
 //! never occur together; where it has an interior and every y is a state or time, there is a point with these sides.
 //! Coordinates are relative to the initial point and scaled so that the surfaces are of the order of one away from it.
 //!
@@ -11,8 +11,9 @@
 
 use std::cell::RefCell;
 
-use nsd_solver::cell::{self, Part};
-use nsd_solver::qp::HalfSpace;
+use nsd_solver::optimization::cell;
+use nsd_solver::optimization::cell::Part;
+use nsd_solver::optimization::qp::HalfSpace;
 use rustc_hash::FxHashMap;
 
 use super::surface::{Known, definite};

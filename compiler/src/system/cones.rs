@@ -5,7 +5,8 @@
 //! not all choices of those that hold as equations are tried. Of a quadratic objective with affine rows this is
 //! the solution itself, at the start of a run; of other programs it is a guess.
 
-use nsd_solver::conic::{self, Block, Set};
+use nsd_solver::optimization::conic;
+use nsd_solver::optimization::conic::{Block, Set};
 use rustc_hash::FxHashMap;
 
 use super::lower::Lowering;

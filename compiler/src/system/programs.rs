@@ -4,7 +4,8 @@
 //! one that holds what the program solves for at sample points of its feasible set: there a negative curvature is an
 //! error, and none is no proof, which is told as a warning.
 
-use nsd_solver::qp::{self, HalfSpace};
+use nsd_solver::optimization::qp;
+use nsd_solver::optimization::qp::HalfSpace;
 
 use super::SystemError;
 use super::lower::Lowering;

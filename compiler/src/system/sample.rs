@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::Arc;
 
-use nsd_solver::random;
+use nsd_solver::runtime::random;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::expr::{Evaluator, Expr, Interval, Var, variables_of};

@@ -18,7 +18,7 @@ use crate::event::{Event, Observer, Segment};
 use crate::expansion::dense::ElementSeries;
 use crate::hybrid::status::{Stats, Status};
 use crate::hybrid::{Outcome, Side};
-use crate::limit::Limit;
+use crate::runtime::limit::Limit;
 use control::{Control, Verdict};
 use extrapolation::Extrapolation;
 

@@ -21,7 +21,7 @@ use std::ops::Range;
 
 use super::cones::Cones;
 use crate::expansion::mode::Mode;
-use crate::lcp;
+use crate::optimization::lcp;
 use crate::selector::select::BAND;
 
 /// Directions of the polygon inside a cone's base at which its exact solution is looked for.

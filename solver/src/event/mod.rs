@@ -21,7 +21,7 @@ pub(crate) mod tests;
 use std::sync::Arc;
 
 use crate::hybrid::{HybridSystem, Piecewise, Settings, Side};
-use crate::limit::Limit;
+use crate::runtime::limit::Limit;
 
 use crate::contact::coefficients::Coefficients;
 pub use crate::event::numerical_time::{Clock, Clocked};

@@ -3,7 +3,7 @@
 use super::Simulator;
 use crate::hybrid::state::State;
 use crate::hybrid::status::Status;
-use crate::mpcc::deviate;
+use crate::optimization::mpcc::deviate;
 
 /// Random vectors d_k, added to the state at k times a period, k = 1, 2, ..
 #[derive(Clone, Debug, PartialEq)]

@@ -1,6 +1,6 @@
 //! Narrow functions of states that the steps of a run have passed over, whichever method made them.
 //!
-//! A step is divided, the widest part first, until every function is tame over each part (`tape/tame.rs`). What a rate
+//! A step is divided, the widest part first, until every function is tame over each part (`tape/enclosures/tame.rs`). What a rate
 //! differs by there from the polynomials of the step, times the part, adds up to what the method has not seen of it;
 //! unless it differs as much at a few other points, as it does where a step is long beside smooth functions. A ψ has
 //! been passed over where its side in the middle of a part is that of neither end.

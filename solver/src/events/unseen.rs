@@ -2,8 +2,8 @@
 //!
 //! Far from its middle a narrow pulse of a state, as exp(-((s - c)/w)²), vanishes with all its derivatives: the series
 //! of a step that goes over it are those of zero, and the probes of the step see nothing. Which functions may hide
-//! something is known from their own series (`tape/hiding.rs`), or, where there are none, from enclosures. Then the step
-//! is divided, the widest part first, until every enclosed function is tame over its part (`tape/tame.rs`) or moves by
+//! something is known from their own series (`tape/enclosures/hiding.rs`), or, where there are none, from enclosures. Then the step
+//! is divided, the widest part first, until every enclosed function is tame over its part (`tape/enclosures/tame.rs`) or moves by
 //! less than the tolerance, and in the middle of each part the functions are compared with the polynomials of the step.
 //! What is still untamed when the parts are used up is told.
 

@@ -15,8 +15,8 @@ use crate::hybrid::Side;
 use crate::hybrid::state::State;
 use crate::hybrid::status::{Note, Status};
 use crate::hybrid::system::Role;
-use crate::lcp::lemke;
 use crate::linalg::DenseLu;
+use crate::optimization::lcp::lemke;
 use crate::selector::select::Candidate;
 
 /// Up to this many pairs all choices are solved, which shows whether there is one solution.

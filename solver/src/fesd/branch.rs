@@ -8,9 +8,9 @@
 //!
 //! It is smooth where T = 0: a sliding fold, at which α as a function of time is not.
 
-use super::active::{Active, sides, sliding};
-use super::full::partials;
 use super::system::{ComplementaritySystem, Reduced, Watched, Zero};
+use crate::fesd::system::active::{Active, sides, sliding};
+use crate::fesd::system::full::partials;
 use crate::hybrid::form::Partials;
 use crate::tape::Sum;
 

@@ -14,15 +14,15 @@ use std::sync::Arc;
 use super::adaptive::{GROWTH, ROUNDING, SAFETY};
 use super::element::Unsolved;
 use super::emit::Observer;
-use super::hidden::Hidden;
 use super::system::Reduced;
 use super::watch::{BAND, Start, Verdict};
 use super::{Element, Mode, Run, Simulator};
 use crate::event::Segment;
 use crate::expansion::series;
+use crate::fesd::system::hidden::Hidden;
 use crate::hybrid::Side;
 use crate::hybrid::status::Status;
-use crate::tableau::monomials;
+use crate::integrate::tableau::monomials;
 
 /// α is the independent variable where a fold is no farther than this, as ∂φ/∂α shows it.
 const ZONE: f64 = 0.25;

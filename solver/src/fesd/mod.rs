@@ -9,61 +9,40 @@
 //! set was right, and where one of them vanishes the element ends. There the derivatives of the members say which set
 //! is next.
 
-mod active;
 mod adaptive;
-mod banded;
-mod blocks;
 mod branch;
-mod check;
-mod collocation;
-mod corner;
-mod directional;
 mod element;
 mod emit;
 mod fold;
-mod full;
-mod guided;
-mod hidden;
-mod independent;
-mod kept;
-mod library;
+pub mod jumps;
 mod march;
-mod nodes;
-mod pointwise;
-mod projection;
-mod reduce;
-mod rounding;
-mod scheme;
-mod select;
+pub(crate) mod selection;
 mod slip;
-mod smooth;
 mod stepping;
 mod system;
-mod together;
 mod uniform;
 mod watch;
-mod whole;
 
 use rustc_hash::FxHashMap;
 
 use crate::events::roots::RootFinder;
 use crate::events::zeno::Events;
 use crate::expansion::dense::ElementSeries;
+use crate::fesd::element::nodes::Nodes;
+use crate::fesd::element::scheme::Scheme;
+use crate::fesd::selection::directional::Directional;
+pub use crate::fesd::system::full::Kinds;
+use crate::fesd::system::hidden::Hidden;
+pub use crate::fesd::system::library::Library;
+pub use crate::fesd::system::pointwise::{Leading, Rule, Rules, Surfaces, alpha_of, alphas_of};
 use crate::hybrid::status::{Note, Stats, Status};
 use crate::hybrid::{Outcome, Side};
-use crate::limit::Limit;
+use crate::integrate::tableau::{Family, Tableau, TableauError};
+use crate::runtime::limit::Limit;
 use crate::selector::guide::Guide;
 use crate::selector::nonlinear::Decision;
-use crate::tableau::{Family, Tableau, TableauError};
-use directional::Directional;
 use element::Element;
 pub use emit::{Multipliers, Observer};
-pub use full::Kinds;
-use hidden::Hidden;
-pub use library::Library;
-use nodes::Nodes;
-pub use pointwise::{Leading, Rule, Rules, Surfaces, alpha_of, alphas_of};
-use scheme::Scheme;
 pub use stepping::{Stepper, SteppingSettings};
 pub use system::{
     ComplementaritySystem, Disc, Full, Kept, Member, NEGLIGIBLE, Pair, Reduced, Switch, Watched,
@@ -185,7 +164,7 @@ pub struct Simulator<'s> {
 }
 
 /// A run on its way.
-struct Run {
+pub(crate) struct Run {
     t: f64,
     /// What rounding took from t: lost, it would be the same after every switch of a long run, a drift of phase.
     t_low: f64,

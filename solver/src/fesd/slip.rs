@@ -6,10 +6,10 @@
 //! so small that it does not matter, w is set to zero, and the directional problem says what comes next: u so that w
 //! rests, or the direction that w sets off in. Then w has a small length in that direction.
 
-use super::directional::Choice;
 use super::system::{Disc, Reduced, Zero};
 use super::watch::BAND;
 use super::{Run, Simulator};
+use crate::fesd::selection::directional::Choice;
 
 /// |w| of this share of its size is none (chosen by trial: its square is rounding).
 const STOPS: f64 = 1e-9;

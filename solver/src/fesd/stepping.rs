@@ -6,18 +6,18 @@
 
 use std::ops::ControlFlow;
 
-use super::library::Library;
-use super::nodes::{Nodes, Step};
-use super::pointwise::Point;
-use super::scheme::Scheme;
 use super::system::ComplementaritySystem;
 use super::uniform::Uniform;
 use crate::event::{Event, Observer, Segment};
 use crate::expansion::dense::ElementSeries;
+use crate::fesd::element::nodes::{Nodes, Step};
+use crate::fesd::element::scheme::Scheme;
+use crate::fesd::system::library::Library;
+use crate::fesd::system::pointwise::Point;
 use crate::hybrid::status::{Stats, Status};
 use crate::hybrid::{Outcome, Side};
-use crate::limit::Limit;
-use crate::tableau::{Family, Tableau, TableauError};
+use crate::integrate::tableau::{Family, Tableau, TableauError};
+use crate::runtime::limit::Limit;
 
 /// What the user may choose.
 #[derive(Clone, Debug)]

@@ -8,9 +8,9 @@ use rustc_hash::FxHashMap;
 use wide::f64x4;
 
 use super::element::Element;
-use super::library::Library;
-use super::scheme::{Scheme, WIDTH};
 use super::system::{ComplementaritySystem, Zero, measure};
+use crate::fesd::element::scheme::{Scheme, WIDTH};
+use crate::fesd::system::library::Library;
 use crate::hybrid::status::Stats;
 
 /// Members above this are not negative.

@@ -3,14 +3,14 @@
 use wide::f64x4;
 
 use super::element::{Element, Unsolved};
-use super::hidden::Hidden;
-use super::scheme::{Scheme, WIDTH};
 use super::system::Reduced;
 use crate::events::roots::RootFinder;
+use crate::fesd::element::scheme::{Scheme, WIDTH};
+use crate::fesd::system::hidden::Hidden;
 
 /// How a member starts.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
-pub(super) enum Start {
+pub(crate) enum Start {
     /// Above zero.
     #[default]
     Inside,

@@ -2,7 +2,7 @@
 
 use super::Side;
 use crate::event::Kicks;
-use crate::limit::Limit;
+use crate::runtime::limit::Limit;
 
 /// What the user may choose.
 #[derive(Clone, Debug, PartialEq)]

@@ -6,7 +6,7 @@ use crate::events::grazing::Approach;
 use crate::events::grazing::Pending;
 use crate::hybrid::status::{Note, Stats};
 use crate::integrate::radau::{Radau, Start};
-use crate::limit::Limit;
+use crate::runtime::limit::Limit;
 use crate::selector::fold::Fold;
 use crate::selector::nonlinear::Decision;
 

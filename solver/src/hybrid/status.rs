@@ -1,7 +1,7 @@
 //! How a run ended, what it went on from, and what it cost.
 
 use crate::integrate::radau::Radau;
-use crate::limit::Over;
+use crate::runtime::limit::Over;
 use crate::selector::select::Candidate;
 
 /// How a run ended.

@@ -7,3 +7,4 @@ pub(crate) mod singular;
 pub(crate) mod singular_rates;
 pub(crate) mod step;
 pub(crate) mod stiffness;
+pub mod tableau;

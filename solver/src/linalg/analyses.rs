@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::ldl::{self, SparseLdl};
 use super::paired_ldl::{self, PairedLdl};
-use crate::problem::Pattern;
+use crate::optimization::problem::Pattern;
 
 /// How much is kept of either kind, in numbers of 4 bytes.
 const MOST_NUMBERS: usize = 1 << 24;
@@ -118,7 +118,7 @@ impl<A> List<A> {
 mod tests {
     use super::{Analyses, List};
     use crate::linalg::symmetric::KktSolver;
-    use crate::problem::Pattern;
+    use crate::optimization::problem::Pattern;
 
     #[test]
     fn a_pattern_is_analyzed_once() {

@@ -4,8 +4,8 @@
 //! partial pivoting. Takes n² memory and n³/6 operations: for tests, and where a static order fails.
 
 use super::symmetric::{FactorFailure, Inertia, KktSolver};
-use crate::limit::work;
-use crate::problem::Pattern;
+use crate::optimization::problem::Pattern;
+use crate::runtime::limit::work;
 
 /// Memory for one size.
 #[derive(Clone, Debug)]

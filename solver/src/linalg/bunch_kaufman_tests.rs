@@ -1,6 +1,6 @@
 use super::BunchKaufman;
 use crate::linalg::symmetric::{FactorFailure, Inertia, KktSolver};
-use crate::problem::Pattern;
+use crate::optimization::problem::Pattern;
 
 #[test]
 fn zeros_on_the_diagonal_need_blocks() {

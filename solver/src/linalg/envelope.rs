@@ -5,7 +5,7 @@
 //! rounding is replaced by a small share of its diagonal.
 
 use super::dot;
-use crate::limit::work;
+use crate::runtime::limit::work;
 
 /// Memory for a factorization.
 #[derive(Clone, Debug, Default)]

@@ -9,8 +9,8 @@
 use std::sync::Arc;
 
 use super::symmetric::{FactorFailure, Inertia, KktSolver};
-use crate::limit::work;
-use crate::problem::Pattern;
+use crate::optimization::problem::Pattern;
+use crate::runtime::limit::work;
 
 /// A pivot that cancels to less than this share of its terms has no sign.
 pub(super) const CANCELLED: f64 = 1e-15;

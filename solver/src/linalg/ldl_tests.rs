@@ -1,7 +1,7 @@
 use super::SparseLdl;
 use crate::linalg::bunch_kaufman::BunchKaufman;
 use crate::linalg::symmetric::{FactorFailure, Inertia, KktSolver};
-use crate::problem::Pattern;
+use crate::optimization::problem::Pattern;
 use proptest::prelude::*;
 
 /// A random matrix [H + w J'; J -d]: entries of the lower triangle, row by row.

@@ -13,7 +13,7 @@ pub mod symmetric;
 
 use nalgebra::ComplexField;
 
-use crate::limit::work;
+use crate::runtime::limit::work;
 
 /// A real or complex number.
 pub trait Number: ComplexField<RealField = f64> + Copy {}

@@ -9,8 +9,8 @@ use std::sync::Arc;
 
 use super::ldl::{CANCELLED, NONE, columns_of_factor, minimum_degree, rows_of_factor};
 use super::symmetric::{FactorFailure, Inertia, KktSolver};
-use crate::limit::work;
-use crate::problem::Pattern;
+use crate::optimization::problem::Pattern;
+use crate::runtime::limit::work;
 
 /// Memory for matrices of one pattern with its pairs.
 #[derive(Clone, Debug)]

@@ -2,7 +2,7 @@ use super::PairedLdl;
 use crate::linalg::ldl::SparseLdl;
 use crate::linalg::ldl::tests::{check, kkt};
 use crate::linalg::symmetric::{FactorFailure, Inertia, KktSolver};
-use crate::problem::Pattern;
+use crate::optimization::problem::Pattern;
 use proptest::prelude::*;
 
 proptest! {

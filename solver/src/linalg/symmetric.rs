@@ -1,6 +1,6 @@
 //! Symmetric indefinite systems behind one trait: sparse in a static order, or dense with pivoting.
 //!
-//! A matrix is given by the [`Pattern`](crate::problem::Pattern) of its lower triangle and its entries in that order.
+//! A matrix is given by the [`Pattern`](crate::optimization::problem::Pattern) of its lower triangle and its entries in that order.
 
 /// Numbers of positive and of negative eigenvalues.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,8 +2,9 @@
 
 use super::rows::Pair;
 use super::scene::Free;
-use super::{Stepper, Velocities, cone, rows};
+use super::{Stepper, Velocities, rows};
 use crate::event;
+use crate::moreau::solvers::cone;
 
 /// What a contact does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

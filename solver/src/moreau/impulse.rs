@@ -10,13 +10,15 @@
 //! With two entries of the slip velocity, β ∈ μ Λ ∂|J_t v⁺ + s|. A sweep has the law of such a contact as a whole
 //! (`cone.rs`), and Newton's method is there for what resists (`newton.rs`), as there is nothing to pivot.
 
-use super::cone::{self, Cone};
-use super::convex;
-use super::direct::Direct;
 use super::islands::Islands;
-use super::newton::Newton;
-use super::pivoting::{self, Pivoting};
 use super::rows::{Bodies, Contact, Linear, Pair, Rows};
+use crate::moreau::solvers::cone;
+use crate::moreau::solvers::cone::Cone;
+use crate::moreau::solvers::convex;
+use crate::moreau::solvers::direct::Direct;
+use crate::moreau::solvers::newton::Newton;
+use crate::moreau::solvers::pivoting;
+use crate::moreau::solvers::pivoting::Pivoting;
 
 /// Residual that is accepted where sweeps and equations get no further.
 const ACCEPTED: f64 = 1e-6;
@@ -49,7 +51,7 @@ enum By<'b> {
 
 /// Impulses of the contacts of a [`Linear`].
 #[derive(Default)]
-pub(super) struct Impulses {
+pub(crate) struct Impulses {
     /// c and s.
     pub normal_rate: Vec<f64>,
     pub slip_rate: Vec<Pair>,
@@ -79,7 +81,7 @@ pub(super) struct Impulses {
 }
 
 /// An island of the problem.
-pub(super) struct Island<'p> {
+pub(crate) struct Island<'p> {
     pub linear: &'p Linear,
     pub contacts: &'p [u32],
 }

@@ -4,7 +4,7 @@ use super::rows::{Bodies, Linear};
 
 /// Contacts by island.
 #[derive(Default)]
-pub(super) struct Islands {
+pub(crate) struct Islands {
     parents: Vec<u32>,
     number: Vec<u32>,
     starts: Vec<usize>,

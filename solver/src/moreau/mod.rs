@@ -20,22 +20,18 @@
 //!
 //! The order is one; bounces that accumulate end in a contact that stays closed.
 
-mod cone;
-mod convex;
-mod direct;
 mod energy;
 mod events;
 mod free;
 mod impulse;
 mod islands;
-mod newton;
 mod pairs;
-mod pivoting;
 mod project;
 mod rest;
 mod rows;
 mod scene;
 mod search;
+pub mod solvers;
 mod strike;
 
 use std::ops::ControlFlow;
@@ -47,7 +43,7 @@ use crate::event::Segment;
 use crate::expansion::dense::ElementSeries;
 use crate::hybrid::status::{Stats, Status};
 use crate::hybrid::{Outcome, Side};
-use crate::limit::Limit;
+use crate::runtime::limit::Limit;
 use crate::tape::LaneScratch;
 use energy::Energy;
 use events::Contacts;

@@ -12,7 +12,7 @@ const ROUNDING: f64 = 4.0 * f64::EPSILON;
 const NONE: usize = usize::MAX;
 
 /// Positions and velocities of all bodies, K, and M.
-pub(super) struct Bodies {
+pub(crate) struct Bodies {
     /// States that are velocities, body by body.
     pub velocities: Vec<usize>,
     /// The first velocity of every body, and the end of the last.
@@ -192,7 +192,7 @@ fn cholesky(a: &mut [f64], n: usize) -> bool {
 
 /// Rows J with D = M⁻¹Jᵀ, one after the other.
 #[derive(Default)]
-pub(super) struct Rows {
+pub(crate) struct Rows {
     starts: Vec<usize>,
     columns: Vec<u32>,
     j: Vec<f64>,
@@ -324,7 +324,7 @@ impl Rows {
 
 /// A contact where it was looked at.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Contact {
+pub(crate) struct Contact {
     pub contact: u32,
     pub gap: f64,
     /// Rate of the gap where all velocities are zero.
@@ -363,7 +363,7 @@ impl Contact {
 
 /// Contacts with their rows.
 #[derive(Default)]
-pub(super) struct Linear {
+pub(crate) struct Linear {
     pub contacts: Vec<Contact>,
     pub rows: Rows,
     inputs: Vec<f64>,

@@ -13,8 +13,8 @@ use crate::hybrid::Side;
 use crate::hybrid::state::State;
 use crate::hybrid::status::Status;
 use crate::hybrid::system::Role;
-use crate::limit::Limit;
 use crate::linalg::DenseLu;
+use crate::runtime::limit::Limit;
 use crate::selector::lemke::Problem;
 
 /// Beyond this many interacting surfaces, Lemke's method replaces enumeration.

@@ -4,7 +4,7 @@ use super::judge::TIE;
 use crate::expansion::mode::Mode;
 use crate::hybrid::Side;
 use crate::hybrid::state::State;
-use crate::lcp;
+use crate::optimization::lcp;
 
 /// α and rates this close to their bounds after Lemke's method are tried on both sides.
 const NEAR: f64 = 1e-7;

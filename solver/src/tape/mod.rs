@@ -10,41 +10,35 @@
 //! - no operation is fused: results do not depend on the processor.
 
 mod allocate;
-mod ball;
 mod builder;
-mod bulk;
 mod derivative;
-mod hiding;
-mod jet;
+pub mod enclosures;
 mod lanes;
 mod partial;
 mod plain;
-mod recurrence;
-mod rounded;
 mod specialize;
-mod steps;
 mod sums;
-mod tame;
+pub mod taylor;
 mod term;
 
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::limit::work;
+use crate::runtime::limit::work;
 
-pub(crate) use ball::Ball;
+pub(crate) use crate::tape::enclosures::ball::Ball;
+pub(crate) use crate::tape::enclosures::rounded::Rounded;
+pub(crate) use crate::tape::enclosures::tame::Tame;
+pub(crate) use crate::tape::taylor::bulk::fill_all;
+pub use crate::tape::taylor::jet::Jet;
+pub(crate) use crate::tape::taylor::jet::{Depends, Recurrences, Row, UNBOUNDED, weights};
+pub(crate) use crate::tape::taylor::steps::{Step, advance_all, start_all};
 pub use builder::{TapeBuilder, Value};
-pub(crate) use bulk::fill_all;
 pub use derivative::Derivative;
-pub use jet::Jet;
-pub(crate) use jet::{Depends, Recurrences, Row, UNBOUNDED, weights};
 pub use lanes::{Lane, LaneScratch};
-pub(crate) use rounded::Rounded;
 pub use specialize::Linear;
-pub(crate) use steps::{Step, advance_all, start_all};
 pub(crate) use sums::{Sum, Sums};
-pub(crate) use tame::Tame;
 pub(crate) use term::Term;
 
 /// The number of a value or of a register.

@@ -2,8 +2,8 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use nsd_solver::nl;
-use nsd_solver::problem::Nlp;
+use nsd_solver::optimization::nl;
+use nsd_solver::optimization::problem::Nlp;
 
 fuzz_target!(|bytes: &[u8]| {
     let Ok(mut problem) = nl::read(bytes) else {

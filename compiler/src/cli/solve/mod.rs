@@ -6,7 +6,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use nsd_solver::mpcc::Observer;
+use nsd_solver::optimization::mpcc::Observer;
 
 use super::args::{Log, SolveArgs};
 use super::files::{self, Sink, is_standard};
@@ -138,7 +138,7 @@ fn names_of(path: &Path) -> Names {
         let text = files::read_if_present(&path.with_extension(extension));
         text.ok()
             .flatten()
-            .map_or_else(Vec::new, |text| nsd_solver::nl::names(&text))
+            .map_or_else(Vec::new, |text| nsd_solver::optimization::nl::names(&text))
     };
     match is_standard(path) {
         true => Names::default(),

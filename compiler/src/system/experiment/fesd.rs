@@ -1,6 +1,6 @@
 //! Options of `method fesd` and `method timestepping`.
 
-use nsd_solver::tableau::Family;
+use nsd_solver::integrate::tableau::Family;
 
 use super::method::once;
 use super::{ExperimentError, Reader, unknown_choice};

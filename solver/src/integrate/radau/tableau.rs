@@ -7,8 +7,8 @@
 use nalgebra::{Complex, DMatrix, DVector};
 
 use crate::expansion::series;
+use crate::integrate::tableau::{differentiation, monomials, radau_iia_nodes};
 use crate::linalg::DenseLu;
-use crate::tableau::{differentiation, monomials, radau_iia_nodes};
 
 /// Up to this many nodes coefficients are exact to some 1e-13, far below the tolerances for which so few
 /// are chosen.

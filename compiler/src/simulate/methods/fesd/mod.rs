@@ -17,7 +17,7 @@ use nsd_solver::event;
 use nsd_solver::event::{Event, Observer, Segment};
 use nsd_solver::fesd::{self, ComplementaritySystem, Grid, Library, Rungs, Simulator};
 use nsd_solver::hybrid::{HybridSystem, Outcome};
-use nsd_solver::tableau::Family;
+use nsd_solver::integrate::tableau::Family;
 
 pub use complementarity::complementarity;
 use turns::{Turned, Turns};

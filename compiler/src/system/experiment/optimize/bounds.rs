@@ -4,7 +4,7 @@
 //! 0 <= x <= p at all nodes, and `param q in [0, 1] = 2*p` 0 <= 2 p <= 1. Finite sets and thresholds of relays are
 //! numbers.
 
-use nsd_solver::tableau::Family;
+use nsd_solver::integrate::tableau::Family;
 
 use super::super::Reader;
 use super::{At, Draft, Shape};

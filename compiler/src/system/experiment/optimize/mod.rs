@@ -13,8 +13,8 @@ pub(super) use settings::Draft;
 pub use settings::{relaxation_word, steering_word};
 pub(super) use start::{LARGEST_SEED, one_argument};
 
-use nsd_solver::mpcc::{Relaxation, Steering};
-use nsd_solver::tableau::Family;
+use nsd_solver::integrate::tableau::Family;
+use nsd_solver::optimization::mpcc::{Relaxation, Steering};
 
 use super::{Cross, Equilibration};
 use crate::expr::{Expr, Var};

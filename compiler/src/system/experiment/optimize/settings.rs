@@ -1,7 +1,7 @@
 //! Reads the settings of an `optimize` experiment one by one.
 
-use nsd_solver::mpcc::{Relaxation, Steering};
-use nsd_solver::tableau::Family;
+use nsd_solver::integrate::tableau::Family;
+use nsd_solver::optimization::mpcc::{Relaxation, Steering};
 use rustc_hash::FxHashSet;
 
 use super::super::{ExperimentError, MethodKind, Reader, fesd, method, unknown_choice, with};

@@ -14,10 +14,10 @@ mod program;
 
 use miette::LabeledSpan;
 use nsd_solver::event::{Event, Observer, Segment};
+use nsd_solver::fesd::jumps::{CLOSED, StepStart, Stepper, Work};
 use nsd_solver::hybrid::{Outcome, Side, Status};
-use nsd_solver::jumps::{CLOSED, StepStart, Stepper, Work};
-use nsd_solver::problem::Nlp;
-use nsd_solver::tableau::Tableau;
+use nsd_solver::integrate::tableau::Tableau;
+use nsd_solver::optimization::problem::Nlp;
 use rustc_hash::FxHashMap;
 
 use program::{StepProgram, contacts};

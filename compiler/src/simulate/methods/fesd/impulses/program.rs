@@ -3,7 +3,8 @@
 //! Whether a member of a pair is a variable or a row depends on bounds. What a step starts from therefore has none
 //! until it is given its value.
 
-use nsd_solver::jumps::{self, Contacts, Element};
+use nsd_solver::fesd::jumps;
+use nsd_solver::fesd::jumps::{Contacts, Element};
 
 use crate::dcs::{Dcs, Impact, Kept};
 use crate::discretize::{Grid, Layout, Options, WINDOW, discretize};

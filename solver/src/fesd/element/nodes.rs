@@ -1,0 +1,353 @@
+//! The complementarity system at all nodes of a Runge-Kutta step, as it stands.
+//!
+//! X_m = x₀ + h Σ_j a_mj V_j,   V_m = f(t_m, X_m, z_m),   0 = g(t_m, X_m, z_m),   0 ≤ a(z_m) ⟂ b(z_m) ≥ 0
+//!
+//! Nothing is assumed about which members are zero. Newton's method solves for V and z with the smaller
+//! member of every pair zero, and where that goes in circles along smoothed pairs: the solutions of the
+//! Fischer-Burmeister equation a + b - √(a² + b² + 2σ) = 0 satisfy ab = σ, a, b > 0 (Kanzow 1996).
+
+use super::scheme::Scheme;
+use crate::fesd::system::ComplementaritySystem;
+use crate::fesd::uniform::SLACK;
+use crate::hybrid::status::Stats;
+use crate::linalg::DenseLu;
+use crate::runtime::limit::Limit;
+use crate::tape::Tape;
+
+/// Newton iterations for one σ, and by the smaller members, which go in circles if they take longer.
+const MAX_ITERATIONS: usize = 30;
+const MAX_LEAST: usize = 15;
+
+/// Where σ starts and ends, and what it is multiplied with, one attempt after the other.
+const SIGMA: [f64; 2] = [1.0, 1e-16];
+const SHRINK: [f64; 3] = [0.1, 0.1, 0.5];
+
+/// Of so many σ in a row without a solution, the next ones have none either.
+const MAX_LOST: usize = 3;
+
+/// From this σ on the smaller members are tried.
+const EARLY: f64 = 1e-2;
+
+/// Changes of the unknowns, relative to √σ, at which the next σ is taken up.
+const ALONG: f64 = 1e-3;
+
+/// A change of the unknowns of this size is rounding.
+const CONVERGED: f64 = 1e-13;
+
+/// Shares of a Newton step below this are not tried.
+const SHORTEST: f64 = 1e-4;
+
+/// How the pairs enter the equations.
+#[derive(Clone, Copy)]
+enum Rule {
+    /// The smaller member is zero.
+    Least,
+    /// a + b - √(a² + b² + 2σ) = 0.
+    Smooth(f64),
+}
+
+/// A step: its start and its length.
+#[derive(Clone, Copy)]
+pub(crate) struct Step<'a> {
+    pub t: f64,
+    pub h: f64,
+    pub x: &'a [f64],
+}
+
+/// The nodes, and the memory to solve for them.
+pub(crate) struct Nodes {
+    /// V and z of every node.
+    pub unknowns: Vec<f64>,
+    inputs: Vec<f64>,
+    registers: Vec<f64>,
+    matrix: Vec<f64>,
+    rhs: Vec<f64>,
+    lu: DenseLu,
+    n: usize,
+    n_z: usize,
+    /// By the place of V and z in a node: rates of algebraic states, which are known as far as these are.
+    is_rate: Vec<bool>,
+}
+
+impl Nodes {
+    /// Memory for `s` nodes of a system.
+    pub fn new(system: &ComplementaritySystem, s: usize) -> Self {
+        let (n, n_z) = (system.n_states(), system.n_algebraics());
+        let size = s * (n + n_z);
+        let full = &system.full;
+        let tapes = [&full.equations, &full.slopes.tape, &full.alphas];
+        let registers = tapes.map(|tape| tape.n_registers().max(tape.n_inputs()));
+        let mut is_rate = vec![false; n + n_z];
+        for &state in &system.algebraic_states {
+            is_rate[state] = true;
+            let entries = full.slopes.entries.iter();
+            let inputs = entries.filter(|(row, input)| *row == state && *input > n);
+            inputs.for_each(|(_, input)| is_rate[input - 1] = true);
+        }
+        Nodes {
+            unknowns: vec![0.0; size],
+            inputs: vec![0.0; 1 + n + n_z + system.n_numbers()],
+            registers: vec![0.0; registers.into_iter().max().unwrap_or(0)],
+            matrix: vec![0.0; size * size],
+            rhs: vec![0.0; size],
+            lu: DenseLu::new(size),
+            n,
+            n_z,
+            is_rate,
+        }
+    }
+
+    /// Unknowns per node: V, then z.
+    pub fn per_node(&self) -> usize {
+        self.n + self.n_z
+    }
+
+    /// z of a node.
+    pub fn z(&self, node: usize) -> &[f64] {
+        let per_node = self.per_node();
+        &self.unknowns[node * per_node + self.n..(node + 1) * per_node]
+    }
+
+    /// What changes at breakpoints, to be written.
+    pub fn numbers(&mut self) -> &mut [f64] {
+        let first = self.per_node() + 1;
+        &mut self.inputs[first..]
+    }
+
+    /// Takes z and the rates at a point as the guess of all nodes.
+    pub fn begin(&mut self, system: &ComplementaritySystem, t: f64, x: &[f64], z: &[f64]) {
+        self.load(t, x);
+        self.inputs[1 + self.n..][..self.n_z].copy_from_slice(z);
+        let n = self.n;
+        let rates: Vec<f64> = self.eval(&system.full.equations).take(n).collect();
+        let per_node = self.per_node();
+        for node in self.unknowns.chunks_exact_mut(per_node) {
+            node[..n].copy_from_slice(&rates);
+            node[n..].copy_from_slice(z);
+        }
+    }
+
+    /// Evaluates a tape at a point, with z of a node.
+    pub fn eval_at<'e>(
+        &'e mut self,
+        tape: &'e Tape,
+        (t, x): (f64, &[f64]),
+        node: usize,
+    ) -> impl Iterator<Item = f64> + 'e {
+        self.load(t, x);
+        self.load_z(node);
+        self.eval(tape)
+    }
+
+    /// Puts a point into the inputs.
+    fn load(&mut self, t: f64, x: &[f64]) {
+        self.inputs[0] = t;
+        self.inputs[1..=self.n].copy_from_slice(x);
+    }
+
+    /// Puts z of a node into the inputs.
+    fn load_z(&mut self, node: usize) {
+        let per_node = self.per_node();
+        let z = &self.unknowns[node * per_node + self.n..(node + 1) * per_node];
+        self.inputs[1 + self.n..][..self.n_z].copy_from_slice(z);
+    }
+
+    /// Evaluates a tape at the inputs.
+    fn eval<'e>(&'e mut self, tape: &'e Tape) -> impl Iterator<Item = f64> + 'e {
+        self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
+        tape.run(&mut self.registers);
+        tape.results(&self.registers)
+    }
+
+    /// Solves for V and z at once: by the smaller members first, else along smoothed pairs, ever more
+    /// slowly and from the middle of what jumps, as long as `limit` allows. Whether no member of the solution is
+    /// negative.
+    pub fn solve(
+        &mut self,
+        system: &ComplementaritySystem,
+        scheme: &Scheme,
+        step: Step,
+        limit: &Limit,
+        stats: &mut Stats,
+    ) -> bool {
+        let start = self.unknowns.clone();
+        if self.newton(system, scheme, step, Rule::Least, stats) {
+            return true;
+        }
+        for (attempt, shrink) in SHRINK.into_iter().enumerate() {
+            self.unknowns.copy_from_slice(&start);
+            if attempt > 0 {
+                self.centre(system);
+            }
+            let [mut sigma, last] = SIGMA;
+            let mut lost = 0;
+            while sigma > last && lost < MAX_LOST && !limit.is_over() {
+                let found = self.newton(system, scheme, step, Rule::Smooth(sigma), stats);
+                lost = if found { 0 } else { lost + 1 };
+                // The smaller members may be the right ones long before σ is zero.
+                if sigma <= EARLY {
+                    let smooth = self.unknowns.clone();
+                    if self.newton(system, scheme, step, Rule::Least, stats) {
+                        return true;
+                    }
+                    self.unknowns.copy_from_slice(&smooth);
+                }
+                sigma *= shrink;
+            }
+        }
+        false
+    }
+
+    /// Puts what jumps to the middle of its range.
+    fn centre(&mut self, system: &ComplementaritySystem) {
+        let (n, per_node) = (self.n, self.per_node());
+        for node in self.unknowns.chunks_exact_mut(per_node) {
+            for (i, z) in node[n..].iter_mut().enumerate() {
+                if !system.is_continuous(i) {
+                    *z = 0.5;
+                }
+            }
+        }
+    }
+
+    /// Newton's method, along smoothed pairs with steps that lessen the residual; whether it
+    /// converged.
+    fn newton(
+        &mut self,
+        system: &ComplementaritySystem,
+        scheme: &Scheme,
+        step: Step,
+        rule: Rule,
+        stats: &mut Stats,
+    ) -> bool {
+        let mut residual = self.assemble(system, scheme, step, rule);
+        let mut start = self.unknowns.clone();
+        let algebraic = system.algebraic_states.iter();
+        let largest = algebraic.map(|&i| step.x[i].abs()).fold(0.0, f64::max);
+        let (most, converged) = match rule {
+            Rule::Least => (MAX_LEAST, CONVERGED),
+            Rule::Smooth(sigma) => (MAX_ITERATIONS, (ALONG * sigma.sqrt()).max(CONVERGED)),
+        };
+        for _ in 0..most {
+            stats.newton_iterations += 1;
+            stats.factorizations += 1;
+            if self.lu.factor(&self.matrix).is_err() {
+                return false;
+            }
+            self.lu.solve(&mut self.rhs);
+            let change = self.rhs.clone();
+            start.copy_from_slice(&self.unknowns);
+            let mut share = 1.0;
+            let next = loop {
+                for ((y, start), change) in self.unknowns.iter_mut().zip(&start).zip(&change) {
+                    *y = start + share * change;
+                }
+                let next = self.assemble(system, scheme, step, rule);
+                let free = matches!(rule, Rule::Least) || share < SHORTEST;
+                if free || next <= (1.0 - 1e-4 * share) * residual {
+                    break next;
+                }
+                share *= 0.5;
+            };
+            residual = next;
+            let relative = change.iter().zip(&self.unknowns).enumerate();
+            let relative = relative.map(|(at, (change, y))| {
+                let size = match self.is_rate[at % self.per_node()] {
+                    true => (1.0 + y.abs()).max(largest / step.h),
+                    false => 1.0 + y.abs(),
+                };
+                change.abs() / size
+            });
+            let largest = relative.fold(
+                0.0,
+                |most: f64, c| if c > most || c.is_nan() { c } else { most },
+            );
+            if !largest.is_finite() {
+                return false;
+            }
+            if share * largest <= converged {
+                return matches!(rule, Rule::Smooth(_)) || self.is_complementary(system);
+            }
+        }
+        false
+    }
+
+    /// Whether no member is negative.
+    fn is_complementary(&self, system: &ComplementaritySystem) -> bool {
+        let per_node = self.per_node();
+        self.unknowns.chunks_exact(per_node).all(|node| {
+            let z = &node[self.n..];
+            let mut pairs = system.pairs.iter();
+            pairs.all(|pair| pair.left.value(z).min(pair.right.value(z)) >= SLACK)
+        })
+    }
+
+    /// The negative residual and the Jacobian of all equations. Returns the norm of the residual.
+    fn assemble(
+        &mut self,
+        system: &ComplementaritySystem,
+        scheme: &Scheme,
+        Step { t, h, x: x0 }: Step,
+        rule: Rule,
+    ) -> f64 {
+        let (s, n, a) = (scheme.s, self.n, &scheme.tableau.a);
+        let (full, per_node) = (&system.full, self.per_node());
+        let (size, n_rows) = (s * per_node, full.equations.n_outputs());
+        self.matrix.fill(0.0);
+        for m in 0..s {
+            let rows = m * per_node;
+            self.inputs[0] = t + scheme.tableau.nodes[m] * h;
+            for (i, (input, x0)) in self.inputs[1..=n].iter_mut().zip(x0).enumerate() {
+                let terms = (0..s).map(|j| a[m * s + j] * self.unknowns[j * per_node + i]);
+                *input = x0 + h * terms.sum::<f64>();
+            }
+            self.load_z(m);
+            self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
+            full.equations.run(&mut self.registers);
+            for (i, value) in full.equations.results(&self.registers).enumerate() {
+                self.rhs[rows + i] = match i < n {
+                    true => value - self.unknowns[rows + i],
+                    false => -value,
+                };
+            }
+            for i in 0..n {
+                self.matrix[(rows + i) * (size + 1)] = 1.0;
+            }
+            self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
+            full.slopes.tape.run(&mut self.registers);
+            let slopes = full.slopes.tape.results(&self.registers);
+            for (&(row, input), slope) in full.slopes.entries.iter().zip(slopes) {
+                let sign = if row < n { -1.0 } else { 1.0 };
+                let start = (rows + row) * size;
+                match input {
+                    0 => {}
+                    _ if input <= n => {
+                        for j in 0..s {
+                            self.matrix[start + j * per_node + input - 1] +=
+                                sign * h * a[m * s + j] * slope;
+                        }
+                    }
+                    _ => self.matrix[start + rows + input - 1] += sign * slope,
+                }
+            }
+            let z = &self.inputs[1 + n..=per_node];
+            for (k, pair) in system.pairs.iter().enumerate() {
+                let row = rows + n_rows + k;
+                let (a, b) = (pair.left.value(z), pair.right.value(z));
+                let [by_a, by_b, value] = match rule {
+                    Rule::Least if a <= b => [1.0, 0.0, a],
+                    Rule::Least => [0.0, 1.0, b],
+                    Rule::Smooth(sigma) => {
+                        let root = (a * a + b * b + 2.0 * sigma).sqrt();
+                        [1.0 - a / root, 1.0 - b / root, a + b - root]
+                    }
+                };
+                self.rhs[row] = -value;
+                let at = row * size + rows + n;
+                self.matrix[at + pair.left.variable] += by_a * pair.left.slope();
+                self.matrix[at + pair.right.variable] += by_b * pair.right.slope();
+            }
+        }
+        self.rhs.iter().map(|r| r * r).sum::<f64>().sqrt()
+    }
+}

@@ -1,0 +1,105 @@
+//! One solution of the directional problem, where the pairs that meet are too many to try all sets.
+//!
+//! 0 ≤ a ⟂ b ≥ 0 is replaced by the smoothed Fischer-Burmeister equation
+//! a + b - √(a² + b² + 2σ) = 0, whose solutions satisfy ab = σ, a, b > 0; Newton's method follows
+//! them from σ = 1 towards zero (Kanzow 1996).
+
+use super::directional::Directional;
+use crate::fesd::system::{ComplementaritySystem, Zero};
+
+/// Where σ ends, and what it is multiplied with; pairs are of size 1 by their scales.
+const LAST: f64 = 1e-20;
+const SHRINK: f64 = 0.1;
+
+/// Newton iterations for one σ, and halvings of their steps.
+const MAX_ITERATIONS: usize = 30;
+const MAX_HALVINGS: usize = 20;
+
+impl Directional {
+    /// u where the open pairs are complementary and the others have the given members zero.
+    pub(crate) fn smooth(
+        &mut self,
+        system: &ComplementaritySystem,
+        zeros: &[Zero],
+        open: &[usize],
+        mut u: Vec<f64>,
+    ) -> Option<Vec<f64>> {
+        // Rates are measured by the largest one at the start.
+        self.linearize(system, &u);
+        let n_equations = system.full.directional.n_outputs();
+        let size = self.rhs[..n_equations]
+            .iter()
+            .fold(0.0_f64, |s, r| s.max(r.abs()));
+        let size = if size > 0.0 { size } else { 1.0 };
+        let mut sigma = 1.0;
+        while sigma > LAST {
+            for _ in 0..MAX_ITERATIONS {
+                let before = self.assemble(system, zeros, open, &u, size, sigma);
+                if before <= 1e-12 {
+                    break;
+                }
+                let start = u.clone();
+                let mut share = 1.0;
+                if self.step(&mut u, share).is_none() {
+                    // In the middle of a face of solutions the equations without σ determine none of them.
+                    return start.iter().all(|u| u.is_finite()).then_some(start);
+                }
+                let step: Vec<f64> = u.iter().zip(&start).map(|(u, start)| u - start).collect();
+                for _ in 0..MAX_HALVINGS {
+                    if self.assemble(system, zeros, open, &u, size, sigma)
+                        <= (1.0 - 1e-4 * share) * before
+                    {
+                        break;
+                    }
+                    share *= 0.5;
+                    for ((u, start), step) in u.iter_mut().zip(&start).zip(&step) {
+                        *u = start + share * step;
+                    }
+                }
+            }
+            sigma *= SHRINK;
+        }
+        Some(u)
+    }
+
+    /// Residual and Jacobian at u. Returns the norm of the residual.
+    fn assemble(
+        &mut self,
+        system: &ComplementaritySystem,
+        zeros: &[Zero],
+        open: &[usize],
+        u: &[f64],
+        size: f64,
+        sigma: f64,
+    ) -> f64 {
+        self.linearize(system, u);
+        let n_equations = system.full.directional.n_outputs();
+        for (row, &zero) in zeros.iter().enumerate() {
+            let pair = &system.pairs[row];
+            let (left, right) = self.members(system, row, u);
+            let at = n_equations + row;
+            if !open.contains(&row) {
+                let (member, _) = pair.split(zero);
+                self.rhs[at] = -if zero == Zero::Left { left } else { right };
+                *self.matrix.entry(at, member.variable) = member.slope();
+                continue;
+            }
+            let scale = |variable: usize| {
+                if system.is_continuous(variable) {
+                    size
+                } else {
+                    1.0
+                }
+            };
+            let scales = [scale(pair.left.variable), scale(pair.right.variable)];
+            let (a, b) = (left / scales[0], right / scales[1]);
+            let root = (a * a + b * b + 2.0 * sigma).sqrt();
+            self.rhs[at] = root - a - b;
+            *self.matrix.entry(at, pair.left.variable) +=
+                (1.0 - a / root) * pair.left.slope() / scales[0];
+            *self.matrix.entry(at, pair.right.variable) +=
+                (1.0 - b / root) * pair.right.slope() / scales[1];
+        }
+        self.rhs.iter().map(|r| r * r).sum::<f64>().sqrt()
+    }
+}

@@ -1,0 +1,203 @@
+//! w in a single point: where a residual contains no w, its derivative along f determines it.
+
+use crate::fesd::element::Unsolved;
+use crate::fesd::system::Reduced;
+use crate::linalg::DenseLu;
+
+/// Newton iterations for w in a point.
+const MAX_ITERATIONS: usize = 30;
+
+/// A change of w that has converged, and one that counts as rounding once it gets no smaller.
+const CONVERGED: f64 = 1e-14;
+const ROUNDING: f64 = 1e-10;
+
+/// Memory to solve for w in a point.
+pub(crate) struct Hidden {
+    /// t, x, w, and the numbers that change at breakpoints.
+    pub inputs: Vec<f64>,
+    registers: Vec<f64>,
+    values: Vec<f64>,
+    matrix: Vec<f64>,
+    lu: DenseLu,
+    n: usize,
+    n_w: usize,
+}
+
+impl Hidden {
+    pub fn new(n: usize, n_numbers: usize, reduced: &Reduced) -> Self {
+        let n_w = reduced.unknowns.len();
+        let tapes = [
+            &reduced.hidden,
+            &reduced.hidden_slopes.tape,
+            &reduced.members,
+            &reduced.member_slopes.tape,
+            &reduced.algebraics,
+            &reduced.alphas,
+            &reduced.equations,
+        ];
+        let registers = tapes.map(|tape| tape.n_registers().max(tape.n_inputs()));
+        Hidden {
+            inputs: vec![0.0; 1 + n + n_w + n_numbers],
+            registers: vec![0.0; registers.into_iter().max().unwrap_or(0)],
+            values: vec![0.0; reduced.hidden_slopes.entries.len().max(n_w)],
+            matrix: vec![0.0; n_w * n_w],
+            lu: DenseLu::new(n_w),
+            n,
+            n_w,
+        }
+    }
+
+    /// Moves to a point, with a guess of w.
+    pub fn set(&mut self, t: f64, x: impl Iterator<Item = f64>, w: &[f64]) {
+        self.inputs[0] = t;
+        for (input, x) in self.inputs[1..=self.n].iter_mut().zip(x) {
+            *input = x;
+        }
+        self.inputs[1 + self.n..][..w.len()].copy_from_slice(w);
+    }
+
+    /// Takes the numbers that hold from here on.
+    pub fn set_numbers(&mut self, numbers: &[f64]) {
+        let first = 1 + self.n + self.n_w;
+        self.inputs[first..].copy_from_slice(numbers);
+    }
+
+    /// w of the point.
+    pub fn w(&self) -> &[f64] {
+        &self.inputs[1 + self.n..][..self.n_w]
+    }
+
+    /// Evaluates a tape where the point is.
+    pub fn eval<'h>(&'h mut self, tape: &'h crate::tape::Tape) -> impl Iterator<Item = f64> + 'h {
+        self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
+        tape.run(&mut self.registers);
+        tape.results(&self.registers)
+    }
+
+    /// Solves for w where the point is; leaves ∂hidden/∂w factored.
+    pub fn solve(&mut self, reduced: &Reduced) -> Result<(), Unsolved> {
+        let n_w = reduced.unknowns.len();
+        if n_w == 0 {
+            return Ok(());
+        }
+        let mut last = f64::INFINITY;
+        for _ in 0..MAX_ITERATIONS {
+            self.factor(reduced)?;
+            self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
+            reduced.hidden.run(&mut self.registers);
+            for (value, found) in self
+                .values
+                .iter_mut()
+                .zip(reduced.hidden.results(&self.registers))
+            {
+                *value = found;
+            }
+            self.lu.solve(&mut self.values[..n_w]);
+            let mut change = 0.0_f64;
+            for (w, step) in self.inputs[1 + self.n..][..n_w]
+                .iter_mut()
+                .zip(&self.values[..n_w])
+            {
+                *w -= step;
+                change = change.max(step.abs() / (1.0 + w.abs()));
+            }
+            if !self.w().iter().all(|w| w.is_finite()) {
+                return Err(Unsolved::Diverged);
+            }
+            if change <= CONVERGED || (change <= ROUNDING && change >= 0.5 * last) {
+                return Ok(());
+            }
+            last = change;
+        }
+        Err(Unsolved::Diverged)
+    }
+
+    /// dw/dt where the point is, while x moves at these rates.
+    pub fn rate_of_w(
+        &mut self,
+        reduced: &Reduced,
+        rates: &[f64],
+        by_time: &mut Vec<f64>,
+    ) -> Result<(), Unsolved> {
+        self.factor(reduced)?;
+        let n = self.n;
+        by_time.clear();
+        by_time.resize(self.n_w, 0.0);
+        let slopes = &reduced.hidden_slopes;
+        for (&(row, input), slope) in slopes.entries.iter().zip(self.eval(&slopes.tape)) {
+            match input {
+                0 => by_time[row] -= slope,
+                _ if input <= n => by_time[row] -= slope * rates[input - 1],
+                _ => {}
+            }
+        }
+        self.lu.solve(by_time);
+        Ok(())
+    }
+
+    /// det ∂hidden/∂w where the point is: where it vanishes, solutions for w meet and end.
+    pub fn determinant(&mut self, reduced: &Reduced) -> f64 {
+        match self.factor(reduced) {
+            Ok(()) => self.lu.determinant(),
+            Err(_) => 0.0,
+        }
+    }
+
+    fn factor(&mut self, reduced: &Reduced) -> Result<(), Unsolved> {
+        let n_w = reduced.unknowns.len();
+        self.registers[..self.inputs.len()].copy_from_slice(&self.inputs);
+        reduced.hidden_slopes.tape.run(&mut self.registers);
+        let results = reduced.hidden_slopes.tape.results(&self.registers);
+        self.matrix.fill(0.0);
+        for (&(row, input), slope) in reduced.hidden_slopes.entries.iter().zip(results) {
+            if input > self.n {
+                self.matrix[row * n_w + input - 1 - self.n] = slope;
+            }
+        }
+        self.lu.factor(&self.matrix).map_err(|_| Unsolved::Singular)
+    }
+
+    /// A watched member where the point is, with w solved for; its derivatives by x are those along
+    /// the surface hidden = 0, and go to `by_x`. Returns the value and ∂/∂t.
+    pub fn member(
+        &mut self,
+        reduced: &Reduced,
+        member: usize,
+        by_x: &mut [f64],
+    ) -> Result<(f64, f64), Unsolved> {
+        let n_w = reduced.unknowns.len();
+        let value = self.eval(&reduced.members).nth(member).unwrap_or(f64::NAN);
+        by_x.fill(0.0);
+        let (mut rate, mut by_w) = (0.0, vec![0.0; n_w]);
+        let n = self.n;
+        for (&(row, input), slope) in reduced
+            .member_slopes
+            .entries
+            .iter()
+            .zip(self.eval(&reduced.member_slopes.tape))
+        {
+            match input {
+                _ if row != member => {}
+                0 => rate = slope,
+                _ if input <= n => by_x[input - 1] = slope,
+                _ => by_w[input - 1 - n] = slope,
+            }
+        }
+        if by_w.iter().any(|slope| *slope != 0.0) {
+            // dw = -H_w⁻¹ (H_x dx + H_t dt), so the row -by_w H_w⁻¹ multiplies H_x and H_t.
+            self.factor(reduced)?;
+            let mut row = by_w;
+            self.lu.solve_transposed(&mut row);
+            let slopes = reduced.hidden_slopes.tape.clone();
+            for (&(k, input), slope) in reduced.hidden_slopes.entries.iter().zip(self.eval(&slopes))
+            {
+                match input {
+                    0 => rate -= row[k] * slope,
+                    _ if input <= n => by_x[input - 1] -= row[k] * slope,
+                    _ => {}
+                }
+            }
+        }
+        Ok((value, rate))
+    }
+}

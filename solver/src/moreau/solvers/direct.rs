@@ -1,0 +1,253 @@
+//! The equations of contacts that push and of contacts that stick, solved at once.
+//!
+//! Which these are is guessed from the present impulses, as in the primal-dual active set method (Hintermüller, Ito &
+//! Kunisch 2002): a contact pushes where Λ - (J v + c)/(J D) > 0, and sticks where the friction that would stop it is
+//! below μ Λ. Friction of contacts that slip stays what it is. Contacts that depend on each other make the matrix
+//! singular: it gets a small share of its diagonal, and refinement takes the effect of that away again.
+
+use super::cone;
+use crate::linalg::envelope::Envelope;
+use crate::moreau::impulse::{Impulses, Island};
+use crate::moreau::rows::Pair;
+
+/// Added to the diagonal, relative to it.
+const SHARE: f64 = 1e-12;
+/// Refinements at most, and the relative residual that is enough.
+const REFINEMENTS: usize = 6;
+
+const NONE: u32 = u32::MAX;
+
+/// An equation J v + c = 0.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct Equation {
+    contact: u32,
+    /// 0 of the normal, k of the k-th entry of the slip velocity.
+    row: u8,
+}
+
+/// Memory for systems of equations.
+#[derive(Default)]
+pub(crate) struct Direct {
+    equations: Vec<Equation>,
+    previous: Vec<Equation>,
+    /// By velocity the last of its equations, which are linked: (equation, the one before).
+    last: Vec<u32>,
+    links: Vec<(u32, u32)>,
+    /// By equation those with which it has a velocity in common.
+    starts: Vec<usize>,
+    beside: Vec<u32>,
+    seen: Vec<u32>,
+    factors: Envelope,
+    rhs: Vec<f64>,
+    settled: bool,
+    saved: (Vec<f64>, Vec<Pair>, Vec<f64>),
+}
+
+impl Direct {
+    /// Whether the last solution has led to the same equations again.
+    pub fn is_settled(&self) -> bool {
+        self.settled
+    }
+
+    /// Keeps impulses and velocities.
+    pub fn save(&mut self, island: &Island, impulses: &Impulses, v: &[f64]) {
+        let (normal, tangential, velocities) = &mut self.saved;
+        normal.clear();
+        tangential.clear();
+        for (c, _) in island.iter() {
+            normal.push(impulses.normal[c]);
+            tangential.push(impulses.tangential[c]);
+        }
+        velocities.clear();
+        for (_, contact) in island.iter() {
+            let columns = island.linear.rows.columns_of(contact).iter();
+            velocities.extend(columns.map(|&column| v[column as usize]));
+        }
+    }
+
+    /// Brings back what was kept.
+    pub fn restore(&mut self, island: &Island, impulses: &mut Impulses, v: &mut [f64]) {
+        let (normal, tangential, velocities) = &self.saved;
+        for ((c, _), (normal, tangential)) in island.iter().zip(normal.iter().zip(tangential)) {
+            (impulses.normal[c], impulses.tangential[c]) = (*normal, *tangential);
+        }
+        let mut velocities = velocities.iter();
+        for (_, contact) in island.iter() {
+            let columns = island.linear.rows.columns_of(contact).iter();
+            for (&column, value) in columns.zip(&mut velocities) {
+                v[column as usize] = *value;
+            }
+        }
+    }
+
+    /// Solves for the impulses; false where the matrix cannot be factored.
+    pub fn solve(&mut self, island: &Island, impulses: &mut Impulses, v: &mut [f64]) -> bool {
+        std::mem::swap(&mut self.previous, &mut self.equations);
+        self.choose(island, impulses, v);
+        self.settled = self.equations == self.previous;
+        if !self.factor(island) {
+            return false;
+        }
+        for _ in 0..REFINEMENTS {
+            let size = self.defect(island, impulses, v);
+            if size == 0.0 {
+                break;
+            }
+            self.factors.solve(&mut self.rhs);
+            let rows = &island.linear.rows;
+            for (equation, &z) in self.equations.iter().zip(&self.rhs) {
+                let c = equation.contact as usize;
+                let normal = island.linear.contacts[c].normal;
+                match equation.row {
+                    0 => impulses.normal[c] += z,
+                    k => impulses.tangential[c][usize::from(k) - 1] -= z,
+                }
+                rows.push_by(normal + usize::from(equation.row), z, v);
+            }
+        }
+        true
+    }
+
+    /// Picks the equations, and takes the impulses of all others away.
+    fn choose(&mut self, island: &Island, impulses: &mut Impulses, v: &mut [f64]) {
+        self.equations.clear();
+        let rows = &island.linear.rows;
+        // All are judged before anything changes.
+        for (c, contact) in island.iter() {
+            let [normal, tangential] = impulses.diagonal(c);
+            let rate = rows.rate(contact.normal, v) + impulses.normal_rate[c];
+            if impulses.normal[c] - rate / normal <= 0.0 {
+                continue;
+            }
+            let equation = |row| Equation {
+                contact: c as u32,
+                row,
+            };
+            self.equations.push(equation(0));
+            if contact.is_rough() && tangential > 0.0 {
+                let most = impulses.friction[c] * impulses.normal[c].max(0.0);
+                if cone::length(impulses.stopping(rows, c, contact, v)) < most {
+                    self.equations
+                        .extend((1..=contact.slips as u8).map(equation));
+                }
+            }
+        }
+        let mut chosen = self.equations.iter().peekable();
+        for (c, contact) in island.iter() {
+            let is_of = |equation: &&Equation, is_slip: bool| {
+                equation.contact as usize == c && (equation.row > 0) == is_slip
+            };
+            let pushes = chosen.next_if(|equation| is_of(equation, false)).is_some();
+            let mut sticks = false;
+            while chosen.next_if(|equation| is_of(equation, true)).is_some() {
+                sticks = true;
+            }
+            if !pushes && impulses.normal[c] != 0.0 {
+                rows.push_by(contact.normal, -impulses.normal[c], v);
+                impulses.normal[c] = 0.0;
+            }
+            if contact.is_rough() && !sticks {
+                let most = impulses.friction[c] * impulses.normal[c].max(0.0);
+                let is_fixed = contact.is_conic() && impulses.diagonal(c)[1] == 0.0;
+                let next = match (pushes && !is_fixed, contact.is_conic()) {
+                    (false, _) => [0.0; 2],
+                    (true, false) => {
+                        let slip = rows.rate(contact.normal + 1, v) + impulses.slip_rate[c][0];
+                        [most.copysign(slip), 0.0]
+                    }
+                    (true, true) => cone::bounded(impulses.stopping(rows, c, contact, v), most),
+                };
+                impulses.rub_to(rows, c, contact, next, v);
+            }
+        }
+    }
+
+    /// Row and sign of an equation: friction acts against its row.
+    fn row(&self, island: &Island, equation: Equation) -> usize {
+        let normal = island.linear.contacts[equation.contact as usize].normal;
+        normal + usize::from(equation.row)
+    }
+
+    /// -(J v + c) of all equations; its size.
+    fn defect(&mut self, island: &Island, impulses: &Impulses, v: &[f64]) -> f64 {
+        let rows = &island.linear.rows;
+        let mut size = 0.0_f64;
+        let mut rhs = std::mem::take(&mut self.rhs);
+        rhs.clear();
+        for &equation in &self.equations {
+            let c = equation.contact as usize;
+            let rate = match equation.row {
+                0 => impulses.normal_rate[c],
+                k => impulses.slip_rate[c][usize::from(k) - 1],
+            };
+            let defect = rows.rate(self.row(island, equation), v) + rate;
+            size = size.max(defect.abs());
+            rhs.push(-defect);
+        }
+        self.rhs = rhs;
+        size
+    }
+
+    /// J D of all equations, with a little more on the diagonal.
+    fn factor(&mut self, island: &Island) -> bool {
+        if self.equations.is_empty() {
+            return false;
+        }
+        self.find_beside(island);
+        self.factors.arrange(&self.starts, &self.beside);
+        let rows = &island.linear.rows;
+        for (e, &equation) in self.equations.iter().enumerate() {
+            let row = self.row(island, equation);
+            let beside = &self.beside[self.starts[e]..self.starts[e + 1]];
+            for &other in beside.iter().filter(|&&other| other < e as u32) {
+                let of_other = self.row(island, self.equations[other as usize]);
+                let value = rows.coupling(row, of_other);
+                self.factors.set(e, other as usize, value);
+            }
+            let diagonal = (1.0 + SHARE) * rows.diagonal(row);
+            self.factors.set(e, e, diagonal);
+        }
+        self.factors.factor()
+    }
+
+    /// Finds which equations have velocities in common.
+    fn find_beside(&mut self, island: &Island) {
+        let rows = &island.linear.rows;
+        let n = self.equations.len();
+        self.links.clear();
+        for e in 0..n {
+            for &column in rows.columns(self.row(island, self.equations[e])) {
+                let column = column as usize;
+                if self.last.len() <= column {
+                    self.last.resize(column + 1, NONE);
+                }
+                let link = self.links.len() as u32;
+                self.links
+                    .push((e as u32, std::mem::replace(&mut self.last[column], link)));
+            }
+        }
+        self.seen.clear();
+        self.seen.resize(n, NONE);
+        self.beside.clear();
+        self.starts.clear();
+        self.starts.push(0);
+        for e in 0..n {
+            for &column in rows.columns(self.row(island, self.equations[e])) {
+                let mut link = self.last[column as usize];
+                while link != NONE {
+                    let (other, before) = self.links[link as usize];
+                    if std::mem::replace(&mut self.seen[other as usize], e as u32) != e as u32 {
+                        self.beside.push(other);
+                    }
+                    link = before;
+                }
+            }
+            self.starts.push(self.beside.len());
+        }
+        for e in 0..n {
+            for &column in rows.columns(self.row(island, self.equations[e])) {
+                self.last[column as usize] = NONE;
+            }
+        }
+    }
+}

@@ -1,0 +1,353 @@
+//! The program in the form that the iteration uses.
+//!
+//! minimize f(x)   subject to   c(x) - s - b = 0,   l <= (x, s) <= u
+//!
+//! x are the variables that are not fixed and c the rows that have a bound and depend on them, both scaled; a row that
+//! is no equation has a slack s and b = 0. Variables v = (x, s) are numbered together. While the violation is minimized,
+//! rows have elastic variables p, n >= 0 besides, c(x) - s - b - p + n = 0: what a row has besides c(x) is *attached* to
+//! it.
+
+use super::solution::Point;
+use crate::optimization::problem::{Bounds, Nlp};
+
+/// A sparse matrix by rows in the numbers of the form.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Sparse {
+    pub starts: Vec<u32>,
+    pub columns: Vec<u32>,
+    /// Which entries of the problem's own pattern these are.
+    sources: Vec<u32>,
+}
+
+/// A variable in one row only, with coefficient 1 or -1.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Attached {
+    pub row: u32,
+    pub sign: f64,
+}
+
+pub(crate) struct Form<'a> {
+    pub nlp: &'a mut dyn Nlp,
+    /// The numbers of variables x, slacks and rows.
+    pub n: usize,
+    pub n_slacks: usize,
+    pub m: usize,
+    /// How many rows hold at the only values that their variables can have.
+    n_empty: usize,
+    /// The slacks, then p, then n.
+    pub attached: Vec<Attached>,
+    /// The slack of every row, or `NONE`.
+    pub slacks: Vec<u32>,
+    /// The variables and rows of the problem.
+    pub variables: Vec<u32>,
+    pub rows: Vec<u32>,
+    pub jacobian: Sparse,
+    pub hessian: Sparse,
+    pub objective_scale: f64,
+    pub row_scale: Vec<f64>,
+    /// b.
+    targets: Vec<f64>,
+    /// All variables, the fixed ones at their value.
+    pub w: Vec<f64>,
+    /// Values as the problem has them.
+    all_rows: Vec<f64>,
+    all_y: Vec<f64>,
+    all_gradient: Vec<f64>,
+    all_jacobian: Vec<f64>,
+    all_hessian: Vec<f64>,
+}
+
+pub(crate) const NONE: u32 = u32::MAX;
+/// Rows whose variables are fixed hold when they miss their bounds by no more, relative to their size.
+const EMPTY: f64 = 1e-9;
+
+/// What a row or variable is by its bounds.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Fixed,
+    Bounded,
+    Free,
+}
+
+fn kind(bounds: &Bounds<'_>, i: usize) -> Kind {
+    let (lower, upper) = (bounds.lower[i], bounds.upper[i]);
+    if lower == upper {
+        Kind::Fixed
+    } else if lower == f64::NEG_INFINITY && upper == f64::INFINITY {
+        Kind::Free
+    } else {
+        Kind::Bounded
+    }
+}
+
+impl<'a> Form<'a> {
+    pub fn new(nlp: &'a mut dyn Nlp) -> Self {
+        let (n_all, m_all) = (nlp.n_variables(), nlp.n_rows());
+        let bounds = nlp.variable_bounds();
+        let is_fixed: Vec<bool> = (0..n_all)
+            .map(|i| kind(&bounds, i) == Kind::Fixed)
+            .collect();
+        let variables: Vec<u32> = (0..n_all as u32)
+            .filter(|&i| !is_fixed[i as usize])
+            .collect();
+        let mut w = nlp.start().to_vec();
+        for (i, w) in w.iter_mut().enumerate() {
+            if is_fixed[i] {
+                *w = bounds.lower[i];
+            }
+        }
+        let mut values = vec![0.0; m_all];
+        nlp.rows(&w, &mut values);
+        let bounds = nlp.row_bounds();
+        let pattern = nlp.jacobian_pattern();
+        let is_empty = |row: usize| {
+            let reach = EMPTY * values[row].abs().max(1.0);
+            let is_within = values[row] >= bounds.lower[row] - reach;
+            is_within
+                && values[row] <= bounds.upper[row] + reach
+                && pattern.row(row).iter().all(|&j| is_fixed[j as usize])
+        };
+        let bounded = (0..m_all as u32).filter(|&row| kind(&bounds, row as usize) != Kind::Free);
+        let (empty, rows): (Vec<u32>, Vec<u32>) = bounded.partition(|&row| is_empty(row as usize));
+        let (n, m) = (variables.len(), rows.len());
+        let mut slacks = vec![NONE; m];
+        let mut attached = Vec::new();
+        for (j, &row) in rows.iter().enumerate() {
+            if kind(&bounds, row as usize) == Kind::Bounded {
+                slacks[j] = (n + attached.len()) as u32;
+                attached.push(Attached {
+                    row: j as u32,
+                    sign: -1.0,
+                });
+            }
+        }
+        let n_slacks = attached.len();
+        for sign in [-1.0, 1.0] {
+            attached.extend((0..m as u32).map(|row| Attached { row, sign }));
+        }
+        let mut place = vec![NONE; n_all];
+        for (i, &variable) in variables.iter().enumerate() {
+            place[variable as usize] = i as u32;
+        }
+        let jacobian = Sparse::select(nlp.jacobian_pattern(), &rows, &place);
+        let hessian = Sparse::select(nlp.hessian_pattern(), &variables, &place);
+        let all_jacobian = vec![0.0; nlp.jacobian_pattern().n_entries()];
+        let all_hessian = vec![0.0; nlp.hessian_pattern().n_entries()];
+        Form {
+            n,
+            n_slacks,
+            m,
+            n_empty: empty.len(),
+            attached,
+            slacks,
+            variables,
+            rows,
+            jacobian,
+            hessian,
+            objective_scale: 1.0,
+            row_scale: vec![1.0; m],
+            targets: vec![0.0; m],
+            w,
+            all_rows: vec![0.0; m_all],
+            all_y: vec![0.0; m_all],
+            all_gradient: vec![0.0; n_all],
+            all_jacobian,
+            all_hessian,
+            nlp,
+        }
+    }
+
+    /// Whether the bounds are such that no other variables are fixed and rows free or equations than at the start.
+    pub fn has_shape(&self) -> bool {
+        let bounds = self.nlp.variable_bounds();
+        let fixed = (0..self.w.len()).filter(|&i| kind(&bounds, i) == Kind::Fixed);
+        if fixed.count() + self.n != self.w.len()
+            || self
+                .variables
+                .iter()
+                .any(|&i| kind(&bounds, i as usize) == Kind::Fixed)
+        {
+            return false;
+        }
+        let bounds = self.nlp.row_bounds();
+        let free = (0..self.all_rows.len()).filter(|&i| kind(&bounds, i) == Kind::Free);
+        let expected = |slack: u32| {
+            if slack == NONE {
+                Kind::Fixed
+            } else {
+                Kind::Bounded
+            }
+        };
+        let mut rows = self.rows.iter().zip(&self.slacks);
+        free.count() + self.n_empty + self.m == self.all_rows.len()
+            && rows.all(|(&row, &slack)| kind(&bounds, row as usize) == expected(slack))
+    }
+
+    /// Reads the bounds of v, moved outward by `relaxation` of their size, and the right-hand sides of equations.
+    pub fn read_bounds(&mut self, relaxation: f64, lower: &mut [f64], upper: &mut [f64]) {
+        let bounds = self.nlp.variable_bounds();
+        for (i, &variable) in self.variables.iter().enumerate() {
+            lower[i] = bounds.lower[variable as usize];
+            upper[i] = bounds.upper[variable as usize];
+        }
+        let bounds = self.nlp.row_bounds();
+        for (j, &row) in self.rows.iter().enumerate() {
+            let scale = self.row_scale[j];
+            let (low, high) = (bounds.lower[row as usize], bounds.upper[row as usize]);
+            if self.slacks[j] == NONE {
+                self.targets[j] = scale * low;
+            } else {
+                lower[self.slacks[j] as usize] = scale * low;
+                upper[self.slacks[j] as usize] = scale * high;
+            }
+        }
+        let nv = self.n + self.n_slacks;
+        for (low, high) in lower.iter_mut().zip(upper).take(nv) {
+            // Infinite bounds stay; 0 · ∞ is no number.
+            *low -= relaxation * low.abs().clamp(1.0, f64::MAX);
+            *high += relaxation * high.abs().clamp(1.0, f64::MAX);
+        }
+    }
+
+    /// Brings w back between its bounds and adds the multipliers of variables that are fixed.
+    pub fn complete(&mut self, point: &mut Point) {
+        self.nlp.gradient(&point.w, &mut self.all_gradient);
+        self.nlp.jacobian(&point.w, &mut self.all_jacobian);
+        let pattern = self.nlp.jacobian_pattern();
+        for (row, y) in point.y.iter().enumerate() {
+            let range = pattern.starts[row]..pattern.starts[row + 1];
+            for (&column, a) in pattern.row(row).iter().zip(&self.all_jacobian[range]) {
+                self.all_gradient[column as usize] += a * y;
+            }
+        }
+        let bounds = self.nlp.variable_bounds();
+        for (i, &slope) in self.all_gradient.iter().enumerate() {
+            let (lower, upper) = (bounds.lower[i], bounds.upper[i]);
+            if lower == upper {
+                point.z_l[i] = slope.max(0.0);
+                point.z_u[i] = (-slope).max(0.0);
+            }
+            point.w[i] = point.w[i].max(lower).min(upper);
+        }
+    }
+
+    /// Brings x into w.
+    pub fn load(&mut self, v: &[f64]) {
+        for (&variable, &x) in self.variables.iter().zip(v) {
+            self.w[variable as usize] = x;
+        }
+    }
+
+    /// f at the point loaded.
+    pub fn objective(&mut self) -> f64 {
+        self.objective_scale * self.nlp.objective(&self.w)
+    }
+
+    /// c(x) at the point loaded.
+    pub fn rows(&mut self, c: &mut [f64]) {
+        self.nlp.rows(&self.w, &mut self.all_rows);
+        for ((c, &row), &scale) in c.iter_mut().zip(&self.rows).zip(&self.row_scale) {
+            *c = scale * self.all_rows[row as usize];
+        }
+    }
+
+    /// ∇f at the point loaded.
+    pub fn gradient(&mut self, gradient: &mut [f64]) {
+        self.nlp.gradient(&self.w, &mut self.all_gradient);
+        for (g, &variable) in gradient.iter_mut().zip(&self.variables) {
+            *g = self.objective_scale * self.all_gradient[variable as usize];
+        }
+    }
+
+    /// The entries of ∂c/∂x at the point loaded.
+    pub fn jacobian(&mut self, entries: &mut [f64]) {
+        self.nlp.jacobian(&self.w, &mut self.all_jacobian);
+        for j in 0..self.m {
+            let scale = self.row_scale[j];
+            let range = self.jacobian.range(j);
+            for (entry, &source) in entries[range.clone()]
+                .iter_mut()
+                .zip(&self.jacobian.sources[range])
+            {
+                *entry = scale * self.all_jacobian[source as usize];
+            }
+        }
+    }
+
+    /// The entries of the Hessian of `factor` f + yᵀc at the point loaded.
+    pub fn hessian(&mut self, factor: f64, y: &[f64], entries: &mut [f64]) {
+        for ((&row, &y), &scale) in self.rows.iter().zip(y).zip(&self.row_scale) {
+            self.all_y[row as usize] = scale * y;
+        }
+        let factor = factor * self.objective_scale;
+        self.nlp
+            .hessian(&self.w, factor, &self.all_y, &mut self.all_hessian);
+        for (entry, &source) in entries.iter_mut().zip(&self.hessian.sources) {
+            *entry = self.all_hessian[source as usize];
+        }
+    }
+
+    /// Adds what is missing for a convex Lagrangian to the entries that [`Form::hessian`] gave last.
+    pub fn convexify(&mut self, entries: &mut [f64]) -> bool {
+        if !(self.nlp).convexify(&self.w, &self.all_y, &mut self.all_hessian) {
+            return false;
+        }
+        for (entry, &source) in entries.iter_mut().zip(&self.hessian.sources) {
+            *entry = self.all_hessian[source as usize];
+        }
+        true
+    }
+
+    /// c(x) - b plus what is attached: the first `n_attached` of them.
+    pub fn residual(&self, c: &[f64], v: &[f64], residual: &mut [f64]) {
+        for ((r, &c), &target) in residual.iter_mut().zip(c).zip(&self.targets) {
+            *r = c - target;
+        }
+        for (attached, &v) in self.attached.iter().zip(&v[self.n..]) {
+            residual[attached.row as usize] += attached.sign * v;
+        }
+    }
+}
+
+impl Sparse {
+    fn select(
+        pattern: &crate::optimization::problem::Pattern,
+        rows: &[u32],
+        place: &[u32],
+    ) -> Self {
+        let mut sparse = Sparse {
+            starts: vec![0],
+            ..Sparse::default()
+        };
+        for &row in rows {
+            let row = row as usize;
+            let range = pattern.starts[row]..pattern.starts[row + 1];
+            for (&column, source) in pattern.row(row).iter().zip(range) {
+                if place[column as usize] != NONE {
+                    sparse.columns.push(place[column as usize]);
+                    sparse.sources.push(source as u32);
+                }
+            }
+            sparse.starts.push(sparse.columns.len() as u32);
+        }
+        sparse
+    }
+
+    pub fn n_entries(&self) -> usize {
+        self.columns.len()
+    }
+
+    pub fn range(&self, row: usize) -> std::ops::Range<usize> {
+        self.starts[row] as usize..self.starts[row + 1] as usize
+    }
+
+    /// `product` += Aᵀ y.
+    pub fn add_transposed(&self, entries: &[f64], y: &[f64], product: &mut [f64]) {
+        for (row, &y) in y.iter().enumerate() {
+            let range = self.range(row);
+            for (&column, &a) in self.columns[range.clone()].iter().zip(&entries[range]) {
+                product[column as usize] += a * y;
+            }
+        }
+    }
+}

@@ -1,0 +1,397 @@
+//! Programs made of functions that are applied at many places.
+//!
+//! A [`Block`] applies one tape at its places: an equation of collocation at all nodes, or one of a thousand rows that
+//! differ in their variables and numbers only. Derivatives are made once per block, and values, Jacobians and Hessians
+//! are evaluated in lanes over the places.
+//!
+//! Rows are numbered block by block, in the order in which the blocks are given; output i at place p of a block is its
+//! row i · places + p.
+
+mod block;
+
+use std::ops::Range;
+
+use crate::optimization::problem::{Bounds, Mpcc, Nlp, Pair, Pattern, Side};
+use crate::tape::Tape;
+use block::{Compiled, Slopes};
+
+/// A function and the places where it is applied.
+#[derive(Clone, Debug)]
+pub struct Block {
+    /// The values; its inputs are variables, then numbers, then parameters.
+    pub values: Tape,
+    /// The number of places.
+    pub n_places: usize,
+    /// The index of the variable that is argument i at place p, at i · places + p.
+    pub variables: Vec<u32>,
+    /// Number i at place p, at i · places + p.
+    pub numbers: Vec<f64>,
+    /// Numbers that are the same at all places.
+    pub parameters: Vec<f64>,
+}
+
+/// A nonlinear program with complementarity constraints, made of blocks.
+///
+/// ```
+/// use nsd_solver::optimization::kernels::{Block, Program};
+/// use nsd_solver::optimization::problem::{Nlp, Pair, Side};
+/// use nsd_solver::tape::Tape;
+///
+/// // minimize (x - 1)² + (y - 2)²  subject to  0 <= x ⟂ y >= 0
+/// let mut square = Tape::builder(2);
+/// let distance = square.sub(square.input(0), square.input(1));
+/// let distance = square.square(distance);
+/// let infinity = f64::INFINITY;
+/// let mut program = Program::builder(&[0.0, 0.0], &[infinity, infinity], &[0.5, 0.5]);
+/// program.objective(Block {
+///     values: square.finish(&[distance]),
+///     n_places: 2,
+///     variables: vec![0, 1],
+///     numbers: vec![1.0, 2.0],
+///     parameters: vec![],
+/// });
+/// program.pair(Pair { a: Side::Variable(0), b: Side::Variable(1) });
+/// let mut program = program.finish();
+/// assert_eq!(program.objective(&[0.0, 2.0]), 1.0);
+/// ```
+#[derive(Clone, Debug)]
+pub struct Program {
+    lower: Vec<f64>,
+    upper: Vec<f64>,
+    start: Vec<f64>,
+    row_lower: Vec<f64>,
+    row_upper: Vec<f64>,
+    pairs: Vec<Pair>,
+    blocks: Vec<Compiled>,
+    terms: Vec<Term>,
+    jacobian_pattern: Pattern,
+    hessian_pattern: Pattern,
+    /// What does not change: entries of the Jacobian and of the gradient.
+    constant_slopes: Vec<f64>,
+    constant_gradient: Vec<f64>,
+}
+
+/// A block of the objective.
+#[derive(Clone, Debug)]
+struct Term {
+    block: Compiled,
+    /// Its part of the constant gradient, by variable.
+    constant: Vec<(u32, f64)>,
+    /// Whether it depends on no variable.
+    is_constant: bool,
+    is_on: bool,
+}
+
+/// Collects the parts of a [`Program`].
+#[derive(Clone, Debug)]
+pub struct ProgramBuilder {
+    lower: Vec<f64>,
+    upper: Vec<f64>,
+    start: Vec<f64>,
+    row_lower: Vec<f64>,
+    row_upper: Vec<f64>,
+    pairs: Vec<Pair>,
+    blocks: Vec<(Range<usize>, Block)>,
+    terms: Vec<Block>,
+}
+
+impl Program {
+    /// Starts a program with variables l <= w <= u, and where to start from.
+    ///
+    /// # Panics
+    ///
+    /// If the lengths differ.
+    pub fn builder(lower: &[f64], upper: &[f64], start: &[f64]) -> ProgramBuilder {
+        assert_eq!(lower.len(), upper.len(), "one bound per variable");
+        assert_eq!(lower.len(), start.len(), "one start per variable");
+        ProgramBuilder {
+            lower: lower.to_vec(),
+            upper: upper.to_vec(),
+            start: start.to_vec(),
+            row_lower: Vec::new(),
+            row_upper: Vec::new(),
+            pairs: Vec::new(),
+            blocks: Vec::new(),
+            terms: Vec::new(),
+        }
+    }
+
+    /// The number of blocks, with those of the objective.
+    pub fn n_blocks(&self) -> usize {
+        self.blocks.len() + self.terms.len()
+    }
+
+    /// Where a solver starts from.
+    ///
+    /// # Panics
+    ///
+    /// If there are more or fewer values than variables.
+    pub fn set_start(&mut self, start: &[f64]) {
+        self.start.copy_from_slice(start);
+    }
+
+    /// Takes a term of the objective out of it, or puts it back; patterns stay as they are.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such term.
+    pub fn switch_term(&mut self, term: usize, is_on: bool) {
+        let term = &mut self.terms[term];
+        if term.is_on == is_on {
+            return;
+        }
+        term.is_on = is_on;
+        let sign = if is_on { 1.0 } else { -1.0 };
+        for &(variable, slope) in &term.constant {
+            self.constant_gradient[variable as usize] += sign * slope;
+        }
+    }
+
+    /// Changes the bounds of a variable; where it is a side of a pair, its lower one has to stay.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such variable.
+    pub fn set_variable_bounds(&mut self, variable: usize, lower: f64, upper: f64) {
+        self.lower[variable] = lower;
+        self.upper[variable] = upper;
+    }
+
+    /// Changes the bounds of a row that is no side of a pair.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such row.
+    pub fn set_row_bounds(&mut self, row: usize, lower: f64, upper: f64) {
+        self.row_lower[row] = lower;
+        self.row_upper[row] = upper;
+    }
+}
+
+impl ProgramBuilder {
+    /// Adds rows cl <= c(w) <= cu and gives their numbers.
+    ///
+    /// # Panics
+    ///
+    /// If there are not as many bounds as rows, or if the arguments of the block do not fit together.
+    pub fn rows(&mut self, block: Block, lower: &[f64], upper: &[f64]) -> Range<usize> {
+        block.check(self.lower.len());
+        let n_rows = block.values.n_outputs() * block.n_places;
+        assert_eq!(lower.len(), n_rows, "one lower bound per row");
+        assert_eq!(upper.len(), n_rows, "one upper bound per row");
+        let first = self.row_lower.len();
+        self.row_lower.extend_from_slice(lower);
+        self.row_upper.extend_from_slice(upper);
+        let rows = first..first + n_rows;
+        self.blocks.push((rows.clone(), block));
+        rows
+    }
+
+    /// Adds all outputs at all places to the objective, and gives the number of the term that they are.
+    ///
+    /// # Panics
+    ///
+    /// If the arguments of the block do not fit together.
+    pub fn objective(&mut self, block: Block) -> usize {
+        block.check(self.lower.len());
+        self.terms.push(block);
+        self.terms.len() - 1
+    }
+
+    /// Adds a pair of sides that are there already.
+    ///
+    /// # Panics
+    ///
+    /// If a side has no finite lower bound, or is a row with a finite upper one.
+    pub fn pair(&mut self, pair: Pair) {
+        for side in [pair.a, pair.b] {
+            let lower = match side {
+                Side::Variable(variable) => self.lower[variable as usize],
+                Side::Row(row) => {
+                    let upper = self.row_upper[row as usize];
+                    assert_eq!(upper, f64::INFINITY, "a row of a pair has no upper bound");
+                    self.row_lower[row as usize]
+                }
+            };
+            assert!(lower.is_finite(), "the sides of a pair have lower bounds");
+        }
+        self.pairs.push(pair);
+    }
+
+    /// Makes the derivatives and their patterns.
+    pub fn finish(self) -> Program {
+        let n = self.lower.len();
+        let mut slopes = Vec::new();
+        let mut curvatures = Vec::new();
+        let (mut of_rows, mut of_terms) = (Vec::new(), Vec::new());
+        for (rows, block) in self.blocks {
+            let found = Slopes::new(&block);
+            let first = rows.start;
+            let entries = found.entries.iter();
+            slopes.extend(entries.map(|&(row, column)| (first as u32 + row, column)));
+            let block = Compiled::new(block, rows, &found, &mut curvatures);
+            of_rows.push((block, found));
+        }
+        for block in self.terms {
+            let found = Slopes::new(&block);
+            let block = Compiled::new(block, 0..0, &found, &mut curvatures);
+            of_terms.push((block, found));
+        }
+        let jacobian_pattern = Pattern::new(self.row_lower.len(), slopes);
+        let hessian_pattern = Pattern::new(n, curvatures);
+
+        let mut constant_slopes = vec![0.0; jacobian_pattern.n_entries()];
+        let mut constant_gradient = vec![0.0; n];
+        for (block, found) in &mut of_rows {
+            let first = block.first_row();
+            let place = |(row, column): (u32, u32)| {
+                let place = jacobian_pattern.place(first + row as usize, column);
+                place.expect("the pattern has all entries") as u32
+            };
+            block.scatter_slopes(found, place, &mut constant_slopes);
+            block.scatter_curvature(&hessian_pattern);
+        }
+        let mut terms = Vec::with_capacity(of_terms.len());
+        for (mut block, found) in of_terms {
+            let mut own = vec![0.0; n];
+            block.scatter_slopes(&found, |(_, column)| column, &mut own);
+            block.scatter_curvature(&hessian_pattern);
+            let constant = own.iter().enumerate().filter(|(_, slope)| **slope != 0.0);
+            let constant: Vec<(u32, f64)> = constant
+                .map(|(variable, &slope)| (variable as u32, slope))
+                .collect();
+            for &(variable, slope) in &constant {
+                constant_gradient[variable as usize] += slope;
+            }
+            terms.push(Term {
+                block,
+                constant,
+                is_constant: found.entries.is_empty(),
+                is_on: true,
+            });
+        }
+        Program {
+            lower: self.lower,
+            upper: self.upper,
+            start: self.start,
+            row_lower: self.row_lower,
+            row_upper: self.row_upper,
+            pairs: self.pairs,
+            blocks: of_rows.into_iter().map(|(block, _)| block).collect(),
+            terms,
+            jacobian_pattern,
+            hessian_pattern,
+            constant_slopes,
+            constant_gradient,
+        }
+    }
+}
+
+impl Block {
+    fn check(&self, n_variables: usize) {
+        let n = self.n_places;
+        let places = |length: usize| match n {
+            0 => {
+                assert_eq!(length, 0, "no argument where there is no place");
+                None
+            }
+            _ => {
+                assert_eq!(length % n, 0, "one argument per place");
+                Some(length / n)
+            }
+        };
+        let counts = (places(self.variables.len()), places(self.numbers.len()));
+        if let (Some(variables), Some(numbers)) = counts {
+            let n_inputs = variables + numbers + self.parameters.len();
+            assert_eq!(n_inputs, self.values.n_inputs(), "one argument per input");
+        }
+        let known = |&variable: &u32| (variable as usize) < n_variables;
+        assert!(self.variables.iter().all(known), "arguments are variables");
+    }
+}
+
+impl Nlp for Program {
+    fn n_variables(&self) -> usize {
+        self.lower.len()
+    }
+
+    fn n_rows(&self) -> usize {
+        self.row_lower.len()
+    }
+
+    fn variable_bounds(&self) -> Bounds<'_> {
+        Bounds {
+            lower: &self.lower,
+            upper: &self.upper,
+        }
+    }
+
+    fn row_bounds(&self) -> Bounds<'_> {
+        Bounds {
+            lower: &self.row_lower,
+            upper: &self.row_upper,
+        }
+    }
+
+    fn start(&self) -> &[f64] {
+        &self.start
+    }
+
+    fn jacobian_pattern(&self) -> &Pattern {
+        &self.jacobian_pattern
+    }
+
+    fn hessian_pattern(&self) -> &Pattern {
+        &self.hessian_pattern
+    }
+
+    fn has_objective(&self) -> bool {
+        let mut terms = self.terms.iter();
+        terms.any(|term| term.is_on && !term.is_constant)
+    }
+
+    fn objective(&mut self, w: &[f64]) -> f64 {
+        let terms = self.terms.iter_mut().filter(|term| term.is_on);
+        terms.map(|term| term.block.sum(w)).sum()
+    }
+
+    fn gradient(&mut self, w: &[f64], gradient: &mut [f64]) {
+        gradient.copy_from_slice(&self.constant_gradient);
+        for term in self.terms.iter_mut().filter(|term| term.is_on) {
+            term.block.add_slopes(w, gradient);
+        }
+    }
+
+    fn rows(&mut self, w: &[f64], rows: &mut [f64]) {
+        for block in &mut self.blocks {
+            block.rows(w, rows);
+        }
+    }
+
+    fn jacobian(&mut self, w: &[f64], entries: &mut [f64]) {
+        entries.copy_from_slice(&self.constant_slopes);
+        for block in &mut self.blocks {
+            block.add_slopes(w, entries);
+        }
+    }
+
+    fn hessian(&mut self, w: &[f64], factor: f64, y: &[f64], entries: &mut [f64]) {
+        entries.fill(0.0);
+        for term in self.terms.iter_mut().filter(|term| term.is_on) {
+            let weights = block::Weights::Factor(factor);
+            term.block.add_curvature(w, weights, entries);
+        }
+        for block in &mut self.blocks {
+            block.add_curvature(w, block::Weights::Rows(y), entries);
+        }
+    }
+}
+
+impl Mpcc for Program {
+    fn pairs(&self) -> &[Pair] {
+        &self.pairs
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,455 @@
+//! Nonlinear programs with complementarity constraints.
+//!
+//! minimize f(w)   subject to   cl <= c(w) <= cu,   l <= w <= u,   0 <= a ⟂ b >= 0
+//!
+//! 1. **Relax.** In vertical form ([`Lifted`]) the pairs are replaced by a relaxation ([`Relaxed`]) whose parameter σ
+//!    follows the barrier parameter of one interior-point run.
+//! 2. **Polish.** At moderate σ one side of every pair is held at zero; the branch is an ordinary nonlinear program,
+//!    and its solution has products that are exactly zero. An infeasible branch sends back to a smaller σ.
+//! 3. **Certify.** Multipliers tell the stationarity class ([`Class`]). Where that is not S, a linear program with
+//!    complementarity constraints decides about B-stationarity; a direction of descent is a better branch to polish.
+
+mod branch;
+mod certificate;
+mod lift;
+pub mod linear;
+mod local;
+mod multistart;
+mod observer;
+mod options;
+mod relaxed;
+mod solution;
+mod way;
+mod work;
+
+#[cfg(test)]
+mod tests;
+
+use crate::optimization::ipm;
+use crate::optimization::mpcc::branch::polish::{Goal, Guess, Polished, polish};
+use crate::optimization::problem::{Mpcc, Nlp};
+use branch::{Branch, choose};
+use certificate::Certificate;
+use way::{DeadEnd, ways};
+use work::Work;
+
+pub use crate::optimization::mpcc::certificate::class::Class;
+pub use crate::optimization::mpcc::certificate::unique::alternatives;
+pub use crate::optimization::mpcc::relaxed::relaxation::{Relaxation, Steering};
+pub use certificate::{Residuals, Tolerances};
+pub use lift::Lifted;
+pub use multistart::{MultiStart, Spread, deviate, multistart, perturbed};
+pub use observer::{Observer, Program};
+pub use options::{Homotopy, Options};
+pub use relaxed::{Coupling, Form, Relaxed};
+pub use solution::{Multipliers, Solution, Stats, Status};
+
+/// Finds a local minimum from where the problem starts.
+///
+/// Never fails: [`Solution::status`] says what was reached.
+///
+/// ```
+/// use nsd_solver::optimization::mpcc::{self, Class, Options, Status};
+/// use nsd_solver::optimization::problem::Side;
+/// use nsd_solver::optimization::quadratic::{Function, Quadratic};
+///
+/// // minimize (x - 1)² + (y - 2)²   subject to   0 <= x ⟂ y >= 0, from (3, 0)
+/// let objective = Function::default()
+///     .product(0, 0, 1.0)
+///     .product(1, 1, 1.0)
+///     .linear(0, -2.0)
+///     .linear(1, -4.0)
+///     .constant(5.0);
+/// let mut problem = Quadratic::new(2, objective, Vec::new())
+///     .bound(0, 0.0, f64::INFINITY)
+///     .bound(1, 0.0, f64::INFINITY)
+///     .start(&[3.0, 0.0])
+///     .complement(Side::Variable(0), Side::Variable(1));
+///
+/// let solution = mpcc::solve(&mut problem, &Options::default());
+/// assert_eq!(solution.status, Status::Solved);
+/// assert_eq!(solution.class, Class::S);
+/// assert_eq!(solution.residuals.product, 0.0);
+/// ```
+///
+/// # Panics
+///
+/// When a side of a pair has no finite lower bound.
+pub fn solve(problem: &mut dyn Mpcc, options: &Options) -> Solution {
+    let start = problem.start().to_vec();
+    solve_from(problem, &start, options)
+}
+
+/// Finds a local minimum from a point, as [`solve`] does.
+///
+/// # Panics
+///
+/// When the point has more or fewer values than the problem has variables, or as [`solve`].
+pub fn solve_from(problem: &mut dyn Mpcc, start: &[f64], options: &Options) -> Solution {
+    solve_observed(problem, start, options, &mut ())
+}
+
+/// Finds a local minimum from a point, as [`solve_from`] does, and tells of every iteration.
+///
+/// # Panics
+///
+/// As [`solve_from`].
+pub fn solve_observed(
+    problem: &mut dyn Mpcc,
+    start: &[f64],
+    options: &Options,
+    observer: &mut dyn Observer,
+) -> Solution {
+    let mut run = Work::new(options, observer);
+    assert_eq!(start.len(), problem.n_variables(), "one value per variable");
+    let mut lifted = Lifted::new(problem);
+    let start = lifted.extend(start);
+    let mut solution = if lifted.pairs().is_empty() {
+        run.smooth(&mut lifted, &start)
+    } else {
+        run.complementary(&mut lifted, &start)
+    };
+    lifted.settle(None);
+    solution.stats.seconds = run.clock.elapsed().as_secs_f64();
+    solution
+}
+
+/// How often a branch is left for one in which another point means the same.
+const MAX_MOVES: usize = 200;
+/// An objective below this at a feasible point, where no stationary one is found, has no bound.
+const UNBOUNDED: f64 = -1e10;
+
+impl Work<'_> {
+    /// A problem without pairs is that of the interior-point method, and polished as its only branch: bounds with small
+    /// multipliers are not reached before.
+    fn smooth(&mut self, lifted: &mut Lifted<'_>, start: &[f64]) -> Solution {
+        let mut program = Branch::new(lifted, &[], start);
+        let found = self.minimize(
+            Program::Smooth,
+            &mut program,
+            ipm::Options::default(),
+            None,
+            &mut (),
+        );
+        let residuals = Residuals::new(lifted, &found.w);
+        let point = Guess {
+            w: found.w,
+            y: found.y,
+        };
+        if residuals.violation > self.options.feasibility
+            || !found.objective.is_finite()
+            || found.status == ipm::Status::Unbounded
+        {
+            let end = DeadEnd {
+                w: point.w,
+                residuals,
+                status: found.status,
+                branch: None,
+            };
+            return self.dead_end(lifted, end);
+        }
+        let polished = Polished {
+            objective: found.objective,
+            zeros: Vec::new(),
+            residuals,
+            is_optimal: found.status.is_solved(),
+            falling: found.falling,
+            point,
+        };
+        let best = match polish(lifted, &polished.point, &[], Goal::Solution, self) {
+            Ok(finer) if finer.is_optimal => finer,
+            _ => polished,
+        };
+        let best = self.fall(lifted, best);
+        let certificate = self.certify(lifted, &best.point);
+        let candidate = Candidate {
+            best,
+            certificate,
+            others: 0,
+        };
+        self.feasible(lifted, candidate)
+    }
+
+    fn complementary(&mut self, lifted: &mut Lifted<'_>, start: &[f64]) -> Solution {
+        let size = lifted.n_variables() + lifted.n_rows();
+        let mut best: Option<Candidate> = None;
+        let mut end: Option<DeadEnd> = None;
+        if self.options.trusts_start {
+            let guess = Guess {
+                w: start.to_vec(),
+                y: vec![0.0; lifted.n_rows()],
+            };
+            let zeros = choose(lifted, start);
+            if let Ok(polished) = polish(lifted, &guess, &zeros, Goal::Solution, self) {
+                best = Some(self.improve(lifted, polished));
+            }
+        }
+        for (index, way) in ways(self.options).into_iter().enumerate() {
+            let is_over = |best: &Candidate| self.is_over() || self.is_enough(best, index, size);
+            if best.as_ref().is_some_and(is_over) || index > 0 && self.is_over() {
+                break;
+            }
+            self.stats.restarts = index;
+            match way.follow(lifted, start, self) {
+                Ok(polished) => {
+                    let candidate = self.improve(lifted, polished);
+                    if best.as_ref().is_none_or(|best| candidate.is_better(best)) {
+                        best = Some(candidate);
+                    }
+                }
+                Err(other) => {
+                    if end.as_ref().is_none_or(|end| other.is_better(end)) {
+                        end = Some(other);
+                    }
+                }
+            }
+        }
+        match best {
+            Some(best) => self.feasible(lifted, best),
+            None => self.dead_end(lifted, end.expect("one way was tried")),
+        }
+    }
+
+    /// Whether way `index` is not worth its time, in a problem with so many variables and rows.
+    fn is_enough(&self, best: &Candidate, index: usize, size: usize) -> bool {
+        let effort = self.stats.iterations.saturating_mul(size);
+        let Options {
+            effort: wanted,
+            patience,
+            ..
+        } = *self.options;
+        match best.is_stationary() {
+            // What a start that is trusted leads to says nothing about other ways.
+            _ if index == 0 => wanted == 0,
+            true => effort > wanted,
+            false => effort > patience,
+        }
+    }
+
+    /// Takes better branches as long as the certificate finds them.
+    fn improve(&mut self, lifted: &mut Lifted<'_>, mut best: Polished) -> Candidate {
+        let mut known: Option<Certificate> = None;
+        loop {
+            lifted.settle(Some(&best.zeros));
+            let certificate = match known.take() {
+                Some(certificate) => certificate,
+                None => {
+                    best = self.fall(lifted, best);
+                    self.certify(lifted, &best.point)
+                }
+            };
+            self.tell(&best, &certificate);
+            let Some(step) = &certificate.descent else {
+                match self.elsewhere(lifted, &best, &certificate) {
+                    Elsewhere::Better(better) => {
+                        best = better.0;
+                        known = Some(better.1);
+                    }
+                    Elsewhere::Nothing(others) => {
+                        return Candidate {
+                            best,
+                            certificate,
+                            others,
+                        };
+                    }
+                }
+                continue;
+            };
+            if self.stats.switches >= self.options.max_switches || self.is_over() {
+                return Candidate {
+                    best,
+                    certificate,
+                    others: 0,
+                };
+            }
+            let moved: Vec<f64> = best.point.w.iter().zip(step).map(|(w, d)| w + d).collect();
+            let guess = Guess {
+                y: best.point.y.clone(),
+                w: moved,
+            };
+            let zeros = choose(lifted, &guess.w);
+            let gain = 1e-10 * best.objective.abs().max(1.0);
+            match polish(lifted, &guess, &zeros, Goal::Solution, self) {
+                Ok(next) if next.objective < best.objective - gain => {
+                    self.stats.switches += 1;
+                    best = next;
+                }
+                _ => {
+                    return Candidate {
+                        best,
+                        certificate,
+                        others: 0,
+                    };
+                }
+            }
+        }
+    }
+
+    /// A better branch among those in which another point means the same as this one.
+    fn elsewhere(
+        &mut self,
+        lifted: &mut Lifted<'_>,
+        best: &Polished,
+        certificate: &Certificate,
+    ) -> Elsewhere {
+        if self.stats.moves >= MAX_MOVES {
+            return Elsewhere::Nothing(0);
+        }
+        let size = best.objective.abs().max(1.0);
+        let others = lifted.others(&best.point.w, &best.zeros, &certificate.y);
+        let mut n_worse = 0;
+        for (number, other) in others.into_iter().enumerate() {
+            if self.is_over() {
+                return Elsewhere::Nothing(0);
+            }
+            let (w, zeros) = lifted.moved(&other, &best.point.w, &best.zeros);
+            // Multipliers of another branch are worse than none.
+            let guess = Guess {
+                y: vec![0.0; best.point.y.len()],
+                w,
+            };
+            let below = best.objective - 1e-10 * size;
+            let goal = match number {
+                0 => Goal::Below(below),
+                _ => Goal::Near(below),
+            };
+            let next = match polish(lifted, &guess, &zeros, goal, self) {
+                Ok(next) => next,
+                Err(status) => {
+                    n_worse += usize::from(status == ipm::Status::Stopped);
+                    continue;
+                }
+            };
+            n_worse += usize::from(next.is_optimal && next.objective >= below);
+            if next.objective < below {
+                lifted.settle(Some(&next.zeros));
+                let certificate = self.certify(lifted, &next.point);
+                if certificate.class != Class::None {
+                    self.stats.moves += 1;
+                    return Elsewhere::Better(Box::new((next, certificate)));
+                }
+            }
+        }
+        Elsewhere::Nothing(n_worse)
+    }
+
+    fn feasible(&self, lifted: &mut Lifted<'_>, candidate: Candidate) -> Solution {
+        let Candidate {
+            best,
+            certificate,
+            others,
+        } = candidate;
+        let n = lifted.n_original();
+        let biactive = self.options.certificate.biactive;
+        let (y, reduced) = (certificate.y, &certificate.reduced);
+        let multipliers =
+            certificate::unique::multipliers(lifted, &best.point.w, (y, reduced), biactive);
+        let mut w = best.point.w;
+        w.truncate(n);
+        Solution {
+            status: match certificate.class {
+                Class::None if best.objective < UNBOUNDED => Status::Unbounded,
+                Class::None => Status::Feasible,
+                _ if best.falling.is_some() => Status::Feasible,
+                Class::S => Status::Solved,
+                Class::M if certificate.b_stationary.is_none() => Status::Solved,
+                _ if certificate.b_stationary == Some(true) => Status::Solved,
+                _ => Status::Feasible,
+            },
+            w,
+            objective: best.objective,
+            residuals: best.residuals,
+            multipliers,
+            class: certificate.class,
+            is_class_exact: certificate.is_exact,
+            b_stationary: certificate.b_stationary,
+            is_differentiable: certificate.is_differentiable,
+            biactive: certificate.biactive,
+            others,
+            stats: self.stats,
+        }
+    }
+
+    fn dead_end(&self, lifted: &mut Lifted<'_>, end: DeadEnd) -> Solution {
+        let objective = lifted.objective(&end.w);
+        let mut w = end.w;
+        w.truncate(lifted.n_original());
+        Solution {
+            status: match (end.status, self.options.limit.over()) {
+                (ipm::Status::Unbounded, _) => Status::Unbounded,
+                (ipm::Status::Over(over), _) | (_, Some(over)) => Status::Over(over),
+                (ipm::Status::LocallyInfeasible, _) => Status::LocallyInfeasible,
+                (ipm::Status::Solved | ipm::Status::Acceptable | ipm::Status::Stopped, _) => {
+                    Status::NumericalFailure
+                }
+                // The relaxation has not become feasible, and the violation of its branch is least.
+                _ if end.branch == Some(ipm::Status::LocallyInfeasible) => {
+                    Status::LocallyInfeasible
+                }
+                (ipm::Status::IterationLimit, _) => Status::IterationLimit,
+                (
+                    ipm::Status::NumericalFailure(
+                        ipm::Failure::EvaluationAtStart | ipm::Failure::Evaluation,
+                    ),
+                    _,
+                ) => Status::Evaluation,
+                (ipm::Status::NumericalFailure(_), _) => Status::NumericalFailure,
+            },
+            multipliers: Multipliers {
+                rows: vec![0.0; lifted.n_rows()],
+                lower: vec![0.0; w.len()],
+                upper: vec![0.0; w.len()],
+                pairs: vec![[0.0; 2]; lifted.pairs().len()],
+            },
+            w,
+            objective,
+            residuals: end.residuals,
+            class: Class::None,
+            is_class_exact: false,
+            b_stationary: None,
+            is_differentiable: false,
+            biactive: Vec::new(),
+            others: 0,
+            stats: self.stats,
+        }
+    }
+}
+
+/// A feasible point and what it is.
+struct Candidate {
+    best: Polished,
+    certificate: Certificate,
+    /// Branches with other points that mean the same, none of which is better.
+    others: usize,
+}
+
+/// What was found in branches with other points that mean the same.
+enum Elsewhere {
+    /// A point with its certificate.
+    Better(Box<(Polished, Certificate)>),
+    /// So many were tried.
+    Nothing(usize),
+}
+
+impl Candidate {
+    fn is_stationary(&self) -> bool {
+        self.certificate.class != Class::None
+    }
+
+    /// Whether this is to be preferred: stationary points to others, then by the objective.
+    fn is_better(&self, other: &Candidate) -> bool {
+        match (self.is_stationary(), other.is_stationary()) {
+            (true, false) => true,
+            (false, true) => false,
+            _ => self.best.objective < other.best.objective,
+        }
+    }
+}
+
+impl DeadEnd {
+    /// Whether this is closer to being feasible.
+    fn is_better(&self, other: &DeadEnd) -> bool {
+        let size = |r: &Residuals| r.violation.max(r.complementarity);
+        size(&self.residuals) < size(&other.residuals)
+    }
+}

@@ -1,0 +1,74 @@
+//! What a run is asked for.
+
+use super::certificate::Tolerances;
+use super::relaxed::{Coupling, Form};
+use crate::linalg::analyses::Analyses;
+use crate::runtime::limit::Limit;
+
+/// How σ is driven to zero.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Homotopy {
+    /// σ follows the barrier parameter within one interior-point run.
+    Coupled(Coupling),
+    /// One interior-point run for each σ, from `start` down to `stop` by `factor`.
+    Sequential {
+        /// The first σ, positive.
+        start: f64,
+        /// By what σ is multiplied, in (0, 1).
+        factor: f64,
+        /// The last σ.
+        stop: f64,
+    },
+}
+
+/// Settings of [`solve`](super::solve).
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// The relaxation.
+    pub form: Form,
+    /// How σ is driven to zero.
+    pub homotopy: Homotopy,
+    /// Whether the smaller sides at the start are zero at a feasible point near it: that branch is polished first.
+    pub trusts_start: bool,
+    /// The largest violation of a row, a bound or a pair of a point that counts as feasible.
+    pub feasibility: f64,
+    /// What the optimality error of a branch has to reach.
+    pub tolerance: f64,
+    /// Tolerances of the certificate.
+    pub certificate: Tolerances,
+    /// How often a branch is left for a better one that the certificate finds.
+    pub max_switches: usize,
+    /// How many other ways are tried when one ends without a feasible point.
+    pub max_restarts: usize,
+    /// Other ways are tried for a smaller objective, too, as long as the iterations so far, times the numbers of
+    /// variables and rows, are fewer than this. With zero, a feasible branch of a trusted start is enough.
+    pub effort: usize,
+    /// As long as they are fewer than this, counted likewise, a feasible point that is not stationary is not enough.
+    pub patience: usize,
+    /// The largest number of iterations of one interior-point run.
+    pub max_iterations: usize,
+    /// When it ends.
+    pub limit: Limit,
+    /// Symbolic factorizations that are known, and those that are made.
+    pub analyses: Analyses,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options {
+            form: Form::default(),
+            homotopy: Homotopy::Coupled(Coupling::default()),
+            trusts_start: false,
+            feasibility: 1e-6,
+            tolerance: 1e-12,
+            certificate: Tolerances::default(),
+            max_switches: 20,
+            max_restarts: 5,
+            effort: 100_000,
+            patience: 100_000,
+            max_iterations: 3000,
+            limit: Limit::default(),
+            analyses: Analyses::default(),
+        }
+    }
+}

@@ -1,0 +1,6 @@
+//! What a run has besides numbers: a clock, limits, threads, and random numbers that are the same in every run.
+
+pub mod clock;
+pub mod limit;
+pub mod random;
+pub mod threads;

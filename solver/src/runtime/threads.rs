@@ -1,0 +1,187 @@
+//! The one source of threads: work that is done in any order, and told in that of its numbers.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc;
+use std::thread;
+
+use crate::runtime::limit::Cancel;
+use crate::runtime::limit::work::is_counted;
+
+/// Whether the target has threads: where it has none, `std` panics.
+const THREADS: bool = !cfg!(all(target_family = "wasm", target_os = "unknown"));
+
+/// How many go on at once: one on every core.
+#[expect(
+    clippy::disallowed_methods,
+    reason = "this is the one source of threads"
+)]
+pub fn count() -> usize {
+    match THREADS {
+        true => thread::available_parallelism().map_or(1, usize::from),
+        false => 1,
+    }
+}
+
+/// What one thread does of it.
+#[derive(Debug)]
+pub struct Share<'s, T> {
+    next: &'s AtomicUsize,
+    stop: &'s Cancel,
+    count: usize,
+    done: mpsc::Sender<(usize, T)>,
+}
+
+impl<T> Clone for Share<'_, T> {
+    fn clone(&self) -> Self {
+        let done = self.done.clone();
+        Share { done, ..*self }
+    }
+}
+
+impl<T> Share<'_, T> {
+    /// The number of what is to be done next; none where nothing is left, or work was stopped.
+    pub fn next(&self) -> Option<usize> {
+        if self.stop.is_canceled() {
+            return None;
+        }
+        let next = self.next.fetch_add(1, Ordering::Relaxed);
+        (next < self.count).then_some(next)
+    }
+
+    /// Hands on what has come of a number.
+    pub fn finish(&self, number: usize, result: T) {
+        // Somebody listens until all threads have ended.
+        let _ = self.done.send((number, result));
+    }
+}
+
+/// Lets up to `n_threads` threads do `count` pieces of work, each as much as it gets to. What has come of them is in the
+/// order of their numbers, nothing of those that were not begun when it was stopped. `heard` is told how many are done.
+pub fn in_order<T: Send>(
+    count: usize,
+    n_threads: usize,
+    stop: &Cancel,
+    work: impl Fn(Share<'_, T>) + Sync,
+    heard: &mut dyn FnMut(usize),
+) -> Vec<Option<T>> {
+    let mut results: Vec<Option<T>> = (0..count).map(|_| None).collect();
+    let mut done = 0;
+    share_out(count, n_threads, stop, work, &mut |number, result| {
+        results[number] = Some(result);
+        done += 1;
+        heard(done);
+    });
+    results
+}
+
+/// The same, which hands what has come of each number to `heard` as soon as it is there.
+#[expect(
+    clippy::disallowed_methods,
+    reason = "this is the one source of threads"
+)]
+pub fn share_out<T: Send>(
+    count: usize,
+    n_threads: usize,
+    stop: &Cancel,
+    work: impl Fn(Share<'_, T>) + Sync,
+    heard: &mut dyn FnMut(usize, T),
+) {
+    let next = AtomicUsize::new(0);
+    let (done, found) = mpsc::channel();
+    let share = Share {
+        next: &next,
+        stop,
+        count,
+        done,
+    };
+    if !THREADS || is_counted() {
+        alone(share, &found, work, heard);
+        return;
+    }
+    thread::scope(|scope| {
+        for _ in 0..n_threads.clamp(1, count.max(1)) {
+            let (share, work) = (share.clone(), &work);
+            scope.spawn(move || work(share));
+        }
+        drop(share);
+        // Ends when all threads have, or one has panicked, which the scope passes on.
+        for (number, result) in found {
+            heard(number, result);
+        }
+    });
+}
+
+/// All of it in the thread of the caller.
+fn alone<T>(
+    share: Share<'_, T>,
+    found: &mpsc::Receiver<(usize, T)>,
+    work: impl Fn(Share<'_, T>),
+    heard: &mut dyn FnMut(usize, T),
+) {
+    work(share);
+    for (number, result) in found.try_iter() {
+        heard(number, result);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn results_have_the_order_of_their_numbers() {
+        let work = |share: Share<'_, usize>| {
+            while let Some(k) = share.next() {
+                share.finish(k, k * k);
+            }
+        };
+        for n_threads in [1, 3, 100] {
+            let mut heard = Vec::new();
+            let stop = Cancel::default();
+            let found = in_order(20, n_threads, &stop, work, &mut |done| heard.push(done));
+            assert_eq!(found, (0..20).map(|k| Some(k * k)).collect::<Vec<_>>());
+            assert_eq!(heard, (1..=20).collect::<Vec<_>>());
+        }
+        assert!(in_order(0, 2, &Cancel::default(), work, &mut |_| {}).is_empty());
+    }
+
+    /// Where there are no threads, the caller's does it all.
+    #[test]
+    fn work_needs_no_threads() {
+        let (next, stop) = (AtomicUsize::new(0), Cancel::default());
+        let (done, found) = mpsc::channel();
+        let share = Share {
+            next: &next,
+            stop: &stop,
+            count: 3,
+            done,
+        };
+        let work = |share: Share<'_, usize>| {
+            while let Some(k) = share.next() {
+                share.finish(k, k + 10);
+            }
+        };
+        let mut heard = Vec::new();
+        alone(share, &found, work, &mut |k, result| {
+            heard.push((k, result))
+        });
+        assert_eq!(heard, [(0, 10), (1, 11), (2, 12)]);
+    }
+
+    /// What is begun is finished, and no other is begun.
+    #[test]
+    fn work_is_stopped() {
+        let stop = Cancel::default();
+        let work = |share: Share<'_, ()>| {
+            while let Some(k) = share.next() {
+                if k == 4 {
+                    stop.cancel();
+                }
+                share.finish(k, ());
+            }
+        };
+        let found = in_order(1000, 1, &stop, work, &mut |_| {});
+        assert_eq!(found.iter().flatten().count(), 5);
+        assert!(found[..5].iter().all(Option::is_some));
+    }
+}

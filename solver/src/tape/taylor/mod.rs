@@ -1,0 +1,6 @@
+//! Taylor arithmetic on tapes.
+
+pub(crate) mod bulk;
+pub(crate) mod jet;
+pub(crate) mod recurrence;
+pub(crate) mod steps;
